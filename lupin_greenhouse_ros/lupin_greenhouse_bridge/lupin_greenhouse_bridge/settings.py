@@ -1,0 +1,68 @@
+"""The bridge's five parameters: names, defaults, what is accepted, what they do."""
+
+import math
+from dataclasses import dataclass, field, fields
+
+from lupin_greenhouse_bridge.errors import StartUpError
+
+SECONDS_PER_DAY = 86400.0
+
+
+def _parameter(default, description: str):
+    return field(default=default, metadata={'description': description})
+
+
+@dataclass(frozen=True)
+class Settings:
+    """
+    The parameter values of one run, checked; every default leaves the loaded config alone.
+
+    Raises StartUpError on a value outside of what its description accepts.
+    """
+
+    tag_file: str = _parameter('', 'Path of a tag_locations.json; empty: the one that mdp-greenhouse ships.')
+    sim_config_file: str = _parameter(
+        '', 'Path of a greenhouse_config.yaml; empty: the one that mdp-greenhouse ships.'
+    )
+    debug_time_of_day: float = _parameter(
+        -1.0, 'Hours in [0, 24): freezes the simulated time there; -1.0: as the config says.'
+    )
+    speedup_factor: float = _parameter(
+        0.0, 'Simulated seconds per real second, above 0; 0.0: as the config says.'
+    )
+    debug_seed: int = _parameter(
+        -1, 'Seed of the sensor noise, 0 or above, and debug mode on; -1: as the config says.'
+    )
+
+    def __post_init__(self):
+        for each in fields(self):
+            value = getattr(self, each.name)
+            wanted = (int, float) if each.type is float else each.type
+            if isinstance(value, bool) or not isinstance(value, wanted):
+                raise StartUpError(f'parameter {each.name} is {value!r}, not {_KINDS[each.type]}')
+        if '\0' in self.tag_file + self.sim_config_file:
+            raise StartUpError(
+                'parameter tag_file or sim_config_file holds a NUL character: give the path of a file'
+            )
+        if not (self.debug_time_of_day == -1.0 or 0.0 <= self.debug_time_of_day < 24.0):
+            raise StartUpError(
+                f'parameter debug_time_of_day is {self.debug_time_of_day}: give hours in [0, 24),'
+                ' or -1.0 for the time of the config'
+            )
+        if not 0.0 <= self.speedup_factor * SECONDS_PER_DAY < math.inf:
+            raise StartUpError(
+                f'parameter speedup_factor is {self.speedup_factor}: give simulated seconds per real second,'
+                ' finite and above 0, or 0.0 for the factor of the config'
+            )
+        if self.debug_seed < -1:
+            raise StartUpError(
+                f'parameter debug_seed is {self.debug_seed}: give a whole number from 0 up,'
+                ' or -1 for the seed of the config'
+            )
+
+
+_KINDS = {
+    str: 'text (a number as a file name needs quotes)',
+    float: 'a number',
+    int: 'a whole number',
+}

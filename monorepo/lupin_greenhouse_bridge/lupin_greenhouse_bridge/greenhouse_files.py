@@ -1,0 +1,230 @@
+"""Read and check the simulator's two files, so that what it accepts it can also serve."""
+
+import json
+import os
+import stat
+from collections import Counter
+
+from lupin_greenhouse_bridge.errors import StartUpError, printable
+from lupin_greenhouse_bridge.settings import Settings
+
+LARGEST_TAG_FILE_BYTES = 64 * 2**20  # some 500,000 tags
+LARGEST_CONFIG_FILE_BYTES = 2**20  # PyYAML takes seconds for a megabyte
+# No product of two such numbers overflows, so a finite config cannot give an infinite reading.
+LARGEST_NUMBER = 1e12
+SMALLEST_DECAY_DISTANCE_M = 1e-12
+
+
+def read_tags(path) -> dict[str, dict]:
+    """
+    Return the tags of a tag file, id -> {x, y, sensors}; both of the simulator's formats are known.
+
+    Raises StartUpError on anything but well-formed tags; which sensors exist is not known here.
+    """
+    where = f"tag_file '{path}'"
+    data = _parse_json(_read_text(path, where, LARGEST_TAG_FILE_BYTES), where)
+    if not isinstance(data, dict):
+        raise StartUpError(f'{where}: holds {_kind(data)} at its top level, not an object of tags')
+    tags = data['tags'] if isinstance(data.get('tags'), dict) else data
+    if not tags:
+        raise StartUpError(f'{where}: holds no tags: give at least one, {_TAG_EXAMPLE}')
+    for tag_id, tag in tags.items():
+        _check_tag(tag_id, tag, where)
+    return tags
+
+
+def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
+    """
+    Return the simulator's config, checked for a run with these settings.
+
+    `sensor_types` and `dynamics_types` hold the names that the simulator knows.
+    Raises StartUpError on whatever the simulator could not serve at every hour of the day.
+    """
+    where = f"sim_config_file '{path}'"
+    config = _parse_yaml(_read_text(path, where, LARGEST_CONFIG_FILE_BYTES), where)
+    if not isinstance(config, dict):
+        raise StartUpError(
+            f'{where}: holds {_kind(config)} at its top level, not a mapping with time and sensors'
+        )
+    _check_time(_mapping(config, 'time', where), settings, f'{where}: time')
+    sensors = _mapping(config, 'sensors', where)
+    if not sensors:
+        raise StartUpError(f'{where}: sensors is empty: name at least one of {_listed(sensor_types)}')
+    for name, components in sensors.items():
+        if name not in sensor_types:
+            raise StartUpError(f'{where}: unknown sensor type {name!r}: known are {_listed(sensor_types)}')
+        if not isinstance(components, list) or not components:
+            raise StartUpError(
+                f'{where}: sensor {name!r} is {_kind(components)}: give a list of at least one component'
+            )
+        for number, component in enumerate(components, start=1):
+            _check_component(component, dynamics_types, f'{where}: sensor {name!r}, component {number}')
+    return config
+
+
+_TAG_EXAMPLE = 'such as {"1": {"x": 1.5, "y": 7.3, "sensors": ["co2"]}}'
+
+
+def _check_tag(tag_id: str, tag, where: str) -> None:
+    where = f"{where}: tag '{printable(tag_id, 64)}'"
+    if not tag_id.strip() or '\0' in tag_id or any('\ud800' <= c <= '\udfff' for c in tag_id):
+        raise StartUpError(
+            f'{where} cannot be asked for over ROS: give it an id of visible Unicode characters'
+        )
+    if not isinstance(tag, dict):
+        raise StartUpError(f'{where} is {_kind(tag)}, not an object, {_TAG_EXAMPLE}')
+    for key in ('x', 'y', 'sensors'):
+        if key not in tag:
+            raise StartUpError(f'{where} has no {key!r}: a tag needs x, y and sensors, {_TAG_EXAMPLE}')
+    for key in ('x', 'y'):
+        _number(tag, key, where, unit='metres')
+    sensors = tag['sensors']
+    if not isinstance(sensors, list) or not all(isinstance(name, str) for name in sensors):
+        raise StartUpError(
+            f'{where}: sensors is {_kind(sensors)}: give a list of sensor names, such as ["co2"]'
+        )
+
+
+def _check_time(time: dict, settings: Settings, where: str) -> None:
+    if not isinstance(time.get('debug_mode'), bool):
+        raise StartUpError(f'{where}: debug_mode must be true or false, not {_shown(time, "debug_mode")}')
+    is_frozen = time['debug_mode'] or settings.debug_time_of_day >= 0.0 or settings.debug_seed >= 0
+    if 'debug_time_of_day' in time or (is_frozen and settings.debug_time_of_day < 0.0):
+        _number(time, 'debug_time_of_day', where, unit='hours from 0 to 24', smallest=0.0, largest=24.0)
+    if 'speedup_factor' in time or not (is_frozen or settings.speedup_factor > 0.0):
+        factor = _number(time, 'speedup_factor', where, unit='simulated seconds per second, above 0')
+        if factor <= 0.0:
+            raise StartUpError(
+                f'{where}: speedup_factor is {factor}: give simulated seconds per second, above 0'
+            )
+    if time['debug_mode'] or 'debug_seed' in time:
+        seed = time.get('debug_seed')
+        if isinstance(seed, bool) or not isinstance(seed, int):
+            raise StartUpError(f'{where}: debug_seed is {_shown(time, "debug_seed")}: give a whole number')
+
+
+def _check_component(component, dynamics_types, where: str) -> None:
+    if not isinstance(component, dict):
+        raise StartUpError(
+            f'{where} is {_kind(component)}, not a mapping with value_at_midnight, value_at_noon, ...'
+        )
+    # The simulator has a default for every key, so each is checked only where it is given.
+    dynamics = component.get('dynamics', 'uniform')
+    if not isinstance(dynamics, str) or dynamics not in dynamics_types:
+        raise StartUpError(f'{where}: unknown dynamics {dynamics!r}: known are {_listed(dynamics_types)}')
+    for key, limits in _COMPONENT_NUMBERS.items():
+        if key in component:
+            _number(component, key, where, **limits)
+    position = component.get('position', [0.0, 0.0])
+    if not isinstance(position, list) or len(position) != 2:
+        raise StartUpError(f'{where}: position is {position!r}: give [x, y] in metres')
+    for axis, value in zip('xy', position, strict=True):
+        _number({axis: value}, axis, f'{where}: position', unit='metres')
+
+
+_COMPONENT_NUMBERS = {
+    'value_at_midnight': {'unit': 'the unit of the sensor'},
+    'value_at_noon': {'unit': 'the unit of the sensor'},
+    'noise_sigma': {'unit': 'the unit of the sensor, 0 or above', 'smallest': 0.0},
+    'decay_distance': {'unit': 'metres, above 0', 'smallest': SMALLEST_DECAY_DISTANCE_M},
+    'angle': {'unit': 'degrees'},
+}
+
+
+def _number(
+    mapping: dict,
+    key: str,
+    where: str,
+    unit: str,
+    smallest=-LARGEST_NUMBER,
+    largest=LARGEST_NUMBER,
+) -> float:
+    value = mapping.get(key)
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not smallest <= value <= largest:  # NaN is in no range
+        raise StartUpError(
+            f'{where}: {key} is {_shown(mapping, key)}:'
+            f' give a number of {unit} (from {smallest:g} to {largest:g})'
+        )
+    return value
+
+
+def _mapping(config: dict, key: str, where: str) -> dict:
+    if not isinstance(config.get(key), dict):
+        raise StartUpError(f'{where}: {key} is {_shown(config, key)}, not a mapping')
+    return config[key]
+
+
+def _shown(mapping: dict, key: str) -> str:
+    if key not in mapping:
+        return 'missing'
+    value = mapping[key]
+    return repr(value)[:60] if isinstance(value, (str, bool, float, type(None))) else _kind(value)
+
+
+def _kind(value) -> str:
+    names = {
+        dict: 'an object',
+        list: 'a list',
+        str: 'text',
+        bool: 'true or false',
+        type(None): 'null',
+    }
+    return names.get(type(value), 'a number')
+
+
+def _listed(names) -> str:
+    return ', '.join(sorted(names))
+
+
+def _read_text(path, where: str, largest_bytes: int) -> str:
+    try:
+        mode = os.stat(path).st_mode
+        if stat.S_ISDIR(mode):
+            raise StartUpError(f'{where}: is a folder: give the path of a file')
+        if not stat.S_ISREG(mode):
+            raise StartUpError(f'{where}: is no regular file: give the path of a file')
+        with open(path, 'rb') as file:
+            content = file.read(largest_bytes + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise StartUpError(
+            f'{where}: cannot be read ({reason}), looked for in {os.getcwd()}: give the path of a file,'
+            ' absolute or from that folder (~ is not expanded)'
+        ) from error
+    if len(content) > largest_bytes:
+        raise StartUpError(f'{where}: is larger than {largest_bytes // 2**20} MiB: give a smaller file')
+    try:
+        return content.decode('utf-8')
+    except UnicodeDecodeError as error:
+        raise StartUpError(f'{where}: is not UTF-8 text ({error}): save it as UTF-8') from error
+
+
+def _parse_json(text: str, where: str):
+    if text.startswith('\ufeff'):
+        raise StartUpError(f'{where}: starts with a UTF-8 byte order mark: save it as UTF-8 without BOM')
+
+    def without_duplicates(pairs):
+        unique = dict(pairs)
+        if len(unique) < len(pairs):
+            twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
+            raise StartUpError(f'{where}: {twice!r} is given twice in one object: keep one of them')
+        return unique
+
+    try:
+        return json.loads(text, object_pairs_hook=without_duplicates)
+    except RecursionError as error:
+        raise StartUpError(f'{where}: is too deeply nested: a tag file has 4 levels') from error
+    except ValueError as error:
+        raise StartUpError(f'{where}: is not JSON: {error}') from error
+
+
+def _parse_yaml(text: str, where: str):
+    import yaml  # comes with mdp-greenhouse, whose absence start-up reports in its own words
+
+    try:
+        return yaml.safe_load(text)
+    except RecursionError as error:
+        raise StartUpError(f'{where}: is too deeply nested: a greenhouse config has 4 levels') from error
+    except Exception as error:  # PyYAML's constructors leak KeyError, IndexError and others on bad scalars
+        raise StartUpError(f'{where}: is not YAML: {type(error).__name__}: {error}') from error

@@ -1,0 +1,29 @@
+from setuptools import setup
+
+package_name = 'lupin_greenhouse_bridge'
+
+setup(
+    name=package_name,
+    version='1.0.0',
+    packages=[package_name],
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+        (f'share/{package_name}/launch', ['launch/greenhouse_bridge.launch.py']),
+    ],
+    python_requires='>=3.10',
+    # mdp-greenhouse is not in rosdistro: pip brings it. Before 1.0.7 its clock is wrong.
+    install_requires=['setuptools', 'mdp-greenhouse>=1.0.7', 'packaging', 'PyYAML'],
+    extras_require={'test': ['hypothesis', 'pytest']},
+    zip_safe=True,
+    maintainer='Lupin team',
+    maintainer_email='lupin.team@example.org',
+    description='The climate at a greenhouse tag, from the mdp-greenhouse simulator, as one ROS 2 service.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'bridge_node = lupin_greenhouse_bridge.bridge_node:main',
+            'read_tag = lupin_greenhouse_bridge.read_tag:main',
+        ],
+    },
+)
