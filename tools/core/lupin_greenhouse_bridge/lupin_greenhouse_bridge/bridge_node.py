@@ -21,6 +21,7 @@ from lupin_greenhouse_bridge.settings import Settings
 
 NODE_NAME = 'greenhouse_bridge'
 LOG_EVERY_SECONDS = 5.0  # a caller in a loop must not flood the log
+LONGEST_WAIT_SECONDS = 0.5
 
 
 def _config_path(value: str) -> Path | str | None:
@@ -99,7 +100,10 @@ def main(args=None):
         return _refuse(StartUpError(f'the ROS arguments are not understood: {error}'))
     try:
         executor = SingleThreadedExecutor()
-        rclpy.spin(GreenhouseBridge(), executor)
+        executor.add_node(GreenhouseBridge())
+        # Not spin(): a SIGTERM that falls between two of its endless waits is never noticed.
+        while rclpy.ok():
+            executor.spin_once(timeout_sec=LONGEST_WAIT_SECONDS)
     except (KeyboardInterrupt, ExternalShutdownException):
         # `ros2 launch` passes on the Ctrl-C that the terminal has sent already: one is enough.
         signal.signal(signal.SIGINT, signal.SIG_IGN)

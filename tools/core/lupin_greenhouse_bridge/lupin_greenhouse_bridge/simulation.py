@@ -55,7 +55,7 @@ def load(settings: Settings, tag_file, sim_config_file) -> Greenhouse:
     except AttributeError as error:
         raise StartUpError(
             f"tag_file '{tag_path}': mdp-greenhouse {version} takes only a pathlib.Path and got"
-            f' {type(tag_file).__name__} ({error}): leave tag_file empty, or see "A custom tag file" in the README'
+            f' {type(tag_file).__name__} ({error}): leave tag_file empty (README: "A custom tag file")'
         ) from error
     except Exception as error:
         raise StartUpError(

@@ -1,0 +1,81 @@
+"""What the three debugging parameters do to the clock and to the noise."""
+
+import pytest
+
+TICK_SECONDS = 1800.0  # what one wall second is in the shipped config
+
+
+@pytest.fixture
+def clock(tmp_path):
+    """Return a file that holds the wall time of a bridge with a driven clock."""
+    return tmp_path / 'clock'
+
+
+def sim_times(start_bridge, clock, wall_times, **parameters):
+    clock.write_text('00:00:00')
+    bridge = start_bridge('driven_clock', environment={'LUPIN_TEST_CLOCK': str(clock)}, **parameters)
+    bridge.connect()
+    times = []
+    for wall_time in wall_times:
+        clock.write_text(wall_time)
+        times.append(bridge.call('1').reading.sim_time_of_day_seconds)
+    return times
+
+
+def noisy_sequence(bridge):
+    return [bridge.values(tag_id) for tag_id in ('21', '1', '5', '21', '12', '1')]
+
+
+@pytest.mark.parametrize('speedup', [1, 7.5, 3600])
+def test_a_wall_second_is_speedup_seconds_of_the_live_clock(start_bridge, clock, speedup):
+    first, second, later = sim_times(
+        start_bridge, clock, ['00:00:01', '00:00:02', '00:00:12'], speedup_factor=speedup
+    )
+    assert (first, second - first, later - second) == (speedup, speedup, 10 * speedup)
+
+
+def test_the_live_clock_takes_the_speedup_of_the_config(start_bridge, clock):
+    assert sim_times(start_bridge, clock, ['00:00:00', '00:00:01']) == [0.0, TICK_SECONDS]
+
+
+def test_the_live_clock_wraps_and_stays_within_a_day(start_bridge, clock):
+    wall_times = ['00:00:47', '00:00:48', '11:59:59', '12:00:00', '23:59:59', '00:00:00']
+    times = sim_times(start_bridge, clock, wall_times)
+    assert times[:2] == [86400 - TICK_SECONDS, 0.0]
+    assert all(0.0 <= each < 86400.0 for each in times)
+
+
+def test_a_restart_does_not_set_the_greenhouse_back(start_bridge, clock):
+    first = sim_times(start_bridge, clock, ['10:11:13'])
+    assert sim_times(start_bridge, clock, ['10:11:13']) == first == [TICK_SECONDS]
+
+
+def test_a_frozen_clock_stays_frozen(start_bridge, clock):
+    wall_times = ['01:00:00', '13:30:59', '23:59:59']
+    assert sim_times(start_bridge, clock, wall_times, debug_time_of_day=7.25) == [7.25 * 3600] * 3
+
+
+def test_a_whole_number_is_taken_for_a_time_of_day(start_bridge):
+    assert start_bridge(debug_time_of_day=6).call('1').reading.sim_time_of_day_seconds == 6 * 3600.0
+
+
+def test_the_same_seed_gives_the_same_values_also_after_a_restart(start_bridge):
+    parameters = {'debug_seed': 7, 'debug_time_of_day': 12.0}
+    first = noisy_sequence(start_bridge(**parameters))
+    assert noisy_sequence(start_bridge(**parameters)) == first
+    assert noisy_sequence(start_bridge(**{**parameters, 'debug_seed': 8})) != first
+
+
+def test_without_a_seed_the_noise_is_not_reproducible(start_bridge):
+    first, second = (noisy_sequence(start_bridge(debug_time_of_day=12.0)) for _ in range(2))
+    assert first != second
+
+
+def test_a_seed_alone_freezes_the_clock_at_the_time_of_the_config(start_bridge, shipped_config):
+    reading = start_bridge(debug_seed=0).call('1').reading
+    assert reading.sim_time_of_day_seconds == shipped_config['time']['debug_time_of_day'] * 3600
+
+
+def test_a_speedup_of_a_frozen_clock_is_warned_of(start_bridge):
+    bridge = start_bridge(speedup_factor=60.0, debug_time_of_day=12.0)
+    assert '[WARN]' in bridge.wait_for_log('speedup_factor has no effect')

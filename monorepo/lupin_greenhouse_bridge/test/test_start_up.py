@@ -1,0 +1,128 @@
+"""What the bridge starts with, and what it refuses to start with."""
+
+import copy
+import importlib.metadata
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from greenhouse_sim.simulator import GreenhouseSimulator
+from lupin_greenhouse_bridge import simulation
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.settings import Settings
+from lupin_msgs.srv import GetTagReading
+
+IS_OPEN_SOURCE_TREE = 'greenhouse' in GetTagReading.__module__.split('.')[0]
+
+
+def time_after_start_up(**arguments):
+    return simulation.load(Settings(**arguments), None, None).sim.sim_config
+
+
+def test_without_arguments_nothing_of_the_loaded_config_is_changed():
+    assert time_after_start_up() == GreenhouseSimulator().sim_config
+
+
+@pytest.mark.parametrize(
+    ('argument', 'changed'),
+    [
+        ({'debug_time_of_day': 6.0}, {'debug_mode': True, 'debug_time_of_day': 6.0}),
+        ({'speedup_factor': 60.0}, {'speedup_factor': 60.0}),
+        ({'debug_seed': 7}, {'debug_mode': True, 'debug_seed': 7}),
+        ({'debug_time_of_day': 0.0}, {'debug_mode': True, 'debug_time_of_day': 0.0}),
+        ({'debug_seed': 0}, {'debug_mode': True, 'debug_seed': 0}),
+    ],
+)
+def test_each_argument_alone_changes_only_what_it_should(argument, changed):
+    expected = copy.deepcopy(GreenhouseSimulator().sim_config)
+    expected['time'].update(changed)
+    assert time_after_start_up(**argument) == expected
+
+
+@pytest.fixture
+def custom_tag_file(tmp_path):
+    path = tmp_path / 'my tags.json'
+    path.write_text(json.dumps({'tags': {'A7': {'x': 1.0, 'y': 2.0, 'sensors': ['light', 'temperature']}}}))
+    return path
+
+
+def test_a_custom_tag_file_is_served_or_meets_the_documented_error(start_bridge, custom_tag_file):
+    """The one divergence of the two trees, as a user meets it."""
+    bridge = start_bridge(tag_file=custom_tag_file)
+    if IS_OPEN_SOURCE_TREE:
+        fatal = bridge.refusal()
+        assert f"tag_file '{custom_tag_file}'" in fatal
+        assert "'str' object has no attribute 'exists'" in fatal
+        assert 'leave tag_file empty' in fatal
+    else:
+        assert list(bridge.values('A7')) == ['light', 'temperature']
+        assert bridge.call('1').error_message == "Tag '1' is not in the loaded greenhouse (1 tags known)."
+
+
+def test_a_custom_config_is_served(start_bridge, shipped_config, tmp_path):
+    config = copy.deepcopy(shipped_config)
+    config['sensors']['temperature'] = [{'value_at_midnight': 3, 'value_at_noon': 3, 'dynamics': 'uniform'}]
+    path = tmp_path / 'config.yaml'
+    path.write_text(json.dumps(config))  # JSON is YAML
+    assert start_bridge(sim_config_file=path).values('6') == {'temperature': 3.0}
+
+
+@pytest.mark.parametrize(
+    ('parameter', 'value', 'fragment'),
+    [
+        ('debug_time_of_day', '24.0', 'give hours in [0, 24)'),
+        ('debug_time_of_day', '-0.5', 'give hours in [0, 24)'),
+        ('debug_time_of_day', '.nan', 'give hours in [0, 24)'),
+        ('debug_time_of_day', 'noon', "is 'noon', not a number"),
+        ('debug_time_of_day', 'true', 'is True, not a number'),
+        ('speedup_factor', '-1.0', 'finite and above 0'),
+        ('speedup_factor', '.inf', 'finite and above 0'),
+        ('speedup_factor', '.nan', 'finite and above 0'),
+        ('speedup_factor', '1.0e+304', 'finite and above 0'),
+        ('debug_seed', '-2', 'a whole number from 0 up'),
+        ('debug_seed', '1.5', 'is 1.5, not a whole number'),
+        ('debug_seed', '[1, 2]', 'not a whole number'),
+        ('tag_file', '7', 'is 7, not text'),
+        ('sim_config_file', '1.0', 'is 1.0, not text'),
+        ('sim_config_file', '/no/such/file.yaml', "'/no/such/file.yaml': cannot be read (No such file"),
+        ('tag_file', '/no/such/file.json', "'/no/such/file.json': cannot be read (No such file"),
+        ('tag_file', '/', "'/': is a folder"),
+        ('use_sim_time', 'perhaps', 'use_sim_time'),
+        ('speedup_factor', '[1', '-p speedup_factor:=[1'),
+    ],
+)
+def test_a_bad_parameter_is_refused(start_bridge, parameter, value, fragment):
+    fatal = start_bridge(**{parameter: value}).refusal()
+    assert parameter in fatal
+    assert fragment in fatal
+
+
+def install_simulator(version, folder):
+    """Install a release of the simulator from PyPI into a folder, without the needs of its GUI."""
+    pip = [sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--target', str(folder)]
+    subprocess.run([*pip, f'mdp-greenhouse=={version}'], check=True, capture_output=True, timeout=120)
+    return {'PYTHONPATH': os.pathsep.join([str(folder), os.environ.get('PYTHONPATH', '')])}
+
+
+@pytest.mark.parametrize('version', ['1.0.5', '1.0.6'])
+def test_a_simulator_before_1_0_7_is_refused(start_bridge, tmp_path, version):
+    fatal = start_bridge(environment=install_simulator(version, tmp_path)).refusal()
+    assert f'mdp-greenhouse {version} is installed' in fatal
+    assert "pip install --upgrade 'mdp-greenhouse>=1.0.7'" in fatal
+
+
+@pytest.mark.parametrize(('version', 'tag_count'), [('1.0.7', 22), ('1.0.8', 29)])
+def test_a_simulator_from_1_0_7_on_is_served(start_bridge, tmp_path, version, tag_count):
+    bridge = start_bridge(environment=install_simulator(version, tmp_path))
+    assert f'ready: {tag_count} tags' in bridge.wait_for_log(f'mdp-greenhouse {version}')
+
+
+def test_no_simulator_at_all_is_refused(monkeypatch):
+    def nothing_installed(name):
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, 'version', nothing_installed)
+    with pytest.raises(StartUpError, match='is not installed: pip install --upgrade'):
+        simulation.require_simulator()

@@ -1,0 +1,139 @@
+"""The node as a citizen of ROS: one service, read-only parameters, one handler at a time, clean exits."""
+
+import contextlib
+import signal
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+import rclpy
+from conftest import PATIENCE_SECONDS, call, spinning_node
+from greenhouse_sim import simulator
+from lupin_greenhouse_bridge import bridge_node
+from lupin_greenhouse_bridge.settings import Settings
+from lupin_msgs.srv import GetTagReading
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+
+
+def call_node_service(bridge, service_type, name, request):
+    bridge.connect()
+    client = bridge.node.create_client(service_type, bridge.service_name.replace('get_tag_reading', name))
+    assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+    return call(client, request)
+
+
+def test_the_node_offers_one_service_and_no_topic_of_its_own(noon_bridge):
+    noon_bridge.connect()
+    namespace = noon_bridge.service_name.split('/')[1]
+    with contextlib.ExitStack() as stack:
+        plain = stack.enter_context(spinning_node('plain'))
+        of_any_node = {name.split('/')[-1] for name, _ in own_services(plain, 'plain', '/')}
+        services = own_services(noon_bridge.node, 'greenhouse_bridge', f'/{namespace}')
+        own = [(name, types) for name, types in services if name.split('/')[-1] not in of_any_node]
+        assert own == [
+            (noon_bridge.service_name, [f'{GetTagReading.__module__.split(".")[0]}/srv/GetTagReading'])
+        ]
+        topics = noon_bridge.node.get_publisher_names_and_types_by_node('greenhouse_bridge', f'/{namespace}')
+        assert {name for name, _ in topics} == {'/parameter_events', '/rosout'}
+
+
+def own_services(node, name, namespace):
+    return node.get_service_names_and_types_by_node(name, namespace)
+
+
+def test_every_parameter_is_described_and_read_only(noon_bridge):
+    names = list(Settings.__dataclass_fields__)
+    assert names == ['tag_file', 'sim_config_file', 'debug_time_of_day', 'speedup_factor', 'debug_seed']
+    response = call_node_service(
+        noon_bridge, DescribeParameters, 'describe_parameters', DescribeParameters.Request(names=names)
+    )
+    assert [each.name for each in response.descriptors if each.read_only and each.description] == names
+
+
+def test_a_parameter_cannot_be_set_while_the_bridge_runs(noon_bridge):
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=6.0)
+    request = SetParameters.Request(parameters=[Parameter(name='debug_time_of_day', value=value)])
+    (result,) = call_node_service(noon_bridge, SetParameters, 'set_parameters', request).results
+    assert not result.successful
+    assert 'read-only' in result.reason
+    assert noon_bridge.call('1').reading.sim_time_of_day_seconds == 12 * 3600.0
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=['Ctrl-C', 'SIGTERM'])
+@pytest.mark.parametrize('times', [1, 2], ids=['once', 'twice'])
+def test_a_signal_ends_the_bridge_with_exit_code_0_and_no_traceback(start_bridge, number, times):
+    bridge = start_bridge()
+    assert bridge.values('1')
+    for _ in range(times):
+        bridge.process.send_signal(number)
+    assert bridge.process.wait(PATIENCE_SECONDS) == 0
+    assert 'Traceback' not in '\n'.join(bridge.rest_of_log())
+
+
+def test_the_ready_line_names_tags_sensors_and_clock(start_bridge, shipped_tags):
+    assert (
+        f'{len(shipped_tags)} tags; sensors temperature, humidity, co2, light, soil_moisture; clock live'
+        in (start_bridge().wait_for_log('ready:'))
+    )
+    assert 'clock frozen at 6.5 h' in start_bridge(debug_time_of_day=6.5).wait_for_log('ready:')
+
+
+def most_handlers_at_once(monkeypatch) -> int:
+    """Return how many handlers were in the simulator at once, for 8 clients and 8 executor threads."""
+
+    class Recorder(simulator.GreenhouseSimulator):
+        most = 0
+        _inside = 0
+        _lock = threading.Lock()
+        _company = threading.Event()
+
+        def get_sensor_data(self, tag_id):
+            cls = type(self)
+            with cls._lock:
+                cls._inside += 1
+                cls.most = max(cls.most, cls._inside)
+                if cls._inside > 1:
+                    cls._company.set()
+            cls._company.wait(0.05)  # stays to be met by another handler, if there can be one
+            data = super().get_sensor_data(tag_id)
+            with cls._lock:
+                cls._inside -= 1
+            return data
+
+    with contextlib.ExitStack() as stack:
+        with monkeypatch.context() as patch:
+            patch.setattr(simulator, 'GreenhouseSimulator', Recorder)
+            rclpy.init(args=['--ros-args', '-p', 'debug_time_of_day:=12.0', '-r', '__ns:=/overlap'])
+            stack.callback(rclpy.shutdown)
+            node = bridge_node.GreenhouseBridge()
+        Recorder.most = 0  # start-up has read every tag
+        executor = MultiThreadedExecutor(num_threads=8)
+        executor.add_node(node)
+        spinner = threading.Thread(target=executor.spin, daemon=True)
+        spinner.start()
+        stack.callback(spinner.join, PATIENCE_SECONDS)
+        stack.callback(executor.shutdown)
+        clients = []
+        for number in range(8):
+            client_node = stack.enter_context(spinning_node(f'client{number}'))
+            clients.append(
+                client_node.create_client(GetTagReading, '/overlap/greenhouse_bridge/get_tag_reading')
+            )
+            assert clients[-1].wait_for_service(timeout_sec=PATIENCE_SECONDS)
+        with ThreadPoolExecutor(8) as pool:
+            asked = [pool.submit(call, client, GetTagReading.Request(tag_id='1')) for client in clients * 3]
+            assert [each.result().status for each in asked] == [GetTagReading.Response.STATUS_OK] * 24
+        return Recorder.most
+
+
+def test_at_most_one_handler_is_in_the_simulator_whatever_the_executor(monkeypatch):
+    assert most_handlers_at_once(monkeypatch) == 1
+
+
+def test_without_the_mutually_exclusive_group_handlers_would_overlap(monkeypatch):
+    """The check above can fail: it does with a reentrant group."""
+    monkeypatch.setattr(bridge_node, 'MutuallyExclusiveCallbackGroup', ReentrantCallbackGroup)
+    assert most_handlers_at_once(monkeypatch) > 1
