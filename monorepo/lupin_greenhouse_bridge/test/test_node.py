@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import rclpy
-from conftest import PATIENCE_SECONDS, call, spinning_node
+from conftest import PATIENCE_SECONDS, call, spinning_node, wait_until
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.settings import Settings
@@ -27,21 +27,24 @@ def call_node_service(bridge, service_type, name, request):
 
 def test_the_node_offers_one_service_and_no_topic_of_its_own(noon_bridge):
     noon_bridge.connect()
-    namespace = noon_bridge.service_name.split('/')[1]
-    with contextlib.ExitStack() as stack:
-        plain = stack.enter_context(spinning_node('plain'))
-        of_any_node = {name.split('/')[-1] for name, _ in own_services(plain, 'plain', '/')}
-        services = own_services(noon_bridge.node, 'greenhouse_bridge', f'/{namespace}')
-        own = [(name, types) for name, types in services if name.split('/')[-1] not in of_any_node]
-        assert own == [
-            (noon_bridge.service_name, [f'{GetTagReading.__module__.split(".")[0]}/srv/GetTagReading'])
-        ]
-        topics = noon_bridge.node.get_publisher_names_and_types_by_node('greenhouse_bridge', f'/{namespace}')
-        assert {name for name, _ in topics} == {'/parameter_events', '/rosout'}
+    node, namespace = noon_bridge.node, noon_bridge.service_name.rpartition('/greenhouse_bridge/')[0]
+    of_any_node = {
+        name.replace('/contract_test/', f'{namespace}/greenhouse_bridge/')
+        for name, _ in node.get_service_names_and_types_by_node('contract_test', '/')
+    }
+    package = GetTagReading.__module__.split('.')[0]
 
+    def services_of_the_bridge():
+        if ('greenhouse_bridge', namespace) not in node.get_node_names_and_namespaces():
+            return {}
+        return dict(node.get_service_names_and_types_by_node('greenhouse_bridge', namespace))
 
-def own_services(node, name, namespace):
-    return node.get_service_names_and_types_by_node(name, namespace)
+    wait_until(lambda: services_of_the_bridge().keys() >= of_any_node | {noon_bridge.service_name})
+    services = services_of_the_bridge()
+    assert services.pop(noon_bridge.service_name) == [f'{package}/srv/GetTagReading']
+    assert services.keys() == of_any_node
+    topics = node.get_publisher_names_and_types_by_node('greenhouse_bridge', namespace)
+    assert {name for name, _ in topics} == {'/parameter_events', '/rosout'}
 
 
 def test_every_parameter_is_described_and_read_only(noon_bridge):

@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import domain_coordinator
@@ -80,6 +81,15 @@ def call(client, request):
     future.add_done_callback(lambda _future: answered.set())
     assert answered.wait(PATIENCE_SECONDS), 'no answer'
     return future.result()
+
+
+def wait_until(is_so):
+    """Look again until it is so; fail when that takes too long. For the graph, which notifies nobody."""
+    pause = threading.Event()
+    deadline = time.monotonic() + PATIENCE_SECONDS
+    while not is_so():
+        assert time.monotonic() < deadline, 'it did not come to be'
+        pause.wait(0.02)
 
 
 class Bridge:

@@ -1,0 +1,194 @@
+"""ci/environment.py: what it needs, finds, skips and makes again."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import environment
+import pytest
+import repair_cmake
+
+CI = Path(environment.__file__).parent
+ROOT = CI.parent
+WITHOUT_MAKE = {name: value for name, value in os.environ.items() if not name.startswith('MAKE')}
+
+
+@pytest.fixture
+def commands(monkeypatch):
+    """Record what would be installed: pip and venv are not run, and no ROS is sourced."""
+    ran = []
+
+    def record(command, _log):
+        ran.append(command)
+        if 'venv' in command:
+            (Path(command[-1]) / 'bin').mkdir()
+            (Path(command[-1]) / 'bin/python').touch()
+
+    monkeypatch.setattr(environment, 'run', record)
+    monkeypatch.setattr(environment, 'sourced_ros', lambda: None)
+    return ran
+
+
+def make(tmp_path, *arguments):
+    return environment.main(['--venv', str(tmp_path / 'venv'), *arguments])
+
+
+def test_a_complete_environment_is_left_alone(commands, tmp_path):
+    assert make(tmp_path) == 0
+    assert [Path(command[-1]).name for command in commands] == ['venv', 'kilted.txt', 'repair_cmake.py']
+    commands.clear()
+    assert make(tmp_path) == 0
+    assert commands == []
+
+
+def test_another_distro_makes_it_again_from_that_set(commands, tmp_path):
+    make(tmp_path)
+    commands.clear()
+    assert make(tmp_path, '--distro', 'jazzy') == 0
+    assert [Path(command[-1]).name for command in commands] == ['venv', 'jazzy.txt', 'repair_cmake.py']
+    assert 'ROS_DISTRO=jazzy' in (tmp_path / 'venv/local_setup.bash').read_text()
+
+
+def test_an_interrupted_making_is_recognised_and_made_again(commands, tmp_path, monkeypatch):
+    def interrupted(command, _log):
+        if 'pip' in command:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(environment, 'run', interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            make(tmp_path)
+    half_made = tmp_path / 'venv/half-made'
+    half_made.touch()
+    assert make(tmp_path) == 0
+    assert len(commands) == 3
+    assert not half_made.exists()
+
+
+def test_a_failed_step_is_told_and_not_taken_for_done(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(environment, 'sourced_ros', lambda: None)
+    monkeypatch.setattr(environment, 'REQUIREMENTS', tmp_path)
+    (tmp_path / 'kilted.txt').write_text('no-such-file.whl\n')
+    for _ in range(2):
+        assert make(tmp_path) == 1
+        error = capsys.readouterr().err
+        assert 'no-such-file.whl' in error
+        assert 'making the environment stopped at' in error
+
+
+def test_a_folder_that_is_not_ours_is_never_removed(commands, tmp_path, capsys):
+    precious = tmp_path / 'venv/precious'
+    precious.parent.mkdir()
+    precious.touch()
+    assert make(tmp_path) == 1
+    assert 'was not made by this project' in capsys.readouterr().err
+    assert precious.exists()
+    assert commands == []
+
+
+@pytest.mark.parametrize(
+    ('without', 'package'),
+    [('cc', 'build-essential'), ('c++', 'build-essential'), ('venv', 'python3-venv'),
+     ('ensurepip', 'python3-venv'), ('Python.h', 'python3-dev'), ('cmake', 'cmake')],
+)  # fmt: skip
+def test_each_missing_prerequisite_is_one_line_with_its_package(
+    commands, tmp_path, monkeypatch, capsys, without, package
+):
+    monkeypatch.delenv('CC', raising=False)
+    monkeypatch.delenv('CXX', raising=False)
+    monkeypatch.setattr(environment, 'sourced_ros', lambda: 'humble' if without == 'cmake' else None)
+    find_program, find_module = shutil.which, environment.importlib.util.find_spec
+    monkeypatch.setattr(shutil, 'which', lambda name: None if name == without else find_program(name))
+    monkeypatch.setattr(
+        environment.importlib.util, 'find_spec', lambda name: None if name == without else find_module(name)
+    )
+    if without == 'Python.h':
+        monkeypatch.setattr(environment.sysconfig, 'get_path', lambda _name: str(tmp_path))
+    assert make(tmp_path) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert without.replace('ensurepip', 'venv') in line
+    assert f'sudo apt install {package}' in line
+    assert commands == []
+
+
+def test_make_names_what_is_needed_when_python_is_too_old(tmp_path):
+    old = tmp_path / 'python3'
+    old.write_text('#!/bin/sh\nexit 1\n')
+    old.chmod(0o755)
+    result = subprocess.run(
+        ['make', 'env', f'PYTHON={old}'],
+        cwd=ROOT,
+        env=WITHOUT_MAKE,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode != 0
+    assert 'is not Python 3.10 or newer: sudo apt install' in result.stderr.splitlines()[0]
+
+
+@pytest.mark.parametrize('assignment', ['TREE=nowhere', 'DISTRO=humble'])
+def test_make_refuses_an_unknown_choice_in_one_line(assignment):
+    result = subprocess.run(
+        ['make', assignment], cwd=ROOT, env=WITHOUT_MAKE, capture_output=True, text=True, check=False
+    )
+    assert result.returncode != 0
+    assert assignment in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_the_cmake_repair_is_idempotent_and_leaves_other_paths_alone(tmp_path):
+    export = tmp_path / 'share/some_msgs/cmake/export.cmake'
+    export.parent.mkdir(parents=True)
+    export.write_text(
+        '"/opt/python/cp311-cp311/include/python3.11;'
+        '/opt/python/cp311-cp311/lib/python3.11/site-packages/numpy/_core/include;/opt/python/else;/usr/include"'
+    )
+    assert repair_cmake.repair(tmp_path) == [export]
+    include, numpy_include, other, system = export.read_text().strip('"').split(';')
+    assert Path(include, 'Python.h').exists()
+    assert Path(numpy_include).parts[-3:] == ('numpy', '_core', 'include')
+    assert Path(numpy_include).is_relative_to(sys.prefix)
+    assert (other, system) == ('/opt/python/else', '/usr/include')
+    assert repair_cmake.repair(tmp_path) == []
+
+
+def test_the_pins_are_whole_and_name_no_registry():
+    for distro in environment.DISTROS:
+        lines = (CI / f'requirements/{distro}.txt').read_text().splitlines()
+        pins = [line for line in lines if line and not line.lstrip().startswith('#')]
+        assert len(pins) > 100
+        assert all('==' in pin.split(';')[0] for pin in pins)
+        assert not any('://' in line for line in lines)
+
+
+def test_a_sourced_ros_is_found_used_and_only_completed(tmp_path):
+    """A second prefix, announced as a sourced setup.bash does it, takes the place of the wheels."""
+    prefix = Path(sys.prefix)
+    (tmp_path / 'bin').mkdir()
+    (tmp_path / 'bin/ros2').write_text('#!/bin/sh\n')  # its presence is what a sourced ROS shows
+    (tmp_path / 'bin/ros2').chmod(0o755)
+    site_packages = repair_cmake.sysconfig.get_path('purelib')
+    sourced = {
+        **WITHOUT_MAKE,
+        'ROS_DISTRO': 'testros',
+        'AMENT_PREFIX_PATH': str(prefix),
+        'CMAKE_PREFIX_PATH': str(prefix),
+        'PYTHONPATH': site_packages,
+        'PATH': f'{tmp_path / "bin"}:{prefix / "bin"}:{os.environ["PATH"]}',
+        'VENV': str(tmp_path / 'venv'),
+        'TREE': 'monorepo',
+    }
+    sourced.pop('VIRTUAL_ENV')
+    base_python = getattr(sys, '_base_executable', sys.executable)
+    result = subprocess.run(
+        ['make', 'smoke', f'PYTHON={base_python}'],
+        cwd=ROOT, env=sourced, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert 'from the sourced ROS 2 testros' in result.stderr
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.splitlines()[-1] == '29/29 tags read'
+    installed = {path.name for path in (tmp_path / 'venv').glob('lib/python*/site-packages/*')}
+    assert not [name for name in installed if name.startswith(('rclpy', 'ros_', 'fastdds', 'rosidl'))]

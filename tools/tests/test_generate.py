@@ -1,0 +1,238 @@
+"""generate.py --check sees every way in which a tree can differ from what the core generates."""
+
+import shutil
+
+import generate
+import pytest
+
+
+ROOT = generate.ROOT
+BRIDGE = 'lupin_greenhouse_bridge/lupin_greenhouse_bridge'
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """Return a copy of the core, the table and both trees."""
+    ignore = shutil.ignore_patterns(*generate.CACHES)
+    for folder in ('tools/core', 'monorepo', 'lupin_greenhouse_ros'):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=ignore)
+    shutil.copy(ROOT / 'tools/twins.toml', tmp_path / 'tools/twins.toml')
+    return tmp_path
+
+
+def check(checkout):
+    return generate.main(['--check', '--root', str(checkout)])
+
+
+def replace(path, old, new, count=1):
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, count))
+
+
+def snapshot(folder):
+    return {
+        path: (path.stat().st_mtime_ns, path.stat().st_mode, path.read_bytes())
+        for path in folder.rglob('*')
+        if path.is_file()
+    }
+
+
+def test_the_committed_trees_are_what_the_core_generates(checkout, capsys):
+    assert check(checkout) == 0
+    assert 'generated files are what the core generates' in capsys.readouterr().out
+
+
+def change_a_byte(tree):
+    replace(tree / BRIDGE / 'settings.py', '86400.0', '86401.0')
+
+
+def add_a_line_at_the_end(tree):
+    path = tree / BRIDGE / 'simulation.py'
+    path.write_text(path.read_text() + 'x = 1\n')
+
+
+def drop_the_last_newline(tree):
+    path = tree / BRIDGE / 'simulation.py'
+    path.write_text(path.read_text().rstrip('\n'))
+
+
+def leave_an_orphan(tree):
+    (tree / BRIDGE / 'orphan.py').touch()
+
+
+def leave_an_orphan_in_a_new_folder(tree):
+    (tree / 'lupin_greenhouse_bridge/docs').mkdir()
+    (tree / 'lupin_greenhouse_bridge/docs/orphan.md').touch()
+
+
+def delete_a_file(tree):
+    (tree / 'lupin_greenhouse_bridge/setup.cfg').unlink()
+
+
+def change_a_mode(tree):
+    (tree / BRIDGE / 'bridge_node.py').chmod(0o755)
+
+
+def put_a_symlink(tree):
+    path = tree / 'lupin_greenhouse_bridge/setup.py'
+    path.rename(tree.parent / 'elsewhere.py')
+    path.symlink_to(tree.parent / 'elsewhere.py')
+
+
+def empty_a_file(tree):
+    (tree / 'lupin_greenhouse_bridge/package.xml').write_bytes(b'')
+
+
+def make_a_file_binary(tree):
+    (tree / 'lupin_greenhouse_bridge/package.xml').write_bytes(b'\xff\xfe')
+
+
+@pytest.mark.parametrize('tree', ['monorepo', 'lupin_greenhouse_ros'])
+@pytest.mark.parametrize(
+    ('mutate', 'finding'),
+    [
+        (change_a_byte, '-SECONDS_PER_DAY = 86401.0'),
+        (add_a_line_at_the_end, '-x = 1'),
+        (drop_the_last_newline, 'No newline at end of file'),
+        (leave_an_orphan, 'orphan.py: not generated'),
+        (leave_an_orphan_in_a_new_folder, 'orphan.md: not generated'),
+        (delete_a_file, 'setup.cfg: missing'),
+        (change_a_mode, 'bridge_node.py: has mode 755'),
+        (put_a_symlink, 'setup.py: missing, or no plain file'),
+        (empty_a_file, 'package.xml: differs'),
+        (make_a_file_binary, 'binary: 2 and'),
+    ],
+    ids=lambda value: getattr(value, '__name__', ''),
+)
+def test_a_changed_tree_is_found_left_alone_and_mended_by_generate(checkout, tree, mutate, finding, capsys):
+    mutate(checkout / tree)
+    before = snapshot(checkout)
+    assert check(checkout) == 1
+    output = capsys.readouterr().out
+    assert finding in output
+    assert 'make generate' in output
+    assert snapshot(checkout) == before
+    assert generate.main(['--root', str(checkout)]) == 0
+    assert check(checkout) == 0
+
+
+@pytest.mark.parametrize('name', ['COLCON_IGNORE', 'LICENSE', 'README.md', 'CHANGELOG.rst'])
+def test_a_missing_repository_file_of_the_mirror_is_found(checkout, name, capsys):
+    (checkout / 'lupin_greenhouse_ros' / name).unlink()
+    assert check(checkout) == 1
+    assert f'lupin_greenhouse_ros/{name}: missing' in capsys.readouterr().out
+
+
+def use_the_old_name_once_more(checkout):
+    path = checkout / 'tools/core' / BRIDGE / 'bridge_node.py'
+    path.write_text(path.read_text() + '# lupin_msgs\n')
+
+
+def use_the_old_name_in_a_new_file(checkout):
+    (checkout / 'tools/core' / BRIDGE / 'extra.py').write_text('import LUPIN_MSGS\n')
+
+
+def name_a_file_after_the_old_package(checkout):
+    (checkout / 'tools/core' / BRIDGE / 'lupin_msgs_helper.py').touch()
+
+
+def use_the_mirrors_name_in_the_core(checkout):
+    (checkout / 'tools/core' / BRIDGE / 'extra.py').write_text('# lupin_greenhouse_msgs\n')
+
+
+def lose_the_divergent_line(checkout):
+    path = checkout / 'tools/core' / BRIDGE / 'bridge_node.py'
+    replace(path, 'return Path(value) if value else None', 'return Path(value) if value != "" else None')
+
+
+def double_the_divergent_line(checkout):
+    path = checkout / 'tools/core' / BRIDGE / 'bridge_node.py'
+    line = '    return Path(value) if value else None\n'
+    replace(path, line, line * 2)
+
+
+def expect_one_match_too_many(checkout):
+    replace(checkout / 'tools/twins.toml', 'bridge_node.py" = 2', 'bridge_node.py" = 3')
+
+
+def list_a_file_without_a_match(checkout):
+    replace(
+        checkout / 'tools/twins.toml',
+        '"lupin_msgs/package.xml" = 1',
+        '"lupin_msgs/package.xml" = 1\n"lupin_greenhouse_bridge/setup.cfg" = 0',
+    )
+
+
+def add_an_unused_substitution(checkout):
+    path = checkout / 'tools/twins.toml'
+    addition = '\n[[mirror.substitutions]]\nfind = "nowhere"\nreplace = ""\nmatches = {}\n'
+    path.write_text(path.read_text() + addition)
+
+
+def add_a_substitution_in_no_file(checkout):
+    path = checkout / 'tools/twins.toml'
+    addition = '\n[[mirror.substitutions]]\nfind = "x"\nreplace = ""\nmatches = { "gone.py" = 1 }\n'
+    path.write_text(path.read_text() + addition)
+
+
+def list_an_own_file_that_is_gone(checkout):
+    (checkout / 'tools/core/lupin_msgs/srv/ConfirmTag.srv').unlink()
+
+
+def break_the_table(checkout):
+    (checkout / 'tools/twins.toml').write_text('[monorepo')
+
+
+def lose_the_core(checkout):
+    shutil.rmtree(checkout / 'tools/core')
+
+
+@pytest.mark.parametrize(
+    ('mutate', 'message'),
+    [
+        (use_the_old_name_once_more, 'must match 2 times in lupin_greenhouse_bridge'),
+        (use_the_old_name_in_a_new_file, "'lupin_msgs' is left over in"),
+        (name_a_file_after_the_old_package, "'lupin_msgs' is left over in"),
+        (use_the_mirrors_name_in_the_core, "'lupin_greenhouse_msgs' is left over in"),
+        (lose_the_divergent_line, 'must match 1 times'),
+        (double_the_divergent_line, 'and matches 2'),
+        (expect_one_match_too_many, 'must match 3 times'),
+        (list_a_file_without_a_match, 'must match 0 times'),
+        (add_an_unused_substitution, "'nowhere' matches no file"),
+        (add_a_substitution_in_no_file, 'gone.py'),
+        (list_an_own_file_that_is_gone, 'listed under "only"'),
+        (break_the_table, 'twins.toml'),
+        (lose_the_core, 'holds no files'),
+    ],
+    ids=lambda value: getattr(value, '__name__', ''),
+)
+@pytest.mark.parametrize('arguments', [['--check'], []], ids=['check', 'write'])
+def test_a_table_that_does_not_fit_the_core_writes_nothing(checkout, mutate, message, arguments, capsys):
+    mutate(checkout)
+    before = snapshot(checkout)
+    assert generate.main([*arguments, '--root', str(checkout)]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith('generate: ')
+    assert message in error
+    assert snapshot(checkout) == before
+
+
+def test_caches_of_running_in_place_are_no_findings(checkout):
+    for tree in ('monorepo', 'lupin_greenhouse_ros', 'tools/core'):
+        cache = checkout / tree / BRIDGE / '__pycache__'
+        cache.mkdir()
+        (cache / 'settings.pyc').write_bytes(b'lupin_msgs')
+    assert check(checkout) == 0
+
+
+def test_the_trees_differ_in_one_line_of_the_bridge_beyond_the_rename():
+    """What the mirror is, said once more without the table."""
+    monorepo, mirror = (
+        (ROOT / tree / BRIDGE / 'bridge_node.py').read_text().replace('lupin_greenhouse_msgs', 'lupin_msgs')
+        for tree in ('monorepo', 'lupin_greenhouse_ros')
+    )
+    differing = [
+        pair for pair in zip(monorepo.splitlines(), mirror.splitlines(), strict=True) if pair[0] != pair[1]
+    ]
+    assert differing == [('    return Path(value) if value else None', '    return value or None')]
