@@ -39,8 +39,9 @@ run: build  ## serve in the foreground: make run ARGS="debug_seed:=42 debug_time
 smoke: build  ## start the bridge on a private domain and read every tag
 	@$(IN_ENV) python ci/smoke.py
 
-read: build  ## ask a running bridge: make read TAG=7 [ARGS=--json]
-	@$(IN_ENV) "$$LUPIN_WORKSPACE/install/lupin_greenhouse_bridge/lib/lupin_greenhouse_bridge/read_tag" '$(TAG)' $(ARGS)
+read: env  ## ask a running bridge: make read TAG=7, TAG="1 5", TAG=--all
+	@$(IN_ENV) [ -x "$$LUPIN_EXECUTABLES/read_tag" ] || ci/build
+	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(ARGS)
 
 test: env  ## all that CI checks
 	@$(IN_ENV) ci/test

@@ -7,9 +7,7 @@ from pathlib import Path
 
 import domain_coordinator
 
-EXECUTABLES = Path(
-    os.environ['LUPIN_WORKSPACE'], 'install/lupin_greenhouse_bridge/lib/lupin_greenhouse_bridge'
-)
+EXECUTABLES = Path(os.environ['LUPIN_EXECUTABLES'])
 TIMEOUT_SECONDS = 60
 
 

@@ -9,7 +9,7 @@ import pytest
 TREES = ('monorepo', 'lupin_greenhouse_ros')
 
 
-def tests_of(tree):
+def results_of(tree):
     results = Path(os.environ['VIRTUAL_ENV'], 'workspace', tree, 'build/lupin_greenhouse_bridge/pytest.xml')
     cases = ElementTree.parse(results).getroot().iter('testcase')
     return {(case.get('classname'), case.get('name')): case.find('skipped') is not None for case in cases}
@@ -17,12 +17,12 @@ def tests_of(tree):
 
 @pytest.mark.parametrize('tree', TREES)
 def test_colcon_ran_the_contract_tests(tree):
-    ran = [name for (name, _), is_skipped in tests_of(tree).items() if not is_skipped]
+    ran = [name for (name, _), is_skipped in results_of(tree).items() if not is_skipped]
     modules = {name.split('.')[-1] for name in ran}
     written = {path.stem for path in Path(tree, 'lupin_greenhouse_bridge/test').glob('test_*.py')}
     assert modules == written - {'test_launch'}  # runs where launch is installed
 
 
 def test_both_trees_ran_the_same_tests():
-    monorepo, mirror = map(tests_of, TREES)
+    monorepo, mirror = map(results_of, TREES)
     assert monorepo == mirror

@@ -5,7 +5,6 @@ import shutil
 import generate
 import pytest
 
-
 ROOT = generate.ROOT
 BRIDGE = 'lupin_greenhouse_bridge/lupin_greenhouse_bridge'
 
