@@ -19,7 +19,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 IN_ENV := source ci/ros_env.bash &&
 
-.PHONY: help env build run smoke read test lint generate generate-check clean
+.PHONY: help env build run smoke read test lint generate generate-check drift clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -54,6 +54,9 @@ generate: env  ## write both trees from tools/core
 
 generate-check: env  ## are both trees what tools/core generates?
 	@$(IN_ENV) python tools/generate.py --check
+
+drift:  ## do the two trees differ in the one allowed line only?
+	@$(PYTHON) tools/check_drift.py --monorepo monorepo --mirror lupin_greenhouse_ros
 
 clean:  ## remove what was built (the environment stays: it is .venv)
 	rm -rf '$(VENV)/workspace' .pytest_cache .ruff_cache .hypothesis

@@ -8,36 +8,16 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 # Name, default, type and description: the node's own (lupin_greenhouse_bridge/settings.py).
 ARGUMENTS = (
-    (
-        'tag_file',
-        '',
-        str,
-        'Path of a tag_locations.json; empty: the one that mdp-greenhouse ships.',
-    ),
-    (
-        'sim_config_file',
-        '',
-        str,
-        'Path of a greenhouse_config.yaml; empty: the one that mdp-greenhouse ships.',
-    ),
+    ('tag_file', '', str, 'Path of a tag_locations.json; empty: the shipped one.'),
+    ('sim_config_file', '', str, 'Path of a greenhouse_config.yaml; empty: the shipped one.'),
     (
         'debug_time_of_day',
         '-1.0',
         float,
-        'Hours in [0, 24): freezes the simulated time there; -1.0: as the config says.',
+        'Hours in [0, 24) to freeze the simulated time at; -1.0: as the config says.',
     ),
-    (
-        'speedup_factor',
-        '0.0',
-        float,
-        'Simulated seconds per real second, above 0; 0.0: as the config says.',
-    ),
-    (
-        'debug_seed',
-        '-1',
-        int,
-        'Seed of the sensor noise, 0 or above, and debug mode on; -1: as the config says.',
-    ),
+    ('speedup_factor', '0.0', float, 'Simulated seconds per real second, above 0; 0.0: as the config says.'),
+    ('debug_seed', '-1', int, 'Seed of the noise, from 0 up; turns debug mode on; -1: as the config says.'),
 )
 
 

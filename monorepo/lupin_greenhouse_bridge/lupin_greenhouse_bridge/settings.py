@@ -20,18 +20,16 @@ class Settings:
     Raises StartUpError on a value outside of what its description accepts.
     """
 
-    tag_file: str = _parameter('', 'Path of a tag_locations.json; empty: the one that mdp-greenhouse ships.')
-    sim_config_file: str = _parameter(
-        '', 'Path of a greenhouse_config.yaml; empty: the one that mdp-greenhouse ships.'
-    )
+    tag_file: str = _parameter('', 'Path of a tag_locations.json; empty: the shipped one.')
+    sim_config_file: str = _parameter('', 'Path of a greenhouse_config.yaml; empty: the shipped one.')
     debug_time_of_day: float = _parameter(
-        -1.0, 'Hours in [0, 24): freezes the simulated time there; -1.0: as the config says.'
+        -1.0, 'Hours in [0, 24) to freeze the simulated time at; -1.0: as the config says.'
     )
     speedup_factor: float = _parameter(
         0.0, 'Simulated seconds per real second, above 0; 0.0: as the config says.'
     )
     debug_seed: int = _parameter(
-        -1, 'Seed of the sensor noise, 0 or above, and debug mode on; -1: as the config says.'
+        -1, 'Seed of the noise, from 0 up; turns debug mode on; -1: as the config says.'
     )
 
     def __post_init__(self):

@@ -1,7 +1,11 @@
 """What the three debugging parameters do to the clock and to the noise."""
 
-import pytest
+import random
 
+import pytest
+from greenhouse_sim.simulator import GreenhouseSimulator
+
+NOISY_TAGS = ('21', '1', '5', '21', '12', '1')
 TICK_SECONDS = 1800.0  # what one wall second is in the shipped config
 
 
@@ -23,7 +27,7 @@ def sim_times(start_bridge, clock, wall_times, **parameters):
 
 
 def noisy_sequence(bridge):
-    return [bridge.values(tag_id) for tag_id in ('21', '1', '5', '21', '12', '1')]
+    return [bridge.values(tag_id) for tag_id in NOISY_TAGS]
 
 
 @pytest.mark.parametrize('speedup', [1, 7.5, 3600])
@@ -64,6 +68,16 @@ def test_the_same_seed_gives_the_same_values_also_after_a_restart(start_bridge):
     first = noisy_sequence(start_bridge(**parameters))
     assert noisy_sequence(start_bridge(**parameters)) == first
     assert noisy_sequence(start_bridge(**{**parameters, 'debug_seed': 8})) != first
+
+
+def test_seeded_noise_is_the_simulators_own_from_the_first_request_on(start_bridge):
+    """The reads by which start-up proves the tags do not count."""
+    served = noisy_sequence(start_bridge(debug_seed=7, debug_time_of_day=12.0))
+    sim = GreenhouseSimulator()
+    sim.sim_config['time'].update(debug_mode=True, debug_time_of_day=12.0)
+    random.seed(7)
+    own = [sim.get_sensor_data(tag_id) for tag_id in NOISY_TAGS]
+    assert served == [{name: data[name] for name in data if name != 'timestamp'} for data in own]
 
 
 def test_without_a_seed_the_noise_is_not_reproducible(start_bridge):

@@ -1,0 +1,391 @@
+"""check_drift.py, by mutation: whatever drifts in the real trees is reported under its heading."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+
+import check_drift
+import generate
+import pytest
+
+ROOT = generate.ROOT
+TREES = {'monorepo': 'monorepo', 'mirror': 'lupin_greenhouse_ros'}
+BRIDGE = 'lupin_greenhouse_bridge'
+NODE = f'{BRIDGE}/{BRIDGE}/bridge_node.py'
+SIMULATION = f'{BRIDGE}/{BRIDGE}/simulation.py'
+LAUNCH = f'{BRIDGE}/launch/greenhouse_bridge.launch.py'
+SRV, READING = 'MSGS/srv/GetTagReading.srv', 'MSGS/msg/TagReading.msg'
+SENSOR = 'MSGS/msg/SensorReading.msg'
+WRAP, PLAIN = 'return Path(value) if value else None', 'return value or None'
+NODE_DIFFERS, PACKAGE_DIFFERS, INTERFACE = 'bridge_node.py', 'package file', 'interface'
+DIVERGENCE, HEALED, INVISIBLE = 'allowed divergence', 'healed divergence', 'invisible difference'
+LEFT_OVER, ONE_SIDE, IGNORE, MODE, LINK = (
+    'left-over name', 'only one side', 'COLCON_IGNORE', 'file mode', 'symlink',
+)  # fmt: skip
+
+
+class Trees:
+    """A copy of both trees to change."""
+
+    def __init__(self, base):
+        self.base = base
+        for folder in TREES.values():
+            ignore = shutil.ignore_patterns(*generate.CACHES)
+            shutil.copytree(ROOT / folder, base / folder, ignore=ignore)
+
+    def path(self, side, name):
+        """Return a file of a tree; MSGS stands for the tree's own message package."""
+        return self.base / TREES[side] / name.replace('MSGS', check_drift.MSGS[side])
+
+    def edit(self, side, name, old, new):
+        path = self.path(side, name)
+        content = path.read_bytes()
+        assert old.encode() in content, f'{old!r} is not in {name}'
+        path.write_bytes(content.replace(old.encode(), new.encode(), 1))
+
+    def check(self, form='text'):
+        sides = [word for side, folder in TREES.items() for word in (f'--{side}', str(self.base / folder))]
+        return check_drift.main([*sides, '--format', form])
+
+
+@pytest.fixture
+def trees(tmp_path):
+    return Trees(tmp_path)
+
+
+# heading, sides, file, what is there, what is put in its place
+EDITS = [
+    # bridge_node.py, beyond the one line
+    (NODE_DIFFERS, 'mirror', NODE, 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 6.0'),
+    (NODE_DIFFERS, 'monorepo', NODE, 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 6.0'),
+    (NODE_DIFFERS, 'mirror', NODE, '# One handler at a time', '# Only one handler at a time'),
+    (NODE_DIFFERS, 'mirror', NODE, 'MutuallyExclusiveCallbackGroup()', 'ReentrantCallbackGroup()'),
+    (NODE_DIFFERS, 'monorepo', NODE, 'STATUS_UNKNOWN_TAG\n', 'STATUS_OK\n'),
+    (NODE_DIFFERS, 'mirror', NODE, "'~/get_tag_reading'", "'get_tag_reading'"),
+    (NODE_DIFFERS, 'mirror', NODE, 'read_only=True', 'read_only=False'),
+    (NODE_DIFFERS, 'monorepo', NODE, 'import signal\n', ''),
+    (NODE_DIFFERS, 'mirror', NODE, 'def main(args=None):\n', '\ndef main(args=None):\n'),
+    (NODE_DIFFERS, 'mirror', NODE, 'sys.exit(main())\n', 'sys.exit(main())\nextra = 1\n'),
+    # the one line: missing, doubled, moved, turned round
+    (DIVERGENCE, 'mirror', NODE, f'    {PLAIN}\n', f'    {WRAP}\n'),
+    (DIVERGENCE, 'monorepo', NODE, f'    {WRAP}\n', f'    {PLAIN}\n'),
+    (DIVERGENCE, 'mirror', NODE, f'    {PLAIN}\n', '    return value if value else None\n'),
+    (DIVERGENCE, 'monorepo', NODE, f'    {WRAP}\n', '    return Path(value or ".")\n'),
+    (DIVERGENCE, 'mirror', NODE, f'    {PLAIN}\n', ''),
+    (DIVERGENCE, 'mirror', NODE, f'    {PLAIN}\n', f'    {PLAIN}\n    {PLAIN}\n'),
+    (DIVERGENCE, 'monorepo', NODE, f'    {WRAP}\n', f'    {WRAP}\n    {WRAP}\n'),
+    (DIVERGENCE, 'both', NODE, 'def _config_path(', 'def _other(value):\n    pass\n\n\ndef _moved('),
+    (DIVERGENCE, 'mirror', NODE, f'    {PLAIN}\n', f'    {PLAIN}  # text\n'),
+    (DIVERGENCE, 'both', NODE, '    """Turn a path', '    value = value.strip()\n    """Turn a path'),
+    # healed elsewhere in shared code, alike in both trees
+    (HEALED, 'both', SIMULATION, 'GreenhouseSimulator(tag_file, sim', 'GreenhouseSimulator(Path(tag_file), sim'),
+    (HEALED, 'both', SIMULATION, 'tags = read_tags(tag_path)\n', 'tags = read_tags(tag_path)\n    tag_file = tag_path\n'),
+    (HEALED, 'both', SIMULATION, 'GreenhouseSimulator(tag_file, sim', 'GreenhouseSimulator(tag_path, sim'),
+    (HEALED, 'both', SIMULATION, 'tag_file or _shipped(', 'tag_file and Path(tag_file) or _shipped('),
+    (HEALED, 'both', SIMULATION, 'CONFIG_DIR / name', 'CONFIG_DIR / name / tag_file'),
+    (HEALED, 'both', NODE, '_config_path(settings.tag_file)', 'Path(_config_path(settings.tag_file))'),
+    (HEALED, 'both', NODE, 'tag_file=_config_path(settings.tag_file)', 'tag_file=settings.tag_file'),
+    (HEALED, 'both', f'{BRIDGE}/{BRIDGE}/settings.py', 'import math\n', 'import math\nimport pathlib as p\nx = p.Path("")\n'),
+    (HEALED, 'both', f'{BRIDGE}/{BRIDGE}/settings.py', 'import math\n', 'import math\nfrom pathlib import Path as P\nx = P("")\n'),
+    # messages and services: text and meaning
+    (INTERFACE, 'mirror', SENSOR, 'float64 value', 'float32 value'),
+    (INTERFACE, 'monorepo', SENSOR, 'string name ', 'string label '),
+    (INTERFACE, 'mirror', READING, 'SensorReading[] readings', 'SensorReading[<=50] readings'),
+    (INTERFACE, 'mirror', READING, 'SensorReading[] readings', 'SensorReading[5] readings'),
+    (INTERFACE, 'monorepo', READING, 'SensorReading[] readings', 'SensorReading readings'),
+    (INTERFACE, 'mirror', READING, 'string tag_id  ', 'string<=10 tag_id  '),
+    (INTERFACE, 'mirror', SENSOR, 'float64 value   ', 'float64 value 1.0  '),
+    (INTERFACE, 'mirror', SRV, 'uint8 STATUS_UNKNOWN_TAG=1', 'uint8 STATUS_NO_SUCH_TAG=1'),
+    (INTERFACE, 'mirror', SRV, 'uint8 STATUS_UNKNOWN_TAG=1', 'uint8 STATUS_UNKNOWN_TAG=2'),
+    (INTERFACE, 'monorepo', SRV, 'uint8 STATUS_UNKNOWN_TAG=1', 'int8 STATUS_UNKNOWN_TAG=1'),
+    (INTERFACE, 'mirror', SRV, 'uint8 STATUS_SIMULATOR_ERROR=2', '# uint8 STATUS_SIMULATOR_ERROR=2'),
+    (INTERFACE, 'mirror', SRV, '---\n', '---\nbool extra\n'),
+    (INTERFACE, 'mirror', SRV, '# What is the climate', '# What is the weather'),
+    (INTERFACE, 'mirror', READING, 'builtin_interfaces/Time stamp', 'builtin_interfaces/Duration stamp'),
+    # the rest of both packages
+    (PACKAGE_DIFFERS, 'mirror', LAUNCH, "('debug_seed', '-1'", "('debug_seed', '0'"),
+    (PACKAGE_DIFFERS, 'monorepo', LAUNCH, "'-1', int", "'-1', float"),
+    (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/setup.py', 'mdp-greenhouse>=1.0.7', 'mdp-greenhouse>=1.0.6'),
+    (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/setup.py', "version='1.0.0'", "version='1.0.1'"),
+    (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/setup.py', "'read_tag = ", "'readtag = "),
+    (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/package.xml', '  <exec_depend>python3-pip</exec_depend>\n', ''),
+    (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/package.xml', '<depend>rclpy<', '<depend>rclcpp<'),
+    (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/test/test_node.py', '== 1\n', '>= 1\n'),
+    (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/setup.cfg', 'script_dir', 'script-dir'),
+    (PACKAGE_DIFFERS, 'monorepo', SIMULATION, "OLDEST_SIMULATOR = '1.0.7'", "OLDEST_SIMULATOR = '1.0.8'"),
+    (PACKAGE_DIFFERS, 'mirror', 'MSGS/CMakeLists.txt', '  "msg/TagReading.msg"\n', ''),
+    (PACKAGE_DIFFERS, 'mirror', 'MSGS/CMakeLists.txt', '  "srv/Get', '  "srv/ConfirmTag.srv"\n  "srv/ConfirmTag.srv"\n  "srv/Get'),
+    (PACKAGE_DIFFERS, 'monorepo', 'MSGS/package.xml', '<version>1.0.0<', '<version>1.1.0<'),
+    (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/CHANGELOG.rst', '* Add', '* Remove'),
+    # the other tree's name
+    (LEFT_OVER, 'mirror', NODE, 'from lupin_greenhouse_msgs.msg', 'from lupin_msgs.msg'),
+    (LEFT_OVER, 'mirror', NODE, '"""ROS 2 node', '"""(lupin_msgs) ROS 2 node'),
+    (LEFT_OVER, 'monorepo', NODE, 'from lupin_msgs.msg', 'from lupin_greenhouse_msgs.msg'),
+    (LEFT_OVER, 'monorepo', SIMULATION, 'import math\n', 'import math  # not LUPIN_GREENHOUSE_MSGS\n'),
+    (LEFT_OVER, 'mirror', 'README.md', '# lupin_greenhouse_ros', '# lupin-msgs'),
+    (LEFT_OVER, 'mirror', 'MSGS/package.xml', '<name>lupin_greenhouse_msgs', '<name>lupin_msgs'),
+    # what a reader does not see
+    (INVISIBLE, 'mirror', NODE, 'import sys\n', 'import sys \n'),
+    (INVISIBLE, 'mirror', NODE, 'import sys\n', 'import sys\r\n'),
+    (INVISIBLE, 'mirror', SIMULATION, '"""The mdp', '\ufeff"""The mdp'),
+    (INVISIBLE, 'monorepo', READING, 'string tag_id    ', 'string tag_id\t'),
+    (INVISIBLE, 'mirror', SENSOR, 'float64 value', 'float64 v\u0430lue'),
+    (INVISIBLE, 'mirror', LAUNCH, "'tag_file'", "'t\u0430g_file'"),
+    (INVISIBLE, 'mirror', SIMULATION, 'tags without sensors', 'tags\u200b without sensors'),
+    (INVISIBLE, 'monorepo', NODE, 'sys.exit(main())\n', 'sys.exit(main())'),
+    (INVISIBLE, 'monorepo', f'{BRIDGE}/setup.cfg', 'lupin_greenhouse_bridge\n', 'lupin_greenhouse_bridge  \n'),
+]  # fmt: skip
+
+
+def swap_two_fields(trees):
+    trees.edit('mirror', SENSOR, 'string name', 'float64 moved')
+    trees.edit('mirror', SENSOR, 'float64 value', 'string name')
+    trees.edit('mirror', SENSOR, 'float64 moved', 'float64 value')
+
+
+def move_a_field_over_the_dashes(trees):
+    path = trees.path('mirror', SRV)
+    lines = path.read_text().splitlines(keepends=True)
+    field = next(line for line in lines if line.startswith('string error_message'))
+    lines.remove(field)
+    lines.insert(lines.index('---\n'), field)
+    path.write_text(''.join(lines))
+
+
+def reorder_constants(trees):
+    path = trees.path('monorepo', SRV)
+    lines = path.read_text().splitlines(keepends=True)
+    first, second = (next(i for i, line in enumerate(lines) if f'={number} ' in line) for number in (0, 1))
+    lines[first], lines[second] = lines[second], lines[first]
+    path.write_text(''.join(lines))
+
+
+def moved_line(trees):
+    """Put the right line into another function, alike in both trees."""
+    for side, line in (('monorepo', WRAP), ('mirror', PLAIN)):
+        trees.edit(side, NODE, f'    {line}\n', '    return _elsewhere(value)\n')
+        trees.edit(side, NODE, 'def main(', f'def _elsewhere(value):\n    {line}\n\n\ndef main(')
+
+
+def touch(side, name, content=''):
+    def mutate(trees):
+        path = trees.path(side, name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(content)
+
+    return mutate
+
+
+def delete(side, name):
+    return lambda trees: trees.path(side, name).unlink()
+
+
+def chmod(side, name, mode):
+    return lambda trees: trees.path(side, name).chmod(mode)
+
+
+def link(side, name, target):
+    def mutate(trees):
+        path = trees.path(side, name)
+        path.unlink(missing_ok=True)
+        path.symlink_to(target)
+
+    return mutate
+
+
+def crlf(side, name):
+    def mutate(trees):
+        path = trees.path(side, name)
+        path.write_bytes(path.read_bytes().replace(b'\n', b'\r\n'))
+
+    return mutate
+
+
+CHANGES = [
+    (INTERFACE, 'two fields swapped', swap_two_fields),
+    (INTERFACE, 'a field over the dashes', move_a_field_over_the_dashes),
+    (INTERFACE, 'constants reordered', reorder_constants),
+    (DIVERGENCE, 'the line moved in both', moved_line),
+    (ONE_SIDE, 'a new file in the mirror', touch('mirror', f'{BRIDGE}/{BRIDGE}/extra.py')),
+    (ONE_SIDE, 'a new file in the monorepo', touch('monorepo', f'{BRIDGE}/test/test_extra.py')),
+    (ONE_SIDE, 'a message only here', touch('monorepo', 'MSGS/msg/Extra.msg', 'bool extra\n')),
+    (ONE_SIDE, 'a message only there', touch('mirror', 'MSGS/msg/Extra.msg', 'bool extra\n')),
+    (ONE_SIDE, 'ConfirmTag in the mirror', touch('mirror', 'MSGS/srv/ConfirmTag.srv', 'string a\n---\n')),
+    (ONE_SIDE, 'an unlisted repository file', touch('mirror', 'NOTES.md')),
+    (ONE_SIDE, 'a third package in the mirror', touch('mirror', 'lupin_extra/package.xml')),
+    (ONE_SIDE, 'a deleted test', delete('mirror', f'{BRIDGE}/test/test_node.py')),
+    (ONE_SIDE, 'a deleted resource marker', delete('mirror', f'{BRIDGE}/resource/{BRIDGE}')),
+    (ONE_SIDE, 'a deleted service', delete('monorepo', SRV)),
+    (LEFT_OVER, 'a file named after the old package', touch('mirror', f'{BRIDGE}/test/lupin_msgs.txt')),
+    (LEFT_OVER, 'the old package beside the new', touch('mirror', 'lupin_msgs/msg/SensorReading.msg', 'bool a\n')),
+    (IGNORE, 'COLCON_IGNORE missing', delete('mirror', 'COLCON_IGNORE')),
+    (IGNORE, 'COLCON_IGNORE not empty', touch('mirror', 'COLCON_IGNORE', '\n')),
+    (IGNORE, 'COLCON_IGNORE in the monorepo', touch('monorepo', 'COLCON_IGNORE')),
+    (IGNORE, 'COLCON_IGNORE in a package', touch('mirror', f'{BRIDGE}/COLCON_IGNORE')),
+    (MODE, 'executable in the mirror', chmod('mirror', NODE, 0o755)),
+    (MODE, 'executable in the monorepo', chmod('monorepo', READING, 0o755)),
+    (LINK, 'a symlink out of the tree', link('mirror', SIMULATION, '/etc/hostname')),
+    (LINK, 'a symlink to the other tree', link('mirror', NODE.replace('bridge_node', 'errors'), '../../../monorepo/x')),
+    (LINK, 'a new symlink', link('monorepo', f'{BRIDGE}/extra', '/')),
+    (INVISIBLE, 'CRLF in a whole file', crlf('mirror', LAUNCH)),
+    (INVISIBLE, 'CRLF in a message', crlf('monorepo', SENSOR)),
+    (PACKAGE_DIFFERS, 'a binary resource marker', lambda t: t.path('mirror', f'{BRIDGE}/resource/{BRIDGE}').write_bytes(b'\xff')),
+]  # fmt: skip
+
+
+def edit(sides, name, old, new):
+    def mutate(trees):
+        for side in TREES if sides == 'both' else [sides]:
+            trees.edit(side, name, old, new)
+
+    return mutate
+
+
+MUTANTS = [
+    *((heading, f'{sides}, {name}: {new!r}', edit(sides, name, old, new)) for heading, sides, name, old, new in EDITS),
+    *CHANGES,
+]  # fmt: skip
+
+
+def test_there_are_enough_mutants_and_all_differ():
+    names = {name for _, name, _ in MUTANTS}
+    assert len(names) == len(MUTANTS) >= 60
+    headings = set(re.findall(r"Finding\(\s*'([^']+)'", (ROOT / 'tools/check_drift.py').read_text()))
+    assert headings <= {heading for heading, _, _ in MUTANTS}
+
+
+@pytest.mark.parametrize(('heading', 'mutate'), [pytest.param(h, m, id=n) for h, n, m in MUTANTS])
+def test_mutant(trees, heading, mutate, capsys):
+    mutate(trees)
+    assert trees.check('json') == 1
+    findings = json.loads(capsys.readouterr().out)['findings']
+    assert heading in [each['heading'] for each in findings]
+    assert all(each['message'] and each['line'] >= 1 for each in findings)
+
+
+def both(name, old, new):
+    return edit('both', name, old, new)
+
+
+def same_new_file(trees):
+    for side in TREES:
+        touch(side, f'{BRIDGE}/test/test_new.py', 'import lupin\n')(trees)
+
+
+HARMLESS = [
+    ('nothing', lambda _trees: None),
+    ('byte code', touch('mirror', f'{BRIDGE}/{BRIDGE}/__pycache__/settings.pyc', 'lupin_msgs')),
+    ('stray byte code', touch('mirror', f'{BRIDGE}/{BRIDGE}/old.pyc', 'x')),
+    ('the git folder of a clone', touch('mirror', '.git/config', 'lupin_msgs')),
+    ('build output in the mirror', touch('mirror', 'build/lupin_msgs/x', 'lupin_msgs')),
+    ('install output in the mirror', touch('mirror', 'install/setup.bash', 'x')),
+    ('log output in a package', touch('monorepo', f'{BRIDGE}/log/latest', 'x')),
+    ('test caches', touch('monorepo', f'{BRIDGE}/.pytest_cache/README.md', 'x')),
+    ('hypothesis examples', touch('mirror', f'{BRIDGE}/.hypothesis/x', 'x')),
+    ('setuptools output', touch('mirror', f'{BRIDGE}/{BRIDGE}.egg-info/PKG-INFO', 'x')),
+    ('another package of the monorepo', touch('monorepo', 'lupin_mission/package.xml', 'x')),
+    ('the same edit in both', both(NODE, 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0')),
+    ('the same field in both', both(SENSOR, 'float64 value', 'float32 value')),
+    ('the same new file in both', same_new_file),
+    ('an edited README of the mirror', edit('mirror', 'README.md', '## Install', '## How to install')),
+    ('the mode of a folder', lambda t: t.path('mirror', f'{BRIDGE}/test').chmod(0o700)),
+]
+
+
+@pytest.mark.parametrize('change', [pytest.param(change, id=name) for name, change in HARMLESS])
+def test_harmless(trees, change, capsys):
+    change(trees)
+    assert trees.check() == 0
+    assert 'only the allowed divergence' in capsys.readouterr().out
+
+
+def no_mirror(trees):
+    shutil.rmtree(trees.base / TREES['mirror'])
+
+
+def empty_mirror(trees):
+    no_mirror(trees)
+    (trees.base / TREES['mirror']).mkdir()
+
+
+@pytest.mark.parametrize(
+    ('mutate', 'reason'),
+    [
+        (no_mirror, 'is no folder'),
+        (empty_mirror, 'has no package lupin_greenhouse_msgs'),
+        (delete('monorepo', f'{BRIDGE}/package.xml'), 'has no package lupin_greenhouse_bridge'),
+        (delete('mirror', NODE), 'bridge_node.py'),
+        (touch('mirror', NODE, 'def broken(:\n'), 'is no Python'),
+        (touch('monorepo', NODE, '\0'), 'is no Python'),
+        (touch('mirror', SRV, 'string tag_id\n'), 'lines ---'),
+        (edit('both', SRV, 'string tag_id ', '?'), 'is no field, constant or ---'),
+    ],
+)
+def test_what_cannot_be_compared_is_exit_code_2_and_one_line(trees, mutate, reason, capsys):
+    mutate(trees)
+    assert trees.check() == 2
+    output = capsys.readouterr()
+    assert output.out == ''
+    (line,) = output.err.splitlines()
+    assert reason in line
+
+
+def test_swapped_trees_are_not_compared(trees, capsys):
+    swapped = [
+        '--monorepo',
+        str(trees.base / TREES['mirror']),
+        '--mirror',
+        str(trees.base / TREES['monorepo']),
+    ]
+    assert check_drift.main(swapped) == 2
+    assert 'is it the monorepo?' in capsys.readouterr().err
+
+
+def test_a_person_reads_the_place_the_sentence_the_diff_and_what_to_do(trees, capsys):
+    trees.edit('mirror', LAUNCH, "'-1', int", "'0', int")
+    assert trees.check() == 1
+    first, *rest = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(
+        r'.*/greenhouse_bridge\.launch\.py:\d+: \[package file\] differs beyond the rename', first
+    )
+    assert any(re.match(r"-.* '-1',", line) for line in rest)
+    assert any(re.match(r"\+.* '0',", line) for line in rest)
+    assert any('make generate' in line for line in rest)
+
+
+def test_github_gets_one_annotation_per_finding_on_one_line(trees, capsys):
+    trees.edit('mirror', LAUNCH, "'-1', int", "'100%', int")
+    assert trees.check('github') == 1
+    (line,) = capsys.readouterr().out.splitlines()
+    assert re.match(r'::error file=.*launch\.py,line=\d+,title=drift%3A package file::differs', line)
+    assert '100%25' in line
+    assert '%0A' in line
+
+
+def test_it_runs_alone_on_any_two_checkouts(trees):
+    """Standard library only, from any folder, without the rest of this repository."""
+    alone = trees.base / 'check_drift.py'
+    shutil.copy(ROOT / 'tools/check_drift.py', alone)
+    command = [
+        sys.executable,
+        '-I',
+        '-S',
+        str(alone),
+        '--monorepo',
+        'monorepo',
+        '--mirror',
+        'lupin_greenhouse_ros',
+    ]
+    result = subprocess.run(command, cwd=trees.base, env={}, capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stderr) == (0, '')
+
+
+def test_an_unreadable_file_is_exit_code_2(trees, monkeypatch, capsys):
+    def refuse(path):
+        raise PermissionError(13, 'Permission denied', str(path))
+
+    monkeypatch.setattr(check_drift.Path, 'read_bytes', refuse)
+    assert trees.check() == 2
+    assert 'Permission denied' in capsys.readouterr().err
