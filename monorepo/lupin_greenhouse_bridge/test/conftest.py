@@ -92,7 +92,7 @@ def wait_until(is_so):
     deadline = time.monotonic() + PATIENCE_SECONDS
     while not is_so():
         assert time.monotonic() < deadline, 'it did not come to be'
-        pause.wait(0.02)
+        pause.wait(0.002)
 
 
 class Bridge:

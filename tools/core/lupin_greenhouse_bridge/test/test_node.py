@@ -65,15 +65,32 @@ def test_a_parameter_cannot_be_set_while_the_bridge_runs(noon_bridge):
     assert noon_bridge.call('1').reading.sim_time_of_day_seconds == 12 * 3600.0
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=['Ctrl-C', 'SIGTERM'])
-@pytest.mark.parametrize('times', [1, 2], ids=['once', 'twice'])
-def test_a_signal_ends_the_bridge_with_exit_code_0_and_no_traceback(start_bridge, number, times):
+SIGNALS = pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=['Ctrl-C', 'SIGTERM'])
+
+
+@SIGNALS
+def test_a_signal_ends_the_bridge_with_exit_code_0_and_no_traceback(start_bridge, number):
     bridge = start_bridge()
     assert bridge.values('1')
-    for _ in range(times):
-        bridge.process.send_signal(number)
-    assert bridge.process.wait(PATIENCE_SECONDS) == 0
+    assert bridge.stop(number) == 0
     assert 'Traceback' not in '\n'.join(bridge.rest_of_log())
+
+
+def test_a_second_ctrl_c_is_ignored(start_bridge):
+    """`ros2 launch` sends one of its own after that of the terminal."""
+    bridge = start_bridge()
+    bridge.connect()
+    wait_until(lambda: bridge.process.poll() is not None or bridge.process.send_signal(signal.SIGINT))
+    assert bridge.process.returncode == 0
+    assert 'Traceback' not in '\n'.join(bridge.rest_of_log())
+
+
+@SIGNALS
+def test_a_signal_during_start_up_ends_it_with_exit_code_0(start_bridge, number):
+    bridge = start_bridge('signalled_in_start_up', environment={'LUPIN_TEST_SIGNAL': str(int(number))})
+    log = bridge.rest_of_log()
+    assert bridge.process.wait(PATIENCE_SECONDS) == 0, log
+    assert not [line for line in log if 'Traceback' in line or 'ready:' in line]
 
 
 def test_the_ready_line_names_tags_sensors_and_clock(start_bridge, shipped_tags):
