@@ -102,7 +102,7 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
         run([sys.executable, '-m', 'venv', str(venv)], log)
         run([*pip, '--requirement', str(REQUIREMENTS / f'{distro}.txt')], log)
         run([python, str(HERE / 'repair_cmake.py')], log)
-    (venv / 'local_setup.bash').write_text(setup_script(venv, ros_distro, distro), encoding='utf-8')
+        (venv / 'local_setup.bash').write_text(setup_script(venv, distro), encoding='utf-8')
     (venv / MARK).write_text(wanted, encoding='utf-8')
 
 
@@ -119,19 +119,19 @@ def run(command: list[str], log: Path) -> None:
         raise MissingPrerequisite(f'making the environment stopped at: {shlex.join(command)}')
 
 
-def setup_script(venv: Path, ros_distro: str | None, distro: str) -> str:
-    """Return the environment's counterpart of /opt/ros/DISTRO/setup.bash."""
+def setup_script(venv: Path, distro: str) -> str:
+    """Return what /opt/ros/DISTRO/local_setup.bash is elsewhere: colcon sources it before an overlay's."""
     prefix = shlex.quote(str(venv))
-    lines = [f'export VIRTUAL_ENV={prefix}', f'export PATH={prefix}/bin:"$PATH"']
-    if not ros_distro:
-        lines += [
-            'unset PYTHONPATH',
-            f'export AMENT_PREFIX_PATH={prefix} CMAKE_PREFIX_PATH={prefix}',
-            f'export ROS_DISTRO={distro} ROS_VERSION=2 ROS_PYTHON_VERSION=3',
-            '# A trial on one machine does not talk to the neighbours in the lab.',
-            'export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"',
-        ]
-    return '\n'.join(lines) + '\n'
+    return f"""\
+for _name in AMENT_PREFIX_PATH CMAKE_PREFIX_PATH; do
+    case ":${{!_name}}:" in
+        *:{prefix}:*) ;;
+        *) export "$_name"={prefix}"${{!_name:+:${{!_name}}}}" ;;
+    esac
+done
+unset _name
+export ROS_DISTRO={distro} ROS_VERSION=2 ROS_PYTHON_VERSION=3
+"""
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -2,7 +2,14 @@
 # VENV names the environment (default: .venv), TREE the tree (default: monorepo); an argument
 # `without-overlay` leaves the packages out, for building them.
 _root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
-source "${VENV:-$_root/.venv}/local_setup.bash"
+export VIRTUAL_ENV="${VENV:-$_root/.venv}"
+export PATH="$VIRTUAL_ENV/bin:$PATH"
+if [ -e "$VIRTUAL_ENV/local_setup.bash" ]; then  # ROS is in the environment itself, and in no other place
+    unset PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
+    source "$VIRTUAL_ENV/local_setup.bash"
+    # A trial on one machine does not talk to the neighbours in the lab.
+    export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+fi
 export LUPIN_WORKSPACE="$VIRTUAL_ENV/workspace/${TREE:-monorepo}"
 export LUPIN_EXECUTABLES="$LUPIN_WORKSPACE/install/lupin_greenhouse_bridge/lib/lupin_greenhouse_bridge"
 if [ "${1:-}" != without-overlay ] && [ -e "$LUPIN_WORKSPACE/install/local_setup.bash" ]; then
