@@ -19,7 +19,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 IN_ENV := source ci/ros_env.bash &&
 
-.PHONY: help env build run smoke read test lint generate generate-check drift clean
+.PHONY: help env build run smoke read test lint generate generate-check drift mirror-publish-check mirror-import clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -46,8 +46,8 @@ read: env  ## ask a running bridge: make read TAG=7, TAG="1 5", TAG=--all
 test: env  ## all that CI checks
 	@$(IN_ENV) ci/test
 
-lint: env  ## ruff: rules and format
-	@$(IN_ENV) ruff check . && ruff format --check .
+lint: env  ## ruff: rules and format; the workflows against their schema
+	@$(IN_ENV) ci/lint
 
 generate: env  ## write both trees from tools/core
 	@$(IN_ENV) python tools/generate.py
@@ -57,6 +57,12 @@ generate-check: env  ## are both trees what tools/core generates?
 
 drift:  ## do the two trees differ in the one allowed line only?
 	@$(PYTHON) tools/check_drift.py --monorepo monorepo --mirror lupin_greenhouse_ros
+
+mirror-publish-check: env  ## split the mirror out of the last commit, clone it, follow its README
+	@source ci/ros_env.bash without-overlay && python ci/publish_check.py
+
+mirror-import: env  ## take a patch of the mirror into the core and both trees: PATCH=N.patch
+	@$(IN_ENV) ci/import_patch '$(PATCH)'
 
 clean:  ## remove what was built (the environment stays: it is .venv)
 	rm -rf '$(VENV)/workspace' .pytest_cache .ruff_cache .hypothesis

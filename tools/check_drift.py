@@ -37,7 +37,17 @@ PATH_PARAMETERS = ['tag_file', 'sim_config_file']
 # Files that one tree has alone; every other file of the mirror has its twin in the monorepo.
 OWN_FILES = {
     'monorepo': {f'{MSGS["monorepo"]}/srv/ConfirmTag.srv'},
-    'mirror': {'COLCON_IGNORE', 'CHANGELOG.rst', 'LICENSE', 'README.md'},
+    'mirror': {
+        '.github/ISSUE_TEMPLATE/bug.md',
+        '.github/PULL_REQUEST_TEMPLATE.md',
+        '.github/workflows/ci.yml',
+        '.gitignore',
+        'CHANGELOG.rst',
+        'COLCON_IGNORE',
+        'CONTRIBUTING.md',
+        'LICENSE',
+        'README.md',
+    },
 }
 # Lines of a shared file that name a file of the monorepo alone.
 OWN_LINES = {f'{MSGS["monorepo"]}/CMakeLists.txt': b'  "srv/ConfirmTag.srv"\n'}

@@ -1,0 +1,177 @@
+"""
+Publish the mirror into a fresh repository and use it as another course team does.
+
+The mirror's history is split out of the last commit by git, cloned, built and tested by the commands
+of the mirror's own README: every ```bash block that no `<!-- needs ... -->` marks as needing what this
+machine lacks. Two places of the README are filled in: where the repository is, and where ROS is (the
+wheels of this environment, announced as /opt/ros/DISTRO/setup.bash does it).
+"""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+MIRROR = 'lupin_greenhouse_ros'
+BRIDGE = 'lupin_greenhouse_bridge'
+BASH_BLOCK = re.compile(r'(?P<mark><!-- needs [^>]*-->\n)?```bash\n(?P<commands>.*?)```', re.DOTALL)
+TIMEOUT_SECONDS = 900
+
+OTHER_PACKAGE = {
+    'package.xml': '<package format="3"><name>other_team</name><version>0.0.1</version>'
+    '<description>x</description><maintainer email="a@example.org">a</maintainer><license>MIT</license>'
+    '<exec_depend>lupin_greenhouse_msgs</exec_depend>'
+    '<export><build_type>ament_python</build_type></export></package>',
+    'setup.py': 'from setuptools import setup\n'
+    "setup(name='other_team', version='0.0.1', packages=['other_team'])\n",
+    'setup.cfg': '',
+    'other_team/__init__.py': '',
+}
+
+
+class CheckFailedError(Exception):
+    """What another team would have met."""
+
+
+def run(script: str, log: Path, environment: dict, folder: Path) -> str:
+    """Run a bash script, its output into the log; return the output, raise CheckFailedError on failure."""
+    with log.open('w') as output:
+        result = subprocess.run(
+            ['bash', '-eo', 'pipefail', '-c', script],
+            cwd=folder, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
+            timeout=TIMEOUT_SECONDS, check=False,
+        )  # fmt: skip
+    printed = log.read_text(errors='replace')
+    if result.returncode:
+        raise CheckFailedError(f'{printed[-6000:]}\nexit code {result.returncode} of:\n{script}')
+    return printed
+
+
+def split_mirror(folder: Path) -> Path:
+    """Return a fresh bare repository that holds the mirror's own history, from the last commit."""
+    if git('status', '--porcelain', MIRROR):
+        print('publish check: uncommitted changes of the mirror are not part of it', file=sys.stderr)
+    commit = git('subtree', '-q', 'split', f'--prefix={MIRROR}')
+    repository = folder / 'published.git'
+    git('init', '--quiet', '--bare', '--initial-branch=main', str(repository))
+    git('push', '--quiet', str(repository), f'{commit}:refs/heads/main')
+    return repository
+
+
+def git(*arguments: str) -> str:
+    """Run git in this checkout and return what it prints."""
+    result = subprocess.run(['git', *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+    if result.returncode:
+        raise CheckFailedError(f'git {" ".join(arguments)}: {result.stderr}')
+    return result.stdout.strip()
+
+
+def ros_setup(folder: Path) -> Path:
+    """Write what /opt/ros/DISTRO/setup.bash would do, for the wheels of this environment."""
+    prefix = sys.prefix
+    site_packages = next(
+        path for path in sys.path if path.endswith('site-packages') and path.startswith(prefix)
+    )
+    script = folder / 'setup.bash'
+    script.write_text(
+        f'source {prefix}/local_setup.bash\n'
+        f'export PYTHONPATH={site_packages} PATH="$PATH:{prefix}/bin"\n'
+        f'export LD_LIBRARY_PATH={os.environ["LD_LIBRARY_PATH"]}\n'  # the wheels have set it for this process
+    )
+    return script
+
+
+def readme_commands(readme: str, repository: Path, setup: Path) -> list[str]:
+    """Return the README's executable blocks in order, with the two places filled in."""
+    blocks = [match['commands'] for match in BASH_BLOCK.finditer(readme) if not match['mark']]
+    filled_in = [
+        block.replace('URL_OF_THIS_REPOSITORY', str(repository)).replace(
+            '/opt/ros/$ROS_DISTRO/setup.bash', str(setup)
+        )
+        for block in blocks
+    ]
+    if not any('git clone' in block for block in blocks) or not any(
+        'colcon test ' in block for block in blocks
+    ):
+        raise CheckFailedError('the README of the mirror has no command that clones, or none that tests')
+    if 'COLCON_IGNORE' not in blocks[0]:
+        raise CheckFailedError('the first command of the README does not deal with COLCON_IGNORE')
+    return filled_in
+
+
+def follow_readme(name: str, folder: Path, blocks: list[str], other: Path | None) -> str:
+    """Follow the README with an empty home; with another package in src/ if one is given."""
+    home = folder / name
+    home.mkdir()
+    environment = {key: value for key, value in os.environ.items() if key.startswith(('PIP_', 'LANG', 'LC_'))}
+    python = Path(getattr(sys, '_base_executable', sys.executable)).parent
+    environment |= {
+        'HOME': str(home),
+        'PATH': f'{python}:/usr/local/bin:/usr/bin:/bin',
+        'ROS_LOG_DIR': str(home / 'log'),
+    }
+    first, *rest = blocks
+    add_other = f'cp -r {other} src/other_team' if other else ':'
+    check_install = 'test -x install/lupin_greenhouse_bridge/lib/lupin_greenhouse_bridge/bridge_node'
+    script = '\n'.join(['set -x', first, add_other, *rest, check_install])
+    return run(script, folder / f'{name}.log', environment, home)
+
+
+def packages_seen(workspace: Path) -> dict[str, str]:
+    """Return name -> folder of each package that colcon finds below a workspace."""
+    command = [sys.executable, '-m', 'colcon', '--log-base', '/dev/null', 'list', '--base-paths', 'src']
+    result = subprocess.run(command, cwd=workspace, capture_output=True, text=True, check=True)
+    rows = [line.split('\t') for line in result.stdout.splitlines()]
+    if len({name for name, *_ in rows}) != len(rows):
+        raise CheckFailedError(f'colcon finds a package twice:\n{result.stdout}')
+    return {name: path for name, path, *_ in rows}
+
+
+def main() -> int:
+    """Run the whole check; print a line per step."""
+    with tempfile.TemporaryDirectory(prefix='publish-check-') as name:
+        folder = Path(name)
+        try:
+            repository = split_mirror(folder)
+            readme = git('show', f'HEAD:{MIRROR}/README.md')
+            blocks = readme_commands(readme, repository, ros_setup(folder))
+            print(
+                f'split {MIRROR} out of the history; following {len(blocks)} blocks of its README', flush=True
+            )
+
+            other = folder / 'other_team'
+            for path, text in OTHER_PACKAGE.items():
+                (other / path).parent.mkdir(parents=True, exist_ok=True)
+                (other / path).write_text(text)
+            for layout, extra in (('alone', None), ('among_others', other)):
+                printed = follow_readme(layout, folder, blocks, extra)
+                tested = re.search(
+                    r'^Summary: (\d+) tests, 0 errors, 0 failures, (\d+) skipped', printed, re.MULTILINE
+                )
+                if not tested or int(tested[1]) - int(tested[2]) < 50:
+                    raise CheckFailedError(f'too few tests ran in layout {layout}:\n{printed[-3000:]}')
+                built = re.search(r'^Summary: (\d+) packages finished', printed, re.MULTILINE)
+                print(f'layout {layout}: {built[1]} packages built, {tested[1]} tests passed', flush=True)
+
+            trap = folder / 'trap/src'
+            git('clone', '--quiet', str(repository), str(trap / MIRROR))
+            if packages_seen(trap.parent):
+                raise CheckFailedError('COLCON_IGNORE does not hide a fresh clone')
+            print('a fresh clone is hidden by COLCON_IGNORE')
+            shutil.copytree(ROOT / 'monorepo', trap / 'monorepo')
+            seen = packages_seen(trap.parent)
+            if seen.get(BRIDGE) != f'src/monorepo/{BRIDGE}' or 'lupin_greenhouse_msgs' in seen:
+                raise CheckFailedError(f'beside the monorepo colcon sees {seen}')
+            print(f'beside the monorepo colcon sees one {BRIDGE}, the one of the monorepo')
+        except (CheckFailedError, subprocess.TimeoutExpired) as error:
+            print(f'publish check failed: {error}', file=sys.stderr)
+            return 1
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

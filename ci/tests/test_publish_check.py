@@ -1,0 +1,45 @@
+"""The publish check follows the mirror's README; `make mirror-publish-check` is the whole of it."""
+
+from pathlib import Path
+
+import publish_check
+import pytest
+
+README = (publish_check.ROOT / publish_check.MIRROR / 'README.md').read_text()
+PLACES = Path('/srv/mirror.git'), Path('/srv/setup.bash')
+
+
+def test_its_commands_are_the_readmes_with_the_two_places_filled_in():
+    commands = ''.join(publish_check.readme_commands(README, *PLACES))
+    assert 'git clone /srv/mirror.git src/lupin_greenhouse_ros && rm src' in commands
+    assert 'source /srv/setup.bash' in commands
+    assert 'URL_OF_THIS_REPOSITORY' not in commands
+    assert '/opt/ros' not in commands
+
+
+def test_only_marked_blocks_are_left_out():
+    assert README.count('```bash') == len(publish_check.readme_commands(README, *PLACES)) + README.count(
+        '<!-- needs '
+    )
+    assert 'apt install' not in ''.join(publish_check.readme_commands(README, *PLACES))
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'reason'),
+    [
+        (' && rm src/lupin_greenhouse_ros/COLCON_IGNORE', '', 'does not deal with COLCON_IGNORE'),
+        ('git clone', 'git fetch', 'no command that clones'),
+        ('colcon test --', 'colcon build --', 'or none that tests'),
+    ],
+)
+def test_a_readme_that_leaves_the_user_alone_fails(old, new, reason):
+    assert old in README
+    with pytest.raises(publish_check.CheckFailedError, match=reason):
+        publish_check.readme_commands(README.replace(old, new), *PLACES)
+
+
+def test_a_command_that_fails_is_shown_with_its_output(tmp_path):
+    with pytest.raises(
+        publish_check.CheckFailedError, match=r'before\n\nexit code 3 of:\necho before; exit 3'
+    ):
+        publish_check.run('echo before; exit 3', tmp_path / 'log', {'PATH': '/usr/bin:/bin'}, tmp_path)

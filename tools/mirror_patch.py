@@ -1,0 +1,67 @@
+"""
+Translate a patch of the open-source mirror into one for the core, by the table that made the mirror.
+
+    python3 tools/mirror_patch.py N.patch | git am --3way     (or: make mirror-import PATCH=N.patch)
+
+Exit code: 0 the translated patch is on standard output, 1 a file of the patch has no place here.
+"""
+
+import re
+import sys
+from pathlib import Path
+
+import generate
+
+PATH_LINE = re.compile(
+    r'^(diff --git a/|--- a/|\+\+\+ b/|rename (?:from|to) |copy (?:from|to) )(.+)$', re.MULTILINE
+)
+
+
+def translate(patch: str, table: dict) -> str:
+    """Return the patch with the core's paths and names; raises GenerationError on a path of neither."""
+    head, *diffs = re.split(r'^(?=diff --git )', patch, flags=re.MULTILINE)
+    return head + ''.join(_translate_diff(diff, table['mirror']) for diff in diffs)
+
+
+def _translate_diff(diff: str, mirror: dict) -> str:
+    """Translate the diff of one file: of a generated package to the core, else of one kept by hand."""
+    renamed = {new: old for old, new in mirror['folders'].items()}
+    generated = {path.partition('/')[0] for each in mirror['substitutions'] for path in each['matches']}
+
+    def place(path: str) -> str:
+        package, slash, rest = path.partition('/')
+        package = renamed.get(package, package)
+        if package in generated:
+            return f'tools/core/{package}{slash}{rest}'
+        if path in mirror['beside']:
+            return f'{mirror["root"]}/{path}'
+        raise generate.GenerationError(f'{path}: is no file of the mirror that tools/twins.toml knows')
+
+    def place_line(match: re.Match) -> str:
+        return match[1] + ' b/'.join(place(path) for path in match[2].split(' b/'))
+
+    header, at, hunks = diff.partition('\n@@')
+    header = PATH_LINE.sub(place_line, header)
+    if ' a/tools/core/' in header:
+        for substitution in mirror['substitutions']:
+            if substitution['replace']:
+                hunks = hunks.replace(substitution['replace'], substitution['find'])
+    return header + at + hunks
+
+
+def main() -> int:
+    """Translate the patch that the command line names."""
+    if len(sys.argv) != 2:
+        print('usage: mirror_patch.py FILE', file=sys.stderr)
+        return 2
+    try:
+        patch = Path(sys.argv[1]).read_text(encoding='utf-8')
+        sys.stdout.write(translate(patch, generate.load_table(generate.ROOT / 'tools/twins.toml')))
+    except (generate.GenerationError, OSError, UnicodeDecodeError) as error:
+        print(f'mirror_patch: {error}', file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

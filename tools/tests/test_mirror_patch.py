@@ -1,0 +1,137 @@
+"""A patch that another team made in its clone of the mirror arrives in the core and in both trees."""
+
+import os
+import shutil
+import subprocess
+
+import generate
+import pytest
+
+ROOT = generate.ROOT
+BRIDGE = 'lupin_greenhouse_bridge/lupin_greenhouse_bridge'
+NOBODY = {
+    f'GIT_{who}_{what}': value
+    for who in ('AUTHOR', 'COMMITTER')
+    for what, value in (('NAME', 'Another Team'), ('EMAIL', 'another@example.org'))
+}
+
+
+def git(folder, *arguments):
+    environment = {**os.environ, **NOBODY, 'GIT_CONFIG_GLOBAL': os.devnull}
+    command = ['git', '-c', 'commit.gpgsign=false', *arguments]
+    return subprocess.run(
+        command, cwd=folder, env=environment, check=True, capture_output=True, text=True
+    ).stdout
+
+
+@pytest.fixture
+def repositories(tmp_path):
+    """Return a repository like this one, and a clone of the mirror that was split out of it."""
+    monorepo, mirror = tmp_path / 'repository', tmp_path / 'clone'
+    ignore = shutil.ignore_patterns('.venv*', '.git', *generate.CACHES)
+    shutil.copytree(ROOT, monorepo, ignore=ignore)
+    git(monorepo, 'init', '--quiet', '--initial-branch=main')
+    git(monorepo, 'config', 'user.name', 'Teammate')
+    git(monorepo, 'config', 'user.email', 'teammate@example.org')
+    git(monorepo, 'add', '--all')
+    git(monorepo, 'commit', '--quiet', '--message', 'Everything')
+    git(monorepo, 'subtree', '-q', 'split', '--prefix=lupin_greenhouse_ros', '--branch', 'mirror')
+    git(tmp_path, 'clone', '--quiet', '--branch', 'mirror', str(monorepo), str(mirror))
+    return monorepo, mirror
+
+
+def commit_in(mirror, *edits):
+    for path, old, new in edits:
+        text = (mirror / path).read_text()
+        assert old in text
+        (mirror / path).write_text(text.replace(old, new, 1))
+    git(mirror, 'add', '--all')
+    git(mirror, 'commit', '--quiet', '--message', 'Mend it')
+    return git(mirror, 'format-patch', '--stdout', '-1')
+
+
+def import_patch(monorepo, patch):
+    file = monorepo.parent / 'N.patch'
+    file.write_text(patch)
+    return subprocess.run(
+        [monorepo / 'ci/import_patch', file], cwd=monorepo, capture_output=True, text=True, check=False
+    )
+
+
+def checks_pass(monorepo):
+    generation = generate.main(['--check', '--root', str(monorepo)])
+    command = ['python', 'tools/check_drift.py', '--monorepo', 'monorepo', '--mirror', 'lupin_greenhouse_ros']
+    return generation == 0 and subprocess.run(command, cwd=monorepo, check=False).returncode == 0
+
+
+def test_a_patch_beside_the_divergent_line_and_over_the_renamed_package(repositories):
+    monorepo, mirror = repositories
+    patch = commit_in(
+        mirror,
+        (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0'),
+        (f'{BRIDGE}/bridge_node.py', 'Turn a path parameter', 'Turn the path parameter'),
+        (f'{BRIDGE}/bridge_node.py', 'from lupin_greenhouse_msgs.msg', '# a\nfrom lupin_greenhouse_msgs.msg'),
+        ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One climate value', 'A climate value'),
+        ('README.md', '## Install', '## How to install'),
+    )  # fmt: skip
+    result = import_patch(monorepo, patch)
+    assert result.returncode == 0, result.stderr
+    assert 'Another Team: Mend it' in result.stdout
+    assert git(monorepo, 'status', '--porcelain') == ''
+    changed = set(git(monorepo, 'show', '--name-only', '--format=').split())
+    node, message = f'{BRIDGE}/bridge_node.py', 'msg/SensorReading.msg'
+    assert changed == {
+        f'tools/core/{node}',
+        f'monorepo/{node}',
+        f'lupin_greenhouse_ros/{node}',
+        f'tools/core/lupin_msgs/{message}',
+        f'monorepo/lupin_msgs/{message}',
+        f'lupin_greenhouse_ros/lupin_greenhouse_msgs/{message}',
+        'lupin_greenhouse_ros/README.md',
+    }
+    for file in changed:
+        if file.startswith('lupin_greenhouse_ros/'):
+            own = file.removeprefix('lupin_greenhouse_ros/')
+            assert (monorepo / file).read_text() == (mirror / own).read_text()
+    assert checks_pass(monorepo)
+
+
+def test_a_new_file_in_a_package_arrives_in_both_trees(repositories):
+    monorepo, mirror = repositories
+    (mirror / 'lupin_greenhouse_bridge/test/test_more.py').write_text('"""More."""\n')
+    result = import_patch(monorepo, commit_in(mirror))
+    assert result.returncode == 0, result.stderr
+    assert (monorepo / 'monorepo/lupin_greenhouse_bridge/test/test_more.py').exists()
+    assert checks_pass(monorepo)
+
+
+def test_a_file_without_a_place_here_is_one_line_and_changes_nothing(repositories):
+    monorepo, mirror = repositories
+    (mirror / 'NOTES.md').write_text('x\n')
+    result = import_patch(monorepo, commit_in(mirror))
+    assert result.returncode != 0
+    assert result.stderr == 'mirror_patch: NOTES.md: is no file of the mirror that tools/twins.toml knows\n'
+    assert git(monorepo, 'status', '--porcelain') == ''
+
+
+def test_a_patch_that_does_not_apply_changes_nothing(repositories):
+    monorepo, mirror = repositories
+    patch = commit_in(
+        mirror, (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0')
+    )
+    result = import_patch(monorepo, patch.replace('LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0'))
+    assert result.returncode == 1
+    assert 'does not apply to tools/core: nothing was changed' in result.stderr
+    assert git(monorepo, 'status', '--porcelain') == ''
+    assert git(monorepo, 'log', '--format=%s').splitlines() == ['Everything']
+
+
+def test_own_uncommitted_changes_are_not_mixed_in(repositories):
+    monorepo, mirror = repositories
+    patch = commit_in(mirror, ('README.md', '## Install', '## How to install'))
+    (monorepo / 'README.md').write_text('changed')
+    result = import_patch(monorepo, patch)
+    assert (result.returncode, result.stderr) == (
+        2,
+        'mirror-import: commit or stash your own changes first\n',
+    )
