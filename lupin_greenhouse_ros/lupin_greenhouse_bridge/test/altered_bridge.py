@@ -7,13 +7,17 @@ An alteration is a function of this module.
 """
 
 import datetime
+import fractions
 import itertools
+import math
 import os
 import sys
 import threading
 from pathlib import Path
 
+import numpy
 import rclpy
+import rclpy.node
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node, simulation
 
@@ -51,6 +55,69 @@ def signalled_in_start_up():
         return greenhouse
 
     simulation.load = load_and_signal
+
+
+def announced_services():
+    """Log every service before it is created."""
+    create_service = rclpy.node.Node.create_service
+
+    def announce(node, service_type, name, *arguments, **keywords):
+        print(f'create_service {name}', flush=True)
+        return create_service(node, service_type, name, *arguments, **keywords)
+
+    rclpy.node.Node.create_service = announce
+
+
+class HostileNumber(float):
+    """A number that breaks when it is looked at."""
+
+    def __float__(self):
+        raise ZeroDivisionError
+
+
+def fail(message):
+    raise RuntimeError(message)
+
+
+def faulty_simulator():
+    """Serve one tag per fault, by its name, each with one sensor, beside the tag 'good'."""
+    noon = 43200
+    answers = {
+        'good': lambda: {'timestamp': noon, 'co2': 21.5},
+        'raises': lambda: fail('the sensor is on fire'),
+        'raises_key_error': lambda: {}['co2'],
+        'nan': lambda: {'timestamp': noon, 'co2': math.nan},
+        'infinity': lambda: {'timestamp': noon, 'co2': math.inf},
+        'minus_infinity': lambda: {'timestamp': noon, 'co2': -math.inf},
+        'text': lambda: {'timestamp': noon, 'co2': '21.3'},
+        'none': lambda: {'timestamp': noon, 'co2': None},
+        'true': lambda: {'timestamp': noon, 'co2': True},
+        'list': lambda: {'timestamp': noon, 'co2': [1.0]},
+        'numpy_nan': lambda: {'timestamp': noon, 'co2': numpy.float32('nan')},
+        'numpy_bool': lambda: {'timestamp': noon, 'co2': numpy.bool_(True)},
+        'huge_integer': lambda: {'timestamp': noon, 'co2': 10**400},
+        'hostile_number': lambda: {'timestamp': noon, 'co2': HostileNumber(1.0)},
+        'no_values': lambda: {'timestamp': noon},
+        'empty': dict,
+        'no_mapping': lambda: 7,
+        'time_nan': lambda: {'timestamp': math.nan, 'co2': 1.0},
+        'time_text': lambda: {'timestamp': 'noon', 'co2': 1.0},
+        'time_too_late': lambda: {'timestamp': 86400.0, 'co2': 1.0},
+        'time_negative': lambda: {'timestamp': -1e-9, 'co2': 1.0},
+        'many_lines': lambda: fail('one\ntwo\x1b[2J'),
+        'numpy_float': lambda: {'timestamp': noon, 'co2': numpy.float32(3)},
+        'numpy_integer': lambda: {'timestamp': numpy.int64(noon), 'co2': numpy.int8(3)},
+        'integer': lambda: {'timestamp': noon, 'co2': 3},
+        'fraction': lambda: {'timestamp': noon, 'co2': fractions.Fraction(6, 2)},
+    }
+    load = simulation.load
+
+    def load_and_spoil(*arguments, **keywords):
+        greenhouse = load(*arguments, **keywords)
+        greenhouse.sim.get_sensor_data = lambda tag_id: answers[tag_id]()
+        return greenhouse._replace(tag_ids=frozenset(answers))
+
+    simulation.load = load_and_spoil
 
 
 if __name__ == '__main__':

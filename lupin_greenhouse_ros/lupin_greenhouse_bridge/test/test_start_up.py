@@ -8,13 +8,11 @@ import subprocess
 import sys
 
 import pytest
+from conftest import is_open_source_tree
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import simulation
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.settings import Settings
-from lupin_greenhouse_msgs.srv import GetTagReading
-
-IS_OPEN_SOURCE_TREE = 'greenhouse' in GetTagReading.__module__.split('.')[0]
 
 
 def time_after_start_up(**arguments):
@@ -51,7 +49,7 @@ def custom_tag_file(tmp_path):
 def test_a_custom_tag_file_is_served_or_meets_the_documented_error(start_bridge, custom_tag_file):
     """The one divergence of the two trees, as a user meets it."""
     bridge = start_bridge(tag_file=custom_tag_file)
-    if IS_OPEN_SOURCE_TREE:
+    if is_open_source_tree():
         fatal = bridge.refusal()
         assert f"tag_file '{custom_tag_file}'" in fatal
         assert "'str' object has no attribute 'exists'" in fatal

@@ -14,6 +14,7 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 
 from lupin_greenhouse_bridge import simulation
 from lupin_greenhouse_bridge.errors import ReadingError, StartUpError, printable
@@ -22,6 +23,8 @@ from lupin_greenhouse_bridge.settings import Settings
 NODE_NAME = 'greenhouse_bridge'
 LOG_EVERY_SECONDS = 5.0  # a caller in a loop must not flood the log
 LONGEST_WAIT_SECONDS = 0.5
+# ROS's default depth is 10: of 16 requests that come at once some are dropped, and nobody is told.
+SERVICE_QOS = QoSProfile(depth=1000)
 
 
 def _config_path(value: str) -> Path | str | None:
@@ -52,6 +55,7 @@ class GreenhouseBridge(Node):
             GetTagReading,
             '~/get_tag_reading',
             self._handle_get_tag_reading,
+            qos_profile=SERVICE_QOS,
             callback_group=self._cb_group,
         )
         self.get_logger().info(f'ready: {greenhouse.summary}')

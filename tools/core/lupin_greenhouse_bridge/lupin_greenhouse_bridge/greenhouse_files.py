@@ -12,7 +12,7 @@ LARGEST_TAG_FILE_BYTES = 64 * 2**20  # some 500,000 tags
 LARGEST_CONFIG_FILE_BYTES = 2**20  # PyYAML takes seconds for a megabyte
 # No product of two such numbers overflows, so a finite config cannot give an infinite reading.
 LARGEST_NUMBER = 1e12
-SMALLEST_DECAY_DISTANCE_M = 1e-12
+SMALLEST_DIVISOR = 1e-12
 
 
 def read_tags(path) -> dict[str, dict]:
@@ -79,24 +79,20 @@ def _check_tag(tag_id: str, tag, where: str) -> None:
     for key in ('x', 'y'):
         _number(tag, key, where, unit='metres')
     sensors = tag['sensors']
-    if not isinstance(sensors, list) or not all(isinstance(name, str) for name in sensors):
-        raise StartUpError(
-            f'{where}: sensors is {_kind(sensors)}: give a list of sensor names, such as ["co2"]'
-        )
+    if not isinstance(sensors, list):
+        raise StartUpError(f'{where}: sensors is {_kind(sensors)}: give a list of names, such as ["co2"]')
+    if no_names := [name for name in sensors if not isinstance(name, str)]:
+        raise StartUpError(f'{where}: sensors holds {_kind(no_names[0])}: give names, such as ["co2"]')
 
 
 def _check_time(time: dict, settings: Settings, where: str) -> None:
     if not isinstance(time.get('debug_mode'), bool):
-        raise StartUpError(f'{where}: debug_mode must be true or false, not {_shown(time, "debug_mode")}')
+        raise StartUpError(f'{where}: debug_mode must be true or false, and is {_shown(time, "debug_mode")}')
     is_frozen = time['debug_mode'] or settings.debug_time_of_day >= 0.0 or settings.debug_seed >= 0
     if 'debug_time_of_day' in time or (is_frozen and settings.debug_time_of_day < 0.0):
-        _number(time, 'debug_time_of_day', where, unit='hours from 0 to 24', smallest=0.0, largest=24.0)
+        _number(time, 'debug_time_of_day', where, unit='hours', smallest=0.0, largest=24.0)
     if 'speedup_factor' in time or not (is_frozen or settings.speedup_factor > 0.0):
-        factor = _number(time, 'speedup_factor', where, unit='simulated seconds per second, above 0')
-        if factor <= 0.0:
-            raise StartUpError(
-                f'{where}: speedup_factor is {factor}: give simulated seconds per second, above 0'
-            )
+        _number(time, 'speedup_factor', where, unit='simulated seconds per second', smallest=SMALLEST_DIVISOR)
     if time['debug_mode'] or 'debug_seed' in time:
         seed = time.get('debug_seed')
         if isinstance(seed, bool) or not isinstance(seed, int):
@@ -125,8 +121,8 @@ def _check_component(component, dynamics_types, where: str) -> None:
 _COMPONENT_NUMBERS = {
     'value_at_midnight': {'unit': 'the unit of the sensor'},
     'value_at_noon': {'unit': 'the unit of the sensor'},
-    'noise_sigma': {'unit': 'the unit of the sensor, 0 or above', 'smallest': 0.0},
-    'decay_distance': {'unit': 'metres, above 0', 'smallest': SMALLEST_DECAY_DISTANCE_M},
+    'noise_sigma': {'unit': 'the unit of the sensor', 'smallest': 0.0},
+    'decay_distance': {'unit': 'metres', 'smallest': SMALLEST_DIVISOR},
     'angle': {'unit': 'degrees'},
 }
 
@@ -144,7 +140,7 @@ def _number(
     if not is_number or not smallest <= value <= largest:  # NaN is in no range
         raise StartUpError(
             f'{where}: {key} is {_shown(mapping, key)}:'
-            f' give a number of {unit} (from {smallest:g} to {largest:g})'
+            f' give a number from {smallest:g} to {largest:g} ({unit})'
         )
     return value
 
@@ -159,7 +155,9 @@ def _shown(mapping: dict, key: str) -> str:
     if key not in mapping:
         return 'missing'
     value = mapping[key]
-    return repr(value)[:60] if isinstance(value, (str, bool, float, type(None))) else _kind(value)
+    if isinstance(value, int) and abs(value) > LARGEST_NUMBER:
+        return 'a number of more than 12 digits'  # Python refuses to print thousands of them
+    return repr(value)[:60] if isinstance(value, (str, int, float, type(None))) else _kind(value)
 
 
 def _kind(value) -> str:

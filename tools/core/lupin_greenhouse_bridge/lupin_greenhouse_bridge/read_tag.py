@@ -12,12 +12,15 @@ from lupin_msgs.srv import GetTagReading
 from rcl_interfaces.srv import GetParameters
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.qos import QoSProfile
 from rclpy.utilities import remove_ros_args
 
 from lupin_greenhouse_bridge import simulation
 from lupin_greenhouse_bridge.errors import BridgeError, printable
 
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
+# Every client hears the replies to all; at ROS's depth of 10 those to others can push out its own.
+CLIENT_QOS = QoSProfile(depth=1000)
 DEFAULT_SERVICE = '/greenhouse_bridge/get_tag_reading'
 STATUS_NAMES = {
     GetTagReading.Response.STATUS_OK: 'OK',
@@ -46,7 +49,7 @@ class BridgeClient:
     def connect(self, service_type, service_name: str):
         """Return a client of a service that is there; raises NoAnswer, UsageError."""
         try:
-            client = self._node.create_client(service_type, service_name)
+            client = self._node.create_client(service_type, service_name, qos_profile=CLIENT_QOS)
         except InvalidServiceNameException as error:
             raise UsageError(f'--service {service_name!r} is no service name: {error}') from error
         if not client.wait_for_service(timeout_sec=self._timeout_seconds):

@@ -1,0 +1,143 @@
+"""No request, and nothing that the simulator does with one, kills, blocks or floods the bridge."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+
+import pytest
+from conftest import CLIENT_QOS, PATIENCE_SECONDS, BridgeStarter, call
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from lupin_msgs.msg import TagReading
+from lupin_msgs.srv import GetTagReading
+
+OK = GetTagReading.Response.STATUS_OK
+UNKNOWN_TAG = GetTagReading.Response.STATUS_UNKNOWN_TAG
+SIMULATOR_ERROR = GetTagReading.Response.STATUS_SIMULATOR_ERROR
+
+
+@settings(max_examples=300, deadline=None)
+@given(tag_id=st.text(st.characters(exclude_categories=['Cs'], exclude_characters='\0'), max_size=80))
+@example(tag_id='')
+@example(tag_id=' ')
+@example(tag_id='1 ')
+@example(tag_id='01')
+@example(tag_id='１')  # noqa: RUF001
+@example(tag_id='\u202e1\u202c')
+@example(tag_id='🍅')
+@example(tag_id="'; DROP TABLE tags; --")
+@example(tag_id='%s%n{0}${HOME}')
+@example(tag_id='../../etc/passwd')
+@example(tag_id='1\n[FATAL] [greenhouse_bridge]: forged')
+@example(tag_id='\x1b[2J\x1b]0;owned\x07')
+def test_any_other_id_is_an_unknown_tag_and_the_next_request_is_answered(noon_bridge, shipped_tags, tag_id):
+    response = noon_bridge.call(tag_id)
+    if tag_id in shipped_tags:
+        assert response.status == OK
+        return
+    assert (response.status, response.reading) == (UNKNOWN_TAG, TagReading())
+    assert response.error_message.isprintable()
+    assert f'({len(shipped_tags)} tags known).' in response.error_message
+    assert noon_bridge.values('1')
+
+
+def test_a_megabyte_of_id_is_an_unknown_tag_in_a_short_message(noon_bridge):
+    response = noon_bridge.call('x' * 2**20)
+    assert response.status == UNKNOWN_TAG
+    assert response.error_message.startswith(f"Tag '{'x' * 64}...' is not in the loaded greenhouse")
+    assert noon_bridge.values('1')
+
+
+def test_a_nul_ends_an_id_in_the_client_and_never_reaches_a_longer_tag(noon_bridge):
+    """ROS strings end at a NUL: rclpy sends what stands before it."""
+    assert noon_bridge.call('99\0').status == UNKNOWN_TAG
+    assert noon_bridge.call('\x001').status == UNKNOWN_TAG
+    assert noon_bridge.call('1\x002').reading.tag_id in ('1', '')
+
+
+@pytest.fixture(scope='module', params=['0', '1'], ids=['unchecked fields', 'checked fields'])
+def faulty_bridge(request):
+    with ExitStack() as stack:
+        yield BridgeStarter(stack)(
+            'faulty_simulator', environment={'ROS_PYTHON_CHECK_FIELDS': request.param}, debug_time_of_day=12.0
+        )
+
+
+@pytest.mark.parametrize(
+    ('fault', 'cause'),
+    [
+        ('raises', 'RuntimeError: the sensor is on fire'),
+        ('raises_key_error', "KeyError: 'co2'"),
+        ('nan', 'nan for co2'),
+        ('infinity', 'inf for co2'),
+        ('minus_infinity', '-inf for co2'),
+        ('text', "'21.3' for co2"),
+        ('none', 'None for co2'),
+        ('true', 'True for co2'),
+        ('list', '[1.0] for co2'),
+        ('numpy_nan', 'nan'),
+        ('numpy_bool', 'for co2, not a finite number'),
+        ('huge_integer', 'OverflowError'),
+        ('hostile_number', 'ZeroDivisionError'),
+        ('no_values', 'no value'),
+        ('empty', "KeyError: 'timestamp'"),
+        ('no_mapping', 'TypeError'),
+        ('time_nan', 'nan for sim time of day'),
+        ('time_text', "'noon' for sim time of day"),
+        ('time_too_late', 'outside [0, 86400)'),
+        ('time_negative', 'outside [0, 86400)'),
+        ('many_lines', 'one two'),
+    ],
+)
+def test_a_simulator_that_fails_is_reported_with_its_cause_and_survived(faulty_bridge, fault, cause):
+    response = faulty_bridge.call(fault)
+    assert (response.status, response.reading) == (SIMULATOR_ERROR, TagReading())
+    assert cause in response.error_message
+    assert response.error_message.isprintable()
+    assert faulty_bridge.values('good') == {'co2': 21.5}
+
+
+@pytest.mark.parametrize('fault', ['numpy_float', 'numpy_integer', 'integer', 'fraction'])
+def test_any_finite_real_number_is_cast(faulty_bridge, fault):
+    (value,) = faulty_bridge.values(fault).values()
+    assert math.isclose(value, 3.0)
+
+
+def test_the_cause_of_a_failure_is_logged_once_and_not_with_every_request(start_bridge):
+    bridge = start_bridge('faulty_simulator', debug_time_of_day=12.0)
+    for _ in range(200):
+        assert bridge.call('raises').status == SIMULATOR_ERROR
+        assert bridge.call('99').status == UNKNOWN_TAG
+    bridge.stop()
+    log = bridge.rest_of_log()
+    assert 1 <= len([line for line in log if 'the sensor is on fire' in line]) <= 20
+    assert 1 <= len([line for line in log if "Tag '99' is not in" in line]) <= 20
+
+
+def test_a_hostile_id_cannot_forge_a_log_line(start_bridge):
+    bridge = start_bridge(debug_time_of_day=12.0)
+    bridge.call('1\n[FATAL] [0.0] [greenhouse_bridge]: forged\r\x1b[2J')
+    bridge.stop()
+    log = bridge.rest_of_log()
+    (line,) = [line for line in log if 'forged' in line]
+    assert line.startswith('[WARN]')
+    assert '\\n[FATAL]' in line
+    assert line.isprintable()
+
+
+def test_sixteen_clients_at_once_lose_nothing_and_get_their_own_answers(noon_bridge, shipped_tags):
+    noon_bridge.connect()
+    tag_ids = list(shipped_tags)
+    clients = [
+        noon_bridge.node.create_client(GetTagReading, noon_bridge.service_name, qos_profile=CLIENT_QOS)
+        for _ in range(16)
+    ]
+    for client in clients:  # each has found the bridge, and the bridge has found each
+        assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+        assert call(client, GetTagReading.Request(tag_id='1')).status == OK
+    with ThreadPoolExecutor(len(clients)) as pool:
+        for shift in range(20):
+            asked = [tag_ids[(number + shift) % len(tag_ids)] for number in range(len(clients))]
+            requests = [GetTagReading.Request(tag_id=tag_id) for tag_id in asked]
+            answered = [response.reading.tag_id for response in pool.map(call, clients, requests)]
+            assert answered == asked
