@@ -19,7 +19,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 IN_ENV := source ci/ros_env.bash &&
 
-.PHONY: help env build run smoke read test lint generate generate-check drift mirror-publish-check mirror-import clean
+.PHONY: help env build run smoke read test lint generate generate-check drift matrix soak test-network mirror-publish-check mirror-import clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -57,6 +57,15 @@ generate-check: env  ## are both trees what tools/core generates?
 
 drift:  ## do the two trees differ in the one allowed line only?
 	@$(PYTHON) tools/check_drift.py --monorepo monorepo --mirror lupin_greenhouse_ros
+
+matrix:  ## the contract tests on every Python, distro and simulator to be had here
+	@ci/matrix
+
+soak: build  ## faults and load on this machine, with figures (SHORT=1: under a minute)
+	@$(IN_ENV) python tools/soak.py $(if $(SHORT),--short)
+
+test-network: build  ## two hosts as network namespaces: loss, delay, a pulled cable (needs root)
+	@$(IN_ENV) python tools/network.py
 
 mirror-publish-check: env  ## split the mirror out of the last commit, clone it, follow its README
 	@source ci/ros_env.bash without-overlay && python ci/publish_check.py

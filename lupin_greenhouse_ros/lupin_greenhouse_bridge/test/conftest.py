@@ -56,6 +56,12 @@ def shipped_tags():
 
 
 @pytest.fixture(scope='session')
+def warm_tag_id(shipped_tags):
+    """Return a tag that has the temperature, which is free of noise."""
+    return next(tag_id for tag_id, tag in shipped_tags.items() if 'temperature' in tag['sensors'])
+
+
+@pytest.fixture(scope='session')
 def shipped_config():
     return yaml.safe_load((CONFIGS / 'greenhouse_config.yaml').read_text(encoding='utf-8'))
 

@@ -59,12 +59,12 @@ def test_a_custom_tag_file_is_served_or_meets_the_documented_error(start_bridge,
         assert bridge.call('1').error_message == "Tag '1' is not in the loaded greenhouse (1 tags known)."
 
 
-def test_a_custom_config_is_served(start_bridge, shipped_config, tmp_path):
+def test_a_custom_config_is_served(start_bridge, shipped_config, warm_tag_id, tmp_path):
     config = copy.deepcopy(shipped_config)
     config['sensors']['temperature'] = [{'value_at_midnight': 3, 'value_at_noon': 3, 'dynamics': 'uniform'}]
     path = tmp_path / 'config.yaml'
     path.write_text(json.dumps(config))  # JSON is YAML
-    assert start_bridge(sim_config_file=path).values('6') == {'temperature': 3.0}
+    assert start_bridge(sim_config_file=path).values(warm_tag_id)['temperature'] == 3.0
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,9 @@ def load(settings: Settings, tag_file, sim_config_file) -> Greenhouse:
 
     tag_path = tag_file or _shipped('tag_locations.json')
     tags = read_tags(tag_path)
+    tag_ids = [tag_id for tag_id, tag in tags.items() if tag['sensors']]
+    if not tag_ids:
+        raise StartUpError(f"tag_file '{tag_path}': no tag has a sensor: give at least one tag at least one")
     config_path = sim_config_file or _shipped('greenhouse_config.yaml')
     config = read_config(config_path, settings, AVAILABLE_SENSORS, AVAILABLE_DYNAMICS)
     for tag_id, tag in tags.items():
@@ -68,9 +71,6 @@ def load(settings: Settings, tag_file, sim_config_file) -> Greenhouse:
             ' set PYTHONUTF8=1'
         )
     _apply_overrides(sim, settings)
-    tag_ids = [tag_id for tag_id, tag in tags.items() if tag['sensors']]
-    if not tag_ids:
-        raise StartUpError(f"tag_file '{tag_path}': no tag has a sensor: give at least one tag at least one")
     _prove_readable(sim, tag_ids)
     return Greenhouse(
         sim, frozenset(tag_ids), _warnings(sim, tags, settings), _summary(sim, tag_ids, version)

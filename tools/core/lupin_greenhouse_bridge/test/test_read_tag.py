@@ -26,12 +26,13 @@ def bridge(noon_bridge):
     return noon_bridge
 
 
-def test_a_reading_is_a_table(bridge):
-    result = read_tag(bridge, '6')
+def test_a_reading_is_a_table(bridge, warm_tag_id):
+    result = read_tag(bridge, warm_tag_id)
     assert (result.returncode, result.stderr) == (ALL_READ, '')
-    header, row = (line.split() for line in result.stdout.splitlines())
+    header, *rows = (line.split() for line in result.stdout.splitlines())
     assert header == ['tag', 'sim', 'time', 'sensor', 'value']
-    assert row == ['6', '12:00:00', 'temperature', f'{bridge.values("6")["temperature"]:.3f}']
+    temperature = bridge.values(warm_tag_id)['temperature']
+    assert [warm_tag_id, '12:00:00', 'temperature', f'{temperature:.3f}'] in rows
 
 
 def test_all_reads_every_tag_and_counts_them(bridge, shipped_tags):
@@ -56,12 +57,13 @@ def test_the_good_ones_of_several_tags_are_read(bridge):
     assert result.stdout.splitlines()[-1] == '1/2 tags read'
 
 
-def test_json_is_one_object_per_line(bridge):
-    result = read_tag(bridge, '--json', '6', '99')
+def test_json_is_one_object_per_line(bridge, warm_tag_id):
+    result = read_tag(bridge, '--json', warm_tag_id, '99')
     good, bad = map(json.loads, result.stdout.splitlines())
     assert result.returncode == SOME_FAILED
-    assert (good['tag_id'], good['status'], good['sim_time_of_day_seconds']) == ('6', 'OK', 43200.0)
-    assert good['readings'] == bridge.values('6')
+    assert (good['tag_id'], good['status'], good['sim_time_of_day_seconds']) == (warm_tag_id, 'OK', 43200.0)
+    assert good['readings']['temperature'] == bridge.values(warm_tag_id)['temperature']
+    assert good['readings'].keys() == bridge.values(warm_tag_id).keys()
     assert (bad['tag_id'], bad['status'], bad['readings']) == ('99', 'UNKNOWN_TAG', {})
 
 

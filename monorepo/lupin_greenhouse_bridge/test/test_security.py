@@ -1,0 +1,83 @@
+"""The SROS2 policy allows what the nodes create on the graph, and nothing else."""
+
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from conftest import EXECUTABLES, wait_until
+
+POLICY = ElementTree.parse(Path(__file__).resolve().parent.parent / 'security/policy.xml').getroot()
+# Distros before Jazzy do not have it; a right that is not used does no harm.
+NOT_EVERYWHERE = {'get_type_description'}
+
+
+def allowed(node, kind, right):
+    """Return the names that the policy's profile of a node lists, without the node's own name."""
+    (profile,) = [each for each in POLICY.iter('profile') if each.get('node') == node]
+    groups = [group for group in profile if group.get(right) == 'ALLOW']
+    return {name.text.replace('~/', '') for group in groups for name in group if group.tag == kind}
+
+
+def names(listed, node, namespace):
+    return {name.removeprefix(f'{namespace}/{node}/').replace(namespace, '', 1) for name, _ in listed}
+
+
+def test_the_policy_has_the_form_of_sros2_0_2_0():
+    assert (POLICY.tag, POLICY.attrib) == ('policy', {'version': '0.2.0'})
+    enclaves = list(POLICY.iter('enclave'))
+    assert [each.get('path') for each in enclaves] == ['/greenhouse_bridge', '/read_tag']
+    for profile in POLICY.iter('profile'):
+        assert profile.attrib.keys() == {'ns', 'node'}
+        for group in profile:
+            assert group.tag in ('topics', 'services')
+            rights = {'topics': {'publish', 'subscribe'}, 'services': {'request', 'reply'}}[group.tag]
+            assert group.attrib.keys() <= rights
+            assert set(group.attrib.values()) == {'ALLOW'}
+            assert {each.tag for each in group} == {group.tag.removesuffix('s')}
+
+
+def test_the_bridge_may_do_what_it_does_and_nothing_more(noon_bridge):
+    noon_bridge.connect()
+    graph, node = noon_bridge.node, 'greenhouse_bridge'
+    namespace = noon_bridge.service_name.partition('/greenhouse_bridge/')[0]
+
+    def services():
+        if (node, namespace) not in graph.get_node_names_and_namespaces():
+            return set()
+        return names(graph.get_service_names_and_types_by_node(node, namespace), node, namespace)
+
+    replies = allowed(node, 'services', 'reply')
+    wait_until(lambda: services() >= replies - NOT_EVERYWHERE)
+    assert services() | NOT_EVERYWHERE == replies
+    published = graph.get_publisher_names_and_types_by_node(node, namespace)
+    assert {name for name, _ in published} == allowed(node, 'topics', 'publish')
+    assert graph.get_subscriber_names_and_types_by_node(node, namespace) == []
+    assert graph.get_client_names_and_types_by_node(node, namespace) == []
+
+
+@pytest.mark.parametrize(('arguments', 'asks_for_parameters'), [(['1'], False), (['--all'], True)])
+def test_the_client_may_do_what_it_does_and_nothing_more(noon_bridge, arguments, asks_for_parameters):
+    noon_bridge.connect()
+    graph, node = noon_bridge.node, 'read_tag'
+    command = [EXECUTABLES / node, *arguments, '--watch', '0.05', '--service', noon_bridge.service_name]
+    requests = {name.rpartition('/')[2] for name in allowed(node, 'services', 'request')}
+    if not asks_for_parameters:
+        requests.remove('get_parameters')
+
+    def asked():
+        if (node, '/') not in graph.get_node_names_and_namespaces():
+            return set()
+        return {name.rpartition('/')[2] for name, _ in graph.get_client_names_and_types_by_node(node, '/')}
+
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
+        try:
+            wait_until(lambda: asked() >= requests)
+            assert asked() == requests
+            served = names(graph.get_service_names_and_types_by_node(node, '/'), f'/{node}', '')
+            assert {name.rpartition('/')[2] for name in served} <= allowed(node, 'services', 'reply')
+            published = {name for name, _ in graph.get_publisher_names_and_types_by_node(node, '/')}
+            assert published <= allowed(node, 'topics', 'publish')
+            assert graph.get_subscriber_names_and_types_by_node(node, '/') == []
+        finally:
+            process.kill()

@@ -1,0 +1,168 @@
+"""
+A bridge and its clients as processes, for soak.py and network.py; as a script, one such client.
+
+A client calls the bridge again and again, one call at a time, and prints what became of them as JSON.
+What it sends until the bridge has found it, its greetings, is counted apart.
+"""
+
+import argparse
+import atexit
+import importlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+TOOLS = Path(__file__).resolve().parent
+TAG_IDS = [str(number) for number in range(1, 31) if number != 8]
+PATIENCE_SECONDS = 60.0
+
+
+class Bridge:
+    """A bridge process with its requests counted; it prints the count when it ends well."""
+
+    def __init__(self, *prefix: str, **parameters):
+        tree = TOOLS.parent / os.environ.get('TREE', 'monorepo')
+        altered = tree / 'lupin_greenhouse_bridge/test/altered_bridge.py'
+        overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+        self.process = subprocess.Popen(
+            [*prefix, sys.executable, str(altered), 'counted_requests', '--ros-args', *overrides],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        atexit.register(self.process.kill)
+        for line in self.process.stdout:
+            if 'ready:' in line:
+                return
+        raise RuntimeError(f'the bridge did not start: exit code {self.process.wait()}')
+
+    def status(self, key: str) -> int:
+        """Return a number of /proc/PID/status, such as VmRSS (kB) or Threads."""
+        text = Path(f'/proc/{self.process.pid}/status').read_text()
+        return int(next(line for line in text.splitlines() if line.startswith(f'{key}:')).split()[1])
+
+    def open_files(self) -> int:
+        """Return the number of open file descriptors."""
+        return len(list(Path(f'/proc/{self.process.pid}/fd').iterdir()))
+
+    def kill(self) -> None:
+        """End it as a power cut does."""
+        self.process.kill()
+        self.process.wait()
+
+    def stop(self) -> tuple[int, int]:
+        """End it with SIGTERM; return the exit code and the number of requests it has handled."""
+        self.process.send_signal(signal.SIGTERM)
+        output, _ = self.process.communicate(timeout=PATIENCE_SECONDS)
+        handled = [line.split()[-1] for line in output.splitlines() if line.startswith('requests handled:')]
+        return self.process.returncode, int(handled[-1]) if handled else -1
+
+
+class Client:
+    """A client process; see main() for its options."""
+
+    def __init__(self, *options: str, prefix: tuple[str, ...] = ()):
+        command = [*prefix, sys.executable, str(TOOLS / 'load.py'), *options]
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        atexit.register(self.process.kill)
+
+    def wait_for_first_answer(self) -> None:
+        """Return when the client has had an answer, and so is in the midst of its calls."""
+        self.process.stdout.readline()
+
+    def go(self) -> None:
+        """Let a client go on that was started with --wait."""
+        self.process.stdin.write('go\n')
+        self.process.stdin.flush()
+
+    def result(self) -> dict:
+        """Return the counts that the client prints at its end."""
+        output, _ = self.process.communicate(timeout=10 * PATIENCE_SECONDS)
+        return json.loads(output.splitlines()[-1])
+
+
+def main() -> int:
+    """Call, count, print."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--calls', type=int, default=10**9, help='how many at the most')
+    parser.add_argument('--seconds', type=float, default=600.0, help='how long at the most')
+    parser.add_argument('--timeout', type=float, default=10.0, help='seconds for one call')
+    parser.add_argument('--pause', type=float, default=0.0, help='seconds between two calls')
+    parser.add_argument('--first', type=int, default=0, help='which tag comes first')
+    parser.add_argument(
+        '--wait', action='store_true', help='after the first answer, for a line on standard input'
+    )
+    options = parser.parse_args()
+
+    import rclpy
+
+    rclpy.init(args=[])
+    ask = asker(rclpy.create_node(f'load_{os.getpid()}'))
+    # The client finds the bridge before the bridge finds the client; until then DDS drops its requests.
+    greetings = 1
+    while ask(TAG_IDS[0], 2.0) is None:
+        greetings += 1
+    print('first answer', flush=True)
+    if options.wait:
+        sys.stdin.readline()
+    print(json.dumps({'greetings': greetings, **ask_on(ask, options)}), flush=True)
+    rclpy.shutdown()
+    return 0
+
+
+def asker(node):
+    """Return a function that asks for a tag's reading and returns it, or None after a time-out."""
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.qos import QoSProfile
+
+    is_monorepo = os.environ.get('TREE', 'monorepo') == 'monorepo'
+    package = importlib.import_module('lupin_msgs.srv' if is_monorepo else 'lupin_greenhouse_msgs.srv')
+    service = package.GetTagReading
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    name = '/greenhouse_bridge/get_tag_reading'
+    client = node.create_client(service, name, qos_profile=QoSProfile(depth=1000))
+    client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+
+    def ask(tag_id: str, timeout_seconds: float):
+        future = client.call_async(service.Request(tag_id=tag_id))
+        deadline = time.monotonic() + timeout_seconds
+        while not future.done() and time.monotonic() < deadline:
+            executor.spin_once(timeout_sec=0.1)
+        if not future.done():
+            client.remove_pending_request(future)
+            return None
+        return future.result().reading
+
+    return ask
+
+
+def ask_on(ask, options) -> dict:
+    """Ask as often and as long as the options say; return the counts."""
+    counts = {'calls': 0, 'answered': 0, 'timed_out': 0, 'wrong': 0, 'sim_times': Counter()}
+    slowest_seconds = 0.0
+    end = time.monotonic() + options.seconds
+    while counts['calls'] < options.calls and time.monotonic() < end:
+        tag_id = TAG_IDS[(options.first + counts['calls']) % len(TAG_IDS)]
+        counts['calls'] += 1
+        started = time.monotonic()
+        reading = ask(tag_id, options.timeout)
+        slowest_seconds = max(slowest_seconds, time.monotonic() - started)
+        if reading is None:
+            counts['timed_out'] += 1
+            continue
+        counts['answered'] += 1
+        counts['wrong'] += reading.tag_id != tag_id
+        counts['sim_times'][reading.sim_time_of_day_seconds] += 1
+        if options.pause:
+            time.sleep(options.pause)
+    return {**counts, 'slowest_seconds': round(slowest_seconds, 3)}
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,176 @@
+"""
+Two hosts, as network namespaces with a cable between them: loss, delay, and the cable pulled.
+
+    make test-network   (as root, with iproute2; else it says why it does nothing)
+
+The cable is this process: it carries Ethernet frames from one TAP device to another, late and not all
+of them. (`tc netem` would do the same where the kernel has it; many a virtual machine's has not.)
+Every call has 40 s. Prints one line per phase; exit code 1 when a call was lost or handled twice.
+"""
+
+import contextlib
+import fcntl
+import heapq
+import os
+import random
+import selectors
+import shutil
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from load import Bridge, Client
+from soak import run
+
+HOSTS = tuple(f'{name}{os.getpid()}' for name in ('robot', 'laptop'))
+PULLED_SECONDS = 10.0
+TUN = Path('/dev/net/tun')
+TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000  # linux/if_tun.h
+LONGEST_FRAME_BYTES = 65536
+
+
+class Cable:
+    """Carries frames between two hosts, each with a chance of loss and after a delay."""
+
+    def __init__(self, hosts: tuple[str, str]):
+        self.loss = 0.0  # chance of losing a frame, in [0, 1]
+        self.delay_seconds = 0.0  # each way
+        self.is_pulled = False
+        self.carried = self.lost = 0
+        self._ends = [self._plug_in(number, host) for number, host in enumerate(hosts, start=1)]
+        self._is_open = True
+        self._thread = threading.Thread(target=self._carry, daemon=True)
+        self._thread.start()
+
+    @staticmethod
+    def _plug_in(number: int, host: str) -> int:
+        name = f'tap{os.getpid()}_{number}'
+        end = os.open(TUN, os.O_RDWR | os.O_NONBLOCK)
+        fcntl.ioctl(end, TUNSETIFF, struct.pack('16sH', name.encode(), IFF_TAP | IFF_NO_PI))
+        ip(f'link set {name} netns {host}')
+        ip(f'-n {host} address add 10.77.0.{number}/24 dev {name}')
+        ip(f'-n {host} link set {name} up')
+        ip(f'-n {host} route add default dev {name}')  # multicast goes that way
+        return end
+
+    def _carry(self) -> None:
+        under_way = []
+        with selectors.DefaultSelector() as selector:
+            for number, end in enumerate(self._ends):
+                selector.register(end, selectors.EVENT_READ, self._ends[1 - number])
+            while self._is_open:
+                wait = min(0.1, max(0.0, under_way[0][0] - time.monotonic())) if under_way else 0.1
+                for key, _ in selector.select(wait):
+                    frame = os.read(key.fd, LONGEST_FRAME_BYTES)
+                    if self.is_pulled or random.random() < self.loss:  # noqa: S311
+                        self.lost += 1
+                    else:
+                        self.carried += 1
+                        arrival = time.monotonic() + self.delay_seconds
+                        heapq.heappush(under_way, (arrival, self.carried, key.data, frame))
+                while under_way and under_way[0][0] <= time.monotonic():
+                    _, _, end, frame = heapq.heappop(under_way)
+                    with contextlib.suppress(OSError):  # a host that has gone hears nothing
+                        os.write(end, frame)
+
+    def close(self) -> None:
+        """Take the cable away."""
+        self._is_open = False
+        self._thread.join()
+        for end in self._ends:
+            os.close(end)
+
+
+def ip(command: str) -> None:
+    """Run one ip command; raise CalledProcessError with its output when it fails."""
+    subprocess.run(['ip', *command.split()], check=True, capture_output=True, text=True)
+
+
+def inside(host: str) -> tuple[str, ...]:
+    """Return what puts a command into a host."""
+    return ('ip', 'netns', 'exec', host)
+
+
+@contextlib.contextmanager
+def two_hosts() -> Iterator[Cable]:
+    """Yield the cable between two hosts that go when it is done."""
+    try:
+        for host in HOSTS:
+            ip(f'netns add {host}')
+            ip(f'-n {host} link set lo up')
+        cable = Cable(HOSTS)
+        yield cable
+        cable.close()
+    finally:
+        for host in HOSTS:
+            subprocess.run(['ip', 'netns', 'delete', host], check=False, capture_output=True)
+
+
+def across_a_bad_cable(_scale: int) -> Iterator[tuple[str, bool]]:
+    """Call from one host to the other before, during and after each trouble."""
+    robot, laptop = map(inside, HOSTS)
+    with two_hosts() as cable:
+        bridge = Bridge(*robot, debug_time_of_day=12.0)
+        fewest = most = 0
+        for phase, cable.loss, cable.delay_seconds, calls in (
+            ('before', 0.0, 0.0, 200),
+            ('20 % loss and 50 ms delay each way', 0.2, 0.05, 40),
+            ('after', 0.0, 0.0, 200),
+        ):
+            carried, lost = cable.carried, cable.lost
+            result = Client('--calls', str(calls), '--timeout', '40', prefix=laptop).result()
+            fewest, most = fewest + calls + 1, most + calls + result['greetings']
+            carried, lost = cable.carried - carried, cable.lost - lost
+            yield (
+                (
+                    f'{phase}: {result["answered"]}/{calls} answered, {result["wrong"]} swapped, slowest'
+                    f' {result["slowest_seconds"]} s; {lost} of {carried + lost} frames lost'
+                ),
+                (result['answered'], result['wrong']) == (calls, 0) and (lost > 0) == (cable.loss > 0),
+            )
+        client = Client('--seconds', '25', '--timeout', '40', '--pause', '0.01', prefix=laptop)
+        client.wait_for_first_answer()
+        cable.is_pulled = True
+        time.sleep(PULLED_SECONDS)
+        cable.is_pulled = False
+        result = client.result()
+        fewest, most = fewest + result['calls'] + 1, most + result['calls'] + result['greetings']
+        yield (
+            (
+                f'cable pulled for {PULLED_SECONDS:g} s: {result["answered"]}/{result["calls"]} answered,'
+                f' slowest {result["slowest_seconds"]} s'
+            ),
+            result['answered'] == result['calls'] and result['slowest_seconds'] > PULLED_SECONDS / 2,
+        )
+        exit_code, handled = bridge.stop()
+        yield (
+            (f'{fewest} to {most} requests made, {handled} handled, exit code {exit_code}'),
+            exit_code == 0 and fewest <= handled <= most,
+        )
+
+
+def main() -> int:
+    """Run the phases where this machine can; return the exit code."""
+    if os.geteuid() != 0 or not shutil.which('ip') or not TUN.exists():
+        print(f'test-network: skipped: it needs root, {TUN} and ip (sudo apt install iproute2)')
+        return 0
+    try:
+        ip(f'netns add probe{os.getpid()}')
+        ip(f'netns delete probe{os.getpid()}')
+    except subprocess.CalledProcessError as error:
+        print(f'test-network: skipped: no network namespaces here: {error.stderr.strip()}')
+        return 0
+    os.environ |= {
+        'ROS_DOMAIN_ID': '0',  # the namespaces are cut off from everything else
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
+        'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',  # shared memory would connect the two hosts past the cable
+    }
+    return 1 if run([across_a_bad_cable], 1) else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

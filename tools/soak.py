@@ -1,0 +1,184 @@
+"""
+Faults and load on one machine: what is promised of the bridge, counted.
+
+    make soak           about five minutes
+    make soak SHORT=1   under one; part of make test
+
+Prints one line per scenario; exit code 1 when a promise was broken.
+"""
+
+import argparse
+import os
+import random
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import domain_coordinator
+from load import Bridge, Client
+
+
+def client_killed_in_mid_call(scale: int) -> Iterator[tuple[str, bool]]:
+    """Kill clients without warning; the bridge goes on and holds on to nothing of theirs."""
+    bridge = Bridge(debug_time_of_day=12.0)
+    Client('--calls', '100').result()
+    files = bridge.open_files()
+    for _ in range(2 * scale):
+        victims = [Client() for _ in range(4)]
+        for victim in victims:
+            victim.wait_for_first_answer()
+        for victim in victims:
+            victim.process.kill()
+            victim.process.wait()
+    after = Client('--calls', '100').result()
+    yield f'{8 * scale} clients killed, next one answered {after["answered"]}/100', after['answered'] == 100
+    yield f'open files {files} -> {bridge.open_files()}', bridge.open_files() <= files + 8
+    yield f'exit code {bridge.stop()[0]}', bridge.process.returncode == 0
+
+
+def bridge_killed_and_restarted(scale: int) -> Iterator[tuple[str, bool]]:
+    """Kill the bridge while clients keep calling; every call ends, and the next bridge starts and answers."""
+    bridge = Bridge(debug_time_of_day=12.0)
+    seconds = 6 * scale + 8
+    clients = [Client('--seconds', str(seconds), '--timeout', '2', '--pause', '0.005') for _ in range(4)]
+    for client in clients:
+        client.wait_for_first_answer()
+    for _ in range(2 * scale):
+        bridge.kill()
+        bridge = Bridge(
+            debug_time_of_day=12.0
+        )  # returns when it is ready, in spite of what the dead one left
+        time.sleep(2.0)
+    results = [client.result() for client in clients]
+    calls, answered, timed_out = (
+        sum(each[key] for each in results) for key in ('calls', 'answered', 'timed_out')
+    )
+    yield (
+        f'{2 * scale} kills, {calls} calls = {answered} answered + {timed_out} timed out',
+        calls == answered + timed_out,
+    )
+    slowest = max(each['slowest_seconds'] for each in results)
+    yield f'slowest call {slowest} s of 2 s allowed', slowest < 3.0
+    last = Client('--calls', '50').result()
+    yield f'after the last restart {last["answered"]}/50 answered', last['answered'] == 50
+    yield f'exit code {bridge.stop()[0]}', bridge.process.returncode == 0
+
+
+def sixteen_clients(scale: int) -> Iterator[tuple[str, bool]]:
+    """
+    Ask from 16 processes at once; every answer is for its own question, and none is lost.
+
+    All start at the same moment: 16 requests are more than the 10 that ROS's default depth keeps.
+    """
+    bridge = Bridge(debug_time_of_day=12.0)
+    calls = 100 * scale
+    clients = [Client('--wait', '--calls', str(calls), '--first', str(number)) for number in range(16)]
+    for client in clients:
+        client.wait_for_first_answer()
+    for client in clients:
+        client.go()
+    results = [client.result() for client in clients]
+    answered, wrong = (sum(each[key] for each in results) for key in ('answered', 'wrong'))
+    yield (
+        f'{16 * calls} calls, {16 * calls - answered} lost, {wrong} swapped',
+        (answered, wrong) == (16 * calls, 0),
+    )
+    greetings = sum(each['greetings'] for each in results)
+    exit_code, handled = bridge.stop()
+    yield (
+        (f'{handled} requests handled of {greetings} greetings and {16 * calls} calls, exit {exit_code}'),
+        (exit_code == 0 and 16 + 16 * calls <= handled <= greetings + 16 * calls),
+    )
+
+
+def many_calls(scale: int) -> Iterator[tuple[str, bool]]:
+    """Call and call; no reply is lost and nothing grows."""
+    bridge = Bridge(debug_time_of_day=12.0)
+    Client('--calls', '1000').result()
+    before = bridge.status('VmRSS'), bridge.open_files(), bridge.status('Threads')
+    calls = 20_000 * scale if scale > 1 else 5_000
+    started = time.monotonic()
+    result = Client('--calls', str(calls), '--seconds', '3000').result()
+    rate = calls / (time.monotonic() - started)
+    after = bridge.status('VmRSS'), bridge.open_files(), bridge.status('Threads')
+    lost = calls - result['answered']
+    yield (
+        f'{calls} calls, {lost} lost, {result["wrong"]} swapped, {rate:.0f} calls/s',
+        (lost, result['wrong']) == (0, 0),
+    )
+    yield f'RSS {before[0]} -> {after[0]} kB', after[0] <= before[0] + 4096
+    yield (
+        f'open files {before[1]} -> {after[1]}, threads {before[2]} -> {after[2]}',
+        after[1:] <= (before[1] + 2, before[2]),
+    )
+    yield f'exit code {bridge.stop()[0]}', bridge.process.returncode == 0
+
+
+def terminated_during_calls(scale: int) -> Iterator[tuple[str, bool]]:
+    """Send SIGTERM in the midst of calls, at any moment; the bridge ends with 0 and each call ends."""
+    exit_codes, hung = [], 0
+    for _ in range(3 * scale):
+        bridge = Bridge(debug_time_of_day=12.0)
+        client = Client('--seconds', '2', '--timeout', '0.5')
+        client.wait_for_first_answer()
+        time.sleep(random.uniform(0.0, 0.1))  # noqa: S311 (any moment will do)
+        exit_codes.append(bridge.stop()[0])
+        result = client.result()
+        hung += result['calls'] - result['answered'] - result['timed_out']
+    yield (
+        f'{len(exit_codes)} times, exit codes {sorted(set(exit_codes))}, {hung} calls without an end',
+        (set(exit_codes) == {0} and not hung),
+    )
+
+
+def two_bridges(scale: int) -> Iterator[tuple[str, bool]]:
+    """Run two bridges of one name: each call gets one answer, from either."""
+    bridges = [Bridge(debug_time_of_day=hour) for hour in (6.0, 18.0)]
+    calls = 200 * scale
+    result = Client('--calls', str(calls)).result()
+    shares = ', '.join(
+        f'{count} at {float(second) / 3600:g} h' for second, count in result['sim_times'].items()
+    )
+    yield f'{calls} calls, {result["answered"]} answered ({shares})', result['answered'] == calls
+    codes = [bridge.stop()[0] for bridge in bridges]
+    yield f'exit codes {codes}', codes == [0, 0]
+
+
+SCENARIOS: list[Callable[[int], Iterator[tuple[str, bool]]]] = [
+    client_killed_in_mid_call,
+    bridge_killed_and_restarted,
+    sixteen_clients,
+    many_calls,
+    terminated_during_calls,
+    two_bridges,
+]
+
+
+def run(scenarios: list, scale: int) -> int:
+    """Run scenarios, print a line per promise; return how many were broken."""
+    broken = 0
+    for scenario in scenarios:
+        for text, is_kept in scenario(scale):
+            broken += not is_kept
+            print(f'{"kept  " if is_kept else "BROKEN"}  {scenario.__name__}: {text}', flush=True)
+    return broken
+
+
+def main() -> int:
+    """Run every scenario on a domain of its own; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--short', action='store_true', help='a tenth of everything')
+    options = parser.parse_args()
+    with domain_coordinator.domain_id() as domain_id:
+        os.environ |= {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+        before = len(list(Path('/dev/shm').glob('fastrtps_*')))  # noqa: S108 (Fast DDS's place)
+        broken = run(SCENARIOS, 1 if options.short else 10)
+        after = len(list(Path('/dev/shm').glob('fastrtps_*')))  # noqa: S108
+    print(f'shared-memory files of Fast DDS {before} -> {after} (a killed process leaves its own)')
+    print(f'{broken} promises broken')
+    return 1 if broken else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
