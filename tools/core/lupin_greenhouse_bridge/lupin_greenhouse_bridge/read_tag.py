@@ -85,9 +85,10 @@ class BridgeClient:
 
 def main(args=None):
     """Print readings as the command line asks; return the exit code."""
-    options = _parse(remove_ros_args(sys.argv if args is None else args)[1:])
+    is_watching = False
     try:
-        rclpy.init(args=args)
+        options = _parse(_init(args))
+        is_watching = options.watch is not None
         bridge = BridgeClient(rclpy.create_node('read_tag', start_parameter_services=False), options.timeout)
         get_tag_reading = bridge.connect(GetTagReading, options.service)
         tag_ids = _all_tag_ids(bridge, get_tag_reading.srv_name) if options.all else options.tag_ids
@@ -99,11 +100,11 @@ def main(args=None):
             (_print_json if options.json else _print_table)(responses)
             if any(response.status != GetTagReading.Response.STATUS_OK for response in responses.values()):
                 exit_code = SOME_FAILED
-            if options.watch is None:
+            if not is_watching:
                 return exit_code
             time.sleep(options.watch)
     except (KeyboardInterrupt, ExternalShutdownException):
-        return INTERRUPTED if options.watch is None else ALL_READ
+        return ALL_READ if is_watching else INTERRUPTED
     except (NoAnswer, UsageError) as error:
         print(f'read_tag: {error}', file=sys.stderr)
         return NO_ANSWER if isinstance(error, NoAnswer) else USAGE
@@ -112,6 +113,15 @@ def main(args=None):
         return ALL_READ
     finally:
         rclpy.try_shutdown()
+
+
+def _init(args) -> list[str]:
+    """Start ROS with its own arguments, and return the others."""
+    try:
+        rclpy.init(args=args)
+        return remove_ros_args(sys.argv if args is None else args)[1:]
+    except RuntimeError as error:
+        raise UsageError(f'the ROS arguments are not understood: {error}') from error
 
 
 def _parse(arguments: list[str]) -> argparse.Namespace:

@@ -76,6 +76,7 @@ def test_json_is_one_object_per_line(bridge, warm_tag_id):
         ['1', '--timeout', 'nan'],
         ['1', '--watch', '-1'],
         ['--service', 'a b', '1'],
+        ['1', '--ros-args', '-p', 'x:=[1'],
     ],
 )
 def test_a_wrong_command_line_is_exit_code_2_without_a_traceback(arguments):
