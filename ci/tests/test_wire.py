@@ -145,7 +145,7 @@ def test_the_type_descriptions_are_equal_but_for_the_package_name(interface):
     )
     assert own_hash.keys() == their_hash.keys()
     name = 'lupin_msgs/' + interface
-    assert own_hash[name] != their_hash[name]  # the name is part of it: the two never talk to each other
+    assert own_hash[name] != their_hash[name]  # the name of the package is part of what is hashed
 
 
 def hash_of_get_tag_reading(folder, text):
