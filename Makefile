@@ -61,7 +61,7 @@ drift:  ## do the two trees differ in the one allowed line only?
 matrix:  ## the contract tests on every Python, distro and simulator to be had here
 	@ci/matrix
 
-soak: build  ## faults and load on this machine, with figures (SHORT=1: under a minute)
+soak: build  ## faults and load on this machine, with figures (SHORT=1: about a minute)
 	@$(IN_ENV) python tools/soak.py $(if $(SHORT),--short)
 
 test-network: build  ## two hosts as network namespaces: loss, delay, a pulled cable (needs root)

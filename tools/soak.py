@@ -1,8 +1,8 @@
 """
 Faults and load on one machine: what is promised of the bridge, counted.
 
-    make soak           about five minutes
-    make soak SHORT=1   under one; part of make test
+    make soak           about seven minutes
+    make soak SHORT=1   about one; part of make test
 
 Prints one line per scenario; exit code 1 when a promise was broken.
 """
