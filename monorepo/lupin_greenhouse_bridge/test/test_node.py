@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import rclpy
-from conftest import PATIENCE_SECONDS, call, spinning_node, wait_until
+from conftest import CLIENT_QOS, PATIENCE_SECONDS, call, spinning_node, wait_until
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.settings import Settings
@@ -129,6 +129,7 @@ def most_handlers_at_once(monkeypatch) -> int:
             rclpy.init(args=['--ros-args', '-p', 'debug_time_of_day:=12.0', '-r', '__ns:=/overlap'])
             stack.callback(rclpy.shutdown)
             node = bridge_node.GreenhouseBridge()
+            stack.callback(node.destroy_node)
         Recorder.most = 0  # start-up has read every tag
         executor = MultiThreadedExecutor(num_threads=8)
         executor.add_node(node)
@@ -140,7 +141,9 @@ def most_handlers_at_once(monkeypatch) -> int:
         for number in range(8):
             client_node = stack.enter_context(spinning_node(f'client{number}'))
             clients.append(
-                client_node.create_client(GetTagReading, '/overlap/greenhouse_bridge/get_tag_reading')
+                client_node.create_client(
+                    GetTagReading, '/overlap/greenhouse_bridge/get_tag_reading', qos_profile=CLIENT_QOS
+                )
             )
             assert clients[-1].wait_for_service(timeout_sec=PATIENCE_SECONDS)
         with ThreadPoolExecutor(8) as pool:
