@@ -108,16 +108,15 @@ def wait_until(is_so):
         pause.wait(0.002)
 
 
-class Bridge:
-    """One real bridge process and, once connected, a client of its service."""
+class NodeProcess:
+    """One real node process in a namespace of its own, and its log."""
 
     def __init__(self, stack: contextlib.ExitStack, command: list[str], parameters: dict, environment: dict):
         self._stack = stack
-        namespace = next(NAMESPACES)
-        self.service_name = f'{namespace}/greenhouse_bridge/get_tag_reading'
+        self.namespace = next(NAMESPACES)
         overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
         self.process = subprocess.Popen(
-            [*command, '--ros-args', '-r', f'__ns:={namespace}', *overrides],
+            [*command, '--ros-args', '-r', f'__ns:={self.namespace}', *overrides],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             env={**os.environ, **environment},
@@ -127,8 +126,6 @@ class Bridge:
         self.log = []
         self._lines = queue.SimpleQueue()
         threading.Thread(target=self._read_log, daemon=True).start()
-        self.node = None
-        self._client = None
 
     def _read_log(self):
         for line in self.process.stdout:
@@ -154,6 +151,29 @@ class Bridge:
             self.log.append(line)
         return self.log
 
+    def refusal(self, exit_code: int = 1) -> str:
+        """Return the one FATAL line of a node that refuses to start, with its exit code and no traceback."""
+        log = self.rest_of_log()
+        assert self.process.wait(PATIENCE_SECONDS) == exit_code, log
+        assert 'Traceback' not in '\n'.join(log)
+        (fatal,) = [line for line in log if '[FATAL]' in line]
+        return fatal
+
+    def stop(self, number=signal.SIGTERM) -> int:
+        """Send a signal, and return the exit code."""
+        self.process.send_signal(number)
+        return self.process.wait(PATIENCE_SECONDS)
+
+
+class Bridge(NodeProcess):
+    """One real bridge and, once connected, a client of its service."""
+
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.service_name = f'{self.namespace}/greenhouse_bridge/get_tag_reading'
+        self.node = None
+        self._client = None
+
     def connect(self):
         """Wait until the service is there, and return its client."""
         if self._client is None:
@@ -173,19 +193,6 @@ class Bridge:
         response = self.call(tag_id)
         assert (response.status, response.error_message) == (GetTagReading.Response.STATUS_OK, '')
         return {each.name: each.value for each in response.reading.readings}
-
-    def refusal(self) -> str:
-        """Return the one FATAL line of a bridge that refuses to start, with exit code 1 and no traceback."""
-        log = self.rest_of_log()
-        assert self.process.wait(PATIENCE_SECONDS) == 1, log
-        assert 'Traceback' not in '\n'.join(log)
-        (fatal,) = [line for line in log if '[FATAL]' in line]
-        return fatal
-
-    def stop(self, number=signal.SIGTERM) -> int:
-        """Send a signal, and return the exit code."""
-        self.process.send_signal(number)
-        return self.process.wait(PATIENCE_SECONDS)
 
 
 class BridgeStarter:
