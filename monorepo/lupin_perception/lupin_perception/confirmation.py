@@ -1,0 +1,133 @@
+"""Is the expected tag in view? Decided from the last few frames. No ROS here."""
+
+import re
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import NamedTuple
+
+import numpy as np
+
+TAG_COUNT = 587  # tag36h11 has the ids 0 to 586
+
+
+class CannotServe(ValueError):
+    """What was asked for cannot be done; the text says what and what would be right, in one line."""
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A tag in a picture."""
+
+    tag_number: int
+    side_pixels: float  # of its shortest side, black border included
+    sharpness: float  # 0 to 1: how much of the variance of its pixels black and white explain
+
+
+def _criterion(default, smallest: float, largest: float, description: str):
+    return field(default=default, metadata={'limits': (smallest, largest), 'description': description})
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """What it takes to confirm a tag: the node's parameters; raises CannotServe on one out of its limits."""
+
+    max_image_age_seconds: float = _criterion(
+        1.0, 0.001, 3600.0, 'How old an image may be, by its stamp and by its arrival, in seconds.'
+    )
+    min_side_pixels: float = _criterion(
+        24.0, 1.0, 1e5, 'How long the shortest side of the tag, black border included, must be, in pixels.'
+    )
+    min_sharpness: float = _criterion(
+        0.75, 0.0, 1.0, 'How well black and white explain the pixels of the tag: 0 to 1, without any grey.'
+    )
+    min_frames: int = _criterion(2, 1, 100, 'In how many recent images the tag must be seen.')
+
+    def __post_init__(self):
+        for each in fields(self):
+            value, (smallest, largest) = getattr(self, each.name), each.metadata['limits']
+            kind = int if each.type is int else (int, float)
+            if isinstance(value, bool) or not isinstance(value, kind) or not smallest <= value <= largest:
+                raise CannotServe(
+                    f'parameter {each.name} is {value!r}: give a {"whole " * (kind is int)}number'
+                    f' from {smallest:g} to {largest:g}'
+                )
+
+
+class Frame(NamedTuple):
+    """A picture and when it was taken, by its own stamp and by its arrival; seconds of the two clocks."""
+
+    picture: np.ndarray
+    stamp_seconds: float
+    arrival_seconds: float
+
+
+class Confirmer:
+    """Keeps the last frames, and looks for a tag in them when asked; until then a frame costs nothing."""
+
+    def __init__(self, detect: Callable[[np.ndarray], list[Detection]], criteria: Criteria):
+        self._detect = detect
+        self._criteria = criteria
+        # Twice as many as must show the tag: one may be blurred.
+        self._frames: deque[Frame] = deque(maxlen=2 * criteria.min_frames)
+        self.refusal = ''  # of the last image, when it could not be used
+
+    def add(self, frame: Frame) -> None:
+        """Keep a frame, in the place of the oldest."""
+        self._frames.append(frame)
+        self.refusal = ''
+
+    def confirm(self, tag_id: str, stamp_now_seconds: float, arrival_now_seconds: float) -> tuple[bool, str]:
+        """Tell whether the camera sees the tag, and in one line what it sees or what is missing."""
+        if not re.fullmatch(r'0|[1-9][0-9]{0,2}', tag_id) or int(tag_id) >= TAG_COUNT:
+            return False, f'{tag_id[:40]!r} is no id of tag36h11: give 0 to {TAG_COUNT - 1} in decimal'
+        if not self._frames:
+            return False, f'no usable image yet{f": {self.refusal}" if self.refusal else ""}'
+        recent = [
+            frame
+            for frame in self._frames
+            if not self._fault_of_age(frame, stamp_now_seconds, arrival_now_seconds)
+        ]
+        if not recent:
+            return False, self._fault_of_age(self._frames[-1], stamp_now_seconds, arrival_now_seconds)
+        return self._look(int(tag_id), recent)
+
+    def _fault_of_age(self, frame: Frame, stamp_now_seconds: float, arrival_now_seconds: float) -> str:
+        longest = self._criteria.max_image_age_seconds
+        age = arrival_now_seconds - frame.arrival_seconds
+        if age > longest:
+            return f'the last image came {age:.1f} s ago: older than {longest:g} s'
+        age = stamp_now_seconds - frame.stamp_seconds
+        if abs(age) > longest:
+            where = 'ago' if age > 0.0 else 'ahead'
+            return f'the last image is stamped {abs(age):.1f} s {where}: not within {longest:g} s'
+        return ''
+
+    def _look(self, tag_number: int, frames: list[Frame]) -> tuple[bool, str]:
+        sightings = 0
+        flaws: list[str] = []
+        others: Counter[int] = Counter()
+        for frame in reversed(frames):
+            detections = self._detect(frame.picture)
+            expected = [each for each in detections if each.tag_number == tag_number]
+            others.update({each.tag_number for each in detections} - {tag_number})
+            found = [self._flaw_of(each) for each in expected]
+            flaws += filter(None, found)
+            sightings += '' in found
+            if sightings == self._criteria.min_frames:
+                return True, f'tag {tag_number} seen in {sightings} frames'
+        if flaws:
+            return False, f'tag {tag_number} is in view, but {flaws[0]}'
+        if sightings:
+            return False, f'tag {tag_number} seen in {sightings} frames of {self._criteria.min_frames} needed'
+        if others:
+            return False, f'other tags in view: {", ".join(map(str, sorted(others)))}'
+        return False, f'no tag in view in {len(frames)} frames'
+
+    def _flaw_of(self, detection: Detection) -> str:
+        criteria = self._criteria
+        if detection.side_pixels < criteria.min_side_pixels:
+            return f'small: {detection.side_pixels:.0f} pixels a side, {criteria.min_side_pixels:g} needed'
+        if detection.sharpness < criteria.min_sharpness:
+            return f'blurred: sharpness {detection.sharpness:.2f}, {criteria.min_sharpness:g} needed'
+        return ''

@@ -1,0 +1,23 @@
+from setuptools import setup
+
+package_name = 'lupin_perception'
+
+setup(
+    name=package_name,
+    version='1.0.0',
+    packages=[package_name],
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+    ],
+    python_requires='>=3.10',
+    # OpenCV comes from apt (python3-opencv) or pip (opencv-python-headless), not from both.
+    install_requires=['setuptools', 'numpy'],
+    extras_require={'test': ['hypothesis', 'pytest']},
+    zip_safe=True,
+    maintainer='Lupin team',
+    maintainer_email='lupin.team@example.org',
+    description='Confirms that the camera sees the AprilTag that the robot expects.',
+    license='Apache-2.0',
+    entry_points={'console_scripts': ['confirm_tag = lupin_perception.confirm_tag:main']},
+)
