@@ -19,7 +19,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 IN_ENV := source ci/ros_env.bash &&
 
-.PHONY: help env build run smoke read test lint generate generate-check drift matrix soak test-network mirror-publish-check mirror-import clean
+.PHONY: help env build run smoke read mission test lint generate generate-check drift matrix soak test-network recall test-opencv mirror-publish-check mirror-import clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -42,6 +42,9 @@ smoke: build  ## start the bridge on a private domain and read every tag
 read: env  ## ask a running bridge: make read TAG=7, TAG="1 5", TAG=--all
 	@$(IN_ENV) [ -x "$$LUPIN_EXECUTABLES/read_tag" ] || ci/build
 	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(ARGS)
+
+mission: build  ## visit and read every tag, with report and picture: CAMERA=1 has a camera confirm each
+	@$(IN_ENV) python ci/mission.py $(if $(CAMERA),--camera) $(ARGS)
 
 test: env  ## all that CI checks
 	@$(IN_ENV) ci/test
@@ -66,6 +69,12 @@ soak: build  ## faults and load on this machine, with figures (SHORT=1: about a 
 
 test-network: build  ## two hosts as network namespaces: loss, delay, a pulled cable (needs root)
 	@$(IN_ENV) python tools/network.py
+
+recall: env  ## how often the camera's detector finds a tag: by distance, angle, blur and noise
+	@$(IN_ENV) python tools/recall.py
+
+test-opencv: env  ## the detector's tests with Ubuntu 22.04's OpenCV 4.5.4 (needs a Python 3.10)
+	@ci/test_opencv
 
 mirror-publish-check: env  ## split the mirror out of the last commit, clone it, follow its README
 	@source ci/ros_env.bash without-overlay && python ci/publish_check.py

@@ -1,0 +1,97 @@
+"""
+Run the whole mission on a domain of its own: bridge, mission and, with --camera, a camera that confirms.
+
+Leaves the report and its picture in the folder .mission. Exit code: the mission's, 0 when all tags were read.
+"""
+
+import argparse
+import contextlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import domain_coordinator
+
+ROOT = Path(__file__).resolve().parent.parent
+INSTALLED = Path(os.environ['LUPIN_WORKSPACE'], 'install')
+LONGEST_MISSION_SECONDS = 900
+
+
+def executable(package: str, name: str) -> str:
+    """Return the path of what `ros2 run` would run."""
+    return str(INSTALLED / package / 'lib' / package / name)
+
+
+def parameters(assignments: list[str]) -> list[str]:
+    """Turn name:=value, as `ros2 launch` takes it, into what a node takes."""
+    return ['--ros-args', *(word for each in assignments for word in ('-p', each))]
+
+
+@contextlib.contextmanager
+def running(command: list[str], environment: dict[str, str]):
+    """Run a command beside; it ends with the block."""
+    process = subprocess.Popen(command, env=environment)
+    try:
+        yield
+    finally:
+        process.terminate()
+        try:
+            process.wait(10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def main() -> int:
+    """Run it and return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument('--camera', action='store_true', help='the hardware path: a camera confirms each tag')
+    parser.add_argument('--output', type=Path, default=ROOT / '.mission', metavar='FOLDER')
+    parser.add_argument('arguments', nargs='*', metavar='name:=value', help='parameters of the mission')
+    options = parser.parse_args()
+    mission_node = executable('lupin_mission', 'mission_node')
+    if not Path(mission_node).exists():
+        print('mission: it is in the monorepo only: make mission TREE=monorepo', file=sys.stderr)
+        return 2
+    options.output.mkdir(parents=True, exist_ok=True)
+    name = 'camera' if options.camera else 'simulation'
+    report = options.output / f'{name}.jsonl'
+    report.unlink(missing_ok=True)
+
+    with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
+        environment = {
+            **os.environ,
+            'ROS_DOMAIN_ID': str(domain_id),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        }
+        stack.enter_context(running([executable('lupin_greenhouse_bridge', 'bridge_node')], environment))
+        arguments = [f'report_file:="{report}"']
+        if options.camera:
+            stack.enter_context(running([executable('lupin_perception', 'confirm_tag')], environment))
+            stack.enter_context(running([sys.executable, str(ROOT / 'tools/camera.py')], environment))
+            # The first images of a tag take a moment after the arrival, as they do on a robot.
+            arguments += ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=5']
+        else:
+            arguments += ['dwell_seconds:=0.1']
+        try:
+            mission = subprocess.run(
+                [mission_node, *parameters([*arguments, *options.arguments])],
+                env=environment,
+                timeout=LONGEST_MISSION_SECONDS,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            print(f'mission: {error}', file=sys.stderr)
+            return 1
+        except KeyboardInterrupt:
+            return 130
+    if mission.returncode == 2:
+        return 2
+    plotting = subprocess.run([executable('lupin_mission', 'plot_report'), str(report)], check=False)
+    print(f'report: {report}')
+    return mission.returncode or plotting.returncode
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,65 @@
+"""`make mission`, on both paths: what it leaves behind."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def run_mission(output: Path, *arguments: str) -> subprocess.CompletedProcess:
+    script = 'source ci/ros_env.bash && exec "$0" ci/mission.py "$@"'
+    return subprocess.run(
+        ['bash', '-c', script, sys.executable, '--output', str(output), *arguments],
+        cwd=ROOT,
+        env={**os.environ, 'TREE': 'monorepo'},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'name', 'tag_ids'),
+    [
+        ([], 'simulation', None),
+        (['--camera', 'tag_ids:="1 5 7"', 'max_attempts:=20'], 'camera', ['1', '5', '7']),
+    ],
+    ids=['simulation', 'camera'],
+)
+def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path, arguments, name, tag_ids):
+    result = run_mission(tmp_path, *arguments)
+    assert result.returncode == 0, result.stdout + result.stderr
+    lines = [
+        json.loads(line) for line in (tmp_path / f'{name}.jsonl').read_text(encoding='utf-8').splitlines()
+    ]
+    assert {line['outcome'] for line in lines} == {'OK'}
+    assert len(lines) == len({line['tag_id'] for line in lines})
+    assert tag_ids in (None, [line['tag_id'] for line in lines])
+    assert f'{len(lines)}/{len(lines)} tags read' in result.stdout
+    assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
+    assert 'Traceback' not in result.stderr
+
+
+def test_a_tag_that_the_camera_never_sees_is_not_read(tmp_path):
+    result = run_mission(tmp_path, '--camera', 'tag_ids:="600"', 'max_attempts:=2')
+    assert result.returncode == 1
+    (line,) = (tmp_path / 'camera.jsonl').read_text(encoding='utf-8').splitlines()
+    assert json.loads(line)['outcome'] == 'NOT_CONFIRMED'
+
+
+def test_the_mirror_has_no_mission():
+    result = subprocess.run(
+        ['bash', '-c', 'source ci/ros_env.bash && exec "$0" ci/mission.py', sys.executable],
+        cwd=ROOT,
+        env={**os.environ, 'TREE': 'lupin_greenhouse_ros'},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 2
+    assert result.stderr == 'mission: it is in the monorepo only: make mission TREE=monorepo\n'

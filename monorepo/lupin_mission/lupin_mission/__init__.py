@@ -1,0 +1,1 @@
+"""The mission at the other end of the contract: visit the tags, read each once, report."""

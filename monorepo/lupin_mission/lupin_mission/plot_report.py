@@ -1,0 +1,131 @@
+"""`ros2 run lupin_mission plot_report FILE`: draw the greenhouse with what a mission measured at the tags."""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from lupin_greenhouse_bridge.errors import BridgeError
+
+from lupin_mission.report import Observation, Outcome, clock_time, last_of_each_tag, read_report
+
+DONE, USAGE = 0, 2
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write the picture beside the report, or where --output says; return the exit code."""
+    parser = argparse.ArgumentParser(prog='plot_report', description='Draw the report of a mission.')
+    parser.add_argument(
+        'report', metavar='FILE', type=Path, help='the JSON Lines file that the mission wrote'
+    )
+    parser.add_argument(
+        '--tag-file', default='', metavar='FILE', help="the mission's tag_file, if it had one"
+    )
+    parser.add_argument('--sim-config-file', default='', metavar='FILE', help="the bridge's, if it had one")
+    parser.add_argument(
+        '--output', type=Path, metavar='FILE', help='default: FILE.png; .svg and .pdf work too'
+    )
+    options = parser.parse_args(arguments)
+    output = options.output or options.report.with_suffix('.png')
+    try:
+        found = last_of_each_tag(read_report(options.report))
+        _draw(found, options, output)
+    except ImportError as error:
+        print(f'plot_report: {error}: sudo apt install python3-matplotlib', file=sys.stderr)
+        return USAGE
+    except BridgeError as error:
+        print(f'plot_report: {error}', file=sys.stderr)
+        return USAGE
+    except (OSError, ValueError) as error:  # matplotlib knows no such format, or cannot write there
+        print(f"plot_report: --output '{output}': {error}", file=sys.stderr)
+        return USAGE
+    print(f'picture: {output}')
+    return DONE
+
+
+def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Path) -> None:
+    import matplotlib  # late, so that its absence is one line
+
+    matplotlib.use('Agg')
+    from matplotlib import pyplot
+
+    from lupin_mission.greenhouse_plot import DrawingError, draw_footprint, label_of, read_layout
+
+    layout = read_layout(options.tag_file, options.sim_config_file)
+    if strangers := sorted(set(found) - set(layout.tags)):
+        raise DrawingError(
+            f"report '{options.report}': tag '{strangers[0]}' has no place in the tag file:"
+            " give the mission's own with --tag-file"
+        )
+    readings = {tag_id: each.reading.values for tag_id, each in found.items() if each.reading}
+    sensors = list(dict.fromkeys(name for values in readings.values() for name in values))
+    if not sensors:
+        raise DrawingError(f"report '{options.report}': no tag was read, so there is nothing to draw")
+
+    figure, all_axes = pyplot.subplots(
+        1, len(sensors), sharey=True, squeeze=False, layout='constrained', figsize=(2.9 * len(sensors), 6.6)
+    )
+    for axes, sensor in zip(all_axes[0], sensors, strict=True):
+        draw_footprint(axes, layout)
+        _draw_readings(figure, axes, sensor, layout, readings)
+        _draw_failures(axes, layout, found)
+        axes.set_title(label_of(sensor))
+    all_axes[0][0].set_ylabel('y (m)')
+    figure.suptitle(_headline(found, len(layout.tags)))
+    figure.savefig(output, dpi=130)
+    pyplot.close(figure)
+
+
+def _draw_readings(figure, axes, sensor: str, layout, readings) -> None:
+    from lupin_mission.greenhouse_plot import COLOURS
+
+    measured = {tag_id: values[sensor] for tag_id, values in readings.items() if sensor in values}
+    others = [tag for tag_id, tag in layout.tags.items() if tag_id not in measured]
+    axes.scatter([tag['x'] for tag in others], [tag['y'] for tag in others], s=12, color='0.75', zorder=2)
+    points = axes.scatter(
+        [layout.tags[tag_id]['x'] for tag_id in measured],
+        [layout.tags[tag_id]['y'] for tag_id in measured],
+        c=list(measured.values()),
+        cmap=COLOURS,
+        s=90,
+        edgecolor='black',
+        zorder=3,
+    )
+    for tag_id, value in measured.items():
+        # Outward: the tags stand close to the middle.
+        tag = layout.tags[tag_id]
+        is_left = tag['x'] < layout.width_m / 2
+        axes.annotate(
+            f'{tag_id}: {value:.3g}',
+            (tag['x'], tag['y']),
+            xytext=(-7 if is_left else 7, 0),
+            textcoords='offset points',
+            ha='right' if is_left else 'left',
+            va='center',
+            fontsize=7,
+            zorder=4,
+        )
+    figure.colorbar(points, ax=axes, location='bottom', shrink=0.9, pad=0.02)
+
+
+def _draw_failures(axes, layout, found) -> None:
+    failed = [layout.tags[tag_id] for tag_id, each in found.items() if each.outcome is not Outcome.OK]
+    axes.scatter(
+        [tag['x'] for tag in failed], [tag['y'] for tag in failed], marker='x', s=60, color='red', zorder=5
+    )
+
+
+def _headline(found: dict[str, Observation], tag_count: int) -> str:
+    readings = [each.reading for each in found.values() if each.reading]
+    first, last = (time.localtime(pick(r.stamp[0] for r in readings)) for pick in (min, max))
+    hours = [r.sim_time_of_day_seconds for r in readings]
+    failed = sum(each.outcome is not Outcome.OK for each in found.values())
+    return (
+        f'{len(readings)} of {tag_count} tags read{f", {failed} failed (x)" if failed else ""}\n'
+        f'{time.strftime("%Y-%m-%d %H:%M:%S", first)} to {time.strftime("%H:%M:%S", last)};'
+        f' greenhouse time of day {clock_time(min(hours))} to {clock_time(max(hours))}'
+    )
+
+
+if __name__ == '__main__':
+    sys.exit(main())

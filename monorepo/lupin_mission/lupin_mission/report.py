@@ -1,0 +1,215 @@
+"""The product of a mission: a JSON Lines file, one observation per line, and a table. No ROS here."""
+
+import errno
+import fcntl
+import json
+import math
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+
+from lupin_greenhouse_bridge.errors import BridgeError, printable
+from lupin_greenhouse_bridge.units import unit_of
+
+
+class ReportError(BridgeError):
+    """A report cannot be read or written."""
+
+
+class Outcome(str, Enum):
+    """What came of the scan of one tag."""
+
+    OK = 'OK'
+    UNKNOWN_TAG = 'UNKNOWN_TAG'  # the bridge's greenhouse has no such tag
+    SIMULATOR_ERROR = 'SIMULATOR_ERROR'  # the bridge has it and cannot read it
+    NOT_CONFIRMED = 'NOT_CONFIRMED'  # the camera did not see it
+    WRONG_TAG = 'WRONG_TAG'  # the answer was of another tag
+    BAD_READING = 'BAD_READING'  # the answer was no reading: empty, or with a value that is no finite number
+    TIMEOUT = 'TIMEOUT'  # no answer in time
+    NO_SERVICE = 'NO_SERVICE'  # nobody to ask
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The climate at a tag, with its two clocks."""
+
+    tag_id: str
+    stamp: tuple[int, int]  # wall clock of the bridge: seconds and nanoseconds since 1970
+    sim_time_of_day_seconds: float  # the greenhouse's own clock, [0, 86400)
+    values: dict[str, float]  # by sensor name
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The outcome at one tag; `reading` is there exactly when the outcome is OK."""
+
+    tag_id: str
+    outcome: Outcome
+    detail: str  # for people: why it failed; empty when OK
+    attempts: int  # requests that it took
+    reading: Reading | None = None
+
+    def to_line(self) -> str:
+        """Return the observation as JSON on one line; raises ValueError on a number that is not finite."""
+        reading = self.reading
+        return json.dumps(
+            {
+                'tag_id': self.tag_id,
+                'outcome': self.outcome.value,
+                'detail': self.detail,
+                'attempts': self.attempts,
+                'stamp': reading and {'sec': reading.stamp[0], 'nanosec': reading.stamp[1]},
+                'sim_time_of_day_seconds': reading and reading.sim_time_of_day_seconds,
+                'readings': reading and reading.values,
+            },
+            allow_nan=False,
+            ensure_ascii=False,
+        )
+
+    @classmethod
+    def from_line(cls, line: str) -> 'Observation':
+        """Return what to_line() wrote; raises ValueError, KeyError or TypeError on anything else."""
+        data = json.loads(line)
+        outcome, reading = Outcome(data['outcome']), None
+        if outcome is Outcome.OK:
+            reading = Reading(
+                data['tag_id'],
+                (int(data['stamp']['sec']), int(data['stamp']['nanosec'])),
+                float(data['sim_time_of_day_seconds']),
+                {str(name): float(value) for name, value in data['readings'].items()},
+            )
+        return cls(str(data['tag_id']), outcome, str(data['detail']), int(data['attempts']), reading)
+
+
+def fault_of(reading: Reading) -> str:
+    """Return why a reading cannot be used, '' when it can."""
+    if not reading.values:
+        return 'it has no value'
+    for name, value in (*reading.values.items(), ('sim time of day', reading.sim_time_of_day_seconds)):
+        if not math.isfinite(value):
+            return f'{name} is {value}'
+    return ''
+
+
+def read_report(path: Path | str) -> list[Observation]:
+    """Return the observations of a report, without a last line that was not written to its end."""
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise ReportError(f"report '{path}': {error.strerror}: give the file that a mission wrote") from error
+    return _parse(content, path)[0]
+
+
+def _parse(content: bytes, path) -> tuple[list[Observation], int]:
+    """Return the observations and how many bytes they take; what follows is the start of a line."""
+    whole, _, torn = content.rpartition(b'\n')
+    size = len(content) - len(torn)
+    observations = []
+    for number, line in enumerate(whole.split(b'\n') if size else [], start=1):
+        try:
+            observations.append(Observation.from_line(line.decode('utf-8')))
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise ReportError(
+                f"report '{path}': line {number} is no observation ({type(error).__name__}: {error}):"
+                ' give the file that a mission wrote, or a name that is still free'
+            ) from error
+    start = b'{"tag_id": '
+    if torn[: len(start)] != start[: len(torn)]:
+        raise ReportError(f"report '{path}' ends in something else than an observation: name another file")
+    return observations, size
+
+
+class Report:
+    """
+    A report that is being written; an existing one is continued.
+
+    A line is on the disk before record() returns. What a kill left of a line is cut off when the report is
+    opened again, so a line is whole or not there. One mission at a time can have it open.
+    """
+
+    def __init__(self, path: Path | str):
+        """Open or make the file; raises ReportError."""
+        self.path = Path(path)
+        try:
+            self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+        except (OSError, ValueError) as error:
+            reason = getattr(error, 'strerror', error)
+            raise ReportError(f"report_file '{path}': {reason}: name a file that can be written") from error
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self.observations, self._size = _parse(self.path.read_bytes(), path)
+            os.ftruncate(self._file, self._size)
+        except OSError as error:
+            self.close()
+            cause = 'another mission writes it' if error.errno == errno.EWOULDBLOCK else error.strerror
+            raise ReportError(f"report_file '{path}': {cause}: name another file") from error
+        except ReportError:
+            self.close()
+            raise
+
+    def record(self, observation: Observation) -> None:
+        """Append one observation and wait until it is on the disk; raises ReportError."""
+        line = f'{observation.to_line()}\n'.encode()
+        try:
+            if os.write(self._file, line) != len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            os.fsync(self._file)
+        except OSError as error:
+            os.ftruncate(self._file, self._size)
+            raise ReportError(f"report_file '{self.path}': {error.strerror}") from error
+        self._size += len(line)
+        self.observations.append(observation)
+
+    def close(self) -> None:
+        """Let another mission have the file."""
+        os.close(self._file)
+
+
+def last_of_each_tag(observations: Iterable[Observation]) -> dict[str, Observation]:
+    """Return what counts for each tag: its last observation, for a failed tag is tried again later."""
+    return {each.tag_id: each for each in observations}
+
+
+def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -> str:
+    """Return a table, one row for each of `tag_ids`, and a last line such as `29/29 tags read`."""
+    found = last_of_each_tag(observations)
+    tag_ids = list(tag_ids)
+    sensors = list(
+        dict.fromkeys(name for each in found.values() if each.reading for name in each.reading.values)
+    )
+    rows = [('tag', 'sim time', *sensors, 'outcome'), ('', 'h:min', *(unit_of(name) for name in sensors), '')]
+    for tag_id in tag_ids:
+        observation = found.get(tag_id)
+        reading = observation and observation.reading
+        rows.append(
+            (
+                printable(tag_id, 40),
+                clock_time(reading.sim_time_of_day_seconds) if reading else '',
+                *(
+                    f'{reading.values[name]:.2f}' if reading and name in reading.values else ''
+                    for name in sensors
+                ),
+                f'{observation.outcome.value} {printable(observation.detail, 200)}'.strip()
+                if observation
+                else 'not visited',
+            )
+        )
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = [
+        '  '.join(
+            # Words to the left, numbers to the right.
+            cell.ljust(width) if column in (0, len(widths) - 1) else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    read = sum(tag_id in found and found[tag_id].outcome is Outcome.OK for tag_id in tag_ids)
+    return '\n'.join([*lines, f'{read}/{len(tag_ids)} tags read'])
+
+
+def clock_time(time_of_day_seconds: float) -> str:
+    """Return hours and minutes of a time of day, such as 13:30."""
+    minutes = int(time_of_day_seconds) // 60
+    return f'{minutes // 60:02}:{minutes % 60:02}'

@@ -1,0 +1,28 @@
+from setuptools import setup
+
+package_name = 'lupin_mission'
+
+setup(
+    name=package_name,
+    version='1.0.0',
+    packages=[package_name],
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+        (f'share/{package_name}/launch', ['launch/mission.launch.py']),
+    ],
+    python_requires='>=3.10',
+    install_requires=['setuptools', 'matplotlib'],
+    extras_require={'test': ['hypothesis', 'pytest']},
+    zip_safe=True,
+    maintainer='Lupin team',
+    maintainer_email='lupin.team@example.org',
+    description='The mission: drive to each tag, have it confirmed, read its climate, report.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'mission_node = lupin_mission.mission_node:main',
+            'plot_report = lupin_mission.plot_report:main',
+        ],
+    },
+)

@@ -1,0 +1,369 @@
+"""The state machine of a mission, without ROS: time and replies come from the test."""
+
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from lupin_mission.drive import ImmediateDrive, TimedDrive
+from lupin_mission.mission import Limits, Mission, Service, State
+from lupin_mission.report import Observation, Outcome, Reading, Report
+
+LIMITS = Limits(dwell_seconds=1.0, request_timeout_seconds=2.0, max_attempts=3, retry_delay_seconds=0.5)
+
+
+def reading(tag_id: str, value: float = 20.0) -> Reading:
+    return Reading(tag_id, (1, 2), 43200.0, {'temperature': value})
+
+
+class World:
+    """Surroundings that remember what the mission did."""
+
+    def __init__(self, tag_ids='ab', drive=None, **options):
+        self.now = 0.0
+        self.sent, self.abandoned, self.recorded = [], [], []
+        self.is_service_there = True
+        self.mission = Mission(tag_ids, self, drive or ImmediateDrive(), LIMITS, **options)
+        self.mission.start(self.now)
+
+    def send(self, request):
+        self.sent.append(request)
+
+    def abandon(self, request):
+        self.abandoned.append(request)
+        return Outcome.TIMEOUT if self.is_service_there else Outcome.NO_SERVICE
+
+    def record(self, observation):
+        self.recorded.append(observation)
+
+    def wait(self, seconds):
+        self.now += seconds
+        self.mission.step(self.now)
+
+    @property
+    def asked(self):
+        return [(request.service, request.tag_id) for request in self.sent]
+
+    @property
+    def outcomes(self):
+        return [(each.tag_id, each.outcome) for each in self.recorded]
+
+    def answer(self, **fields):
+        tag_id = self.sent[-1].tag_id
+        return self.mission.on_reading(self.sent[-1].number, fields.get('reading', reading(tag_id)))
+
+
+def test_each_tag_is_read_once_and_in_order():
+    world = World('abc')
+    while world.mission.state is not State.DONE:
+        assert world.answer()
+        world.wait(1.0)
+    assert world.asked == [(Service.READ, tag) for tag in 'abc']
+    assert world.outcomes == [(tag, Outcome.OK) for tag in 'abc']
+    assert [each.reading for each in world.recorded] == [reading(tag) for tag in 'abc']
+
+
+def test_a_tag_is_not_left_before_the_dwell_is_over():
+    world = World()
+    world.answer()
+    world.wait(0.9)
+    assert world.mission.tag_at_hand == 'a'
+    world.wait(0.2)
+    assert world.mission.tag_at_hand == 'b'
+
+
+def test_the_scan_may_take_longer_than_the_dwell():
+    world = World()
+    world.wait(1.5)
+    assert world.mission.tag_at_hand == 'a'
+    world.answer()
+    world.wait(0.0)
+    assert world.mission.tag_at_hand == 'b'
+
+
+def test_a_pause_in_the_dwell_does_not_scan_the_tag_again():
+    world = World('a')
+    world.answer()
+    assert world.mission.pause()
+    world.wait(100.0)
+    assert world.mission.state is State.INSPECTING
+    assert world.mission.resume()
+    world.wait(0.5)
+    assert world.mission.state is State.INSPECTING
+    world.wait(0.5)
+    assert world.mission.state is State.DONE
+    assert world.outcomes == [('a', Outcome.OK)]
+    assert len(world.sent) == 1
+
+
+def test_nothing_is_asked_in_a_pause_and_a_reply_still_counts():
+    world = World()
+    world.mission.pause()
+    assert world.answer()
+    world.wait(100.0)
+    assert world.mission.tag_at_hand == 'a'
+    assert len(world.sent) == 1
+    assert world.outcomes == [('a', Outcome.OK)]
+
+
+def test_a_tag_that_is_confirmed_in_a_pause_is_read_after_it():
+    world = World('a', require_visual_confirmation=True)
+    world.mission.pause()
+    world.mission.on_confirmation(1, True, 'seen')
+    world.wait(1.0)
+    assert world.asked == [(Service.CONFIRM, 'a')]
+    world.mission.resume()
+    world.wait(0.0)
+    assert world.asked == [(Service.CONFIRM, 'a'), (Service.READ, 'a')]
+
+
+def test_the_drive_is_told_of_a_pause_and_its_end():
+    class Motor(ImmediateDrive):
+        told = ()
+
+        def pause(self):
+            self.told += ('pause',)
+
+        def resume(self):
+            self.told += ('resume',)
+
+    motor = Motor()
+    mission = World(drive=motor).mission
+    mission.pause()
+    mission.resume()
+    assert motor.told == ('pause', 'resume')
+
+
+def test_a_pause_stops_the_drive():
+    world = World(drive=TimedDrive(10.0))
+    world.wait(6.0)
+    world.mission.pause()
+    world.wait(100.0)
+    world.mission.resume()
+    world.wait(3.9)
+    assert world.mission.state is State.DRIVING
+    world.wait(0.2)
+    assert world.mission.tag_at_hand == 'a'
+
+
+def test_pausing_twice_and_resuming_twice_says_so():
+    mission = World().mission
+    assert [mission.resume(), mission.pause(), mission.pause(), mission.resume(), mission.resume()] == [
+        False, True, False, True, False
+    ]  # fmt: skip
+
+
+def test_a_timeout_gives_the_request_up_and_asks_again_later_and_later():
+    world = World('a')
+    times = []
+    while world.mission.state is not State.DONE:
+        before = len(world.sent)
+        world.wait(0.125)
+        if len(world.sent) > before:
+            times.append(world.now)
+    assert times == [2.0 + 0.5, 2.5 + 2.0 + 1.0]
+    assert world.abandoned == world.sent
+    assert world.outcomes == [('a', Outcome.TIMEOUT)]
+    assert world.recorded[0].attempts == 3
+
+
+def test_a_service_that_is_not_there_is_told_from_one_that_does_not_answer():
+    world = World('a')
+    world.is_service_there = False
+    while world.mission.state is not State.DONE:
+        world.wait(0.5)
+    assert world.outcomes == [('a', Outcome.NO_SERVICE)]
+
+
+def test_an_unknown_tag_is_not_asked_for_again():
+    world = World('ab')
+    world.mission.on_refusal(world.sent[0].number, Outcome.UNKNOWN_TAG, 'no such tag')
+    world.wait(1.0)
+    assert world.recorded[0] == Observation('a', Outcome.UNKNOWN_TAG, 'no such tag', 1)
+    assert world.asked[1:] == [(Service.READ, 'b')]
+
+
+@pytest.mark.parametrize(
+    ('bad', 'outcome'),
+    [
+        (reading('b'), Outcome.WRONG_TAG),
+        (reading('a', float('nan')), Outcome.BAD_READING),
+        (Reading('a', (1, 2), float('inf'), {'co2': 1.0}), Outcome.BAD_READING),
+        (Reading('a', (1, 2), 0.0, {}), Outcome.BAD_READING),
+    ],
+    ids=['another tag', 'NaN', 'time without end', 'empty'],
+)
+def test_a_reading_that_cannot_be_is_refused_and_asked_for_again(bad, outcome):
+    world = World('a')
+    for _ in range(3):
+        assert world.answer(reading=bad)
+        world.wait(2.0)
+    assert world.outcomes == [('a', outcome)]
+    assert len(world.sent) == 3
+
+
+def test_a_late_reply_is_not_taken_for_the_next_ones():
+    world = World('ab')
+    late = world.sent[0]
+    world.wait(2.0)
+    world.wait(0.5)
+    assert world.answer()
+    world.wait(1.0)
+    assert world.mission.tag_at_hand == 'b'
+    assert not world.mission.on_reading(late.number, reading('a'))
+    assert not world.mission.on_refusal(late.number, Outcome.SIMULATOR_ERROR, '')
+    assert world.outcomes == [('a', Outcome.OK)]
+
+
+def test_the_bridge_is_asked_only_after_the_camera_has_confirmed_the_tag():
+    world = World('a', require_visual_confirmation=True)
+    assert world.asked == [(Service.CONFIRM, 'a')]
+    world.mission.on_confirmation(1, False, 'no tag in view')
+    world.wait(0.5)
+    assert world.asked == [(Service.CONFIRM, 'a')] * 2
+    world.mission.on_confirmation(2, True, 'seen')
+    world.wait(0.0)
+    assert world.asked[2:] == [(Service.READ, 'a')]
+    world.answer()
+    assert world.outcomes == [('a', Outcome.OK)]
+
+
+def test_a_tag_that_is_never_confirmed_is_never_read():
+    world = World('a', require_visual_confirmation=True)
+    while world.mission.state is not State.DONE:
+        world.mission.on_confirmation(world.sent[-1].number, False, 'other tags in view: 7')
+        world.wait(0.25)
+    assert world.asked == [(Service.CONFIRM, 'a')] * 3
+    assert world.recorded == [Observation('a', Outcome.NOT_CONFIRMED, 'other tags in view: 7', 3)]
+
+
+def test_a_scan_has_one_outcome_and_only_the_tag_at_hand_has_one():
+    mission = World('ab').mission
+    with pytest.raises(ValueError, match='not being scanned'):
+        mission.mark_scan_ok('b', reading('b'))
+    mission.mark_scan_ok('a', reading('a'))
+    with pytest.raises(ValueError, match='not being scanned'):
+        mission.mark_scan_failed('a', Outcome.TIMEOUT, '')
+
+
+def test_a_tag_given_twice_is_refused():
+    with pytest.raises(ValueError, match='twice'):
+        World('aba')
+
+
+class AnyOrder(RuleBasedStateMachine):
+    """Pauses, replies of every kind, losses and restarts in any order, on a real report."""
+
+    tag_ids = ('1', '2', '3', '4')
+
+    def __init__(self):
+        super().__init__()
+        self._folder = tempfile.TemporaryDirectory()
+        self.path = Path(self._folder.name, 'report.jsonl')
+        self.now = 0.0
+        self.accepted = {}  # tag id -> value of the reading that was taken
+        self.report = None
+        self.begin()
+
+    def begin(self):
+        """Start a mission as the node does: what the report has is not visited again."""
+        self.report = Report(self.path)
+        done = {each.tag_id for each in self.report.observations if each.outcome is Outcome.OK}
+        assert done == self.accepted.keys(), 'a restart forgot a reading'
+        self.requests, self.abandoned = [], []
+        self.mission = Mission(
+            [tag_id for tag_id in self.tag_ids if tag_id not in done],
+            self,
+            TimedDrive(0.02),
+            LIMITS,
+            require_visual_confirmation=True,
+        )
+        self.mission.start(self.now)
+
+    def send(self, request):
+        assert not self.mission.is_paused
+        assert request.tag_id not in self.accepted
+        self.requests.append(request)
+
+    def abandon(self, request):
+        self.abandoned.append(request)
+        return Outcome.TIMEOUT
+
+    def record(self, observation):
+        self.report.record(observation)
+
+    @rule(seconds=st.sampled_from([0.0, 0.02, 0.5, 1.0, 2.0, 5.0]))
+    def time_passes(self, seconds):
+        self.now += seconds
+        self.mission.step(self.now)
+
+    @rule()
+    def pause(self):
+        self.mission.pause()
+
+    @rule()
+    def resume(self):
+        self.mission.resume()
+
+    @precondition(lambda self: self.requests)
+    @rule(data=st.data(), confirmed=st.booleans())
+    def some_confirmation_comes(self, data, confirmed):
+        """In time, late, or for the second time."""
+        request = data.draw(st.sampled_from(self.requests))
+        if request.service is Service.CONFIRM:
+            was_taken = self.mission.on_confirmation(request.number, confirmed, 'as the camera says')
+            assert not (was_taken and request in self.abandoned)
+
+    @precondition(lambda self: self.requests)
+    @rule(data=st.data(), value=st.floats(-1e6, 1e6), tag=st.sampled_from(['own', *tag_ids]))
+    def some_reading_comes(self, data, value, tag):
+        request = data.draw(st.sampled_from(self.requests))
+        tag_id = request.tag_id if tag == 'own' else tag
+        if request.service is not Service.READ:
+            return
+        was_taken = self.mission.on_reading(request.number, reading(tag_id, value))
+        assert not (was_taken and request in self.abandoned)
+        if was_taken and tag_id == request.tag_id:
+            assert tag_id not in self.accepted
+            self.accepted[tag_id] = value
+
+    @precondition(lambda self: self.requests)
+    @rule(data=st.data(), outcome=st.sampled_from([Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR]))
+    def some_refusal_comes(self, data, outcome):
+        request = data.draw(st.sampled_from(self.requests))
+        if request.service is Service.READ:
+            self.mission.on_refusal(request.number, outcome, 'as the bridge says')
+
+    @rule(torn=st.booleans())
+    def killed_and_started_again(self, torn):
+        self.report.close()
+        if torn:  # the kill came in the middle of a line
+            with self.path.open('ab') as file:
+                file.write(b'{"tag_id": "1", "outcome": "OK", "det')
+        self.begin()
+
+    @invariant()
+    def no_reading_is_lost_or_there_twice(self):
+        read = [each for each in self.report.observations if each.outcome is Outcome.OK]
+        assert {each.tag_id: each.reading.values['temperature'] for each in read} == self.accepted
+        assert len(read) == len(self.accepted)
+
+    def teardown(self):
+        """Whatever happened before: left alone, the mission ends, with an outcome for every tag."""
+        self.mission.resume()
+        # A tag takes at most: the drive, three attempts of each service with their delays, the dwell.
+        longest = 0.02 + 2 * (3 * 2.0 + 0.5 + 1.0) + 1.0
+        for _ in range(int(len(self.tag_ids) * longest / 0.5) + 1):
+            self.now += 0.5
+            self.mission.step(self.now)
+        assert self.mission.state is State.DONE
+        assert {each.tag_id for each in self.report.observations} == set(self.tag_ids)
+        self.no_reading_is_lost_or_there_twice()
+        self.report.close()
+        self._folder.cleanup()
+
+
+TestAnyOrder = AnyOrder.TestCase
+TestAnyOrder.settings = settings(max_examples=300, stateful_step_count=40, deadline=None)

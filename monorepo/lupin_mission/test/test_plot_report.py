@@ -1,0 +1,69 @@
+"""The picture of a report."""
+
+import json
+from xml.etree import ElementTree
+
+import pytest
+from lupin_mission.plot_report import main
+from lupin_mission.report import Observation, Outcome, Reading, Report
+
+
+@pytest.fixture
+def report(tmp_path):
+    """Return the path of a report of two tags that were read and one that was not."""
+    report = Report(tmp_path / 'report.jsonl')
+    for tag_id, values in (('1', {'temperature': 22.61}), ('5', {'temperature': 24.02, 'co2': 615.2})):
+        report.record(
+            Observation(tag_id, Outcome.OK, '', 1, Reading(tag_id, (1795190000, 0), 43200.0, values))
+        )
+    report.record(Observation('7', Outcome.TIMEOUT, 'no answer in time', 3))
+    report.close()
+    return report.path
+
+
+def test_the_picture_names_sensors_units_tags_values_and_failures(report, tmp_path):
+    output = tmp_path / 'picture.svg'
+    assert main([str(report), '--output', str(output)]) == 0
+    drawn = output.read_text(encoding='utf-8')
+    ElementTree.fromstring(drawn)
+    # Text is drawn as outlines, and said in a comment beside each.
+    for text in ('temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615', 'y (m)'):
+        assert f'<!-- {text} -->' in drawn
+    assert '2 of 29 tags read, 1 failed (x)' in drawn or '2 of 22 tags read, 1 failed (x)' in drawn
+
+
+def test_the_picture_lies_beside_the_report(report, capsys):
+    assert main([str(report)]) == 0
+    picture = report.with_suffix('.png')
+    assert capsys.readouterr().out == f'picture: {picture}\n'
+    assert picture.read_bytes().startswith(b'\x89PNG')
+
+
+def test_a_custom_tag_file_places_the_tags(report, tmp_path):
+    tags = {tag_id: {'x': 1.0, 'y': 2.0, 'sensors': ['co2']} for tag_id in ('1', '5', '7')}
+    tag_file = tmp_path / 'tags.json'
+    tag_file.write_text(json.dumps(tags), encoding='utf-8')
+    assert main([str(report), '--tag-file', str(tag_file)]) == 0
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'fragment'),
+    [
+        (['/missing.jsonl'], '/missing.jsonl'),
+        (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
+        (['REPORT', '--tag-file', 'REPORT'], 'cannot be drawn'),
+        (['REPORT', '--tag-file', 'TAGS'], "tag '1' has no place in the tag file"),
+        (['REPORT', '--output', '/missing/picture.png'], '/missing/picture.png'),
+        (['REPORT', '--output', 'picture.docx'], 'picture.docx'),
+        (['EMPTY'], 'no tag was read'),
+    ],
+)
+def test_what_cannot_be_drawn_is_said_in_one_line(report, tmp_path, capsys, arguments, fragment):
+    tags, empty = tmp_path / 'tags.json', tmp_path / 'empty.jsonl'
+    tags.write_text('{"x": {"x": 1.0, "y": 2.0, "sensors": []}}', encoding='utf-8')
+    empty.touch()
+    known = {'REPORT': str(report), 'TAGS': str(tags), 'EMPTY': str(empty)}
+    assert main([known.get(each, each) for each in arguments]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith('plot_report: ')
+    assert fragment in line

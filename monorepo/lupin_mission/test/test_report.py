@@ -1,0 +1,131 @@
+"""The report: what is on the disk after a kill, and what is refused."""
+
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lupin_mission.report import (
+    Observation,
+    Outcome,
+    Reading,
+    Report,
+    ReportError,
+    last_of_each_tag,
+    read_report,
+    summary_table,
+)
+
+OK = Observation('7', Outcome.OK, '', 1, Reading('7', (12, 34), 43200.0, {'temperature': 21.5, 'co2': 600.0}))
+FAILED = Observation('8', Outcome.TIMEOUT, 'no answer in time', 3)
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(
+    tag_id=st.text(),
+    stamp=st.tuples(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1)),
+    time_of_day=NUMBERS,
+    values=st.dictionaries(st.text(), NUMBERS),
+)
+def test_an_observation_comes_back_as_it_was(tag_id, stamp, time_of_day, values):
+    observation = Observation(tag_id, Outcome.OK, '', 1, Reading(tag_id, stamp, time_of_day, values))
+    line = observation.to_line()
+    assert '\n' not in line
+    assert Observation.from_line(line) == observation
+
+
+def test_a_report_is_continued(tmp_path):
+    path = tmp_path / 'report.jsonl'
+    for observation in (OK, FAILED):
+        report = Report(path)
+        report.record(observation)
+        report.close()
+    assert read_report(path) == [OK, FAILED]
+
+
+@pytest.mark.parametrize('cut', range(1, len(FAILED.to_line()) + 1))
+def test_a_line_that_a_kill_cut_short_is_not_there(tmp_path, cut):
+    path = tmp_path / 'report.jsonl'
+    path.write_text(f'{OK.to_line()}\n{FAILED.to_line()[:cut]}', encoding='utf-8')
+    assert read_report(path) == [OK]
+    report = Report(path)
+    report.record(FAILED)
+    report.close()
+    assert path.read_text(encoding='utf-8') == f'{OK.to_line()}\n{FAILED.to_line()}\n'
+
+
+@pytest.mark.parametrize(
+    'content',
+    [
+        'my notes',
+        'my notes\n',
+        '{"tag_id": "1"}\n',
+        '[]\n',
+        'null\n',
+        '\n',
+        '{"a": 1}',
+        OK.to_line() + '\nnotes',
+    ],
+)
+def test_a_file_that_is_no_report_is_refused_and_left_alone(tmp_path, content):
+    path = tmp_path / 'notes.txt'
+    path.write_text(content, encoding='utf-8')
+    with pytest.raises(ReportError, match=r'notes\.txt'):
+        Report(path)
+    assert path.read_text(encoding='utf-8') == content
+
+
+def test_a_file_of_other_bytes_is_refused(tmp_path):
+    path = tmp_path / 'picture.png'
+    path.write_bytes(b'\x89PNG\r\n\x1a\n\xff\xfe')
+    with pytest.raises(ReportError, match='no observation'):
+        Report(path)
+
+
+@pytest.mark.parametrize('path', ['', 'missing/report.jsonl', '.', 'nul\0'])
+def test_a_place_that_cannot_be_written_is_refused(tmp_path, monkeypatch, path):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ReportError, match='name a file that can be written'):
+        Report(path)
+
+
+def test_two_missions_do_not_write_one_report(tmp_path):
+    first = Report(tmp_path / 'report.jsonl')
+    with pytest.raises(ReportError, match='another mission writes it'):
+        Report(tmp_path / 'report.jsonl')
+    first.close()
+    Report(tmp_path / 'report.jsonl').close()
+
+
+def test_a_full_disk_leaves_whole_lines_only(tmp_path):
+    """A limit on the size of files stands in for the full disk: both end a write early."""
+    path = tmp_path / 'report.jsonl'
+    program = f"""
+import resource
+from lupin_mission.report import Observation, Outcome, Report, ReportError
+report = Report({str(path)!r})
+report.record(Observation('1', Outcome.TIMEOUT, '', 1))
+resource.setrlimit(resource.RLIMIT_FSIZE, (150, 150))
+try:
+    report.record(Observation('2', Outcome.TIMEOUT, 'x' * 100, 1))
+except ReportError as error:
+    print(error)
+"""
+    run = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=True)
+    assert 'report.jsonl' in run.stdout
+    assert [each.tag_id for each in read_report(path)] == ['1']
+    assert path.read_bytes().endswith(b'\n')
+
+
+def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():
+    again = Observation('8', Outcome.OK, '', 1, Reading('8', (1, 2), 3600.0 * 6.5, {'temperature': 15.0}))
+    table = summary_table([OK, FAILED], ['7', '8', '9']).splitlines()
+    assert table[0].split() == ['tag', 'sim', 'time', 'temperature', 'co2', 'outcome']
+    assert table[1].split() == ['h:min', '°C', 'ppm']
+    assert table[2].split() == ['7', '12:00', '21.50', '600.00', 'OK']
+    assert table[3].split() == ['8', 'TIMEOUT', 'no', 'answer', 'in', 'time']
+    assert table[4].split() == ['9', 'not', 'visited']
+    assert table[5] == '1/3 tags read'
+    assert last_of_each_tag([OK, FAILED, again]) == {'7': OK, '8': again}
+    assert summary_table([OK, FAILED, again], ['7', '8']).endswith('2/2 tags read')
