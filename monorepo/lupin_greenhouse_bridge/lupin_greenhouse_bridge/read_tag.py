@@ -1,7 +1,8 @@
+# PYTHON_ARGCOMPLETE_OK
 """`ros2 run lupin_greenhouse_bridge read_tag`: ask a running bridge, as a person does."""
 
 import argparse
-import json
+import contextlib
 import math
 import os
 import sys
@@ -16,7 +17,8 @@ from rclpy.qos import QoSProfile
 from rclpy.utilities import remove_ros_args
 
 from lupin_greenhouse_bridge import simulation
-from lupin_greenhouse_bridge.errors import BridgeError, printable
+from lupin_greenhouse_bridge.errors import BridgeError
+from lupin_greenhouse_bridge.reading_table import Screen, json_line
 
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
 # Every client hears the replies to all; at ROS's depth of 10 those to others can push out its own.
@@ -52,8 +54,13 @@ class BridgeClient:
             client = self._node.create_client(service_type, service_name, qos_profile=CLIENT_QOS)
         except InvalidServiceNameException as error:
             raise UsageError(f'--service {service_name!r} is no service name: {error}') from error
-        if not client.wait_for_service(timeout_sec=self._timeout_seconds):
-            raise NoAnswer(self._why_not_there(service_type, client.srv_name))
+        deadline = time.monotonic() + self._timeout_seconds
+        with _progress() as show:
+            while not client.wait_for_service(timeout_sec=min(self._timeout_seconds, 0.5)):
+                remaining_seconds = deadline - time.monotonic()
+                if remaining_seconds <= 0.0:
+                    raise NoAnswer(self._why_not_there(service_type, client.srv_name))
+                show(f'waiting for {client.srv_name}, {remaining_seconds:.0f} s more')
         return client
 
     def call(self, client, request):
@@ -69,35 +76,73 @@ class BridgeClient:
         return future.result()
 
     def _why_not_there(self, service_type, service_name: str) -> str:
+        """Say in one line that a service was not found, and the likely cause."""
         wanted = f'{service_type.__module__.split(".")[0]}/srv/{service_type.__name__}'
-        others = dict(self._node.get_service_names_and_types()).get(service_name, [])
-        if others and wanted not in others:
+        services = dict(self._node.get_service_names_and_types())
+        if others := set(services.get(service_name, [])) - {wanted}:
             return (
-                f'{service_name} has the type {others[0]}, and this client speaks {wanted}:'
+                f'{service_name} has the type {others.pop()}, and this client speaks {wanted}:'
                 ' use the read_tag of the same repository as the bridge'
             )
-        domain_id = os.environ.get('ROS_DOMAIN_ID', '0')
+        missing = f'no service {service_name} within {self._timeout_seconds:g} s'
+        if elsewhere := [
+            name for name, types in services.items() if wanted in types and name != service_name
+        ]:
+            return f'{missing}; there is {elsewhere[0]}: give it with --service'
+        domain = f'ROS_DOMAIN_ID {os.environ.get("ROS_DOMAIN_ID") or "0"}'
+        if _is_limited_to_this_machine():
+            domain += ' of this machine alone (ROS_AUTOMATIC_DISCOVERY_RANGE or ROS_LOCALHOST_ONLY says so)'
+        nodes = len(self._node.get_node_names()) - 1  # without this one
+        seen = f'{nodes} other nodes, and no bridge' if nodes else 'no other node'
         return (
-            f'no service {service_name} within {self._timeout_seconds:g} s:'
-            f' is the bridge running, on ROS_DOMAIN_ID {domain_id} like this client?'
+            f'{missing}; on {domain} there is {seen}: start the bridge (ros2 launch lupin_greenhouse_bridge'
+            ' greenhouse_bridge.launch.py), or take the domain that it is on'
         )
+
+
+def _is_limited_to_this_machine() -> bool:
+    return (
+        os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') == 'LOCALHOST'
+        or os.environ.get('ROS_LOCALHOST_ONLY') == '1'  # Humble's
+    )
+
+
+@contextlib.contextmanager
+def _progress():
+    """Yield a function that shows a line until the block ends; only a person at a terminal sees it."""
+    is_terminal = sys.stderr.isatty()
+
+    def show(text: str) -> None:
+        if is_terminal:
+            print(f'\r\x1b[K{text}', end='', file=sys.stderr, flush=True)
+
+    try:
+        yield show
+    finally:
+        show('')
 
 
 def main(args=None):
     """Print readings as the command line asks; return the exit code."""
     is_watching = False
+    parser = _parser()
     try:
-        options = _parse(_init(args))
+        options = _parse(parser, _init(args))
         is_watching = options.watch is not None
         bridge = BridgeClient(rclpy.create_node('read_tag', start_parameter_services=False), options.timeout)
         get_tag_reading = bridge.connect(GetTagReading, options.service)
         tag_ids = _all_tag_ids(bridge, get_tag_reading.srv_name) if options.all else options.tag_ids
         exit_code = ALL_READ
+        screen = Screen(is_watching)
         while True:
             responses = {}
             for tag_id in tag_ids:
                 responses[tag_id] = bridge.call(get_tag_reading, GetTagReading.Request(tag_id=tag_id))
-            (_print_json if options.json else _print_table)(responses)
+            if options.json:
+                lines = (json_line(tag_id, each, STATUS_NAMES) for tag_id, each in responses.items())
+                print(*lines, sep='\n', flush=True)
+            else:
+                screen.show(responses, STATUS_NAMES)
             if any(response.status != GetTagReading.Response.STATUS_OK for response in responses.values()):
                 exit_code = SOME_FAILED
             if not is_watching:
@@ -124,13 +169,14 @@ def _init(args) -> list[str]:
         raise UsageError(f'the ROS arguments are not understood: {error}') from error
 
 
-def _parse(arguments: list[str]) -> argparse.Namespace:
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='read_tag',
         description='Read the climate at greenhouse tags from a running greenhouse_bridge.',
         epilog='Exit code: 0 all read, 1 some tag failed, 2 usage, 3 no service or no answer in time.',
     )
-    parser.add_argument('tag_ids', nargs='*', metavar='ID', type=_tag_id, help='a tag id, such as 1')
+    ids = parser.add_argument('tag_ids', nargs='*', metavar='ID', type=_tag_id, help='a tag id, such as 1')
+    ids.completer = lambda **_: simulation.served_tag_ids('')
     parser.add_argument('--all', action='store_true', help="every tag of the bridge's tag file")
     parser.add_argument(
         '--watch', type=_seconds, metavar='SECONDS', help='read again and again, this far apart'
@@ -144,6 +190,14 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         metavar='SECONDS',
         help='for the service and for each answer; default: %(default)s',
     )
+    with contextlib.suppress(ImportError):
+        import argcomplete  # comes with ros2cli; without it there is no completion, and no harm
+
+        argcomplete.autocomplete(parser)
+    return parser
+
+
+def _parse(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
     options = parser.parse_args(arguments)
     if bool(options.tag_ids) == options.all:
         parser.error('give one or more tag ids, or --all')
@@ -180,41 +234,6 @@ def _all_tag_ids(bridge: BridgeClient, service_name: str) -> list[str]:
         raise UsageError(
             f"--all needs the bridge's tag file on this machine: {error}; or name the tag ids"
         ) from error
-
-
-def _print_json(responses) -> None:
-    for tag_id, response in responses.items():
-        reading = response.reading
-        line = {
-            'tag_id': tag_id,
-            'status': STATUS_NAMES[response.status],
-            'error_message': response.error_message,
-            'stamp': {'sec': reading.stamp.sec, 'nanosec': reading.stamp.nanosec},
-            'sim_time_of_day_seconds': reading.sim_time_of_day_seconds,
-            'readings': {each.name: each.value for each in reading.readings},
-        }
-        print(json.dumps(line, ensure_ascii=False), flush=True)
-
-
-def _print_table(responses) -> None:
-    rows = [('tag', 'sim time', 'sensor', 'value')]
-    failures = []
-    for tag_id, response in responses.items():
-        if response.status != GetTagReading.Response.STATUS_OK:
-            name = STATUS_NAMES.get(response.status, response.status)
-            failures.append(f'read_tag: {name}: {printable(response.error_message, 1000)}')
-            continue
-        hours, seconds = divmod(int(response.reading.sim_time_of_day_seconds), 3600)
-        sim_time = f'{hours:02}:{seconds // 60:02}:{seconds % 60:02}'
-        for each in response.reading.readings:
-            rows.append((printable(tag_id, 40), sim_time, each.name, f'{each.value:.3f}'))
-    if len(rows) > 1:
-        widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-        for tag, sim_time, sensor, value in rows:
-            print(f'{tag:<{widths[0]}}  {sim_time:<{widths[1]}}  {sensor:<{widths[2]}}  {value:>{widths[3]}}')
-    print(*failures, sep='\n', end='\n' if failures else '', file=sys.stderr, flush=True)
-    if len(responses) > 1:
-        print(f'{len(responses) - len(failures)}/{len(responses)} tags read', flush=True)
 
 
 if __name__ == '__main__':

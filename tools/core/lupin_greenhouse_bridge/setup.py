@@ -15,7 +15,7 @@ setup(
     python_requires='>=3.10',
     # mdp-greenhouse is not in rosdistro: pip brings it. Before 1.0.7 its clock is wrong.
     install_requires=['setuptools', 'mdp-greenhouse>=1.0.7', 'packaging', 'PyYAML'],
-    extras_require={'test': ['hypothesis', 'pytest']},
+    extras_require={'test': ['argcomplete', 'hypothesis', 'pytest']},
     zip_safe=True,
     maintainer='Lupin team',
     maintainer_email='lupin.team@example.org',

@@ -1,10 +1,17 @@
 """read_tag, as a person uses it: output and exit code."""
 
+import fcntl
 import json
+import os
+import pty
+import shlex
+import struct
 import subprocess
+import termios
 
+import domain_coordinator
 import pytest
-from conftest import EXECUTABLES, PATIENCE_SECONDS
+from conftest import EXECUTABLES, PATIENCE_SECONDS, spinning_node, wait_until
 
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER = 0, 1, 2, 3
 
@@ -30,9 +37,9 @@ def test_a_reading_is_a_table(bridge, warm_tag_id):
     result = read_tag(bridge, warm_tag_id)
     assert (result.returncode, result.stderr) == (ALL_READ, '')
     header, *rows = (line.split() for line in result.stdout.splitlines())
-    assert header == ['tag', 'sim', 'time', 'sensor', 'value']
+    assert header == ['tag', 'sim', 'time', 'sensor', 'value', 'unit']
     temperature = bridge.values(warm_tag_id)['temperature']
-    assert [warm_tag_id, '12:00:00', 'temperature', f'{temperature:.3f}'] in rows
+    assert [warm_tag_id, '12:00:00', 'temperature', f'{temperature:.3f}', '°C'] in rows
 
 
 def test_all_reads_every_tag_and_counts_them(bridge, shipped_tags):
@@ -88,13 +95,118 @@ def test_a_wrong_command_line_is_exit_code_2_without_a_traceback(arguments):
 def test_no_service_is_exit_code_3_and_a_hint():
     result = read_tag(None, '1', '--service', '/nobody/get_tag_reading', '--timeout', '0.5')
     assert result.returncode == NO_ANSWER
-    assert 'no service /nobody/get_tag_reading' in result.stderr
-    assert 'ROS_DOMAIN_ID' in result.stderr
+    (line,) = result.stderr.splitlines()
+    assert line.startswith('read_tag: no service /nobody/get_tag_reading within 0.5 s; ')
 
 
-def test_watch_reads_again_and_again(bridge):
+def hint(environment=None) -> str:
+    """Return the hint of a read_tag that finds no service on a domain of its own choice."""
+    result = subprocess.run(
+        [EXECUTABLES / 'read_tag', '1', '--service', '/nobody/get_tag_reading', '--timeout', '1'],
+        capture_output=True,
+        text=True,
+        env={**os.environ, **(environment or {})},
+        timeout=PATIENCE_SECONDS,
+        check=False,
+    )
+    assert result.returncode == NO_ANSWER
+    return result.stderr
+
+
+def test_the_hint_names_the_domain_the_discovery_and_what_is_there():
+    with domain_coordinator.domain_id() as empty_domain:
+        text = hint({'ROS_DOMAIN_ID': str(empty_domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
+    assert f'on ROS_DOMAIN_ID {empty_domain} of this machine alone' in text
+    assert 'there is no other node: start the bridge' in text
+
+
+def test_the_hint_names_a_bridge_of_another_name(bridge):
+    wait_until(lambda: f'there is {bridge.service_name}: give it with --service' in hint())
+
+
+def test_the_hint_says_when_there_are_nodes_but_no_bridge():
+    with domain_coordinator.domain_id() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv('ROS_DOMAIN_ID', str(domain))
+        with spinning_node('somebody'):
+            wait_until(lambda: 'there is 1 other nodes, and no bridge' in hint())
+
+
+class Terminal:
+    """A terminal that a command runs in."""
+
+    def __init__(self, *command):
+        self._screen, terminal = pty.openpty()
+        fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 60, 0, 0))
+        self.process = subprocess.Popen(command, stdout=terminal, stderr=terminal, stdin=terminal)
+        os.close(terminal)
+        self.text = ''
+
+    def read_until(self, fragment: str, count: int) -> None:
+        """Read until a fragment was printed so often."""
+        while self.text.count(fragment) < count:
+            self.text += os.read(self._screen, 4096).decode()
+
+    def close(self) -> None:
+        """End the command."""
+        self.process.terminate()
+        self.process.wait(PATIENCE_SECONDS)
+        os.close(self._screen)
+
+
+def test_watch_updates_the_table_in_place_on_a_terminal(bridge):
+    service = ['--service', bridge.service_name]
+    terminal = Terminal(EXECUTABLES / 'read_tag', '6', '99', '--watch', '0.01', *service)
+    terminal.read_until('temperature', 3)
+    terminal.close()
+    # Header, one reading, one failure: three lines to go up.
+    assert terminal.text.count('\x1b[3F\x1b[J') >= 2
+    assert 'UNKNOWN_TAG' in terminal.text
+    assert max(map(len, terminal.text.replace('\x1b[3F\x1b[J', '').splitlines())) < 60
+
+
+def test_waiting_for_the_service_is_shown_on_a_terminal_and_wiped_out():
+    terminal = Terminal(
+        EXECUTABLES / 'read_tag', '1', '--service', '/nobody/get_tag_reading', '--timeout', '2'
+    )
+    terminal.read_until('no service', 1)
+    terminal.close()
+    assert 'waiting for /nobody/get_tag_reading, 1 s more' in terminal.text
+    assert '\r\x1b[Kread_tag: no service' in terminal.text
+
+
+def test_watch_prints_plain_lines_under_one_header_into_a_pipe(bridge):
+    arguments = [EXECUTABLES / 'read_tag', '6', '--watch', '0.01', '--service', bridge.service_name]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as process:
+        lines = [process.stdout.readline().split() for _ in range(4)]
+        process.terminate()
+    assert lines[0][0] == 'tag'
+    assert [line[0] for line in lines[1:]] == ['6', '6', '6']
+
+
+def test_watch_reads_again_and_again_as_json(bridge):
     arguments = [EXECUTABLES / 'read_tag', '6', '--json', '--watch', '0.01', '--service', bridge.service_name]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as process:
         lines = [process.stdout.readline() for _ in range(3)]
         process.terminate()
     assert [json.loads(line)['tag_id'] for line in lines] == ['6', '6', '6']
+
+
+@pytest.mark.parametrize(
+    ('typed', 'offered'), [('read_tag --wa', '--watch'), ('read_tag 2', '21'), ('read_tag --js', '--json')]
+)
+def test_the_shell_completes_options_and_tag_ids(tmp_path, typed, offered):
+    answer = tmp_path / 'answer'
+    command = (
+        f'exec 8>{shlex.quote(str(answer))} 9>/dev/null; exec {shlex.quote(str(EXECUTABLES / "read_tag"))}'
+    )
+    environment = {
+        '_ARGCOMPLETE': '1',
+        'COMP_LINE': typed,
+        'COMP_POINT': str(len(typed)),
+        '_ARGCOMPLETE_IFS': '\n',
+        '_ARGCOMPLETE_SUPPRESS_SPACE': '1',
+    }
+    subprocess.run(
+        ['bash', '-c', command], env={**os.environ, **environment}, timeout=PATIENCE_SECONDS, check=True
+    )
+    assert offered in answer.read_text().split('\n')

@@ -1,0 +1,88 @@
+"""Readings as text for a person, or as JSON for a program. No ROS here: it takes responses as they come."""
+
+import json
+import os
+import sys
+
+from lupin_greenhouse_bridge.errors import printable
+from lupin_greenhouse_bridge.units import unit_of
+
+HEADER = ('tag', 'sim time', 'sensor', 'value', 'unit')
+
+
+class Screen:
+    """Where tables go: below each other, or on a terminal that is watched each in the place of the last."""
+
+    def __init__(self, is_watched: bool):
+        self._is_watched = is_watched
+        self._updates_in_place = is_watched and sys.stdout.isatty()
+        self._lines_shown = 0
+        self._widths = [0] * len(HEADER)
+
+    def show(self, responses: dict, status_names: dict[int, str]) -> None:
+        """Print the readings by tag id; failures go to standard error, but in place into the table."""
+        rows, failures = [], []
+        for tag_id, response in responses.items():
+            status = status_names.get(response.status, response.status)
+            if status == 'OK':
+                rows += _rows(tag_id, response.reading)
+            else:
+                failures.append(f'read_tag: {status}: {printable(response.error_message, 1000)}')
+        lines = self._aligned(rows, is_first=not self._lines_shown or self._updates_in_place)
+        if len(responses) > 1 and not self._is_watched:
+            lines.append(f'{len(responses) - len(failures)}/{len(responses)} tags read')
+        if self._updates_in_place:
+            self._replace([*lines, *failures])
+        else:
+            self._lines_shown += len(lines)
+            print(*lines, sep='\n', end='\n' if lines else '', flush=True)
+            print(*failures, sep='\n', end='\n' if failures else '', file=sys.stderr, flush=True)
+
+    def _aligned(self, rows: list[tuple], *, is_first: bool) -> list[str]:
+        """Return the rows under one header, in columns that never get narrower."""
+        if not rows:
+            return []
+        rows = [HEADER, *rows] if is_first else rows
+        self._widths = [
+            max(old, *map(len, column))
+            for old, column in zip(self._widths, zip(*rows, strict=True), strict=True)
+        ]
+        return [
+            '  '.join(
+                cell.rjust(width) if name == 'value' else cell.ljust(width)
+                for name, cell, width in zip(HEADER, row, self._widths, strict=True)
+            ).rstrip()
+            for row in rows
+        ]
+
+    def _replace(self, lines: list[str]) -> None:
+        """Go up over what was shown last, erase it, and print; a line that wraps would break the count."""
+        columns, _ = os.get_terminal_size(sys.stdout.fileno())
+        up = f'\x1b[{self._lines_shown}F' if self._lines_shown else ''
+        print(up + '\x1b[J' + '\n'.join(line[: columns - 1] for line in lines), flush=True)
+        self._lines_shown = len(lines)
+
+
+def _rows(tag_id: str, reading) -> list[tuple[str, str, str, str, str]]:
+    hours, seconds = divmod(int(reading.sim_time_of_day_seconds), 3600)
+    sim_time = f'{hours:02}:{seconds // 60:02}:{seconds % 60:02}'
+    return [
+        (printable(tag_id, 40), sim_time, each.name, f'{each.value:.3f}', unit_of(each.name))
+        for each in reading.readings
+    ]
+
+
+def json_line(tag_id: str, response, status_names: dict[int, str]) -> str:
+    """Return a response as one JSON object on one line."""
+    reading = response.reading
+    return json.dumps(
+        {
+            'tag_id': tag_id,
+            'status': status_names.get(response.status, response.status),
+            'error_message': response.error_message,
+            'stamp': {'sec': reading.stamp.sec, 'nanosec': reading.stamp.nanosec},
+            'sim_time_of_day_seconds': reading.sim_time_of_day_seconds,
+            'readings': {each.name: each.value for each in reading.readings},
+        },
+        ensure_ascii=False,
+    )
