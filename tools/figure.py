@@ -1,0 +1,258 @@
+"""
+Two figures of the greenhouse that the simulator loads: its layout over one sensor's field, and a tag's day.
+
+    make figure                      the shipped greenhouse, into the documents of both trees
+    make figure ARGS=--check         are those up to date?
+    make figure ARGS="--output /tmp --tag-file tags.json --sensor co2 --hour 6 --tag 21"
+
+Each figure is written as PNG and SVG, and says in its metadata what it was drawn from: the simulator's two
+files, the choices and the code. That is what --check compares, and not pixels, which every release of
+matplotlib sets a little differently.
+"""
+
+import argparse
+import hashlib
+import math
+import random
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'monorepo/lupin_mission'))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'monorepo/lupin_greenhouse_bridge'))
+import matplotlib
+from greenhouse_sim.simulator import GreenhouseSimulator
+from greenhouse_sim.tools.layout_utils import DEFAULT_CONFIG_FILE, DEFAULT_TAG_FILE
+from lupin_greenhouse_bridge.errors import BridgeError, StartUpError
+from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.simulation import load
+from lupin_mission import greenhouse_plot
+from lupin_mission.greenhouse_plot import COLOURS, draw_footprint, label_of, read_layout
+from matplotlib import pyplot
+from matplotlib.patches import Wedge
+from PIL import Image
+
+COMMITTED = Path(__file__).resolve().parent / 'core/lupin_greenhouse_bridge/doc'
+# Okabe and Ito's colours, which colour-blind people can tell apart; the letters are for black and white.
+SENSORS = {
+    'temperature': ('T', '#d55e00'),
+    'humidity': ('H', '#56b4e9'),
+    'co2': ('C', '#000000'),
+    'light': ('L', '#f0e442'),
+    'soil_moisture': ('S', '#009e73'),
+}
+FIELD_STEP_M = 0.05
+SAMPLES = 300  # of the noise, at each time of the day
+TAG_RADIUS_M = 0.085
+
+
+class Greenhouse:
+    """The simulator's files, read by the simulator itself, with a clock and noise at will."""
+
+    def __init__(self, options):
+        self.tag_file, self.sim_config_file = options.tag_file, options.sim_config_file
+        paths = [Path(path) if path else None for path in (self.tag_file, self.sim_config_file)]
+        load(
+            Settings(tag_file=self.tag_file, sim_config_file=self.sim_config_file), *paths
+        )  # as the bridge: checked
+        self.layout = read_layout(self.tag_file, self.sim_config_file)
+        self._noisy, self._silent = (GreenhouseSimulator(*paths) for _ in range(2))
+        for components in self._silent.sim_config['sensors'].values():
+            for component in components:
+                component['noise_sigma'] = 0.0
+        self.sensors = self._noisy.sensors()
+
+    def value(
+        self, sensor: str, position: tuple[float, float], hour: float, *, is_noisy: bool = False
+    ) -> float:
+        """Return what a sensor reads at a place, in its unit."""
+        simulator = self._noisy if is_noisy else self._silent
+        return simulator.sensor_registry.get_sensor(sensor).retrieve_data(position, hour * 3600.0)
+
+    def fingerprint(self, options) -> str:
+        """Identify all that a figure is drawn from."""
+        files = [
+            Path(self.tag_file or DEFAULT_TAG_FILE),
+            Path(self.sim_config_file or DEFAULT_CONFIG_FILE),
+            Path(__file__),
+            Path(greenhouse_plot.__file__),
+        ]
+        choices = f'{options.sensor} {options.hour} {options.tag}'.encode()
+        return hashlib.sha256(b'\0'.join([*(file.read_bytes() for file in files), choices])).hexdigest()
+
+
+def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
+    """Return the figure of the layout: each tag a wheel of its sensors, over one sensor's field."""
+    layout = greenhouse.layout
+    figure, axes = pyplot.subplots(figsize=(6.4, 8.4), layout='constrained')
+    xs, ys = (
+        [FIELD_STEP_M * n for n in range(int(side / FIELD_STEP_M) + 1)]
+        for side in (layout.width_m, layout.length_m)
+    )
+    field = [[greenhouse.value(sensor, (x, y), hour) for x in xs] for y in ys]
+    extent = (xs[0], xs[-1], ys[0], ys[-1])
+    shades = axes.imshow(
+        field, cmap=COLOURS, alpha=0.55, origin='lower', extent=extent, interpolation='bilinear'
+    )
+    lines = axes.contour(xs, ys, field, colors='0.3', linewidths=0.6)
+    axes.clabel(lines, fontsize=7)
+    draw_footprint(axes, layout)
+    for tag in layout.tags.values():
+        _draw_tag(axes, tag)
+    _draw_labels(axes, layout)
+    figure.colorbar(shades, ax=axes, location='right', shrink=0.7, label=f'{label_of(sensor)} at {hour:g} h')
+    for name in greenhouse.sensors:
+        letter, colour = SENSORS[name]
+        count = sum(name in tag['sensors'] for tag in layout.tags.values())
+        axes.scatter(
+            [],
+            [],
+            color=colour,
+            edgecolor='black',
+            s=60,
+            label=f'{letter}  {name.replace("_", " ")}: {count} tags',
+        )
+    figure.legend(loc='outside lower center', ncols=3, frameon=False, fontsize=8)
+    axes.set_ylabel('y (m)')
+    axes.set_title(f'{len(layout.tags)} tags on {layout.width_m:g} m x {layout.length_m:g} m')
+    return figure
+
+
+def _draw_tag(axes, tag: dict) -> None:
+    share = 360.0 / max(len(tag['sensors']), 1)
+    for number, name in enumerate(tag['sensors']):
+        start = 90.0 + number * share
+        wedge = Wedge(
+            (tag['x'], tag['y']), TAG_RADIUS_M, start, start + share, facecolor=SENSORS[name][1], zorder=3
+        )
+        wedge.set(edgecolor='black', linewidth=0.8)
+        axes.add_patch(wedge)
+
+
+def _draw_labels(axes, layout) -> None:
+    """Write each tag's id and sensors beside it, where other tags and labels leave most room."""
+    taken = [(tag['x'], tag['y']) for tag in layout.tags.values()]
+    for tag_id, tag in layout.tags.items():
+        text = f'{tag_id}  {"".join(SENSORS[name][0] for name in tag["sensors"])}'
+        aside = TAG_RADIUS_M + 0.045 * len(text)
+        places = [
+            (tag['x'] + dx, tag['y'] + dy) for dx, dy in ((-aside, 0), (aside, 0), (0, 0.17), (0, -0.17))
+        ]
+        others = [place for place in taken if place != (tag['x'], tag['y'])]
+        # A label is wide and low: to the side, a metre counts for less.
+        room = [min((math.hypot((x - u) / 2.5, y - v) for u, v in others), default=1.0) for x, y in places]
+        place = places[room.index(max(room))]
+        taken.append(place)
+        axes.text(
+            *place,
+            text,
+            ha='center',
+            va='center',
+            fontsize=7.5,
+            fontweight='bold',
+            bbox={'boxstyle': 'round,pad=0.12', 'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.8},
+            zorder=4,
+        )
+
+
+def draw_day(greenhouse: Greenhouse, tag_id: str):
+    """Return the figure of a day at one tag: each sensor with the band that holds 90 % of its readings."""
+    tag = greenhouse.layout.tags[tag_id]
+    position = (tag['x'], tag['y'])
+    hours = [n / 4 for n in range(97)]
+    figure, all_axes = pyplot.subplots(
+        len(tag['sensors']),
+        1,
+        sharex=True,
+        squeeze=False,
+        figsize=(6.4, 1.2 + 1.7 * len(tag['sensors'])),
+        layout='constrained',
+    )
+    random.seed(0)
+    for axes, name in zip(all_axes[:, 0], tag['sensors'], strict=True):
+        samples = [
+            sorted(greenhouse.value(name, position, hour, is_noisy=True) for _ in range(SAMPLES))
+            for hour in hours
+        ]
+        low, middle, high = ([each[int(share * SAMPLES)] for each in samples] for share in (0.05, 0.5, 0.95))
+        _, colour = SENSORS[name]
+        axes.fill_between(hours, low, high, color=colour, alpha=0.3, linewidth=0)
+        axes.plot(hours, middle, color='black', linewidth=1.4)
+        axes.set_title(label_of(name), loc='left', fontsize=9)
+        axes.grid(alpha=0.3)
+    all_axes[-1, 0].set(xlabel='greenhouse time of day (h)', xlim=(0, 24), xticks=range(0, 25, 3))
+    figure.suptitle(f'A day at tag {tag_id}: median, and the band of 90 % of the readings', fontsize=10)
+    return figure
+
+
+def save(figure, path: Path, fingerprint: str) -> None:
+    """Write a figure as PNG and SVG, each with its fingerprint."""
+    with matplotlib.rc_context({'svg.hashsalt': 'lupin', 'svg.fonttype': 'none'}):
+        figure.savefig(path.with_suffix('.svg'), metadata={'Date': None, 'Description': fingerprint}, dpi=80)
+    figure.savefig(path.with_suffix('.png'), metadata={'Software': None, 'Description': fingerprint}, dpi=110)
+    pyplot.close(figure)
+
+
+def fingerprint_of(path: Path) -> str:
+    """Return what a committed figure says that it was drawn from; '' when it says nothing or is not there."""
+    if not path.exists():
+        return ''
+    if path.suffix == '.png':
+        with Image.open(path) as image:
+            return image.info.get('Description', '')
+    return path.read_text(encoding='utf-8').partition('<dc:description>')[2].partition('</dc:description>')[0]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Draw, or check; exit code 0 done, 1 not up to date, 2 cannot be drawn."""
+    parser = argparse.ArgumentParser(prog='figure', description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--check', action='store_true', help='compare the committed figures; draw nothing')
+    parser.add_argument(
+        '--output', type=Path, default=COMMITTED, metavar='FOLDER', help='default: the documents'
+    )
+    parser.add_argument('--tag-file', default='', metavar='FILE')
+    parser.add_argument('--sim-config-file', default='', metavar='FILE')
+    parser.add_argument('--sensor', default='temperature', help='whose field lies under the tags')
+    parser.add_argument('--hour', type=float, default=12.0, help='of that field, [0, 24)')
+    parser.add_argument('--tag', default='', help='of the day; default: 5, or the tag with most sensors')
+    options = parser.parse_args(arguments)
+    matplotlib.use('Agg')
+    try:
+        greenhouse = Greenhouse(options)
+        tags = greenhouse.layout.tags
+        options.tag = options.tag or max(
+            tags, key=lambda tag_id: (len(tags[tag_id]['sensors']), tag_id == '5')
+        )
+        if options.sensor not in greenhouse.sensors:
+            raise StartUpError(f'--sensor {options.sensor}: there is {", ".join(greenhouse.sensors)}')
+        if not tags.get(options.tag, {}).get('sensors'):
+            raise StartUpError(f'--tag {options.tag}: no such tag, or one without sensors')
+        if not 0.0 <= options.hour < 24.0:
+            raise StartUpError(f'--hour {options.hour:g}: give hours in [0, 24)')
+        if not options.output.is_dir():
+            raise StartUpError(f'--output {options.output}: give a folder that is there')
+    except BridgeError as error:
+        print(f'figure: {error}', file=sys.stderr)
+        return 2
+    fingerprint = greenhouse.fingerprint(options)
+    paths = {name: options.output / name for name in ('greenhouse', 'day')}
+    if options.check:
+        stale = [
+            str(path.with_suffix(suffix))
+            for path in paths.values()
+            for suffix in ('.png', '.svg')
+            if fingerprint_of(path.with_suffix(suffix)) != fingerprint
+        ]
+        print(
+            *(f'figure: {each} is not up to date: make figure' for each in stale),
+            sep='\n',
+            end='\n' if stale else '',
+        )
+        return int(bool(stale))
+    save(draw_layout(greenhouse, options.sensor, options.hour), paths['greenhouse'], fingerprint)
+    save(draw_day(greenhouse, options.tag), paths['day'], fingerprint)
+    print(*(f'{path}.png and .svg' for path in paths.values()), sep='\n')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

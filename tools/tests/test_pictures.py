@@ -1,0 +1,116 @@
+"""The figures and the printable tags."""
+
+import json
+from pathlib import Path
+
+import figure
+import numpy as np
+import pypdfium2
+import pytest
+import tag_sheet
+from lupin_greenhouse_bridge.simulation import served_tag_ids
+from PIL import Image
+
+PERCEPTION = Path(__file__).resolve().parents[2] / 'monorepo/lupin_perception'
+NAMES = ['day.png', 'day.svg', 'greenhouse.png', 'greenhouse.svg']
+
+
+def test_the_committed_figures_are_up_to_date(capsys):
+    assert figure.main(['--check']) == 0, capsys.readouterr().out
+
+
+def test_a_figure_of_another_greenhouse_is_not_up_to_date(tmp_path, capsys):
+    assert figure.main(['--output', str(tmp_path), '--sensor', 'co2']) == 0
+    assert sorted(each.name for each in tmp_path.iterdir()) == NAMES
+    capsys.readouterr()
+    assert figure.main(['--output', str(tmp_path), '--sensor', 'co2', '--check']) == 0
+    assert figure.main(['--output', str(tmp_path), '--sensor', 'light', '--check']) == 1
+    assert capsys.readouterr().out.count('is not up to date: make figure') == 4
+
+
+def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path):
+    tag_file = tmp_path / 'tags.json'
+    tags = {
+        'a1': {'x': 1.0, 'y': 1.0, 'sensors': ['co2', 'light']},
+        'b2': {'x': 3.0, 'y': 7.0, 'sensors': ['co2']},
+    }
+    tag_file.write_text(json.dumps(tags), encoding='utf-8')
+    assert figure.main(['--output', str(tmp_path), '--tag-file', str(tag_file), '--hour', '6']) == 0
+    drawn = (tmp_path / 'greenhouse.svg').read_text(encoding='utf-8')
+    for text in ('a1  CL', 'b2  C', 'temperature (°C) at 6 h', 'C  co2: 2 tags', '2 tags on 4 m x 8 m'):
+        assert f'>{text}<' in drawn
+    assert 'A day at tag a1' in (tmp_path / 'day.svg').read_text(encoding='utf-8')
+
+
+def test_the_figure_reads_in_black_and_white():
+    """Its field is monotonous in brightness."""
+    levels = figure.matplotlib.colormaps[figure.COLOURS](np.linspace(0, 1, 64))[:, :3] @ [0.299, 0.587, 0.114]
+    assert (np.diff(levels) > 0).all()
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'fragment'),
+    [
+        (['--sensor', 'ph'], 'figure: --sensor ph: there is temperature'),
+        (['--tag', '99'], 'figure: --tag 99: no such tag'),
+        (['--hour', '24'], 'figure: --hour 24: give hours in [0, 24)'),
+        (['--output', '/missing'], 'figure: --output /missing: give a folder'),
+        (['--tag-file', '/missing.json'], "figure: tag_file '/missing.json'"),
+    ],
+)
+def test_what_cannot_be_drawn_is_said_in_one_line(arguments, fragment, capsys):
+    assert figure.main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(fragment)
+
+
+def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(PERCEPTION))
+    from lupin_perception.detector import TagDetector
+
+    assert tag_sheet.main(['--side', '100', '--output', str(tmp_path)]) == 0
+    document = pypdfium2.PdfDocument(tmp_path / 'tag36h11-100mm.pdf')
+    numbers = sorted(map(int, served_tag_ids('')))
+    assert len(document) == len(numbers)
+    for page, number in zip(document, numbers, strict=True):
+        assert [round(each * 25.4 / 72) for each in page.get_size()] == [210, 297]
+        text = page.get_textpage().get_text_range()
+        assert f'tag36h11 id {number} black square 100 mm' in text
+        assert '100 mm, if printed at 100 %' in text
+        picture = np.array(page.render(scale=2, grayscale=True).to_pil())
+        (detection,) = TagDetector().detect(picture)
+        assert detection.tag_number == number
+        assert detection.side_pixels == pytest.approx(100 / 25.4 * 72 * 2, abs=1.5)
+
+
+def test_a_tag_is_the_right_way_up():
+    """Tag 0 is 0xd5d628584, row by row, with a one for white (AprilTag 2, tag36h11.c)."""
+    inside = ~tag_sheet.modules_of(0)[1:-1, 1:-1]
+    assert int(''.join(str(int(bit)) for bit in inside.ravel()), 2) == 0xD5D628584
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'fragment'),
+    [
+        (['--side', '200'], 'tags: --side 200: give 8 to 152 mm'),
+        (['--side', 'nan'], 'tags: --side nan'),
+        (['--tag-file', '/missing.json'], "tags: tag_file '/missing.json'"),
+        (['--output', '/proc/nowhere'], 'tags: '),
+    ],
+)
+def test_tags_that_cannot_be_printed_are_refused_in_one_line(arguments, fragment, capsys):
+    assert tag_sheet.main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(fragment)
+
+
+def test_an_id_that_is_no_number_is_refused(tmp_path, capsys):
+    tag_file = tmp_path / 'tags.json'
+    tag_file.write_text('{"tag one": {"x": 1.0, "y": 1.0, "sensors": ["co2"]}}', encoding='utf-8')
+    assert tag_sheet.main(['--tag-file', str(tag_file), '--output', str(tmp_path)]) == 2
+    assert "'tag one' has no tag36h11" in capsys.readouterr().err
+
+
+def test_the_png_carries_its_fingerprint():
+    with Image.open(figure.COMMITTED / 'greenhouse.png') as image:
+        assert len(image.info['Description']) == 64
