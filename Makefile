@@ -6,6 +6,7 @@ PYTHON ?= python3
 VENV ?= $(CURDIR)/.venv
 ARGS ?=
 TAG ?= 1
+SIDE ?= 100
 TREES := monorepo lupin_greenhouse_ros
 ifeq ($(filter $(TREE),$(TREES)),)
 $(error TREE=$(TREE) is no tree: TREE=monorepo or TREE=lupin_greenhouse_ros)
@@ -19,7 +20,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 IN_ENV := source ci/ros_env.bash &&
 
-.PHONY: help env build run smoke read mission test lint generate generate-check drift matrix soak test-network recall test-opencv mirror-publish-check mirror-import clean
+.PHONY: help env build run smoke read mission test lint generate generate-check drift matrix soak bench test-network figure tags recall test-opencv mirror-publish-check mirror-import clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -67,8 +68,17 @@ matrix:  ## the contract tests on every Python, distro and simulator to be had h
 soak: build  ## faults and load on this machine, with figures (SHORT=1: about a minute)
 	@$(IN_ENV) python tools/soak.py $(if $(SHORT),--short)
 
+bench: build  ## the bridge against a bare rclpy node: one table and .bench/bench.json (SHORT=1: a look)
+	@$(IN_ENV) python tools/bench.py $(if $(SHORT),--short) $(ARGS)
+
 test-network: build  ## two hosts as network namespaces: loss, delay, a pulled cable (needs root)
 	@$(IN_ENV) python tools/network.py
+
+figure: env  ## draw the greenhouse into the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
+	@$(IN_ENV) python tools/figure.py $(ARGS)
+
+tags: env  ## a PDF of the tags to print, SIDE millimetres each: make tags SIDE=100
+	@$(IN_ENV) python tools/tag_sheet.py --side $(SIDE) $(ARGS)
 
 recall: env  ## how often the camera's detector finds a tag: by distance, angle, blur and noise
 	@$(IN_ENV) python tools/recall.py
