@@ -1,5 +1,5 @@
 """
-Two hosts, as network namespaces with a cable between them: loss, delay, and the cable pulled.
+Two hosts, as network namespaces with a cable between them: loss, delay, the cable pulled, and no multicast.
 
     make test-network   (as root, with iproute2; else it says why it does nothing)
 
@@ -28,9 +28,12 @@ from soak import run
 
 HOSTS = tuple(f'{name}{os.getpid()}' for name in ('robot', 'laptop'))
 PULLED_SECONDS = 10.0
+NO_ANSWER = 3  # read_tag's exit code
 TUN = Path('/dev/net/tun')
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000  # linux/if_tun.h
 LONGEST_FRAME_BYTES = 65536
+IPV4_MULTICAST = b'\x01\x00\x5e'  # how the address of such a frame begins (RFC 1112)
+DISCOVERY_SERVER = '10.77.0.1:11811'
 
 
 class Cable:
@@ -40,6 +43,7 @@ class Cable:
         self.loss = 0.0  # chance of losing a frame, in [0, 1]
         self.delay_seconds = 0.0  # each way
         self.is_pulled = False
+        self.blocks_multicast = False
         self.carried = self.lost = 0
         self._ends = [self._plug_in(number, host) for number, host in enumerate(hosts, start=1)]
         self._is_open = True
@@ -66,7 +70,8 @@ class Cable:
                 wait = min(0.1, max(0.0, under_way[0][0] - time.monotonic())) if under_way else 0.1
                 for key, _ in selector.select(wait):
                     frame = os.read(key.fd, LONGEST_FRAME_BYTES)
-                    if self.is_pulled or random.random() < self.loss:  # noqa: S311
+                    is_blocked = self.blocks_multicast and frame.startswith(IPV4_MULTICAST)
+                    if self.is_pulled or is_blocked or random.random() < self.loss:  # noqa: S311
                         self.lost += 1
                     else:
                         self.carried += 1
@@ -153,6 +158,40 @@ def across_a_bad_cable(_scale: int) -> Iterator[tuple[str, bool]]:
         )
 
 
+def without_multicast(_scale: int) -> Iterator[tuple[str, bool]]:
+    """Find the bridge where no multicast is carried, as on a campus: only with a discovery server."""
+    robot, laptop = map(inside, HOSTS)
+    executable = Path(os.environ['LUPIN_EXECUTABLES'], 'read_tag')
+    ask = [*laptop, str(executable), '1', '--timeout']
+    with two_hosts() as cable:
+        cable.blocks_multicast = True
+        bridge = Bridge(*robot)
+        alone = subprocess.run([*ask, '8'], capture_output=True, text=True, check=False)
+        bridge.stop()
+        yield f'without a server: exit code {alone.returncode} after 8 s', alone.returncode == NO_ANSWER
+
+        address, _, port = DISCOVERY_SERVER.partition(':')
+        server = subprocess.Popen(
+            # 42 stands for `server`, which `fastdds discovery`, the command for people, fills in.
+            [*robot, 'fast-discovery-server', '42', '-i', '0', '-l', address, '-p', port],
+            stdout=subprocess.DEVNULL,
+        )
+        os.environ['ROS_DISCOVERY_SERVER'] = DISCOVERY_SERVER
+        try:
+            bridge = Bridge(*robot)
+            found = subprocess.run([*ask, '20'], capture_output=True, text=True, check=False)
+            result = Client('--calls', '200', '--timeout', '10', prefix=laptop).result()
+            yield (
+                f'with a server: read_tag exit code {found.returncode}, {result["answered"]}/200 answered',
+                found.returncode == 0 and result['answered'] == 200,
+            )
+            bridge.stop()
+        finally:
+            del os.environ['ROS_DISCOVERY_SERVER']
+            server.kill()
+            server.wait()
+
+
 def main() -> int:
     """Run the phases where this machine can; return the exit code."""
     if os.geteuid() != 0 or not shutil.which('ip') or not TUN.exists():
@@ -169,7 +208,7 @@ def main() -> int:
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
         'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',  # shared memory would connect the two hosts past the cable
     }
-    return 1 if run([across_a_bad_cable], 1) else 0
+    return 1 if run([across_a_bad_cable, without_multicast], 1) else 0
 
 
 if __name__ == '__main__':
