@@ -47,6 +47,7 @@ OWN_FILES = {
         'CONTRIBUTING.md',
         'LICENSE',
         'README.md',
+        'rosdep.yaml',
     },
 }
 # Lines of a shared file that name a file of the monorepo alone.
