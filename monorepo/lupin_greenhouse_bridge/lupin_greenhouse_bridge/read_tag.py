@@ -114,6 +114,7 @@ def _progress():
 
     def show(text: str) -> None:
         if is_terminal:
+            text = text[: os.get_terminal_size(sys.stderr.fileno()).columns - 1]
             print(f'\r\x1b[K{text}', end='', file=sys.stderr, flush=True)
 
     try:

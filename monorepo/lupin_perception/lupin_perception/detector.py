@@ -20,11 +20,11 @@ class TagDetector:
         is_old = not hasattr(aruco, 'ArucoDetector')  # before OpenCV 4.7
         parameters = aruco.DetectorParameters_create() if is_old else aruco.DetectorParameters()
         parameters.errorCorrectionRate = ERROR_CORRECTION_RATE
-        # The edge of the paper is a square too, one module out. By default OpenCV before 4.7 takes the two
-        # for one, and keeps the paper.
-        parameters.minMarkerDistanceRate = 0.01
         parameters.cornerRefinementMethod = aruco.CORNER_REFINE_SUBPIX
         if is_old:
+            # The edge of the paper is a square too, one module out; by default the two are taken for one, and
+            # the paper is kept.
+            parameters.minMarkerDistanceRate = 0.01
             dictionary = aruco.Dictionary_get(aruco.DICT_APRILTAG_36h11)
             dictionary.maxCorrectionBits = 5  # as newer ones know it; here 0
             self._detect = lambda picture: aruco.detectMarkers(picture, dictionary, parameters=parameters)

@@ -25,7 +25,9 @@ class Perception(bridge.NodeProcess):
         self.wait_for_log('ready: images from /tested/image')
         self._node = stack.enter_context(bridge.spinning_node('perception_test'))
         self._images = self._node.create_publisher(Image, topic, qos_profile_sensor_data)
-        self._client = self._node.create_client(ConfirmTag, f'{self.namespace}/confirm_tag')
+        self._client = self._node.create_client(
+            ConfirmTag, f'{self.namespace}/confirm_tag', qos_profile=bridge.CLIENT_QOS
+        )
         assert self._client.wait_for_service(timeout_sec=bridge.PATIENCE_SECONDS)
         bridge.wait_until(lambda: self._images.get_subscription_count() == 1)
 
