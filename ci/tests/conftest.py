@@ -1,6 +1,12 @@
-"""Make the environment's scripts importable."""
+"""Make the environment's scripts importable, and say where `ci/test` has built which tree."""
 
+import os
 import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+ENVIRONMENTS = {
+    'monorepo': Path(os.environ['VIRTUAL_ENV']),
+    'lupin_greenhouse_ros': Path(os.environ.get('MIRROR_VENV') or os.environ['VIRTUAL_ENV']),
+}

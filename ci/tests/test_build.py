@@ -5,9 +5,9 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from conftest import ENVIRONMENTS
 
 ROOT = Path(__file__).resolve().parents[2]
-TREES = ('monorepo', 'lupin_greenhouse_ros')
 
 
 def colcon_build_of_the_bridge(tree, base, *arguments):
@@ -19,7 +19,7 @@ def colcon_build_of_the_bridge(tree, base, *arguments):
     result = subprocess.run(
         ['bash', '-c', script, str(base), '--paths', f'{tree}/lupin_greenhouse_bridge', *arguments],
         cwd=ROOT,
-        env={**os.environ, 'TREE': tree},
+        env={**os.environ, 'TREE': tree, 'VENV': str(ENVIRONMENTS[tree])},
         capture_output=True,
         text=True,
         check=True,
@@ -27,7 +27,7 @@ def colcon_build_of_the_bridge(tree, base, *arguments):
     return result.stdout + result.stderr
 
 
-@pytest.mark.parametrize('tree', TREES)
+@pytest.mark.parametrize('tree', ENVIRONMENTS)
 @pytest.mark.parametrize('is_symlinked', [False, True], ids=['copied', 'symlinked'])
 def test_the_bridge_builds_without_a_warning(tmp_path, tree, is_symlinked):
     arguments = ['--symlink-install'] if is_symlinked else []
@@ -42,10 +42,10 @@ def test_the_bridge_builds_without_a_warning(tmp_path, tree, is_symlinked):
     assert (launch_file.resolve() == source) == is_symlinked
 
 
-@pytest.mark.parametrize('tree', TREES)
+@pytest.mark.parametrize('tree', ENVIRONMENTS)
 def test_the_whole_tree_was_built_without_a_warning(tree):
     """What the last `make build` of the tree printed."""
-    log = Path(os.environ['VIRTUAL_ENV'], 'workspace', tree, 'build.log').read_text()
+    log = (ENVIRONMENTS[tree] / 'workspace' / tree / 'build.log').read_text()
     assert 'Finished <<< lupin_greenhouse_bridge' in log
     assert 'warning' not in log.lower()
     assert 'stderr' not in log

@@ -1,21 +1,19 @@
 """colcon is green when it finds no test: count what it ran."""
 
-import os
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-
-TREES = ('monorepo', 'lupin_greenhouse_ros')
+from conftest import ENVIRONMENTS
 
 
 def results_of(tree):
-    results = Path(os.environ['VIRTUAL_ENV'], 'workspace', tree, 'build/lupin_greenhouse_bridge/pytest.xml')
+    results = ENVIRONMENTS[tree] / 'workspace' / tree / 'build/lupin_greenhouse_bridge/pytest.xml'
     cases = ElementTree.parse(results).getroot().iter('testcase')
     return {(case.get('classname'), case.get('name')): case.find('skipped') is not None for case in cases}
 
 
-@pytest.mark.parametrize('tree', TREES)
+@pytest.mark.parametrize('tree', ENVIRONMENTS)
 def test_colcon_ran_the_contract_tests(tree):
     ran = [name for (name, _), is_skipped in results_of(tree).items() if not is_skipped]
     modules = {name.split('.')[-1] for name in ran}
@@ -24,5 +22,5 @@ def test_colcon_ran_the_contract_tests(tree):
 
 
 def test_both_trees_ran_the_same_tests():
-    monorepo, mirror = map(results_of, TREES)
+    monorepo, mirror = map(results_of, ENVIRONMENTS)
     assert monorepo == mirror
