@@ -20,7 +20,7 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 IN_ENV := source ci/ros_env.bash &&
 
-.PHONY: help env build run smoke read mission test lint generate generate-check drift matrix soak bench test-network figure tags recall test-opencv mirror-publish-check mirror-import clean
+.PHONY: help env build run smoke read mission test docs-check lint generate generate-check drift matrix soak bench test-network figure tags recall test-opencv mirror-publish-check mirror-import clean
 
 help:  ## list the targets
 	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -49,6 +49,9 @@ mission: build  ## visit and read every tag, with report and picture: CAMERA=1 h
 
 test: env  ## all that CI checks
 	@$(IN_ENV) ci/test
+
+docs-check: build  ## links, anchors and shell blocks of the documents
+	@$(IN_ENV) python tools/docs_check.py
 
 lint: env  ## ruff: rules and format; the workflows against their schema
 	@$(IN_ENV) ci/lint

@@ -1,0 +1,116 @@
+"""The README's first commands do what it shows, and the check of the documents can fail."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import domain_coordinator
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'tools'))
+import docs_check
+
+ROOT = docs_check.ROOT
+
+
+def without_numbers(text: str) -> list[str]:
+    """Return the lines of a text with every number the same: times and noise differ from run to run."""
+    return [re.sub(r'\s+', ' ', re.sub(r'\d+(\.\d+)*', 'N', line)) for line in text.splitlines()]
+
+
+def test_the_two_commands_of_the_readme():
+    """Each `$ command` of its first console block prints what is shown below it."""
+    marks = docs_check.shell_blocks(ROOT, Path('README.md'))
+    shown = next(text for _, language, text in marks if language == 'console')
+    serving, *asking = [each.partition('\n') for each in shown.removeprefix('$ ').split('\n$ ')]
+    assert [each[0] for each in asking] == ['make read TAG=1', 'make read TAG=99']
+    with domain_coordinator.domain_id() as domain_id:
+        of_a_user = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
+        environment = of_a_user | {
+            'ROS_DOMAIN_ID': str(domain_id),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'TREE': 'monorepo',
+            'VENV': os.environ['VIRTUAL_ENV'],
+        }
+        server = subprocess.Popen(
+            ['bash', '-c', f'exec {serving[0]}'],
+            cwd=ROOT,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        try:
+            ready = next(line for line in server.stdout if 'ready:' in line)
+            assert without_numbers(ready) == without_numbers(serving[2].strip())
+            for command, _, printed in asking:
+                result = subprocess.run(
+                    ['bash', '-c', command],
+                    cwd=ROOT,
+                    env=environment,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    text=True,
+                    check=False,
+                )
+                assert without_numbers(result.stdout) == without_numbers(printed.strip())
+        finally:
+            os.killpg(server.pid, 15)
+            server.wait()
+
+
+def test_the_documents_are_true(capsys):
+    assert docs_check.main() == 0, capsys.readouterr().out
+
+
+@pytest.fixture
+def documents(tmp_path):
+    """Return a function that makes a repository of one document, and one that returns the findings."""
+    subprocess.run(['git', 'init', '--quiet', str(tmp_path)], check=True)
+
+    def findings(text: str) -> str:
+        (tmp_path / 'README.md').write_text(text, encoding='utf-8')
+        (tmp_path / 'test_it.py').write_text('def test_this():\n    pass\n', encoding='utf-8')
+        subprocess.run(['git', '-C', str(tmp_path), 'add', '.'], check=True)
+        checks = (docs_check.broken_links, docs_check.unproved_blocks, docs_check.failing_blocks)
+        return '\n'.join(line for check in checks for line in check(tmp_path, Path('README.md')))
+
+    return findings
+
+
+GOOD = """# A title: with `code`
+
+[here](#a-title-with-code) [there](test_it.py) [away](https://example.org)
+
+<!-- run -->
+```bash
+test 1 = 1
+```
+
+<!-- tested by test_it.py::test_this -->
+```console
+$ anything
+```
+"""
+
+
+def test_a_good_document_has_no_findings(documents):
+    assert documents(GOOD) == ''
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'finding'),
+    [
+        ('(test_it.py)', '(test_them.py)', 'the link test_them.py leads nowhere'),
+        ('(#a-title-with-code)', '(#another)', 'the link #another names no heading'),
+        ('test 1 = 1', 'test 1 = 2', 'exit code 1 of: test 1 = 2'),
+        ('::test_this', '::test_that', 'there is no test test_it.py::test_that'),
+        ('<!-- run -->\n', '', 'run, tested by or needs?'),
+        ('[here]', '    make run\n\n[here]', 'fence this block, and name its language: make run'),
+    ],
+)
+def test_each_fault_of_a_document_is_found(documents, old, new, finding):
+    assert finding in documents(GOOD.replace(old, new))

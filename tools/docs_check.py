@@ -1,0 +1,115 @@
+"""
+Are the documents true? Links and anchors lead somewhere, and every shell block is run or says what it needs.
+
+    make docs-check
+
+A block of bash or console is preceded by one of these lines:
+
+    <!-- run -->                             it is run here, and must end with exit code 0
+    <!-- tested by PATH::NAME -->            a test that runs it: the file has a function of that name
+    <!-- needs WHAT -->                      it cannot be run here, and why
+
+In the mirror's README a bash block without such a line is run by `make mirror-publish-check`. A block of four
+spaces has no language, so it is refused. Exit code: 0 all is well, 1 not, with one line for each finding.
+"""
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote
+
+ROOT = Path(__file__).resolve().parent.parent
+FENCED = re.compile(
+    r'(?:^<!-- (?P<mark>.+?) -->\n)?^```(?P<language>\S*)\n(?P<text>.*?)^```$', re.MULTILINE | re.DOTALL
+)
+LINK = re.compile(r'\[[^\]]*\]\(([^)\s]+)\)')
+INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
+PUBLISHED = Path('lupin_greenhouse_ros/README.md')
+LONGEST_RUN_SECONDS = 300
+
+
+def documents(root: Path) -> list[Path]:
+    """Return every Markdown file that git keeps, below the root."""
+    listed = subprocess.run(['git', 'ls-files', '*.md'], cwd=root, capture_output=True, text=True, check=True)
+    return [Path(line) for line in listed.stdout.splitlines()]
+
+
+def anchors(text: str) -> set[str]:
+    """Return the anchors that GitHub gives to the headings of a document."""
+    headings = re.findall(r'^#+ (.+)$', FENCED.sub('', text), re.MULTILINE)
+    return {re.sub(r'[^\w\- ]', '', heading.lower()).replace(' ', '-') for heading in headings}
+
+
+def broken_links(root: Path, path: Path) -> Iterator[str]:
+    """Yield a line for each link to a file or an anchor that is not there."""
+    text = (root / path).read_text(encoding='utf-8')
+    for link in LINK.findall(FENCED.sub('', text)):
+        if re.match(r'[a-z]+:', link):
+            continue
+        name, _, anchor = unquote(link).partition('#')
+        target = (root / path).parent / name if name else root / path
+        if not target.exists():
+            yield f'{path}: the link {link} leads nowhere'
+        elif anchor and anchor not in anchors(target.read_text(encoding='utf-8')):
+            yield f'{path}: the link {link} names no heading of {target.relative_to(root) if name else path}'
+
+
+def shell_blocks(root: Path, path: Path) -> list[tuple[str, str, str]]:
+    """Return (mark, language, commands) of each shell block."""
+    text = (root / path).read_text(encoding='utf-8')
+    blocks = [(match['mark'] or '', match['language'], match['text']) for match in FENCED.finditer(text)]
+    return [block for block in blocks if block[1] in ('bash', 'console', 'sh')]
+
+
+def unproved_blocks(root: Path, path: Path) -> Iterator[str]:
+    """Yield a line for each block that nothing runs and that does not say why."""
+    text = FENCED.sub('', (root / path).read_text(encoding='utf-8'))
+    for indented in INDENTED.findall(text):
+        yield f'{path}: fence this block, and name its language: {indented.strip()[:60]}'
+    for mark, language, commands in shell_blocks(root, path):
+        shown = commands.strip().splitlines()[0][:60]
+        if mark.startswith('tested by '):
+            file, _, name = mark.removeprefix('tested by ').partition('::')
+            if not (root / file).is_file() or f'def {name}(' not in (root / file).read_text(encoding='utf-8'):
+                yield f'{path}: there is no test {file}::{name} for: {shown}'
+        elif not (mark == 'run' or mark.startswith('needs ') or (path == PUBLISHED and language == 'bash')):
+            yield f'{path}: run, tested by or needs? Say so above the block: {shown}'
+
+
+def failing_blocks(root: Path, path: Path) -> Iterator[str]:
+    """Run the blocks that are to be run; yield a line for each that fails."""
+    for mark, _, commands in shell_blocks(root, path):
+        if mark != 'run':
+            continue
+        try:
+            result = subprocess.run(
+                ['bash', '-eo', 'pipefail', '-c', commands],
+                cwd=root,
+                capture_output=True,
+                text=True,
+                timeout=LONGEST_RUN_SECONDS,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            yield f'{path}: {error}'
+            continue
+        if result.returncode:
+            last = (result.stderr or result.stdout).strip().splitlines()[-1:]
+            yield f'{path}: exit code {result.returncode} of: {commands.strip()}: {"".join(last)}'
+
+
+def main(root: Path = ROOT) -> int:
+    """Check every document; return the exit code."""
+    paths = documents(root)
+    checks = (broken_links, unproved_blocks, failing_blocks)
+    findings = [finding for path in paths for check in checks for finding in check(root, path)]
+    print(*(f'docs: {finding}' for finding in findings), sep='\n', end='\n' if findings else '')
+    blocks = [block for path in paths for block in shell_blocks(root, path)]
+    print(f'{len(paths)} documents, {len(blocks)} shell blocks: {len(findings)} findings')
+    return int(bool(findings))
+
+
+if __name__ == '__main__':
+    sys.exit(main())
