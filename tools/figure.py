@@ -22,6 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'monorepo/lupin_gre
 import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from greenhouse_sim.tools.layout_utils import DEFAULT_CONFIG_FILE, DEFAULT_TAG_FILE
+from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.errors import BridgeError, StartUpError
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulation import load
@@ -75,6 +76,7 @@ class Greenhouse:
             Path(self.sim_config_file or DEFAULT_CONFIG_FILE),
             Path(__file__),
             Path(greenhouse_plot.__file__),
+            Path(units.__file__),
         ]
         choices = f'{options.sensor} {options.hour} {options.tag}'.encode()
         return hashlib.sha256(b'\0'.join([*(file.read_bytes() for file in files), choices])).hexdigest()

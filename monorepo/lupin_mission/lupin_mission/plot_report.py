@@ -52,12 +52,12 @@ def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Pa
     from lupin_mission.greenhouse_plot import DrawingError, draw_footprint, label_of, read_layout
 
     layout = read_layout(options.tag_file, options.sim_config_file)
-    if strangers := sorted(set(found) - set(layout.tags)):
+    readings = {tag_id: each.reading.values for tag_id, each in found.items() if each.reading}
+    if strangers := sorted(set(readings) - set(layout.tags)):
         raise DrawingError(
             f"report '{options.report}': tag '{strangers[0]}' has no place in the tag file:"
             " give the mission's own with --tag-file"
         )
-    readings = {tag_id: each.reading.values for tag_id, each in found.items() if each.reading}
     sensors = list(dict.fromkeys(name for values in readings.values() for name in values))
     if not sensors:
         raise DrawingError(f"report '{options.report}': no tag was read, so there is nothing to draw")
@@ -109,7 +109,11 @@ def _draw_readings(figure, axes, sensor: str, layout, readings) -> None:
 
 
 def _draw_failures(axes, layout, found) -> None:
-    failed = [layout.tags[tag_id] for tag_id, each in found.items() if each.outcome is not Outcome.OK]
+    failed = [
+        layout.tags[tag_id]
+        for tag_id, each in found.items()
+        if each.outcome is not Outcome.OK and tag_id in layout.tags  # an unknown tag has no place
+    ]
     axes.scatter(
         [tag['x'] for tag in failed], [tag['y'] for tag in failed], marker='x', s=60, color='red', zorder=5
     )
