@@ -70,7 +70,7 @@ class Confirmer:
         self._criteria = criteria
         # Twice as many as must show the tag: one may be blurred.
         self._frames: deque[Frame] = deque(maxlen=2 * criteria.min_frames)
-        self.refusal = ''  # of the last image, when it could not be used
+        self.refusal = ''  # why the last image could not be used
 
     def add(self, frame: Frame) -> None:
         """Keep a frame, in the place of the oldest."""
@@ -81,15 +81,17 @@ class Confirmer:
         """Tell whether the camera sees the tag, and in one line what it sees or what is missing."""
         if not re.fullmatch(r'0|[1-9][0-9]{0,2}', tag_id) or int(tag_id) >= TAG_COUNT:
             return False, f'{tag_id[:40]!r} is no id of tag36h11: give 0 to {TAG_COUNT - 1} in decimal'
+        refused = f'; an image was refused: {self.refusal}' if self.refusal else ''
         if not self._frames:
-            return False, f'no usable image yet{f": {self.refusal}" if self.refusal else ""}'
+            return False, f'no usable image yet{refused}'
         recent = [
             frame
             for frame in self._frames
             if not self._fault_of_age(frame, stamp_now_seconds, arrival_now_seconds)
         ]
         if not recent:
-            return False, self._fault_of_age(self._frames[-1], stamp_now_seconds, arrival_now_seconds)
+            fault = self._fault_of_age(self._frames[-1], stamp_now_seconds, arrival_now_seconds)
+            return False, fault + refused
         return self._look(int(tag_id), recent)
 
     def _fault_of_age(self, frame: Frame, stamp_now_seconds: float, arrival_now_seconds: float) -> str:

@@ -114,7 +114,7 @@ def test_malformed_images_are_refused_once_and_the_node_lives(start, tag_7):
     ]
     malformed = [image_of(tag_7, **fields) for fields in faults]
     for image in malformed * 3:
-        perception.confirm_while_showing(image, '7', 'no usable image yet: ')
+        perception.confirm_while_showing(image, '7', 'no usable image yet; an image was refused: ')
     assert perception.confirm_while_showing(image_of(tag_7), '7', 'seen in 2')[0]
     assert perception.stop() == 0
     log = perception.rest_of_log()

@@ -69,11 +69,18 @@ def test_an_id_that_is_none_of_the_family_is_not_confirmed(tag_id):
 
 def test_a_refused_image_is_named_until_there_is_a_usable_one():
     seen = confirmer()
+    refusal = "; an image was refused: encoding '16UC1' is not one of mono8"
     seen.refusal = "encoding '16UC1' is not one of mono8"
-    assert seen.confirm('7', NOW, NOW) == (
-        False,
-        "no usable image yet: encoding '16UC1' is not one of mono8",
-    )
+    assert seen.confirm('7', NOW, NOW) == (False, f'no usable image yet{refusal}')
+
+    seen = confirmer([GOOD], [GOOD])
+    seen.refusal = "encoding '16UC1' is not one of mono8"
+    later = NOW + 2.0
+    message = f'the last image came 2.0 s ago: older than 1 s{refusal}'
+    assert seen.confirm('7', later, later) == (False, message)
+    seen.add(Frame(np.array([[0]]), later, later))
+    later += 2.0
+    assert 'refused' not in seen.confirm('7', later, later)[1]
 
 
 @pytest.mark.parametrize(
