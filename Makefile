@@ -96,4 +96,4 @@ mirror-import: env  ## take a patch of the mirror into the core and both trees: 
 	@$(IN_ENV) ci/import_patch '$(PATCH)'
 
 clean:  ## remove what was built (the environment stays: it is .venv)
-	rm -rf '$(VENV)/workspace' .pytest_cache .ruff_cache .hypothesis
+	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .mission .bench .tags
