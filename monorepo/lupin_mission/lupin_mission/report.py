@@ -5,6 +5,7 @@ import fcntl
 import json
 import math
 import os
+import stat
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum
@@ -96,6 +97,8 @@ def fault_of(reading: Reading) -> str:
 def read_report(path: Path | str) -> list[Observation]:
     """Return the observations of a report, without a last line that was not written to its end."""
     try:
+        if Path(path).exists() and not Path(path).is_file():
+            raise ReportError(f"report '{path}' is no regular file: give the file that a mission wrote")
         content = Path(path).read_bytes()
     except OSError as error:
         raise ReportError(f"report '{path}': {error.strerror}: give the file that a mission wrote") from error
@@ -138,6 +141,8 @@ class Report:
             reason = getattr(error, 'strerror', error)
             raise ReportError(f"report_file '{path}': {reason}: name a file that can be written") from error
         try:
+            if not stat.S_ISREG(os.fstat(self._file).st_mode):  # /dev/zero has no end
+                raise ReportError(f"report_file '{path}' is no regular file: name another file")
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             self.observations, self._size = _parse(self.path.read_bytes(), path)
             os.ftruncate(self._file, self._size)

@@ -1,5 +1,6 @@
 """The report: what is on the disk after a kill, and what is refused."""
 
+import os
 import subprocess
 import sys
 
@@ -88,6 +89,15 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path, monkeypatch, path):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ReportError, match='name a file that can be written'):
         Report(path)
+
+
+@pytest.mark.parametrize('path', ['/dev/zero', '/dev/full', 'pipe'])
+def test_what_is_no_regular_file_is_refused(tmp_path, monkeypatch, path):
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo('pipe')
+    for use in (Report, read_report):
+        with pytest.raises(ReportError, match='is no regular file'):
+            use(path)
 
 
 def test_two_missions_do_not_write_one_report(tmp_path):
