@@ -244,11 +244,8 @@ def main(arguments: list[str] | None = None) -> int:
             for suffix in ('.png', '.svg')
             if fingerprint_of(path.with_suffix(suffix)) != fingerprint
         ]
-        print(
-            *(f'figure: {each} is not up to date: make figure' for each in stale),
-            sep='\n',
-            end='\n' if stale else '',
-        )
+        lines = [f'figure: {each} is not up to date: make figure' for each in stale]
+        print(*(lines or [f'figure: {len(paths)} figures are up to date']), sep='\n')
         return int(bool(stale))
     save(draw_layout(greenhouse, options.sensor, options.hour), paths['greenhouse'], fingerprint)
     save(draw_day(greenhouse, options.tag), paths['day'], fingerprint)

@@ -26,9 +26,12 @@ class Layout(NamedTuple):
 
 def read_layout(tag_file: str = '', sim_config_file: str = '') -> Layout:
     """Return the layout as the simulator reads it; '' names its shipped files. Raises DrawingError."""
+    for path in filter(None, (tag_file, sim_config_file)):
+        if not Path(path).is_file():
+            raise DrawingError(
+                f"'{path}' is no file: give the one that the mission's bridge was started with"
+            )
     try:
-        for path in filter(None, (tag_file, sim_config_file)):
-            Path(path).read_bytes()
         tags, tables = load_layout(tag_file or None)
         settings = load_visualization_settings(Path(sim_config_file) if sim_config_file else None)
         layout = Layout(settings.greenhouse_width_m, settings.greenhouse_height_m, tags, tables)
@@ -36,8 +39,6 @@ def read_layout(tag_file: str = '', sim_config_file: str = '') -> Layout:
             float(tag['x']), float(tag['y'])
         for table in tables.values():
             [float(table[key]) for key in ('x0', 'y0', 'x1', 'y1')]
-    except OSError as error:
-        raise DrawingError(f'{error.filename}: {error.strerror}') from error
     except Exception as error:  # whatever upstream makes of a file that is none
         files = ' and '.join(filter(None, (tag_file, sim_config_file)))
         raise DrawingError(f'{files}: cannot be drawn ({type(error).__name__}: {error})') from error
