@@ -45,14 +45,14 @@ class MissionNode(Node):
         super().__init__(NODE_NAME)
         settings = self._declare_settings()
         self.tag_ids = settings.chosen_tag_ids or simulation.served_tag_ids(settings.tag_file)
+        self._service_clients = {
+            Service.CONFIRM: self._client(ConfirmTag, settings.confirm_service_name),
+            Service.READ: self._client(GetTagReading, settings.bridge_service_name),
+        }
         self.report = Report(settings.report_file or time.strftime('mission-%Y%m%dT%H%M%S.jsonl'))
         found = last_of_each_tag(self.report.observations)
         to_visit = [tag for tag in self.tag_ids if tag not in found or found[tag].outcome is not Outcome.OK]
 
-        self._asked = {
-            Service.CONFIRM: self._client(ConfirmTag, settings.confirm_service_name),
-            Service.READ: self._client(GetTagReading, settings.bridge_service_name),
-        }
         self._unsent: Request | None = None  # until its service is there
         self._future = None  # of the request that is on its way
         self._at_tag = self.create_publisher(String, '~/at_tag', LATCHED_QOS)
@@ -105,21 +105,21 @@ class MissionNode(Node):
 
     def _send_when_ready(self) -> None:
         request = self._unsent
-        if request is None or not self._asked[request.service].service_is_ready():
+        if request is None or not self._service_clients[request.service].service_is_ready():
             return
         self._unsent = None
         kind = ConfirmTag if request.service is Service.CONFIRM else GetTagReading
-        self._future = self._asked[request.service].call_async(kind.Request(tag_id=request.tag_id))
+        self._future = self._service_clients[request.service].call_async(kind.Request(tag_id=request.tag_id))
         self._future.add_done_callback(partial(self._on_reply, request))
 
     def abandon(self, request: Request) -> Outcome:
         """Forget a request; a reply that comes after all finds nobody."""
-        name = self._asked[request.service].srv_name
+        name = self._service_clients[request.service].srv_name
         if self._unsent is request:
             self._unsent = None
             self.get_logger().warning(f'{name} is not there')
             return Outcome.NO_SERVICE
-        self._asked[request.service].remove_pending_request(self._future)
+        self._service_clients[request.service].remove_pending_request(self._future)
         self.get_logger().warning(f'{name} did not answer in time')
         return Outcome.TIMEOUT
 
