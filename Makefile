@@ -3,7 +3,7 @@
 TREE ?= monorepo
 DISTRO ?= kilted
 PYTHON ?= python3
-VENV ?= $(CURDIR)/.venv
+VENV ?= .venv
 ARGS ?=
 TAG ?= 1
 SIDE ?= 100
@@ -14,6 +14,7 @@ endif
 ifeq ($(filter $(DISTRO),kilted jazzy),)
 $(error DISTRO=$(DISTRO) has no wheels: DISTRO=kilted or DISTRO=jazzy)
 endif
+override VENV := $(if $(filter /%,$(VENV)),$(VENV),$(CURDIR)/$(VENV))
 export TREE VENV
 SHELL := bash
 .SHELLFLAGS := -eo pipefail -c

@@ -192,3 +192,13 @@ def test_a_sourced_ros_is_found_used_and_only_completed(tmp_path):
     assert result.stdout.splitlines()[-1] == '29/29 tags read'
     installed = {path.name for path in (tmp_path / 'venv').glob('lib/python*/site-packages/*')}
     assert not [name for name in installed if name.startswith(('rclpy', 'ros_', 'fastdds', 'rosidl'))]
+
+
+@pytest.mark.parametrize(
+    ('given', 'used'), [('.venv-x', f'{ROOT}/.venv-x'), ('/a b/.venv', '/a b/.venv'), ('x y', f'{ROOT}/x y')]
+)
+def test_make_takes_any_folder_for_the_environment(given, used):
+    command = ['make', '--silent', '--eval', "show:; @echo '$(VENV)'", 'show', f'VENV={given}']
+    environment = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
+    result = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    assert result.stdout == f'{used}\n'
