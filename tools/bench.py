@@ -2,7 +2,7 @@
 The bridge against a floor: a bare rclpy node that answers the same question with canned answers.
 
     make bench              under five minutes; the table, and bench.json in .bench/
-    make bench SHORT=1      a quarter of a minute, for a look
+    make bench SHORT=1      under a minute, for a look
 
 Every figure is a ratio within one run. The two are asked in turns, in rounds; a ratio is the median of the
 rounds' ratios, with the middle half of them in brackets. --subject and --floor take other commands than the
@@ -23,6 +23,7 @@ import time
 from pathlib import Path
 
 import domain_coordinator
+from load import status_of
 
 TOOLS = Path(__file__).resolve().parent
 PATIENCE_SECONDS = 60.0
@@ -31,6 +32,8 @@ FLOOR = f'{sys.executable} {TOOLS / "bench_floor.py"} floor'
 WRAPPER = f'{sys.executable} {TOOLS / "bench_floor.py"} wrapper'
 TRIGGER = f'{sys.executable} {TOOLS / "bench_floor.py"} trigger'
 CLI = f'{Path(sys.executable).parent}/mdp-greenhouse --read 1 --count 1'
+PARTS = ('latency', 'explanation', 'throughput', 'start', 'idle', 'growth', 'alternatives')
+SENSORS = ['temperature', 'humidity', 'co2', 'light', 'soil_moisture']
 # Ratio of subject to floor, and on which side of it the target lies.
 TARGETS = {
     'round trip p50': (1.05, max),
@@ -75,11 +78,6 @@ class Server:
     def __exit__(self, *_):
         self.process.kill()
         self.process.wait()
-
-    def resident_kb(self) -> int:
-        """Return the resident memory."""
-        status = Path(f'/proc/{self.process.pid}/status').read_text()
-        return int(status.split('VmRSS:')[1].split()[0])
 
     def cpu_seconds(self) -> float:
         """Return the processor time of all its threads so far, to the nanosecond."""
@@ -155,6 +153,10 @@ class Asker:
             self._call(client, request)
             durations.append((time.perf_counter_ns() - started) / 1000)
         return sorted(durations)
+
+    def median(self, service: str, calls: int, tag_id: str = '1') -> float:
+        """Return the median duration of a call in microseconds."""
+        return percentile(self.latencies(service, calls, tag_id), 0.5)
 
     def calls_within(self, service: str, seconds: float) -> int:
         """Return how many calls, one after the other, ended in that time."""
@@ -234,33 +236,30 @@ class Bench:
             flush=True,
         )
 
-    def rounds(self, measure, first, second, rounds: int) -> list[tuple]:
-        """Measure two sides in turns; which comes first changes from round to round."""
+    def rounds(self, measure, *sides, rounds: int | None = None) -> list[tuple]:
+        """Measure the sides in turns, and return what each round measured; each comes first as often."""
         results = []
-        for number in range(rounds):
-            order = (first, second) if number % 2 else (second, first)
-            measured = {side: measure(side) for side in order}
-            results.append((measured[first], measured[second]))
+        for number in range(rounds or self.options.rounds):
+            measured = [None] * len(sides)
+            for position in range(len(sides)):
+                side = (number + position) % len(sides)
+                measured[side] = measure(sides[side])
+            results.append(tuple(measured))
         return results
 
     def latency(self, subject: Server, floor: Server) -> None:
         """Round trips of one client, to each in turns."""
-        asker = Asker()
-        for server in (subject, floor):
-            asker.connect(server.service)
-            asker.latencies(server.service, 500)
         calls = 200 if self.options.short else 1000
-        pairs = self.rounds(
-            lambda service: asker.latencies(service, calls),
-            subject.service,
-            floor.service,
-            self.options.rounds,
-        )
+        services = [subject.service, floor.service]
+        with contextlib.closing(Asker()) as asker:
+            for service in services:
+                asker.connect(service)
+                asker.median(service, 500)
+            pairs = self.rounds(lambda service: asker.latencies(service, calls), *services)
         for name, share in (('p50', 0.5), ('p90', 0.9), ('p99', 0.99)):
             self.ratio(
                 f'round trip {name}', 'us', [(percentile(a, share), percentile(b, share)) for a, b in pairs]
             )
-        asker.close()
 
     def throughput(self, subject: Server, floor: Server) -> None:
         """Count the calls per second of several client processes at once."""
@@ -284,7 +283,7 @@ class Bench:
                 return sum(pipe.recv() for pipe in pipes) / seconds
 
             measure(subject.service)
-            pairs = self.rounds(measure, *services, max(4, self.options.rounds // 2))
+            pairs = self.rounds(measure, *services, rounds=max(4, self.options.rounds // 2))
             self.ratio(f'throughput, {count} client{"s" * (count > 1)}', 'calls/s', pairs)
             for pipe, worker in zip(pipes, workers, strict=True):
                 pipe.send(None)
@@ -295,21 +294,22 @@ class Bench:
 
         def measure(command: str) -> float:
             started = time.perf_counter()
-            with Server(command, 'started') as server:
-                asker = Asker()
+            with Server(command, 'started') as server, contextlib.closing(Asker()) as asker:
                 asker.connect(server.service)
-                seconds = time.perf_counter() - started
-                asker.close()
-            return 1000 * seconds
+                return 1000 * (time.perf_counter() - started)
 
         pairs = self.rounds(
-            measure, self.options.subject, self.options.floor, 4 if self.options.short else 12
+            measure, self.options.subject, self.options.floor, rounds=4 if self.options.short else 12
         )
         self.ratio('start to first answer', 'ms', pairs)
 
     def idle(self, subject: Server, floor: Server) -> None:
         """Memory, and processor time while nobody asks."""
-        self.ratio('resident memory', 'kB', [(subject.resident_kb(), floor.resident_kb())])
+        self.ratio(
+            'resident memory',
+            'kB',
+            [tuple(status_of(each.process.pid, 'VmRSS') for each in (subject, floor))],
+        )
         seconds = 1.0 if self.options.short else 5.0
         before = subject.cpu_seconds(), floor.cpu_seconds()
         time.sleep(seconds)
@@ -321,42 +321,27 @@ class Bench:
 
 
 def grown_greenhouse(folder: Path, tag_count: int) -> dict[str, str]:
-    """Write a greenhouse of many tags; n1 to n5 have so many sensors, c1 to c8 one of so many components."""
-    component = {
-        'value_at_midnight': 18.0,
-        'value_at_noon': 26.0,
-        'noise_sigma': 0.0,
-        'decay_distance': 10.0,
-        'decay_type': 'linear',
-        'position': [2.0, 0.0],
-        'dynamics': 'radial',
-    }
-    names = ['temperature', 'humidity', 'co2', 'light', 'soil_moisture']
-    tags = {f't{number}': {'x': 1.0, 'y': 1.0, 'sensors': names[:2]} for number in range(tag_count - 5)}
-    tags |= {f'n{count}': {'x': 1.0, 'y': 1.0, 'sensors': names[:count]} for count in range(1, 6)}
-    config = {
-        'time': {'speedup_factor': 1800, 'debug_mode': False, 'debug_time_of_day': 12.0, 'debug_seed': 42},
-        'sensors': {name: [component] * 2 for name in names},
-    }
-    return _written(folder, f'{tag_count}', tags, config)
+    """Write a greenhouse of that many tags; n1 to n5 have so many sensors."""
+    tags = {f't{number}': SENSORS[:2] for number in range(tag_count - 5)}
+    tags |= {f'n{count}': SENSORS[:count] for count in range(1, 6)}
+    return _written(folder, f'{tag_count}', tags, dict.fromkeys(SENSORS, 2))
 
 
 def composed_greenhouse(folder: Path) -> dict[str, str]:
     """Write a greenhouse where each sensor has another number of components; tag cN has the one of N."""
+    counts = dict(zip(SENSORS, (1, 2, 4, 8), strict=False))
+    return _written(folder, 'composed', {f'c{count}': [name] for name, count in counts.items()}, counts)
+
+
+def _written(folder: Path, name: str, tags: dict[str, list], components: dict[str, int]) -> dict[str, str]:
     component = {'value_at_midnight': 18.0, 'value_at_noon': 26.0, 'noise_sigma': 1.0, 'dynamics': 'radial'}
     component |= {'decay_distance': 10.0, 'position': [2.0, 0.0]}
-    counts = {'temperature': 1, 'humidity': 2, 'co2': 4, 'light': 8}
-    tags = {f'c{count}': {'x': 1.0, 'y': 1.0, 'sensors': [name]} for name, count in counts.items()}
     config = {
         'time': {'speedup_factor': 1800, 'debug_mode': False, 'debug_time_of_day': 12.0, 'debug_seed': 42},
-        'sensors': {name: [component] * count for name, count in counts.items()},
+        'sensors': {sensor: [component] * count for sensor, count in components.items()},
     }
-    return _written(folder, 'composed', tags, config)
-
-
-def _written(folder: Path, name: str, tags: dict, config: dict) -> dict[str, str]:
     tag_file, config_file = folder / f'{name}.json', folder / f'{name}.yaml'
-    tag_file.write_text(json.dumps({'tags': tags}))
+    tag_file.write_text(json.dumps({tag: {'x': 1.0, 'y': 1.0, 'sensors': has} for tag, has in tags.items()}))
     config_file.write_text(json.dumps(config))  # JSON is YAML
     return {'tag_file': f'"{tag_file}"', 'sim_config_file': f'"{config_file}"'}
 
@@ -365,15 +350,12 @@ def growth(bench: Bench, folder: Path) -> None:
     """Compare large with small, both of them bridges: tags, sensors at a tag, parts of a sensor, calls."""
     calls = 200 if bench.options.short else 500
     with contextlib.ExitStack() as stack:
-        small, large, huge = (
-            stack.enter_context(
-                Server(bench.options.subject, f'tags{count}', **grown_greenhouse(folder, count))
-            )
-            for count in (29, 1000, 100_000)
-        )
-        composed = stack.enter_context(
-            Server(bench.options.subject, 'composed', **composed_greenhouse(folder))
-        )
+
+        def serve(name: str, files: dict[str, str]) -> Server:
+            return stack.enter_context(Server(bench.options.subject, name, **files))
+
+        small, large, huge = (serve(f'tags{n}', grown_greenhouse(folder, n)) for n in (29, 1000, 100_000))
+        composed = serve('composed', composed_greenhouse(folder))
         comparisons = [
             ('1,000 tags to 29: p50', (large, 'n2'), (small, 'n2')),
             ('100,000 tags to 29: p50', (huge, 'n2'), (small, 'n2')),
@@ -383,53 +365,38 @@ def growth(bench: Bench, folder: Path) -> None:
         asker = stack.enter_context(contextlib.closing(Asker()))
         for server in (small, large, huge, composed):
             asker.connect(server.service)
-            asker.latencies(server.service, 300, 'n2')
         for figure, *sides in comparisons:
-            pairs = bench.rounds(
-                lambda side: percentile(asker.latencies(side[0].service, calls, side[1]), 0.5),
-                *sides,
-                bench.options.rounds,
-            )
+            for server, tag_id in sides:
+                asker.median(server.service, 100, tag_id)  # the first calls are slower
+            pairs = bench.rounds(lambda side: asker.median(side[0].service, calls, side[1]), *sides)
             bench.ratio(figure, 'us', pairs)
     with Server(bench.options.subject, 'many') as server, contextlib.closing(Asker()) as asker:
         asker.connect(server.service)
-        calls = 5000 if bench.options.short else 200_000
-        first = [percentile(asker.latencies(server.service, 500), 0.5) for _ in range(6)]
+        calls = 7000 if bench.options.short else 200_000
+        first = [asker.median(server.service, 500) for _ in range(6)]
         asker.hurry(server.service, calls - 6000)
-        last = [percentile(asker.latencies(server.service, 500), 0.5) for _ in range(6)]
+        last = [asker.median(server.service, 500) for _ in range(6)]
         bench.ratio(f'call {calls:,} to call 1: p50', 'us', list(zip(last, first, strict=True)))
 
 
 def explanation(bench: Bench, subject: Server, floor: Server) -> None:
     """Show what any wrapper pays: a third server asks the simulator and checks nothing."""
-    with Server(WRAPPER, 'wrapper') as wrapper:
-        asker = Asker()
-        for each in (subject, floor, wrapper):
-            asker.connect(each.service)
-            asker.latencies(each.service, 300)
-        results = []
-        for number in range(bench.options.rounds):
-            servers = [subject, floor, wrapper]
-            order = servers[number % 3 :] + servers[: number % 3]
-            measured = {each.service: percentile(asker.latencies(each.service, 300), 0.5) for each in order}
-            results.append([measured[each.service] for each in servers])
-        bench.ratio('thinnest wrapper of the simulator: p50', 'us', [(w, f) for _, f, w in results])
-        bench.ratio('bridge to that wrapper: p50', 'us', [(s, w) for s, _, w in results])
-        asker.close()
+    with Server(WRAPPER, 'wrapper') as wrapper, contextlib.closing(Asker()) as asker:
+        services = [each.service for each in (subject, floor, wrapper)]
+        for service in services:
+            asker.connect(service)
+            asker.median(service, 300)
+        results = bench.rounds(lambda service: asker.median(service, 300), *services)
+    bench.ratio('thinnest wrapper of the simulator: p50', 'us', [(w, f) for _, f, w in results])
+    bench.ratio('bridge to that wrapper: p50', 'us', [(s, w) for s, _, w in results])
 
 
 def alternatives(bench: Bench, floor: Server) -> None:
     """Compare what else one might do: Trigger with JSON, and the simulator's own command per reading."""
-    with Server(TRIGGER, 'trigger') as trigger:
-        asker = Asker()
+    with Server(TRIGGER, 'trigger') as trigger, contextlib.closing(Asker()) as asker:
         asker.connect(trigger.service, 'Trigger')
         asker.connect(floor.service)
-        pairs = bench.rounds(
-            lambda service: percentile(asker.latencies(service, 300), 0.5),
-            trigger.service,
-            floor.service,
-            bench.options.rounds // 2,
-        )
+        pairs = bench.rounds(lambda service: asker.median(service, 300), trigger.service, floor.service)
         bench.ratio('std_srvs/Trigger with JSON: p50', 'us', pairs, 'the client parses it')
         pairs = []
         for _ in range(2 if bench.options.short else 5):
@@ -438,11 +405,8 @@ def alternatives(bench: Bench, floor: Server) -> None:
             if run.returncode:
                 print(f'bench: {CLI}: {run.stderr.strip().splitlines()[-1]}', file=sys.stderr)
                 return
-            pairs.append(
-                (1e6 * (time.perf_counter() - started), percentile(asker.latencies(floor.service, 300), 0.5))
-            )
+            pairs.append((1e6 * (time.perf_counter() - started), asker.median(floor.service, 300)))
         bench.ratio('mdp-greenhouse --read as a process: p50', 'us', pairs, 'no ROS in it')
-        asker.close()
 
 
 def main() -> int:
@@ -450,7 +414,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--short', action='store_true', help='fewer rounds: for a look, not for quoting')
     parser.add_argument(
-        '--only', nargs='*', help='parts: latency explanation throughput start idle growth alternatives'
+        '--only', nargs='+', default=PARTS, choices=PARTS, metavar='PART', help=' '.join(PARTS)
     )
     parser.add_argument('--subject', default=BRIDGE, metavar='COMMAND')
     parser.add_argument('--floor', default=FLOOR, metavar='COMMAND')
@@ -459,22 +423,13 @@ def main() -> int:
     options.rounds = 6 if options.short else 20
     options.output.mkdir(parents=True, exist_ok=True)
     bench = Bench(options)
-    wanted = options.only or [
-        'latency',
-        'explanation',
-        'throughput',
-        'start',
-        'idle',
-        'growth',
-        'alternatives',
-    ]
     started = time.monotonic()
     print('| | bridge | compared with | ratio [middle half of the rounds] | target |\n|---|---|---|---|---|')
     with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
         os.environ.update(ROS_DOMAIN_ID=str(domain_id), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
         subject = stack.enter_context(Server(options.subject, 'subject'))
         floor = stack.enter_context(Server(options.floor, 'floor'))
-        for part in wanted:
+        for part in options.only:
             match part:
                 case 'latency' | 'throughput' | 'idle':
                     getattr(bench, part)(subject, floor)

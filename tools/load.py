@@ -43,8 +43,7 @@ class Bridge:
 
     def status(self, key: str) -> int:
         """Return a number of /proc/PID/status, such as VmRSS (kB) or Threads."""
-        text = Path(f'/proc/{self.process.pid}/status').read_text()
-        return int(next(line for line in text.splitlines() if line.startswith(f'{key}:')).split()[1])
+        return status_of(self.process.pid, key)
 
     def open_files(self) -> int:
         """Return the number of open file descriptors."""
@@ -61,6 +60,12 @@ class Bridge:
         output, _ = self.process.communicate(timeout=PATIENCE_SECONDS)
         handled = [line.split()[-1] for line in output.splitlines() if line.startswith('requests handled:')]
         return self.process.returncode, int(handled[-1]) if handled else -1
+
+
+def status_of(pid: int, key: str) -> int:
+    """Return a number of /proc/PID/status, such as VmRSS (kB) or Threads."""
+    text = Path(f'/proc/{pid}/status').read_text()
+    return int(next(line for line in text.splitlines() if line.startswith(f'{key}:')).split()[1])
 
 
 class Client:

@@ -56,11 +56,20 @@ class Screen:
         ]
 
     def _replace(self, lines: list[str]) -> None:
-        """Go up over what was shown last, erase it, and print; a line that wraps would break the count."""
-        columns, _ = os.get_terminal_size(sys.stdout.fileno())
+        """Go up over what was shown last, erase it, and print no more than the terminal holds."""
+        columns, rows = terminal_size(sys.stdout)
+        if len(lines) >= rows:
+            hidden = len(lines) - rows + 2
+            lines = [*lines[:-hidden], f'... {hidden} more lines, in a taller window']
         up = f'\x1b[{self._lines_shown}F' if self._lines_shown else ''
         print(up + '\x1b[J' + '\n'.join(line[: columns - 1] for line in lines), flush=True)
         self._lines_shown = len(lines)
+
+
+def terminal_size(stream) -> tuple[int, int]:
+    """Return columns and rows of the window itself, whatever COLUMNS says; 80 and 24 where it has none."""
+    columns, rows = os.get_terminal_size(stream.fileno())
+    return columns or 80, rows or 24
 
 
 def _rows(tag_id: str, reading) -> list[tuple[str, str, str, str, str]]:

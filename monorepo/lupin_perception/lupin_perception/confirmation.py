@@ -63,7 +63,7 @@ class Frame(NamedTuple):
 
 
 class Confirmer:
-    """Keeps the last frames, and looks for a tag in them when asked; until then a frame costs nothing."""
+    """Keeps the last frames, and looks for a tag in them only when asked."""
 
     def __init__(self, detect: Callable[[np.ndarray], list[Detection]], criteria: Criteria):
         self._detect = detect

@@ -18,7 +18,7 @@ from rclpy.utilities import remove_ros_args
 
 from lupin_greenhouse_bridge import simulation
 from lupin_greenhouse_bridge.errors import BridgeError
-from lupin_greenhouse_bridge.reading_table import Screen, json_line
+from lupin_greenhouse_bridge.reading_table import Screen, json_line, terminal_size
 
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
 # Every client hears the replies to all; at ROS's depth of 10 those to others can push out its own.
@@ -114,7 +114,7 @@ def _progress():
 
     def show(text: str) -> None:
         if is_terminal:
-            text = text[: os.get_terminal_size(sys.stderr.fileno()).columns - 1]
+            text = text[: terminal_size(sys.stderr)[0] - 1]
             print(f'\r\x1b[K{text}', end='', file=sys.stderr, flush=True)
 
     try:

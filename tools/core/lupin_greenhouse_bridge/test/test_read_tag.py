@@ -166,6 +166,15 @@ def test_watch_updates_the_table_in_place_on_a_terminal(bridge):
     assert max(map(len, re.split(r'[\r\n]+', printed))) < 60
 
 
+def test_a_watched_table_that_is_taller_than_the_terminal_is_cut(bridge):
+    """Going up ends at the upper edge: what has scrolled away could not be replaced."""
+    service = ['--service', bridge.service_name]
+    terminal = Terminal(EXECUTABLES / 'read_tag', '--all', '--watch', '0.01', *service)
+    terminal.read_until('more lines, in a taller window', 2)
+    terminal.close()
+    assert '\x1b[23F\x1b[J' in terminal.text
+
+
 def test_waiting_for_the_service_is_shown_on_a_terminal_and_wiped_out():
     terminal = Terminal(
         EXECUTABLES / 'read_tag', '1', '--service', '/nobody/get_tag_reading', '--timeout', '2'
