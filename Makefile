@@ -75,8 +75,8 @@ soak: build  ## faults and load on this machine, with figures (SHORT=1: about a 
 bench: build  ## the bridge against a bare rclpy node: one table and .bench/bench.json (SHORT=1: a look)
 	@$(IN_ENV) python tools/bench.py $(if $(SHORT),--short) $(ARGS)
 
-test-network: build  ## two hosts as network namespaces: loss, delay, a pulled cable (needs root)
-	@$(IN_ENV) python tools/network.py
+test-network: build  ## two hosts as network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
+	@$(IN_ENV) python tools/network.py $(if $(SHORT),--short)
 
 figure: env  ## draw the greenhouse into the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
 	@$(IN_ENV) python tools/figure.py $(ARGS)

@@ -86,7 +86,7 @@ class Client:
         self.process.stdin.flush()
 
     def result(self) -> dict:
-        """Return the counts that the client prints at its end."""
+        """Return the counts that the client prints at its end; raise TimeoutExpired when it has none."""
         output, _ = self.process.communicate(timeout=10 * PATIENCE_SECONDS)
         return json.loads(output.splitlines()[-1])
 

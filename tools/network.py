@@ -1,13 +1,15 @@
 """
 Two hosts, as network namespaces with a cable between them: loss, delay, the cable pulled, and no multicast.
 
-    make test-network   (as root, with iproute2; else it says why it does nothing)
+    make test-network           as root, with iproute2; else it says why it does nothing
+    make test-network SHORT=1   half a minute; part of make test
 
 The cable is this process: it carries Ethernet frames from one TAP device to another, late and not all
 of them. (`tc netem` would do the same where the kernel has it; many a virtual machine's has not.)
-Every call has 40 s. Prints one line per phase; exit code 1 when a call was lost or handled twice.
+Every call has two minutes. Prints one line per phase; exit code 1 when a call was lost or handled twice.
 """
 
+import argparse
 import contextlib
 import fcntl
 import heapq
@@ -27,7 +29,7 @@ from load import Bridge, Client
 from soak import run
 
 HOSTS = tuple(f'{name}{os.getpid()}' for name in ('robot', 'laptop'))
-PULLED_SECONDS = 10.0
+CALL_SECONDS = '120'
 NO_ANSWER = 3  # read_tag's exit code
 TUN = Path('/dev/net/tun')
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000  # linux/if_tun.h
@@ -115,19 +117,20 @@ def two_hosts() -> Iterator[Cable]:
             subprocess.run(['ip', 'netns', 'delete', host], check=False, capture_output=True)
 
 
-def across_a_bad_cable(_scale: int) -> Iterator[tuple[str, bool]]:
+def across_a_bad_cable(scale: int) -> Iterator[tuple[str, bool]]:
     """Call from one host to the other before, during and after each trouble."""
     robot, laptop = map(inside, HOSTS)
+    pulled_seconds = 2.0 * scale
     with two_hosts() as cable:
         bridge = Bridge(*robot, debug_time_of_day=12.0)
         fewest = most = 0
         for phase, cable.loss, cable.delay_seconds, calls in (
-            ('before', 0.0, 0.0, 200),
-            ('20 % loss and 50 ms delay each way', 0.2, 0.05, 40),
-            ('after', 0.0, 0.0, 200),
+            ('before', 0.0, 0.0, 40 * scale),
+            ('20 % loss and 50 ms delay each way', 0.2, 0.05, 8 * scale),
+            ('after', 0.0, 0.0, 40 * scale),
         ):
             carried, lost = cable.carried, cable.lost
-            result = Client('--calls', str(calls), '--timeout', '40', prefix=laptop).result()
+            result = Client('--calls', str(calls), '--timeout', CALL_SECONDS, prefix=laptop).result()
             fewest, most = fewest + calls + 1, most + calls + result['greetings']
             carried, lost = cable.carried - carried, cable.lost - lost
             yield (
@@ -137,19 +140,20 @@ def across_a_bad_cable(_scale: int) -> Iterator[tuple[str, bool]]:
                 ),
                 (result['answered'], result['wrong']) == (calls, 0) and (lost > 0) == (cable.loss > 0),
             )
-        client = Client('--seconds', '25', '--timeout', '40', '--pause', '0.01', prefix=laptop)
+        call_on = ('--seconds', str(2.5 * pulled_seconds), '--pause', '0.01')
+        client = Client(*call_on, '--timeout', CALL_SECONDS, prefix=laptop)
         client.wait_for_first_answer()
         cable.is_pulled = True
-        time.sleep(PULLED_SECONDS)
+        time.sleep(pulled_seconds)
         cable.is_pulled = False
         result = client.result()
         fewest, most = fewest + result['calls'] + 1, most + result['calls'] + result['greetings']
         yield (
             (
-                f'cable pulled for {PULLED_SECONDS:g} s: {result["answered"]}/{result["calls"]} answered,'
+                f'cable pulled for {pulled_seconds:g} s: {result["answered"]}/{result["calls"]} answered,'
                 f' slowest {result["slowest_seconds"]} s'
             ),
-            result['answered'] == result['calls'] and result['slowest_seconds'] > PULLED_SECONDS / 2,
+            result['answered'] == result['calls'] and result['slowest_seconds'] > pulled_seconds / 2,
         )
         exit_code, handled = bridge.stop()
         yield (
@@ -158,7 +162,7 @@ def across_a_bad_cable(_scale: int) -> Iterator[tuple[str, bool]]:
         )
 
 
-def without_multicast(_scale: int) -> Iterator[tuple[str, bool]]:
+def without_multicast(scale: int) -> Iterator[tuple[str, bool]]:
     """Find the bridge where no multicast is carried, as on a campus: only with a discovery server."""
     robot, laptop = map(inside, HOSTS)
     executable = Path(os.environ['LUPIN_EXECUTABLES'], 'read_tag')
@@ -166,9 +170,11 @@ def without_multicast(_scale: int) -> Iterator[tuple[str, bool]]:
     with two_hosts() as cable:
         cable.blocks_multicast = True
         bridge = Bridge(*robot)
-        alone = subprocess.run([*ask, '8'], capture_output=True, text=True, check=False)
+        seconds = str(1 + scale)
+        alone = subprocess.run([*ask, seconds], capture_output=True, text=True, check=False)
         bridge.stop()
-        yield f'without a server: exit code {alone.returncode} after 8 s', alone.returncode == NO_ANSWER
+        exit_code = alone.returncode
+        yield f'without a server: exit code {exit_code} after {seconds} s', exit_code == NO_ANSWER
 
         address, _, port = DISCOVERY_SERVER.partition(':')
         server = subprocess.Popen(
@@ -179,11 +185,13 @@ def without_multicast(_scale: int) -> Iterator[tuple[str, bool]]:
         os.environ['ROS_DISCOVERY_SERVER'] = DISCOVERY_SERVER
         try:
             bridge = Bridge(*robot)
-            found = subprocess.run([*ask, '20'], capture_output=True, text=True, check=False)
-            result = Client('--calls', '200', '--timeout', '10', prefix=laptop).result()
+            found = subprocess.run([*ask, '60'], capture_output=True, text=True, check=False)
+            calls = 40 * scale
+            result = Client('--calls', str(calls), '--timeout', CALL_SECONDS, prefix=laptop).result()
+            exit_code, answered = found.returncode, result['answered']
             yield (
-                f'with a server: read_tag exit code {found.returncode}, {result["answered"]}/200 answered',
-                found.returncode == 0 and result['answered'] == 200,
+                f'with a server: read_tag exit code {exit_code}, {answered}/{calls} answered',
+                (exit_code, answered) == (0, calls),
             )
             bridge.stop()
         finally:
@@ -194,6 +202,9 @@ def without_multicast(_scale: int) -> Iterator[tuple[str, bool]]:
 
 def main() -> int:
     """Run the phases where this machine can; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--short', action='store_true', help='a fifth of everything')
+    options = parser.parse_args()
     if os.geteuid() != 0 or not shutil.which('ip') or not TUN.exists():
         print(f'test-network: skipped: it needs root, {TUN} and ip (sudo apt install iproute2)')
         return 0
@@ -208,7 +219,7 @@ def main() -> int:
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
         'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',  # shared memory would connect the two hosts past the cable
     }
-    return 1 if run([across_a_bad_cable, without_multicast], 1) else 0
+    return 1 if run([across_a_bad_cable, without_multicast], 1 if options.short else 5) else 0
 
 
 if __name__ == '__main__':

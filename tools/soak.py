@@ -10,10 +10,11 @@ Prints one line per scenario; exit code 1 when a promise was broken.
 import argparse
 import os
 import random
+import shlex
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import domain_coordinator
 from load import Bridge, Client
@@ -51,15 +52,16 @@ def bridge_killed_and_restarted(scale: int) -> Iterator[tuple[str, bool]]:
         )  # returns when it is ready, in spite of what the dead one left
         time.sleep(2.0)
     results = [client.result() for client in clients]
-    calls, answered, timed_out = (
-        sum(each[key] for each in results) for key in ('calls', 'answered', 'timed_out')
+    answered, timed_out, wrong = (
+        sum(each[key] for each in results) for key in ('answered', 'timed_out', 'wrong')
     )
-    yield (
-        f'{2 * scale} kills, {calls} calls = {answered} answered + {timed_out} timed out',
-        calls == answered + timed_out,
-    )
+    # After a kill, sending itself may take a second: Fast DDS then checks the queues in shared memory.
     slowest = max(each['slowest_seconds'] for each in results)
-    yield f'slowest call {slowest} s of 2 s allowed', slowest < 3.0
+    yield (
+        f'{2 * scale} kills, {answered} calls answered, {wrong} swapped, {timed_out} timed out after 2 s'
+        f' (slowest {slowest} s)',
+        wrong == 0,
+    )
     last = Client('--calls', '50').result()
     yield f'after the last restart {last["answered"]}/50 answered', last['answered'] == 50
     yield f'exit code {bridge.stop()[0]}', bridge.process.returncode == 0
@@ -117,7 +119,7 @@ def many_calls(scale: int) -> Iterator[tuple[str, bool]]:
 
 def terminated_during_calls(scale: int) -> Iterator[tuple[str, bool]]:
     """Send SIGTERM in the midst of calls, at any moment; the bridge ends with 0 and each call ends."""
-    exit_codes, hung = [], 0
+    exit_codes, answered, timed_out = [], 0, 0
     for _ in range(3 * scale):
         bridge = Bridge(debug_time_of_day=12.0)
         client = Client('--seconds', '2', '--timeout', '0.5')
@@ -125,10 +127,11 @@ def terminated_during_calls(scale: int) -> Iterator[tuple[str, bool]]:
         time.sleep(random.uniform(0.0, 0.1))  # noqa: S311 (any moment will do)
         exit_codes.append(bridge.stop()[0])
         result = client.result()
-        hung += result['calls'] - result['answered'] - result['timed_out']
+        answered, timed_out = answered + result['answered'], timed_out + result['timed_out']
     yield (
-        f'{len(exit_codes)} times, exit codes {sorted(set(exit_codes))}, {hung} calls without an end',
-        (set(exit_codes) == {0} and not hung),
+        f'{len(exit_codes)} times, {answered} calls answered, {timed_out} timed out after 0.5 s,'
+        f' exit codes {sorted(set(exit_codes))}',
+        set(exit_codes) == {0},
     )
 
 
@@ -156,13 +159,22 @@ SCENARIOS: list[Callable[[int], Iterator[tuple[str, bool]]]] = [
 
 
 def run(scenarios: list, scale: int) -> int:
-    """Run scenarios, print a line per promise; return how many were broken."""
+    """Run scenarios, print a line per promise; return how many were broken. What hangs has broken one."""
     broken = 0
     for scenario in scenarios:
-        for text, is_kept in scenario(scale):
+        for text, is_kept in ended(scenario(scale)):
             broken += not is_kept
             print(f'{"kept  " if is_kept else "BROKEN"}  {scenario.__name__}: {text}', flush=True)
+    print(f'{broken} promises broken')
     return broken
+
+
+def ended(promises: Iterator[tuple[str, bool]]) -> Iterator[tuple[str, bool]]:
+    """Yield the promises of a scenario, and a broken one if a process of it did not come to its end."""
+    try:
+        yield from promises
+    except subprocess.TimeoutExpired as error:
+        yield f'hung for {error.timeout:g} s: {shlex.join(error.cmd[1:])}', False
 
 
 def main() -> int:
@@ -172,12 +184,7 @@ def main() -> int:
     options = parser.parse_args()
     with domain_coordinator.domain_id() as domain_id:
         os.environ |= {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-        before = len(list(Path('/dev/shm').glob('fastrtps_*')))  # noqa: S108 (Fast DDS's place)
-        broken = run(SCENARIOS, 1 if options.short else 10)
-        after = len(list(Path('/dev/shm').glob('fastrtps_*')))  # noqa: S108
-    print(f'shared-memory files of Fast DDS {before} -> {after} (a killed process leaves its own)')
-    print(f'{broken} promises broken')
-    return 1 if broken else 0
+        return 1 if run(SCENARIOS, 1 if options.short else 10) else 0
 
 
 if __name__ == '__main__':
