@@ -97,6 +97,13 @@ def test_a_bad_parameter_is_refused(start_bridge, parameter, value, fragment):
     assert fragment in fatal
 
 
+def test_a_mistyped_parameter_is_named_and_changes_nothing(start_bridge):
+    bridge = start_bridge(debug_sed=42, use_sim_time='false')
+    bridge.wait_for_log('ready: ')
+    (warning,) = [line for line in bridge.log if '[WARN]' in line]
+    assert 'parameter debug_sed is unknown, and ignored' in warning
+
+
 def install_simulator(version, folder):
     """Install a release of the simulator from PyPI into a folder, without the needs of its GUI."""
     pip = [sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--target', str(folder)]

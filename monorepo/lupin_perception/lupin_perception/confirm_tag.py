@@ -38,6 +38,9 @@ class ConfirmTagNode(Node):
                 for each in fields(Criteria)
             }
         )
+        for name in self._parameter_overrides:
+            if not self.has_parameter(name):  # ROS says nothing of a mistyped name
+                self.get_logger().warning(f'parameter {name!r} is unknown, and ignored')
         self._confirmer = Confirmer(_detector().detect, criteria)
         self._refusals = set()
         # Best effort: hears every camera, whatever it offers.

@@ -152,3 +152,9 @@ def test_a_signal_ends_it_with_exit_code_0(start, number):
 )
 def test_what_cannot_be_is_refused_in_one_line(stack, name, value, fragment):
     assert fragment in bridge.NodeProcess(stack, [CONFIRM_TAG], {name: value}, {}).refusal()
+
+
+def test_a_mistyped_parameter_is_named_and_changes_nothing(stack):
+    process = bridge.NodeProcess(stack, [CONFIRM_TAG], {'min_frame': 0}, {})
+    process.wait_for_log("parameter 'min_frame' is unknown, and ignored")
+    process.wait_for_log('ready: ')
