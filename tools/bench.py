@@ -30,6 +30,7 @@ PATIENCE_SECONDS = 60.0
 BRIDGE = f'{os.environ["LUPIN_EXECUTABLES"]}/bridge_node'
 FLOOR = f'{sys.executable} {TOOLS / "bench_floor.py"} floor'
 WRAPPER = f'{sys.executable} {TOOLS / "bench_floor.py"} wrapper'
+PROFILED = f'{sys.executable} {TOOLS / "profiled_bridge.py"}'
 TRIGGER = f'{sys.executable} {TOOLS / "bench_floor.py"} trigger'
 CLI = f'{Path(sys.executable).parent}/mdp-greenhouse --read 1 --count 1'
 PARTS = ('latency', 'explanation', 'throughput', 'start', 'idle', 'growth', 'alternatives')
@@ -206,6 +207,7 @@ class Bench:
     def __init__(self, options):
         self.options = options
         self.rows = []
+        self.shares = {}  # of the time that the bridge takes for an answer, in microseconds
 
     def ratio(self, figure: str, unit: str, pairs: list[tuple[float, float]], note: str = '') -> None:
         """Keep a figure: (subject, floor) of each round."""
@@ -380,7 +382,7 @@ def growth(bench: Bench, folder: Path) -> None:
 
 
 def explanation(bench: Bench, subject: Server, floor: Server) -> None:
-    """Show what any wrapper pays: a third server asks the simulator and checks nothing."""
+    """Show what any wrapper pays, with one that checks nothing, and where the bridge's own time goes."""
     with Server(WRAPPER, 'wrapper') as wrapper, contextlib.closing(Asker()) as asker:
         services = [each.service for each in (subject, floor, wrapper)]
         for service in services:
@@ -389,6 +391,11 @@ def explanation(bench: Bench, subject: Server, floor: Server) -> None:
         results = bench.rounds(lambda service: asker.median(service, 300), *services)
     bench.ratio('thinnest wrapper of the simulator: p50', 'us', [(w, f) for _, f, w in results])
     bench.ratio('bridge to that wrapper: p50', 'us', [(s, w) for s, _, w in results])
+    with Server(PROFILED, 'profiled') as profiled, contextlib.closing(Asker()) as asker:
+        asker.connect(profiled.service)
+        asker.median(profiled.service, 300 if bench.options.short else 3000)
+        profiled.process.terminate()
+        bench.shares = json.loads(profiled.process.stdout.read().splitlines()[-1])
 
 
 def alternatives(bench: Bench, floor: Server) -> None:
@@ -449,8 +456,13 @@ def main() -> int:
         'short': options.short,
     }
     result = options.output / 'bench.json'
-    result.write_text(json.dumps({'conditions': conditions, 'figures': bench.rows}, indent=2) + '\n')
+    figures = {'conditions': conditions, 'figures': bench.rows, 'shares': bench.shares}
+    result.write_text(json.dumps(figures, indent=2) + '\n')
     print(f'\n{conditions["seconds"]} s on {conditions["processors"]} processors; {result}')
+    if bench.shares:
+        calls = bench.shares['calls']
+        shares = (f'{share} {us:.1f} us' for share, us in bench.shares.items() if share != 'calls')
+        print(f'in the bridge (medians of {calls} calls): {", ".join(shares)}')
     if missed := [row['figure'] for row in bench.rows if not row.get('is_met', True)]:
         print(f'missed: {", ".join(missed)}. {WHY}')
     return 0

@@ -1,5 +1,5 @@
 """
-Two hosts, as network namespaces with a cable between them: loss, delay, the cable pulled, and no multicast.
+Two hosts, as network namespaces with a cable between them: what it loses, delays, or writes wrong.
 
     make test-network           as root, with iproute2; else it says why it does nothing
     make test-network SHORT=1   half a minute; part of make test
@@ -35,6 +35,8 @@ TUN = Path('/dev/net/tun')
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000  # linux/if_tun.h
 LONGEST_FRAME_BYTES = 65536
 IPV4_MULTICAST = b'\x01\x00\x5e'  # how the address of such a frame begins (RFC 1112)
+UDP_CHECKSUM = slice(40, 42)  # after 14 bytes of Ethernet and 20 of IPv4; 0 is none (RFC 768)
+NOT_UTF_8 = b'\xff\xfe\xed\xa0\x80\xc0\xaf\xf5'
 DISCOVERY_SERVER = '10.77.0.1:11811'
 
 
@@ -46,6 +48,7 @@ class Cable:
         self.delay_seconds = 0.0  # each way
         self.is_pulled = False
         self.blocks_multicast = False
+        self.miswritten = (b'', b'')  # bytes in a frame, and what arrives in their place
         self.carried = self.lost = 0
         self._ends = [self._plug_in(number, host) for number, host in enumerate(hosts, start=1)]
         self._is_open = True
@@ -78,7 +81,8 @@ class Cable:
                     else:
                         self.carried += 1
                         arrival = time.monotonic() + self.delay_seconds
-                        heapq.heappush(under_way, (arrival, self.carried, key.data, frame))
+                        written = miswritten(frame, *self.miswritten)
+                        heapq.heappush(under_way, (arrival, self.carried, key.data, written))
                 while under_way and under_way[0][0] <= time.monotonic():
                     _, _, end, frame = heapq.heappop(under_way)
                     with contextlib.suppress(OSError):  # a host that has gone hears nothing
@@ -90,6 +94,14 @@ class Cable:
         self._thread.join()
         for end in self._ends:
             os.close(end)
+
+
+def miswritten(frame: bytes, sent: bytes, arrives: bytes) -> bytes:
+    """Return a UDP frame with other bytes of the same length in it, and no checksum; any other as it is."""
+    if not sent or sent not in frame:
+        return frame
+    frame = frame.replace(sent, arrives)
+    return frame[: UDP_CHECKSUM.start] + b'\0\0' + frame[UDP_CHECKSUM.stop :]
 
 
 def ip(command: str) -> None:
@@ -162,6 +174,20 @@ def across_a_bad_cable(scale: int) -> Iterator[tuple[str, bool]]:
         )
 
 
+def an_id_that_is_no_text(_scale: int) -> Iterator[tuple[str, bool]]:
+    """Ask for a tag id that is no UTF-8; rclpy cannot send one, so the cable writes it into the request."""
+    robot, laptop = map(inside, HOSTS)
+    read_tag = [*laptop, str(Path(os.environ['LUPIN_EXECUTABLES'], 'read_tag')), '--timeout', '60']
+    with two_hosts() as cable:
+        cable.miswritten = (b'no-UTF-8', NOT_UTF_8)
+        bridge = Bridge(*robot, debug_time_of_day=12.0)
+        run = subprocess.run([*read_tag, 'no-UTF-8', '1'], capture_output=True, text=True, check=False)
+        refusal, summary = run.stderr.strip(), run.stdout.splitlines()[-1]
+        is_refused = '\ufffd' in refusal and 'is not in the loaded greenhouse' in refusal
+        yield f'{refusal}; {summary}', is_refused and summary == '1/2 tags read'
+        yield f'the bridge lives: exit code {bridge.stop()[0]}', bridge.process.returncode == 0
+
+
 def without_multicast(scale: int) -> Iterator[tuple[str, bool]]:
     """Find the bridge where no multicast is carried, as on a campus: only with a discovery server."""
     robot, laptop = map(inside, HOSTS)
@@ -209,17 +235,18 @@ def main() -> int:
         print(f'test-network: skipped: it needs root, {TUN} and ip (sudo apt install iproute2)')
         return 0
     try:
-        ip(f'netns add probe{os.getpid()}')
-        ip(f'netns delete probe{os.getpid()}')
-    except subprocess.CalledProcessError as error:
-        print(f'test-network: skipped: no network namespaces here: {error.stderr.strip()}')
+        with two_hosts():
+            pass
+    except (OSError, subprocess.CalledProcessError) as error:
+        print(f'test-network: skipped: no two hosts here: {getattr(error, "stderr", error)}'.strip())
         return 0
     os.environ |= {
         'ROS_DOMAIN_ID': '0',  # the namespaces are cut off from everything else
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
         'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',  # shared memory would connect the two hosts past the cable
     }
-    return 1 if run([across_a_bad_cable, without_multicast], 1 if options.short else 5) else 0
+    scenarios = [across_a_bad_cable, an_id_that_is_no_text, without_multicast]
+    return 1 if run(scenarios, 1 if options.short else 5) else 0
 
 
 if __name__ == '__main__':
