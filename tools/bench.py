@@ -190,6 +190,11 @@ def percentile(ordered: list[float], share: float) -> float:
     return ordered[min(int(share * len(ordered)), len(ordered) - 1)]
 
 
+def digits(value: float) -> str:
+    """Return a number in four digits, or whole."""
+    return f'{value:,.0f}' if value >= 1000 else f'{value:.4g}'
+
+
 def work(pipe, services: list[str]) -> None:
     """Be one of many clients: connect, then call for as long as the pipe says."""
     asker = Asker()
@@ -233,7 +238,7 @@ class Bench:
             else note
         )
         print(
-            f'| {figure} | {row["subject"]:.4g} {unit} | {row["floor"]:.4g} {unit}'
+            f'| {figure} | {digits(row["subject"])} {unit} | {digits(row["floor"])} {unit}'
             f' | {row["ratio"]:.3f} [{low:.3f}, {high:.3f}] | {target} |',
             flush=True,
         )

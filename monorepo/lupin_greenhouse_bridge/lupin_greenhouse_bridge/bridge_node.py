@@ -67,7 +67,7 @@ class GreenhouseBridge(Node):
                 description=each.metadata['description'], read_only=True, dynamic_typing=True
             )
             self.declare_parameter(each.name, each.default, descriptor)
-        for name in self._parameter_overrides:
+        for name in getattr(self, '_parameter_overrides', ()):  # private to rclpy: it may go one day
             if not self.has_parameter(name):  # ROS says nothing of a mistyped name
                 self.get_logger().warning(f'parameter {printable(name, 64)} is unknown, and ignored')
         return Settings(**{each.name: self.get_parameter(each.name).value for each in fields(Settings)})

@@ -38,7 +38,7 @@ class ConfirmTagNode(Node):
                 for each in fields(Criteria)
             }
         )
-        for name in self._parameter_overrides:
+        for name in getattr(self, '_parameter_overrides', ()):  # private to rclpy: it may go one day
             if not self.has_parameter(name):  # ROS says nothing of a mistyped name
                 self.get_logger().warning(f'parameter {name!r} is unknown, and ignored')
         self._confirmer = Confirmer(_detector().detect, criteria)
