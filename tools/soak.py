@@ -11,6 +11,7 @@ import argparse
 import os
 import random
 import shlex
+import signal
 import subprocess
 import sys
 import time
@@ -160,6 +161,7 @@ SCENARIOS: list[Callable[[int], Iterator[tuple[str, bool]]]] = [
 
 def run(scenarios: list, scale: int) -> int:
     """Run scenarios, print a line per promise; return how many were broken. What hangs has broken one."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # what was started ends with it
     broken = 0
     for scenario in scenarios:
         for text, is_kept in ended(scenario(scale)):

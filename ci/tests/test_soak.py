@@ -29,7 +29,7 @@ def runs():
     }
     yield processes
     for process in processes.values():
-        process.kill()
+        process.terminate()
         process.wait()
 
 
