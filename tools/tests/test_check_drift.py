@@ -27,12 +27,12 @@ LEFT_OVER, ONE_SIDE, IGNORE, MODE, LINK = (
 
 
 class Trees:
-    """A copy of both trees to change."""
+    """A copy of both trees to change, without the corpus of bad files: most of them, and all alike."""
 
     def __init__(self, base):
         self.base = base
         for folder in TREES.values():
-            ignore = shutil.ignore_patterns(*generate.CACHES)
+            ignore = shutil.ignore_patterns(*generate.CACHES, 'corpus')
             shutil.copytree(ROOT / folder, base / folder, ignore=ignore)
 
     def path(self, side, name):
