@@ -5,10 +5,12 @@ import json
 import os
 import pty
 import re
+import select
 import shlex
 import struct
 import subprocess
 import termios
+import time
 
 import domain_coordinator
 import pytest
@@ -144,7 +146,10 @@ class Terminal:
 
     def read_until(self, fragment: str, count: int) -> None:
         """Read until a fragment was printed so often."""
+        deadline = time.monotonic() + PATIENCE_SECONDS
         while self.text.count(fragment) < count:
+            wait = max(0.0, deadline - time.monotonic())
+            assert select.select([self._screen], [], [], wait)[0], f'no {fragment!r} in {self.text[-500:]!r}'
             self.text += os.read(self._screen, 4096).decode()
 
     def close(self) -> None:
@@ -154,13 +159,14 @@ class Terminal:
         os.close(self._screen)
 
 
-def test_watch_updates_the_table_in_place_on_a_terminal(bridge):
+def test_watch_updates_the_table_in_place_on_a_terminal(bridge, shipped_tags):
     service = ['--service', bridge.service_name]
     terminal = Terminal(EXECUTABLES / 'read_tag', '6', '99', '--watch', '0.01', *service)
-    terminal.read_until('temperature', 3)
+    sensors = shipped_tags['6']['sensors']
+    terminal.read_until(sensors[-1], 3)
     terminal.close()
-    # Header, one reading, one failure: three lines to go up.
-    assert terminal.text.count('\x1b[3F\x1b[J') >= 2
+    # A header, the readings and a failure: so many lines to go up.
+    assert terminal.text.count(f'\x1b[{1 + len(sensors) + 1}F\x1b[J') >= 2
     assert 'UNKNOWN_TAG' in terminal.text
     printed = re.sub(r'\x1b\[\d*[A-Z]', '', terminal.text)
     assert max(map(len, re.split(r'[\r\n]+', printed))) < 60
