@@ -21,6 +21,8 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 IN_ENV := source ci/ros_env.bash &&
 
+figure tags recall: override TREE := monorepo
+
 .PHONY: help env build run smoke read mission test docs-check lint generate generate-check drift matrix soak bench test-network figure tags recall test-opencv mirror-publish-check mirror-import clean
 
 help:  ## list the targets
@@ -52,7 +54,7 @@ test: env  ## all that CI checks
 	@$(IN_ENV) ci/test
 
 docs-check: build  ## links, anchors and shell blocks of the documents
-	@$(IN_ENV) python tools/docs_check.py
+	@$(IN_ENV) python ci/docs_check.py
 
 lint: env  ## ruff: rules and format; the workflows against their schema
 	@$(IN_ENV) ci/lint
@@ -70,31 +72,31 @@ matrix:  ## the contract tests on every Python, distro and simulator to be had h
 	@ci/matrix
 
 soak: build  ## faults and load on this machine, with figures (SHORT=1: about a minute)
-	@$(IN_ENV) python tools/soak.py $(if $(SHORT),--short)
+	@$(IN_ENV) python tools/measure/soak.py $(if $(SHORT),--short)
 
 bench: build  ## the bridge against a bare rclpy node: one table and .bench/bench.json (SHORT=1: a look)
-	@$(IN_ENV) python tools/bench.py $(if $(SHORT),--short) $(ARGS)
+	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)
 
 test-network: build  ## two hosts as network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
-	@$(IN_ENV) python tools/network.py $(if $(SHORT),--short)
+	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short)
 
-figure: env  ## draw the greenhouse into the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
-	@$(IN_ENV) python tools/figure.py $(ARGS)
+figure: build  ## draw the greenhouse into the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
+	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
 
-tags: env  ## a PDF of the tags to print, SIDE millimetres each: make tags SIDE=100
-	@$(IN_ENV) python tools/tag_sheet.py --side $(SIDE) $(ARGS)
+tags: build  ## a PDF of the tags to print, SIDE millimetres each: make tags SIDE=100
+	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(SIDE) $(ARGS)
 
-recall: env  ## how often the camera's detector finds a tag: by distance, angle, blur and noise
-	@$(IN_ENV) python tools/recall.py
+recall: build  ## how often the camera's detector finds a tag: by distance, angle, blur and noise
+	@$(IN_ENV) python tools/measure/recall.py
 
 test-opencv: env  ## the detector's tests with Ubuntu 22.04's OpenCV 4.5.4 (needs a Python 3.10)
 	@ci/test_opencv
 
 mirror-publish-check: env  ## split the mirror out of the last commit, clone it, follow its README
-	@source ci/ros_env.bash without-overlay && python ci/publish_check.py
+	@source ci/ros_env.bash without-overlay && python tools/mirror_publish_check.py
 
 mirror-import: env  ## take a patch of the mirror into the core and both trees: PATCH=N.patch
-	@$(IN_ENV) ci/import_patch '$(PATCH)'
+	@$(IN_ENV) tools/mirror_import '$(PATCH)'
 
 clean:  ## remove what was built (the environment stays: it is .venv)
 	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .mission .bench .tags

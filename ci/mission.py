@@ -69,7 +69,7 @@ def main() -> int:
         arguments = [f'report_file:="{report}"']
         if options.camera:
             stack.enter_context(running([executable('lupin_perception', 'confirm_tag')], environment))
-            stack.enter_context(running([sys.executable, str(ROOT / 'tools/camera.py')], environment))
+            stack.enter_context(running([executable('lupin_perception', 'camera_stand_in')], environment))
             # The first images of a tag take a moment after the arrival, as they do on a robot.
             arguments += ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=5']
         else:

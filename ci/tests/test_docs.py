@@ -3,14 +3,11 @@
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
+import docs_check
 import domain_coordinator
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'tools'))
-import docs_check
 
 ROOT = docs_check.ROOT
 

@@ -19,5 +19,10 @@ setup(
     maintainer_email='lupin.team@example.org',
     description='Confirms that the camera sees the AprilTag that the robot expects.',
     license='Apache-2.0',
-    entry_points={'console_scripts': ['confirm_tag = lupin_perception.confirm_tag:main']},
+    entry_points={
+        'console_scripts': [
+            'confirm_tag = lupin_perception.confirm_tag:main',
+            'camera_stand_in = lupin_perception.camera_stand_in:main',
+        ],
+    },
 )

@@ -54,7 +54,7 @@ def import_patch(monorepo, patch):
     file = monorepo.parent / 'N.patch'
     file.write_text(patch)
     return subprocess.run(
-        [monorepo / 'ci/import_patch', file], cwd=monorepo, capture_output=True, text=True, check=False
+        [monorepo / 'tools/mirror_import', file], cwd=monorepo, capture_output=True, text=True, check=False
     )
 
 

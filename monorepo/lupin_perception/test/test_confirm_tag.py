@@ -8,8 +8,8 @@ import pytest
 from ament_index_python.packages import get_package_prefix
 from conftest import bridge
 from lupin_msgs.srv import ConfirmTag
+from lupin_perception.scene import Camera, marker
 from rclpy.qos import qos_profile_sensor_data
-from scene import Camera, marker
 from sensor_msgs.msg import Image
 
 CONFIRM_TAG = f'{get_package_prefix("lupin_perception")}/lib/lupin_perception/confirm_tag'

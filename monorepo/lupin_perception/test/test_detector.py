@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from lupin_perception.confirmation import Confirmer, Criteria, Frame
 from lupin_perception.detector import TagDetector
-from scene import Camera, marker
+from lupin_perception.scene import Camera, marker
 
 IDS = range(1, 31)  # the shipped greenhouse has no tag 8; the detector does not know
 SMALL_CAMERA = Camera(width=320, height=240, focal_length_pixels=300.0)

@@ -5,7 +5,6 @@ Follows `/mission/at_tag`. Between two tags, and at a tag that is no tag36h11 id
 """
 
 import sys
-from pathlib import Path
 
 import numpy as np
 import rclpy
@@ -15,8 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'monorepo/lupin_perception/test'))
-import scene
+from lupin_perception import scene
 
 FRAMES_PER_SECOND = 8
 TAG_COUNT = 587

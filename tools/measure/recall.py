@@ -5,14 +5,8 @@ Each figure is the share of 30 rendered pictures, one for each of the ids 1 to 3
 large and sharp enough for the node's defaults. Distances are for the camera and the tag of scene.py.
 """
 
-import sys
-from pathlib import Path
-
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'monorepo/lupin_perception'))
-sys.path.insert(0, f'{sys.path[0]}/test')
-import scene
+from lupin_perception import scene
 from lupin_perception.confirmation import Criteria
 from lupin_perception.detector import TagDetector, cv2
 

@@ -3,15 +3,15 @@
 import re
 from pathlib import Path
 
-import publish_check
+import mirror_publish_check
 import pytest
 
-README = (publish_check.ROOT / publish_check.MIRROR / 'README.md').read_text()
+README = (mirror_publish_check.ROOT / mirror_publish_check.MIRROR / 'README.md').read_text()
 PLACES = Path('/srv/mirror.git'), Path('/srv/setup.bash')
 
 
 def test_its_commands_are_the_readmes_with_the_two_places_filled_in():
-    commands = ''.join(publish_check.readme_commands(README, *PLACES))
+    commands = ''.join(mirror_publish_check.readme_commands(README, *PLACES))
     assert 'git clone /srv/mirror.git src/lupin_greenhouse_ros && rm src' in commands
     assert 'source /srv/setup.bash' in commands
     assert 'URL_OF_THIS_REPOSITORY' not in commands
@@ -20,8 +20,8 @@ def test_its_commands_are_the_readmes_with_the_two_places_filled_in():
 
 def test_only_marked_blocks_are_left_out():
     marked = re.findall(r'<!-- needs [^>]*-->\n```bash', README)
-    assert README.count('```bash') == len(publish_check.readme_commands(README, *PLACES)) + len(marked)
-    assert 'apt install' not in ''.join(publish_check.readme_commands(README, *PLACES))
+    assert README.count('```bash') == len(mirror_publish_check.readme_commands(README, *PLACES)) + len(marked)
+    assert 'apt install' not in ''.join(mirror_publish_check.readme_commands(README, *PLACES))
 
 
 @pytest.mark.parametrize(
@@ -34,12 +34,12 @@ def test_only_marked_blocks_are_left_out():
 )
 def test_a_readme_that_leaves_the_user_alone_fails(old, new, reason):
     assert old in README
-    with pytest.raises(publish_check.CheckFailedError, match=reason):
-        publish_check.readme_commands(README.replace(old, new), *PLACES)
+    with pytest.raises(mirror_publish_check.CheckFailedError, match=reason):
+        mirror_publish_check.readme_commands(README.replace(old, new), *PLACES)
 
 
 def test_a_command_that_fails_is_shown_with_its_output(tmp_path):
     with pytest.raises(
-        publish_check.CheckFailedError, match=r'before\n\nexit code 3 of:\necho before; exit 3'
+        mirror_publish_check.CheckFailedError, match=r'before\n\nexit code 3 of:\necho before; exit 3'
     ):
-        publish_check.run('echo before; exit 3', tmp_path / 'log', {'PATH': '/usr/bin:/bin'}, tmp_path)
+        mirror_publish_check.run('echo before; exit 3', tmp_path / 'log', {'PATH': '/usr/bin:/bin'}, tmp_path)

@@ -1,4 +1,4 @@
-"""Renders what a camera sees of a tag: perspective, blur, noise. For tests and for tools/camera.py."""
+"""Renders what a camera sees of a tag: perspective, blur, noise. For tests and for the camera stand-in."""
 
 from dataclasses import dataclass
 

@@ -6,12 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-FLOOR = f'{sys.executable} {ROOT / "tools/bench_floor.py"} floor'
+ROOT = Path(__file__).resolve().parents[3]
+FLOOR = f'{sys.executable} {ROOT / "tools/measure/bench_floor.py"} floor'
 
 
 def ratios(output: Path, subject: str, floor: str) -> dict[str, float]:
-    script = 'source ci/ros_env.bash && exec "$0" tools/bench.py "$@"'
+    script = 'source ci/ros_env.bash && exec "$0" tools/measure/bench.py "$@"'
     sides = ['--subject', subject, '--floor', floor, '--output', str(output)]
     result = subprocess.run(
         ['bash', '-c', script, sys.executable, '--short', '--only', 'latency', *sides],

@@ -17,7 +17,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-TOOLS = Path(__file__).resolve().parent
+HERE = Path(__file__).resolve().parent
 TAG_IDS = [str(number) for number in range(1, 31) if number != 8]
 PATIENCE_SECONDS = 60.0
 
@@ -26,7 +26,7 @@ class Bridge:
     """A bridge process with its requests counted; it prints the count when it ends well."""
 
     def __init__(self, *prefix: str, **parameters):
-        tree = TOOLS.parent / os.environ.get('TREE', 'monorepo')
+        tree = HERE.parents[1] / os.environ.get('TREE', 'monorepo')
         altered = tree / 'lupin_greenhouse_bridge/test/altered_bridge.py'
         overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
         self.process = subprocess.Popen(
@@ -72,7 +72,7 @@ class Client:
     """A client process; see main() for its options."""
 
     def __init__(self, *options: str, prefix: tuple[str, ...] = ()):
-        command = [*prefix, sys.executable, str(TOOLS / 'load.py'), *options]
+        command = [*prefix, sys.executable, str(HERE / 'traffic.py'), *options]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         atexit.register(self.process.kill)
 

@@ -18,7 +18,7 @@ import time
 from collections.abc import Callable, Iterator
 
 import domain_coordinator
-from load import Bridge, Client
+from traffic import Bridge, Client
 
 
 def client_killed_in_mid_call(scale: int) -> Iterator[tuple[str, bool]]:

@@ -1,4 +1,4 @@
-"""The short forms of tools/soak.py and tools/network.py keep every promise; make has the long ones."""
+"""The short forms of soak.py and network.py keep every promise; make has the long ones."""
 
 import os
 import subprocess
@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 FEWEST_PROMISES = {'soak.py': 15, 'network.py': 9}
 
 
 @pytest.fixture(scope='module')
 def runs():
     """Yield both runs by the script's name, at the same time: each of them waits more than it works."""
-    script = 'source ci/ros_env.bash && exec "$0" tools/"$1" --short'
+    script = 'source ci/ros_env.bash && exec "$0" tools/measure/"$1" --short'
     environment = {**os.environ, 'TREE': 'monorepo'}
     processes = {
         name: subprocess.Popen(

@@ -12,13 +12,11 @@ import argparse
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'monorepo/lupin_greenhouse_bridge'))
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'monorepo/lupin_perception/test'))
 import matplotlib
 import numpy as np
-import scene
 from lupin_greenhouse_bridge.errors import BridgeError, StartUpError
 from lupin_greenhouse_bridge.simulation import served_tag_ids
+from lupin_perception import scene
 from matplotlib import pyplot
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.patches import PathPatch

@@ -1,7 +1,6 @@
 """The figures and the printable tags."""
 
 import json
-from pathlib import Path
 
 import figure
 import numpy as np
@@ -9,9 +8,9 @@ import pypdfium2
 import pytest
 import tag_sheet
 from lupin_greenhouse_bridge.simulation import served_tag_ids
+from lupin_perception.detector import TagDetector
 from PIL import Image
 
-PERCEPTION = Path(__file__).resolve().parents[2] / 'monorepo/lupin_perception'
 NAMES = ['day.png', 'day.svg', 'greenhouse.png', 'greenhouse.svg']
 
 
@@ -64,10 +63,7 @@ def test_what_cannot_be_drawn_is_said_in_one_line(arguments, fragment, capsys):
     assert line.startswith(fragment)
 
 
-def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path, monkeypatch):
-    monkeypatch.syspath_prepend(str(PERCEPTION))
-    from lupin_perception.detector import TagDetector
-
+def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path):
     assert tag_sheet.main(['--side', '100', '--output', str(tmp_path)]) == 0
     document = pypdfium2.PdfDocument(tmp_path / 'tag36h11-100mm.pdf')
     numbers = sorted(map(int, served_tag_ids('')))

@@ -17,8 +17,6 @@ import random
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'monorepo/lupin_mission'))
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'monorepo/lupin_greenhouse_bridge'))
 import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from greenhouse_sim.tools.layout_utils import DEFAULT_CONFIG_FILE, DEFAULT_TAG_FILE
@@ -32,7 +30,7 @@ from matplotlib import pyplot
 from matplotlib.patches import Wedge
 from PIL import Image
 
-COMMITTED = Path(__file__).resolve().parent / 'core/lupin_greenhouse_bridge/doc'
+COMMITTED = Path(__file__).resolve().parents[1] / 'core/lupin_greenhouse_bridge/doc'
 # Okabe and Ito's colours, which colour-blind people can tell apart; the letters are for black and white.
 SENSORS = {
     'temperature': ('T', '#d55e00'),

@@ -23,15 +23,15 @@ import time
 from pathlib import Path
 
 import domain_coordinator
-from load import status_of
+from traffic import status_of
 
-TOOLS = Path(__file__).resolve().parent
+HERE = Path(__file__).resolve().parent
 PATIENCE_SECONDS = 60.0
 BRIDGE = f'{os.environ["LUPIN_EXECUTABLES"]}/bridge_node'
-FLOOR = f'{sys.executable} {TOOLS / "bench_floor.py"} floor'
-WRAPPER = f'{sys.executable} {TOOLS / "bench_floor.py"} wrapper'
-PROFILED = f'{sys.executable} {TOOLS / "profiled_bridge.py"}'
-TRIGGER = f'{sys.executable} {TOOLS / "bench_floor.py"} trigger'
+FLOOR = f'{sys.executable} {HERE / "bench_floor.py"} floor'
+WRAPPER = f'{sys.executable} {HERE / "bench_floor.py"} wrapper'
+PROFILED = f'{sys.executable} {HERE / "profiled_bridge.py"}'
+TRIGGER = f'{sys.executable} {HERE / "bench_floor.py"} trigger'
 CLI = f'{Path(sys.executable).parent}/mdp-greenhouse --read 1 --count 1'
 PARTS = ('latency', 'explanation', 'throughput', 'start', 'idle', 'growth', 'alternatives')
 SENSORS = ['temperature', 'humidity', 'co2', 'light', 'soil_moisture']
@@ -430,7 +430,7 @@ def main() -> int:
     )
     parser.add_argument('--subject', default=BRIDGE, metavar='COMMAND')
     parser.add_argument('--floor', default=FLOOR, metavar='COMMAND')
-    parser.add_argument('--output', type=Path, default=TOOLS.parent / '.bench', metavar='FOLDER')
+    parser.add_argument('--output', type=Path, default=HERE.parents[1] / '.bench', metavar='FOLDER')
     options = parser.parse_args()
     options.rounds = 6 if options.short else 20
     options.output.mkdir(parents=True, exist_ok=True)

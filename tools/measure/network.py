@@ -25,8 +25,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from load import Bridge, Client
 from soak import run
+from traffic import Bridge, Client
 
 HOSTS = tuple(f'{name}{os.getpid()}' for name in ('robot', 'laptop'))
 CALL_SECONDS = '120'
