@@ -60,7 +60,7 @@ lint: env  ## ruff: rules and format; the workflows against their schema
 	@$(IN_ENV) ci/lint
 
 generate: env  ## write both trees from tools/core
-	@$(IN_ENV) python tools/generate.py
+	@$(IN_ENV) python tools/generate.py $(ARGS)
 
 generate-check: env  ## are both trees what tools/core generates?
 	@$(IN_ENV) python tools/generate.py --check

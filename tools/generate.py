@@ -1,18 +1,22 @@
 """
 Write the monorepo's and the mirror's packages from the shared core (tools/core, tools/twins.toml).
 
-    python3 tools/generate.py            write both trees
+    python3 tools/generate.py            write what the core renders, and nothing else
     python3 tools/generate.py --check    compare only; touch nothing
+    python3 tools/generate.py --prune    write, and remove what the core does not render (after a rename)
 
-Exit code: 0 the trees are what the core generates, 1 (--check) they are not, 2 the table or the
-core is wrong and nothing was written.
+Exit code: 0 the trees are what the core generates, 1 (--check) they are not, 2 nothing was written: the
+table or the core is wrong, or a package that the core owns holds a file that is not from the core.
 """
 
 import argparse
 import difflib
 import stat
+import subprocess
 import sys
 from pathlib import Path
+
+from check_drift import is_source
 
 try:
     import tomllib
@@ -23,9 +27,6 @@ except ModuleNotFoundError:  # Python 3.10
         sys.exit('generate: Python 3.10 needs tomli: sudo apt install python3-tomli, or run `make generate`')
 
 ROOT = Path(__file__).resolve().parent.parent
-# Left behind by running and testing the packages in place; git ignores them too.
-CACHES = {'__pycache__', '.pytest_cache', '.hypothesis', '.ruff_cache'}
-
 Rendered = dict[str, tuple[bytes, int]]  # path below the root, with /: content, and mode as git keeps it
 
 
@@ -45,17 +46,32 @@ def render(core: Path, table: dict) -> Rendered:
     """Return every generated file of both trees; reads the core, writes nothing."""
     files = _read_tree(core)
     rendered: Rendered = {}
-    for name, tree in table.items():
-        of_others = {path for other in table if other != name for path in table[other].get('only', [])}
-        for path in [*tree.get('only', []), *of_others]:
-            if path not in files:
-                raise GenerationError(f'twins.toml: {path} is listed under "only", but not in the core')
-        own = {path: entry for path, entry in files.items() if path not in of_others}
-        rendered.update(_render_tree(name, tree, own))
+    for name, tree in table['trees'].items():
+        rendered.update(_render_tree(name, tree, files))
     return rendered
 
 
 def _render_tree(name: str, tree: dict, files: Rendered) -> Rendered:
+    files = _substituted(name, tree, files)
+    placed = []
+    for core_path, entry in files.items():
+        package, slash, rest = core_path.partition('/')
+        placed.append((tree.get('folders', {}).get(package, package) + slash + rest, entry))
+    for core_path, paths in tree.get('copies', {}).items():
+        if core_path not in files:
+            raise GenerationError(f'twins.toml, {name}: "copies" names {core_path}, which the core lacks')
+        placed += [(path, files[core_path]) for path in paths]
+    for path, (content, _) in placed:
+        for word in tree.get('forbidden', []):
+            if word.lower() in path.lower() or word.lower().encode() in content.lower():
+                raise GenerationError(
+                    f'twins.toml, {name}: {word!r} is left over in {path}:'
+                    ' add the file, with its number of matches, to a substitution'
+                )
+    return {f'{tree["root"]}/{path}': entry for path, entry in placed}
+
+
+def _substituted(name: str, tree: dict, files: Rendered) -> Rendered:
     files = dict(files)
     for substitution in tree.get('substitutions', []):
         find, replace = substitution['find'], substitution['replace']
@@ -72,25 +88,13 @@ def _render_tree(name: str, tree: dict, files: Rendered) -> Rendered:
                     f' and matches {found}: correct the number there, or the core'
                 )
             files[path] = content.replace(find.encode(), replace.encode()), mode
-    rendered = {}
-    folders = tree.get('folders', {})
-    for core_path, entry in files.items():
-        package, slash, rest = core_path.partition('/')
-        path = folders.get(package, package) + slash + rest
-        for word in tree.get('forbidden', []):
-            if word.lower() in path.lower() or word.lower().encode() in entry[0].lower():
-                raise GenerationError(
-                    f'twins.toml, {name}: {word!r} is left over in {path}:'
-                    ' add the file, with its number of matches, to a substitution'
-                )
-        rendered[f'{tree["root"]}/{path}'] = entry
-    return rendered
+    return files
 
 
 def _read_tree(folder: Path) -> Rendered:
     files = {}
-    for path in sorted(folder.rglob('*')):
-        if CACHES.intersection(path.relative_to(folder).parts):
+    for path in sorted(folder.glob('*/**/*')):  # a file at the top, such as a README, is about the core
+        if not is_source(path.relative_to(folder).parts[1:]):
             continue
         if path.is_symlink():
             raise GenerationError(f'{path}: is a symlink: generated trees hold plain files')
@@ -119,25 +123,32 @@ def compare(root: Path, rendered: Rendered, table: dict) -> list[str]:
             )
         if _mode(target) != mode:
             findings.append(f'{path}: has mode {_mode(target):o}, the core {mode:o}')
-    findings += [f'{path}: not generated from the core' for path in _extras(root, rendered)]
-    for tree in table.values():
+    findings += [f'{path}: not generated from the core' for path in extras(root, rendered, table)]
+    for tree in table['trees'].values():
         for path in tree.get('beside', []):
             if not (root / tree['root'] / path).is_file():
                 findings.append(f'{tree["root"]}/{path}: missing (kept by hand, listed in twins.toml)')
     return findings
 
 
-def _extras(root: Path, rendered: Rendered) -> list[str]:
-    """Return the files below a generated package that render() did not make."""
-    packages = {'/'.join(path.split('/')[:2]) for path in rendered if path.count('/') > 1}
-    return [
-        path.relative_to(root).as_posix()
-        for package in sorted(packages)
-        for path in sorted((root / package).rglob('*'))
-        if (path.is_file() or path.is_symlink())
-        and path.relative_to(root).as_posix() not in rendered
-        and not CACHES.intersection(path.relative_to(root).parts)
-    ]
+def extras(root: Path, rendered: Rendered, table: dict) -> list[str]:
+    """Return the files of the owned packages that render() did not make, and that nothing ignores."""
+    found = []
+    for tree in table['trees'].values():
+        for package in (root / tree['root'] / name for name in table['owned']):
+            found += [
+                path.relative_to(root).as_posix()
+                for path in sorted(package.rglob('*'))
+                if (path.is_file() or path.is_symlink()) and is_source(path.relative_to(package).parts)
+            ]
+    found = [path for path in found if path not in rendered]
+    # Exit code 128 where the checkout is no git repository: then git ignores nothing.
+    listed = subprocess.run(
+        ['git', '-C', str(root), 'check-ignore', '--stdin', '-z'],
+        input='\0'.join(found), capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    ignored = set(listed.stdout.split('\0'))
+    return [path for path in found if path not in ignored]
 
 
 def _diff(path: str, have: bytes, want: bytes) -> str:
@@ -152,11 +163,8 @@ def _diff(path: str, have: bytes, want: bytes) -> str:
 
 
 def write(root: Path, rendered: Rendered) -> list[str]:
-    """Make the trees below root what was rendered; return the paths that changed."""
+    """Make the rendered files what was rendered, and touch no other; return the paths that changed."""
     changed = []
-    for path in _extras(root, rendered):
-        (root / path).unlink()
-        changed.append(path)
     for path, (content, mode) in rendered.items():
         target = root / path
         if target.is_symlink():
@@ -172,27 +180,45 @@ def write(root: Path, rendered: Rendered) -> list[str]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Generate, or with --check compare."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--check', action='store_true', help='compare only; touch nothing')
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument('--check', action='store_true', help='compare only; touch nothing')
+    what.add_argument('--prune', action='store_true', help='remove files that the core does not render')
     parser.add_argument('--root', type=Path, default=ROOT, help='the checkout; default: this one')
     options = parser.parse_args(arguments)
+    root = options.root
     try:
-        table = load_table(options.root / 'tools/twins.toml')
-        rendered = render(options.root / 'tools/core', table)
-        if not options.check:
-            changed = write(options.root, rendered)
-            print(*changed, f'{len(rendered)} files generated, {len(changed)} changed', sep='\n')
-            return 0
-        findings = compare(options.root, rendered, table)
+        table = load_table(root / 'tools/twins.toml')
+        rendered = render(root / 'tools/core', table)
+        if options.check:
+            return _report(compare(root, rendered, table), rendered)
+        unknown = extras(root, rendered, table)
+        if unknown and not options.prune:
+            files = ''.join(f'generate: {path}: is not from the core\n' for path in unknown)
+            raise GenerationError(
+                f'nothing was written. Move a file of your own into tools/core, or out of the package;'
+                f' remove what a rename left behind with: make generate ARGS=--prune\n{files}'.rstrip()
+            )
+        changed = write(root, rendered)
+        for path in unknown:
+            (root / path).unlink()
     except (GenerationError, OSError) as error:
         print(f'generate: {error}', file=sys.stderr)
         return 2
-    if findings:
-        print(*findings, sep='\n')
-        print(f'{len(findings)} findings. Edit tools/core, never a generated file; then: make generate')
-        return 1
-    print(f'{len(rendered)} generated files are what the core generates')
+    print(
+        *changed, *(f'{path} (removed)' for path in unknown), sep='\n', end='\n' if changed or unknown else ''
+    )
+    print(f'{len(rendered)} files generated, {len(changed)} changed')
     return 0
+
+
+def _report(findings: list[str], rendered: Rendered) -> int:
+    if not findings:
+        print(f'{len(rendered)} generated files are what the core generates')
+        return 0
+    print(*findings, sep='\n')
+    print(f'{len(findings)} findings. Edit tools/core, never a generated file; then: make generate')
+    return 1
 
 
 if __name__ == '__main__':

@@ -20,21 +20,21 @@ PATH_LINE = re.compile(
 def translate(patch: str, table: dict) -> str:
     """Return the patch with the core's paths and names; raises GenerationError on a path of neither."""
     head, *diffs = re.split(r'^(?=diff --git )', patch, flags=re.MULTILINE)
-    return head + ''.join(_translate_diff(diff, table['mirror']) for diff in diffs)
+    return head + ''.join(_translate_diff(diff, table) for diff in diffs)
 
 
-def _translate_diff(diff: str, mirror: dict) -> str:
-    """Translate the diff of one file: of a generated package to the core, else of one kept by hand."""
+def _translate_diff(diff: str, table: dict) -> str:
+    """Translate the diff of one file: of a generated one to the core, else of one kept by hand."""
+    mirror = table['trees']['mirror']
     renamed = {new: old for old, new in mirror['folders'].items()}
-    generated = {path.partition('/')[0] for each in mirror['substitutions'] for path in each['matches']}
 
     def place(path: str) -> str:
-        package, slash, rest = path.partition('/')
-        package = renamed.get(package, package)
-        if package in generated:
-            return f'tools/core/{package}{slash}{rest}'
         if path in mirror['beside']:
             return f'{mirror["root"]}/{path}'
+        package, slash, rest = path.partition('/')
+        core_path = f'tools/core/{renamed.get(package, package)}{slash}{rest}'
+        if package in table['owned'] or (generate.ROOT / core_path).is_file():
+            return core_path
         raise generate.GenerationError(f'{path}: is no file of the mirror that tools/twins.toml knows')
 
     def place_line(match: re.Match) -> str:

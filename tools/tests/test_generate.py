@@ -1,6 +1,7 @@
 """generate.py --check sees every way in which a tree can differ from what the core generates."""
 
 import shutil
+import subprocess
 
 import generate
 import pytest
@@ -12,7 +13,7 @@ BRIDGE = 'lupin_greenhouse_bridge/lupin_greenhouse_bridge'
 @pytest.fixture
 def checkout(tmp_path):
     """Return a copy of the core, the table and both trees."""
-    ignore = shutil.ignore_patterns(*generate.CACHES)
+    ignore = shutil.ignore_patterns('__pycache__', '.pytest_cache', '.hypothesis')
     for folder in ('tools/core', 'monorepo', 'lupin_greenhouse_ros'):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=ignore)
     shutil.copy(ROOT / 'tools/twins.toml', tmp_path / 'tools/twins.toml')
@@ -112,8 +113,47 @@ def test_a_changed_tree_is_found_left_alone_and_mended_by_generate(checkout, tre
     assert finding in output
     assert 'make generate' in output
     assert snapshot(checkout) == before
-    assert generate.main(['--root', str(checkout)]) == 0
+    prune = ['--prune'] if 'orphan' in mutate.__name__ else []
+    assert generate.main([*prune, '--root', str(checkout)]) == 0
     assert check(checkout) == 0
+
+
+@pytest.mark.parametrize('tree', ['monorepo', 'lupin_greenhouse_ros'])
+def test_a_teammates_unsaved_file_survives_and_nothing_is_written(checkout, tree, capsys):
+    own = checkout / tree / BRIDGE / 'own_experiment.py'
+    own.write_text('a day of work')
+    change_a_byte(checkout / 'tools/core')  # there is something to write
+    before = snapshot(checkout)
+    assert generate.main(['--root', str(checkout)]) == 2
+    error = capsys.readouterr().err
+    assert f'generate: {tree}/{BRIDGE}/own_experiment.py: is not from the core' in error
+    assert 'nothing was written' in error
+    assert 'make generate ARGS=--prune' in error
+    assert snapshot(checkout) == before
+    assert generate.main(['--prune', '--root', str(checkout)]) == 0
+    assert not own.exists()
+    assert check(checkout) == 0
+
+
+def test_what_git_or_a_tool_ignores_is_no_file_of_a_package(checkout):
+    subprocess.run(['git', 'init', '--quiet', str(checkout)], check=True)
+    (checkout / '.gitignore').write_text('*.swp\n')
+    package = checkout / 'monorepo/lupin_greenhouse_bridge'
+    for name in ('setup.py.swp', 'build/x', 'log/x', 'install/x', 'a.egg-info/x', 'test/__pycache__/x.pyc'):
+        (package / name).parent.mkdir(exist_ok=True)
+        (package / name).write_text('lupin_greenhouse_msgs')
+    before = snapshot(checkout)
+    assert check(checkout) == 0
+    assert generate.main(['--root', str(checkout)]) == 0
+    assert snapshot(checkout) == before
+
+
+def test_the_teams_own_interfaces_are_none_of_the_generators_business(checkout):
+    before = snapshot(checkout / 'monorepo/lupin_msgs')
+    (checkout / 'monorepo/lupin_msgs/msg/New.msg').write_text('bool new\n')
+    assert check(checkout) == 0
+    assert generate.main(['--root', str(checkout)]) == 0
+    assert snapshot(checkout / 'monorepo/lupin_msgs').items() > before.items()
 
 
 @pytest.mark.parametrize('name', ['COLCON_IGNORE', 'LICENSE', 'README.md', 'CHANGELOG.rst'])
@@ -158,25 +198,26 @@ def expect_one_match_too_many(checkout):
 def list_a_file_without_a_match(checkout):
     replace(
         checkout / 'tools/twins.toml',
-        '"lupin_msgs/package.xml" = 1',
-        '"lupin_msgs/package.xml" = 1\n"lupin_greenhouse_bridge/setup.cfg" = 0',
+        '"lupin_greenhouse_bridge/package.xml" = 1',
+        '"lupin_greenhouse_bridge/package.xml" = 1\n"lupin_greenhouse_bridge/setup.cfg" = 0',
     )
 
 
 def add_an_unused_substitution(checkout):
     path = checkout / 'tools/twins.toml'
-    addition = '\n[[mirror.substitutions]]\nfind = "nowhere"\nreplace = ""\nmatches = {}\n'
+    addition = '\n[[trees.mirror.substitutions]]\nfind = "nowhere"\nreplace = ""\nmatches = {}\n'
     path.write_text(path.read_text() + addition)
 
 
 def add_a_substitution_in_no_file(checkout):
     path = checkout / 'tools/twins.toml'
-    addition = '\n[[mirror.substitutions]]\nfind = "x"\nreplace = ""\nmatches = { "gone.py" = 1 }\n'
+    addition = '\n[[trees.mirror.substitutions]]\nfind = "x"\nreplace = ""\nmatches = { "gone.py" = 1 }\n'
     path.write_text(path.read_text() + addition)
 
 
-def list_an_own_file_that_is_gone(checkout):
-    (checkout / 'tools/core/lupin_msgs/srv/ConfirmTag.srv').unlink()
+def list_a_copy_of_a_file_that_is_gone(checkout):
+    path = checkout / 'tools/twins.toml'
+    path.write_text(path.read_text() + '\n[trees.monorepo.copies]\n"gone.py" = ["lupin_mission/gone.py"]\n')
 
 
 def break_the_table(checkout):
@@ -200,7 +241,7 @@ def lose_the_core(checkout):
         (list_a_file_without_a_match, 'must match 0 times'),
         (add_an_unused_substitution, "'nowhere' matches no file"),
         (add_a_substitution_in_no_file, 'gone.py'),
-        (list_an_own_file_that_is_gone, 'listed under "only"'),
+        (list_a_copy_of_a_file_that_is_gone, 'gone.py'),
         (break_the_table, 'twins.toml'),
         (lose_the_core, 'holds no files'),
     ],

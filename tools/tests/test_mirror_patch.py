@@ -28,7 +28,7 @@ def git(folder, *arguments):
 def repositories(tmp_path):
     """Return a repository like this one, and a clone of the mirror that was split out of it."""
     monorepo, mirror = tmp_path / 'repository', tmp_path / 'clone'
-    ignore = shutil.ignore_patterns('.venv*', '.git', *generate.CACHES)
+    ignore = shutil.ignore_patterns('.venv*', '.git', '__pycache__', '.pytest_cache', '.hypothesis')
     shutil.copytree(ROOT, monorepo, ignore=ignore)
     git(monorepo, 'init', '--quiet', '--initial-branch=main')
     git(monorepo, 'config', 'user.name', 'Teammate')

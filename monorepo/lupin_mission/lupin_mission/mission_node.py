@@ -111,8 +111,11 @@ class MissionNode(Node):
         if request is None or not self._service_clients[request.service].service_is_ready():
             return
         self._unsent = None
-        kind = ConfirmTag if request.service is Service.CONFIRM else GetTagReading
-        self._future = self._service_clients[request.service].call_async(kind.Request(tag_id=request.tag_id))
+        if request.service is Service.CONFIRM:
+            message = ConfirmTag.Request(expected_tag_id=request.tag_id)
+        else:
+            message = GetTagReading.Request(tag_id=request.tag_id)
+        self._future = self._service_clients[request.service].call_async(message)
         self._future.add_done_callback(partial(self._on_reply, request))
 
     def abandon(self, request: Request) -> Outcome:
@@ -129,7 +132,9 @@ class MissionNode(Node):
     def _on_reply(self, request: Request, future) -> None:
         response = future.result()
         if request.service is Service.CONFIRM:
-            is_awaited = self.mission.on_confirmation(request.number, response.confirmed, response.message)
+            is_awaited = self.mission.on_confirmation(
+                request.number, response.detected, response.error_message
+            )
         elif response.status == GetTagReading.Response.STATUS_OK:
             is_awaited = self.mission.on_reading(request.number, _reading(response.reading))
         else:

@@ -36,8 +36,9 @@ class Commanded:
         self._service = node.create_service(service_type, name, self._handle, qos_profile=bridge.CLIENT_QOS)
 
     def _handle(self, request, _response):
-        self.tag_ids.append(request.tag_id)
-        self._arrived.put(request.tag_id)
+        tag_id = getattr(request, 'tag_id', None) or request.expected_tag_id
+        self.tag_ids.append(tag_id)
+        self._arrived.put(tag_id)
         return self._answers.get(timeout=2 * PATIENCE_SECONDS)
 
     def wait_for_request(self) -> str:

@@ -108,10 +108,10 @@ def test_a_late_answer_is_not_taken_for_the_next_ones(start_mission, reader):
 def test_a_tag_is_read_once_it_is_confirmed(start_mission, reader, confirmer):
     mission = start_mission(**CAMERA, tag_ids='7')
     assert confirmer.wait_for_request() == '7'
-    confirmer.answer(confirmed=False, message='other tags in view: 8')
+    confirmer.answer(detected=False, error_message='other tags in view: 8')
     assert confirmer.wait_for_request() == '7'
     assert reader.tag_ids == []
-    confirmer.answer(confirmed=True, message='tag 7 seen in 2 frames')
+    confirmer.answer(detected=True, detection_confidence=1.0)
     reader.answer_ok('7', temperature=21.0)
     assert mission.end() == 0
     assert reader.tag_ids == ['7']

@@ -68,9 +68,10 @@ class ConfirmTagNode(Node):
 
     def _confirm(self, request, response):
         stamp_now_seconds = self.get_clock().now().nanoseconds * 1e-9
-        response.confirmed, response.message = self._confirmer.confirm(
-            request.tag_id, stamp_now_seconds, time.monotonic()
+        response.detection_confidence, response.error_message = self._confirmer.confirm(
+            request.expected_tag_id, stamp_now_seconds, time.monotonic()
         )
+        response.detected = not response.error_message
         return response
 
 

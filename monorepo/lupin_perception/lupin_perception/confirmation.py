@@ -77,13 +77,17 @@ class Confirmer:
         self._frames.append(frame)
         self.refusal = ''
 
-    def confirm(self, tag_id: str, stamp_now_seconds: float, arrival_now_seconds: float) -> tuple[bool, str]:
-        """Tell whether the camera sees the tag, and in one line what it sees or what is missing."""
+    def confirm(self, tag_id: str, stamp_now_seconds: float, arrival_now_seconds: float) -> tuple[float, str]:
+        """
+        Return the confidence that the camera sees the tag, and in one line why it is below 1.
+
+        The confidence is min(1, frames that show the tag / frames needed).
+        """
         if not re.fullmatch(r'0|[1-9][0-9]{0,2}', tag_id) or int(tag_id) >= TAG_COUNT:
-            return False, f'{tag_id[:40]!r} is no id of tag36h11: give 0 to {TAG_COUNT - 1} in decimal'
+            return 0.0, f'{tag_id[:40]!r} is no id of tag36h11: give 0 to {TAG_COUNT - 1} in decimal'
         refused = f'; an image was refused: {self.refusal}' if self.refusal else ''
         if not self._frames:
-            return False, f'no usable image yet{refused}'
+            return 0.0, f'no usable image yet{refused}'
         recent = [
             frame
             for frame in self._frames
@@ -91,7 +95,7 @@ class Confirmer:
         ]
         if not recent:
             fault = self._fault_of_age(self._frames[-1], stamp_now_seconds, arrival_now_seconds)
-            return False, fault + refused
+            return 0.0, fault + refused
         return self._look(int(tag_id), recent)
 
     def _fault_of_age(self, frame: Frame, stamp_now_seconds: float, arrival_now_seconds: float) -> str:
@@ -105,7 +109,7 @@ class Confirmer:
             return f'the last image is stamped {abs(age):.1f} s {where}: not within {longest:g} s'
         return ''
 
-    def _look(self, tag_number: int, frames: list[Frame]) -> tuple[bool, str]:
+    def _look(self, tag_number: int, frames: list[Frame]) -> tuple[float, str]:
         sightings = 0
         flaws: list[str] = []
         others: Counter[int] = Counter()
@@ -117,14 +121,18 @@ class Confirmer:
             flaws += filter(None, found)
             sightings += '' in found
             if sightings == self._criteria.min_frames:
-                return True, f'tag {tag_number} seen in {sightings} frames'
-        if flaws:
-            return False, f'tag {tag_number} is in view, but {flaws[0]}'
+                return 1.0, ''
         if sightings:
-            return False, f'tag {tag_number} seen in {sightings} frames of {self._criteria.min_frames} needed'
+            needed = self._criteria.min_frames
+            reason = (
+                f'is in view, but {flaws[0]}' if flaws else f'seen in {sightings} frames of {needed} needed'
+            )
+            return sightings / needed, f'tag {tag_number} {reason}'
+        if flaws:
+            return 0.0, f'tag {tag_number} is in view, but {flaws[0]}'
         if others:
-            return False, f'other tags in view: {", ".join(map(str, sorted(others)))}'
-        return False, f'no tag in view in {len(frames)} frames'
+            return 0.0, f'other tags in view: {", ".join(map(str, sorted(others)))}'
+        return 0.0, f'no tag in view in {len(frames)} frames'
 
     def _flaw_of(self, detection: Detection) -> str:
         criteria = self._criteria

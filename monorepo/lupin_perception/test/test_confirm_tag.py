@@ -39,8 +39,9 @@ class Perception(bridge.NodeProcess):
 
     def confirm(self, tag_id: str) -> tuple[bool, str]:
         """Ask once."""
-        response = bridge.call(self._client, ConfirmTag.Request(tag_id=tag_id))
-        return response.confirmed, response.message
+        response = bridge.call(self._client, ConfirmTag.Request(expected_tag_id=tag_id))
+        assert response.detected == (response.detection_confidence == 1.0) == (not response.error_message)
+        return response.detected, response.error_message or 'detected'
 
     def confirm_while_showing(
         self, image: Image, tag_id: str, until: str, *, is_stamped=True
@@ -86,7 +87,7 @@ def test_the_expected_tag_is_confirmed_in_every_encoding(start, tag_7, encoding,
     image = image_of(tag_7, encoding, padding=5, is_bigendian=is_bigendian)
     perception = start()
     assert perception.confirm('7') == (False, 'no usable image yet')
-    assert perception.confirm_while_showing(image, '7', 'seen in 2')[0]
+    assert perception.confirm_while_showing(image, '7', 'detected')[0]
     confirmed, message = perception.confirm('8')
     assert not confirmed
     assert message == 'other tags in view: 7'
@@ -95,7 +96,7 @@ def test_the_expected_tag_is_confirmed_in_every_encoding(start, tag_7, encoding,
 def test_an_old_image_and_one_of_a_wrong_clock_are_no_proof(start, tag_7):
     perception = start(max_image_age_seconds=0.5)
     image = image_of(tag_7)
-    assert perception.confirm_while_showing(image, '7', 'seen in 2')[0]
+    assert perception.confirm_while_showing(image, '7', 'detected')[0]
     bridge.wait_until(lambda: 'ago: older than 0.5 s' in perception.confirm('7')[1])
     unstamped = perception.confirm_while_showing(image_of(tag_7), '7', 'is stamped', is_stamped=False)
     assert not unstamped[0]
@@ -115,7 +116,7 @@ def test_malformed_images_are_refused_once_and_the_node_lives(start, tag_7):
     malformed = [image_of(tag_7, **fields) for fields in faults]
     for image in malformed * 3:
         perception.confirm_while_showing(image, '7', 'no usable image yet; an image was refused: ')
-    assert perception.confirm_while_showing(image_of(tag_7), '7', 'seen in 2')[0]
+    assert perception.confirm_while_showing(image_of(tag_7), '7', 'detected')[0]
     assert perception.stop() == 0
     log = perception.rest_of_log()
     assert len([line for line in log if 'image refused' in line and '16UC1' in line]) == 1
@@ -124,7 +125,7 @@ def test_malformed_images_are_refused_once_and_the_node_lives(start, tag_7):
 
 def test_requests_at_once_are_all_answered(start, tag_7):
     perception = start()
-    assert perception.confirm_while_showing(image_of(tag_7), '7', 'seen in 2')[0]
+    assert perception.confirm_while_showing(image_of(tag_7), '7', 'detected')[0]
     answers = []
     threads = [threading.Thread(target=lambda: answers.append(perception.confirm('x'))) for _ in range(16)]
     for thread in threads:

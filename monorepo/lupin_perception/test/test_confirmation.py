@@ -24,11 +24,11 @@ def confirmer(*frames, **criteria) -> Confirmer:
 
 
 def test_a_tag_in_enough_frames_is_confirmed():
-    assert confirmer([GOOD], [GOOD]).confirm('7', NOW, NOW) == (True, 'tag 7 seen in 2 frames')
+    assert confirmer([GOOD], [GOOD]).confirm('7', NOW, NOW) == (1.0, '')
 
 
 def test_one_frame_without_the_tag_among_enough_with_it_does_no_harm():
-    assert confirmer([GOOD], [], [GOOD]).confirm('7', NOW, NOW)[0]
+    assert confirmer([GOOD], [], [GOOD]).confirm('7', NOW, NOW) == (1.0, '')
 
 
 @pytest.mark.parametrize(
@@ -48,13 +48,13 @@ def test_one_frame_without_the_tag_among_enough_with_it_does_no_harm():
     ],
 )
 def test_why_a_tag_is_not_confirmed(frames, message):
-    assert confirmer(*frames).confirm('7', NOW, NOW) == (False, message)
+    assert confirmer(*frames).confirm('7', NOW, NOW)[1] == message
 
 
 def test_the_tag_before_is_not_confirmed_for_the_next():
     """Frames of the last tag are still recent on arrival at the next one."""
     seen = confirmer([Detection(6, 80.0, 0.9)], [Detection(6, 80.0, 0.9)], [GOOD])
-    assert seen.confirm('7', NOW, NOW) == (False, 'tag 7 seen in 1 frames of 2 needed')
+    assert seen.confirm('7', NOW, NOW) == (0.5, 'tag 7 seen in 1 frames of 2 needed')
 
 
 @pytest.mark.parametrize(
@@ -71,13 +71,13 @@ def test_a_refused_image_is_named_until_there_is_a_usable_one():
     seen = confirmer()
     refusal = "; an image was refused: encoding '16UC1' is not one of mono8"
     seen.refusal = "encoding '16UC1' is not one of mono8"
-    assert seen.confirm('7', NOW, NOW) == (False, f'no usable image yet{refusal}')
+    assert seen.confirm('7', NOW, NOW) == (0.0, f'no usable image yet{refusal}')
 
     seen = confirmer([GOOD], [GOOD])
     seen.refusal = "encoding '16UC1' is not one of mono8"
     later = NOW + 2.0
     message = f'the last image came 2.0 s ago: older than 1 s{refusal}'
-    assert seen.confirm('7', later, later) == (False, message)
+    assert seen.confirm('7', later, later) == (0.0, message)
     seen.add(Frame(np.array([[0]]), later, later))
     later += 2.0
     assert 'refused' not in seen.confirm('7', later, later)[1]
