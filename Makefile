@@ -72,7 +72,7 @@ matrix:  ## the contract tests on every Python, distro and simulator to be had h
 	@ci/matrix
 
 soak: build  ## faults and load on this machine, with figures (SHORT=1: about a minute)
-	@$(IN_ENV) python tools/measure/soak.py $(if $(SHORT),--short)
+	@$(IN_ENV) python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
 
 bench: build  ## the bridge against a bare rclpy node: one table and .bench/bench.json (SHORT=1: a look)
 	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)

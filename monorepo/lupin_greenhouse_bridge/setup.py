@@ -15,7 +15,7 @@ setup(
     python_requires='>=3.10',
     # mdp-greenhouse is not in rosdistro: pip brings it. Before 1.0.7 its clock is wrong.
     install_requires=['setuptools', 'mdp-greenhouse>=1.0.7', 'packaging', 'PyYAML'],
-    extras_require={'test': ['argcomplete', 'hypothesis', 'pytest']},
+    extras_require={'test': ['argcomplete', 'hypothesis', 'numpy', 'pytest']},
     zip_safe=True,
     maintainer='Lupin team',
     maintainer_email='lupin.team@example.org',
@@ -23,8 +23,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'bridge_node = lupin_greenhouse_bridge.bridge_node:main',
-            'read_tag = lupin_greenhouse_bridge.read_tag:main',
+            'bridge_node = lupin_greenhouse_bridge.executables:bridge_node',
+            'read_tag = lupin_greenhouse_bridge.executables:read_tag',
         ],
     },
 )

@@ -21,7 +21,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'mission_node = lupin_mission.mission_node:main',
+            'mission_node = lupin_mission.executables:mission_node',
             'plot_report = lupin_mission.plot_report:main',
         ],
     },

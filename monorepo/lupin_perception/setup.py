@@ -21,8 +21,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'confirm_tag = lupin_perception.confirm_tag:main',
-            'camera_stand_in = lupin_perception.camera_stand_in:main',
+            'confirm_tag = lupin_perception.executables:confirm_tag',
+            'camera_stand_in = lupin_perception.executables:camera_stand_in',
         ],
     },
 )

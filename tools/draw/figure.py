@@ -19,13 +19,13 @@ from pathlib import Path
 
 import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
-from greenhouse_sim.tools.layout_utils import DEFAULT_CONFIG_FILE, DEFAULT_TAG_FILE
 from lupin_greenhouse_bridge import units
-from lupin_greenhouse_bridge.errors import BridgeError, StartUpError
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulation import load
 from lupin_mission import greenhouse_plot
-from lupin_mission.greenhouse_plot import COLOURS, draw_footprint, label_of, read_layout
+from lupin_mission.greenhouse_plot import COLOURS, draw_footprint, label_of, read_footprint
+from lupin_mission.layout import read_layout, shipped_file
 from matplotlib import pyplot
 from matplotlib.patches import Wedge
 from PIL import Image
@@ -48,12 +48,12 @@ class Greenhouse:
     """The simulator's files, read by the simulator itself, with a clock and noise at will."""
 
     def __init__(self, options):
-        self.tag_file, self.sim_config_file = options.tag_file, options.sim_config_file
-        paths = [Path(path) if path else None for path in (self.tag_file, self.sim_config_file)]
-        load(
-            Settings(tag_file=self.tag_file, sim_config_file=self.sim_config_file), *paths
-        )  # as the bridge: checked
-        self.layout = read_layout(self.tag_file, self.sim_config_file)
+        self.tag_file = options.tag_file or shipped_file('tag_locations.json')
+        self.sim_config_file = options.sim_config_file or shipped_file('greenhouse_config.yaml')
+        paths = Path(self.tag_file), Path(self.sim_config_file)
+        load(Settings(), *paths)  # as the bridge: checked
+        self.layout = read_layout(self.tag_file)
+        self.footprint = read_footprint(self.layout, self.sim_config_file)
         self._noisy, self._silent = (GreenhouseSimulator(*paths) for _ in range(2))
         for components in self._silent.sim_config['sensors'].values():
             for component in components:
@@ -70,8 +70,8 @@ class Greenhouse:
     def fingerprint(self, options) -> str:
         """Identify all that a figure is drawn from."""
         files = [
-            Path(self.tag_file or DEFAULT_TAG_FILE),
-            Path(self.sim_config_file or DEFAULT_CONFIG_FILE),
+            Path(self.tag_file),
+            Path(self.sim_config_file),
             Path(__file__),
             Path(greenhouse_plot.__file__),
             Path(units.__file__),
@@ -85,8 +85,7 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
     layout = greenhouse.layout
     figure, axes = pyplot.subplots(figsize=(6.4, 8.4), layout='constrained')
     xs, ys = (
-        [FIELD_STEP_M * n for n in range(int(side / FIELD_STEP_M) + 1)]
-        for side in (layout.width_m, layout.length_m)
+        [FIELD_STEP_M * n for n in range(int(side / FIELD_STEP_M) + 1)] for side in greenhouse.footprint
     )
     field = [[greenhouse.value(sensor, (x, y), hour) for x in xs] for y in ys]
     extent = (xs[0], xs[-1], ys[0], ys[-1])
@@ -95,14 +94,14 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
     )
     lines = axes.contour(xs, ys, field, colors='0.3', linewidths=0.6)
     axes.clabel(lines, fontsize=7)
-    draw_footprint(axes, layout)
+    draw_footprint(axes, layout, greenhouse.footprint)
     for tag in layout.tags.values():
         _draw_tag(axes, tag)
     _draw_labels(axes, layout)
     figure.colorbar(shades, ax=axes, location='right', shrink=0.7, label=f'{label_of(sensor)} at {hour:g} h')
     for name in greenhouse.sensors:
         letter, colour = SENSORS[name]
-        count = sum(name in tag['sensors'] for tag in layout.tags.values())
+        count = sum(name in tag.sensors for tag in layout.tags.values())
         axes.scatter(
             [],
             [],
@@ -113,16 +112,18 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
         )
     figure.legend(loc='outside lower center', ncols=3, frameon=False, fontsize=8)
     axes.set_ylabel('y (m)')
-    axes.set_title(f'{len(layout.tags)} tags on {layout.width_m:g} m x {layout.length_m:g} m')
+    axes.set_title(
+        f'{len(layout.tags)} tags on {greenhouse.footprint.width_m:g} m x {greenhouse.footprint.length_m:g} m'
+    )
     return figure
 
 
-def _draw_tag(axes, tag: dict) -> None:
-    share = 360.0 / max(len(tag['sensors']), 1)
-    for number, name in enumerate(tag['sensors']):
+def _draw_tag(axes, tag) -> None:
+    share = 360.0 / len(tag.sensors)
+    for number, name in enumerate(tag.sensors):
         start = 90.0 + number * share
         wedge = Wedge(
-            (tag['x'], tag['y']), TAG_RADIUS_M, start, start + share, facecolor=SENSORS[name][1], zorder=3
+            (tag.x, tag.y), TAG_RADIUS_M, start, start + share, facecolor=SENSORS[name][1], zorder=3
         )
         wedge.set(edgecolor='black', linewidth=0.8)
         axes.add_patch(wedge)
@@ -130,14 +131,12 @@ def _draw_tag(axes, tag: dict) -> None:
 
 def _draw_labels(axes, layout) -> None:
     """Write each tag's id and sensors beside it, where other tags and labels leave most room."""
-    taken = [(tag['x'], tag['y']) for tag in layout.tags.values()]
+    taken = [(tag.x, tag.y) for tag in layout.tags.values()]
     for tag_id, tag in layout.tags.items():
-        text = f'{tag_id}  {"".join(SENSORS[name][0] for name in tag["sensors"])}'
+        text = f'{tag_id}  {"".join(SENSORS[name][0] for name in tag.sensors)}'
         aside = TAG_RADIUS_M + 0.045 * len(text)
-        places = [
-            (tag['x'] + dx, tag['y'] + dy) for dx, dy in ((-aside, 0), (aside, 0), (0, 0.17), (0, -0.17))
-        ]
-        others = [place for place in taken if place != (tag['x'], tag['y'])]
+        places = [(tag.x + dx, tag.y + dy) for dx, dy in ((-aside, 0), (aside, 0), (0, 0.17), (0, -0.17))]
+        others = [place for place in taken if place != (tag.x, tag.y)]
         # A label is wide and low: to the side, a metre counts for less.
         room = [min((math.hypot((x - u) / 2.5, y - v) for u, v in others), default=1.0) for x, y in places]
         place = places[room.index(max(room))]
@@ -157,18 +156,18 @@ def _draw_labels(axes, layout) -> None:
 def draw_day(greenhouse: Greenhouse, tag_id: str):
     """Return the figure of a day at one tag: each sensor with the band that holds 90 % of its readings."""
     tag = greenhouse.layout.tags[tag_id]
-    position = (tag['x'], tag['y'])
+    position = (tag.x, tag.y)
     hours = [n / 4 for n in range(97)]
     figure, all_axes = pyplot.subplots(
-        len(tag['sensors']),
+        len(tag.sensors),
         1,
         sharex=True,
         squeeze=False,
-        figsize=(6.4, 1.2 + 1.7 * len(tag['sensors'])),
+        figsize=(6.4, 1.2 + 1.7 * len(tag.sensors)),
         layout='constrained',
     )
     random.seed(0)
-    for axes, name in zip(all_axes[:, 0], tag['sensors'], strict=True):
+    for axes, name in zip(all_axes[:, 0], tag.sensors, strict=True):
         samples = [
             sorted(greenhouse.value(name, position, hour, is_noisy=True) for _ in range(SAMPLES))
             for hour in hours
@@ -219,18 +218,16 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         greenhouse = Greenhouse(options)
         tags = greenhouse.layout.tags
-        options.tag = options.tag or max(
-            tags, key=lambda tag_id: (len(tags[tag_id]['sensors']), tag_id == '5')
-        )
+        options.tag = options.tag or max(tags, key=lambda tag_id: (len(tags[tag_id].sensors), tag_id == '5'))
         if options.sensor not in greenhouse.sensors:
             raise StartUpError(f'--sensor {options.sensor}: there is {", ".join(greenhouse.sensors)}')
-        if not tags.get(options.tag, {}).get('sensors'):
+        if options.tag not in tags:
             raise StartUpError(f'--tag {options.tag}: no such tag, or one without sensors')
         if not 0.0 <= options.hour < 24.0:
             raise StartUpError(f'--hour {options.hour:g}: give hours in [0, 24)')
         if not options.output.is_dir():
             raise StartUpError(f'--output {options.output}: give a folder that is there')
-    except BridgeError as error:
+    except OneLineError as error:
         print(f'figure: {error}', file=sys.stderr)
         return 2
     fingerprint = greenhouse.fingerprint(options)

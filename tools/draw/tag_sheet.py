@@ -14,7 +14,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from lupin_greenhouse_bridge.errors import BridgeError, StartUpError
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 from lupin_greenhouse_bridge.simulation import served_tag_ids
 from lupin_perception import scene
 from matplotlib import pyplot
@@ -98,7 +98,7 @@ def main(arguments: list[str] | None = None) -> int:
         path = options.output / f'tag36h11-{options.side:g}mm.pdf'
         matplotlib.use('Agg')
         write(path, sorted(numbers), options.side)
-    except (BridgeError, OSError) as error:
+    except (OneLineError, OSError) as error:
         print(f'tags: {error}', file=sys.stderr)
         return 2
     print(f'{path}: {len(numbers)} tags')

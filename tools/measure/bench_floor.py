@@ -13,12 +13,10 @@ import sys
 import time
 
 import rclpy
+from lupin_greenhouse_bridge.client import SERVICE_QOS
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import GetTagReading
-from rclpy.qos import QoSProfile
 
-# As the bridge: at ROS's default of 10, calls of 16 clients would be lost.
-QOS = QoSProfile(depth=1000)
 NAMES = ('temperature', 'co2', 'humidity', 'light', 'soil_moisture')
 NAME = '~/get_tag_reading'
 
@@ -37,7 +35,7 @@ def serve_trigger(node) -> None:
 
     text = json.dumps({'tag_id': '1', 'sim_time_of_day_seconds': 43200.0, 'temperature': 21.5, 'co2': 600.0})
     answer = Trigger.Response(success=True, message=text)
-    node.create_service(Trigger, NAME, lambda _request, _response: answer, qos_profile=QOS)
+    node.create_service(Trigger, NAME, lambda _request, _response: answer, qos_profile=SERVICE_QOS)
 
 
 def serve_wrapper(node) -> None:
@@ -54,7 +52,7 @@ def serve_wrapper(node) -> None:
         response.reading.readings = [SensorReading(name=name, value=value) for name, value in values.items()]
         return response
 
-    node.create_service(GetTagReading, NAME, handle, qos_profile=QOS)
+    node.create_service(GetTagReading, NAME, handle, qos_profile=SERVICE_QOS)
 
 
 def serve_floor(node) -> None:
@@ -68,7 +66,7 @@ def serve_floor(node) -> None:
             time.sleep(seconds_late)
         return answers.get(request.tag_id, usual)
 
-    node.create_service(GetTagReading, NAME, handle, qos_profile=QOS)
+    node.create_service(GetTagReading, NAME, handle, qos_profile=SERVICE_QOS)
 
 
 def main() -> None:

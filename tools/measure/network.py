@@ -26,7 +26,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from soak import run
-from traffic import Bridge, Client
+from traffic import Bridge, ClientProcess
 
 HOSTS = tuple(f'{name}{os.getpid()}' for name in ('robot', 'laptop'))
 CALL_SECONDS = '120'
@@ -142,7 +142,7 @@ def across_a_bad_cable(scale: int) -> Iterator[tuple[str, bool]]:
             ('after', 0.0, 0.0, 40 * scale),
         ):
             carried, lost = cable.carried, cable.lost
-            result = Client('--calls', str(calls), '--timeout', CALL_SECONDS, prefix=laptop).result()
+            result = ClientProcess('--calls', str(calls), '--timeout', CALL_SECONDS, prefix=laptop).result()
             fewest, most = fewest + calls + 1, most + calls + result['greetings']
             carried, lost = cable.carried - carried, cable.lost - lost
             yield (
@@ -153,7 +153,7 @@ def across_a_bad_cable(scale: int) -> Iterator[tuple[str, bool]]:
                 (result['answered'], result['wrong']) == (calls, 0) and (lost > 0) == (cable.loss > 0),
             )
         call_on = ('--seconds', str(2.5 * pulled_seconds), '--pause', '0.01')
-        client = Client(*call_on, '--timeout', CALL_SECONDS, prefix=laptop)
+        client = ClientProcess(*call_on, '--timeout', CALL_SECONDS, prefix=laptop)
         client.wait_for_first_answer()
         cable.is_pulled = True
         time.sleep(pulled_seconds)
@@ -213,7 +213,7 @@ def without_multicast(scale: int) -> Iterator[tuple[str, bool]]:
             bridge = Bridge(*robot)
             found = subprocess.run([*ask, '60'], capture_output=True, text=True, check=False)
             calls = 40 * scale
-            result = Client('--calls', str(calls), '--timeout', CALL_SECONDS, prefix=laptop).result()
+            result = ClientProcess('--calls', str(calls), '--timeout', CALL_SECONDS, prefix=laptop).result()
             exit_code, answered = found.returncode, result['answered']
             yield (
                 f'with a server: read_tag exit code {exit_code}, {answered}/{calls} answered',

@@ -1,8 +1,11 @@
 """
 Faults and load on one machine: what is promised of the bridge, counted.
 
-    make soak           about seven minutes
-    make soak SHORT=1   about one; part of make test
+    make soak                    about ten minutes
+    make soak SHORT=1            about one and a half
+    make soak REFUSALS=12000     so many refused starts instead of 200
+    make soak SIGNALS=500        so many signals at each executable instead of 100
+    make soak ARGS="--only NAME" one scenario
 
 Prints one line per scenario; exit code 1 when a promise was broken.
 """
@@ -14,26 +17,32 @@ import shlex
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from itertools import repeat
+from pathlib import Path
 
 import domain_coordinator
-from traffic import Bridge, Client
+from lupin_greenhouse_bridge.testing import executable
+from traffic import PATIENCE_SECONDS, Bridge, ClientProcess
 
 
 def client_killed_in_mid_call(scale: int) -> Iterator[tuple[str, bool]]:
     """Kill clients without warning; the bridge goes on and holds on to nothing of theirs."""
     bridge = Bridge(debug_time_of_day=12.0)
-    Client('--calls', '100').result()
+    ClientProcess('--calls', '100').result()
     files = bridge.open_files()
     for _ in range(2 * scale):
-        victims = [Client() for _ in range(4)]
+        victims = [ClientProcess() for _ in range(4)]
         for victim in victims:
             victim.wait_for_first_answer()
         for victim in victims:
             victim.process.kill()
             victim.process.wait()
-    after = Client('--calls', '100').result()
+    after = ClientProcess('--calls', '100').result()
     yield f'{8 * scale} clients killed, next one answered {after["answered"]}/100', after['answered'] == 100
     yield f'open files {files} -> {bridge.open_files()}', bridge.open_files() <= files + 8
     yield f'exit code {bridge.stop()[0]}', bridge.process.returncode == 0
@@ -43,7 +52,9 @@ def bridge_killed_and_restarted(scale: int) -> Iterator[tuple[str, bool]]:
     """Kill the bridge while clients keep calling; every call ends, and the next bridge starts and answers."""
     bridge = Bridge(debug_time_of_day=12.0)
     seconds = 6 * scale + 8
-    clients = [Client('--seconds', str(seconds), '--timeout', '2', '--pause', '0.005') for _ in range(4)]
+    clients = [
+        ClientProcess('--seconds', str(seconds), '--timeout', '2', '--pause', '0.005') for _ in range(4)
+    ]
     for client in clients:
         client.wait_for_first_answer()
     for _ in range(2 * scale):
@@ -63,7 +74,7 @@ def bridge_killed_and_restarted(scale: int) -> Iterator[tuple[str, bool]]:
         f' (slowest {slowest} s)',
         wrong == 0,
     )
-    last = Client('--calls', '50').result()
+    last = ClientProcess('--calls', '50').result()
     yield f'after the last restart {last["answered"]}/50 answered', last['answered'] == 50
     yield f'exit code {bridge.stop()[0]}', bridge.process.returncode == 0
 
@@ -76,7 +87,7 @@ def sixteen_clients(scale: int) -> Iterator[tuple[str, bool]]:
     """
     bridge = Bridge(debug_time_of_day=12.0)
     calls = 100 * scale
-    clients = [Client('--wait', '--calls', str(calls), '--first', str(number)) for number in range(16)]
+    clients = [ClientProcess('--wait', '--calls', str(calls), '--first', str(number)) for number in range(16)]
     for client in clients:
         client.wait_for_first_answer()
     for client in clients:
@@ -98,11 +109,11 @@ def sixteen_clients(scale: int) -> Iterator[tuple[str, bool]]:
 def many_calls(scale: int) -> Iterator[tuple[str, bool]]:
     """Call and call; no reply is lost and nothing grows."""
     bridge = Bridge(debug_time_of_day=12.0)
-    Client('--calls', '1000').result()
+    ClientProcess('--calls', '1000').result()
     before = bridge.status('VmRSS'), bridge.open_files(), bridge.status('Threads')
     calls = 20_000 * scale if scale > 1 else 5_000
     started = time.monotonic()
-    result = Client('--calls', str(calls), '--seconds', '3000').result()
+    result = ClientProcess('--calls', str(calls), '--seconds', '3000').result()
     rate = calls / (time.monotonic() - started)
     after = bridge.status('VmRSS'), bridge.open_files(), bridge.status('Threads')
     lost = calls - result['answered']
@@ -123,7 +134,7 @@ def terminated_during_calls(scale: int) -> Iterator[tuple[str, bool]]:
     exit_codes, answered, timed_out = [], 0, 0
     for _ in range(3 * scale):
         bridge = Bridge(debug_time_of_day=12.0)
-        client = Client('--seconds', '2', '--timeout', '0.5')
+        client = ClientProcess('--seconds', '2', '--timeout', '0.5')
         client.wait_for_first_answer()
         time.sleep(random.uniform(0.0, 0.1))  # noqa: S311 (any moment will do)
         exit_codes.append(bridge.stop()[0])
@@ -140,13 +151,88 @@ def two_bridges(scale: int) -> Iterator[tuple[str, bool]]:
     """Run two bridges of one name: each call gets one answer, from either."""
     bridges = [Bridge(debug_time_of_day=hour) for hour in (6.0, 18.0)]
     calls = 200 * scale
-    result = Client('--calls', str(calls)).result()
+    result = ClientProcess('--calls', str(calls)).result()
     shares = ', '.join(
         f'{count} at {float(second) / 3600:g} h' for second, count in result['sim_times'].items()
     )
     yield f'{calls} calls, {result["answered"]} answered ({shares})', result['answered'] == calls
     codes = [bridge.stop()[0] for bridge in bridges]
     yield f'exit codes {codes}', codes == [0, 0]
+
+
+def results_of(commands: Iterator[list[str]], signals: tuple = ()) -> Iterator[tuple[int, str]]:
+    """
+    Run commands, two at a time; yield exit code and output of each.
+
+    With signals, one to three of them come at random moments of the first second.
+    """
+
+    def run(command: list[str]) -> tuple[int, str]:
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        while signals and not takes_signals(process.pid) and process.poll() is None:
+            time.sleep(0.001)
+        for number in random.choices(signals, k=random.randint(1, 3)) if signals else ():  # noqa: S311
+            time.sleep(random.choice([0.0, random.uniform(0.0, 1.0)]))  # noqa: S311
+            process.send_signal(number)
+        try:
+            output, _ = process.communicate(timeout=PATIENCE_SECONDS)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return -signal.SIGKILL, f'hung for {PATIENCE_SECONDS:g} s: {shlex.join(command)}'
+        return process.returncode, output
+
+    with ThreadPoolExecutor(2) as pool:
+        yield from pool.map(run, commands)
+
+
+def takes_signals(pid: int) -> bool:
+    """Tell whether a process has a handler for SIGTERM; until then Python itself ends by it."""
+    try:
+        status = Path(f'/proc/{pid}/status').read_text()
+    except OSError:
+        return False
+    caught = next(line for line in status.splitlines() if line.startswith('SigCgt:')).split()[1]
+    return bool(int(caught, 16) >> (signal.SIGTERM - 1) & 1)
+
+
+def refused_starts(_scale: int) -> Iterator[tuple[str, bool]]:
+    """Start the bridge with a parameter that it refuses; each ends with exit code 1, and cleanly."""
+    command = [executable('lupin_greenhouse_bridge', 'bridge_node'), '--ros-args', '-p', 'debug_seed:=-5']
+    codes = Counter(code for code, _ in results_of(repeat(command, options.refusals)))
+    yield f'{options.refusals} refused, exit codes {dict(codes)}', set(codes) == {1}
+
+
+def signalled_at_any_moment(_scale: int) -> Iterator[tuple[str, bool]]:
+    """Send Ctrl-C and SIGTERM at random, up to three of them; each process ends as documented."""
+    service = ['--service', '/nobody/get_tag_reading', '--timeout', '60']
+    read_tag = executable('lupin_greenhouse_bridge', 'read_tag')
+    cases = [
+        ('bridge_node', [executable('lupin_greenhouse_bridge', 'bridge_node')], {0}),
+        ('read_tag', [read_tag, '1', *service], {130}),
+        ('read_tag --watch', [read_tag, '1', '--watch', '1', *service], {0}),
+    ]
+    if os.environ.get('TREE', 'monorepo') == 'monorepo':
+        report = Path(tempfile.mkdtemp(), 'report.jsonl')
+        mission = [executable('lupin_mission', 'mission_node'), '--ros-args', '-p', f'report_file:={report}']
+        cases += [
+            ('mission_node', mission, {0, 1, 2}),  # 2: the other one of two at a time has the report
+            ('confirm_tag', [executable('lupin_perception', 'confirm_tag')], {0}),
+        ]
+    for name, command, documented in cases:
+        results = list(
+            results_of(repeat(command, options.signals), (signal.SIGINT, signal.SIGINT, signal.SIGTERM))
+        )
+        codes = Counter(code for code, _ in results)
+        tracebacks = [output for _, output in results if 'Traceback' in output]
+        tables = sum('tags read' in output for _, output in results)
+        table = f', {tables} tables' if name == 'mission_node' else ''
+        yield (
+            f'{name}: {options.signals} times, exit codes {dict(codes)}, {len(tracebacks)} tracebacks{table}',
+            set(codes) <= documented
+            and not tracebacks
+            and (name != 'mission_node' or tables == codes[0] + codes[1]),
+        )
+        print(*tracebacks[:1], sep='', end='')
 
 
 SCENARIOS: list[Callable[[int], Iterator[tuple[str, bool]]]] = [
@@ -156,7 +242,10 @@ SCENARIOS: list[Callable[[int], Iterator[tuple[str, bool]]]] = [
     many_calls,
     terminated_during_calls,
     two_bridges,
+    refused_starts,
+    signalled_at_any_moment,
 ]
+options = argparse.Namespace(refusals=None, signals=None)
 
 
 def run(scenarios: list, scale: int) -> int:
@@ -183,10 +272,20 @@ def main() -> int:
     """Run every scenario on a domain of its own; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--short', action='store_true', help='a tenth of everything')
-    options = parser.parse_args()
+    names = [each.__name__ for each in SCENARIOS]
+    parser.add_argument(
+        '--only', nargs='+', choices=names, default=names, metavar='NAME', help=', '.join(names)
+    )
+    parser.add_argument('--refusals', type=int, help='default: 200, or 20')
+    parser.add_argument('--signals', type=int, help='at each executable; default: 100, or 10')
+    parser.parse_args(namespace=options)
+    share = 10 if options.short else 1
+    options.refusals = options.refusals or 200 // share
+    options.signals = options.signals or 100 // share
+    scenarios = [each for each in SCENARIOS if each.__name__ in options.only]
     with domain_coordinator.domain_id() as domain_id:
         os.environ |= {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-        return 1 if run(SCENARIOS, 1 if options.short else 10) else 0
+        return 1 if run(scenarios, 1 if options.short else 10) else 0
 
 
 if __name__ == '__main__':

@@ -7,7 +7,6 @@ What it sends until the bridge has found it, its greetings, is counted apart.
 
 import argparse
 import atexit
-import importlib
 import json
 import os
 import signal
@@ -16,6 +15,10 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
+
+import rclpy
+from lupin_greenhouse_bridge import life_cycle
+from lupin_greenhouse_bridge.client import DEFAULT_SERVICE, Client, GetTagReading, NoAnswer
 
 HERE = Path(__file__).resolve().parent
 TAG_IDS = [str(number) for number in range(1, 31) if number != 8]
@@ -26,11 +29,9 @@ class Bridge:
     """A bridge process with its requests counted; it prints the count when it ends well."""
 
     def __init__(self, *prefix: str, **parameters):
-        tree = HERE.parents[1] / os.environ.get('TREE', 'monorepo')
-        altered = tree / 'lupin_greenhouse_bridge/test/altered_bridge.py'
         overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
         self.process = subprocess.Popen(
-            [*prefix, sys.executable, str(altered), 'counted_requests', '--ros-args', *overrides],
+            [*prefix, sys.executable, str(HERE / 'counting_bridge.py'), '--ros-args', *overrides],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -68,7 +69,7 @@ def status_of(pid: int, key: str) -> int:
     return int(next(line for line in text.splitlines() if line.startswith(f'{key}:')).split()[1])
 
 
-class Client:
+class ClientProcess:
     """A client process; see main() for its options."""
 
     def __init__(self, *options: str, prefix: tuple[str, ...] = ()):
@@ -104,47 +105,28 @@ def main() -> int:
     )
     options = parser.parse_args()
 
-    import rclpy
+    with life_cycle.ros([]) as executor:
+        node = rclpy.create_node(f'traffic_{os.getpid()}')
+        executor.add_node(node)
+        get_tag_reading = Client(executor, node, PATIENCE_SECONDS).connect(GetTagReading, DEFAULT_SERVICE)
 
-    rclpy.init(args=[])
-    ask = asker(rclpy.create_node(f'load_{os.getpid()}'))
-    # The client finds the bridge before the bridge finds the client; until then DDS drops its requests.
-    greetings = 1
-    while ask(TAG_IDS[0], 2.0) is None:
-        greetings += 1
-    print('first answer', flush=True)
-    if options.wait:
-        sys.stdin.readline()
-    print(json.dumps({'greetings': greetings, **ask_on(ask, options)}), flush=True)
-    rclpy.shutdown()
+        def ask(tag_id: str, timeout_seconds: float):
+            """Return the reading at a tag, None after a timeout."""
+            request = GetTagReading.Request(tag_id=tag_id)
+            try:
+                return Client(executor, node, timeout_seconds).call(get_tag_reading, request).reading
+            except NoAnswer:
+                return None
+
+        # The client finds the bridge before the bridge finds the client; until then DDS drops its requests.
+        greetings = 1
+        while ask(TAG_IDS[0], 2.0) is None:
+            greetings += 1
+        print('first answer', flush=True)
+        if options.wait:
+            sys.stdin.readline()
+        print(json.dumps({'greetings': greetings, **ask_on(ask, options)}), flush=True)
     return 0
-
-
-def asker(node):
-    """Return a function that asks for a tag's reading and returns it, or None after a time-out."""
-    from rclpy.executors import SingleThreadedExecutor
-    from rclpy.qos import QoSProfile
-
-    is_monorepo = os.environ.get('TREE', 'monorepo') == 'monorepo'
-    package = importlib.import_module('lupin_msgs.srv' if is_monorepo else 'lupin_greenhouse_msgs.srv')
-    service = package.GetTagReading
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    name = '/greenhouse_bridge/get_tag_reading'
-    client = node.create_client(service, name, qos_profile=QoSProfile(depth=1000))
-    client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
-
-    def ask(tag_id: str, timeout_seconds: float):
-        future = client.call_async(service.Request(tag_id=tag_id))
-        deadline = time.monotonic() + timeout_seconds
-        while not future.done() and time.monotonic() < deadline:
-            executor.spin_once(timeout_sec=0.1)
-        if not future.done():
-            client.remove_pending_request(future)
-            return None
-        return future.result().reading
-
-    return ask
 
 
 def ask_on(ask, options) -> dict:

@@ -1,30 +1,21 @@
 """ROS 2 node `greenhouse_bridge`: tells the climate at a tag, now."""
 
-import signal
 import sys
-from dataclasses import fields
 from pathlib import Path
 
-import rclpy
 from lupin_greenhouse_msgs.msg import SensorReading
 from lupin_greenhouse_msgs.srv import GetTagReading
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.exceptions import NameValidationException, ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from lupin_greenhouse_bridge import simulation
-from lupin_greenhouse_bridge.errors import ReadingError, StartUpError, printable
+from lupin_greenhouse_bridge import life_cycle, simulation
+from lupin_greenhouse_bridge.errors import printable
 from lupin_greenhouse_bridge.settings import Settings
 
 NODE_NAME = 'greenhouse_bridge'
 LOG_EVERY_SECONDS = 5.0  # a caller in a loop must not flood the log
-LONGEST_WAIT_SECONDS = 0.5
-# ROS's default depth is 10: of 16 requests that come at once some are dropped, and nobody is told.
-SERVICE_QOS = QoSProfile(depth=1000)
 
 
 def _config_path(value: str) -> Path | str | None:
@@ -38,7 +29,7 @@ class GreenhouseBridge(Node):
     def __init__(self):
         """Load and check the greenhouse, then offer the service; raises StartUpError."""
         super().__init__(NODE_NAME)
-        settings = self._declare_settings()
+        settings = life_cycle.declare_parameters(self, Settings)
         greenhouse = simulation.load(
             settings,
             tag_file=_config_path(settings.tag_file),
@@ -47,7 +38,9 @@ class GreenhouseBridge(Node):
         for warning in greenhouse.warnings:
             self.get_logger().warning(warning)
         self._sim = greenhouse.sim
-        self._tag_set = greenhouse.tag_ids
+        self._tag_set = frozenset(greenhouse.tag_ids)
+        read_only = ParameterDescriptor(description='The tags that are served.', read_only=True)
+        self.declare_parameter('loaded_tag_ids', greenhouse.tag_ids, read_only, ignore_override=True)
 
         # One handler at a time, whatever the executor: the simulator is not thread-safe.
         self._cb_group = MutuallyExclusiveCallbackGroup()
@@ -55,22 +48,10 @@ class GreenhouseBridge(Node):
             GetTagReading,
             '~/get_tag_reading',
             self._handle_get_tag_reading,
-            qos_profile=SERVICE_QOS,
+            qos_profile=QoSProfile(depth=life_cycle.SERVICE_DEPTH),
             callback_group=self._cb_group,
         )
         self.get_logger().info(f'ready: {greenhouse.summary}')
-
-    def _declare_settings(self) -> Settings:
-        for each in fields(Settings):
-            # Typed by Settings and not by ROS, which would refuse 3600 for a double.
-            descriptor = ParameterDescriptor(
-                description=each.metadata['description'], read_only=True, dynamic_typing=True
-            )
-            self.declare_parameter(each.name, each.default, descriptor)
-        for name in getattr(self, '_parameter_overrides', ()):  # private to rclpy: it may go one day
-            if not self.has_parameter(name):  # ROS says nothing of a mistyped name
-                self.get_logger().warning(f'parameter {printable(name, 64)} is unknown, and ignored')
-        return Settings(**{each.name: self.get_parameter(each.name).value for each in fields(Settings)})
 
     def _handle_get_tag_reading(self, request, response):
         tag_id = request.tag_id
@@ -86,7 +67,7 @@ class GreenhouseBridge(Node):
         try:
             stamp = self.get_clock().now().to_msg()
             sim_time, values = simulation.read(self._sim, tag_id)
-        except ReadingError as error:
+        except simulation.ReadingError as error:
             response.status = GetTagReading.Response.STATUS_SIMULATOR_ERROR
             response.error_message = str(error)
             self.get_logger().error(response.error_message, throttle_duration_sec=LOG_EVERY_SECONDS)
@@ -101,34 +82,7 @@ class GreenhouseBridge(Node):
 
 def main(args=None):
     """Serve until Ctrl-C or SIGTERM (exit 0); what cannot be served is one FATAL line (exit 1)."""
-    try:
-        rclpy.init(args=args)
-    except RuntimeError as error:
-        return _refuse(StartUpError(f'the ROS arguments are not understood: {error}'))
-    try:
-        executor = SingleThreadedExecutor()
-        executor.add_node(GreenhouseBridge())
-        # Not spin(): a SIGTERM that falls between two of its endless waits is never noticed.
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=LONGEST_WAIT_SECONDS)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        # `ros2 launch` passes on the Ctrl-C that the terminal has sent already: one is enough.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    except StartUpError as error:
-        return _refuse(error)
-    except (NameValidationException, ParameterException) as error:
-        return _refuse(StartUpError(f'the ROS arguments do not fit the node: {error}'))
-    except Exception:
-        if rclpy.ok():  # else a signal took the context away during start-up
-            raise
-    finally:
-        rclpy.get_default_context().try_shutdown()  # rclpy.try_shutdown() would undo SIG_IGN
-    return 0
-
-
-def _refuse(error: StartUpError) -> int:
-    get_logger(NODE_NAME).fatal(str(error))
-    return 1
+    return life_cycle.run(NODE_NAME, GreenhouseBridge, args)
 
 
 if __name__ == '__main__':

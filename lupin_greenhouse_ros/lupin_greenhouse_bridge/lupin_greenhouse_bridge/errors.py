@@ -1,19 +1,17 @@
-"""What can go wrong, in words for the person who reads the log."""
+"""Errors for the person who reads the log: one line each."""
+
+import re
 
 
-class BridgeError(Exception):
-    """An error whose text is one printable line: what, where, what would be right."""
+class OneLineError(Exception):
+    """An error whose text is one printable line: what is wrong, where, and how to fix it."""
 
     def __init__(self, message: str):
-        super().__init__(printable(' '.join(message.split()), 1000))
+        super().__init__(printable(re.sub(r'\s*[\r\n]\s*', ' ', message), 1000))
 
 
-class StartUpError(BridgeError):
-    """The bridge cannot serve what it was told to serve."""
-
-
-class ReadingError(BridgeError):
-    """The simulator gave no usable reading for a tag that it has loaded."""
+class StartUpError(OneLineError):
+    """A node cannot do what its parameters ask for."""
 
 
 def printable(text: str, longest: int) -> str:

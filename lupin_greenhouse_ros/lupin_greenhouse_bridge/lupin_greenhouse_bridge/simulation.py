@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from packaging.version import InvalidVersion, Version
 
-from lupin_greenhouse_bridge.errors import ReadingError, StartUpError, printable
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
 from lupin_greenhouse_bridge.greenhouse_files import read_config, read_tags
 from lupin_greenhouse_bridge.settings import SECONDS_PER_DAY, Settings
 
@@ -18,11 +18,15 @@ OLDEST_SIMULATOR = '1.0.7'
 INSTALL_COMMAND = f"pip install --upgrade 'mdp-greenhouse>={OLDEST_SIMULATOR}'"
 
 
+class ReadingError(OneLineError):
+    """The simulator gave no usable reading for a tag that it has loaded."""
+
+
 class Greenhouse(NamedTuple):
     """A loaded simulator and what start-up learned about it."""
 
     sim: Any  # greenhouse_sim.simulator.GreenhouseSimulator
-    tag_ids: frozenset[str]  # every tag that has a sensor; each was read once
+    tag_ids: list[str]  # every tag that has a sensor, in the order of the file; each was read once
     warnings: list[str]  # one line each
     summary: str  # one line: tags, sensors, clock
 
@@ -39,12 +43,12 @@ def load(settings: Settings, tag_file, sim_config_file) -> Greenhouse:
     from greenhouse_sim.sensors import AVAILABLE_SENSORS
     from greenhouse_sim.simulator import GreenhouseSimulator
 
-    tag_path = tag_file or _shipped('tag_locations.json')
+    tag_path = tag_file or shipped_file('tag_locations.json')
     tags = read_tags(tag_path)
     tag_ids = [tag_id for tag_id, tag in tags.items() if tag['sensors']]
     if not tag_ids:
-        raise StartUpError(f"tag_file '{tag_path}': no tag has a sensor: give at least one tag at least one")
-    config_path = sim_config_file or _shipped('greenhouse_config.yaml')
+        raise StartUpError(f"tag_file '{tag_path}': no tag has a sensor: add a sensor to at least one tag")
+    config_path = sim_config_file or shipped_file('greenhouse_config.yaml')
     config = read_config(config_path, settings, AVAILABLE_SENSORS, AVAILABLE_DYNAMICS)
     for tag_id, tag in tags.items():
         for name in tag['sensors']:
@@ -55,36 +59,35 @@ def load(settings: Settings, tag_file, sim_config_file) -> Greenhouse:
                 )
     try:
         sim = GreenhouseSimulator(tag_file, sim_config_file)
-    except AttributeError as error:
-        raise StartUpError(
-            f"tag_file '{tag_path}': mdp-greenhouse {version} takes only a pathlib.Path and got"
-            f' {type(tag_file).__name__} ({error}): leave tag_file empty (README: "A custom tag file")'
-        ) from error
     except Exception as error:
+        if isinstance(error, AttributeError) and isinstance(tag_file, str):
+            raise StartUpError(
+                f"tag_file '{tag_path}': mdp-greenhouse {version} takes only a pathlib.Path and got"
+                f' str ({error}): leave tag_file empty (README: "A custom tag file")'
+            ) from error
         raise StartUpError(
             f"mdp-greenhouse {version} cannot load tag_file '{tag_path}' and sim_config_file '{config_path}':"
             f' {type(error).__name__}: {error}'
         ) from error
     if sim.tags() != list(tags):
         raise StartUpError(
-            f"tag_file '{tag_file}': the simulator reads it with another text encoding than UTF-8:"
+            f"tag_file '{tag_path}': the simulator reads it with another text encoding than UTF-8:"
             ' set PYTHONUTF8=1'
         )
     _apply_overrides(sim, settings)
     _prove_readable(sim, tag_ids)
-    return Greenhouse(
-        sim, frozenset(tag_ids), _warnings(sim, tags, settings), _summary(sim, tag_ids, version)
-    )
+    return Greenhouse(sim, tag_ids, _warnings(sim, tags, settings), _summary(sim, tag_ids, version))
 
 
 def served_tag_ids(tag_file: str) -> list[str]:
     """Return the ids that a bridge serves with this tag_file, '' for the shipped one; raises StartUpError."""
     require_simulator()
-    tags = read_tags(tag_file or _shipped('tag_locations.json'))
+    tags = read_tags(tag_file or shipped_file('tag_locations.json'))
     return [tag_id for tag_id, tag in tags.items() if tag['sensors']]
 
 
-def _shipped(name: str) -> Path:
+def shipped_file(name: str) -> Path:
+    """Return the path of a file of the simulator's shipped configuration."""
     from greenhouse_sim.tools.config_loader import CONFIG_DIR
 
     return CONFIG_DIR / name

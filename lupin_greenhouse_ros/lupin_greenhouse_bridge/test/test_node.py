@@ -1,19 +1,18 @@
-"""The node as a citizen of ROS: one service, read-only parameters, one handler at a time, clean exits."""
+"""The node as a citizen of ROS: one service, read-only parameters, one handler at a time."""
 
 import contextlib
-import signal
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
-import pytest
 import rclpy
-from conftest import CLIENT_QOS, PATIENCE_SECONDS, call, spinning_node, wait_until
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node
+from lupin_greenhouse_bridge.client import SERVICE_QOS, tag_ids_of, tag_ids_request
 from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, spinning_node, wait_until
 from lupin_greenhouse_msgs.srv import GetTagReading
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 
@@ -29,8 +28,8 @@ def test_the_node_offers_one_service_and_no_topic_of_its_own(noon_bridge):
     noon_bridge.connect()
     node, namespace = noon_bridge.node, noon_bridge.service_name.rpartition('/greenhouse_bridge/')[0]
     of_any_node = {
-        name.replace('/contract_test/', f'{namespace}/greenhouse_bridge/')
-        for name, _ in node.get_service_names_and_types_by_node('contract_test', '/')
+        name.replace('/bridge_test/', f'{namespace}/greenhouse_bridge/')
+        for name, _ in node.get_service_names_and_types_by_node('bridge_test', '/')
     }
     package = GetTagReading.__module__.split('.')[0]
 
@@ -48,8 +47,9 @@ def test_the_node_offers_one_service_and_no_topic_of_its_own(noon_bridge):
 
 
 def test_every_parameter_is_described_and_read_only(noon_bridge):
-    names = list(Settings.__dataclass_fields__)
-    assert names == ['tag_file', 'sim_config_file', 'debug_time_of_day', 'speedup_factor', 'debug_seed']
+    arguments = list(Settings.__dataclass_fields__)
+    assert arguments == ['tag_file', 'sim_config_file', 'debug_time_of_day', 'speedup_factor', 'debug_seed']
+    names = [*arguments, 'loaded_tag_ids']
     response = call_node_service(
         noon_bridge, DescribeParameters, 'describe_parameters', DescribeParameters.Request(names=names)
     )
@@ -65,32 +65,14 @@ def test_a_parameter_cannot_be_set_while_the_bridge_runs(noon_bridge):
     assert noon_bridge.call('1').reading.sim_time_of_day_seconds == 12 * 3600.0
 
 
-SIGNALS = pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=['Ctrl-C', 'SIGTERM'])
-
-
-@SIGNALS
-def test_a_signal_ends_the_bridge_with_exit_code_0_and_no_traceback(start_bridge, number):
-    bridge = start_bridge()
-    assert bridge.values('1')
-    assert bridge.stop(number) == 0
-    assert 'Traceback' not in '\n'.join(bridge.rest_of_log())
-
-
-def test_a_second_ctrl_c_is_ignored(start_bridge):
-    """`ros2 launch` sends one of its own after that of the terminal."""
-    bridge = start_bridge()
-    bridge.connect()
-    wait_until(lambda: bridge.process.poll() is not None or bridge.process.send_signal(signal.SIGINT))
-    assert bridge.process.returncode == 0
-    assert 'Traceback' not in '\n'.join(bridge.rest_of_log())
-
-
-@SIGNALS
-def test_a_signal_during_start_up_ends_it_with_exit_code_0(start_bridge, number):
-    bridge = start_bridge('signalled_in_start_up', environment={'LUPIN_TEST_SIGNAL': str(int(number))})
-    log = bridge.rest_of_log()
-    assert bridge.process.wait(PATIENCE_SECONDS) == 0, log
-    assert not [line for line in log if 'Traceback' in line or 'ready:' in line]
+def test_the_loaded_tag_ids_are_a_parameter_that_ignores_overrides(start_bridge, shipped_tags):
+    bridge = start_bridge(loaded_tag_ids='[none]')
+    response = call_node_service(bridge, GetParameters, 'get_parameters', tag_ids_request())
+    assert tag_ids_of(response) == list(shipped_tags)
+    value = ParameterValue(type=ParameterType.PARAMETER_STRING_ARRAY, string_array_value=['none'])
+    request = SetParameters.Request(parameters=[Parameter(name='loaded_tag_ids', value=value)])
+    (result,) = call_node_service(bridge, SetParameters, 'set_parameters', request).results
+    assert not result.successful
 
 
 def test_the_ready_line_names_tags_sensors_and_clock(start_bridge, shipped_tags):
@@ -142,7 +124,7 @@ def most_handlers_at_once(monkeypatch) -> int:
             client_node = stack.enter_context(spinning_node(f'client{number}'))
             clients.append(
                 client_node.create_client(
-                    GetTagReading, '/overlap/greenhouse_bridge/get_tag_reading', qos_profile=CLIENT_QOS
+                    GetTagReading, '/overlap/greenhouse_bridge/get_tag_reading', qos_profile=SERVICE_QOS
                 )
             )
             assert clients[-1].wait_for_service(timeout_sec=PATIENCE_SECONDS)

@@ -1,15 +1,12 @@
 """The bridge's five parameters: names, defaults, what is accepted, what they do."""
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.life_cycle import check_parameters, parameter
 
 SECONDS_PER_DAY = 86400.0
-
-
-def _parameter(default, description: str):
-    return field(default=default, metadata={'description': description})
 
 
 @dataclass(frozen=True)
@@ -20,24 +17,20 @@ class Settings:
     Raises StartUpError on a value outside of what its description accepts.
     """
 
-    tag_file: str = _parameter('', 'Path of a tag_locations.json; empty: the shipped one.')
-    sim_config_file: str = _parameter('', 'Path of a greenhouse_config.yaml; empty: the shipped one.')
-    debug_time_of_day: float = _parameter(
+    tag_file: str = parameter('', 'Path of a tag_locations.json; empty: the shipped one.')
+    sim_config_file: str = parameter('', 'Path of a greenhouse_config.yaml; empty: the shipped one.')
+    debug_time_of_day: float = parameter(
         -1.0, 'Hours in [0, 24) to freeze the simulated time at; -1.0: as the config says.'
     )
-    speedup_factor: float = _parameter(
+    speedup_factor: float = parameter(
         0.0, 'Simulated seconds per real second, above 0; 0.0: as the config says.'
     )
-    debug_seed: int = _parameter(
+    debug_seed: int = parameter(
         -1, 'Seed of the noise, from 0 up; turns debug mode on; -1: as the config says.'
     )
 
     def __post_init__(self):
-        for each in fields(self):
-            value = getattr(self, each.name)
-            wanted = (int, float) if each.type is float else each.type
-            if isinstance(value, bool) or not isinstance(value, wanted):
-                raise StartUpError(f'parameter {each.name} is {value!r}, not {_KINDS[each.type]}')
+        check_parameters(self)
         if '\0' in self.tag_file + self.sim_config_file:
             raise StartUpError(
                 'parameter tag_file or sim_config_file holds a NUL character: give the path of a file'
@@ -57,10 +50,3 @@ class Settings:
                 f'parameter debug_seed is {self.debug_seed}: give a whole number from 0 up,'
                 ' or -1 for the seed of the config'
             )
-
-
-_KINDS = {
-    str: 'text (a number as a file name needs quotes)',
-    float: 'a number',
-    int: 'a whole number',
-}

@@ -2,11 +2,8 @@
 
 import ast
 import re
-from dataclasses import fields
 from pathlib import Path
 from xml.etree import ElementTree
-
-from lupin_greenhouse_bridge.settings import Settings
 
 PACKAGE = Path(__file__).resolve().parent.parent
 
@@ -40,26 +37,3 @@ def test_the_version_is_the_same_everywhere():
 def test_the_simulator_is_pinned_for_pip_and_named_for_rosdep_users():
     assert 'mdp-greenhouse>=1.0.7' in keywords_of_setup()['install_requires']
     assert 'python3-pip' in [each.text for each in package_xml().findall('exec_depend')]
-
-
-def test_launch_arguments_are_the_parameters_of_the_node():
-    """Name, default, type and description; where launch is installed, test_launch.py runs them."""
-    tree = ast.parse((PACKAGE / 'launch/greenhouse_bridge.launch.py').read_text(encoding='utf-8'))
-    (table,) = [
-        node.value
-        for node in tree.body
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], 'id', '') == 'ARGUMENTS'
-    ]
-    arguments = [
-        (
-            ast.literal_eval(row.elts[0]),
-            ast.literal_eval(row.elts[1]),
-            row.elts[2].id,
-            ast.literal_eval(row.elts[3]),
-        )
-        for row in table.elts
-    ]
-    assert arguments == [
-        (each.name, str(each.default), each.type.__name__, each.metadata['description'])
-        for each in fields(Settings)
-    ]

@@ -21,19 +21,8 @@ class Drive(ABC):
         """Go on to the same tag."""
 
 
-class ImmediateDrive(Drive):
-    """Is there at once."""
-
-    def start(self, tag_id, now_seconds):
-        """Arrive."""
-
-    def has_arrived(self, now_seconds):  # noqa: ARG002
-        """Return True."""
-        return True
-
-
 class TimedDrive(Drive):
-    """Takes the same time to every tag."""
+    """Takes the same time to every tag; 0: the robot is there at once."""
 
     def __init__(self, drive_seconds: float):
         self._drive_seconds = drive_seconds

@@ -1,71 +1,61 @@
 """The greenhouse as a drawing: footprint, tables, tags at their places. No ROS here."""
 
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from greenhouse_sim.tools.layout_utils import load_layout, load_visualization_settings
-from lupin_greenhouse_bridge.errors import BridgeError
-from lupin_greenhouse_bridge.units import unit_of
 from matplotlib.patches import Rectangle
 
+from lupin_mission.errors import StartUpError
+from lupin_mission.layout import Layout, shipped_file
+from lupin_mission.units import unit_of
+
 COLOURS = 'viridis'  # even in brightness: it reads in black and white, and for colour-blind people
+MARGIN_M = 0.15
 
 
-class DrawingError(BridgeError):
-    """There is nothing that could be drawn, or nowhere to put it."""
-
-
-class Layout(NamedTuple):
-    """What stands where in the greenhouse, in metres."""
+class Footprint(NamedTuple):
+    """The walls, in metres from the origin."""
 
     width_m: float
     length_m: float
-    tags: dict[str, dict]  # id -> x, y, sensors
-    tables: dict[str, dict]  # name -> x0, y0, x1, y1
 
 
-def read_layout(tag_file: str = '', sim_config_file: str = '') -> Layout:
-    """Return the layout as the simulator reads it; '' names its shipped files. Raises DrawingError."""
-    for path in filter(None, (tag_file, sim_config_file)):
-        if not Path(path).is_file():
-            raise DrawingError(
-                f"'{path}' is no file: give the one that the mission's bridge was started with"
-            )
+def read_footprint(layout: Layout, sim_config_file: str = '') -> Footprint:
+    """
+    Return the walls that the greenhouse config names; without a config they go around tags and tables.
+
+    '' stands for the config of mdp-greenhouse where it is installed. Raises StartUpError.
+    """
+    path = sim_config_file or shipped_file('greenhouse_config.yaml')
+    if not path:
+        corners = [
+            *(tag[:2] for tag in layout.tags.values()),
+            *(table[2:] for table in layout.tables.values()),
+        ]
+        return Footprint(*map(max, zip(*corners, strict=True)))
     try:
-        tags, tables = load_layout(tag_file or None)
-        settings = load_visualization_settings(Path(sim_config_file) if sim_config_file else None)
-        layout = Layout(settings.greenhouse_width_m, settings.greenhouse_height_m, tags, tables)
-        for tag in tags.values():
-            float(tag['x']), float(tag['y'])
-        for table in tables.values():
-            [float(table[key]) for key in ('x0', 'y0', 'x1', 'y1')]
-    except Exception as error:  # whatever upstream makes of a file that is none
-        files = ' and '.join(filter(None, (tag_file, sim_config_file)))
-        raise DrawingError(f'{files}: cannot be drawn ({type(error).__name__}: {error})') from error
-    if not layout.tags:
-        raise DrawingError(f"tag_file '{tag_file}': holds no tags to draw")
-    return layout
+        import yaml  # comes with ROS
+
+        with open(path, encoding='utf-8') as file:
+            walls = yaml.safe_load(file)['visualization']
+        return Footprint(float(walls['greenhouse_width_m']), float(walls['greenhouse_height_m']))
+    except Exception as error:  # PyYAML's constructors leak KeyError, IndexError and others on bad scalars
+        raise StartUpError(
+            f"'{path}' names no walls ({type(error).__name__}: {error}):"
+            ' name the greenhouse_config.yaml that the bridge loads'
+        ) from error
 
 
-def draw_footprint(axes: Any, layout: Layout) -> None:
+def draw_footprint(axes: Any, layout: Layout, footprint: Footprint) -> None:
     """Draw walls, tables and a scale in metres; the view holds every tag, also one outside the walls."""
-    axes.add_patch(Rectangle((0, 0), layout.width_m, layout.length_m, fill=False, linewidth=1.5))
-    for table in layout.tables.values():
+    axes.add_patch(Rectangle((0, 0), *footprint, fill=False, linewidth=1.5))
+    for x0, y0, x1, y1 in layout.tables.values():
         axes.add_patch(
-            Rectangle(
-                (table['x0'], table['y0']),
-                table['x1'] - table['x0'],
-                table['y1'] - table['y0'],
-                facecolor='0.92',
-                edgecolor='0.55',
-                linewidth=0.8,
-            )
+            Rectangle((x0, y0), x1 - x0, y1 - y0, facecolor='0.92', edgecolor='0.55', linewidth=0.8)
         )
-    margin = 0.15
-    xs = [0.0, layout.width_m, *(float(tag['x']) for tag in layout.tags.values())]
-    ys = [0.0, layout.length_m, *(float(tag['y']) for tag in layout.tags.values())]
-    axes.set_xlim(min(xs) - margin, max(xs) + margin)
-    axes.set_ylim(min(ys) - margin, max(ys) + margin)
+    xs = [0.0, footprint.width_m, *(tag.x for tag in layout.tags.values())]
+    ys = [0.0, footprint.length_m, *(tag.y for tag in layout.tags.values())]
+    axes.set_xlim(min(xs) - MARGIN_M, max(xs) + MARGIN_M)
+    axes.set_ylim(min(ys) - MARGIN_M, max(ys) + MARGIN_M)
     axes.set_aspect('equal')
     axes.set_xlabel('x (m)')
 

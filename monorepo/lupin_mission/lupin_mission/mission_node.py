@@ -2,24 +2,21 @@
 
 import sys
 import time
-from dataclasses import fields
 from functools import partial
 
-import rclpy
-from lupin_greenhouse_bridge import simulation
-from lupin_greenhouse_bridge.errors import BridgeError, StartUpError, printable
 from lupin_msgs.srv import ConfirmTag, GetTagReading
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import InvalidServiceNameException, NameValidationException, ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.logging import get_logger
+from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from lupin_mission.drive import ImmediateDrive, TimedDrive
+from lupin_mission import client, life_cycle
+from lupin_mission.drive import TimedDrive
+from lupin_mission.errors import StartUpError, printable
+from lupin_mission.layout import read_layout
 from lupin_mission.mission import Mission, Request, Service, State
 from lupin_mission.report import Observation, Outcome, Reading, Report, last_of_each_tag, summary_table
 from lupin_mission.settings import Settings
@@ -27,14 +24,10 @@ from lupin_mission.settings import Settings
 ALL_READ, SOME_NOT_READ, REFUSED = 0, 1, 2
 NODE_NAME = 'mission'
 STEP_SECONDS = 0.02
-LONGEST_WAIT_SECONDS = 0.5
-# Every client hears the replies to all; at ROS's depth of 10 those to others can push out its own.
-SERVICE_QOS = QoSProfile(depth=1000)
+LONGEST_WAIT_FOR_TAGS_SECONDS = 30.0
+ASK_FOR_TAGS_EVERY_SECONDS = 0.5
+REFUSALS = {each.value: each for each in (Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR)}
 LATCHED_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-REFUSALS = {
-    GetTagReading.Response.STATUS_UNKNOWN_TAG: Outcome.UNKNOWN_TAG,
-    GetTagReading.Response.STATUS_SIMULATOR_ERROR: Outcome.SIMULATOR_ERROR,
-}
 
 
 class MissionNode(Node):
@@ -43,53 +36,84 @@ class MissionNode(Node):
     def __init__(self):
         """Open the report and start; raises StartUpError and ReportError."""
         super().__init__(NODE_NAME)
-        settings = self._declare_settings()
-        self.tag_ids = settings.chosen_tag_ids or simulation.served_tag_ids(settings.tag_file)
+        self._settings = settings = life_cycle.declare_parameters(self, Settings)
+        tag_ids = settings.chosen_tag_ids
+        if not tag_ids and settings.tag_file:
+            tag_ids = list(read_layout(settings.tag_file).tags)
         self._service_clients = {
             Service.CONFIRM: self._client(ConfirmTag, settings.confirm_service_name),
             Service.READ: self._client(GetTagReading, settings.bridge_service_name),
         }
+        self.tag_ids: list[str] = []
+        self.mission: Mission | None = None  # until the tags are known
         self.report = Report(settings.report_file or time.strftime('mission-%Y%m%dT%H%M%S.jsonl'))
-        found = last_of_each_tag(self.report.observations)
-        to_visit = [tag for tag in self.tag_ids if tag not in found or found[tag].outcome is not Outcome.OK]
-
         self._unsent: Request | None = None  # until its service is there
         self._future = None  # of the request that is on its way
         self._at_tag = self.create_publisher(String, '~/at_tag', LATCHED_QOS)
         self._published_tag = None
         self.create_service(Trigger, '~/pause', self._pause)
         self.create_service(Trigger, '~/resume', self._resume)
+        if tag_ids:
+            self._set_out(tag_ids)
+        else:
+            self._ask_for_tags()
+
+    def _ask_for_tags(self) -> None:
+        """Ask the bridge which tags it has loaded, again and again, as an early request may be dropped."""
+        parameters = self._client(
+            GetParameters, client.parameter_service_of(self._service_clients[Service.READ].srv_name)
+        )
+        deadline = time.monotonic() + LONGEST_WAIT_FOR_TAGS_SECONDS
+
+        def ask():
+            if self.mission:
+                timer.cancel()
+            elif time.monotonic() >= deadline:
+                raise StartUpError(
+                    f'{parameters.srv_name} named no tags within {LONGEST_WAIT_FOR_TAGS_SECONDS:g} s:'
+                    ' start the bridge, or set tag_ids or tag_file'
+                )
+            elif parameters.service_is_ready():
+                parameters.call_async(client.tag_ids_request()).add_done_callback(on_reply)
+
+        def on_reply(future):
+            if not self.mission and (tag_ids := client.tag_ids_of(future.result())):
+                self._set_out(tag_ids)
+
+        self.get_logger().info(f'waiting for the tags of {parameters.srv_name}')
+        timer = self._timer(ASK_FOR_TAGS_EVERY_SECONDS, ask)
+
+    def _set_out(self, tag_ids: list[str]) -> None:
+        """Make the mission to those tags that the report has no reading of."""
+        found = last_of_each_tag(self.report.observations)
+        to_visit = [tag for tag in tag_ids if tag not in found or found[tag].outcome is not Outcome.OK]
+        self.tag_ids = tag_ids
         self.mission = Mission(
             to_visit,
             self,
-            TimedDrive(settings.drive_seconds) if settings.drive_seconds > 0.0 else ImmediateDrive(),
-            settings.limits,
-            require_visual_confirmation=settings.require_visual_confirmation,
+            TimedDrive(self._settings.drive_seconds),
+            self._settings.limits,
+            require_visual_confirmation=self._settings.require_visual_confirmation,
         )
         self.get_logger().info(
-            f'{len(to_visit)} tags to visit, {len(self.tag_ids) - len(to_visit)} read before;'
+            f'{len(to_visit)} tags to visit, {len(tag_ids) - len(to_visit)} read before;'
             f' report: {self.report.path}'
         )
-        # A clock that neither jumps nor stops, whatever use_sim_time says.
-        self.create_timer(STEP_SECONDS, self._step, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._timer(STEP_SECONDS, self._step)
 
-    def _declare_settings(self) -> Settings:
-        for each in fields(Settings):
-            # Typed by Settings and not by ROS, which would refuse 2 for a double.
-            descriptor = ParameterDescriptor(
-                description=each.metadata['description'], read_only=True, dynamic_typing=True
-            )
-            self.declare_parameter(each.name, each.default, descriptor)
-        for name in getattr(self, '_parameter_overrides', ()):  # private to rclpy: it may go one day
-            if not self.has_parameter(name):  # ROS says nothing of a mistyped name
-                self.get_logger().warning(f'parameter {printable(name, 64)} is unknown, and ignored')
-        return Settings(**{each.name: self.get_parameter(each.name).value for each in fields(Settings)})
+    def _timer(self, seconds: float, callback):
+        # A clock that neither jumps nor stops, whatever use_sim_time says.
+        return self.create_timer(seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def is_done(self) -> bool:
+        """Return True once every tag has its outcome."""
+        return bool(self.mission and self.mission.state is State.DONE)
 
     def _client(self, service_type, name: str):
         try:
-            return self.create_client(service_type, name, qos_profile=SERVICE_QOS)
+            return self.create_client(service_type, name, qos_profile=client.SERVICE_QOS)
         except InvalidServiceNameException as error:
-            raise StartUpError(f'{name!r} is no service name: {" ".join(str(error).split())}') from error
+            raise StartUpError(f'{name!r} is not a service name: {error}') from error
 
     def _step(self) -> None:
         if self.mission.state is State.READY:
@@ -138,7 +162,7 @@ class MissionNode(Node):
         elif response.status == GetTagReading.Response.STATUS_OK:
             is_awaited = self.mission.on_reading(request.number, _reading(response.reading))
         else:
-            outcome = REFUSALS.get(response.status, Outcome.BAD_READING)
+            outcome = REFUSALS.get(client.STATUS_NAMES.get(response.status), Outcome.BAD_READING)
             is_awaited = self.mission.on_refusal(request.number, outcome, response.error_message)
         if not is_awaited:
             self.get_logger().warning(f'late answer for tag {request.tag_id!r} left aside')
@@ -156,12 +180,12 @@ class MissionNode(Node):
             self.get_logger().warning(f'{tag}: scan failed after {observation.attempts} requests: {reason}')
 
     def _pause(self, _request, response):
-        response.success = self.mission.pause()
+        response.success = bool(self.mission and self.mission.pause())
         response.message = 'paused' if response.success else 'nothing to pause'
         return response
 
     def _resume(self, _request, response):
-        response.success = self.mission.resume()
+        response.success = bool(self.mission and self.mission.resume())
         response.message = 'resumed' if response.success else 'nothing to resume'
         return response
 
@@ -177,38 +201,17 @@ def _reading(message) -> Reading:
 
 def main(args=None):
     """Run one mission; exit code 0 all tags read, 1 some not, 2 what was asked for cannot be done."""
-    try:
-        rclpy.init(args=args)
-    except RuntimeError as error:
-        return _refuse(f'the ROS arguments are not understood: {error}')
-    node = None
-    try:
-        executor = SingleThreadedExecutor()
-        node = MissionNode()
-        executor.add_node(node)
-        # Not spin(): a SIGTERM that falls between two of its endless waits is never noticed.
-        while rclpy.ok() and node.mission.state is not State.DONE:
-            executor.spin_once(timeout_sec=LONGEST_WAIT_SECONDS)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except (BridgeError, NameValidationException, ParameterException) as error:
-        return _refuse(str(error))
-    except Exception:
-        if rclpy.ok():  # else a signal took the context away during start-up
-            raise
-    finally:
-        rclpy.try_shutdown()
-    if node is None:
-        return SOME_NOT_READ
+    return life_cycle.run(
+        NODE_NAME, MissionNode, args, is_done=MissionNode.is_done, conclude=_conclude, refused=REFUSED
+    )
+
+
+def _conclude(node: MissionNode) -> int:
+    """Print the table, whether the mission came to its end or not; return the exit code."""
     print(summary_table(node.report.observations, node.tag_ids), flush=True)
     found = last_of_each_tag(node.report.observations)
     all_read = all(tag in found and found[tag].outcome is Outcome.OK for tag in node.tag_ids)
-    return ALL_READ if all_read else SOME_NOT_READ
-
-
-def _refuse(reason: str) -> int:
-    get_logger(NODE_NAME).fatal(' '.join(reason.split()))
-    return REFUSED
+    return ALL_READ if node.tag_ids and all_read else SOME_NOT_READ
 
 
 if __name__ == '__main__':

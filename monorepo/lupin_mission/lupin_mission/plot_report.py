@@ -5,8 +5,8 @@ import sys
 import time
 from pathlib import Path
 
-from lupin_greenhouse_bridge.errors import BridgeError
-
+from lupin_mission.errors import OneLineError, StartUpError
+from lupin_mission.layout import find_layout
 from lupin_mission.report import Observation, Outcome, clock_time, last_of_each_tag, read_report
 
 DONE, USAGE = 0, 2
@@ -33,7 +33,7 @@ def main(arguments: list[str] | None = None) -> int:
     except ImportError as error:
         print(f'plot_report: {error}: sudo apt install python3-matplotlib', file=sys.stderr)
         return USAGE
-    except BridgeError as error:
+    except OneLineError as error:
         print(f'plot_report: {error}', file=sys.stderr)
         return USAGE
     except (OSError, ValueError) as error:  # matplotlib knows no such format, or cannot write there
@@ -49,24 +49,27 @@ def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Pa
     matplotlib.use('Agg')
     from matplotlib import pyplot
 
-    from lupin_mission.greenhouse_plot import DrawingError, draw_footprint, label_of, read_layout
+    from lupin_mission.greenhouse_plot import draw_footprint, label_of, read_footprint
 
-    layout = read_layout(options.tag_file, options.sim_config_file)
+    layout = find_layout(options.tag_file)
+    if layout is None:
+        raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
+    footprint = read_footprint(layout, options.sim_config_file)
     readings = {tag_id: each.reading.values for tag_id, each in found.items() if each.reading}
     if strangers := sorted(set(readings) - set(layout.tags)):
-        raise DrawingError(
+        raise StartUpError(
             f"report '{options.report}': tag '{strangers[0]}' has no place in the tag file:"
             " give the mission's own with --tag-file"
         )
     sensors = list(dict.fromkeys(name for values in readings.values() for name in values))
     if not sensors:
-        raise DrawingError(f"report '{options.report}': no tag was read, so there is nothing to draw")
+        raise StartUpError(f"report '{options.report}': no tag was read, so there is nothing to draw")
 
     figure, all_axes = pyplot.subplots(
         1, len(sensors), sharey=True, squeeze=False, layout='constrained', figsize=(2.9 * len(sensors), 6.6)
     )
     for axes, sensor in zip(all_axes[0], sensors, strict=True):
-        draw_footprint(axes, layout)
+        draw_footprint(axes, layout, footprint)
         _draw_readings(figure, axes, sensor, layout, readings)
         _draw_failures(axes, layout, found)
         axes.set_title(label_of(sensor))
@@ -81,23 +84,24 @@ def _draw_readings(figure, axes, sensor: str, layout, readings) -> None:
 
     measured = {tag_id: values[sensor] for tag_id, values in readings.items() if sensor in values}
     others = [tag for tag_id, tag in layout.tags.items() if tag_id not in measured]
-    axes.scatter([tag['x'] for tag in others], [tag['y'] for tag in others], s=12, color='0.75', zorder=2)
+    axes.scatter([tag.x for tag in others], [tag.y for tag in others], s=12, color='0.75', zorder=2)
     points = axes.scatter(
-        [layout.tags[tag_id]['x'] for tag_id in measured],
-        [layout.tags[tag_id]['y'] for tag_id in measured],
+        [layout.tags[tag_id].x for tag_id in measured],
+        [layout.tags[tag_id].y for tag_id in measured],
         c=list(measured.values()),
         cmap=COLOURS,
         s=90,
         edgecolor='black',
         zorder=3,
     )
+    middle = sum(tag.x for tag in layout.tags.values()) / len(layout.tags)
     for tag_id, value in measured.items():
         # Outward: the tags stand close to the middle.
         tag = layout.tags[tag_id]
-        is_left = tag['x'] < layout.width_m / 2
+        is_left = tag.x < middle
         axes.annotate(
             f'{tag_id}: {value:.3g}',
-            (tag['x'], tag['y']),
+            (tag.x, tag.y),
             xytext=(-7 if is_left else 7, 0),
             textcoords='offset points',
             ha='right' if is_left else 'left',
@@ -115,7 +119,7 @@ def _draw_failures(axes, layout, found) -> None:
         if each.outcome is not Outcome.OK and tag_id in layout.tags  # an unknown tag has no place
     ]
     axes.scatter(
-        [tag['x'] for tag in failed], [tag['y'] for tag in failed], marker='x', s=60, color='red', zorder=5
+        [tag.x for tag in failed], [tag.y for tag in failed], marker='x', s=60, color='red', zorder=5
     )
 
 

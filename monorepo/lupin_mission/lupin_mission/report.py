@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
-from lupin_greenhouse_bridge.errors import BridgeError, printable
-from lupin_greenhouse_bridge.units import unit_of
+from lupin_mission.errors import OneLineError, printable
+from lupin_mission.units import unit_of
 
 
-class ReportError(BridgeError):
+class ReportError(OneLineError):
     """A report cannot be read or written."""
 
 

@@ -1,71 +1,67 @@
 """The mission's parameters: names, defaults, what is accepted, what they do. No ROS here."""
 
-import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 
-from lupin_greenhouse_bridge.errors import StartUpError
-
+from lupin_mission.errors import StartUpError
+from lupin_mission.life_cycle import check_parameters, parameter
 from lupin_mission.mission import Limits
 
-
-def _parameter(default, description: str):
-    return field(default=default, metadata={'description': description})
+LONGEST_SECONDS = 86400.0
 
 
 @dataclass(frozen=True)
 class Settings:
     """The parameter values of one run, checked; raises StartUpError on what a description does not accept."""
 
-    tag_ids: str = _parameter(  # or an array
-        '', 'The tags in the order of the visit, as text ("6 21 29") or as an array; empty: all of tag_file.'
+    tag_ids: str = parameter(  # or an array
+        '',
+        'The tags in the order of the visit, as text ("6 21 29") or as an array; empty: all of tag_file, or'
+        ' all that the bridge has loaded.',
     )
-    tag_file: str = _parameter('', "The bridge's tag_locations.json; empty: the shipped one.")
-    bridge_service_name: str = _parameter('/greenhouse_bridge/get_tag_reading', 'The GetTagReading service.')
-    confirm_service_name: str = _parameter('/perception/confirm_tag', 'The ConfirmTag service.')
-    require_visual_confirmation: bool = _parameter(
+    tag_file: str = parameter('', "The bridge's tag_locations.json; empty: ask the bridge for its tags.")
+    bridge_service_name: str = parameter('/greenhouse_bridge/get_tag_reading', 'The GetTagReading service.')
+    confirm_service_name: str = parameter('/perception/confirm_tag', 'The ConfirmTag service.')
+    require_visual_confirmation: bool = parameter(
         False,
         'Read a tag only when the camera has confirmed it (hardware); false: trust the ids (simulation).',
     )
-    drive_seconds: float = _parameter(
-        0.0, 'How long the drive to a tag takes; 0.0: the robot is there at once.'
+    drive_seconds: float = parameter(
+        0.0,
+        'How long the drive to a tag takes, in seconds; 0.0: the robot is there at once.',
+        smallest=0.0,
+        largest=LONGEST_SECONDS,
     )
-    dwell_seconds: float = _parameter(
-        Limits.dwell_seconds, 'How long, at least, the robot stands at a tag, in seconds.'
+    dwell_seconds: float = parameter(
+        Limits.dwell_seconds,
+        'How long, at least, the robot stands at a tag, in seconds.',
+        smallest=0.0,
+        largest=LONGEST_SECONDS,
     )
-    request_timeout_seconds: float = _parameter(
-        Limits.request_timeout_seconds, 'How long to wait for one answer, in seconds, above 0.'
+    request_timeout_seconds: float = parameter(
+        Limits.request_timeout_seconds,
+        'How long to wait for one answer, in seconds.',
+        smallest=0.001,
+        largest=LONGEST_SECONDS,
     )
-    max_attempts: int = _parameter(
-        Limits.max_attempts, 'How often to ask each service at a tag before its scan has failed, at least 1.'
+    max_attempts: int = parameter(
+        Limits.max_attempts,
+        'How often to ask each service at a tag before its scan has failed.',
+        smallest=1,
+        largest=1000,
     )
-    retry_delay_seconds: float = _parameter(
+    retry_delay_seconds: float = parameter(
         Limits.retry_delay_seconds,
         'How long to wait before the second attempt, in seconds; doubles each time, up to 10.',
+        smallest=0.0,
+        largest=LONGEST_SECONDS,
     )
-    report_file: str = _parameter(
+    report_file: str = parameter(
         '', 'The JSON Lines file to write; one that exists is continued. Empty: mission-TIME.jsonl here.'
     )
 
     def __post_init__(self):
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if each.name == 'tag_ids':
-                continue
-            kind, accepted = _KINDS[each.type]
-            if isinstance(value, bool) != (kind is bool) or not isinstance(value, kind):
-                raise StartUpError(f'parameter {each.name} is {value!r}, not {accepted}')
-        for name in ('drive_seconds', 'dwell_seconds', 'retry_delay_seconds'):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise StartUpError(f'parameter {name} is {getattr(self, name)}: give seconds, 0 or more')
-        if not 0.0 < self.request_timeout_seconds < math.inf:
-            raise StartUpError(
-                f'parameter request_timeout_seconds is {self.request_timeout_seconds}: give seconds above 0'
-            )
-        if self.max_attempts < 1:
-            raise StartUpError(
-                f'parameter max_attempts is {self.max_attempts}: give a whole number from 1 up'
-            )
+        check_parameters(self, of_any_type=('tag_ids',))
         ids = self.chosen_tag_ids
         if twice := sorted({tag_id for tag_id in ids if ids.count(tag_id) > 1}):
             raise StartUpError(f'parameter tag_ids names {twice[0]!r} twice: a mission visits a tag once')
@@ -82,11 +78,3 @@ class Settings:
     def limits(self) -> Limits:
         """The part of the settings that the mission itself goes by."""
         return Limits(**{each.name: getattr(self, each.name) for each in fields(Limits)})
-
-
-_KINDS = {
-    str: (str, 'text (a number as a file name needs quotes)'),
-    bool: (bool, 'true or false'),
-    float: ((int, float), 'a number'),
-    int: (int, 'a whole number'),
-}

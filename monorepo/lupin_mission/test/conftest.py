@@ -1,27 +1,16 @@
 """The real mission, between services that the test commands, or with the real bridge."""
 
-import contextlib
-import importlib.util
 import queue
-import sys
 from pathlib import Path
 
 import pytest
-from ament_index_python.packages import get_package_prefix
+from lupin_mission.client import SERVICE_QOS
 from lupin_mission.report import Outcome, read_report
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 
-# What the bridge's tests share, from beside this package: nodes as processes, on a domain of the run's own.
-_path = Path(__file__).resolve().parents[2] / 'lupin_greenhouse_bridge/test/conftest.py'
-_spec = importlib.util.spec_from_file_location('bridge_conftest', _path)
-bridge = sys.modules['bridge_conftest'] = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(bridge)
-own_domain = bridge.own_domain
-shipped_tags = bridge.shipped_tags
-
-MISSION_NODE = str(Path(get_package_prefix('lupin_mission'), 'lib/lupin_mission/mission_node'))
-PATIENCE_SECONDS = bridge.PATIENCE_SECONDS
+pytest_plugins = ['lupin_greenhouse_bridge.testing']
+PATIENCE_SECONDS = 30.0
 
 
 class Commanded:
@@ -33,7 +22,7 @@ class Commanded:
         self._type = service_type
         self._arrived = queue.SimpleQueue()
         self._answers = queue.SimpleQueue()
-        self._service = node.create_service(service_type, name, self._handle, qos_profile=bridge.CLIENT_QOS)
+        self._service = node.create_service(service_type, name, self._handle, qos_profile=SERVICE_QOS)
 
     def _handle(self, request, _response):
         tag_id = getattr(request, 'tag_id', None) or request.expected_tag_id
@@ -59,40 +48,43 @@ class Commanded:
         self.answer(reading=reading)
 
 
-class MissionProcess(bridge.NodeProcess):
+class RunningMission:
     """One real mission and its report."""
 
-    def __init__(self, stack: contextlib.ExitStack, report_file: Path, parameters: dict):
-        settings = {'dwell_seconds': 0.0, 'retry_delay_seconds': 0.05, 'report_file': f'"{report_file}"'}
-        super().__init__(stack, [MISSION_NODE], {**settings, **parameters}, {})
+    def __init__(self, process, report_file: Path):
+        self.process = process  # a NodeProcess
         self.report_file = report_file
 
     def outcomes(self) -> list[tuple[str, Outcome]]:
         """Return (tag id, outcome) for each line of the report so far."""
         return [(each.tag_id, each.outcome) for each in read_report(self.report_file)]
 
-    def end(self) -> int:
-        """Wait until the mission ends by itself, and return its exit code."""
-        assert 'Traceback' not in '\n'.join(self.rest_of_log())
-        return self.process.wait(PATIENCE_SECONDS)
+    def __getattr__(self, name):
+        return getattr(self.process, name)
 
 
 @pytest.fixture
-def stack():
-    with contextlib.ExitStack() as stack:
-        yield stack
-
-
-@pytest.fixture
-def start_mission(stack, tmp_path):
+def start_mission(start_node, tmp_path):
     """Return a function that starts a mission with these parameters; it ends with the test."""
-    return lambda **parameters: MissionProcess(stack, tmp_path / 'report.jsonl', parameters)
+    from lupin_greenhouse_bridge.testing import executable
+
+    def start(command=None, environment=None, **parameters):
+        report_file = tmp_path / 'report.jsonl'
+        settings = {'dwell_seconds': 0.0, 'retry_delay_seconds': 0.05, 'report_file': f'"{report_file}"'}
+        command = command or [executable('lupin_mission', 'mission_node')]
+        process = start_node(command, environment=environment, **{**settings, **parameters})
+        return RunningMission(process, report_file)
+
+    return start
 
 
 @pytest.fixture
-def node(stack):
+def node():
     """Return a node of the test's own, which a thread spins."""
-    return stack.enter_context(bridge.spinning_node('mission_test'))
+    from lupin_greenhouse_bridge.testing import spinning_node
+
+    with spinning_node('mission_test') as node:
+        yield node
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
-from lupin_mission.drive import ImmediateDrive, TimedDrive
+from lupin_mission.drive import TimedDrive
 from lupin_mission.mission import Limits, Mission, Service, State
 from lupin_mission.report import Observation, Outcome, Reading, Report
 
@@ -25,7 +25,7 @@ class World:
         self.now = 0.0
         self.sent, self.abandoned, self.recorded = [], [], []
         self.is_service_there = True
-        self.mission = Mission(tag_ids, self, drive or ImmediateDrive(), LIMITS, **options)
+        self.mission = Mission(tag_ids, self, drive or TimedDrive(0.0), LIMITS, **options)
         self.mission.start(self.now)
 
     def send(self, request):
@@ -120,7 +120,7 @@ def test_a_tag_that_is_confirmed_in_a_pause_is_read_after_it():
 
 
 def test_the_drive_is_told_of_a_pause_and_its_end():
-    class Motor(ImmediateDrive):
+    class Motor(TimedDrive):
         told = ()
 
         def pause(self):
@@ -129,11 +129,45 @@ def test_the_drive_is_told_of_a_pause_and_its_end():
         def resume(self):
             self.told += ('resume',)
 
-    motor = Motor()
+    motor = Motor(0.0)
     mission = World(drive=motor).mission
     mission.pause()
     mission.resume()
     assert motor.told == ('pause', 'resume')
+
+
+def test_the_robot_arrives_exactly_when_the_drive_is_over():
+    drive = TimedDrive(2.0)
+    drive.start('a', 10.0)
+    assert not drive.has_arrived(11.999)
+    assert drive.has_arrived(12.0)
+
+
+def test_attempts_do_not_leak_from_tag_to_tag():
+    """Two failures at a, then two at b: the third attempt at b is still made."""
+    world = World('ab')
+    for tag_id in 'ab':
+        for _ in range(LIMITS.max_attempts - 1):
+            world.mission.on_refusal(world.sent[-1].number, Outcome.SIMULATOR_ERROR, 'broken')
+            world.wait(10.0)
+        assert world.sent[-1].tag_id == tag_id
+        assert world.answer()
+        world.wait(1.0)
+    assert world.outcomes == [('a', Outcome.OK), ('b', Outcome.OK)]
+
+
+def test_attempts_do_not_leak_from_confirming_to_reading():
+    world = World('a', require_visual_confirmation=True)
+    for _ in range(LIMITS.max_attempts - 1):
+        world.mission.on_confirmation(world.sent[-1].number, False, 'not seen')
+        world.wait(10.0)
+    world.mission.on_confirmation(world.sent[-1].number, True, '')
+    world.wait(0.0)
+    for _ in range(LIMITS.max_attempts - 1):
+        world.mission.on_refusal(world.sent[-1].number, Outcome.SIMULATOR_ERROR, 'broken')
+        world.wait(10.0)
+    assert world.answer()
+    assert world.outcomes == [('a', Outcome.OK)]
 
 
 def test_a_pause_stops_the_drive():

@@ -1,10 +1,13 @@
 """The real mission node over real services, between processes."""
 
-import signal
+import json
+import os
+import sys
 
 import pytest
 import rclpy
-from conftest import PATIENCE_SECONDS, bridge
+from lupin_greenhouse_bridge.signalled import MOMENTS, SIGNALS, command
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, spinning_node
 from lupin_mission import mission_node
 from lupin_mission.mission import State
 from lupin_mission.report import Outcome, read_report
@@ -21,51 +24,104 @@ REAL = '/real/get_tag_reading'
 def trigger(node, mission, name: str) -> Trigger.Response:
     client = node.create_client(Trigger, f'{mission.namespace}/mission/{name}')
     assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
-    return bridge.call(client, Trigger.Request())
+    return call(client, Trigger.Request())
 
 
 @pytest.fixture
-def start_bridge(stack):
+def start_real(start_bridge):
     """Return a function that starts the real bridge; its service is REAL, whichever process serves it."""
-    command = [str(bridge.EXECUTABLES / 'bridge_node'), '--ros-args', '-r', f'~/get_tag_reading:={REAL}']
-    return lambda: bridge.NodeProcess(stack, command, {}, {})
+    from lupin_greenhouse_bridge.testing import executable
+
+    command = [executable('lupin_greenhouse_bridge', 'bridge_node'), '--ros-args']
+    return lambda: start_bridge([*command, '-r', f'~/get_tag_reading:={REAL}'])
 
 
-def test_every_tag_of_the_greenhouse_is_read_from_the_real_bridge(start_mission, start_bridge, shipped_tags):
-    start_bridge()
-    mission = start_mission(bridge_service_name=REAL)
+@pytest.fixture
+def all_tags(shipped_tags):
+    """Return the parameter that names every tag, where the bridge's own parameters are not beside REAL."""
+    return {'tag_ids': json.dumps(list(shipped_tags))}
+
+
+def test_every_tag_that_the_bridge_has_loaded_is_read(start_mission, start_bridge, shipped_tags):
+    bridge = start_bridge()
+    mission = start_mission(bridge_service_name=bridge.service_name)
     assert mission.end() == 0
     assert mission.outcomes() == [(tag_id, OK) for tag_id in shipped_tags]
     assert mission.log[-1] == f'{len(shipped_tags)}/{len(shipped_tags)} tags read'
 
 
-def test_a_bridge_that_starts_after_the_mission_is_waited_for(start_mission, start_bridge):
+def test_the_tags_of_a_tag_file_are_visited_in_its_order(start_mission, reader, tmp_path):
+    tag_file = tmp_path / 'tags.json'
+    tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
+    tag_file.write_text(json.dumps({'tags': {'9': tag, '7': tag, '8': {**tag, 'sensors': []}}}))
+    mission = start_mission(**READER, tag_file=f'"{tag_file}"')
+    reader.answer_ok('9', co2=1.0)
+    reader.answer_ok('7', co2=1.0)
+    assert mission.end() == 0
+    assert reader.tag_ids == ['9', '7']
+
+
+def test_without_tags_and_without_a_bridge_the_mission_is_refused(start_mission):
+    """After 30 s; a test has no such patience."""
+    alter = 'from lupin_mission import mission_node; mission_node.LONGEST_WAIT_FOR_TAGS_SECONDS = 0.1;'
+    run = [sys.executable, '-c', f'{alter} import sys; sys.exit(mission_node.main())']
+    mission = start_mission(run, bridge_service_name='/nobody/get_tag_reading')
+    fatal = mission.refusal(exit_code=2)
+    assert '/nobody/get_parameters named no tags within 0.1 s: start the bridge, or set tag_ids' in fatal
+
+
+@pytest.fixture
+def without_simulator(tmp_path):
+    """Return the environment of a process that finds no mdp-greenhouse, though it may be installed."""
+    (tmp_path / 'sitecustomize.py').write_text(
+        'import sys\n'
+        'class Hide:\n'
+        '    def find_spec(self, name, *_):\n'
+        "        if name.split('.')[0] in ('greenhouse_sim', 'lupin_greenhouse_bridge'):\n"
+        '            raise ModuleNotFoundError(name, name=name)\n'
+        'sys.meta_path.insert(0, Hide())\n'
+    )
+    return {'PYTHONPATH': os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])}
+
+
+def test_the_mission_needs_neither_simulator_nor_bridge_on_its_machine(
+    start_mission, reader, without_simulator
+):
+    mission = start_mission(**READER, tag_ids='1', environment=without_simulator)
+    reader.answer_ok('1', co2=1.0)
+    assert mission.end() == 0
+    command = [sys.executable, '-c', 'import greenhouse_sim']  # so the check above can fail
+    assert 'ModuleNotFoundError: greenhouse_sim' in start_mission(command, without_simulator).rest_of_log()
+
+
+def test_a_bridge_that_starts_after_the_mission_is_waited_for(start_mission, start_real):
     mission = start_mission(bridge_service_name=REAL, tag_ids='1', request_timeout_seconds=PATIENCE_SECONDS)
     mission.wait_for_log('1 tags to visit')
-    start_bridge()
+    start_real()
     assert mission.end() == 0
     assert mission.outcomes() == [('1', OK)]
 
 
-def test_a_bridge_killed_and_started_again_costs_no_reading(start_mission, start_bridge, shipped_tags):
-    first = start_bridge()
+def test_a_bridge_killed_and_started_again_costs_no_reading(
+    start_mission, start_real, all_tags, shipped_tags
+):
+    first = start_real()
     mission = start_mission(
-        bridge_service_name=REAL, dwell_seconds=0.1, request_timeout_seconds=1, max_attempts=10
+        bridge_service_name=REAL, dwell_seconds=0.1, request_timeout_seconds=1, max_attempts=10, **all_tags
     )
     mission.wait_for_log("tag '9': ")
-    first.process.kill()
-    start_bridge()
+    first.close()
+    start_real()
     assert mission.end() == 0
     assert mission.outcomes() == [(tag_id, OK) for tag_id in shipped_tags]
 
 
 def test_a_mission_that_is_killed_goes_on_where_it_was(start_mission, start_bridge, shipped_tags):
-    start_bridge()
-    mission = start_mission(bridge_service_name=REAL, dwell_seconds=0.1)
+    service = {'bridge_service_name': start_bridge().service_name}
+    mission = start_mission(**service, dwell_seconds=0.1)
     mission.wait_for_log("tag '9': ")
-    mission.process.kill()
-    mission.process.wait()
-    again = start_mission(bridge_service_name=REAL)
+    mission.close()
+    again = start_mission(**service)
     assert again.end() == 0
     assert again.outcomes() == [(tag_id, OK) for tag_id in shipped_tags]
 
@@ -132,14 +188,14 @@ def test_a_pause_in_the_dwell_does_not_scan_the_tag_again(start_mission, reader,
 def test_a_pause_is_answered_while_a_reply_is_withheld(start_mission, reader):
     mission = start_mission(**READER, tag_ids='1', request_timeout_seconds=PATIENCE_SECONDS)
     reader.wait_for_request()
-    with bridge.spinning_node('operator') as operator:  # the other node is busy withholding
+    with spinning_node('operator') as operator:  # the other node is busy withholding
         assert trigger(operator, mission, 'pause').success
         assert trigger(operator, mission, 'resume').success
     reader.answer_ok('1', co2=1.0)
     assert mission.end() == 0
 
 
-def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, tmp_path, stack):
+def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, tmp_path, request):
     parameters = {
         'bridge_service_name': reader.name,
         'tag_ids': '"1"',
@@ -149,9 +205,9 @@ def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, tmp_pat
     rclpy.init(
         args=['--ros-args', *(w for item in parameters.items() for w in ('-p', '{}:={}'.format(*item)))]
     )
-    stack.callback(rclpy.shutdown)
+    request.addfinalizer(rclpy.shutdown)
     node = mission_node.MissionNode()
-    stack.callback(node.destroy_node)
+    request.addfinalizer(node.destroy_node)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     ticks = []
@@ -165,29 +221,41 @@ def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, tmp_pat
     assert node.mission.outcomes == {'1': OK}
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=['Ctrl-C', 'SIGTERM'])
-def test_a_signal_ends_the_mission_with_the_table_so_far(start_mission, reader, number):
+@pytest.mark.parametrize('signals', SIGNALS.values(), ids=SIGNALS)
+def test_a_signal_ends_the_mission_with_the_table_so_far(start_mission, reader, signals):
     mission = start_mission(**READER, tag_ids='1 2', request_timeout_seconds=PATIENCE_SECONDS)
     reader.answer_ok('1', co2=1.0)
     mission.wait_for_log("tag '1': co2")
-    assert mission.stop(number) == 1
-    assert mission.rest_of_log()[-1] == '1/2 tags read'
-    assert 'Traceback' not in '\n'.join(mission.log)
+    mission.send(*signals)
+    assert mission.end() == 1
+    assert mission.log[-1] == '1/2 tags read'
     reader.answer_ok('2', co2=1.0)  # lets go of the request that may still wait
+
+
+@pytest.mark.parametrize('moment', MOMENTS)
+def test_a_signal_at_any_moment_ends_the_mission_with_a_table(start_mission, moment):
+    """Also while the tags are not known yet, and while the mission ends."""
+    run = command('lupin_mission', 'mission_node', moment, SIGNALS['Ctrl-C twice'])
+    mission = start_mission(run, bridge_service_name='/nobody/get_tag_reading')
+    mission.wait_for_log('signalled in' if moment in MOMENTS[:7] else 'waiting for the tags of')
+    mission.send(*SIGNALS['SIGTERM and Ctrl-C'])
+    assert mission.end() == 1
+    assert '0/0 tags read' in mission.log
+    assert any(f'signalled in {moment}' in line for line in mission.log)
 
 
 @pytest.mark.parametrize(
     ('name', 'value', 'fragment'),
     [
         ('tag_ids', '1 2 1', "names '1' twice"),
-        ('max_attempts', 0, 'whole number from 1 up'),
-        ('max_attempts', 1.5, 'not a whole number'),
-        ('request_timeout_seconds', 0, 'give seconds above 0'),
-        ('request_timeout_seconds', '.inf', 'give seconds above 0'),
-        ('dwell_seconds', -1, 'give seconds, 0 or more'),
-        ('dwell_seconds', 'long', 'not a number'),
-        ('require_visual_confirmation', 1, 'not true or false'),
-        ('bridge_service_name', 'no such name', 'is no service name'),
+        ('max_attempts', 0, 'must be a whole number from 1 to 1000'),
+        ('max_attempts', 1.5, 'must be a whole number'),
+        ('request_timeout_seconds', 0, 'must be a number from 0.001 to 86400'),
+        ('request_timeout_seconds', '.inf', 'must be a number from 0.001'),
+        ('dwell_seconds', -1, 'must be a number from 0 to 86400'),
+        ('dwell_seconds', 'long', 'must be a number'),
+        ('require_visual_confirmation', 1, 'must be true or false'),
+        ('bridge_service_name', 'no such name', 'is not a service name'),
         ('tag_file', '/missing/tags.json', '/missing/tags.json'),
         ('report_file', '/missing/report.jsonl', 'name a file that can be written'),
     ],

@@ -52,7 +52,8 @@ def test_a_custom_tag_file_places_the_tags(report, tmp_path):
     [
         (['/missing.jsonl'], '/missing.jsonl'),
         (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
-        (['REPORT', '--tag-file', 'REPORT'], 'cannot be drawn'),
+        (['REPORT', '--tag-file', 'REPORT'], 'is not a tag_locations.json'),
+        (['REPORT', '--sim-config-file', 'TAGS'], 'names no walls'),
         (['REPORT', '--tag-file', 'TAGS'], "tag '1' has no place in the tag file"),
         (['REPORT', '--output', '/missing/picture.png'], '/missing/picture.png'),
         (['REPORT', '--output', 'picture.docx'], 'picture.docx'),
@@ -61,7 +62,7 @@ def test_a_custom_tag_file_places_the_tags(report, tmp_path):
 )
 def test_what_cannot_be_drawn_is_said_in_one_line(report, tmp_path, capsys, arguments, fragment):
     tags, empty = tmp_path / 'tags.json', tmp_path / 'empty.jsonl'
-    tags.write_text('{"x": {"x": 1.0, "y": 2.0, "sensors": []}}', encoding='utf-8')
+    tags.write_text('{"x": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}', encoding='utf-8')
     empty.touch()
     known = {'REPORT': str(report), 'TAGS': str(tags), 'EMPTY': str(empty)}
     assert main([known.get(each, each) for each in arguments]) == 2

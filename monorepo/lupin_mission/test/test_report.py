@@ -1,5 +1,7 @@
 """The report: what is on the disk after a kill, and what is refused."""
 
+import errno
+import math
 import os
 import subprocess
 import sys
@@ -66,6 +68,7 @@ def test_a_line_that_a_kill_cut_short_is_not_there(tmp_path, cut):
         'null\n',
         '\n',
         '{"a": 1}',
+        '[' * 100_000 + '\n',
         OK.to_line() + '\nnotes',
     ],
 )
@@ -126,6 +129,26 @@ except ReportError as error:
     assert 'report.jsonl' in run.stdout
     assert [each.tag_id for each in read_report(path)] == ['1']
     assert path.read_bytes().endswith(b'\n')
+
+
+def test_an_observation_counts_only_once_it_is_on_the_disk(tmp_path, monkeypatch):
+    report = Report(tmp_path / 'report.jsonl')
+    report.record(OK)
+
+    def fail(_file):
+        raise OSError(errno.EIO, 'Input/output error')
+
+    monkeypatch.setattr(os, 'fsync', fail)
+    with pytest.raises(ReportError, match='Input/output error'):
+        report.record(FAILED)
+    report.close()
+    assert read_report(report.path) == [OK]
+
+
+@pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
+def test_a_number_that_json_does_not_have_is_never_written(value):
+    with pytest.raises(ValueError, match='JSON'):
+        Observation('7', Outcome.OK, '', 1, Reading('7', (1, 2), 0.0, {'co2': value})).to_line()
 
 
 def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():

@@ -7,15 +7,14 @@ Follows `/mission/at_tag`. Between two tags, and at a tag that is no tag36h11 id
 import sys
 
 import numpy as np
-import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-from lupin_perception import scene
+from lupin_perception import life_cycle, scene
 
+NODE_NAME = 'camera'
 FRAMES_PER_SECOND = 8
 TAG_COUNT = 587
 
@@ -24,7 +23,7 @@ class CameraStandIn(Node):
     """Publishes `/camera/image_raw`: another distance, angle, blur and noise in each image."""
 
     def __init__(self):
-        super().__init__('camera')
+        super().__init__(NODE_NAME)
         self._random = np.random.default_rng(0)
         self._camera = scene.Camera()
         self._tag_id = ''
@@ -58,22 +57,9 @@ class CameraStandIn(Node):
         self._images.publish(image)
 
 
-def main() -> int:
-    """Publish until a signal comes."""
-    rclpy.init()
-    try:
-        executor = SingleThreadedExecutor()
-        executor.add_node(CameraStandIn())
-        while rclpy.ok():
-            executor.spin_once(timeout_sec=0.5)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except RuntimeError:
-        if rclpy.ok():  # else a signal took the context away while an image was published
-            raise
-    finally:
-        rclpy.try_shutdown()
-    return 0
+def main(args=None) -> int:
+    """Publish until Ctrl-C or SIGTERM."""
+    return life_cycle.run(NODE_NAME, CameraStandIn, args)
 
 
 if __name__ == '__main__':

@@ -3,16 +3,14 @@
 import re
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from lupin_perception.life_cycle import check_parameters, parameter
+
 TAG_COUNT = 587  # tag36h11 has the ids 0 to 586
-
-
-class CannotServe(ValueError):
-    """What was asked for cannot be done; the text says what and what would be right, in one line."""
 
 
 @dataclass(frozen=True)
@@ -24,34 +22,32 @@ class Detection:
     sharpness: float  # 0 to 1: how much of the variance of its pixels black and white explain
 
 
-def _criterion(default, smallest: float, largest: float, description: str):
-    return field(default=default, metadata={'limits': (smallest, largest), 'description': description})
-
-
 @dataclass(frozen=True)
 class Criteria:
-    """What it takes to confirm a tag: the node's parameters; raises CannotServe on one out of its limits."""
+    """What it takes to confirm a tag; raises StartUpError on a criterion out of its limits."""
 
-    max_image_age_seconds: float = _criterion(
-        1.0, 0.001, 3600.0, 'How old an image may be, by its stamp and by its arrival, in seconds.'
+    max_image_age_seconds: float = parameter(
+        1.0,
+        'How old an image may be, by its stamp and by its arrival, in seconds.',
+        smallest=0.001,
+        largest=3600.0,
     )
-    min_side_pixels: float = _criterion(
-        24.0, 1.0, 1e5, 'How long the shortest side of the tag, black border included, must be, in pixels.'
+    min_side_pixels: float = parameter(
+        24.0,
+        'How long the shortest side of the tag, black border included, must be, in pixels.',
+        smallest=1.0,
+        largest=1e5,
     )
-    min_sharpness: float = _criterion(
-        0.75, 0.0, 1.0, 'How well black and white explain the pixels of the tag: 0 to 1, without any grey.'
+    min_sharpness: float = parameter(
+        0.75,
+        'How well black and white explain the pixels of the tag: 0 to 1, without any grey.',
+        smallest=0.0,
+        largest=1.0,
     )
-    min_frames: int = _criterion(2, 1, 100, 'In how many recent images the tag must be seen.')
+    min_frames: int = parameter(2, 'In how many recent images the tag must be seen.', smallest=1, largest=100)
 
     def __post_init__(self):
-        for each in fields(self):
-            value, (smallest, largest) = getattr(self, each.name), each.metadata['limits']
-            kind = int if each.type is int else (int, float)
-            if isinstance(value, bool) or not isinstance(value, kind) or not smallest <= value <= largest:
-                raise CannotServe(
-                    f'parameter {each.name} is {value!r}: give a {"whole " * (kind is int)}number'
-                    f' from {smallest:g} to {largest:g}'
-                )
+        check_parameters(self)
 
 
 class Frame(NamedTuple):

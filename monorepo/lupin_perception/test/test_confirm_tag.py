@@ -1,35 +1,33 @@
 """The real node, with images and requests over ROS."""
 
-import signal
 import threading
 
 import numpy as np
 import pytest
-from ament_index_python.packages import get_package_prefix
-from conftest import bridge
+from lupin_greenhouse_bridge.signalled import MOMENTS, SIGNALS, command
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, executable, spinning_node, wait_until
 from lupin_msgs.srv import ConfirmTag
+from lupin_perception.life_cycle import SERVICE_DEPTH
 from lupin_perception.scene import Camera, marker
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Image
 
-CONFIRM_TAG = f'{get_package_prefix("lupin_perception")}/lib/lupin_perception/confirm_tag'
+TOPIC = '/tested/image'
 COLOURS = {'mono8': 1, 'rgb8': 3, 'bgr8': 3, 'rgba8': 4, 'bgra8': 4}
 
 
-class Perception(bridge.NodeProcess):
+class Perception:
     """The node, a camera that shows one image again and again, and a client."""
 
-    def __init__(self, stack, **parameters):
-        topic = '/tested/image'
-        super().__init__(stack, [CONFIRM_TAG], {'image_topic': topic, **parameters}, {})
-        self.wait_for_log('ready: images from /tested/image')
-        self._node = stack.enter_context(bridge.spinning_node('perception_test'))
-        self._images = self._node.create_publisher(Image, topic, qos_profile_sensor_data)
-        self._client = self._node.create_client(
-            ConfirmTag, f'{self.namespace}/confirm_tag', qos_profile=bridge.CLIENT_QOS
-        )
-        assert self._client.wait_for_service(timeout_sec=bridge.PATIENCE_SECONDS)
-        bridge.wait_until(lambda: self._images.get_subscription_count() == 1)
+    def __init__(self, process, node):
+        self.process = process
+        process.wait_for_log(f'ready: images from {TOPIC}')
+        self._node = node
+        self._images = node.create_publisher(Image, TOPIC, qos_profile_sensor_data)
+        name = f'{process.namespace}/confirm_tag'
+        self._client = node.create_client(ConfirmTag, name, qos_profile=QoSProfile(depth=SERVICE_DEPTH))
+        assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+        wait_until(lambda: self._images.get_subscription_count() == 1)
 
     def show(self, image: Image, is_stamped=True) -> None:
         """Publish an image, as taken now."""
@@ -39,7 +37,7 @@ class Perception(bridge.NodeProcess):
 
     def confirm(self, tag_id: str) -> tuple[bool, str]:
         """Ask once."""
-        response = bridge.call(self._client, ConfirmTag.Request(expected_tag_id=tag_id))
+        response = call(self._client, ConfirmTag.Request(expected_tag_id=tag_id))
         assert response.detected == (response.detection_confidence == 1.0) == (not response.error_message)
         return response.detected, response.error_message or 'detected'
 
@@ -54,7 +52,7 @@ class Perception(bridge.NodeProcess):
             answers.append(self.confirm(tag_id))
             return until in answers[-1][1]
 
-        bridge.wait_until(says_so)
+        wait_until(says_so)
         return answers[-1]
 
 
@@ -71,9 +69,16 @@ def image_of(picture: np.ndarray, encoding='mono8', padding=0, **fields) -> Imag
 
 
 @pytest.fixture
-def start(stack):
+def start_confirm_tag(start_node):
     """Return a function that starts the node with these parameters; it ends with the test."""
-    return lambda **parameters: Perception(stack, **parameters)
+    return lambda **parameters: start_node([executable('lupin_perception', 'confirm_tag')], **parameters)
+
+
+@pytest.fixture
+def start(start_confirm_tag):
+    """Return a function that starts the node with these parameters, between a camera and a client."""
+    with spinning_node('perception_test') as node:
+        yield lambda **parameters: Perception(start_confirm_tag(image_topic=TOPIC, **parameters), node)
 
 
 @pytest.fixture(scope='module')
@@ -97,7 +102,7 @@ def test_an_old_image_and_one_of_a_wrong_clock_are_no_proof(start, tag_7):
     perception = start(max_image_age_seconds=0.5)
     image = image_of(tag_7)
     assert perception.confirm_while_showing(image, '7', 'detected')[0]
-    bridge.wait_until(lambda: 'ago: older than 0.5 s' in perception.confirm('7')[1])
+    wait_until(lambda: 'ago: older than 0.5 s' in perception.confirm('7')[1])
     unstamped = perception.confirm_while_showing(image_of(tag_7), '7', 'is stamped', is_stamped=False)
     assert not unstamped[0]
 
@@ -117,8 +122,8 @@ def test_malformed_images_are_refused_once_and_the_node_lives(start, tag_7):
     for image in malformed * 3:
         perception.confirm_while_showing(image, '7', 'no usable image yet; an image was refused: ')
     assert perception.confirm_while_showing(image_of(tag_7), '7', 'detected')[0]
-    assert perception.stop() == 0
-    log = perception.rest_of_log()
+    assert perception.process.stop() == 0
+    log = perception.process.log
     assert len([line for line in log if 'image refused' in line and '16UC1' in line]) == 1
     assert not [line for line in log if 'Traceback' in line or '\x1b' in line]
 
@@ -135,27 +140,37 @@ def test_requests_at_once_are_all_answered(start, tag_7):
     assert len(answers) == 16
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM], ids=['Ctrl-C', 'SIGTERM'])
-def test_a_signal_ends_it_with_exit_code_0(start, number):
-    perception = start()
-    assert perception.stop(number) == 0
-    assert 'Traceback' not in '\n'.join(perception.rest_of_log())
+@pytest.mark.parametrize('signals', SIGNALS.values(), ids=SIGNALS)
+def test_a_signal_ends_it_with_exit_code_0(start, signals):
+    process = start().process
+    process.send(*signals)
+    assert process.end() == 0
+
+
+@pytest.mark.parametrize('moment', MOMENTS)
+def test_a_signal_at_any_moment_ends_it_with_exit_code_0(start_node, moment):
+    run = command('lupin_perception', 'confirm_tag', moment, SIGNALS['Ctrl-C twice'])
+    process = start_node(run)
+    process.wait_for_log('signalled in' if moment in MOMENTS[:7] else 'ready:')
+    process.send(*SIGNALS['SIGTERM and Ctrl-C'])
+    assert process.end() == 0
+    assert any(f'signalled in {moment}' in line for line in process.log)
 
 
 @pytest.mark.parametrize(
     ('name', 'value', 'fragment'),
     [
-        ('min_frames', 0, 'parameter min_frames is 0: give a whole number from 1 to 100'),
-        ('min_sharpness', 'high', "parameter min_sharpness is 'high': give a number from 0 to 1"),
+        ('min_frames', 0, 'parameter min_frames is 0: must be a whole number from 1 to 100'),
+        ('min_sharpness', 'high', "parameter min_sharpness is 'high': must be a number from 0 to 1"),
         ('image_topic', 'no such name', 'no such name'),
-        ('image_topic', 5, 'parameter image_topic is 5: give the name of a topic'),
+        ('image_topic', 5, 'parameter image_topic is 5: must be text'),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(stack, name, value, fragment):
-    assert fragment in bridge.NodeProcess(stack, [CONFIRM_TAG], {name: value}, {}).refusal()
+def test_what_cannot_be_is_refused_in_one_line(start_confirm_tag, name, value, fragment):
+    assert fragment in start_confirm_tag(**{name: value}).refusal()
 
 
-def test_a_mistyped_parameter_is_named_and_changes_nothing(stack):
-    process = bridge.NodeProcess(stack, [CONFIRM_TAG], {'min_frame': 0}, {})
-    process.wait_for_log("parameter 'min_frame' is unknown, and ignored")
+def test_a_mistyped_parameter_is_named_and_changes_nothing(start_confirm_tag):
+    process = start_confirm_tag(min_frame=0)
+    process.wait_for_log('parameter min_frame is unknown, and ignored')
     process.wait_for_log('ready: ')

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from lupin_perception.confirmation import CannotServe, Confirmer, Criteria, Detection, Frame
+from lupin_perception.confirmation import Confirmer, Criteria, Detection, Frame
+from lupin_perception.errors import StartUpError
 
 GOOD = Detection(7, 80.0, 0.9)
 NOW = 1000.0  # by both clocks
@@ -51,6 +52,26 @@ def test_why_a_tag_is_not_confirmed(frames, message):
     assert confirmer(*frames).confirm('7', NOW, NOW)[1] == message
 
 
+@pytest.mark.parametrize(
+    'frame_of',
+    [
+        lambda age: ([GOOD], NOW - age, NOW),
+        lambda age: ([GOOD], NOW + age, NOW),  # only a stamp can lie in the future
+        lambda age: ([GOOD], NOW, NOW - age),
+    ],
+    ids=['stamped before', 'stamped ahead', 'arrived before'],
+)
+def test_a_frame_counts_up_to_its_longest_age(frame_of):
+    for age, confidence in ((0.5, 1.0), (0.501, 0.0)):
+        seen = confirmer(frame_of(age), frame_of(age), max_image_age_seconds=0.5)
+        assert seen.confirm('7', NOW, NOW)[0] == confidence
+
+
+def test_the_age_that_is_told_is_that_of_the_last_frame():
+    old, last = (([GOOD], NOW, NOW - age) for age in (9.0, 3.0))
+    assert confirmer(old, last).confirm('7', NOW, NOW)[1] == 'the last image came 3.0 s ago: older than 1 s'
+
+
 def test_the_tag_before_is_not_confirmed_for_the_next():
     """Frames of the last tag are still recent on arrival at the next one."""
     seen = confirmer([Detection(6, 80.0, 0.9)], [Detection(6, 80.0, 0.9)], [GOOD])
@@ -97,5 +118,5 @@ def test_a_refused_image_is_named_until_there_is_a_usable_one():
     ],
 )
 def test_a_criterion_out_of_its_limits_is_refused(name, value):
-    with pytest.raises(CannotServe, match=f'parameter {name} is .*: give a (whole )?number from'):
+    with pytest.raises(StartUpError, match=rf'parameter {name} is .*: must be a (whole )?number from'):
         Criteria(**{name: value})

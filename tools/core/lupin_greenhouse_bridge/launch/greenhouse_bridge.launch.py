@@ -5,29 +5,18 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-
-# Name, default, type and description: the node's own (lupin_greenhouse_bridge/settings.py).
-ARGUMENTS = (
-    ('tag_file', '', str, 'Path of a tag_locations.json; empty: the shipped one.'),
-    ('sim_config_file', '', str, 'Path of a greenhouse_config.yaml; empty: the shipped one.'),
-    (
-        'debug_time_of_day',
-        '-1.0',
-        float,
-        'Hours in [0, 24) to freeze the simulated time at; -1.0: as the config says.',
-    ),
-    ('speedup_factor', '0.0', float, 'Simulated seconds per real second, above 0; 0.0: as the config says.'),
-    ('debug_seed', '-1', int, 'Seed of the noise, from 0 up; turns debug mode on; -1: as the config says.'),
-)
+from lupin_greenhouse_bridge.life_cycle import launch_arguments
+from lupin_greenhouse_bridge.settings import Settings
 
 
 def generate_launch_description():
     """Declare each parameter of the node as an argument, and forward it in the node's own type."""
+    arguments = launch_arguments(Settings)
     return LaunchDescription(
         [
             *(
                 DeclareLaunchArgument(name, default_value=default, description=description)
-                for name, default, _, description in ARGUMENTS
+                for name, default, _, description in arguments
             ),
             Node(
                 package='lupin_greenhouse_bridge',
@@ -37,7 +26,7 @@ def generate_launch_description():
                 parameters=[
                     {
                         name: ParameterValue(LaunchConfiguration(name), value_type=kind)
-                        for name, _, kind, _ in ARGUMENTS
+                        for name, _, kind, _ in arguments
                     }
                 ],
             ),

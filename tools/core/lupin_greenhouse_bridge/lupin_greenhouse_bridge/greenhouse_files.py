@@ -1,5 +1,6 @@
 """Read and check the simulator's two files, so that what it accepts it can also serve."""
 
+import datetime
 import json
 import os
 import stat
@@ -167,8 +168,12 @@ def _kind(value) -> str:
         str: 'text',
         bool: 'true or false',
         type(None): 'null',
+        int: 'a number',
+        float: 'a number',
+        datetime.date: 'a date',
+        datetime.datetime: 'a date',
     }
-    return names.get(type(value), 'a number')
+    return names.get(type(value), f'a {type(value).__name__}')
 
 
 def _listed(names) -> str:

@@ -6,18 +6,15 @@ Run the real bridge_node over the real simulator with one thing altered below it
 An alteration is a function of this module.
 """
 
-import atexit
 import datetime
 import fractions
 import itertools
 import math
 import os
 import sys
-import threading
 from pathlib import Path
 
 import numpy
-import rclpy
 import rclpy.node
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node, simulation
@@ -43,21 +40,6 @@ def driven_clock():
     simulator.datetime = Clock(lambda: datetime.datetime.strptime(clock.read_text(), '%H:%M:%S'))
 
 
-def signalled_in_start_up():
-    """Send this process the signal LUPIN_TEST_SIGNAL while it loads, and go on once ROS has noticed."""
-    load = simulation.load
-
-    def load_and_signal(*arguments, **keywords):
-        greenhouse = load(*arguments, **keywords)
-        os.kill(os.getpid(), int(os.environ['LUPIN_TEST_SIGNAL']))
-        noticed = threading.Event()
-        while rclpy.ok():
-            noticed.wait(0.01)
-        return greenhouse
-
-    simulation.load = load_and_signal
-
-
 def announced_services():
     """Log every service before it is created."""
     create_service = rclpy.node.Node.create_service
@@ -67,21 +49,6 @@ def announced_services():
         return create_service(node, service_type, name, *arguments, **keywords)
 
     rclpy.node.Node.create_service = announce
-
-
-def counted_requests():
-    """Print at the end how many readings were made for requests."""
-    handled = itertools.count()
-    load = simulation.load
-
-    def load_and_count(*arguments, **keywords):
-        greenhouse = load(*arguments, **keywords)
-        get_sensor_data = greenhouse.sim.get_sensor_data
-        greenhouse.sim.get_sensor_data = lambda tag_id: (next(handled), get_sensor_data(tag_id))[1]
-        return greenhouse
-
-    simulation.load = load_and_count
-    atexit.register(lambda: print(f'requests handled: {next(handled)}', flush=True))
 
 
 class HostileNumber(float):
@@ -131,7 +98,7 @@ def faulty_simulator():
     def load_and_spoil(*arguments, **keywords):
         greenhouse = load(*arguments, **keywords)
         greenhouse.sim.get_sensor_data = lambda tag_id: answers[tag_id]()
-        return greenhouse._replace(tag_ids=frozenset(answers))
+        return greenhouse._replace(tag_ids=list(answers))
 
     simulation.load = load_and_spoil
 

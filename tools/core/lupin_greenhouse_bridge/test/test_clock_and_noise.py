@@ -10,20 +10,22 @@ TICK_SECONDS = 1800.0  # what one wall second is in the shipped config
 
 
 @pytest.fixture
-def clock(tmp_path):
-    """Return a file that holds the wall time of a bridge with a driven clock."""
-    return tmp_path / 'clock'
+def sim_times(start_bridge, altered, tmp_path):
+    """Return a function that gives the simulated times at these wall times, of one bridge."""
+    clock = tmp_path / 'clock'
 
+    def read_at(wall_times, **parameters):
+        clock.write_text('00:00:00')
+        environment = {'LUPIN_TEST_CLOCK': str(clock)}
+        bridge = start_bridge(altered('driven_clock'), environment=environment, **parameters)
+        bridge.connect()
+        times = []
+        for wall_time in wall_times:
+            clock.write_text(wall_time)
+            times.append(bridge.call('1').reading.sim_time_of_day_seconds)
+        return times
 
-def sim_times(start_bridge, clock, wall_times, **parameters):
-    clock.write_text('00:00:00')
-    bridge = start_bridge('driven_clock', environment={'LUPIN_TEST_CLOCK': str(clock)}, **parameters)
-    bridge.connect()
-    times = []
-    for wall_time in wall_times:
-        clock.write_text(wall_time)
-        times.append(bridge.call('1').reading.sim_time_of_day_seconds)
-    return times
+    return read_at
 
 
 def noisy_sequence(bridge):
@@ -31,32 +33,30 @@ def noisy_sequence(bridge):
 
 
 @pytest.mark.parametrize('speedup', [1, 7.5, 3600])
-def test_a_wall_second_is_speedup_seconds_of_the_live_clock(start_bridge, clock, speedup):
-    first, second, later = sim_times(
-        start_bridge, clock, ['00:00:01', '00:00:02', '00:00:12'], speedup_factor=speedup
-    )
+def test_a_wall_second_is_speedup_seconds_of_the_live_clock(sim_times, speedup):
+    first, second, later = sim_times(['00:00:01', '00:00:02', '00:00:12'], speedup_factor=speedup)
     assert (first, second - first, later - second) == (speedup, speedup, 10 * speedup)
 
 
-def test_the_live_clock_takes_the_speedup_of_the_config(start_bridge, clock):
-    assert sim_times(start_bridge, clock, ['00:00:00', '00:00:01']) == [0.0, TICK_SECONDS]
+def test_the_live_clock_takes_the_speedup_of_the_config(sim_times):
+    assert sim_times(['00:00:00', '00:00:01']) == [0.0, TICK_SECONDS]
 
 
-def test_the_live_clock_wraps_and_stays_within_a_day(start_bridge, clock):
+def test_the_live_clock_wraps_and_stays_within_a_day(sim_times):
     wall_times = ['00:00:47', '00:00:48', '11:59:59', '12:00:00', '23:59:59', '00:00:00']
-    times = sim_times(start_bridge, clock, wall_times)
+    times = sim_times(wall_times)
     assert times[:2] == [86400 - TICK_SECONDS, 0.0]
     assert all(0.0 <= each < 86400.0 for each in times)
 
 
-def test_a_restart_does_not_set_the_greenhouse_back(start_bridge, clock):
-    first = sim_times(start_bridge, clock, ['10:11:13'])
-    assert sim_times(start_bridge, clock, ['10:11:13']) == first == [TICK_SECONDS]
+def test_a_restart_does_not_set_the_greenhouse_back(sim_times):
+    first = sim_times(['10:11:13'])
+    assert sim_times(['10:11:13']) == first == [TICK_SECONDS]
 
 
-def test_a_frozen_clock_stays_frozen(start_bridge, clock):
+def test_a_frozen_clock_stays_frozen(sim_times):
     wall_times = ['01:00:00', '13:30:59', '23:59:59']
-    assert sim_times(start_bridge, clock, wall_times, debug_time_of_day=7.25) == [7.25 * 3600] * 3
+    assert sim_times(wall_times, debug_time_of_day=7.25) == [7.25 * 3600] * 3
 
 
 def test_a_whole_number_is_taken_for_a_time_of_day(start_bridge):
@@ -90,6 +90,16 @@ def test_a_seed_alone_freezes_the_clock_at_the_time_of_the_config(start_bridge, 
     assert reading.sim_time_of_day_seconds == shipped_config['time']['debug_time_of_day'] * 3600
 
 
-def test_a_speedup_of_a_frozen_clock_is_warned_of(start_bridge):
-    bridge = start_bridge(speedup_factor=60.0, debug_time_of_day=12.0)
-    assert '[WARN]' in bridge.wait_for_log('speedup_factor has no effect')
+@pytest.mark.parametrize(
+    ('arguments', 'is_warned_of'),
+    [
+        ({'speedup_factor': 60.0, 'debug_time_of_day': 12.0}, True),
+        ({'speedup_factor': 60.0}, False),
+        ({'debug_time_of_day': 12.0}, False),
+    ],
+)
+def test_a_speedup_is_warned_of_only_when_the_clock_is_frozen(start_bridge, arguments, is_warned_of):
+    bridge = start_bridge(**arguments)
+    bridge.wait_for_log('ready:')
+    warnings = [line for line in bridge.log if '[WARN]' in line]
+    assert ['speedup_factor has no effect' in line for line in warnings] == [True] * is_warned_of

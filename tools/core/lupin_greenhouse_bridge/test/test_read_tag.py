@@ -14,8 +14,10 @@ import time
 
 import domain_coordinator
 import pytest
-from conftest import EXECUTABLES, PATIENCE_SECONDS, spinning_node, wait_until
+from lupin_greenhouse_bridge.client import GetTagReading
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, spinning_node, wait_until
 
+READ_TAG = executable('lupin_greenhouse_bridge', 'read_tag')
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER = 0, 1, 2, 3
 # What Fast DDS says when another process that starts at the same moment has taken a port of shared memory.
 OF_FAST_DDS = re.compile(r'\x1b\[37;1m[^\n]*RTPS_TRANSPORT_SHM[^\n]*\n')
@@ -24,7 +26,7 @@ OF_FAST_DDS = re.compile(r'\x1b\[37;1m[^\n]*RTPS_TRANSPORT_SHM[^\n]*\n')
 def read_tag(bridge, *arguments):
     service = ['--service', bridge.service_name] if bridge else []
     result = subprocess.run(
-        [EXECUTABLES / 'read_tag', *arguments, *service],
+        [READ_TAG, *arguments, *service],
         capture_output=True,
         text=True,
         timeout=PATIENCE_SECONDS,
@@ -91,12 +93,41 @@ def test_json_is_one_object_per_line(bridge, warm_tag_id):
         ['1', '--watch', '-1'],
         ['--service', 'a b', '1'],
         ['1', '--ros-args', '-p', 'x:=[1'],
+        [b'no UTF-8: \xff'],
     ],
 )
-def test_a_wrong_command_line_is_exit_code_2_without_a_traceback(arguments):
+def test_a_wrong_command_line_is_exit_code_2_and_says_why(arguments):
     result = read_tag(None, *arguments)
     assert result.returncode == USAGE
     assert 'Traceback' not in result.stderr
+    assert result.stderr.splitlines()[-1].startswith('read_tag: ')
+
+
+def test_all_of_a_bridge_with_another_tag_file_are_its_own(start_bridge, is_open_source_tree, tmp_path):
+    """Also when this machine has another release of the simulator than the bridge's."""
+    if is_open_source_tree:
+        return  # serves no custom tag file
+    tag_file = tmp_path / 'tags.json'
+    tag_file.write_text(
+        '{"10": {"x": 1, "y": 1, "sensors": ["co2"]}, "9": {"x": 1, "y": 1, "sensors": ["co2"]}}'
+    )
+    bridge = start_bridge(tag_file=tag_file)
+    bridge.connect()
+    tag_file.unlink()
+    result = read_tag(bridge, '--all', '--json')
+    assert result.returncode == ALL_READ
+    assert [json.loads(line)['tag_id'] for line in result.stdout.splitlines()] == ['9', '10']
+
+
+def test_all_needs_a_bridge_that_names_its_tags():
+    with spinning_node('stranger') as node:
+        node.create_service(GetTagReading, '~/get_tag_reading', lambda _request, response: response)
+        result = read_tag(None, '--all', '--service', '/stranger/get_tag_reading')
+    assert result.returncode == USAGE
+    assert result.stderr == (
+        'read_tag: the node of /stranger/get_tag_reading has no parameter loaded_tag_ids,'
+        ' as a bridge before 1.1: name the tag ids instead of --all\n'
+    )
 
 
 def test_no_service_is_exit_code_3_and_a_hint():
@@ -109,7 +140,7 @@ def test_no_service_is_exit_code_3_and_a_hint():
 def hint(environment=None) -> str:
     """Return the hint of a read_tag that finds no service on a domain of its own choice."""
     result = subprocess.run(
-        [EXECUTABLES / 'read_tag', '1', '--service', '/nobody/get_tag_reading', '--timeout', '1'],
+        [READ_TAG, '1', '--service', '/nobody/get_tag_reading', '--timeout', '1'],
         capture_output=True,
         text=True,
         env={**os.environ, **(environment or {})},
@@ -166,7 +197,7 @@ class Terminal:
 
 def test_watch_updates_the_table_in_place_on_a_terminal(bridge, shipped_tags):
     service = ['--service', bridge.service_name]
-    terminal = Terminal(EXECUTABLES / 'read_tag', '6', '99', '--watch', '0.01', *service)
+    terminal = Terminal(READ_TAG, '6', '99', '--watch', '0.01', *service)
     sensors = shipped_tags['6']['sensors']
     terminal.read_until(sensors[-1], 3)
     terminal.close()
@@ -180,16 +211,14 @@ def test_watch_updates_the_table_in_place_on_a_terminal(bridge, shipped_tags):
 def test_a_watched_table_that_is_taller_than_the_terminal_is_cut(bridge):
     """Going up ends at the upper edge: what has scrolled away could not be replaced."""
     service = ['--service', bridge.service_name]
-    terminal = Terminal(EXECUTABLES / 'read_tag', '--all', '--watch', '0.01', *service)
+    terminal = Terminal(READ_TAG, '--all', '--watch', '0.01', *service)
     terminal.read_until('more lines, in a taller window', 2)
     terminal.close()
     assert '\x1b[23F\x1b[J' in terminal.text
 
 
 def test_waiting_for_the_service_is_shown_on_a_terminal_and_wiped_out():
-    terminal = Terminal(
-        EXECUTABLES / 'read_tag', '1', '--service', '/nobody/get_tag_reading', '--timeout', '2'
-    )
+    terminal = Terminal(READ_TAG, '1', '--service', '/nobody/get_tag_reading', '--timeout', '2')
     terminal.read_until('no service', 1)
     terminal.close()
     assert 'waiting for /nobody/get_tag_reading, 1 s more' in terminal.text
@@ -197,7 +226,7 @@ def test_waiting_for_the_service_is_shown_on_a_terminal_and_wiped_out():
 
 
 def test_watch_prints_plain_lines_under_one_header_into_a_pipe(bridge):
-    arguments = [EXECUTABLES / 'read_tag', '6', '--watch', '0.01', '--service', bridge.service_name]
+    arguments = [READ_TAG, '6', '--watch', '0.01', '--service', bridge.service_name]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as process:
         lines = [process.stdout.readline().split() for _ in range(4)]
         process.terminate()
@@ -206,7 +235,7 @@ def test_watch_prints_plain_lines_under_one_header_into_a_pipe(bridge):
 
 
 def test_watch_reads_again_and_again_as_json(bridge):
-    arguments = [EXECUTABLES / 'read_tag', '6', '--json', '--watch', '0.01', '--service', bridge.service_name]
+    arguments = [READ_TAG, '6', '--json', '--watch', '0.01', '--service', bridge.service_name]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as process:
         lines = [process.stdout.readline() for _ in range(3)]
         process.terminate()
@@ -218,9 +247,7 @@ def test_watch_reads_again_and_again_as_json(bridge):
 )
 def test_the_shell_completes_options_and_tag_ids(tmp_path, typed, offered):
     answer = tmp_path / 'answer'
-    command = (
-        f'exec 8>{shlex.quote(str(answer))} 9>/dev/null; exec {shlex.quote(str(EXECUTABLES / "read_tag"))}'
-    )
+    command = f'exec 8>{shlex.quote(str(answer))} 9>/dev/null; exec {shlex.quote(READ_TAG)}'
     environment = {
         '_ARGCOMPLETE': '1',
         'COMP_LINE': typed,

@@ -5,7 +5,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from conftest import EXECUTABLES, wait_until
+from lupin_greenhouse_bridge.testing import executable, wait_until
 
 POLICY = ElementTree.parse(Path(__file__).resolve().parent.parent / 'security/policy.xml').getroot()
 # Distros before Jazzy do not have it; a right that is not used does no harm.
@@ -60,7 +60,14 @@ def test_the_bridge_may_do_what_it_does_and_nothing_more(noon_bridge):
 def test_the_client_may_do_what_it_does_and_nothing_more(noon_bridge, arguments, asks_for_parameters):
     noon_bridge.connect()
     graph, node = noon_bridge.node, 'read_tag'
-    command = [EXECUTABLES / node, *arguments, '--watch', '0.05', '--service', noon_bridge.service_name]
+    command = [
+        executable('lupin_greenhouse_bridge', node),
+        *arguments,
+        '--watch',
+        '0.05',
+        '--service',
+        noon_bridge.service_name,
+    ]
     requests = {name.rpartition('/')[2] for name in allowed(node, 'services', 'request')}
     if not asks_for_parameters:
         requests.remove('get_parameters')

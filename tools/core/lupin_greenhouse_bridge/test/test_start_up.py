@@ -3,12 +3,8 @@
 import copy
 import importlib.metadata
 import json
-import os
-import subprocess
-import sys
 
 import pytest
-from conftest import is_open_source_tree
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import simulation
 from lupin_greenhouse_bridge.errors import StartUpError
@@ -46,10 +42,12 @@ def custom_tag_file(tmp_path):
     return path
 
 
-def test_a_custom_tag_file_is_served_or_meets_the_documented_error(start_bridge, custom_tag_file):
+def test_a_custom_tag_file_is_served_here_or_refused_there(
+    start_bridge, custom_tag_file, is_open_source_tree
+):
     """The one divergence of the two trees, as a user meets it."""
     bridge = start_bridge(tag_file=custom_tag_file)
-    if is_open_source_tree():
+    if is_open_source_tree:
         fatal = bridge.refusal()
         assert f"tag_file '{custom_tag_file}'" in fatal
         assert "'str' object has no attribute 'exists'" in fatal
@@ -57,6 +55,18 @@ def test_a_custom_tag_file_is_served_or_meets_the_documented_error(start_bridge,
     else:
         assert list(bridge.values('A7')) == ['light', 'temperature']
         assert bridge.call('1').error_message == "Tag '1' is not in the loaded greenhouse (1 tags known)."
+
+
+@pytest.mark.parametrize(
+    'path_of', [lambda path: path, lambda _path: None], ids=['a Path', 'the shipped file']
+)
+def test_the_path_is_blamed_only_where_it_is_a_string(custom_tag_file, monkeypatch, path_of):
+    def fail(*_arguments):
+        raise AttributeError('something else')
+
+    monkeypatch.setattr(GreenhouseSimulator, '__init__', fail)
+    with pytest.raises(StartUpError, match=r'cannot load .*: AttributeError: something else'):
+        simulation.load(Settings(), path_of(custom_tag_file), None)
 
 
 def test_a_custom_config_is_served(start_bridge, shipped_config, warm_tag_id, tmp_path):
@@ -73,17 +83,17 @@ def test_a_custom_config_is_served(start_bridge, shipped_config, warm_tag_id, tm
         ('debug_time_of_day', '24.0', 'give hours in [0, 24)'),
         ('debug_time_of_day', '-0.5', 'give hours in [0, 24)'),
         ('debug_time_of_day', '.nan', 'give hours in [0, 24)'),
-        ('debug_time_of_day', 'noon', "is 'noon', not a number"),
-        ('debug_time_of_day', 'true', 'is True, not a number'),
+        ('debug_time_of_day', 'noon', "is 'noon': must be a number"),
+        ('debug_time_of_day', 'true', 'is True: must be a number'),
         ('speedup_factor', '-1.0', 'finite and above 0'),
         ('speedup_factor', '.inf', 'finite and above 0'),
         ('speedup_factor', '.nan', 'finite and above 0'),
         ('speedup_factor', '1.0e+304', 'finite and above 0'),
         ('debug_seed', '-2', 'a whole number from 0 up'),
-        ('debug_seed', '1.5', 'is 1.5, not a whole number'),
-        ('debug_seed', '[1, 2]', 'not a whole number'),
-        ('tag_file', '7', 'is 7, not text'),
-        ('sim_config_file', '1.0', 'is 1.0, not text'),
+        ('debug_seed', '1.5', 'is 1.5: must be a whole number'),
+        ('debug_seed', '[1, 2]', ': must be a whole number'),
+        ('tag_file', '7', 'is 7: must be text'),
+        ('sim_config_file', '1.0', 'is 1.0: must be text'),
         ('sim_config_file', '/no/such/file.yaml', "'/no/such/file.yaml': cannot be read (No such file"),
         ('tag_file', '/no/such/file.json', "'/no/such/file.json': cannot be read (No such file"),
         ('tag_file', '/', "'/': is a folder"),
@@ -104,24 +114,16 @@ def test_a_mistyped_parameter_is_named_and_changes_nothing(start_bridge):
     assert 'parameter debug_sed is unknown, and ignored' in warning
 
 
-def install_simulator(version, folder):
-    """Install a release of the simulator from PyPI into a folder, without the needs of its GUI."""
-    pip = [sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--target', str(folder)]
-    subprocess.run([*pip, f'mdp-greenhouse=={version}'], check=True, capture_output=True, timeout=120)
-    return {'PYTHONPATH': os.pathsep.join([str(folder), os.environ.get('PYTHONPATH', '')])}
-
-
-@pytest.mark.parametrize('version', ['1.0.5', '1.0.6'])
-def test_a_simulator_before_1_0_7_is_refused(start_bridge, tmp_path, version):
-    fatal = start_bridge(environment=install_simulator(version, tmp_path)).refusal()
-    assert f'mdp-greenhouse {version} is installed' in fatal
-    assert "pip install --upgrade 'mdp-greenhouse>=1.0.7'" in fatal
-
-
-@pytest.mark.parametrize(('version', 'tag_count'), [('1.0.7', 22), ('1.0.8', 29)])
-def test_a_simulator_from_1_0_7_on_is_served(start_bridge, tmp_path, version, tag_count):
-    bridge = start_bridge(environment=install_simulator(version, tmp_path))
-    assert f'ready: {tag_count} tags' in bridge.wait_for_log(f'mdp-greenhouse {version}')
+@pytest.mark.parametrize('version', ['1.0.6', '1.0.7rc1', 'not a version'])
+def test_a_simulator_before_1_0_7_is_refused(monkeypatch, version):
+    monkeypatch.setattr(importlib.metadata, 'version', lambda _name: version)
+    message = (
+        f'mdp-greenhouse {version} is installed, 1.0.7 or newer is needed:'
+        " pip install --upgrade 'mdp-greenhouse>=1.0.7'"
+    )
+    with pytest.raises(StartUpError) as refusal:
+        simulation.require_simulator()
+    assert str(refusal.value) == message
 
 
 def test_no_simulator_at_all_is_refused(monkeypatch):
@@ -131,3 +133,12 @@ def test_no_simulator_at_all_is_refused(monkeypatch):
     monkeypatch.setattr(importlib.metadata, 'version', nothing_installed)
     with pytest.raises(StartUpError, match='is not installed: pip install --upgrade'):
         simulation.require_simulator()
+
+
+def test_a_tag_that_cannot_be_read_is_refused_before_anyone_asks(monkeypatch):
+    def fail(*_arguments):
+        raise RuntimeError('the sensor is on fire')
+
+    monkeypatch.setattr(GreenhouseSimulator, 'get_sensor_data', fail)
+    with pytest.raises(StartUpError, match=r"tag '\d+' is loaded but cannot be read: .* is on fire"):
+        simulation.load(Settings(), None, None)

@@ -1,0 +1,181 @@
+"""
+The life of a node, from the first signal to the exit code: parameters, spinning, refusal, a clean end.
+
+Imports only the standard library, so that an executable can take its signals before it imports rclpy, and
+a launch file can read a node's parameters without ROS.
+"""
+
+import contextlib
+import gc
+import importlib
+import signal
+import time
+from dataclasses import field, fields
+
+from .errors import OneLineError, StartUpError, printable
+
+LONGEST_WAIT_SECONDS = 0.5  # rclpy waits in C, where a signal is only noticed afterwards
+# ROS's default depth is 10. Requests and replies beyond that are dropped without a word: every service
+# hears the requests of all clients, and every client the replies to all.
+SERVICE_DEPTH = 1000
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+_is_asked_to_end = False
+
+
+def take_signals() -> None:
+    """
+    Note Ctrl-C and SIGTERM from now on, and let them interrupt nothing.
+
+    rclpy's own handlers shut the context down under the code that uses it, and Python's raise
+    KeyboardInterrupt anywhere: each of them can turn a signal into a traceback.
+    """
+
+    def note(_number, _frame):
+        global _is_asked_to_end  # noqa: PLW0603 - a signal belongs to the process
+        _is_asked_to_end = True
+
+    for number in SIGNALS:
+        signal.signal(number, note)
+
+
+def is_asked_to_end() -> bool:
+    """Return True once Ctrl-C or SIGTERM has come."""
+    return _is_asked_to_end
+
+
+def sleep(seconds: float) -> None:
+    """Sleep that long, or until the process is asked to end."""
+    end = time.monotonic() + seconds
+    while not _is_asked_to_end and (left := end - time.monotonic()) > 0.0:
+        time.sleep(min(left, LONGEST_WAIT_SECONDS))
+
+
+def start(module: str) -> int:
+    """Take the signals, then import the module and run its main(); return the exit code."""
+    take_signals()
+    return importlib.import_module(module).main()
+
+
+def parameter(default, description: str, *, smallest=None, largest=None):
+    """Return a dataclass field for one parameter; a number may have limits, both inclusive."""
+    return field(default=default, metadata={'description': description, 'limits': (smallest, largest)})
+
+
+_KINDS = {
+    str: (str, 'text (put quotes around a number)'),
+    bool: (bool, 'true or false'),
+    float: ((int, float), 'a number'),
+    int: (int, 'a whole number'),
+}
+
+
+def check_parameters(settings, *, of_any_type: tuple[str, ...] = ()) -> None:
+    """Raise StartUpError for the first parameter that has a wrong type or is out of its limits."""
+    for each in fields(settings):
+        if each.name in of_any_type:
+            continue
+        value, (kind, wanted) = getattr(settings, each.name), _KINDS[each.type]
+        smallest, largest = each.metadata['limits']
+        if smallest is not None:
+            wanted += f' from {smallest:g} to {largest:g}'
+        is_right = isinstance(value, kind) and isinstance(value, bool) == (kind is bool)
+        if not is_right or not (smallest is None or smallest <= value <= largest):  # NaN is in no range
+            raise StartUpError(f'parameter {each.name} is {_shown(value)}: must be {wanted}')
+
+
+def _shown(value) -> str:
+    return printable(repr(value), 100)
+
+
+def declare_parameters(node, settings_type):
+    """
+    Declare every field of a settings dataclass as a read-only parameter; return the settings.
+
+    A parameter that the node does not have gets a warning: ROS ignores it silently.
+    """
+    from rcl_interfaces.msg import ParameterDescriptor
+
+    values = {}
+    for each in fields(settings_type):
+        # The dataclass checks the types. ROS would refuse 3600 for a double.
+        descriptor = ParameterDescriptor(
+            description=each.metadata['description'], read_only=True, dynamic_typing=True
+        )
+        values[each.name] = node.declare_parameter(each.name, each.default, descriptor).value
+    for name in getattr(node, '_parameter_overrides', ()):  # private to rclpy: it may disappear
+        if not node.has_parameter(name):
+            node.get_logger().warning(f'parameter {printable(name, 64)} is unknown, and ignored')
+    return settings_type(**values)
+
+
+def launch_arguments(settings_type) -> list[tuple[str, str, type, str]]:
+    """Return (name, default, type, description) of each parameter, the default as launch writes it."""
+    arguments = []
+    for each in fields(settings_type):
+        default = str(each.default).lower() if each.type is bool else str(each.default)
+        arguments.append((each.name, default, each.type, each.metadata['description']))
+    return arguments
+
+
+@contextlib.contextmanager
+def ros(args=None):
+    """
+    Start ROS and yield an executor; close the executor, its nodes and ROS at the end, in that order.
+
+    Raises StartUpError for ROS arguments that cannot be parsed.
+    """
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.signals import SignalHandlerOptions
+
+    take_signals()
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except (RuntimeError, UnicodeEncodeError) as error:  # the latter: bytes that are not UTF-8
+        raise StartUpError(f'the ROS arguments cannot be parsed: {error}') from error
+    try:
+        executor = SingleThreadedExecutor()
+        try:
+            yield executor
+        finally:
+            nodes = executor.get_nodes()
+            executor.shutdown()
+            for node in nodes:
+                node.destroy_node()
+            gc.collect()  # a node whose constructor raised is garbage by now, and must go before ROS does
+    finally:
+        rclpy.get_default_context().try_shutdown()
+        for number in SIGNALS:  # Python undoes a handler of its own before DDS has ended
+            signal.signal(number, signal.SIG_IGN)
+
+
+def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refused: int = 1) -> int:
+    """
+    Run one node until it is done, or until Ctrl-C or SIGTERM; return the exit code.
+
+    `is_done(node)` is asked after every callback; `conclude(node)` gives the exit code, 0 without it.
+    A OneLineError becomes one FATAL line of the logger `name`, and the exit code `refused`.
+    """
+    from rclpy.exceptions import NameValidationException, ParameterException
+    from rclpy.logging import get_logger
+
+    def refuse(error: OneLineError) -> int:
+        get_logger(name).fatal(str(error))
+        return refused
+
+    try:
+        with ros(args) as executor:
+            try:
+                node = create_node()
+                executor.add_node(node)
+                while not (is_asked_to_end() or (is_done and is_done(node))):
+                    executor.spin_once(timeout_sec=LONGEST_WAIT_SECONDS)
+                return conclude(node) if conclude else 0
+            except OneLineError as error:  # here and not outside: it keeps a node alive that has to go first
+                return refuse(error)
+            except (NameValidationException, ParameterException) as error:
+                return refuse(StartUpError(f'the ROS arguments do not fit the node: {error}'))
+    except StartUpError as error:
+        return refuse(error)

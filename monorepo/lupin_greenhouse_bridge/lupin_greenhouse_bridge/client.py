@@ -1,0 +1,93 @@
+"""A client for scripts and tests: connects, asks one question at a time, and gives up in time."""
+
+import time
+
+from lupin_msgs.srv import GetTagReading
+from rcl_interfaces.srv import GetParameters
+from rclpy.exceptions import InvalidServiceNameException
+from rclpy.qos import QoSProfile
+
+from .errors import OneLineError
+from .life_cycle import LONGEST_WAIT_SECONDS, SERVICE_DEPTH, is_asked_to_end
+
+SERVICE_QOS = QoSProfile(depth=SERVICE_DEPTH)
+DEFAULT_SERVICE = '/greenhouse_bridge/get_tag_reading'
+TAG_IDS_PARAMETER = 'loaded_tag_ids'
+STATUS_NAMES = {
+    getattr(GetTagReading.Response, f'STATUS_{name}'): name
+    for name in ('OK', 'UNKNOWN_TAG', 'SIMULATOR_ERROR')
+}
+
+
+class NoAnswer(OneLineError):
+    """No service of that name and type, or no reply in time."""
+
+
+class UsageError(OneLineError):
+    """The command line asks for something impossible."""
+
+
+class Interrupted(Exception):
+    """Ctrl-C or SIGTERM came before the answer."""
+
+
+class Client:
+    """Calls services one at a time, each with a timeout."""
+
+    def __init__(self, executor, node, timeout_seconds: float):
+        """`executor` is spun by this client alone, and holds `node`."""
+        self._executor = executor
+        self._node = node
+        self._timeout_seconds = timeout_seconds
+
+    def connect(self, service_type, service_name: str, show=lambda _text: None):
+        """
+        Return a client of a service that is there.
+
+        `show` gets a line of progress now and then. Raises NoAnswer, UsageError and Interrupted.
+        """
+        try:
+            client = self._node.create_client(service_type, service_name, qos_profile=SERVICE_QOS)
+        except InvalidServiceNameException as error:
+            raise UsageError(f'{service_name!r} is not a service name: {error}') from error
+        deadline = time.monotonic() + self._timeout_seconds
+        while not client.service_is_ready():
+            left_seconds = _left_until(deadline)
+            if left_seconds <= 0.0:
+                raise NoAnswer(f'no service {client.srv_name} within {self._timeout_seconds:g} s')
+            show(f'waiting for {client.srv_name}, {left_seconds:.0f} s more')
+            self._executor.spin_once(timeout_sec=min(left_seconds, 0.02))
+        return client
+
+    def call(self, client, request):
+        """Return the response to one request; raises NoAnswer and Interrupted."""
+        future = client.call_async(request)
+        deadline = time.monotonic() + self._timeout_seconds
+        while not future.done():
+            left_seconds = _left_until(deadline)
+            if left_seconds <= 0.0:
+                client.remove_pending_request(future)
+                raise NoAnswer(f'{client.srv_name} did not answer within {self._timeout_seconds:g} s')
+            self._executor.spin_once(timeout_sec=min(left_seconds, LONGEST_WAIT_SECONDS))
+        return future.result()
+
+
+def _left_until(deadline: float) -> float:
+    if is_asked_to_end():
+        raise Interrupted
+    return deadline - time.monotonic()
+
+
+def parameter_service_of(service_name: str) -> str:
+    """Return the parameter service of the node that offers `~/get_tag_reading` under this name."""
+    return f'{service_name.rpartition("/")[0]}/get_parameters'
+
+
+def tag_ids_request() -> GetParameters.Request:
+    """Return the request for the tags that a bridge has loaded."""
+    return GetParameters.Request(names=[TAG_IDS_PARAMETER])
+
+
+def tag_ids_of(response: GetParameters.Response) -> list[str]:
+    """Return the tag ids, in the order of the bridge's tag file; none for a node that is no bridge."""
+    return list(response.values[0].string_array_value) if response.values else []

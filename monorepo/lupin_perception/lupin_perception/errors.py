@@ -1,0 +1,20 @@
+"""Errors for the person who reads the log: one line each."""
+
+import re
+
+
+class OneLineError(Exception):
+    """An error whose text is one printable line: what is wrong, where, and how to fix it."""
+
+    def __init__(self, message: str):
+        super().__init__(printable(re.sub(r'\s*[\r\n]\s*', ' ', message), 1000))
+
+
+class StartUpError(OneLineError):
+    """A node cannot do what its parameters ask for."""
+
+
+def printable(text: str, longest: int) -> str:
+    """Return text cut to `longest` characters, with control characters (new lines too) escaped."""
+    shown = ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in text[:longest])
+    return shown if len(text) <= longest else f'{shown}...'

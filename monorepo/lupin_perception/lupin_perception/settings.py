@@ -1,0 +1,13 @@
+"""The parameters of confirm_tag: where images come from, and what it takes to confirm a tag. No ROS here."""
+
+from dataclasses import dataclass
+
+from lupin_perception.confirmation import Criteria
+from lupin_perception.life_cycle import parameter
+
+
+@dataclass(frozen=True)
+class Settings(Criteria):
+    """The parameter values of one run, checked; raises StartUpError on one out of its limits."""
+
+    image_topic: str = parameter('/camera/image_raw', "The camera's sensor_msgs/Image topic.")

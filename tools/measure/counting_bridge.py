@@ -1,0 +1,32 @@
+"""The bridge with a counter in it, for soak.py and network.py; prints at its end what it counted."""
+
+import sys
+
+from lupin_greenhouse_bridge import bridge_node, simulation
+
+
+def main() -> int:
+    """Serve as the bridge does; return its exit code."""
+    handled = 0
+    load = simulation.load
+
+    def load_and_count(*arguments, **keywords):
+        greenhouse = load(*arguments, **keywords)  # its reads at start-up do not count
+        get_sensor_data = greenhouse.sim.get_sensor_data
+
+        def count(tag_id):
+            nonlocal handled
+            handled += 1
+            return get_sensor_data(tag_id)
+
+        greenhouse.sim.get_sensor_data = count
+        return greenhouse
+
+    simulation.load = load_and_count
+    exit_code = bridge_node.main()
+    print(f'requests handled: {handled}', flush=True)
+    return exit_code
+
+
+if __name__ == '__main__':
+    sys.exit(main())
