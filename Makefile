@@ -23,19 +23,13 @@ IN_ENV := source ci/ros_env.bash &&
 
 figure tags recall: override TREE := monorepo
 
-.PHONY: help env build run smoke read mission test docs-check lint generate generate-check drift matrix soak bench test-network figure tags recall test-opencv mirror-publish-check mirror-import clean
+.PHONY: help run smoke read mission tags env build generate generate-check drift test lint docs-check figure clean bench soak test-network recall test-heavy matrix test-opencv mirror-publish-check mirror-import
 
 help:  ## list the targets
-	@sed -nE 's/^([a-z-]+):.*## (.*)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
-	@echo 'TREE=monorepo|lupin_greenhouse_ros, DISTRO=kilted|jazzy (without a sourced ROS), PYTHON, VENV'
+	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
+	@echo; echo 'TREE=monorepo|lupin_greenhouse_ros, DISTRO=kilted|jazzy (without a sourced ROS), PYTHON, VENV'
 
-env:  ## make the Python environment (.venv) that all the others use
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null \
-	    || { echo 'environment: $(PYTHON) is not Python 3.10 or newer: sudo apt install python3, or make PYTHON=python3.12' >&2; exit 1; }
-	@$(PYTHON) ci/environment.py --venv '$(VENV)' --distro $(DISTRO)
-
-build: env  ## colcon build of TREE
-	@ci/build
+# use
 
 run: build  ## serve in the foreground: make run ARGS="debug_seed:=42 debug_time_of_day:=12.0"
 	@$(IN_ENV) ci/serve $(ARGS)
@@ -50,53 +44,70 @@ read: env  ## ask a running bridge: make read TAG=7, TAG="1 5", TAG=--all
 mission: build  ## visit and read every tag, with report and picture: CAMERA=1 has a camera confirm each
 	@$(IN_ENV) python ci/mission.py $(if $(CAMERA),--camera) $(ARGS)
 
-test: env  ## all that CI checks
-	@$(IN_ENV) ci/test
+tags: build  ## a PDF of the tags to print, SIDE millimetres each: make tags SIDE=100
+	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(SIDE) $(ARGS)
 
-docs-check: build  ## links, anchors and shell blocks of the documents
-	@$(IN_ENV) python ci/docs_check.py
+# change
+
+env:  ## make the Python environment (.venv) that all the others use
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null \
+	    || { echo 'environment: $(PYTHON) is not Python 3.10 or newer: sudo apt install python3, or make PYTHON=python3.12' >&2; exit 1; }
+	@$(PYTHON) ci/environment.py --venv '$(VENV)' --distro $(DISTRO)
+
+build: env  ## colcon build of TREE
+	@ci/build
+
+generate: env  ## write both trees from tools/core (ARGS=--prune: remove what a rename left)
+	@$(IN_ENV) python tools/generate.py $(ARGS)
+
+generate-check: env  ## check that both trees are what tools/core generates
+	@$(IN_ENV) python tools/generate.py --check
+
+drift:  ## check that the two trees differ in the one allowed line only
+	@$(PYTHON) tools/check_drift.py --monorepo monorepo --mirror lupin_greenhouse_ros
+
+test: env  ## all that CI checks of every change
+	@$(IN_ENV) ci/test
 
 lint: env  ## ruff: rules and format; the workflows against their schema
 	@$(IN_ENV) ci/lint
 
-generate: env  ## write both trees from tools/core
-	@$(IN_ENV) python tools/generate.py $(ARGS)
-
-generate-check: env  ## are both trees what tools/core generates?
-	@$(IN_ENV) python tools/generate.py --check
-
-drift:  ## do the two trees differ in the one allowed line only?
-	@$(PYTHON) tools/check_drift.py --monorepo monorepo --mirror lupin_greenhouse_ros
-
-matrix:  ## the contract tests on every Python, distro and simulator to be had here
-	@ci/matrix
-
-soak: build  ## faults and load on this machine, with figures (SHORT=1: about a minute)
-	@$(IN_ENV) python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
-
-bench: build  ## the bridge against a bare rclpy node: one table and .bench/bench.json (SHORT=1: a look)
-	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)
-
-test-network: build  ## two hosts as network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
-	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short)
+docs-check: build  ## links, anchors and shell blocks of the documents
+	@$(IN_ENV) python ci/docs_check.py
 
 figure: build  ## draw the greenhouse into the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
 
-tags: build  ## a PDF of the tags to print, SIDE millimetres each: make tags SIDE=100
-	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(SIDE) $(ARGS)
+clean:  ## remove what was built (the environment stays: it is .venv)
+	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .mission .bench .tags
+
+# measure
+
+bench: build  ## the bridge against a bare rclpy node: one table and .bench/bench.json (SHORT=1: a look)
+	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)
+
+soak: build  ## faults and load on this machine, with figures (SHORT=1, REFUSALS=12000, SIGNALS=500)
+	@$(IN_ENV) python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
+
+test-network: build  ## two hosts as network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
+	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short)
 
 recall: build  ## how often the camera's detector finds a tag: by distance, angle, blur and noise
 	@$(IN_ENV) python tools/measure/recall.py
 
+test-heavy: env  ## the measurements in their short forms, as CI runs them after make test
+	@$(IN_ENV) ci/test_heavy
+
+matrix:  ## the contract tests on every Python, distro and simulator to be had here
+	@ci/matrix
+
 test-opencv: env  ## the detector's tests with Ubuntu 22.04's OpenCV 4.5.4 (needs a Python 3.10)
 	@ci/test_opencv
+
+# publish
 
 mirror-publish-check: env  ## split the mirror out of the last commit, clone it, follow its README
 	@source ci/ros_env.bash without-overlay && python tools/mirror_publish_check.py
 
 mirror-import: env  ## take a patch of the mirror into the core and both trees: PATCH=N.patch
 	@$(IN_ENV) tools/mirror_import '$(PATCH)'
-
-clean:  ## remove what was built (the environment stays: it is .venv)
-	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .mission .bench .tags

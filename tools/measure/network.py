@@ -226,6 +226,9 @@ def without_multicast(scale: int) -> Iterator[tuple[str, bool]]:
             server.wait()
 
 
+SCENARIOS = [across_a_bad_cable, an_id_that_is_no_text, without_multicast]
+
+
 def main() -> int:
     """Run the phases where this machine can; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
@@ -248,8 +251,7 @@ def main() -> int:
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
         'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',  # shared memory would connect the two hosts past the cable
     }
-    scenarios = [across_a_bad_cable, an_id_that_is_no_text, without_multicast]
-    return 1 if run(scenarios, 1 if options.short else 5) else 0
+    return 1 if run(SCENARIOS, 1 if options.short else 5) else 0
 
 
 if __name__ == '__main__':

@@ -65,7 +65,7 @@ EDITS = [
     (NODE_DIFFERS, 'monorepo', NODE, 'STATUS_UNKNOWN_TAG\n', 'STATUS_OK\n'),
     (NODE_DIFFERS, 'mirror', NODE, "'~/get_tag_reading'", "'get_tag_reading'"),
     (NODE_DIFFERS, 'mirror', NODE, 'read_only=True', 'read_only=False'),
-    (NODE_DIFFERS, 'monorepo', NODE, 'import signal\n', ''),
+    (NODE_DIFFERS, 'monorepo', NODE, 'import sys\n', ''),
     (NODE_DIFFERS, 'mirror', NODE, 'def main(args=None):\n', '\ndef main(args=None):\n'),
     (NODE_DIFFERS, 'mirror', NODE, 'sys.exit(main())\n', 'sys.exit(main())\nextra = 1\n'),
     # the one line: missing, doubled, moved, turned round
@@ -95,8 +95,9 @@ EDITS = [
     (INTERFACE, 'mirror', SRV, '# What is the climate', '# What is the weather'),
     (INTERFACE, 'mirror', READING, 'builtin_interfaces/Time stamp', 'builtin_interfaces/Duration stamp'),
     # the rest of both packages
-    (PACKAGE_DIFFERS, 'mirror', LAUNCH, "('debug_seed', '-1'", "('debug_seed', '0'"),
-    (PACKAGE_DIFFERS, 'monorepo', LAUNCH, "'-1', int", "'-1', float"),
+    (PACKAGE_DIFFERS, 'mirror', LAUNCH, "name='greenhouse_bridge'", "name='bridge'"),
+    (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/{BRIDGE}/settings.py', '-1, ', '-2, '),
+    (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/{BRIDGE}/life_cycle.py', 'SERVICE_DEPTH = 1000', 'SERVICE_DEPTH = 10'),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/setup.py', 'mdp-greenhouse>=1.0.7', 'mdp-greenhouse>=1.0.6'),
     (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/setup.py', "version='1.0.0'", "version='1.0.1'"),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/setup.py', "'read_tag = ", "'readtag = "),
@@ -119,7 +120,7 @@ EDITS = [
     (INVISIBLE, 'mirror', SIMULATION, '"""The mdp', '\ufeff"""The mdp'),
     (INVISIBLE, 'monorepo', READING, 'string tag_id    ', 'string tag_id\t'),
     (INVISIBLE, 'mirror', SENSOR, 'float64 value', 'float64 v\u0430lue'),
-    (INVISIBLE, 'mirror', LAUNCH, "'tag_file'", "'t\u0430g_file'"),
+    (INVISIBLE, 'mirror', LAUNCH, "'screen'", "'scre\u0435n'"),
     (INVISIBLE, 'mirror', SIMULATION, 'tags without sensors', 'tags\u200b without sensors'),
     (INVISIBLE, 'monorepo', NODE, 'sys.exit(main())\n', 'sys.exit(main())'),
     (INVISIBLE, 'monorepo', f'{BRIDGE}/setup.cfg', 'lupin_greenhouse_bridge\n', 'lupin_greenhouse_bridge  \n'),
@@ -335,19 +336,19 @@ def test_swapped_trees_are_not_compared(trees, capsys):
 
 
 def test_a_person_reads_the_place_the_sentence_the_diff_and_what_to_do(trees, capsys):
-    trees.edit('mirror', LAUNCH, "'-1', int", "'0', int")
+    trees.edit('mirror', LAUNCH, "output='screen'", "output='log'")
     assert trees.check() == 1
     first, *rest = capsys.readouterr().out.splitlines()
     assert re.fullmatch(
         r'.*/greenhouse_bridge\.launch\.py:\d+: \[package file\] differs beyond the rename', first
     )
-    assert any(re.match(r"-.* '-1',", line) for line in rest)
-    assert any(re.match(r"\+.* '0',", line) for line in rest)
+    assert any(re.match(r"-.*output='screen'", line) for line in rest)
+    assert any(re.match(r"\+.*output='log'", line) for line in rest)
     assert any('make generate' in line for line in rest)
 
 
 def test_github_gets_one_annotation_per_finding_on_one_line(trees, capsys):
-    trees.edit('mirror', LAUNCH, "'-1', int", "'100%', int")
+    trees.edit('mirror', LAUNCH, "output='screen'", "output='100%'")
     assert trees.check('github') == 1
     (line,) = capsys.readouterr().out.splitlines()
     assert re.match(r'::error file=.*launch\.py,line=\d+,title=drift%3A package file::differs', line)

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from ament_index_python.packages import get_package_share_path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_msgs.msg import SensorReading as MirrorSensorReading
@@ -25,7 +26,6 @@ from rosidl_adapter import convert_to_idl
 from rosidl_generator_type_description import generate_type_hash
 
 ROOT = Path(__file__).resolve().parents[2]
-SHARE = Path(os.environ['LUPIN_WORKSPACE'], 'install')
 INTERFACES = ('msg/SensorReading', 'msg/TagReading', 'srv/GetTagReading')
 
 texts = st.text(st.characters(exclude_categories=['Cs'], exclude_characters='\0'), max_size=40)
@@ -129,7 +129,7 @@ def test_a_difference_would_be_seen():
 
 
 def type_description(package, interface):
-    path = SHARE / package / 'share' / package / f'{interface}.json'
+    path = get_package_share_path(package) / f'{interface}.json'
     return json.loads(path.read_text().replace('lupin_greenhouse_msgs', 'lupin_msgs'))
 
 

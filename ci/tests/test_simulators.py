@@ -1,0 +1,34 @@
+"""The bridge with releases of the simulator that a registry has, each really installed."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+pytest_plugins = ['lupin_greenhouse_bridge.testing']
+
+
+@pytest.fixture
+def simulator(tmp_path):
+    """Return a function that installs a release of the simulator, and the environment that has it."""
+
+    def install(version: str) -> dict[str, str]:
+        pip = [sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--target', str(tmp_path)]
+        subprocess.run([*pip, f'mdp-greenhouse=={version}'], check=True, capture_output=True, timeout=120)
+        return {'PYTHONPATH': os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])}
+
+    return install
+
+
+@pytest.mark.parametrize('version', ['1.0.5', '1.0.6'])
+def test_a_simulator_before_1_0_7_is_refused(start_bridge, simulator, version):
+    fatal = start_bridge(environment=simulator(version)).refusal()
+    assert f'mdp-greenhouse {version} is installed' in fatal
+    assert "pip install --upgrade 'mdp-greenhouse>=1.0.7'" in fatal
+
+
+@pytest.mark.parametrize(('version', 'tag_count'), [('1.0.7', 22), ('1.0.8', 29)])
+def test_a_simulator_from_1_0_7_on_is_served(start_bridge, simulator, version, tag_count):
+    bridge = start_bridge(environment=simulator(version))
+    assert f'ready: {tag_count} tags' in bridge.wait_for_log(f'mdp-greenhouse {version}')
