@@ -6,6 +6,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+
+def pytest_configure(config):
+    """Name the marker of what `ci/test` leaves to `ci/test_heavy`."""
+    config.addinivalue_line('markers', 'heavy: takes a minute or more')
+
+
 ENVIRONMENTS = {
     'monorepo': Path(os.environ['VIRTUAL_ENV']),
     'lupin_greenhouse_ros': Path(os.environ.get('MIRROR_VENV') or os.environ['VIRTUAL_ENV']),

@@ -164,6 +164,7 @@ def test_the_pins_are_whole_and_name_no_registry():
         assert not any('://' in line for line in lines)
 
 
+@pytest.mark.heavy
 def test_a_sourced_ros_is_found_used_and_only_completed(tmp_path):
     """A second prefix, announced as a sourced setup.bash does it, takes the place of the wheels."""
     prefix = Path(sys.prefix)

@@ -216,8 +216,8 @@ def add_a_substitution_in_no_file(checkout):
 
 
 def list_a_copy_of_a_file_that_is_gone(checkout):
-    path = checkout / 'tools/twins.toml'
-    path.write_text(path.read_text() + '\n[trees.monorepo.copies]\n"gone.py" = ["lupin_mission/gone.py"]\n')
+    table = '[trees.monorepo.copies]\n'
+    replace(checkout / 'tools/twins.toml', table, f'{table}"gone.py" = ["lupin_mission/gone.py"]\n')
 
 
 def break_the_table(checkout):

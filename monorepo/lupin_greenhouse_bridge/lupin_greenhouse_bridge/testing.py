@@ -74,6 +74,16 @@ def call(client, request):
     return future.result()
 
 
+def greet(client, request) -> None:
+    """Call a service until it answers: DDS drops the reply to a client that the service has not found yet."""
+    answered = threading.Event()
+    deadline = time.monotonic() + PATIENCE_SECONDS
+    while not answered.is_set():
+        assert time.monotonic() < deadline, f'{client.srv_name} did not answer'
+        client.call_async(request).add_done_callback(lambda _future: answered.set())
+        answered.wait(1.0)
+
+
 def wait_until(is_so) -> None:
     """Look again until is_so() is true; fail after a while. For the graph, which notifies nobody."""
     pause = threading.Event()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.client import SERVICE_QOS
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, Bridge, call, closing_all
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, Bridge, call, closing_all, greet
 from lupin_msgs.msg import TagReading
 from lupin_msgs.srv import GetTagReading
 
@@ -133,7 +133,7 @@ def test_sixteen_clients_at_once_lose_nothing_and_get_their_own_answers(noon_bri
     ]
     for client in clients:  # each has found the bridge, and the bridge has found each
         assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
-        assert call(client, GetTagReading.Request(tag_id='1')).status == OK
+        greet(client, GetTagReading.Request(tag_id='1'))
     with ThreadPoolExecutor(len(clients)) as pool:
         for shift in range(20):
             asked = [tag_ids[(number + shift) % len(tag_ids)] for number in range(len(clients))]
