@@ -211,7 +211,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--tag-file', default='', metavar='FILE')
     parser.add_argument('--sim-config-file', default='', metavar='FILE')
     parser.add_argument('--sensor', default='temperature', help='whose field lies under the tags')
-    parser.add_argument('--hour', type=float, default=12.0, help='of that field, [0, 24)')
+    parser.add_argument('--hour', type=float, default=12.0, help='of that field, 0 to 24')
     parser.add_argument('--tag', default='', help='of the day; default: 5, or the tag with most sensors')
     options = parser.parse_args(arguments)
     matplotlib.use('Agg')
@@ -223,8 +223,8 @@ def main(arguments: list[str] | None = None) -> int:
             raise StartUpError(f'--sensor {options.sensor}: there is {", ".join(greenhouse.sensors)}')
         if options.tag not in tags:
             raise StartUpError(f'--tag {options.tag}: no such tag, or one without sensors')
-        if not 0.0 <= options.hour < 24.0:
-            raise StartUpError(f'--hour {options.hour:g}: give hours in [0, 24)')
+        if not 0.0 <= options.hour <= 24.0:
+            raise StartUpError(f'--hour {options.hour:g}: must be between 0 and 24 hours')
         if not options.output.is_dir():
             raise StartUpError(f'--output {options.output}: give a folder that is there')
     except OneLineError as error:

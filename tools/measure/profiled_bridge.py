@@ -32,7 +32,7 @@ def timed(owner, name: str) -> list[float]:
 
 def main() -> int:
     """Serve as the bridge does; return its exit code."""
-    handler = timed(bridge_node.GreenhouseBridge, '_handle_get_tag_reading')
+    handler = timed(bridge_node.GreenhouseBridgeNode, '_handle_get_tag_reading')
     read = timed(simulation, 'read')
     simulator = timed(GreenhouseSimulator, 'get_sensor_data')
     exit_code = bridge_node.main()

@@ -20,7 +20,7 @@ class Settings:
     tag_file: str = parameter('', 'Path of a tag_locations.json; empty: the shipped one.')
     sim_config_file: str = parameter('', 'Path of a greenhouse_config.yaml; empty: the shipped one.')
     debug_time_of_day: float = parameter(
-        -1.0, 'Hours in [0, 24) to freeze the simulated time at; -1.0: as the config says.'
+        -1.0, 'Hours in [0, 24] to freeze the simulated time at, 24 is midnight; -1.0: as the config says.'
     )
     speedup_factor: float = parameter(
         0.0, 'Simulated seconds per real second, above 0; 0.0: as the config says.'
@@ -35,9 +35,9 @@ class Settings:
             raise StartUpError(
                 'parameter tag_file or sim_config_file holds a NUL character: give the path of a file'
             )
-        if not (self.debug_time_of_day == -1.0 or 0.0 <= self.debug_time_of_day < 24.0):
+        if not (self.debug_time_of_day == -1.0 or 0.0 <= self.debug_time_of_day <= 24.0):
             raise StartUpError(
-                f'parameter debug_time_of_day is {self.debug_time_of_day}: give hours in [0, 24),'
+                f'parameter debug_time_of_day is {self.debug_time_of_day}: must be between 0 and 24 hours,'
                 ' or -1.0 for the time of the config'
             )
         if not 0.0 <= self.speedup_factor * SECONDS_PER_DAY < math.inf:

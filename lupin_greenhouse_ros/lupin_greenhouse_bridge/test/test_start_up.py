@@ -80,9 +80,9 @@ def test_a_custom_config_is_served(start_bridge, shipped_config, warm_tag_id, tm
 @pytest.mark.parametrize(
     ('parameter', 'value', 'fragment'),
     [
-        ('debug_time_of_day', '24.0', 'give hours in [0, 24)'),
-        ('debug_time_of_day', '-0.5', 'give hours in [0, 24)'),
-        ('debug_time_of_day', '.nan', 'give hours in [0, 24)'),
+        ('debug_time_of_day', '24.000001', 'is 24.000001: must be between 0 and 24 hours'),
+        ('debug_time_of_day', '-0.5', 'is -0.5: must be between 0 and 24 hours'),
+        ('debug_time_of_day', '.nan', 'is nan: must be between 0 and 24 hours'),
         ('debug_time_of_day', 'noon', "is 'noon': must be a number"),
         ('debug_time_of_day', 'true', 'is True: must be a number'),
         ('speedup_factor', '-1.0', 'finite and above 0'),
@@ -133,6 +133,13 @@ def test_no_simulator_at_all_is_refused(monkeypatch):
     monkeypatch.setattr(importlib.metadata, 'version', nothing_installed)
     with pytest.raises(StartUpError, match='is not installed: pip install --upgrade'):
         simulation.require_simulator()
+
+
+def test_a_tag_file_that_the_simulator_reads_otherwise_is_refused(monkeypatch):
+    """It opens the file in the encoding of the locale."""
+    monkeypatch.setattr(GreenhouseSimulator, 'tags', lambda _self: ['Ã©'])
+    with pytest.raises(StartUpError, match=r"tag_file '.*tag_locations.json': .* set PYTHONUTF8=1"):
+        simulation.load(Settings(), None, None)
 
 
 def test_a_tag_that_cannot_be_read_is_refused_before_anyone_asks(monkeypatch):

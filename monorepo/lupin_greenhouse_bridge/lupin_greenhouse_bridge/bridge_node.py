@@ -9,6 +9,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.utilities import get_rmw_implementation_identifier
 
 from lupin_greenhouse_bridge import life_cycle, simulation
 from lupin_greenhouse_bridge.errors import printable
@@ -23,7 +24,7 @@ def _config_path(value: str) -> Path | str | None:
     return Path(value) if value else None
 
 
-class GreenhouseBridge(Node):
+class GreenhouseBridgeNode(Node):
     """Serves `~/get_tag_reading` from one simulator, and nothing else."""
 
     def __init__(self):
@@ -51,7 +52,8 @@ class GreenhouseBridge(Node):
             qos_profile=QoSProfile(depth=life_cycle.SERVICE_DEPTH),
             callback_group=self._cb_group,
         )
-        self.get_logger().info(f'ready: {greenhouse.summary}')
+        rmw = get_rmw_implementation_identifier()
+        self.get_logger().info(f'ready: {greenhouse.summary}; {rmw}')
 
     def _handle_get_tag_reading(self, request, response):
         tag_id = request.tag_id
@@ -82,7 +84,7 @@ class GreenhouseBridge(Node):
 
 def main(args=None):
     """Serve until Ctrl-C or SIGTERM (exit 0); what cannot be served is one FATAL line (exit 1)."""
-    return life_cycle.run(NODE_NAME, GreenhouseBridge, args)
+    return life_cycle.run(NODE_NAME, GreenhouseBridgeNode, args)
 
 
 if __name__ == '__main__':

@@ -1,8 +1,10 @@
 """What the three debugging parameters do to the clock and to the noise."""
 
+import copy
 import random
 
 import pytest
+import yaml
 from greenhouse_sim.simulator import GreenhouseSimulator
 
 NOISY_TAGS = ('21', '1', '5', '21', '12', '1')
@@ -57,6 +59,20 @@ def test_a_restart_does_not_set_the_greenhouse_back(sim_times):
 def test_a_frozen_clock_stays_frozen(sim_times):
     wall_times = ['01:00:00', '13:30:59', '23:59:59']
     assert sim_times(wall_times, debug_time_of_day=7.25) == [7.25 * 3600] * 3
+
+
+@pytest.mark.parametrize(('hours', 'seconds'), [(0, 0.0), (0.0, 0.0), (23.999, 86396.4), (24, 0.0)])
+def test_both_ends_of_the_day_are_midnight(start_bridge, hours, seconds):
+    reading = start_bridge(debug_time_of_day=hours).call('1').reading
+    assert reading.sim_time_of_day_seconds == pytest.approx(seconds)
+
+
+def test_a_config_may_say_24_hours_too(start_bridge, shipped_config, tmp_path):
+    config = copy.deepcopy(shipped_config)
+    config['time'].update(debug_mode=True, debug_time_of_day=24)
+    path = tmp_path / 'config.yaml'
+    path.write_text(yaml.safe_dump(config))
+    assert start_bridge(sim_config_file=path).call('1').reading.sim_time_of_day_seconds == 0.0
 
 
 def test_a_whole_number_is_taken_for_a_time_of_day(start_bridge):

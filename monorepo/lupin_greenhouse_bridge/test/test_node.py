@@ -15,6 +15,7 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
+from rclpy.utilities import get_rmw_implementation_identifier
 
 
 def call_node_service(bridge, service_type, name, request):
@@ -83,6 +84,11 @@ def test_the_ready_line_names_tags_sensors_and_clock(start_bridge, shipped_tags)
     assert 'clock frozen at 6.5 h' in start_bridge(debug_time_of_day=6.5).wait_for_log('ready:')
 
 
+def test_the_ready_line_names_the_rmw(start_bridge):
+    """Two machines hear each other only with the same one."""
+    assert start_bridge().wait_for_log('ready:').endswith(f'; {get_rmw_implementation_identifier()}')
+
+
 def most_handlers_at_once(monkeypatch) -> int:
     """Return how many handlers were in the simulator at once, for 8 clients and 8 executor threads."""
 
@@ -110,7 +116,7 @@ def most_handlers_at_once(monkeypatch) -> int:
             patch.setattr(simulator, 'GreenhouseSimulator', Recorder)
             rclpy.init(args=['--ros-args', '-p', 'debug_time_of_day:=12.0', '-r', '__ns:=/overlap'])
             stack.callback(rclpy.shutdown)
-            node = bridge_node.GreenhouseBridge()
+            node = bridge_node.GreenhouseBridgeNode()
             stack.callback(node.destroy_node)
         executor = MultiThreadedExecutor(num_threads=8)
         executor.add_node(node)

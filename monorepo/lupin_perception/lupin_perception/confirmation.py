@@ -1,16 +1,29 @@
 """Is the expected tag in view? Decided from the last few frames. No ROS here."""
 
 import re
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from lupin_perception.errors import OneLineError, printable
 from lupin_perception.life_cycle import check_parameters, parameter
 
 TAG_COUNT = 587  # tag36h11 has the ids 0 to 586
+
+
+class UnknownTagId(OneLineError):
+    """An id that no tag36h11 has."""
+
+
+def tag_number(tag_id: str) -> int:
+    """Return the number of a tag36h11 id in decimal; raises UnknownTagId."""
+    if not re.fullmatch(r'0|[1-9][0-9]{0,2}', tag_id) or int(tag_id) >= TAG_COUNT:
+        shown = printable(tag_id, 40)
+        raise UnknownTagId(f"tag '{shown}' is not an id of tag36h11: must be 0 to {TAG_COUNT - 1} in decimal")
+    return int(tag_id)
 
 
 @dataclass(frozen=True)
@@ -59,40 +72,39 @@ class Frame(NamedTuple):
 
 
 class Confirmer:
-    """Keeps the last frames, and looks for a tag in them only when asked."""
+    """Keeps the last frames, and looks for tags in them only when asked: once in each, for all who ask."""
 
     def __init__(self, detect: Callable[[np.ndarray], list[Detection]], criteria: Criteria):
         self._detect = detect
         self._criteria = criteria
         # Twice as many as must show the tag: one may be blurred.
         self._frames: deque[Frame] = deque(maxlen=2 * criteria.min_frames)
+        self._detections: dict[int, list[Detection]] = {}  # by id() of a frame that is kept
         self.refusal = ''  # why the last image could not be used
 
     def add(self, frame: Frame) -> None:
         """Keep a frame, in the place of the oldest."""
         self._frames.append(frame)
+        kept = set(map(id, self._frames))
+        self._detections = {key: found for key, found in self._detections.items() if key in kept}
         self.refusal = ''
 
     def confirm(self, tag_id: str, stamp_now_seconds: float, arrival_now_seconds: float) -> tuple[float, str]:
         """
-        Return the confidence that the camera sees the tag, and in one line why it is below 1.
+        Return the confidence that the camera sees the tag, and in one line why it does not; '' when it does.
 
-        The confidence is min(1, frames that show the tag / frames needed).
+        The confidence is min(1, frames that show the tag / frames needed). Raises UnknownTagId.
         """
-        if not re.fullmatch(r'0|[1-9][0-9]{0,2}', tag_id) or int(tag_id) >= TAG_COUNT:
-            return 0.0, f'{tag_id[:40]!r} is no id of tag36h11: give 0 to {TAG_COUNT - 1} in decimal'
+        number = tag_number(tag_id)
         refused = f'; an image was refused: {self.refusal}' if self.refusal else ''
-        if not self._frames:
-            return 0.0, f'no usable image yet{refused}'
-        recent = [
-            frame
-            for frame in self._frames
-            if not self._fault_of_age(frame, stamp_now_seconds, arrival_now_seconds)
-        ]
+        faults = [self._fault_of_age(each, stamp_now_seconds, arrival_now_seconds) for each in self._frames]
+        recent = [frame for frame, fault in zip(self._frames, faults, strict=True) if not fault]
         if not recent:
-            fault = self._fault_of_age(self._frames[-1], stamp_now_seconds, arrival_now_seconds)
-            return 0.0, fault + refused
-        return self._look(int(tag_id), recent)
+            return 0.0, f'tag {number}: {faults[-1] if faults else "no usable image yet"}{refused}'
+        sightings, reason = self._look(number, recent)
+        if sightings >= self._criteria.min_frames:
+            return 1.0, ''
+        return sightings / self._criteria.min_frames, f'tag {number}: {reason}'
 
     def _fault_of_age(self, frame: Frame, stamp_now_seconds: float, arrival_now_seconds: float) -> str:
         longest = self._criteria.max_image_age_seconds
@@ -105,30 +117,26 @@ class Confirmer:
             return f'the last image is stamped {abs(age):.1f} s {where}: not within {longest:g} s'
         return ''
 
-    def _look(self, tag_number: int, frames: list[Frame]) -> tuple[float, str]:
+    def _look(self, number: int, frames: list[Frame]) -> tuple[int, str]:
+        """Return in how many frames the tag is, and what is in the way of more."""
         sightings = 0
         flaws: list[str] = []
-        others: Counter[int] = Counter()
+        others: set[int] = set()
         for frame in reversed(frames):
-            detections = self._detect(frame.picture)
-            expected = [each for each in detections if each.tag_number == tag_number]
-            others.update({each.tag_number for each in detections} - {tag_number})
-            found = [self._flaw_of(each) for each in expected]
+            if id(frame) not in self._detections:
+                self._detections[id(frame)] = self._detect(frame.picture)
+            detections = self._detections[id(frame)]
+            others.update({each.tag_number for each in detections} - {number})
+            found = [self._flaw_of(each) for each in detections if each.tag_number == number]
             flaws += filter(None, found)
             sightings += '' in found
-            if sightings == self._criteria.min_frames:
-                return 1.0, ''
-        if sightings:
-            needed = self._criteria.min_frames
-            reason = (
-                f'is in view, but {flaws[0]}' if flaws else f'seen in {sightings} frames of {needed} needed'
-            )
-            return sightings / needed, f'tag {tag_number} {reason}'
         if flaws:
-            return 0.0, f'tag {tag_number} is in view, but {flaws[0]}'
+            return sightings, f'in view, but {flaws[0]}'
+        if sightings:
+            return sightings, f'seen in {sightings} frames of {self._criteria.min_frames} needed'
         if others:
-            return 0.0, f'other tags in view: {", ".join(map(str, sorted(others)))}'
-        return 0.0, f'no tag in view in {len(frames)} frames'
+            return 0, f'other tags in view: {", ".join(map(str, sorted(others)))}'
+        return 0, f'no tag in view in {len(frames)} frames'
 
     def _flaw_of(self, detection: Detection) -> str:
         criteria = self._criteria

@@ -1,11 +1,10 @@
 """The real node, with images and requests over ROS."""
 
-import threading
-
 import numpy as np
 import pytest
+from geometry_msgs.msg import Pose, Quaternion
 from lupin_greenhouse_bridge.signalled import MOMENTS, SIGNALS, command
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, spinning_node, wait_until
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.life_cycle import SERVICE_DEPTH
 from lupin_perception.scene import Camera, marker
@@ -35,25 +34,28 @@ class Perception:
             image.header.stamp = self._node.get_clock().now().to_msg()
         self._images.publish(image)
 
-    def confirm(self, tag_id: str) -> tuple[bool, str]:
-        """Ask once."""
-        response = call(self._client, ConfirmTag.Request(expected_tag_id=tag_id))
+    def ask(self, tag_id: str):
+        """Ask, and return the future of the response."""
+        return self._client.call_async(ConfirmTag.Request(expected_tag_id=tag_id))
+
+    def confirm(self, tag_id: str) -> ConfirmTag.Response:
+        """Ask once, while nothing is shown."""
+        return self.confirm_while_showing(None, tag_id)
+
+    def confirm_while_showing(self, image, tag_id: str, *, is_stamped=True) -> ConfirmTag.Response:
+        """Ask once, and show an image again and again until the answer comes."""
+        future = self.ask(tag_id)
+
+        def is_answered():
+            if image is not None:
+                self.show(image, is_stamped)
+            return future.done()
+
+        wait_until(is_answered)
+        response = future.result()
         assert response.detected == (response.detection_confidence == 1.0) == (not response.error_message)
-        return response.detected, response.error_message or 'detected'
-
-    def confirm_while_showing(
-        self, image: Image, tag_id: str, until: str, *, is_stamped=True
-    ) -> tuple[bool, str]:
-        """Show an image and ask, again and again, until the message holds a fragment."""
-        answers = []
-
-        def says_so():
-            self.show(image, is_stamped)
-            answers.append(self.confirm(tag_id))
-            return until in answers[-1][1]
-
-        wait_until(says_so)
-        return answers[-1]
+        assert response.tag_pose_in_map == Pose(orientation=Quaternion(w=0.0))  # never populated
+        return response
 
 
 def image_of(picture: np.ndarray, encoding='mono8', padding=0, **fields) -> Image:
@@ -88,27 +90,58 @@ def tag_7():
 
 @pytest.mark.parametrize('is_bigendian', [0, 1])
 @pytest.mark.parametrize('encoding', COLOURS)
-def test_the_expected_tag_is_confirmed_in_every_encoding(start, tag_7, encoding, is_bigendian):
+def test_one_call_confirms_the_expected_tag_in_every_encoding(start, tag_7, encoding, is_bigendian):
     image = image_of(tag_7, encoding, padding=5, is_bigendian=is_bigendian)
-    perception = start()
-    assert perception.confirm('7') == (False, 'no usable image yet')
-    assert perception.confirm_while_showing(image, '7', 'detected')[0]
-    confirmed, message = perception.confirm('8')
-    assert not confirmed
-    assert message == 'other tags in view: 7'
+    assert start().confirm_while_showing(image, '7').detected
+
+
+def test_a_tag_that_is_not_there_is_said_after_the_timeout(start, tag_7):
+    perception = start(timeout_seconds=0.3)
+    assert perception.confirm('7').error_message == 'tag 7: no usable image yet'
+    assert (
+        perception.confirm_while_showing(image_of(tag_7), '8').error_message == 'tag 8: other tags in view: 7'
+    )
+
+
+def test_the_camera_is_watched_until_the_tag_appears(start, tag_7):
+    """The call comes first, the images of another tag next, those of the tag last."""
+    perception = start(timeout_seconds=PATIENCE_SECONDS)
+    future = perception.ask('7')
+    tag_8 = image_of(Camera().look_at(marker(8, 30), np.random.default_rng(0)))
+    other = perception.ask('8')
+    wait_until(lambda: perception.show(tag_8) or other.done())
+    assert not future.done()
+    wait_until(lambda: perception.show(image_of(tag_7)) or future.done())
+    assert (other.result().detected, future.result().detected) == (True, True)
+
+
+def test_a_caller_who_waits_keeps_nobody_else_waiting(start, tag_7):
+    perception = start(timeout_seconds=PATIENCE_SECONDS)
+    waiting = [perception.ask('9') for _ in range(16)]
+    assert perception.confirm('seven').error_message.startswith("tag 'seven' is not an id of tag36h11")
+    assert perception.confirm_while_showing(image_of(tag_7), '7').detected
+    assert not any(future.done() for future in waiting)
+
+
+def test_a_signal_ends_it_while_callers_wait(start, tag_7):
+    perception = start(timeout_seconds=PATIENCE_SECONDS)
+    waiting = [perception.ask('9') for _ in range(4)]
+    assert perception.confirm_while_showing(image_of(tag_7), '7').detected
+    assert perception.process.stop() == 0
+    assert not any('never awaited' in line for line in perception.process.log)
+    assert not any(future.done() for future in waiting)
 
 
 def test_an_old_image_and_one_of_a_wrong_clock_are_no_proof(start, tag_7):
-    perception = start(max_image_age_seconds=0.5)
-    image = image_of(tag_7)
-    assert perception.confirm_while_showing(image, '7', 'detected')[0]
-    wait_until(lambda: 'ago: older than 0.5 s' in perception.confirm('7')[1])
-    unstamped = perception.confirm_while_showing(image_of(tag_7), '7', 'is stamped', is_stamped=False)
-    assert not unstamped[0]
+    perception = start(max_image_age_seconds=0.5, timeout_seconds=0.8)
+    assert perception.confirm_while_showing(image_of(tag_7), '7').detected
+    wait_until(lambda: 'ago: older than 0.5 s' in perception.confirm('7').error_message)
+    unstamped = perception.confirm_while_showing(image_of(tag_7), '7', is_stamped=False)
+    assert 'is stamped' in unstamped.error_message
 
 
 def test_malformed_images_are_refused_once_and_the_node_lives(start, tag_7):
-    perception = start()
+    perception = start(timeout_seconds=0.1)
     faults = [
         {'encoding': '16UC1'},
         {'encoding': '\x1b[31mred\n'},
@@ -119,25 +152,15 @@ def test_malformed_images_are_refused_once_and_the_node_lives(start, tag_7):
         {'data': b''},
     ]
     malformed = [image_of(tag_7, **fields) for fields in faults]
-    for image in malformed * 3:
-        perception.confirm_while_showing(image, '7', 'no usable image yet; an image was refused: ')
-    assert perception.confirm_while_showing(image_of(tag_7), '7', 'detected')[0]
+    for image in malformed * 2:
+        message = perception.confirm_while_showing(image, '7').error_message
+        assert message.startswith('tag 7: no usable image yet; an image was refused: ')
+        assert message.isprintable()
+    assert perception.confirm_while_showing(image_of(tag_7), '7').detected
     assert perception.process.stop() == 0
     log = perception.process.log
     assert len([line for line in log if 'image refused' in line and '16UC1' in line]) == 1
-    assert not [line for line in log if 'Traceback' in line or '\x1b' in line]
-
-
-def test_requests_at_once_are_all_answered(start, tag_7):
-    perception = start()
-    assert perception.confirm_while_showing(image_of(tag_7), '7', 'detected')[0]
-    answers = []
-    threads = [threading.Thread(target=lambda: answers.append(perception.confirm('x'))) for _ in range(16)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(answers) == 16
+    assert not [line for line in log if '\x1b' in line]
 
 
 @pytest.mark.parametrize('signals', SIGNALS.values(), ids=SIGNALS)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from lupin_perception.confirmation import Confirmer, Criteria, Detection, Frame
+from lupin_perception.confirmation import Confirmer, Criteria, Detection, Frame, UnknownTagId
 from lupin_perception.errors import StartUpError
 
 GOOD = Detection(7, 80.0, 0.9)
@@ -37,19 +37,19 @@ def test_one_frame_without_the_tag_among_enough_with_it_does_no_harm():
     [
         ([], 'no usable image yet'),
         ([[], []], 'no tag in view in 2 frames'),
-        ([[GOOD]], 'tag 7 seen in 1 frames of 2 needed'),
+        ([[GOOD]], 'seen in 1 frames of 2 needed'),
         ([[Detection(9, 80.0, 0.9), Detection(8, 80.0, 0.9)]] * 2, 'other tags in view: 8, 9'),
-        ([[Detection(7, 23.0, 0.9)]] * 2, 'tag 7 is in view, but small: 23 pixels a side, 24 needed'),
-        ([[Detection(7, 80.0, 0.5)]] * 2, 'tag 7 is in view, but blurred: sharpness 0.50, 0.75 needed'),
+        ([[Detection(7, 23.0, 0.9)]] * 2, 'in view, but small: 23 pixels a side, 24 needed'),
+        ([[Detection(7, 80.0, 0.5)]] * 2, 'in view, but blurred: sharpness 0.50, 0.75 needed'),
         ([([GOOD], NOW, NOW - 2.0)] * 2, 'the last image came 2.0 s ago: older than 1 s'),
         ([([GOOD], NOW - 2.0, NOW)] * 2, 'the last image is stamped 2.0 s ago: not within 1 s'),
         ([([GOOD], NOW + 2.0, NOW)] * 2, 'the last image is stamped 2.0 s ahead: not within 1 s'),
         ([([GOOD], 0.0, NOW)] * 2, 'the last image is stamped 1000.0 s ago: not within 1 s'),
-        ([([GOOD], NOW - 2.0, NOW - 2.0), [GOOD]], 'tag 7 seen in 1 frames of 2 needed'),
+        ([([GOOD], NOW - 2.0, NOW - 2.0), [GOOD]], 'seen in 1 frames of 2 needed'),
     ],
 )
 def test_why_a_tag_is_not_confirmed(frames, message):
-    assert confirmer(*frames).confirm('7', NOW, NOW)[1] == message
+    assert confirmer(*frames).confirm('7', NOW, NOW)[1] == f'tag 7: {message}'
 
 
 @pytest.mark.parametrize(
@@ -69,35 +69,50 @@ def test_a_frame_counts_up_to_its_longest_age(frame_of):
 
 def test_the_age_that_is_told_is_that_of_the_last_frame():
     old, last = (([GOOD], NOW, NOW - age) for age in (9.0, 3.0))
-    assert confirmer(old, last).confirm('7', NOW, NOW)[1] == 'the last image came 3.0 s ago: older than 1 s'
+    assert (
+        confirmer(old, last).confirm('7', NOW, NOW)[1]
+        == 'tag 7: the last image came 3.0 s ago: older than 1 s'
+    )
 
 
 def test_the_tag_before_is_not_confirmed_for_the_next():
     """Frames of the last tag are still recent on arrival at the next one."""
     seen = confirmer([Detection(6, 80.0, 0.9)], [Detection(6, 80.0, 0.9)], [GOOD])
-    assert seen.confirm('7', NOW, NOW) == (0.5, 'tag 7 seen in 1 frames of 2 needed')
+    assert seen.confirm('7', NOW, NOW) == (0.5, 'tag 7: seen in 1 frames of 2 needed')
 
 
 @pytest.mark.parametrize(
     'tag_id', ['', '07', ' 7', '7 ', '+7', '-7', '587', '1000', '\uff17', '7\n', 'seven', 'x' * 1000]
 )
-def test_an_id_that_is_none_of_the_family_is_not_confirmed(tag_id):
-    confirmed, message = confirmer([GOOD], [GOOD]).confirm(tag_id, NOW, NOW)
-    assert not confirmed
-    assert 'is no id of tag36h11: give 0 to 586 in decimal' in message
-    assert len(message) < 120
+def test_an_id_that_is_none_of_the_family_is_refused(tag_id):
+    with pytest.raises(UnknownTagId) as refusal:
+        confirmer([GOOD], [GOOD]).confirm(tag_id, NOW, NOW)
+    assert 'is not an id of tag36h11: must be 0 to 586 in decimal' in str(refusal.value)
+    assert len(str(refusal.value)) < 140
+
+
+def test_each_frame_is_looked_into_once_and_only_when_asked():
+    looked = []
+    seen = Confirmer(lambda picture: looked.append(picture) or [GOOD], Criteria())
+    for number in range(6):
+        seen.add(Frame(np.array([[number]]), NOW, NOW))
+    assert looked == []
+    for _ in range(3):
+        assert seen.confirm('7', NOW, NOW) == (1.0, '')
+        assert seen.confirm('8', NOW, NOW) == (0.0, 'tag 8: other tags in view: 7')
+    assert len(looked) == 4
 
 
 def test_a_refused_image_is_named_until_there_is_a_usable_one():
     seen = confirmer()
     refusal = "; an image was refused: encoding '16UC1' is not one of mono8"
     seen.refusal = "encoding '16UC1' is not one of mono8"
-    assert seen.confirm('7', NOW, NOW) == (0.0, f'no usable image yet{refusal}')
+    assert seen.confirm('7', NOW, NOW) == (0.0, f'tag 7: no usable image yet{refusal}')
 
     seen = confirmer([GOOD], [GOOD])
     seen.refusal = "encoding '16UC1' is not one of mono8"
     later = NOW + 2.0
-    message = f'the last image came 2.0 s ago: older than 1 s{refusal}'
+    message = f'tag 7: the last image came 2.0 s ago: older than 1 s{refusal}'
     assert seen.confirm('7', later, later) == (0.0, message)
     seen.add(Frame(np.array([[0]]), later, later))
     later += 2.0

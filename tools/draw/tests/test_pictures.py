@@ -52,7 +52,7 @@ def test_the_figure_reads_in_black_and_white():
     [
         (['--sensor', 'ph'], 'figure: --sensor ph: there is temperature'),
         (['--tag', '99'], 'figure: --tag 99: no such tag'),
-        (['--hour', '24'], 'figure: --hour 24: give hours in [0, 24)'),
+        (['--hour', '24.5'], 'figure: --hour 24.5: must be between 0 and 24 hours'),
         (['--output', '/missing'], 'figure: --output /missing: give a folder'),
         (['--tag-file', '/missing.json'], "figure: tag_file '/missing.json'"),
     ],
