@@ -70,8 +70,8 @@ def main() -> int:
         if options.camera:
             stack.enter_context(running([executable('lupin_perception', 'confirm_tag')], environment))
             stack.enter_context(running([executable('lupin_perception', 'camera_stand_in')], environment))
-            # The first images of a tag take a moment after the arrival, as they do on a robot.
-            arguments += ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=5']
+            # One call is enough: confirm_tag watches the camera until the tag appears.
+            arguments += ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=1']
         else:
             arguments += ['dwell_seconds:=0.1']
         try:

@@ -85,7 +85,12 @@ def parameter_service_of(service_name: str) -> str:
 
 def tag_ids_request() -> GetParameters.Request:
     """Return the request for the tags that a bridge has loaded."""
-    return GetParameters.Request(names=[TAG_IDS_PARAMETER])
+    return GetParameters.Request(names=[TAG_IDS_PARAMETER, 'tag_file'])
+
+
+def has_tag_file(response: GetParameters.Response) -> bool:
+    """Tell whether the bridge has loaded another tag file than the simulator's own."""
+    return bool(response.values[-1].string_value)
 
 
 def tag_ids_of(response: GetParameters.Response) -> list[str]:

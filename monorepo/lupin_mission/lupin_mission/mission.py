@@ -7,7 +7,7 @@ The state machine is drawn in the package's README.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, IntEnum
 from typing import Protocol
 
 from lupin_mission.drive import Drive
@@ -23,6 +23,14 @@ class State(Enum):
     DRIVING = 'driving'
     INSPECTING = 'inspecting'
     DONE = 'done'
+
+
+class Severity(IntEnum):
+    """How bad an event is; the values are those of MissionState."""
+
+    INFO = 0
+    WARN = 1
+    ERROR = 2
 
 
 class Service(Enum):
@@ -62,6 +70,9 @@ class Surroundings(Protocol):
 
     def record(self, observation: Observation) -> None:
         """Keep an observation for good; an exception ends the mission."""
+
+    def note(self, event: str, severity: Severity) -> None:
+        """Tell people what happened, in one line."""
 
 
 class Mission:
@@ -107,6 +118,22 @@ class Mission:
         self._retry_delay = 0.0
 
     @property
+    def target(self) -> str | None:
+        """The tag that the robot drives to or stands at; None before the first and after the last."""
+        return self._tag_id if self.state in (State.DRIVING, State.INSPECTING) else None
+
+    @property
+    def phase(self) -> str:
+        """NAVIGATING, CONFIRMING, SCANNING or PUBLISHING, as in MissionState; '' when it does not run."""
+        if self.state is State.DRIVING:
+            return 'NAVIGATING'
+        if self.state is not State.INSPECTING:
+            return ''
+        if self._scan_reading_done:
+            return 'PUBLISHING'
+        return 'CONFIRMING' if self._service is Service.CONFIRM else 'SCANNING'
+
+    @property
     def tag_at_hand(self) -> str | None:
         """The tag that the robot stands at; None while it drives, before the first and after the last."""
         return self._tag_id if self.state is State.INSPECTING else None
@@ -131,12 +158,12 @@ class Mission:
 
     def _take_transition(self) -> bool:
         """Take the transition that is due, and tell whether there was one."""
-        if self.state is State.DRIVING and self._drive.has_arrived(self._active_seconds):
-            self._inspect()
-        elif self.state is State.INSPECTING and self._scan_reading_done:
+        if self.target and self._scan_reading_done:
             if self._active_seconds < self._dwell_end:
                 return False
             self._drive_on()
+        elif self.state is State.DRIVING and self._drive.has_arrived(self._active_seconds):
+            self._inspect()
         elif (
             self.state is State.INSPECTING
             and not self._request
@@ -149,17 +176,19 @@ class Mission:
 
     def _drive_on(self) -> None:
         self._tag_id = next(self._to_visit, None)
+        self._scan_reading_done = False
+        self._requests_before = self._requests
         if self._tag_id is None:
             self.state = State.DONE
+            self._surroundings.note(f'done: {self.count(Outcome.OK)} tags read', Severity.INFO)
         else:
             self.state = State.DRIVING
+            self._surroundings.note(f'driving to tag {self._tag_id!r}', Severity.INFO)
             self._drive.start(self._tag_id, self._active_seconds)
 
     def _inspect(self) -> None:
         self.state = State.INSPECTING
         self._dwell_end = self._active_seconds + self._limits.dwell_seconds
-        self._scan_reading_done = False
-        self._requests_before = self._requests
         self._turn_to(self._first_service)
 
     def _turn_to(self, service: Service) -> None:
@@ -181,6 +210,7 @@ class Mission:
             return False
         self.is_paused = True
         self._drive.pause()
+        self._surroundings.note('paused', Severity.INFO)
         return True
 
     def resume(self) -> bool:
@@ -189,7 +219,46 @@ class Mission:
             return False
         self.is_paused = False
         self._drive.resume()
+        self._surroundings.note('resumed', Severity.INFO)
         return True
+
+    def skip(self) -> bool:
+        """
+        Leave the target; False when there is none.
+
+        It is recorded as SKIPPED; where it has its outcome already, only the rest of the dwell is skipped.
+        In a pause the robot stays where it is until resume().
+        """
+        if not self.target:
+            return False
+        self._surroundings.note(f'tag {self.target!r} skipped', Severity.WARN)
+        self._leave('skipped')
+        return True
+
+    def abort(self) -> bool:
+        """End the mission: the target and all tags not visited are SKIPPED; False when none is left."""
+        if not self.target:
+            return False
+        self._surroundings.note('aborted', Severity.WARN)
+        self._drive.pause()
+        self._leave('aborted')
+        for tag_id in self._to_visit:
+            self._tag_id, self._scan_reading_done, self._requests_before = tag_id, False, self._requests
+            self._leave('aborted')
+        self.is_paused = False
+        self._drive_on()
+        return True
+
+    def _leave(self, detail: str) -> None:
+        if self._request:
+            self._surroundings.abandon(self._request)
+        if not self._scan_reading_done:
+            self._close(Outcome.SKIPPED, detail, None)
+        self._dwell_end = self._active_seconds
+
+    def count(self, *outcomes: Outcome) -> int:
+        """Return how many tags have one of these outcomes."""
+        return sum(outcome in outcomes for outcome in self.outcomes.values())
 
     def on_confirmation(self, number: int, confirmed: bool, message: str) -> bool:
         """Take the reply to a CONFIRM request; False when nobody awaits it any more."""
@@ -230,6 +299,8 @@ class Mission:
         if outcome is Outcome.UNKNOWN_TAG or self._attempts >= self._limits.max_attempts:
             self.mark_scan_failed(self._tag_id, outcome, detail)
         else:
+            event = f'tag {self._tag_id!r}: {outcome.value} {detail}: asking again'
+            self._surroundings.note(event, Severity.WARN)
             self._next_attempt = self._active_seconds + self._retry_delay
             self._retry_delay = min(2 * self._retry_delay, LONGEST_RETRY_DELAY_SECONDS)
 
@@ -244,9 +315,12 @@ class Mission:
     def _end_scan(self, tag_id: str, outcome: Outcome, detail: str, reading: Reading | None) -> None:
         if tag_id != self.tag_at_hand or self._scan_reading_done:
             raise ValueError(f'tag {tag_id!r} is not being scanned')
+        self._close(outcome, detail, reading)
+
+    def _close(self, outcome: Outcome, detail: str, reading: Reading | None) -> None:
         attempts = self._requests - self._requests_before
-        self._surroundings.record(Observation(tag_id, outcome, detail, attempts, reading))
-        self.outcomes[tag_id] = outcome
+        self._surroundings.record(Observation(self._tag_id, outcome, detail, attempts, reading))
+        self.outcomes[self._tag_id] = outcome
         self._request = None
         self._scan_reading_done = True
 

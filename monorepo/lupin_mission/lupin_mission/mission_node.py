@@ -1,12 +1,17 @@
-"""ROS 2 node `mission`: visits the tags, has each read over ROS, and writes the report."""
+"""ROS 2 node `mission`: visits the tags, has each read over ROS, and tells the team's stack what it found."""
 
 import sys
 import time
+import uuid
 from functools import partial
+from pathlib import Path
 
-from lupin_msgs.srv import ConfirmTag, GetTagReading
+from lupin_msgs.msg import MissionState
+from lupin_msgs.msg import Observation as ObservationMessage
+from lupin_msgs.srv import ConfirmTag, GetTagReading, StartMission
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -16,22 +21,41 @@ from std_srvs.srv import Trigger
 from lupin_mission import client, life_cycle
 from lupin_mission.drive import TimedDrive
 from lupin_mission.errors import StartUpError, printable
-from lupin_mission.layout import read_layout
-from lupin_mission.mission import Mission, Request, Service, State
-from lupin_mission.report import Observation, Outcome, Reading, Report, last_of_each_tag, summary_table
+from lupin_mission.layout import find_layout, read_layout
+from lupin_mission.messages import MISSION_TYPE, SEVERITIES, observation_message, reading_of, state_message
+from lupin_mission.mission import Mission, Request, Service, Severity, State
+from lupin_mission.progress import ProgressLine
+from lupin_mission.report import (
+    Observation,
+    Outcome,
+    Report,
+    ReportError,
+    last_of_each_tag,
+    summary_table,
+)
 from lupin_mission.settings import Settings
 
 ALL_READ, SOME_NOT_READ, REFUSED = 0, 1, 2
 NODE_NAME = 'mission'
 STEP_SECONDS = 0.02
+STATE_EVERY_SECONDS = 0.2
 LONGEST_WAIT_FOR_TAGS_SECONDS = 30.0
 ASK_FOR_TAGS_EVERY_SECONDS = 0.5
+LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS = 5.0
 REFUSALS = {each.value: each for each in (Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR)}
-LATCHED_QOS = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def latched(depth: int) -> QoSProfile:
+    """Return the QoS of a topic whose last messages a late subscriber hears."""
+    return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class MissionNode(Node):
-    """The surroundings of one Mission: its clock, its two services, its report. Nothing here ever waits."""
+    """
+    The surroundings of a Mission: its clock, its two services, its report, and who listens to it.
+
+    Nothing here waits. One mission runs at a time: at once, or with wait_for_start when ~/start asks for it.
+    """
 
     def __init__(self):
         """Open the report and start; raises StartUpError and ReportError."""
@@ -44,19 +68,54 @@ class MissionNode(Node):
             Service.CONFIRM: self._client(ConfirmTag, settings.confirm_service_name),
             Service.READ: self._client(GetTagReading, settings.bridge_service_name),
         }
-        self.tag_ids: list[str] = []
-        self.mission: Mission | None = None  # until the tags are known
-        self.report = Report(settings.report_file or time.strftime('mission-%Y%m%dT%H%M%S.jsonl'))
+        self.known_tag_ids: list[str] = []  # empty until they are known
+        self.tag_ids: list[str] = []  # of the mission
+        self.mission: Mission | None = None
+        self.report: Report | None = None if settings.wait_for_start else self._open_report('')
+        self._mission_id = ''
+        self._started_at = None
+        self._places_m: dict[str, tuple[float, float]] = {}  # of the tags in the map
+        self._event, self._severity, self._last_error = 'the node has started', Severity.INFO, ''
         self._unsent: Request | None = None  # until its service is there
         self._future = None  # of the request that is on its way
-        self._at_tag = self.create_publisher(String, '~/at_tag', LATCHED_QOS)
+        self._progress = ProgressLine()
+
+        self._at_tag = self.create_publisher(String, '~/at_tag', latched(1))
         self._published_tag = None
-        self.create_service(Trigger, '~/pause', self._pause)
-        self.create_service(Trigger, '~/resume', self._resume)
+        self._observations = self.create_publisher(
+            ObservationMessage, settings.observations_topic, latched(50)
+        )
+        self._states = self.create_publisher(MissionState, '~/state', latched(1))
+        for name in ('pause', 'resume', 'skip_current', 'abort'):
+            self.create_service(Trigger, f'~/{name}', partial(self._trigger, name.removesuffix('_current')))
+        self.create_service(StartMission, '~/start', self._start)
+        self._timer(STATE_EVERY_SECONDS, self._publish_state)
+        self._timer(STEP_SECONDS, self._step)
         if tag_ids:
-            self._set_out(tag_ids)
+            self._set_tags(tag_ids, is_custom_file=False)
         else:
             self._ask_for_tags()
+
+    def is_done(self) -> bool:
+        """Return True once every tag has its outcome, in a mission that ends by itself."""
+        is_over = bool(self.mission and self.mission.state is State.DONE)
+        return is_over and not self._settings.wait_for_start
+
+    def _timer(self, seconds: float, callback):
+        # A clock that neither jumps nor stops, whatever use_sim_time says.
+        return self.create_timer(seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _client(self, service_type, name: str):
+        try:
+            return self.create_client(service_type, name, qos_profile=client.SERVICE_QOS)
+        except InvalidServiceNameException as error:
+            raise StartUpError(f'{name!r} is not a service name: {error}') from error
+
+    def _open_report(self, mission_id: str) -> Report:
+        path = Path(self._settings.report_file or time.strftime('mission-%Y%m%dT%H%M%S.jsonl'))
+        return Report(path.with_name(f'{path.stem}-{mission_id}{path.suffix}') if mission_id else path)
+
+    # The tags
 
     def _ask_for_tags(self) -> None:
         """Ask the bridge which tags it has loaded, again and again, as an early request may be dropped."""
@@ -66,7 +125,7 @@ class MissionNode(Node):
         deadline = time.monotonic() + LONGEST_WAIT_FOR_TAGS_SECONDS
 
         def ask():
-            if self.mission:
+            if self.known_tag_ids:
                 timer.cancel()
             elif time.monotonic() >= deadline:
                 raise StartUpError(
@@ -77,17 +136,38 @@ class MissionNode(Node):
                 parameters.call_async(client.tag_ids_request()).add_done_callback(on_reply)
 
         def on_reply(future):
-            if not self.mission and (tag_ids := client.tag_ids_of(future.result())):
-                self._set_out(tag_ids)
+            if not self.known_tag_ids and (tag_ids := client.tag_ids_of(future.result())):
+                self._set_tags(tag_ids, is_custom_file=client.has_tag_file(future.result()))
 
         self.get_logger().info(f'waiting for the tags of {parameters.srv_name}')
         timer = self._timer(ASK_FOR_TAGS_EVERY_SECONDS, ask)
 
-    def _set_out(self, tag_ids: list[str]) -> None:
-        """Make the mission to those tags that the report has no reading of."""
-        found = last_of_each_tag(self.report.observations)
+    def _set_tags(self, tag_ids: list[str], *, is_custom_file: bool) -> None:
+        """Take the tags that a mission may visit, and start it where nobody has to ask for it."""
+        settings = self._settings
+        if settings.has_poses_in_map:
+            # The shipped places are wrong for a bridge that has loaded a file of its own.
+            layout = None if is_custom_file and not settings.tag_file else find_layout(settings.tag_file)
+            if layout:
+                self._places_m = {tag_id: tag[:2] for tag_id, tag in layout.tags.items()}
+            else:
+                self._warn("the places of the tags are not known: set tag_file to the bridge's")
+        self.known_tag_ids = tag_ids
+        self.note(f'{len(tag_ids)} tags known', Severity.INFO)
+        if not settings.wait_for_start:
+            self._begin(_new_mission_id(), tag_ids, self.report)
+
+    # The mission
+
+    def _begin(self, mission_id: str, tag_ids: list[str], report: Report) -> None:
+        """Start a mission to those tags that the report has no reading of."""
+        found = last_of_each_tag(report.observations)
         to_visit = [tag for tag in tag_ids if tag not in found or found[tag].outcome is not Outcome.OK]
+        self.report = report
         self.tag_ids = tag_ids
+        self._mission_id = mission_id
+        self._started_at = self.get_clock().now().to_msg()
+        self._last_error = ''
         self.mission = Mission(
             to_visit,
             self,
@@ -95,27 +175,12 @@ class MissionNode(Node):
             self._settings.limits,
             require_visual_confirmation=self._settings.require_visual_confirmation,
         )
-        self.get_logger().info(
-            f'{len(to_visit)} tags to visit, {len(tag_ids) - len(to_visit)} read before;'
-            f' report: {self.report.path}'
-        )
-        self._timer(STEP_SECONDS, self._step)
-
-    def _timer(self, seconds: float, callback):
-        # A clock that neither jumps nor stops, whatever use_sim_time says.
-        return self.create_timer(seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def is_done(self) -> bool:
-        """Return True once every tag has its outcome."""
-        return bool(self.mission and self.mission.state is State.DONE)
-
-    def _client(self, service_type, name: str):
-        try:
-            return self.create_client(service_type, name, qos_profile=client.SERVICE_QOS)
-        except InvalidServiceNameException as error:
-            raise StartUpError(f'{name!r} is not a service name: {error}') from error
+        read_before = len(tag_ids) - len(to_visit)
+        self._inform(f'{len(to_visit)} tags to visit, {read_before} read before; report: {report.path}')
 
     def _step(self) -> None:
+        if self.mission is None:
+            return
         if self.mission.state is State.READY:
             self.mission.start(time.monotonic())
         self._send_when_ready()
@@ -124,6 +189,34 @@ class MissionNode(Node):
         if tag_id != self._published_tag:
             self._published_tag = tag_id
             self._at_tag.publish(String(data=tag_id))
+        if self.mission.target:
+            closed, total = len(self.mission.outcomes), len(self.mission.tag_ids)
+            target = printable(self.mission.target, 40)
+            self._progress.show(f'{closed}/{total}  tag {target}  {self.mission.phase}')
+        else:
+            self._progress.clear()
+
+    def _publish_state(self) -> None:
+        idle = 'READY' if self.known_tag_ids else 'BOOT'
+        message = state_message(self.mission, self._mission_id, idle)
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.started_at = self._started_at or message.started_at
+        message.last_error = self._last_error
+        message.last_event = self._event
+        message.last_event_severity = SEVERITIES[self._severity]
+        self._states.publish(message)
+
+    def publish_last_state(self) -> None:
+        """Publish the state once more, and wait a while for the subscribers that are there."""
+        self._progress.clear()
+        self._publish_state()
+        deadline = time.monotonic() + LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS
+        for publisher in (self._observations, self._states):
+            while not publisher.wait_for_all_acked(Duration(seconds=STATE_EVERY_SECONDS)):
+                if life_cycle.is_asked_to_end() or time.monotonic() >= deadline:
+                    return
+
+    # What the mission needs of the world
 
     def send(self, request: Request) -> None:
         """Send a request as soon as its service is there; the mission gives up on it where that is never."""
@@ -140,67 +233,120 @@ class MissionNode(Node):
         else:
             message = GetTagReading.Request(tag_id=request.tag_id)
         self._future = self._service_clients[request.service].call_async(message)
-        self._future.add_done_callback(partial(self._on_reply, request))
+        self._future.add_done_callback(partial(self._on_reply, self.mission, request))
 
     def abandon(self, request: Request) -> Outcome:
         """Forget a request; a reply that comes after all finds nobody."""
-        name = self._service_clients[request.service].srv_name
         if self._unsent is request:
             self._unsent = None
-            self.get_logger().warning(f'{name} is not there')
             return Outcome.NO_SERVICE
         self._service_clients[request.service].remove_pending_request(self._future)
-        self.get_logger().warning(f'{name} did not answer in time')
         return Outcome.TIMEOUT
 
-    def _on_reply(self, request: Request, future) -> None:
+    def _on_reply(self, mission: Mission, request: Request, future) -> None:
         response = future.result()
         if request.service is Service.CONFIRM:
-            is_awaited = self.mission.on_confirmation(
-                request.number, response.detected, response.error_message
-            )
+            is_awaited = mission.on_confirmation(request.number, response.detected, response.error_message)
         elif response.status == GetTagReading.Response.STATUS_OK:
-            is_awaited = self.mission.on_reading(request.number, _reading(response.reading))
+            is_awaited = mission.on_reading(request.number, reading_of(response.reading))
         else:
             outcome = REFUSALS.get(client.STATUS_NAMES.get(response.status), Outcome.BAD_READING)
-            is_awaited = self.mission.on_refusal(request.number, outcome, response.error_message)
+            is_awaited = mission.on_refusal(request.number, outcome, response.error_message)
         if not is_awaited:
-            self.get_logger().warning(f'late answer for tag {request.tag_id!r} left aside')
+            self.note(f'late answer for tag {request.tag_id!r} left aside', Severity.WARN)
         self._step()
 
     def record(self, observation: Observation) -> None:
-        """Write an observation to the report, and say so."""
+        """Write an observation to the report, publish it, and say so."""
         self.report.record(observation)
+        stamp = self.get_clock().now().to_msg()
+        place_m = self._places_m.get(observation.tag_id)
+        source = self.get_fully_qualified_name()
+        self._observations.publish(observation_message(observation, self._mission_id, source, stamp, place_m))
         tag = f"tag '{printable(observation.tag_id, 64)}'"
-        if observation.reading:
+        if observation.outcome is Outcome.OK:
             values = ', '.join(f'{name} {value:.3f}' for name, value in observation.reading.values.items())
-            self.get_logger().info(f'{tag}: {values}')
+            self._inform(f'{tag}: {values}')
+        elif observation.outcome is Outcome.SKIPPED:
+            self._inform(f'{tag}: {observation.outcome.value}: {observation.detail}')
         else:
             reason = f'{observation.outcome.value}: {printable(observation.detail, 500)}'
-            self.get_logger().warning(f'{tag}: scan failed after {observation.attempts} requests: {reason}')
+            self._warn(f'{tag}: scan failed after {observation.attempts} requests: {reason}')
+            self._last_error = self._event
 
-    def _pause(self, _request, response):
-        response.success = bool(self.mission and self.mission.pause())
-        response.message = 'paused' if response.success else 'nothing to pause'
+    def note(self, event: str, severity: Severity) -> None:
+        """Keep an event for the state; log it where it is no routine."""
+        if severity is Severity.INFO:
+            self._event, self._severity = printable(event, 1000), severity
+        else:
+            self._warn(event)
+
+    def _inform(self, event: str) -> None:
+        self._event, self._severity = printable(event, 1000), Severity.INFO
+        self._progress.clear()
+        self.get_logger().info(self._event)
+
+    def _warn(self, event: str) -> None:
+        self._event, self._severity = printable(event, 1000), Severity.WARN
+        self._progress.clear()
+        self.get_logger().warning(self._event)
+
+    # What people ask of the mission
+
+    def _trigger(self, name: str, _request, response):
+        response.success = bool(self.mission and getattr(self.mission, name)())
+        response.message = f'{name}: done' if response.success else f'there is nothing to {name}'
+        self._step()
         return response
 
-    def _resume(self, _request, response):
-        response.success = bool(self.mission and self.mission.resume())
-        response.message = 'resumed' if response.success else 'nothing to resume'
+    def _start(self, request, response):
+        mission_id = _new_mission_id()
+        reason = self._reason_against(request)
+        if not reason:
+            try:
+                report = self._open_report(mission_id)
+            except ReportError as error:
+                reason = str(error)
+        if reason:
+            self.note(f'start rejected: {reason}', Severity.WARN)
+            response.error_message = reason
+            return response
+        if self.report:
+            self.report.close()
+        tag_ids = list(request.tag_sequence) or sorted(self.known_tag_ids, key=_numeric)
+        self._begin(mission_id, tag_ids, report)
+        response.accepted, response.mission_id = True, mission_id
         return response
 
+    def _reason_against(self, request) -> str:
+        """Say why a mission cannot be started as asked; '' when it can."""
+        sequence = list(request.tag_sequence)
+        if self.mission and self.mission.state is not State.DONE:
+            return f'mission {self._mission_id} is running: abort it, or wait for its end'
+        if not self.known_tag_ids:
+            return 'the tags are not known yet: start the bridge'
+        if request.mission_type not in ('', MISSION_TYPE):
+            shown = printable(request.mission_type, 40)
+            return f"mission_type is '{shown}': must be {MISSION_TYPE} or empty"
+        known = set(self.known_tag_ids)
+        if unknown := [tag_id for tag_id in sequence if tag_id not in known]:
+            shown = printable(unknown[0], 40)
+            return f"tag '{shown}' is not known: must be one of the {len(known)} tags of the greenhouse"
+        if len(set(sequence)) != len(sequence):
+            return 'tag_sequence names a tag twice: a mission visits a tag once'
+        return ''
 
-def _reading(message) -> Reading:
-    return Reading(
-        message.tag_id,
-        (message.stamp.sec, message.stamp.nanosec),
-        message.sim_time_of_day_seconds,
-        {each.name: each.value for each in message.readings},
-    )
+
+def _new_mission_id() -> str:
+    return f'inspection-{time.strftime("%Y%m%dT%H%M%S")}-{uuid.uuid4().hex[:6]}'
+
+
+def _numeric(tag_id: str) -> tuple:
+    return (not tag_id.isdecimal(), int(tag_id) if tag_id.isdecimal() else 0, tag_id)
 
 
 def main(args=None):
-    """Run one mission; exit code 0 all tags read, 1 some not, 2 what was asked for cannot be done."""
+    """Run the mission; exit code 0 all tags read, 1 some not, 2 what was asked for cannot be done."""
     return life_cycle.run(
         NODE_NAME, MissionNode, args, is_done=MissionNode.is_done, conclude=_conclude, refused=REFUSED
     )
@@ -208,8 +354,10 @@ def main(args=None):
 
 def _conclude(node: MissionNode) -> int:
     """Print the table, whether the mission came to its end or not; return the exit code."""
-    print(summary_table(node.report.observations, node.tag_ids), flush=True)
-    found = last_of_each_tag(node.report.observations)
+    node.publish_last_state()
+    observations = node.report.observations if node.report else []
+    print(summary_table(observations, node.tag_ids), flush=True)
+    found = last_of_each_tag(observations)
     all_read = all(tag in found and found[tag].outcome is Outcome.OK for tag in node.tag_ids)
     return ALL_READ if node.tag_ids and all_read else SOME_NOT_READ
 

@@ -30,6 +30,7 @@ class Outcome(str, Enum):
     BAD_READING = 'BAD_READING'  # the answer was no reading: empty, or with a value that is no finite number
     TIMEOUT = 'TIMEOUT'  # no answer in time
     NO_SERVICE = 'NO_SERVICE'  # nobody to ask
+    SKIPPED = 'SKIPPED'  # skipped by a person, or left over by an abort
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
-from lupin_mission.errors import StartUpError
+from lupin_mission.errors import StartUpError, printable
 from lupin_mission.life_cycle import check_parameters, parameter
 from lupin_mission.mission import Limits
 
@@ -57,11 +57,28 @@ class Settings:
         largest=LONGEST_SECONDS,
     )
     report_file: str = parameter(
-        '', 'The JSON Lines file to write; one that exists is continued. Empty: mission-TIME.jsonl here.'
+        '',
+        'The JSON Lines file to write; one that exists is continued. Empty: mission-TIME.jsonl here.'
+        ' With wait_for_start, each mission adds its id to the name.',
+    )
+    wait_for_start: bool = parameter(
+        False,
+        'Wait for ~/start, and after each mission for the next one; false: start at once.',
+    )
+    observations_topic: str = parameter(
+        '/floranova/observations', 'Where each tag that is closed is published.'
+    )
+    tag_poses_in_map: str = parameter(  # or a bool
+        '',
+        'Publish the place of a tag in the tag file as its pose in the map: true where the map is that of the'
+        ' layout (simulation); empty: the opposite of require_visual_confirmation.',
     )
 
     def __post_init__(self):
-        check_parameters(self, of_any_type=('tag_ids',))
+        check_parameters(self, of_any_type=('tag_ids', 'tag_poses_in_map'))
+        if self.tag_poses_in_map not in ('', True, False, 'true', 'false'):
+            shown = printable(repr(self.tag_poses_in_map), 100)
+            raise StartUpError(f'parameter tag_poses_in_map is {shown}: must be true, false or empty')
         ids = self.chosen_tag_ids
         if twice := sorted({tag_id for tag_id in ids if ids.count(tag_id) > 1}):
             raise StartUpError(f'parameter tag_ids names {twice[0]!r} twice: a mission visits a tag once')
@@ -73,6 +90,13 @@ class Settings:
             return self.tag_ids.replace(',', ' ').split()
         is_array = isinstance(self.tag_ids, Iterable)
         return [str(tag_id) for tag_id in (self.tag_ids if is_array else [self.tag_ids])]
+
+    @property
+    def has_poses_in_map(self) -> bool:
+        """Whether a tag's place in the tag file is its place in the map."""
+        if self.tag_poses_in_map == '':
+            return not self.require_visual_confirmation
+        return self.tag_poses_in_map in (True, 'true')
 
     @property
     def limits(self) -> Limits:

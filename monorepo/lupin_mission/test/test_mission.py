@@ -8,7 +8,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 from lupin_mission.drive import TimedDrive
-from lupin_mission.mission import Limits, Mission, Service, State
+from lupin_mission.mission import Limits, Mission, Service, Severity, State
 from lupin_mission.report import Observation, Outcome, Reading, Report
 
 LIMITS = Limits(dwell_seconds=1.0, request_timeout_seconds=2.0, max_attempts=3, retry_delay_seconds=0.5)
@@ -23,7 +23,7 @@ class World:
 
     def __init__(self, tag_ids='ab', drive=None, **options):
         self.now = 0.0
-        self.sent, self.abandoned, self.recorded = [], [], []
+        self.sent, self.abandoned, self.recorded, self.events = [], [], [], []
         self.is_service_there = True
         self.mission = Mission(tag_ids, self, drive or TimedDrive(0.0), LIMITS, **options)
         self.mission.start(self.now)
@@ -37,6 +37,9 @@ class World:
 
     def record(self, observation):
         self.recorded.append(observation)
+
+    def note(self, event, severity):
+        self.events.append((event, severity))
 
     def wait(self, seconds):
         self.now += seconds
@@ -287,6 +290,104 @@ def test_a_tag_given_twice_is_refused():
         World('aba')
 
 
+def test_a_tag_that_is_skipped_on_the_way_is_never_asked_for():
+    world = World('ab', drive=TimedDrive(10.0))
+    assert world.mission.skip()
+    world.wait(0.0)
+    assert (world.mission.target, world.mission.phase) == ('b', 'NAVIGATING')
+    assert world.sent == []
+    assert world.recorded == [Observation('a', Outcome.SKIPPED, 'skipped', 0)]
+
+
+def test_a_tag_that_is_skipped_while_it_is_scanned_awaits_no_reply():
+    world = World('ab')
+    late = world.sent[0]
+    assert world.mission.skip()
+    world.wait(0.0)
+    assert world.abandoned == [late]
+    assert not world.mission.on_reading(late.number, reading('a'))
+    assert world.mission.tag_at_hand == 'b'
+    assert world.outcomes == [('a', Outcome.SKIPPED)]
+
+
+def test_a_skip_in_the_dwell_keeps_the_outcome_and_ends_the_dwell():
+    world = World('ab')
+    world.answer()
+    assert world.mission.phase == 'PUBLISHING'
+    assert world.mission.skip()
+    world.wait(0.0)
+    assert world.mission.tag_at_hand == 'b'
+    assert world.outcomes == [('a', Outcome.OK)]
+
+
+def test_a_skip_in_a_pause_moves_nothing_until_it_is_over():
+    world = World('ab')
+    world.mission.pause()
+    assert world.mission.skip()
+    world.wait(10.0)
+    assert world.mission.target == 'a'
+    world.mission.resume()
+    world.wait(0.0)
+    assert world.mission.target == 'b'
+
+
+@pytest.mark.parametrize('is_paused', [False, True])
+def test_an_abort_while_the_camera_is_awaited_closes_every_tag_left(is_paused):
+    world = World('abc', require_visual_confirmation=True)
+    awaited = world.sent[0]
+    assert world.mission.phase == 'CONFIRMING'
+    if is_paused:
+        world.mission.pause()
+    assert world.mission.abort()
+    assert world.mission.state is State.DONE
+    assert world.abandoned == [awaited]
+    assert world.recorded == [Observation(tag, Outcome.SKIPPED, 'aborted', int(tag == 'a')) for tag in 'abc']
+    assert not world.mission.on_confirmation(awaited.number, True, '')
+    assert not world.mission.abort()
+    assert not world.mission.skip()
+    assert not world.mission.pause()
+
+
+def test_an_abort_stops_the_robot():
+    class Motor(TimedDrive):
+        is_stopped = False
+
+        def pause(self):
+            self.is_stopped = True
+
+    motor = Motor(10.0)
+    World(drive=motor).mission.abort()
+    assert motor.is_stopped
+
+
+def test_a_mission_of_200_tags_ends_with_200_outcomes():
+    world = World([str(number) for number in range(200)])
+    for _ in range(150):
+        world.answer()
+        world.wait(1.0)
+    world.mission.abort()
+    assert world.mission.count(Outcome.OK) == 150
+    assert world.mission.count(Outcome.SKIPPED) == 50
+    assert len(world.recorded) == 200
+
+
+def test_events_tell_what_happened_and_how_bad_it_is():
+    world = World('a')
+    world.mission.on_refusal(1, Outcome.SIMULATOR_ERROR, 'broken')
+    world.wait(1.0)
+    world.mission.pause()
+    world.mission.resume()
+    world.answer()
+    world.wait(1.0)
+    assert world.events == [
+        ("driving to tag 'a'", Severity.INFO),
+        ("tag 'a': SIMULATOR_ERROR broken: asking again", Severity.WARN),
+        ('paused', Severity.INFO),
+        ('resumed', Severity.INFO),
+        ('done: 1 tags read', Severity.INFO),
+    ]
+
+
 class AnyOrder(RuleBasedStateMachine):
     """Pauses, replies of every kind, losses and restarts in any order, on a real report."""
 
@@ -306,7 +407,7 @@ class AnyOrder(RuleBasedStateMachine):
         self.report = Report(self.path)
         done = {each.tag_id for each in self.report.observations if each.outcome is Outcome.OK}
         assert done == self.accepted.keys(), 'a restart forgot a reading'
-        self.requests, self.abandoned = [], []
+        self.requests, self.abandoned, self.closed = [], [], []
         self.mission = Mission(
             [tag_id for tag_id in self.tag_ids if tag_id not in done],
             self,
@@ -327,6 +428,11 @@ class AnyOrder(RuleBasedStateMachine):
 
     def record(self, observation):
         self.report.record(observation)
+        self.closed.append(observation.tag_id)
+
+    def note(self, event, severity):
+        assert event
+        assert severity in Severity
 
     @rule(seconds=st.sampled_from([0.0, 0.02, 0.5, 1.0, 2.0, 5.0]))
     def time_passes(self, seconds):
@@ -369,6 +475,28 @@ class AnyOrder(RuleBasedStateMachine):
         request = data.draw(st.sampled_from(self.requests))
         if request.service is Service.READ:
             self.mission.on_refusal(request.number, outcome, 'as the bridge says')
+
+    @rule()
+    def skip(self):
+        target, closed = self.mission.target, list(self.closed)
+        assert self.mission.skip() == bool(target)
+        assert self.closed in (closed, [*closed, target])
+        if target:
+            assert target in self.closed
+
+    @rule()
+    def abort(self):
+        was_running = bool(self.mission.target)
+        assert self.mission.abort() == was_running
+        assert self.mission.state is State.DONE or not was_running
+        if was_running:
+            assert sorted(self.closed) == sorted(self.mission.tag_ids)
+            assert not self.mission.is_paused
+
+    @invariant()
+    def a_tag_is_closed_once(self):
+        assert len(set(self.closed)) == len(self.closed)
+        assert list(self.mission.outcomes) == self.closed
 
     @rule(torn=st.booleans())
     def killed_and_started_again(self, torn):

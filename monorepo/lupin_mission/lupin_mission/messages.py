@@ -1,0 +1,82 @@
+"""Between the mission's own objects and the team's messages."""
+
+from lupin_msgs.msg import MissionState, SensorReading, TagReading
+from lupin_msgs.msg import Observation as ObservationMessage
+
+from lupin_mission.mission import Mission, Severity, State
+from lupin_mission.report import Observation, Outcome, Reading
+
+MAP_FRAME = 'map'
+MISSION_TYPE = 'InspectionMission'
+
+
+def reading_of(message: TagReading) -> Reading:
+    """Return what a TagReading holds."""
+    return Reading(
+        message.tag_id,
+        (message.stamp.sec, message.stamp.nanosec),
+        message.sim_time_of_day_seconds,
+        {each.name: each.value for each in message.readings},
+    )
+
+
+def observation_message(
+    observation: Observation, mission_id: str, source: str, stamp, place_m: tuple[float, float] | None
+) -> ObservationMessage:
+    """
+    Return the message of one tag that the mission has closed.
+
+    `place_m` is the tag's x and y in the map, None where it is not known: then the pose is never populated,
+    which the team writes as w = 0. A pose of rosidl has w = 1 by default.
+    """
+    message = ObservationMessage(
+        kind=ObservationMessage.KIND_TAG_READING, mission_id=mission_id, source=source
+    )
+    message.header.stamp = stamp
+    message.header.frame_id = MAP_FRAME
+    message.tag_reading.tag_id = observation.tag_id
+    for pose in (message.tag_pose_in_map, message.flower.pose.pose, message.anomaly.pose.pose):
+        pose.orientation.w = 0.0
+    if place_m:
+        message.tag_pose_in_map.position.x, message.tag_pose_in_map.position.y = map(float, place_m)
+        message.tag_pose_in_map.orientation.w = 1.0
+    if observation.outcome is Outcome.OK:
+        message.status = ObservationMessage.STATUS_OK
+        _fill(message.tag_reading, observation.reading)
+        return message
+    is_skipped = observation.outcome is Outcome.SKIPPED
+    message.status = (
+        ObservationMessage.STATUS_SKIPPED if is_skipped else ObservationMessage.STATUS_SCAN_FAILED
+    )
+    message.status_detail = f'{observation.outcome.value}: {observation.detail}'
+    return message
+
+
+def _fill(message: TagReading, reading: Reading) -> None:
+    message.stamp.sec, message.stamp.nanosec = reading.stamp
+    message.sim_time_of_day_seconds = reading.sim_time_of_day_seconds
+    message.readings = [SensorReading(name=name, value=value) for name, value in reading.values.items()]
+
+
+def state_message(mission: Mission | None, mission_id: str, lifecycle_if_none: str) -> MissionState:
+    """Return the state of a mission, or of a node that has none; the caller adds stamps and events."""
+    message = MissionState(lifecycle_state=lifecycle_if_none, battery_percentage=1.0)
+    if mission:
+        message.mission_id = mission_id
+        message.mission_type = MISSION_TYPE
+        message.lifecycle_state = 'DONE' if mission.state is State.DONE else 'INSPECTING'
+        message.mission_phase = mission.phase
+        message.current_target = mission.target or ''
+        message.targets_total = min(len(mission.tag_ids), 2**16 - 1)
+        message.targets_completed = mission.count(Outcome.OK)
+        message.targets_skipped = mission.count(Outcome.SKIPPED)
+        message.targets_failed = len(mission.outcomes) - message.targets_completed - message.targets_skipped
+        message.paused = mission.is_paused
+    return message
+
+
+SEVERITIES = {
+    Severity.INFO: MissionState.SEVERITY_INFO,
+    Severity.WARN: MissionState.SEVERITY_WARN,
+    Severity.ERROR: MissionState.SEVERITY_ERROR,
+}

@@ -1,0 +1,23 @@
+"""One line that moves, for a person at a terminal; in a pipe there is none. No ROS here."""
+
+import os
+import sys
+
+
+class ProgressLine:
+    """Shows a text in the last line of a terminal, in the place of the one before."""
+
+    def __init__(self, stream=sys.stdout):
+        self._stream = stream if stream.isatty() else None
+        self._text = ''
+
+    def show(self, text: str) -> None:
+        """Show a text, cut to the width of the terminal."""
+        if self._stream and text != self._text:
+            self._text = text
+            columns = os.get_terminal_size(self._stream.fileno()).columns or 80
+            print(f'\r\x1b[K{text[: columns - 1]}', end='', file=self._stream, flush=True)
+
+    def clear(self) -> None:
+        """Take the text away, so that something else can be printed there."""
+        self.show('')
