@@ -126,6 +126,22 @@ def test_a_simulator_before_1_0_7_is_refused(monkeypatch, version):
     assert str(refusal.value) == message
 
 
+def test_a_simulator_that_cannot_be_imported_is_refused(monkeypatch):
+    def fail(_name):
+        raise ImportError("No module named 'yaml'")
+
+    monkeypatch.setattr(importlib, 'import_module', fail)
+    with pytest.raises(
+        StartUpError, match=r"cannot be imported \(No module named 'yaml'\): sudo apt install"
+    ):
+        simulation.require_simulator()
+
+
+def test_a_path_that_is_a_string_meets_the_documented_error(custom_tag_file):
+    with pytest.raises(StartUpError, match=r'takes only a pathlib.Path and got str .*: leave tag_file empty'):
+        simulation.load(Settings(), str(custom_tag_file), None)
+
+
 def test_no_simulator_at_all_is_refused(monkeypatch):
     def nothing_installed(name):
         raise importlib.metadata.PackageNotFoundError(name)

@@ -1,8 +1,10 @@
 """What `ros2 run` starts. It takes its signals first: to import rclpy takes a moment."""
 
+from typing import NoReturn
+
 from lupin_mission.life_cycle import start
 
 
-def mission_node() -> int:
-    """Run one mission; return the exit code."""
-    return start('lupin_mission.mission_node')
+def mission_node() -> NoReturn:
+    """Run one mission; end with the exit code."""
+    start('lupin_mission.mission_node')

@@ -38,8 +38,8 @@ def command(package: str, executable: str, moment: str, signals) -> list[str]:
     return [sys.executable, '-m', __name__, package, executable, moment, numbers]
 
 
-def main() -> int:
-    """Run the executable; return its exit code."""
+def main() -> None:
+    """Run the executable, which ends the process."""
     package, executable, moment, numbers = sys.argv[1:5]
     del sys.argv[1:5]
     file, _, function = moment.rpartition(':')
@@ -54,8 +54,8 @@ def main() -> int:
 
     run = getattr(importlib.import_module(f'{package}.executables'), executable)
     sys.setprofile(watch)
-    return run()
+    run()
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    main()
