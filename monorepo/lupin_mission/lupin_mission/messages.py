@@ -8,6 +8,7 @@ from lupin_mission.report import Observation, Outcome, Reading
 
 MAP_FRAME = 'map'
 MISSION_TYPE = 'InspectionMission'
+LARGEST_COUNT = 2**16 - 1  # of a uint16
 
 
 def reading_of(message: TagReading) -> Reading:
@@ -67,10 +68,11 @@ def state_message(mission: Mission | None, mission_id: str, lifecycle_if_none: s
         message.lifecycle_state = 'DONE' if mission.state is State.DONE else 'INSPECTING'
         message.mission_phase = mission.phase
         message.current_target = mission.target or ''
-        message.targets_total = min(len(mission.tag_ids), 2**16 - 1)
-        message.targets_completed = mission.count(Outcome.OK)
-        message.targets_skipped = mission.count(Outcome.SKIPPED)
-        message.targets_failed = len(mission.outcomes) - message.targets_completed - message.targets_skipped
+        read, skipped = mission.count(Outcome.OK), mission.count(Outcome.SKIPPED)
+        message.targets_total = min(len(mission.tag_ids), LARGEST_COUNT)
+        message.targets_completed = min(read, LARGEST_COUNT)
+        message.targets_skipped = min(skipped, LARGEST_COUNT)
+        message.targets_failed = min(len(mission.outcomes) - read - skipped, LARGEST_COUNT)
         message.paused = mission.is_paused
     return message
 

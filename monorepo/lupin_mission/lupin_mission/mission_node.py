@@ -6,25 +6,20 @@ import uuid
 from functools import partial
 from pathlib import Path
 
-from lupin_msgs.msg import MissionState
-from lupin_msgs.msg import Observation as ObservationMessage
 from lupin_msgs.srv import ConfirmTag, GetTagReading, StartMission
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from lupin_mission import client, life_cycle
+from lupin_mission.announcer import Announcer
 from lupin_mission.drive import TimedDrive
 from lupin_mission.errors import StartUpError, printable
 from lupin_mission.layout import find_layout, read_layout
-from lupin_mission.messages import MISSION_TYPE, SEVERITIES, observation_message, reading_of, state_message
+from lupin_mission.messages import MISSION_TYPE, reading_of
 from lupin_mission.mission import Mission, Request, Service, Severity, State
-from lupin_mission.progress import ProgressLine
 from lupin_mission.report import (
     Observation,
     Outcome,
@@ -41,13 +36,7 @@ STEP_SECONDS = 0.02
 STATE_EVERY_SECONDS = 0.2
 LONGEST_WAIT_FOR_TAGS_SECONDS = 30.0
 ASK_FOR_TAGS_EVERY_SECONDS = 0.5
-LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS = 5.0
 REFUSALS = {each.value: each for each in (Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR)}
-
-
-def latched(depth: int) -> QoSProfile:
-    """Return the QoS of a topic whose last messages a late subscriber hears."""
-    return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class MissionNode(Node):
@@ -75,17 +64,9 @@ class MissionNode(Node):
         self._mission_id = ''
         self._started_at = None
         self._places_m: dict[str, tuple[float, float]] = {}  # of the tags in the map
-        self._event, self._severity, self._last_error = 'the node has started', Severity.INFO, ''
         self._unsent: Request | None = None  # until its service is there
         self._future = None  # of the request that is on its way
-        self._progress = ProgressLine()
-
-        self._at_tag = self.create_publisher(String, '~/at_tag', latched(1))
-        self._published_tag = None
-        self._observations = self.create_publisher(
-            ObservationMessage, settings.observations_topic, latched(50)
-        )
-        self._states = self.create_publisher(MissionState, '~/state', latched(1))
+        self._announcer = Announcer(self, settings.observations_topic)
         for name in ('pause', 'resume', 'skip_current', 'abort'):
             self.create_service(Trigger, f'~/{name}', partial(self._trigger, name.removesuffix('_current')))
         self.create_service(StartMission, '~/start', self._start)
@@ -114,6 +95,11 @@ class MissionNode(Node):
     def _open_report(self, mission_id: str) -> Report:
         path = Path(self._settings.report_file or time.strftime('mission-%Y%m%dT%H%M%S.jsonl'))
         return Report(path.with_name(f'{path.stem}-{mission_id}{path.suffix}') if mission_id else path)
+
+    def farewell(self) -> None:
+        """Publish the state once more, and wait a while for the subscribers that are there."""
+        self._publish_state()
+        self._announcer.wait_for_subscribers()
 
     # The tags
 
@@ -151,7 +137,7 @@ class MissionNode(Node):
             if layout:
                 self._places_m = {tag_id: tag[:2] for tag_id, tag in layout.tags.items()}
             else:
-                self._warn("the places of the tags are not known: set tag_file to the bridge's")
+                self._announcer.warn("the places of the tags are not known: set tag_file to the bridge's")
         self.known_tag_ids = tag_ids
         self.note(f'{len(tag_ids)} tags known', Severity.INFO)
         if not settings.wait_for_start:
@@ -167,7 +153,6 @@ class MissionNode(Node):
         self.tag_ids = tag_ids
         self._mission_id = mission_id
         self._started_at = self.get_clock().now().to_msg()
-        self._last_error = ''
         self.mission = Mission(
             to_visit,
             self,
@@ -176,7 +161,9 @@ class MissionNode(Node):
             require_visual_confirmation=self._settings.require_visual_confirmation,
         )
         read_before = len(tag_ids) - len(to_visit)
-        self._inform(f'{len(to_visit)} tags to visit, {read_before} read before; report: {report.path}')
+        self._announcer.inform(
+            f'{len(to_visit)} tags to visit, {read_before} read before; report: {report.path}'
+        )
 
     def _step(self) -> None:
         if self.mission is None:
@@ -185,36 +172,11 @@ class MissionNode(Node):
             self.mission.start(time.monotonic())
         self._send_when_ready()
         self.mission.step(time.monotonic())
-        tag_id = self.mission.tag_at_hand or ''
-        if tag_id != self._published_tag:
-            self._published_tag = tag_id
-            self._at_tag.publish(String(data=tag_id))
-        if self.mission.target:
-            closed, total = len(self.mission.outcomes), len(self.mission.tag_ids)
-            target = printable(self.mission.target, 40)
-            self._progress.show(f'{closed}/{total}  tag {target}  {self.mission.phase}')
-        else:
-            self._progress.clear()
+        self._announcer.moved(self.mission)
 
     def _publish_state(self) -> None:
         idle = 'READY' if self.known_tag_ids else 'BOOT'
-        message = state_message(self.mission, self._mission_id, idle)
-        message.header.stamp = self.get_clock().now().to_msg()
-        message.started_at = self._started_at or message.started_at
-        message.last_error = self._last_error
-        message.last_event = self._event
-        message.last_event_severity = SEVERITIES[self._severity]
-        self._states.publish(message)
-
-    def publish_last_state(self) -> None:
-        """Publish the state once more, and wait a while for the subscribers that are there."""
-        self._progress.clear()
-        self._publish_state()
-        deadline = time.monotonic() + LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS
-        for publisher in (self._observations, self._states):
-            while not publisher.wait_for_all_acked(Duration(seconds=STATE_EVERY_SECONDS)):
-                if life_cycle.is_asked_to_end() or time.monotonic() >= deadline:
-                    return
+        self._announcer.publish_state(self.mission, self._mission_id, idle, self._started_at)
 
     # What the mission needs of the world
 
@@ -259,37 +221,11 @@ class MissionNode(Node):
     def record(self, observation: Observation) -> None:
         """Write an observation to the report, publish it, and say so."""
         self.report.record(observation)
-        stamp = self.get_clock().now().to_msg()
-        place_m = self._places_m.get(observation.tag_id)
-        source = self.get_fully_qualified_name()
-        self._observations.publish(observation_message(observation, self._mission_id, source, stamp, place_m))
-        tag = f"tag '{printable(observation.tag_id, 64)}'"
-        if observation.outcome is Outcome.OK:
-            values = ', '.join(f'{name} {value:.3f}' for name, value in observation.reading.values.items())
-            self._inform(f'{tag}: {values}')
-        elif observation.outcome is Outcome.SKIPPED:
-            self._inform(f'{tag}: {observation.outcome.value}: {observation.detail}')
-        else:
-            reason = f'{observation.outcome.value}: {printable(observation.detail, 500)}'
-            self._warn(f'{tag}: scan failed after {observation.attempts} requests: {reason}')
-            self._last_error = self._event
+        self._announcer.closed(observation, self._mission_id, self._places_m.get(observation.tag_id))
 
     def note(self, event: str, severity: Severity) -> None:
-        """Keep an event for the state; log it where it is no routine."""
-        if severity is Severity.INFO:
-            self._event, self._severity = printable(event, 1000), severity
-        else:
-            self._warn(event)
-
-    def _inform(self, event: str) -> None:
-        self._event, self._severity = printable(event, 1000), Severity.INFO
-        self._progress.clear()
-        self.get_logger().info(self._event)
-
-    def _warn(self, event: str) -> None:
-        self._event, self._severity = printable(event, 1000), Severity.WARN
-        self._progress.clear()
-        self.get_logger().warning(self._event)
+        """Tell people what happened."""
+        self._announcer.note(event, severity)
 
     # What people ask of the mission
 
@@ -354,7 +290,7 @@ def main(args=None):
 
 def _conclude(node: MissionNode) -> int:
     """Print the table, whether the mission came to its end or not; return the exit code."""
-    node.publish_last_state()
+    node.farewell()
     observations = node.report.observations if node.report else []
     print(summary_table(observations, node.tag_ids), flush=True)
     found = last_of_each_tag(observations)

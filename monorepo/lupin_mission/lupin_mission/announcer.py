@@ -1,0 +1,103 @@
+"""What the mission tells: observations and state to the stack, a log and one moving line to people."""
+
+import time
+
+from lupin_msgs.msg import MissionState
+from lupin_msgs.msg import Observation as ObservationMessage
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+
+from lupin_mission import life_cycle
+from lupin_mission.errors import printable
+from lupin_mission.messages import SEVERITIES, observation_message, state_message
+from lupin_mission.mission import Mission, Severity
+from lupin_mission.progress import ProgressLine
+from lupin_mission.report import Observation, Outcome
+
+LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS = 5.0
+ACKNOWLEDGED_WITHIN_SECONDS = 0.2
+
+
+def latched(depth: int) -> QoSProfile:
+    """Return the QoS of a topic whose last messages a late subscriber hears."""
+    return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Announcer:
+    """The voice of a mission node."""
+
+    def __init__(self, node, observations_topic: str):
+        self._node = node
+        self._at_tag = node.create_publisher(String, '~/at_tag', latched(1))
+        self._observations = node.create_publisher(ObservationMessage, observations_topic, latched(50))
+        self._states = node.create_publisher(MissionState, '~/state', latched(1))
+        self._tag_at_hand = None
+        self._progress = ProgressLine()
+        self._event, self._severity, self._last_error = 'the node has started', Severity.INFO, ''
+
+    def note(self, event: str, severity: Severity) -> None:
+        """Keep an event for the state; log it where it is no routine."""
+        if severity is Severity.INFO:
+            self._event, self._severity = printable(event, 1000), severity
+        else:
+            self.warn(event)
+
+    def inform(self, event: str) -> None:
+        """Keep an event for the state, and log it."""
+        self._event, self._severity = printable(event, 1000), Severity.INFO
+        self._progress.clear()
+        self._node.get_logger().info(self._event)
+
+    def warn(self, event: str) -> None:
+        """Keep an event for the state, and log it as a warning."""
+        self._event, self._severity = printable(event, 1000), Severity.WARN
+        self._progress.clear()
+        self._node.get_logger().warning(self._event)
+
+    def closed(self, observation: Observation, mission_id: str, place_m: tuple[float, float] | None) -> None:
+        """Publish a tag that the mission has closed, and log what came of it."""
+        stamp = self._node.get_clock().now().to_msg()
+        source = self._node.get_fully_qualified_name()
+        self._observations.publish(observation_message(observation, mission_id, source, stamp, place_m))
+        tag = f"tag '{printable(observation.tag_id, 64)}'"
+        if observation.outcome is Outcome.OK:
+            values = ', '.join(f'{name} {value:.3f}' for name, value in observation.reading.values.items())
+            self.inform(f'{tag}: {values}')
+        elif observation.outcome is Outcome.SKIPPED:
+            self.inform(f'{tag}: {observation.outcome.value}: {observation.detail}')
+        else:
+            reason = f'{observation.outcome.value}: {printable(observation.detail, 500)}'
+            self.warn(f'{tag}: scan failed after {observation.attempts} requests: {reason}')
+            self._last_error = self._event
+
+    def moved(self, mission: Mission) -> None:
+        """Show where the mission is, and publish the tag that the robot stands at when it has changed."""
+        tag_id = mission.tag_at_hand or ''
+        if tag_id != self._tag_at_hand:
+            self._tag_at_hand = tag_id
+            self._at_tag.publish(String(data=tag_id))
+        if mission.target:
+            closed, total = len(mission.outcomes), len(mission.tag_ids)
+            self._progress.show(f'{closed}/{total}  tag {printable(mission.target, 40)}  {mission.phase}')
+        else:
+            self._progress.clear()
+
+    def publish_state(self, mission: Mission | None, mission_id: str, idle: str, started_at) -> None:
+        """Publish the state; `idle` is the lifecycle of a node without a mission."""
+        message = state_message(mission, mission_id, idle)
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.started_at = started_at or message.started_at
+        message.last_error = self._last_error
+        message.last_event = self._event
+        message.last_event_severity = SEVERITIES[self._severity]
+        self._states.publish(message)
+
+    def wait_for_subscribers(self) -> None:
+        """Return when the subscribers that are there have all that was published, or after a while."""
+        self._progress.clear()
+        deadline = time.monotonic() + LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS
+        for publisher in (self._observations, self._states):
+            while not publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED_WITHIN_SECONDS)):
+                if life_cycle.is_asked_to_end() or time.monotonic() >= deadline:
+                    return
