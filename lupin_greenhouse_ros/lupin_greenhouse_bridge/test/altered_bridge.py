@@ -16,8 +16,10 @@ from pathlib import Path
 
 import numpy
 import rclpy.node
+import rclpy.service
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node, simulation
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
 
 class Clock:
@@ -49,6 +51,19 @@ def announced_services():
         return create_service(node, service_type, name, *arguments, **keywords)
 
     rclpy.node.Node.create_service = announce
+
+
+def unsendable_reply():
+    """Let the first reply fail as Humble's rclpy lets one fail whose client is gone."""
+    send_response = rclpy.service.Service.send_response
+    replies = itertools.count()
+
+    def fail_once(service, response, header):
+        if isinstance(response, bridge_node.GetTagReading.Response) and next(replies) == 0:
+            raise rclpy_implementation.RCLError('failed to send response: client will not receive response')
+        return send_response(service, response, header)
+
+    rclpy.service.Service.send_response = fail_once
 
 
 class HostileNumber(float):

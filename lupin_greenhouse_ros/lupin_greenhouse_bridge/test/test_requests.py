@@ -113,6 +113,14 @@ def test_the_cause_of_a_failure_is_logged_once_and_not_with_every_request(start_
     assert 1 <= len([line for line in log if "Tag '99' is not in" in line]) <= 20
 
 
+def test_a_reply_that_cannot_be_sent_is_a_warning_and_the_next_request_is_answered(start_bridge, altered):
+    bridge = start_bridge(altered('unsendable_reply'))
+    lost = bridge.connect().call_async(GetTagReading.Request(tag_id='1'))
+    bridge.wait_for_log('went on after: failed to send response')
+    assert bridge.values('1')
+    assert not lost.done()
+
+
 def test_a_hostile_id_cannot_forge_a_log_line(start_bridge):
     bridge = start_bridge(debug_time_of_day=12.0)
     bridge.call('1\n[FATAL] [0.0] [greenhouse_bridge]: forged\r\x1b[2J')
