@@ -1,6 +1,7 @@
 """The picture of a report."""
 
 import json
+import sys
 from xml.etree import ElementTree
 
 import pytest
@@ -69,3 +70,16 @@ def test_what_cannot_be_drawn_is_said_in_one_line(report, tmp_path, capsys, argu
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith('plot_report: ')
     assert fragment in line
+
+
+def test_without_matplotlib_the_package_to_install_is_named(report, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'matplotlib', None)
+    assert main([str(report)]) == 2
+    assert capsys.readouterr().err.endswith(': sudo apt install python3-matplotlib\n')
+
+
+def test_without_the_simulator_a_layout_has_to_be_named(report, monkeypatch, capsys):
+    monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
+    assert main([str(report)]) == 2
+    message = 'plot_report: mdp-greenhouse is not installed here: name the layout with --tag-file\n'
+    assert capsys.readouterr().err == message

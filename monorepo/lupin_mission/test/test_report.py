@@ -69,6 +69,7 @@ def test_a_line_that_a_kill_cut_short_is_not_there(tmp_path, cut):
         '\n',
         '{"a": 1}',
         '[' * 100_000 + '\n',
+        OK.to_line().replace('{"temperature": 21.5, "co2": 600.0}', '[]') + '\n',
         OK.to_line() + '\nnotes',
     ],
 )
@@ -78,6 +79,21 @@ def test_a_file_that_is_no_report_is_refused_and_left_alone(tmp_path, content):
     with pytest.raises(ReportError, match=r'notes\.txt'):
         Report(path)
     assert path.read_text(encoding='utf-8') == content
+
+
+def test_a_file_that_was_refused_is_let_go(tmp_path):
+    path = tmp_path / 'notes.txt'
+    path.write_text('my notes\n', encoding='utf-8')
+    with pytest.raises(ReportError) as refusal:
+        Report(path)
+    path.write_text('', encoding='utf-8')
+    Report(path).close()  # or another mission would seem to write it
+    del refusal
+
+
+def test_a_report_that_is_not_there_cannot_be_read():
+    with pytest.raises(ReportError, match='No such file or directory: give the file that a mission wrote'):
+        read_report('/missing.jsonl')
 
 
 def test_a_file_of_other_bytes_is_refused(tmp_path):
