@@ -171,7 +171,6 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
     A OneLineError becomes one FATAL line of the logger `name`, and the exit code `refused`.
     """
     from rclpy.exceptions import NameValidationException, ParameterException
-    from rclpy.impl.implementation_singleton import rclpy_implementation
     from rclpy.logging import get_logger
 
     def refuse(error: OneLineError) -> int:
@@ -184,12 +183,7 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
                 node = create_node()
                 executor.add_node(node)
                 while not (is_asked_to_end() or (is_done and is_done(node))):
-                    try:
-                        executor.spin_once(timeout_sec=LONGEST_WAIT_SECONDS)
-                    except rclpy_implementation.RCLError as error:
-                        # Humble raises for a reply that cannot be sent; later distros warn by themselves.
-                        reason = printable(str(error), 300)
-                        node.get_logger().warning(f'went on after: {reason}', throttle_duration_sec=1.0)
+                    _spin_once(executor, node)
                 return conclude(node) if conclude else 0
             except OneLineError as error:  # here and not outside: it keeps a node alive that has to go first
                 return refuse(error)
@@ -197,3 +191,14 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
                 return refuse(StartUpError(f'the ROS arguments do not fit the node: {error}'))
     except StartUpError as error:
         return refuse(error)
+
+
+def _spin_once(executor, node) -> None:
+    """Let the executor do one thing; a reply that cannot be sent, for which Humble raises, is a warning."""
+    from rclpy.impl.implementation_singleton import rclpy_implementation
+
+    try:
+        executor.spin_once(timeout_sec=LONGEST_WAIT_SECONDS)
+    except rclpy_implementation.RCLError as error:
+        reason = printable(str(error), 300)
+        node.get_logger().warning(f'went on after: {reason}', throttle_duration_sec=1.0)
