@@ -127,10 +127,11 @@ def modules_written(repository: Path) -> set[str]:
     return {path.stem for path in (repository / BRIDGE / 'test').glob('test_*.py')} - {'test_launch'}
 
 
-def modules_that_ran(workspace: Path) -> set[str]:
-    """Return the names of the test modules that `colcon test` ran in a workspace."""
-    results = ElementTree.parse(workspace / f'build/{BRIDGE}/pytest.xml').getroot()  # noqa: S314 - our own
-    return {case.get('classname').split('.')[-1] for case in results.iter('testcase')}
+def modules_that_ran(home: Path) -> set[str]:
+    """Return the names of the test modules that `colcon test` ran in the workspace of a home."""
+    (results,) = home.glob(f'*/build/{BRIDGE}/pytest.xml')
+    cases = ElementTree.parse(results).getroot().iter('testcase')  # noqa: S314 - our own
+    return {case.get('classname').split('.')[-1] for case in cases}
 
 
 def packages_seen(workspace: Path) -> dict[str, str]:
