@@ -22,7 +22,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from itertools import repeat
+from itertools import count, islice, repeat
 from pathlib import Path
 
 import domain_coordinator
@@ -207,32 +207,30 @@ def signalled_at_any_moment(_scale: int) -> Iterator[tuple[str, bool]]:
     service = ['--service', '/nobody/get_tag_reading', '--timeout', '60']
     read_tag = executable('lupin_greenhouse_bridge', 'read_tag')
     cases = [
-        ('bridge_node', [executable('lupin_greenhouse_bridge', 'bridge_node')], {0}),
-        ('read_tag', [read_tag, '1', *service], {130}),
-        ('read_tag --watch', [read_tag, '1', '--watch', '1', *service], {0}),
+        ('bridge_node', repeat([executable('lupin_greenhouse_bridge', 'bridge_node')]), {0}),
+        ('read_tag', repeat([read_tag, '1', *service]), {130}),
+        ('read_tag --watch', repeat([read_tag, '1', '--watch', '1', *service]), {0}),
     ]
-    if os.environ.get('TREE', 'monorepo') == 'monorepo':
-        report = Path(tempfile.mkdtemp(), 'report.jsonl')
-        mission = [executable('lupin_mission', 'mission_node'), '--ros-args', '-p', f'report_file:={report}']
-        cases += [
-            ('mission_node', mission, {0, 1, 2}),  # 2: the other one of two at a time has the report
-            ('confirm_tag', [executable('lupin_perception', 'confirm_tag')], {0}),
-        ]
-    for name, command, documented in cases:
-        results = list(
-            results_of(repeat(command, options.signals), (signal.SIGINT, signal.SIGINT, signal.SIGTERM))
-        )
-        codes = Counter(code for code, _ in results)
-        tracebacks = [output for _, output in results if 'Traceback' in output]
-        tables = sum('tags read' in output for _, output in results)
-        table = f', {tables} tables' if name == 'mission_node' else ''
-        yield (
-            f'{name}: {options.signals} times, exit codes {dict(codes)}, {len(tracebacks)} tracebacks{table}',
-            set(codes) <= documented
-            and not tracebacks
-            and (name != 'mission_node' or tables == codes[0] + codes[1]),
-        )
-        print(*tracebacks[:1], sep='', end='')
+    with tempfile.TemporaryDirectory() as folder:
+        if os.environ.get('TREE', 'monorepo') == 'monorepo':
+            mission = [executable('lupin_mission', 'mission_node'), '--ros-args', '-p']
+            reports = (f'report_file:={folder}/{number}.jsonl' for number in count())
+            cases += [
+                ('mission_node', ([*mission, report] for report in reports), {0, 1}),
+                ('confirm_tag', repeat([executable('lupin_perception', 'confirm_tag')]), {0}),
+            ]
+        for name, commands, documented in cases:
+            signals = (signal.SIGINT, signal.SIGINT, signal.SIGTERM)
+            results = list(results_of(islice(commands, options.signals), signals))
+            codes = dict(Counter(code for code, _ in results))
+            tracebacks = [output for _, output in results if 'Traceback' in output]
+            tables = sum('tags read' in output for _, output in results)
+            text = f'{name}: {options.signals} times, exit codes {codes}, {len(tracebacks)} tracebacks'
+            is_kept = set(codes) <= documented and not tracebacks
+            if name == 'mission_node':
+                text, is_kept = f'{text}, {tables} tables', is_kept and tables == options.signals
+            yield text, is_kept
+            print(*tracebacks[:1], sep='', end='')
 
 
 SCENARIOS: list[Callable[[int], Iterator[tuple[str, bool]]]] = [
