@@ -1,8 +1,6 @@
 """The bridge with a counter in it, for soak.py and network.py; prints at its end what it counted."""
 
-import sys
-
-from lupin_greenhouse_bridge import bridge_node, simulation
+from lupin_greenhouse_bridge import bridge_node, life_cycle, simulation
 
 
 def main() -> int:
@@ -29,4 +27,4 @@ def main() -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    life_cycle.end(main())

@@ -7,11 +7,10 @@ One line of JSON: the median of each share in microseconds, while a client asks.
 import functools
 import json
 import statistics
-import sys
 import time
 
 from greenhouse_sim.simulator import GreenhouseSimulator
-from lupin_greenhouse_bridge import bridge_node, simulation
+from lupin_greenhouse_bridge import bridge_node, life_cycle, simulation
 
 
 def timed(owner, name: str) -> list[float]:
@@ -51,4 +50,4 @@ def main() -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    life_cycle.end(main())

@@ -18,7 +18,7 @@ import numpy
 import rclpy.node
 import rclpy.service
 from greenhouse_sim import simulator
-from lupin_greenhouse_bridge import bridge_node, simulation
+from lupin_greenhouse_bridge import bridge_node, life_cycle, simulation
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 
@@ -120,4 +120,4 @@ def faulty_simulator():
 
 if __name__ == '__main__':
     globals()[sys.argv.pop(1)]()
-    sys.exit(bridge_node.main())
+    life_cycle.end(bridge_node.main())
