@@ -25,17 +25,12 @@ class Subscriber:
 
     def __init__(self, node, message_type, topic: str, qos):
         self.heard = []
-        self._node, self._topic = node, topic
         self._news = queue.SimpleQueue()
         node.create_subscription(message_type, topic, self._on_message, qos)
 
     def _on_message(self, message):
         self.heard.append(message)
         self._news.put(message)
-
-    def wait_for_publisher(self) -> None:
-        """Return when a publisher is known: a process that has gone before is never heard."""
-        wait_until(lambda: self._node.count_publishers(self._topic) == 1)
 
     def wait_for(self, is_it):
         """Return the first message that is not looked at yet and fits."""
@@ -97,17 +92,21 @@ def test_a_twin_that_joins_in_the_middle_has_heard_every_tag_at_the_end(
     assert {each.source for each in late.heard} == {f'{mission.namespace}/mission'}
 
 
-def test_a_tag_that_was_not_read_carries_its_id_its_reason_and_nothing_else(start_mission, reader, twin):
+def test_a_tag_that_was_not_read_carries_its_id_its_reason_and_nothing_else(
+    start_mission, reader, listener, twin
+):
     hearer = twin()
-    mission = start_mission(**READER, tag_ids='1', max_attempts=1, tag_poses_in_map='false')
-    hearer.wait_for_publisher()
+    mission = start_mission(
+        **READER, tag_ids='1', max_attempts=1, tag_poses_in_map='false', wait_for_start=True
+    )
+    assert ask(listener, mission, StartMission, 'start').accepted
     reader.answer(status=1, error_message='who?')
-    assert mission.end() == 1
     heard = hearer.wait_for(lambda _observation: True)
     assert (heard.status, heard.status_detail) == (Observation.STATUS_SCAN_FAILED, 'UNKNOWN_TAG: who?')
     assert heard.tag_reading == TagReading(tag_id='1')
     for pose in (heard.tag_pose_in_map, heard.flower.pose.pose, heard.anomaly.pose.pose):
         assert (pose.position.x, pose.orientation.w) == (0.0, 0.0)  # never populated
+    assert mission.stop() == 1
 
 
 @pytest.mark.parametrize(
@@ -121,16 +120,18 @@ def test_a_tag_that_was_not_read_carries_its_id_its_reason_and_nothing_else(star
     ],
 )
 def test_poses_are_published_where_the_ids_are_trusted_or_as_told(
-    start_mission, reader, confirmer, twin, parameters, has_pose
+    start_mission, reader, confirmer, listener, twin, parameters, has_pose
 ):
     hearer = twin()
-    mission = start_mission(**READER, confirm_service_name=confirmer.name, tag_ids='1', **parameters)
-    hearer.wait_for_publisher()
+    mission = start_mission(
+        **READER, confirm_service_name=confirmer.name, tag_ids='1', wait_for_start=True, **parameters
+    )
+    assert ask(listener, mission, StartMission, 'start').accepted
     confirmer.answer(detected=True, detection_confidence=1.0)
     reader.answer_ok('1', co2=1.0)
-    assert mission.end() == 0
     heard = hearer.wait_for(lambda _observation: True)
     assert (heard.tag_pose_in_map.orientation.w == 1.0) == has_pose
+    assert mission.stop() == 0
 
 
 def test_the_shipped_places_are_not_those_of_a_bridge_with_its_own_tag_file(
@@ -186,28 +187,30 @@ def test_a_web_client_hears_the_state_within_a_second_at_any_time(start_mission,
     assert mission.end() == 0
 
 
-def test_abort_and_skip_over_ros(start_mission, confirmer, twin):
+def test_abort_and_skip_over_ros(start_mission, confirmer, listener, twin):
     """The skip comes while the camera is awaited, the abort too."""
     hearer = twin()
     mission = start_mission(
         **READER, confirm_service_name=confirmer.name, require_visual_confirmation=True, tag_ids='1 2 3',
-        request_timeout_seconds=PATIENCE_SECONDS,
+        request_timeout_seconds=PATIENCE_SECONDS, wait_for_start=True,
     )  # fmt: skip
+    started = ask(listener, mission, StartMission, 'start')
     confirmer.wait_for_request()
-    hearer.wait_for_publisher()
-    with spinning_node('operator') as operator:  # the other node is busy withholding
-        assert ask(operator, mission, Trigger, 'skip_current').success
-        confirmer.answer(detected=True, detection_confidence=1.0)  # too late for 1
-        confirmer.wait_for_request()
-        assert ask(operator, mission, Trigger, 'abort').success
+    assert ask(listener, mission, Trigger, 'skip_current').success
+    confirmer.answer(detected=True, detection_confidence=1.0)  # too late for 1
+    confirmer.wait_for_request()
+    assert ask(listener, mission, Trigger, 'abort').success
     confirmer.answer(detected=True, detection_confidence=1.0)
-    assert mission.end() == 1
-    assert mission.outcomes() == [(tag_id, Outcome.SKIPPED) for tag_id in '123']
     wait_until(lambda: len(hearer.heard) == 3)
     assert [each.tag_reading.tag_id for each in hearer.heard] == ['1', '2', '3']
     assert {each.status for each in hearer.heard} == {Observation.STATUS_SKIPPED}
     assert [each.status_detail for each in hearer.heard] == ['SKIPPED: skipped', *['SKIPPED: aborted'] * 2]
+    assert mission.stop() == 1
     assert mission.log[-1] == '0/3 tags read'
+    report = mission.report_file.with_name(f'report-{started.mission_id}.jsonl')
+    assert [(each.tag_id, each.outcome) for each in read_report(report)] == [
+        (tag_id, Outcome.SKIPPED) for tag_id in '123'
+    ]
 
 
 def test_a_mission_waits_for_its_start_and_lives_on_after_it(
@@ -262,19 +265,21 @@ def test_a_start_that_cannot_be_is_rejected_with_the_reason(start_mission, node,
     assert reason in response.error_message
 
 
-def test_a_start_is_rejected_while_a_mission_runs_and_before_the_tags_are_known(start_mission, reader, node):
-    mission = start_mission(
-        **READER, tag_ids='1', wait_for_start=True, request_timeout_seconds=PATIENCE_SECONDS
-    )
-    first = ask(node, mission, StartMission, 'start')
+def test_a_start_is_rejected_while_a_mission_runs_and_before_the_tags_are_known(
+    start_mission, reader, listener
+):
+    patient = {'request_timeout_seconds': PATIENCE_SECONDS}
+    mission = start_mission(**READER, tag_ids='1', wait_for_start=True, **patient)
+    first = ask(listener, mission, StartMission, 'start')
     assert first.accepted
     reader.wait_for_request()
-    with spinning_node('operator') as operator:
-        again = ask(operator, mission, StartMission, 'start')
+    again = ask(listener, mission, StartMission, 'start')
     assert again.error_message == f'mission {first.mission_id} is running: abort it, or wait for its end'
     reader.answer_ok('1', co2=1.0)
     ignorant = start_mission(bridge_service_name='/nobody/get_tag_reading', wait_for_start=True)
-    assert ask(node, ignorant, StartMission, 'start').error_message.startswith('the tags are not known yet')
+    assert ask(listener, ignorant, StartMission, 'start').error_message.startswith(
+        'the tags are not known yet'
+    )
 
 
 def test_a_report_that_cannot_be_written_rejects_the_start(start_mission, node):
