@@ -6,7 +6,7 @@ PYTHON ?= python3
 VENV ?= .venv
 ARGS ?=
 TAG ?= 1
-SIDE ?= 100
+SIDE ?= 40
 TREES := monorepo lupin_greenhouse_ros
 ifeq ($(filter $(TREE),$(TREES)),)
 $(error TREE=$(TREE) is no tree: TREE=monorepo or TREE=lupin_greenhouse_ros)
@@ -23,7 +23,7 @@ IN_ENV := source ci/ros_env.bash &&
 
 figure tags recall: override TREE := monorepo
 
-.PHONY: help run smoke read mission tags env build generate generate-check drift test lint docs-check figure clean bench soak test-network recall test-heavy matrix test-opencv mirror-publish-check mirror-import
+.PHONY: help run smoke read mission tags env build generate generate-check drift test lint docs-check figure clean bench soak test-network recall test-heavy matrix test-apriltag mirror-publish-check mirror-import
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -41,10 +41,10 @@ read: env  ## ask a running bridge: make read TAG=7, TAG="1 5", TAG=--all
 	@$(IN_ENV) [ -x "$$LUPIN_EXECUTABLES/read_tag" ] || ci/build
 	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(ARGS)
 
-mission: build  ## visit and read every tag, with report and picture: CAMERA=1 has a camera confirm each
-	@$(IN_ENV) python ci/mission.py $(if $(CAMERA),--camera) $(ARGS)
+mission: build  ## visit and read every tag, with a report: CAMERA=1 (or compressed, detections) confirms each
+	@$(if $(filter detections,$(CAMERA)),ci/with_stand_ins,$(IN_ENV)) python ci/mission.py $(if $(CAMERA),--camera $(CAMERA:1=image)) $(ARGS)
 
-tags: build  ## a PDF of the tags to print, SIDE millimetres each: make tags SIDE=100
+tags: build  ## a PDF of the tags to print, SIDE millimetres each: make tags SIDE=40
 	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(SIDE) $(ARGS)
 
 # change
@@ -77,6 +77,7 @@ docs-check: build  ## links, anchors and shell blocks of the documents
 
 figure: build  ## draw the greenhouse into the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
+	@$(if $(ARGS),,$(IN_ENV) python tools/draw/seen.py)
 
 clean:  ## remove what was built (the environment stays: it is .venv)
 	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .mission .bench .tags
@@ -93,7 +94,7 @@ test-network: build  ## two hosts as network namespaces: loss, delay, a pulled c
 	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short)
 
 recall: build  ## how often the camera's detector finds a tag: by distance, angle, blur and noise
-	@$(IN_ENV) python tools/measure/recall.py
+	@$(IN_ENV) python tools/measure/recall.py $(ARGS)
 
 test-heavy: env  ## the measurements in their short forms, as CI runs them after make test
 	@$(IN_ENV) ci/test_heavy
@@ -101,8 +102,8 @@ test-heavy: env  ## the measurements in their short forms, as CI runs them after
 matrix:  ## the contract tests on every Python, distro and simulator to be had here
 	@ci/matrix
 
-test-opencv: env  ## the detector's tests with Ubuntu 22.04's OpenCV 4.5.4 (needs a Python 3.10)
-	@ci/test_opencv
+test-apriltag: env  ## the detector's tests with apt's python3-apriltag (Debian 12, Ubuntu 22.04 and newer)
+	@ci/test_apriltag
 
 # publish
 

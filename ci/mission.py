@@ -1,5 +1,5 @@
 """
-Run the whole mission on a domain of its own: bridge, mission and, with --camera, a camera that confirms.
+Run the whole mission on a domain of its own: bridge, mission and, with --camera, a camera that confirms tags.
 
 Leaves the report and its picture in the folder .mission. Exit code: the mission's, 0 when all tags were read.
 """
@@ -16,6 +16,12 @@ import domain_coordinator
 ROOT = Path(__file__).resolve().parent.parent
 INSTALLED = Path(os.environ['LUPIN_WORKSPACE'], 'install')
 LONGEST_MISSION_SECONDS = 900
+# What the camera publishes, and the parameters with which confirm_tag listens to it.
+SOURCES = {
+    'image': [],
+    'compressed': ['compressed_image_topic:=/camera/color/image_raw/compressed'],
+    'detections': ['detections_topic:=/detections'],
+}
 
 
 def executable(package: str, name: str) -> str:
@@ -46,7 +52,9 @@ def running(command: list[str], environment: dict[str, str]):
 def main() -> int:
     """Run it and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
-    parser.add_argument('--camera', action='store_true', help='the hardware path: a camera confirms each tag')
+    parser.add_argument(
+        '--camera', choices=SOURCES, help='confirm each tag, from images, compressed images or detections'
+    )
     parser.add_argument('--output', type=Path, default=ROOT / '.mission', metavar='FOLDER')
     parser.add_argument('arguments', nargs='*', metavar='name:=value', help='parameters of the mission')
     options = parser.parse_args()
@@ -68,8 +76,13 @@ def main() -> int:
         stack.enter_context(running([executable('lupin_greenhouse_bridge', 'bridge_node')], environment))
         arguments = [f'report_file:="{report}"']
         if options.camera:
-            stack.enter_context(running([executable('lupin_perception', 'confirm_tag')], environment))
-            stack.enter_context(running([executable('lupin_perception', 'camera_stand_in')], environment))
+            confirm_tag = executable('lupin_perception', 'confirm_tag')
+            camera = executable('lupin_perception', 'camera_stand_in')
+            for command in (
+                [confirm_tag, *parameters(SOURCES[options.camera])],
+                [camera, *parameters([f'publishes:={options.camera}'])],
+            ):
+                stack.enter_context(running(command, environment))
             # One call is enough: confirm_tag watches the camera until the tag appears.
             arguments += ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=1']
         else:

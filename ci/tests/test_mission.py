@@ -12,9 +12,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def run_mission(output: Path, *arguments: str) -> subprocess.CompletedProcess:
-    script = 'source ci/ros_env.bash && exec "$0" ci/mission.py "$@"'
     return subprocess.run(
-        ['bash', '-c', script, sys.executable, '--output', str(output), *arguments],
+        ['ci/with_stand_ins', sys.executable, 'ci/mission.py', '--output', str(output), *arguments],
         cwd=ROOT,
         env={**os.environ, 'TREE': 'monorepo'},
         capture_output=True,
@@ -27,9 +26,11 @@ def run_mission(output: Path, *arguments: str) -> subprocess.CompletedProcess:
     ('arguments', 'name', 'tag_ids'),
     [
         ([], 'simulation', None),
-        (['--camera', 'tag_ids:="1 5 7"'], 'camera', ['1', '5', '7']),
+        (['--camera', 'image', 'tag_ids:="1 5 7"'], 'camera', ['1', '5', '7']),
+        (['--camera', 'compressed', 'tag_ids:="1 5"'], 'camera', ['1', '5']),
+        (['--camera', 'detections', 'tag_ids:="1 5"'], 'camera', ['1', '5']),
     ],
-    ids=['simulation', 'camera'],
+    ids=['simulation', 'images', 'compressed images', 'detections'],
 )
 def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path, arguments, name, tag_ids):
     result = run_mission(tmp_path, *arguments)
@@ -46,7 +47,7 @@ def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path,
 
 
 def test_a_tag_that_the_camera_never_sees_is_not_read(tmp_path):
-    result = run_mission(tmp_path, '--camera', 'tag_ids:="600"')
+    result = run_mission(tmp_path, '--camera', 'image', 'tag_ids:="600"')
     assert result.returncode == 1
     (line,) = (tmp_path / 'camera.jsonl').read_text(encoding='utf-8').splitlines()
     assert json.loads(line)['outcome'] == 'NOT_CONFIRMED'

@@ -11,8 +11,8 @@ setup(
         (f'share/{package_name}', ['package.xml']),
     ],
     python_requires='>=3.10',
-    # OpenCV comes from apt (python3-opencv) or pip (opencv-python-headless), not from both.
-    install_requires=['setuptools', 'numpy'],
+    # AprilTag 3 comes from apt (python3-apriltag) or pip (apriltag-python), not from both. So does OpenCV.
+    install_requires=['setuptools', 'numpy', 'pillow'],
     extras_require={'test': ['hypothesis', 'pytest']},
     zip_safe=True,
     maintainer='Lupin team',

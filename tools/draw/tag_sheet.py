@@ -1,11 +1,11 @@
 """
-A PDF to print: one page for each tag that the simulator loads, with the tag36h11 of that number.
+A PDF to print: the tag36h11 of each tag that the simulator loads, as many on an A4 page as fit.
 
-    make tags SIDE=100                            .tags/tag36h11-100mm.pdf
+    make tags SIDE=40                             .tags/tag36h11-40mm.pdf
     make tags SIDE=60 ARGS="--tag-file tags.json"
 
-SIDE is the length of the black square in millimetres. Print at 100 % ("actual size"), and lay a ruler to the
-one on the page.
+SIDE is the length of the black square in millimetres. Print at 100 % ("actual size") and check the ruler on
+the page. Cut along the dashed lines: the white border is part of the tag.
 """
 
 import argparse
@@ -19,14 +19,16 @@ from lupin_greenhouse_bridge.simulation import served_tag_ids
 from lupin_perception import scene
 from matplotlib import pyplot
 from matplotlib.backends.backend_pdf import PdfPages
-from matplotlib.patches import PathPatch
+from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 
 PAGE_MM = (210.0, 297.0)  # A4
 MARGIN_MM = 10.0  # printers leave it white
+FOOTER_MM = 20.0  # the ruler
+LABEL_MM = 7.0  # under each tag
 TAG_COUNT = 587
+MODULES = 8  # along a side of the black square; one more of white on each side
 RULER_MM = 100
-CENTRE_MM = (PAGE_MM[0] / 2, 170.0)
 
 
 def modules_of(tag_number: int) -> np.ndarray:
@@ -34,14 +36,26 @@ def modules_of(tag_number: int) -> np.ndarray:
     return np.rot90(scene.marker(tag_number), 2) == 0  # OpenCV has the family upside down
 
 
-def draw_page(tag_number: int, side_mm: float):
-    """Return one page; everything on it is in millimetres from the lower left corner."""
-    figure = pyplot.figure(figsize=[each / 25.4 for each in PAGE_MM])
-    axes = figure.add_axes((0, 0, 1, 1), xlim=(0, PAGE_MM[0]), ylim=(0, PAGE_MM[1]))
-    axes.axis('off')
+def cells(side_mm: float) -> list[tuple[float, float]]:
+    """Return the upper left corners of the cells of a page, row by row, in mm from its lower left corner."""
+    width, height = cell_size(side_mm)
+    columns = int((PAGE_MM[0] - 2 * MARGIN_MM) / width)
+    rows = int((PAGE_MM[1] - 2 * MARGIN_MM - FOOTER_MM) / height)
+    left, top = (PAGE_MM[0] - columns * width) / 2, PAGE_MM[1] - MARGIN_MM
+    return [(left + column * width, top - row * height) for row in range(rows) for column in range(columns)]
+
+
+def cell_size(side_mm: float) -> tuple[float, float]:
+    """Return width and height of a tag with its white border and its label."""
+    paper_mm = side_mm * (MODULES + 2) / MODULES
+    return paper_mm, paper_mm + LABEL_MM
+
+
+def draw_tag(axes, tag_number: int, side_mm: float, corner: tuple[float, float]) -> None:
+    """Draw a tag, its label and its cutting line into the cell with this upper left corner."""
     modules = modules_of(tag_number)
-    module_mm = side_mm / len(modules)
-    left, top = CENTRE_MM[0] - side_mm / 2, CENTRE_MM[1] + side_mm / 2
+    module_mm = side_mm / MODULES
+    left, top = corner[0] + module_mm, corner[1] - module_mm
     squares = []
     for row, column in np.argwhere(modules):
         x, y = left + column * module_mm, top - (row + 1) * module_mm
@@ -49,28 +63,53 @@ def draw_page(tag_number: int, side_mm: float):
         squares.append(Outline(corners, closed=True))
     # One shape, so that no viewer shows seams between its squares.
     axes.add_patch(PathPatch(Outline.make_compound_path(*squares), facecolor='black', linewidth=0))
-    axes.text(
-        CENTRE_MM[0],
-        25.0,
-        f'tag36h11   id {tag_number}   black square {side_mm:g} mm, white margin {module_mm:g} mm',
-        ha='center',
-        fontsize=12,
+    width, height = cell_size(side_mm)
+    axes.add_patch(
+        Rectangle(
+            (corner[0], corner[1] - height),
+            width,
+            height,
+            fill=False,
+            edgecolor='0.6',
+            linewidth=0.3,
+            ls='--',
+        )
     )
+    axes.text(
+        corner[0] + width / 2,
+        corner[1] - height + 2.0,
+        f'id {tag_number}',
+        ha='center',
+        fontsize=min(12.0, side_mm / 3),
+    )
+
+
+def draw_page(tag_numbers: list[int], side_mm: float):
+    """Return one page; everything on it is in millimetres from the lower left corner."""
+    figure = pyplot.figure(figsize=[each / 25.4 for each in PAGE_MM])
+    axes = figure.add_axes((0, 0, 1, 1), xlim=(0, PAGE_MM[0]), ylim=(0, PAGE_MM[1]))
+    axes.axis('off')
+    for tag_number, corner in zip(tag_numbers, cells(side_mm), strict=False):
+        draw_tag(axes, tag_number, side_mm, corner)
     for millimetre in range(RULER_MM + 1):
         length = 6.0 if millimetre % 10 == 0 else 4.0 if millimetre % 5 == 0 else 2.5
         x = (PAGE_MM[0] - RULER_MM) / 2 + millimetre
-        axes.plot([x, x], [40.0, 40.0 + length], color='black', linewidth=0.3)
-    axes.text(CENTRE_MM[0], 34.0, f'{RULER_MM} mm, if printed at 100 %', ha='center', fontsize=8)
+        axes.plot([x, x], [18.0, 18.0 + length], color='black', linewidth=0.3)
+    text = f'tag36h11, black square {side_mm:g} mm. This ruler is {RULER_MM} mm long if printed at 100 %.'
+    axes.text(PAGE_MM[0] / 2, 12.0, text, ha='center', fontsize=8)
     return figure
 
 
-def write(path: Path, tag_numbers: list[int], side_mm: float) -> None:
-    """Write the PDF, one page for each tag."""
+def write(path: Path, tag_numbers: list[int], side_mm: float) -> int:
+    """Write the PDF; return the number of its pages."""
+    on_one_page = len(cells(side_mm))
+    firsts = range(0, len(tag_numbers), on_one_page)
     with PdfPages(path, metadata={'Title': f'tag36h11, {side_mm:g} mm', 'CreationDate': None}) as pages:
-        for tag_number in tag_numbers:
-            figure = draw_page(tag_number, side_mm)
+        for first in firsts:
+            figure = draw_page(tag_numbers[first : first + on_one_page], side_mm)
             pages.savefig(figure)
             pyplot.close(figure)
+    return len(firsts)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -80,11 +119,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
     parser.add_argument('--output', type=Path, default=Path('.tags'), metavar='FOLDER')
     options = parser.parse_args(arguments)
-    largest = (PAGE_MM[0] - 2 * MARGIN_MM) / (1 + 2 / 8)  # with a white margin of one module
+    largest = (PAGE_MM[0] - 2 * MARGIN_MM) * MODULES / (MODULES + 2)
     try:
         if not 8.0 <= options.side <= largest:
             raise StartUpError(
-                f'--side {options.side:g}: give 8 to {largest:g} mm, which an A4 page has room for'
+                f'--side {options.side:g}: must be between 8 and {largest:g} mm, the width of an A4 page'
             )
         tag_ids = served_tag_ids(options.tag_file)
         numbers = [
@@ -97,11 +136,11 @@ def main(arguments: list[str] | None = None) -> int:
         options.output.mkdir(parents=True, exist_ok=True)
         path = options.output / f'tag36h11-{options.side:g}mm.pdf'
         matplotlib.use('Agg')
-        write(path, sorted(numbers), options.side)
+        pages = write(path, sorted(numbers), options.side)
     except (OneLineError, OSError) as error:
         print(f'tags: {error}', file=sys.stderr)
         return 2
-    print(f'{path}: {len(numbers)} tags')
+    print(f'{path}: {len(numbers)} tags on {pages} pages')
     return 0
 
 

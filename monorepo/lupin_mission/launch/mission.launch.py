@@ -10,9 +10,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 from lupin_mission.life_cycle import launch_arguments
 from lupin_mission.settings import Settings
+from lupin_perception.settings import SOURCES
 from lupin_perception.settings import Settings as CameraSettings
-
-CAMERA_ARGUMENTS = ('image_topic',)  # of the camera's parameters, those that a robot differs in
 
 
 def generate_launch_description():
@@ -21,7 +20,7 @@ def generate_launch_description():
         [FindPackageShare('lupin_greenhouse_bridge'), 'launch', 'greenhouse_bridge.launch.py']
     )
     arguments = launch_arguments(Settings)
-    camera_arguments = [each for each in launch_arguments(CameraSettings) if each[0] in CAMERA_ARGUMENTS]
+    camera_arguments = [each for each in launch_arguments(CameraSettings) if each[0] in SOURCES]
     return LaunchDescription(
         [
             *(

@@ -5,29 +5,59 @@ Follows `/mission/at_tag`. Between two tags, and at a tag that is no tag36h11 id
 """
 
 import sys
+from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
 
 from lupin_perception import life_cycle, scene
+from lupin_perception.confirmation import TAG_COUNT
+from lupin_perception.errors import StartUpError
+from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
+from lupin_perception.sources import apriltag_messages
 
 NODE_NAME = 'camera'
 FRAMES_PER_SECOND = 8
-TAG_COUNT = 587
+JPEG_QUALITY = 80
+COMPRESSED_TOPIC = f'{DEFAULT_IMAGE_TOPIC}/compressed'
+DETECTIONS_TOPIC = '/detections'
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The parameter values of one run, checked; raises StartUpError for one that is wrong."""
+
+    publishes: str = life_cycle.parameter(
+        'image', 'image, compressed (JPEG), or detections (what AprilTag 3 finds in the image).'
+    )
+
+    def __post_init__(self):
+        life_cycle.check_parameters(self)
+        if self.publishes not in ('image', 'compressed', 'detections'):
+            raise StartUpError(
+                f'parameter publishes is {self.publishes!r}: must be image, compressed or detections'
+            )
 
 
 class CameraStandIn(Node):
-    """Publishes `/camera/image_raw`: another distance, angle, blur and noise in each image."""
+    """Publishes another distance, angle, blur and noise in each image."""
 
     def __init__(self):
         super().__init__(NODE_NAME)
+        publishes = life_cycle.declare_parameters(self, Settings).publishes
         self._random = np.random.default_rng(0)
         self._camera = scene.Camera()
         self._tag_id = ''
-        self._images = self.create_publisher(Image, '/camera/image_raw', qos_profile_sensor_data)
+        message_type, topic, self._message_of = {
+            'image': lambda: (Image, DEFAULT_IMAGE_TOPIC, image_of),
+            'compressed': lambda: (CompressedImage, COMPRESSED_TOPIC, compressed_image_of),
+            'detections': detections_source,
+        }[publishes]()
+        self._publisher = self.create_publisher(message_type, topic, qos_profile_sensor_data)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(String, '/mission/at_tag', self._on_tag, latched)
         self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
@@ -40,21 +70,53 @@ class CameraStandIn(Node):
         picture = self._camera.look_at(
             scene.marker(int(self._tag_id), module_pixels=30) if is_tag else None,
             self._random,
-            distance_m=self._random.uniform(0.4, 1.0),
+            distance_m=self._random.uniform(0.3, 1.0),
             angle_degrees=self._random.uniform(0.0, 40.0),
             blur_pixels=self._random.uniform(0.3, 1.2),
             noise_levels=self._random.uniform(2.0, 8.0),
         )
-        image = Image(
-            height=picture.shape[0],
-            width=picture.shape[1],
-            encoding='mono8',
-            step=picture.shape[1],
-            data=picture.tobytes(),
-        )
-        image.header.stamp = self.get_clock().now().to_msg()
-        image.header.frame_id = 'camera'
-        self._images.publish(image)
+        message = self._message_of(picture)
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.frame_id = 'camera'
+        self._publisher.publish(message)
+
+
+def image_of(picture: np.ndarray) -> Image:
+    """Return the message of a grey picture."""
+    height, width = picture.shape
+    return Image(height=height, width=width, encoding='mono8', step=width, data=picture.tobytes())
+
+
+def compressed_image_of(picture: np.ndarray) -> CompressedImage:
+    """Return the message of a grey picture as JPEG."""
+    _, data = cv2.imencode('.jpg', picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return CompressedImage(format='mono8; jpeg compressed ', data=data.tobytes())
+
+
+def detections_source():
+    """Return type, topic and function of what a detector publishes of a picture."""
+    messages = apriltag_messages()
+    from lupin_perception.detector import FAMILY, TagDetector
+
+    detect = TagDetector().detect
+
+    def detections_of(picture):
+        array = messages.AprilTagDetectionArray()
+        for each in detect(picture):
+            x, y = np.mean(each.corners, axis=0)
+            array.detections.append(
+                messages.AprilTagDetection(
+                    family=FAMILY,
+                    id=each.tag_number,
+                    hamming=each.hamming,
+                    decision_margin=each.decision_margin,
+                    centre=messages.Point(x=x, y=y),
+                    corners=[messages.Point(x=float(x), y=float(y)) for x, y in each.corners],
+                )
+            )
+        return array
+
+    return messages.AprilTagDetectionArray, DETECTIONS_TOPIC, detections_of
 
 
 def main(args=None) -> int:

@@ -12,14 +12,15 @@ from rclpy.task import Future
 from sensor_msgs.msg import Image
 
 from lupin_perception import life_cycle
-from lupin_perception.confirmation import Confirmer, Frame, UnknownTagId
-from lupin_perception.errors import StartUpError
-from lupin_perception.images import UnusableImage, grey_picture
+from lupin_perception.confirmation import Confirmer, Frame, UnknownTagId, Verdict, tag_number
+from lupin_perception.errors import printable
+from lupin_perception.images import UnusableImage
 from lupin_perception.settings import Settings
+from lupin_perception.sources import open_source
 
 NODE_NAME = 'confirm_tag'
-MOST_REFUSALS_LOGGED = 10
 LOOK_EVERY_SECONDS = 0.05
+LOG_EVERY_SECONDS = 5.0  # a stream of unusable images must not flood the log
 
 
 class ConfirmTagNode(Node):
@@ -29,12 +30,16 @@ class ConfirmTagNode(Node):
         """Offer the service; raises StartUpError."""
         super().__init__(NODE_NAME, namespace='perception')
         self._settings = settings = life_cycle.declare_parameters(self, Settings)
-        self._confirmer = Confirmer(_detector().detect, settings)
-        self._refusals = set()
+        self._source = open_source(settings)
+        self._confirmer = Confirmer(settings)
         self._news = Future()  # done when there is something new to look at; then there is another one
         self._watchers = 0
+        self._shown = None
         # Best effort: hears every camera, whatever it offers.
-        self.create_subscription(Image, settings.image_topic, self._on_image, qos_profile_sensor_data)
+        self.create_subscription(
+            self._source.message_type, self._source.topic, self._on_message, qos_profile_sensor_data
+        )
+        self._seen = self.create_publisher(Image, '~/seen', 1)
         self.create_service(
             ConfirmTag,
             'confirm_tag',
@@ -46,21 +51,22 @@ class ConfirmTagNode(Node):
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(LOOK_EVERY_SECONDS, self._tell_news, clock=clock)
         self._timer.cancel()
-        self.get_logger().info(f'ready: images from {self.resolve_topic_name(settings.image_topic)}')
+        self.get_logger().info(f'ready: images from {self.resolve_topic_name(self._source.topic)}')
 
-    def _on_image(self, image) -> None:
+    def _on_message(self, message) -> None:
+        """Keep the message. It is decoded and looked into when somebody asks."""
+        stamp_seconds = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+        self._confirmer.add(Frame(lambda: self._sight_of(message), stamp_seconds, time.monotonic()))
+        if self._watchers:
+            self._tell_news()
+
+    def _sight_of(self, message):
         try:
-            picture = grey_picture(image.encoding, image.height, image.width, image.step, image.data)
+            return self._source.sight_of(message)
         except UnusableImage as error:
-            self._confirmer.refusal = str(error)
-            # Once, and not for every image of a stream, also when the stream invents encodings.
-            if image.encoding not in self._refusals and len(self._refusals) < MOST_REFUSALS_LOGGED:
-                self._refusals.add(image.encoding)
-                self.get_logger().error(f'image refused: {error}')
-            return
-        stamp_seconds = image.header.stamp.sec + image.header.stamp.nanosec * 1e-9
-        self._confirmer.add(Frame(picture, stamp_seconds, time.monotonic()))
-        self._tell_news()
+            reason = printable(str(error), 200)
+            self.get_logger().error(f'image refused: {reason}', throttle_duration_sec=LOG_EVERY_SECONDS)
+            raise UnusableImage(f'an image was refused: {reason}') from error
 
     def _tell_news(self) -> None:
         news, self._news = self._news, Future()
@@ -87,25 +93,29 @@ class ConfirmTagNode(Node):
 
     def _look(self, tag_id: str, response) -> None:
         stamp_now_seconds = self.get_clock().now().nanoseconds * 1e-9
-        response.detection_confidence, response.error_message = self._confirmer.confirm(
-            tag_id, stamp_now_seconds, time.monotonic()
-        )
-        response.detected = not response.error_message
+        verdict = self._confirmer.confirm(tag_id, stamp_now_seconds, time.monotonic())
+        response.detection_confidence, response.error_message = verdict.confidence, verdict.reason
+        response.detected = not verdict.reason
+        if self._seen.get_subscription_count():
+            self._show(verdict, tag_number(tag_id))
 
+    def _show(self, verdict: Verdict, number: int) -> None:
+        """Publish a picture of the verdict, once for each image."""
+        if not verdict.sight or verdict.sight.picture is None or self._shown == (number, id(verdict.sight)):
+            return
+        from lupin_perception.drawing import draw
 
-def _detector():
-    try:
-        from lupin_perception.detector import TagDetector  # here, so that a missing OpenCV is one line
-
-        return TagDetector()
-    except (ImportError, AttributeError) as error:
-        raise StartUpError(
-            f'OpenCV with its aruco module is needed ({error}): sudo apt install python3-opencv'
-        ) from error
+        self._shown = (number, id(verdict.sight))
+        picture = draw(verdict, number, self._settings)
+        height, width, channels = picture.shape
+        image = Image(height=height, width=width, encoding='rgb8', step=channels * width)
+        image.header.stamp = self.get_clock().now().to_msg()
+        image.data = picture.tobytes()
+        self._seen.publish(image)
 
 
 def main(args=None):
-    """Serve until Ctrl-C or SIGTERM (exit 0); what cannot be served is one FATAL line (exit 1)."""
+    """Serve until Ctrl-C or SIGTERM (exit 0); refuse a wrong setting with one FATAL line (exit 1)."""
     return life_cycle.run(NODE_NAME, ConfirmTagNode, args)
 
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from lupin_perception.confirmation import TAG_COUNT
+
 MODULES = 8  # of a tag36h11 along a side, black border included
 SUPERSAMPLING = 3  # against the stairs of a tag drawn pixel by pixel
 
@@ -22,6 +24,15 @@ def marker(
     return draw(dictionary, tag_number, (dictionary.markerSize + 2) * module_pixels)
 
 
+DECOYS = ('other ids', 'other families', 'texture', 'clutter')
+OTHER_FAMILIES = (
+    cv2.aruco.DICT_APRILTAG_16h5,
+    cv2.aruco.DICT_APRILTAG_25h9,
+    cv2.aruco.DICT_APRILTAG_36h10,
+    cv2.aruco.DICT_6X6_1000,
+)
+
+
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera, and the tag before it."""
@@ -29,7 +40,7 @@ class Camera:
     width: int = 640
     height: int = 480
     focal_length_pixels: float = 600.0
-    tag_side_m: float = 0.12  # black border included
+    tag_side_m: float = 0.04  # black border included
 
     def side_pixels(self, distance_m: float) -> float:
         """Return how long the side of a tag seen from the front is."""
@@ -40,7 +51,7 @@ class Camera:
         tag: np.ndarray | None,
         random: np.random.Generator,
         *,
-        distance_m: float = 0.6,
+        distance_m: float = 0.5,
         angle_degrees: float = 0.0,
         blur_pixels: float = 0.0,
         noise_levels: float = 3.0,
@@ -98,3 +109,31 @@ class Camera:
         warped = cv2.warpPerspective(paper, homography, size, flags=cv2.INTER_LINEAR)
         mask = cv2.warpPerspective(np.ones_like(paper), homography, size, flags=cv2.INTER_NEAREST)
         np.copyto(picture, warped, where=mask > 0)
+
+
+SMALL_CAMERA = Camera(width=320, height=240, focal_length_pixels=300.0)
+
+
+def decoy(number: int, tag_number: int, random: np.random.Generator) -> np.ndarray:
+    """Return a small picture without that tag; the kinds of DECOYS take turns."""
+    kind = DECOYS[number % len(DECOYS)]
+    conditions = {
+        'distance_m': random.uniform(0.1, 0.6),
+        'angle_degrees': random.uniform(0.0, 50.0),
+        'blur_pixels': random.uniform(0.0, 1.0),
+    }
+    if kind == 'other ids':
+        other = int(random.choice([each for each in range(TAG_COUNT) if each != tag_number]))
+        return SMALL_CAMERA.look_at(marker(other, 20), random, **conditions)
+    if kind == 'other families':
+        family = OTHER_FAMILIES[number // len(DECOYS) % len(OTHER_FAMILIES)]
+        return SMALL_CAMERA.look_at(marker(int(random.integers(30)), 20, family), random, **conditions)
+    if kind == 'texture':
+        cells = int(random.integers(20, 120))
+        texture = random.integers(0, 2, (cells, cells), dtype=np.uint8) * 255
+        return cv2.resize(texture, (320, 240), interpolation=cv2.INTER_NEAREST)
+    picture = SMALL_CAMERA.look_at(None, random, blur_pixels=conditions['blur_pixels'])
+    for _ in range(40):
+        quad = random.uniform(0, 320, 2) + random.uniform(-40, 40, (4, 2))
+        cv2.fillConvexPoly(picture, cv2.convexHull(quad.astype(np.int32)), int(random.integers(256)))
+    return picture

@@ -1,11 +1,13 @@
 """The figures and the printable tags."""
 
 import json
+import re
 
 import figure
 import numpy as np
 import pypdfium2
 import pytest
+import seen
 import tag_sheet
 from lupin_greenhouse_bridge.simulation import served_tag_ids
 from lupin_perception.detector import TagDetector
@@ -63,20 +65,25 @@ def test_what_cannot_be_drawn_is_said_in_one_line(arguments, fragment, capsys):
     assert line.startswith(fragment)
 
 
-def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path):
-    assert tag_sheet.main(['--side', '100', '--output', str(tmp_path)]) == 0
-    document = pypdfium2.PdfDocument(tmp_path / 'tag36h11-100mm.pdf')
+@pytest.mark.parametrize(('side_mm', 'on_a_page'), [(40, 12), (50, 9), (100, 1)])
+def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path, side_mm, on_a_page):
+    assert tag_sheet.main(['--side', str(side_mm), '--output', str(tmp_path)]) == 0
+    document = pypdfium2.PdfDocument(tmp_path / f'tag36h11-{side_mm}mm.pdf')
     numbers = sorted(map(int, served_tag_ids('')))
-    assert len(document) == len(numbers)
-    for page, number in zip(document, numbers, strict=True):
+    assert len(document) == -(-len(numbers) // on_a_page)
+    for index, page in enumerate(document):
+        expected = numbers[index * on_a_page : (index + 1) * on_a_page]
         assert [round(each * 25.4 / 72) for each in page.get_size()] == [210, 297]
         text = page.get_textpage().get_text_range()
-        assert f'tag36h11 id {number} black square 100 mm' in text
-        assert '100 mm, if printed at 100 %' in text
+        assert [int(each) for each in re.findall(r'id (\d+)', text)] == expected
+        assert f'black square {side_mm} mm' in text
+        assert '100 mm long if printed at 100 %' in text
         picture = np.array(page.render(scale=2, grayscale=True).to_pil())
-        (detection,) = TagDetector().detect(picture)
-        assert detection.tag_number == number
-        assert detection.side_pixels == pytest.approx(100 / 25.4 * 72 * 2, abs=1.5)
+        detections = TagDetector().detect(picture)
+        assert sorted(each.tag_number for each in detections) == expected
+        for each in detections:
+            sides = np.linalg.norm(each.corners - np.roll(each.corners, 1, axis=0), axis=1)
+            assert sides == pytest.approx(side_mm / 25.4 * 72 * 2, abs=1.5)
 
 
 def test_a_tag_is_the_right_way_up():
@@ -88,7 +95,7 @@ def test_a_tag_is_the_right_way_up():
 @pytest.mark.parametrize(
     ('arguments', 'fragment'),
     [
-        (['--side', '200'], 'tags: --side 200: give 8 to 152 mm'),
+        (['--side', '200'], 'tags: --side 200: must be between 8 and 152 mm'),
         (['--side', 'nan'], 'tags: --side nan'),
         (['--tag-file', '/missing.json'], "tags: tag_file '/missing.json'"),
         (['--output', '/proc/nowhere'], 'tags: '),
@@ -110,3 +117,9 @@ def test_an_id_that_is_no_number_is_refused(tmp_path, capsys):
 def test_the_png_carries_its_fingerprint():
     with Image.open(figure.COMMITTED / 'greenhouse.png') as image:
         assert len(image.info['Description']) == 64
+
+
+def test_what_the_camera_saw_is_drawn_as_committed():
+    assert seen.main(['--check']) == 0
+    with Image.open(seen.COMMITTED) as committed:
+        assert committed.size == seen.draw().size

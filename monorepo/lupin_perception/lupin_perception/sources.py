@@ -1,0 +1,96 @@
+"""Where confirm_tag looks: images, compressed images, or the detections of another node."""
+
+import importlib
+from collections.abc import Callable
+from typing import NamedTuple
+
+from lupin_perception.confirmation import Detection, Sight
+from lupin_perception.errors import StartUpError
+from lupin_perception.images import decoded_picture, grey_picture
+from lupin_perception.settings import Settings
+
+FAMILIES = ('tag36h11', 'tf36h11')  # one family: apriltag_ros and apriltag_detector name it differently
+
+
+class Source(NamedTuple):
+    """A topic, and what makes a sight of one of its messages; `sight_of` raises UnusableImage."""
+
+    message_type: type
+    topic: str
+    sight_of: Callable[..., Sight]
+
+
+def open_source(settings: Settings) -> Source:
+    """Return the source that the settings name; raises StartUpError if a package that it needs is missing."""
+    name, topic = settings.source()
+    message_type, sight_of = _OPEN[name](settings)
+    return Source(message_type, topic, sight_of)
+
+
+def _images(settings: Settings):
+    from sensor_msgs.msg import Image
+
+    detect = _detector(settings).detect
+
+    def sight_of(message) -> Sight:
+        picture = grey_picture(message.encoding, message.height, message.width, message.step, message.data)
+        return Sight(detect(picture), picture)
+
+    return Image, sight_of
+
+
+def _compressed_images(settings: Settings):
+    from sensor_msgs.msg import CompressedImage
+
+    detect = _detector(settings).detect
+
+    def sight_of(message) -> Sight:
+        picture = decoded_picture(message.data)
+        return Sight(detect(picture), picture)
+
+    return CompressedImage, sight_of
+
+
+def _detections(_settings: Settings):
+    return apriltag_messages().AprilTagDetectionArray, detections_of
+
+
+def apriltag_messages():
+    """Return the module apriltag_msgs.msg; raises StartUpError where that package is missing."""
+    try:
+        return importlib.import_module('apriltag_msgs.msg')
+    except ImportError as error:
+        raise StartUpError(
+            f'detections need the package apriltag_msgs ({error}):'
+            ' sudo apt install ros-$ROS_DISTRO-apriltag-msgs'
+        ) from error
+
+
+def detections_of(message) -> Sight:
+    """Return what a detector found; other families are ignored."""
+    return Sight(
+        [
+            Detection(
+                each.id, each.hamming, each.decision_margin, [(corner.x, corner.y) for corner in each.corners]
+            )
+            for each in message.detections
+            if each.family in FAMILIES
+        ]
+    )
+
+
+def _detector(settings: Settings):
+    try:
+        from lupin_perception.detector import TagDetector  # here, so that a missing library is one line
+    except ImportError as error:
+        raise StartUpError(
+            f'the AprilTag library is missing ({error}): sudo apt install python3-apriltag'
+        ) from error
+    return TagDetector(settings.max_hamming)
+
+
+_OPEN = {
+    'image_topic': _images,
+    'compressed_image_topic': _compressed_images,
+    'detections_topic': _detections,
+}

@@ -1,0 +1,62 @@
+"""
+Draw what confirm_tag publishes on ~/seen at the wrong tag, for the page of lupin_perception.
+
+    make figure
+"""
+
+import argparse
+import hashlib
+import sys
+from pathlib import Path
+
+import numpy as np
+from figure import fingerprint_of
+from lupin_perception import drawing, scene
+from lupin_perception.confirmation import Confirmer, Frame, Sight
+from lupin_perception.detector import TagDetector
+from lupin_perception.settings import Criteria
+from PIL import Image, PngImagePlugin
+
+COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_perception/doc/seen.png'
+TAG, EXPECTED_TAG = 7, 8
+
+
+def draw() -> Image.Image:
+    """Return the picture."""
+    picture = scene.Camera(width=480, height=300).look_at(
+        scene.marker(TAG, module_pixels=30),
+        np.random.default_rng(TAG),
+        distance_m=0.3,
+        angle_degrees=35.0,
+        blur_pixels=0.5,
+        noise_levels=5.0,
+    )
+    confirmer = Confirmer(Criteria())
+    confirmer.add(Frame(lambda: Sight(TagDetector().detect(picture), picture), 0.0, 0.0))
+    verdict = confirmer.confirm(str(EXPECTED_TAG), 0.0, 0.0)
+    return Image.fromarray(drawing.draw(verdict, EXPECTED_TAG, Criteria()))
+
+
+def fingerprint() -> str:
+    """Identify all that the picture is drawn from."""
+    files = (__file__, drawing.__file__, scene.__file__)
+    return hashlib.sha256(b'\0'.join(Path(file).read_bytes() for file in files)).hexdigest()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Draw, or check; exit code 0 done, 1 not up to date."""
+    parser = argparse.ArgumentParser(prog='seen', description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--check', action='store_true', help='compare the committed picture; draw nothing')
+    if parser.parse_args(arguments).check:
+        is_stale = fingerprint_of(COMMITTED) != fingerprint()
+        print(f'seen: {COMMITTED} is not up to date: make figure' if is_stale else 'seen: up to date')
+        return int(is_stale)
+    info = PngImagePlugin.PngInfo()
+    info.add_text('Description', fingerprint())
+    draw().save(COMMITTED, pnginfo=info)
+    print(COMMITTED)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
