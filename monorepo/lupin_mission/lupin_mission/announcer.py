@@ -43,6 +43,11 @@ class Announcer:
         else:
             self.warn(event)
 
+    def started(self, event: str) -> None:
+        """Log the start of a mission, which knows nothing of the errors of another one."""
+        self._last_error = ''
+        self.inform(event)
+
     def inform(self, event: str) -> None:
         """Keep an event for the state, and log it."""
         self._event, self._severity = printable(event, 1000), Severity.INFO

@@ -161,7 +161,7 @@ class MissionNode(Node):
             require_visual_confirmation=self._settings.require_visual_confirmation,
         )
         read_before = len(tag_ids) - len(to_visit)
-        self._announcer.inform(
+        self._announcer.started(
             f'{len(to_visit)} tags to visit, {read_before} read before; report: {report.path}'
         )
 

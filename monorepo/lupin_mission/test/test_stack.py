@@ -247,6 +247,19 @@ def test_a_mission_waits_for_its_start_and_lives_on_after_it(
         assert len(read_report(report)) == count
 
 
+def test_the_error_of_one_mission_is_not_that_of_the_next(start_mission, start_bridge, node, web):
+    bridge = start_bridge()
+    mission = start_mission(
+        bridge_service_name=bridge.service_name, tag_ids='"1 99"', wait_for_start=True, max_attempts=1
+    )
+    states = web(mission)
+    states.wait_for(lambda state: state.lifecycle_state == 'READY')
+    for tag_id, error in (('99', "tag '99': scan failed after 1 requests: UNKNOWN_TAG"), ('1', '')):
+        started = ask(node, mission, StartMission, 'start', tag_sequence=[tag_id])
+        done = states.wait_for(lambda state, started=started: is_done(state, started))
+        assert done.last_error[: len(error) or None] == error
+
+
 @pytest.mark.parametrize(
     ('request_fields', 'reason'),
     [
