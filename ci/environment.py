@@ -91,7 +91,7 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
     venv.mkdir(parents=True)
     (venv / MARK).write_text('incomplete', encoding='utf-8')
     python = str(venv / 'bin/python')
-    pip = [python, '-m', 'pip', '--disable-pip-version-check', 'install', '--quiet']
+    pip = [python, '-m', 'pip', '--disable-pip-version-check', 'install', '--quiet', '--no-compile']
     log = venv / 'install.log'
     if ros_distro:
         run([sys.executable, '-m', 'venv', '--system-site-packages', str(venv)], log)
