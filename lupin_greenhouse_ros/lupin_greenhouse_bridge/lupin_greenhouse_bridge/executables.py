@@ -14,3 +14,8 @@ def bridge_node() -> NoReturn:
 def read_tag() -> NoReturn:
     """Read tags from a running bridge; end with the exit code."""
     start('lupin_greenhouse_bridge.read_tag')
+
+
+def read_on_sight() -> NoReturn:
+    """Publish the readings of the tags in view until Ctrl-C or SIGTERM; end with the exit code."""
+    start('lupin_greenhouse_bridge.read_on_sight')

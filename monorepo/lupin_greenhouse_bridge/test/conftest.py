@@ -1,6 +1,7 @@
 """What all the contract tests share."""
 
 import importlib.util
+import inspect
 import os
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
 import pytest
 import yaml
 from lupin_greenhouse_bridge import simulation
+from lupin_greenhouse_bridge.bridge_node import _config_path
 from lupin_greenhouse_bridge.client import GetTagReading
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
@@ -32,9 +34,10 @@ def shipped_config():
 
 
 @pytest.fixture(scope='session')
-def is_open_source_tree():
-    """Tell the two trees apart, for the one thing that they do differently."""
-    return 'greenhouse' in GetTagReading.__module__.split('.')[0]
+def takes_tag_files():
+    """Tell whether a custom tag file is served; in the open-source tree only with custom_tag_file.patch."""
+    is_open_source = 'greenhouse' in GetTagReading.__module__.split('.')[0]
+    return not is_open_source or 'Path(value)' in inspect.getsource(_config_path)
 
 
 @pytest.fixture(scope='session')

@@ -16,9 +16,9 @@ from std_msgs.msg import String
 
 from lupin_perception import life_cycle, scene
 from lupin_perception.confirmation import TAG_COUNT
+from lupin_perception.detections import detection_messages
 from lupin_perception.errors import StartUpError
 from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
-from lupin_perception.sources import apriltag_messages
 
 NODE_NAME = 'camera'
 FRAMES_PER_SECOND = 8
@@ -95,7 +95,7 @@ def compressed_image_of(picture: np.ndarray) -> CompressedImage:
 
 def detections_source():
     """Return type, topic and function of what a detector publishes of a picture."""
-    messages = apriltag_messages()
+    messages = detection_messages()
     from lupin_perception.detector import FAMILY, TagDetector
 
     detect = TagDetector().detect

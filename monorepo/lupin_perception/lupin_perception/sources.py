@@ -1,15 +1,13 @@
 """Where confirm_tag looks: images, compressed images, or the detections of another node."""
 
-import importlib
 from collections.abc import Callable
 from typing import NamedTuple
 
 from lupin_perception.confirmation import Detection, Sight
+from lupin_perception.detections import FAMILIES, detection_messages
 from lupin_perception.errors import StartUpError
 from lupin_perception.images import decoded_picture, grey_picture
 from lupin_perception.settings import Settings
-
-FAMILIES = ('tag36h11', 'tf36h11')  # one family: apriltag_ros and apriltag_detector name it differently
 
 
 class Source(NamedTuple):
@@ -52,18 +50,7 @@ def _compressed_images(settings: Settings):
 
 
 def _detections(_settings: Settings):
-    return apriltag_messages().AprilTagDetectionArray, detections_of
-
-
-def apriltag_messages():
-    """Return the module apriltag_msgs.msg; raises StartUpError where that package is missing."""
-    try:
-        return importlib.import_module('apriltag_msgs.msg')
-    except ImportError as error:
-        raise StartUpError(
-            f'detections need the package apriltag_msgs ({error}):'
-            ' sudo apt install ros-$ROS_DISTRO-apriltag-msgs'
-        ) from error
+    return detection_messages().AprilTagDetectionArray, detections_of
 
 
 def detections_of(message) -> Sight:

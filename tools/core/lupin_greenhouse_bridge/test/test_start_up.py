@@ -42,12 +42,10 @@ def custom_tag_file(tmp_path):
     return path
 
 
-def test_a_custom_tag_file_is_served_here_or_refused_there(
-    start_bridge, custom_tag_file, is_open_source_tree
-):
+def test_a_custom_tag_file_is_served_here_or_refused_there(start_bridge, custom_tag_file, takes_tag_files):
     """The one divergence of the two trees, as a user meets it."""
     bridge = start_bridge(tag_file=custom_tag_file)
-    if is_open_source_tree:
+    if not takes_tag_files:
         fatal = bridge.refusal()
         assert f"tag_file '{custom_tag_file}'" in fatal
         assert "'str' object has no attribute 'exists'" in fatal

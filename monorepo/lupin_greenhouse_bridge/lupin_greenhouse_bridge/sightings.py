@@ -1,0 +1,77 @@
+"""Which of the tags in view to ask for next. No ROS here."""
+
+from dataclasses import dataclass
+
+MOST_IN_FLIGHT = 4
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How often to ask; all times in seconds of one steady clock."""
+
+    cooldown_seconds: float
+    request_timeout_seconds: float
+    max_attempts: int
+
+
+class Sightings:
+    """
+    Keeps the tags in view and the requests that are under way.
+
+    A tag is asked for once per cooldown, which starts when its last request ends. Few requests are under way
+    at a time. A request that is not answered in time is tried again, up to the number of attempts. A tag that
+    is out of view for longer than a request may take is not asked for.
+    """
+
+    def __init__(self, limits: Limits):
+        self._limits = limits
+        self._waiting: dict[str, float] = {}  # when each tag was seen last; the tag seen first comes first
+        self._attempts: dict[str, int] = {}  # of the tags that wait for another attempt or its answer
+        self._in_flight: dict[str, float] = {}  # when each request was sent
+        self._cool_at: dict[str, float] = {}  # when each tag may be asked for again
+
+    def see(self, tag_id: str, now: float) -> None:
+        """Note that a tag is in view."""
+        is_cool = self._cool_at.get(tag_id, now) <= now
+        if tag_id in self._waiting or (is_cool and tag_id not in self._in_flight):
+            self._waiting[tag_id] = now
+
+    def next(self) -> str | None:
+        """Return the tag to ask for now; None if there is none, or if enough requests are under way."""
+        if not self._waiting or len(self._in_flight) >= MOST_IN_FLIGHT:
+            return None
+        return next(iter(self._waiting))
+
+    def asked(self, tag_id: str, now: float) -> None:
+        """Note that the request for a tag was sent."""
+        del self._waiting[tag_id]
+        self._in_flight[tag_id] = now
+        self._attempts[tag_id] = self._attempts.get(tag_id, 0) + 1
+
+    def answered(self, tag_id: str, now: float) -> None:
+        """Note the answer to the request for a tag, whatever it says."""
+        del self._in_flight[tag_id]
+        del self._attempts[tag_id]
+        self._cool_at[tag_id] = now + self._limits.cooldown_seconds
+
+    def lost(self, tag_id: str, now: float) -> bool:
+        """Give up a request, and return whether the tag waits for another attempt."""
+        if self._attempts[tag_id] >= self._limits.max_attempts:
+            self.answered(tag_id, now)
+            return False
+        del self._in_flight[tag_id]
+        self._waiting[tag_id] = now
+        return True
+
+    def overdue(self, now: float) -> list[str]:
+        """Return the tags whose requests have taken too long."""
+        longest = self._limits.request_timeout_seconds
+        return [tag_id for tag_id, sent in self._in_flight.items() if now - sent >= longest]
+
+    def forget(self, now: float) -> None:
+        """Drop the tags that have gone out of view, and the cooldowns that have ended."""
+        oldest = now - self._limits.request_timeout_seconds
+        for tag_id in [tag_id for tag_id, seen in self._waiting.items() if seen < oldest]:
+            del self._waiting[tag_id]
+            self._attempts.pop(tag_id, None)
+        self._cool_at = {tag_id: end for tag_id, end in self._cool_at.items() if end > now}
