@@ -23,7 +23,7 @@ IN_ENV := source ci/ros_env.bash &&
 
 figure tags recall: override TREE := monorepo
 
-.PHONY: help run smoke read mission tags env build generate generate-check drift test lint docs-check figure clean bench soak test-network recall test-heavy matrix test-apriltag mirror-publish-check mirror-import
+.PHONY: help run smoke read mission tags env build generate generate-check drift test lint docs-check figure clean bench soak test-network recall test-heavy matrix test-apriltag mirror-publish mirror-publish-check mirror-import
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -107,8 +107,11 @@ test-apriltag: env  ## the detector's tests with apt's python3-apriltag (Debian 
 
 # publish
 
+mirror-publish: env  ## push the mirror: REMOTE=URL [RELEASE=1.1.0] [ARGS=--dry-run]
+	@$(IN_ENV) python tools/mirror_publish.py '$(REMOTE)' $(if $(RELEASE),--release $(RELEASE)) $(ARGS)
+
 mirror-publish-check: env  ## split the mirror out of the last commit, clone it, follow its README
 	@source ci/ros_env.bash without-overlay && python tools/mirror_publish_check.py
 
-mirror-import: env  ## take a patch of the mirror into the core and both trees: PATCH=N.patch
+mirror-import: env  ## take a series of patches of the mirror into the core and both trees: PATCH=N.patch
 	@$(IN_ENV) tools/mirror_import '$(PATCH)'

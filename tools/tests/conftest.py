@@ -1,9 +1,15 @@
 """Make the tools importable."""
 
+import os
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / 'tools'))
 
 
 def pytest_terminal_summary(terminalreporter):
@@ -16,3 +22,34 @@ def pytest_terminal_summary(terminalreporter):
         good, bad = (sum(f'::{test}[' in each.nodeid for each in results[outcome]) for outcome in results)
         if good + bad:
             terminalreporter.write_line(f'check_drift: {good} of {good + bad} {text}')
+
+
+NOBODY = {
+    f'GIT_{who}_{what}': value
+    for who in ('AUTHOR', 'COMMITTER')
+    for what, value in (('NAME', 'Another Team'), ('EMAIL', 'another@example.org'))
+}
+
+
+def git(folder, *arguments):
+    environment = {**os.environ, **NOBODY, 'GIT_CONFIG_GLOBAL': os.devnull}
+    command = ['git', '-c', 'commit.gpgsign=false', *arguments]
+    return subprocess.run(
+        command, cwd=folder, env=environment, check=True, capture_output=True, text=True
+    ).stdout
+
+
+@pytest.fixture
+def repositories(tmp_path):
+    """Return a repository like this one, and a clone of the mirror that was split out of it."""
+    monorepo, mirror = tmp_path / 'repository', tmp_path / 'clone'
+    ignore = shutil.ignore_patterns('.venv*', '.git', '__pycache__', '.pytest_cache', '.hypothesis')
+    shutil.copytree(ROOT, monorepo, ignore=ignore)
+    git(monorepo, 'init', '--quiet', '--initial-branch=main')
+    git(monorepo, 'config', 'user.name', 'Teammate')
+    git(monorepo, 'config', 'user.email', 'teammate@example.org')
+    git(monorepo, 'add', '--all')
+    git(monorepo, 'commit', '--quiet', '--message', 'Everything')
+    git(monorepo, 'subtree', '-q', 'split', '--prefix=lupin_greenhouse_ros', '--branch', 'mirror')
+    git(tmp_path, 'clone', '--quiet', '--branch', 'mirror', str(monorepo), str(mirror))
+    return monorepo, mirror

@@ -1,43 +1,11 @@
 """A patch that another team made in its clone of the mirror arrives in the core and in both trees."""
 
-import os
-import shutil
 import subprocess
 
 import generate
-import pytest
+from conftest import git
 
-ROOT = generate.ROOT
 BRIDGE = 'lupin_greenhouse_bridge/lupin_greenhouse_bridge'
-NOBODY = {
-    f'GIT_{who}_{what}': value
-    for who in ('AUTHOR', 'COMMITTER')
-    for what, value in (('NAME', 'Another Team'), ('EMAIL', 'another@example.org'))
-}
-
-
-def git(folder, *arguments):
-    environment = {**os.environ, **NOBODY, 'GIT_CONFIG_GLOBAL': os.devnull}
-    command = ['git', '-c', 'commit.gpgsign=false', *arguments]
-    return subprocess.run(
-        command, cwd=folder, env=environment, check=True, capture_output=True, text=True
-    ).stdout
-
-
-@pytest.fixture
-def repositories(tmp_path):
-    """Return a repository like this one, and a clone of the mirror that was split out of it."""
-    monorepo, mirror = tmp_path / 'repository', tmp_path / 'clone'
-    ignore = shutil.ignore_patterns('.venv*', '.git', '__pycache__', '.pytest_cache', '.hypothesis')
-    shutil.copytree(ROOT, monorepo, ignore=ignore)
-    git(monorepo, 'init', '--quiet', '--initial-branch=main')
-    git(monorepo, 'config', 'user.name', 'Teammate')
-    git(monorepo, 'config', 'user.email', 'teammate@example.org')
-    git(monorepo, 'add', '--all')
-    git(monorepo, 'commit', '--quiet', '--message', 'Everything')
-    git(monorepo, 'subtree', '-q', 'split', '--prefix=lupin_greenhouse_ros', '--branch', 'mirror')
-    git(tmp_path, 'clone', '--quiet', '--branch', 'mirror', str(monorepo), str(mirror))
-    return monorepo, mirror
 
 
 def commit_in(mirror, *edits):
@@ -110,7 +78,10 @@ def test_a_file_without_a_place_here_is_one_line_and_changes_nothing(repositorie
     (mirror / 'NOTES.md').write_text('x\n')
     result = import_patch(monorepo, commit_in(mirror))
     assert result.returncode != 0
-    assert result.stderr == 'mirror_patch: NOTES.md: is no file of the mirror that tools/twins.toml knows\n'
+    assert result.stderr.splitlines() == [
+        'mirror_patch: NOTES.md: is no file of the mirror that tools/twins.toml knows',
+        "mirror-import: 'Mend it' is not taken: nothing was changed",
+    ]
     assert git(monorepo, 'status', '--porcelain') == ''
 
 
@@ -124,6 +95,51 @@ def test_a_patch_that_does_not_apply_changes_nothing(repositories):
     assert 'does not apply to tools/core: nothing was changed' in result.stderr
     assert git(monorepo, 'status', '--porcelain') == ''
     assert git(monorepo, 'log', '--format=%s').splitlines() == ['Everything']
+
+
+def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
+    monorepo, mirror = repositories
+    first = commit_in(
+        mirror, (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0')
+    )
+    second = commit_in(mirror, ('README.md', '## Install', '## How to install'))
+    good = import_patch(monorepo, first + second)
+    assert good.returncode == 0, good.stderr
+    assert git(monorepo, 'log', '--format=%an %s', '-2').splitlines() == ['Another Team Mend it'] * 2
+    assert checks_pass(monorepo)
+
+    before = git(monorepo, 'rev-parse', 'HEAD')
+    again = import_patch(monorepo, first + second)
+    assert (again.returncode, again.stdout) == (0, "'Mend it' is here already\n" * 2)
+    third = commit_in(mirror, ('README.md', '## Use', '## How to use'))
+    bad = import_patch(monorepo, third + first.replace('LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0'))
+    assert bad.returncode == 1
+    assert bad.stderr == "mirror-import: 'Mend it' does not apply to tools/core: nothing was changed\n"
+    assert git(monorepo, 'rev-parse', 'HEAD') == before
+    assert git(monorepo, 'status', '--porcelain') == ''
+
+
+def test_a_file_that_goes_goes_in_both_trees(repositories):
+    monorepo, mirror = repositories
+    (mirror / f'{BRIDGE}/units.py').rename(mirror / f'{BRIDGE}/quantities.py')
+    result = import_patch(monorepo, commit_in(mirror))
+    assert result.returncode == 1  # units.py is copied into lupin_mission: the table must say where it is now
+    assert "'Mend it' cannot be generated" in result.stderr
+
+    git(mirror, 'reset', '--quiet', '--hard', 'HEAD~1')
+    (mirror / 'lupin_greenhouse_bridge/test/test_package.py').unlink()
+    result = import_patch(monorepo, commit_in(mirror))
+    assert result.returncode == 0, result.stderr
+    assert not (monorepo / 'monorepo/lupin_greenhouse_bridge/test/test_package.py').exists()
+    assert checks_pass(monorepo)
+
+
+def test_a_file_that_is_no_patch_is_one_line(repositories):
+    monorepo, _ = repositories
+    result = import_patch(monorepo, '<html>sign in</html>\n')
+    assert result.returncode == 1
+    assert result.stderr.endswith('nothing was changed\n')
+    assert len(result.stderr.splitlines()) == 1
 
 
 def test_own_uncommitted_changes_are_not_mixed_in(repositories):

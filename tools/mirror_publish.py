@@ -1,0 +1,228 @@
+"""
+Publish the mirror: its history, the branch `ready`, the source of each commit, and a release.
+
+    make mirror-publish REMOTE=URL [RELEASE=1.1.0] [ARGS=--dry-run]
+
+`main` is the history of lupin_greenhouse_ros/, split out of the last commit here. It only moves forward.
+`ready` is main without COLCON_IGNORE, for `vcs import`. A git note on each commit of main names the commit
+here that it comes from (refs/notes/commits). A release is a tag whose name is the version of both packages.
+All of it is pushed at once or not at all. Exit code: 0 published, or nothing to do; 1 refused.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+ROOT = Path(__file__).resolve().parents[1]
+MIRROR = 'lupin_greenhouse_ros'
+PACKAGES = ('lupin_greenhouse_msgs', 'lupin_greenhouse_bridge')
+NOTES = 'refs/notes/commits'
+# What identifies a commit on both sides of the split, besides its tree.
+IDENTITY = '%an%x00%ae%x00%ad%x00%B'
+
+
+class PublishError(Exception):
+    """Why nothing is published, and what to do."""
+
+
+class Repository:
+    """A git repository, by its folder."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+
+    def git(self, *arguments: str, text: str = '', **environment: str) -> str:
+        """Run git and return what it prints; raises PublishError with what it says."""
+        result = subprocess.run(
+            ['git', *arguments],
+            cwd=self.folder,
+            input=text,
+            env={**os.environ, **environment},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if result.returncode:
+            raise PublishError(f'git {arguments[0]}: {result.stderr.strip()}')
+        return result.stdout.strip()
+
+    def commit(self, name: str) -> str:
+        """Return the commit that a name stands for; '' if there is none."""
+        try:
+            return self.git('rev-parse', '--quiet', '--verify', f'{name}^{{commit}}')
+        except PublishError:
+            return ''
+
+    def is_ancestor(self, old: str, new: str) -> bool:
+        """Tell whether the history of `new` holds `old`; a name without a commit is in every history."""
+        return not self.commit(old) or self.git('merge-base', old, new) == self.commit(old)
+
+    def tree_without_ignore(self, commit: str) -> str:
+        """Return the tree of a commit without COLCON_IGNORE."""
+        entries = self.git('ls-tree', commit).splitlines()
+        kept = [each for each in entries if not each.endswith('\tCOLCON_IGNORE')]
+        return self.git('mktree', text=''.join(f'{each}\n' for each in kept))
+
+
+def check_this_checkout(here: Repository) -> None:
+    """Raise PublishError where the last commit is not what should be published."""
+    if here.git('status', '--porcelain'):
+        raise PublishError('there are uncommitted changes: commit or stash them')
+    if here.git('rev-parse', '--is-shallow-repository') == 'true':
+        raise PublishError('this clone has a part of the history only: git fetch --unshallow')
+    checks = (
+        ['tools/generate.py', '--check'],
+        ['tools/check_drift.py', '--monorepo', 'monorepo', '--mirror', MIRROR],
+    )
+    for check in checks:
+        result = subprocess.run(
+            [sys.executable, *check], cwd=here.folder, capture_output=True, text=True, check=False
+        )
+        if result.returncode:
+            raise PublishError(f'{check[0]} fails:\n{result.stdout}{result.stderr}'.rstrip())
+
+
+def sources(here: Repository, split: str) -> dict[str, str]:
+    """Return, for each commit of the split history, the commit here that it comes from."""
+    commits = here.git('rev-list', 'HEAD', '--', MIRROR).split()
+    asked = ''.join(f'{commit}:{MIRROR}\n' for commit in commits)
+    trees = [line.split()[0] for line in here.git('cat-file', '--batch-check', text=asked).splitlines()]
+    by_key = {
+        (tree, here.git('show', '-s', f'--format={IDENTITY}', commit)): commit
+        for tree, commit in zip(trees, commits, strict=True)
+    }
+    found = {}
+    for commit in here.git('rev-list', split).split():
+        tree, _, identity = here.git('show', '-s', f'--format=%T%x00{IDENTITY}', commit).partition('\0')
+        if (tree, identity) in by_key:
+            found[commit] = by_key[tree, identity]
+    return found
+
+
+def check_release(published: Repository, main: str, release: str) -> None:
+    """Raise PublishError if the packages have another version, or if the release is another commit."""
+    for package in PACKAGES:
+        text = published.git('show', f'{main}:{package}/package.xml')
+        version = ElementTree.fromstring(text).findtext('version')  # noqa: S314 - our own
+        if version != release:
+            raise PublishError(f'release {release}: {package}/package.xml has version {version}')
+        if f'\n{release} (' not in published.git('show', f'{main}:{package}/CHANGELOG.rst'):
+            raise PublishError(f'release {release}: {package}/CHANGELOG.rst has no section of it')
+    tagged = published.commit(f'refs/tags/{release}')
+    if tagged not in ('', main):
+        raise PublishError(f'release {release} is {tagged[:10]} already: choose another version')
+
+
+def move_ready(published: Repository, main: str) -> None:
+    """Let `ready` follow `main`, without COLCON_IGNORE; refuse to undo changes that somebody made there."""
+    ready = published.commit('refs/heads/ready')
+    if ready:
+        parents = published.git('show', '-s', '--format=%P', ready).split()
+        if published.git('rev-parse', f'{ready}^{{tree}}') != published.tree_without_ignore(parents[-1]):
+            raise PublishError('the branch ready has changes of its own: move them to main by a patch')
+        if published.is_ancestor(main, ready):
+            return
+    date, name, email = published.git('show', '-s', '--format=%cI%n%cn%n%ce', main).splitlines()
+    identity = {
+        f'GIT_{who}_{what}': value
+        for who in ('AUTHOR', 'COMMITTER')
+        for what, value in (('DATE', date), ('NAME', name), ('EMAIL', email))
+    }
+    parents = [argument for each in filter(None, (ready, main)) for argument in ('-p', each)]
+    message = (
+        'Merge main, without COLCON_IGNORE\n\nFor vcs import: colcon finds the packages of this branch.\n'
+    )
+    tree = published.tree_without_ignore(main)
+    commit = published.git('commit-tree', tree, *parents, text=message, **identity)
+    published.git('update-ref', 'refs/heads/ready', commit)
+
+
+def add_notes(published: Repository, found: dict[str, str]) -> int:
+    """Note the source of each commit that has no note yet; return how many."""
+    noted = {line.split()[1] for line in published.git('notes', 'list').splitlines()}
+    missing = [(commit, source) for commit, source in found.items() if commit not in noted]
+    for commit, source in missing:
+        published.git('notes', 'add', '-m', f'source: {source}', commit)
+    return len(missing)
+
+
+def publish(here: Repository, remote: str, release: str, *, is_dry_run: bool) -> list[str]:
+    """Publish, and return what was pushed; raises PublishError."""
+    check_this_checkout(here)
+    split = here.git('subtree', '-q', 'split', f'--prefix={MIRROR}')
+    with tempfile.TemporaryDirectory(prefix='mirror-publish-') as folder:
+        published = Repository(Path(folder))
+        published.git('init', '--quiet', '--bare')
+        for what in ('name', 'email'):
+            published.git('config', f'user.{what}', here.git('config', f'user.{what}'))
+        published.git('fetch', '--quiet', remote, '+refs/*:refs/*')
+        before = refs(published)
+        published.git('fetch', '--quiet', str(here.folder), split)
+        if not published.is_ancestor('refs/heads/main', split):
+            raise PublishError(
+                'main of the remote has commits that are not published from here: bring them in as patches'
+                ' (make mirror-import PATCH=...); if they shall be dropped, take them back on the remote'
+            )
+        known = ['--not', 'refs/heads/main'] if 'refs/heads/main' in before else []
+        new = published.git('rev-list', '--count', split, *known)
+        published.git('update-ref', 'refs/heads/main', split)
+        move_ready(published, split)
+        notes = add_notes(published, sources(here, split))
+        if release:
+            check_release(published, split, release)
+            if not published.commit(f'refs/tags/{release}'):
+                published.git('tag', '--annotate', '-m', f'Release {release}', release, split)
+        after = refs(published)
+        moved = [name for name in after if before.get(name) != after[name]]
+        if moved and not is_dry_run:
+            published.git('push', '--quiet', '--atomic', remote, *(f'{name}:{name}' for name in moved))
+        counts = {'refs/heads/main': f', {new} commits', NOTES: f', {notes} notes'}
+        return [
+            f'{name} {before.get(name, "new")[:10]} -> {after[name][:10]}{counts.get(name, "")}'
+            for name in moved
+        ]
+
+
+def refs(repository: Repository) -> dict[str, str]:
+    """Return name and object of every ref."""
+    lines = repository.git('for-each-ref', '--format=%(refname) %(objectname)').splitlines()
+    return dict(line.split() for line in lines)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Publish what the command line names; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('remote', help='URL or name of the repository to publish to')
+    parser.add_argument('--release', default='', metavar='VERSION', help='tag the commit with this version')
+    parser.add_argument('--dry-run', action='store_true', help='print what would be pushed, and push nothing')
+    parser.add_argument('--root', type=Path, default=ROOT, help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    if not options.remote:
+        print('mirror-publish: no remote: make mirror-publish REMOTE=URL', file=sys.stderr)
+        return 1
+    here = Repository(options.root)
+    remote = options.remote
+    if '/' not in remote:
+        try:
+            remote = here.git('remote', 'get-url', remote)
+        except PublishError:
+            print(f'mirror-publish: {remote} is neither a URL nor a remote of this clone', file=sys.stderr)
+            return 1
+    elif Path(remote).is_dir():
+        remote = str(Path(remote).resolve())
+    try:
+        lines = publish(here, remote, options.release, is_dry_run=options.dry_run)
+    except PublishError as error:
+        print(f'mirror-publish: {error}', file=sys.stderr)
+        return 1
+    word = 'would push' if options.dry_run else 'pushed'
+    print(*(f'{word} {line}' for line in lines) if lines else ['nothing to publish'], sep='\n')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,182 @@
+"""Publishing the mirror into a remote: forwards only, all or nothing, and the same thing again is nothing."""
+
+import mirror_publish
+import pytest
+from conftest import git
+from test_mirror_patch import BRIDGE, commit_in, import_patch
+
+README = 'lupin_greenhouse_ros/README.md'
+REFS = ['refs/heads/main', 'refs/heads/ready', 'refs/notes/commits']
+
+
+@pytest.fixture
+def remote(tmp_path):
+    """Return an empty repository to publish to."""
+    git(tmp_path, 'init', '--quiet', '--bare', '--initial-branch=main', 'published.git')
+    return tmp_path / 'published.git'
+
+
+@pytest.fixture
+def publish(repositories, remote, capsys):
+    """Return a function that publishes the repository and returns exit code and what was printed."""
+
+    def run(*arguments: str):
+        code = mirror_publish.main([str(remote), '--root', str(repositories[0]), *arguments])
+        printed = capsys.readouterr()
+        return code, printed.out + printed.err
+
+    return run
+
+
+def change(folder, path=README, text='\nMore.\n', message='Change it'):
+    """Commit a change of a file."""
+    with (folder / path).open('a') as file:
+        file.write(text)
+    git(folder, 'add', '--all')
+    git(folder, 'commit', '--quiet', '--message', message)
+
+
+def refs(remote) -> dict[str, str]:
+    lines = git(remote, 'for-each-ref', '--format=%(refname) %(objectname)').splitlines()
+    return dict(line.split() for line in lines)
+
+
+def tree(folder, name) -> str:
+    return git(folder, 'rev-parse', f'{name}^{{tree}}' if ':' not in name else name)
+
+
+def test_main_is_the_mirror_and_ready_is_main_without_colcon_ignore(repositories, remote, publish):
+    code, printed = publish('--release', '1.0.0')
+    assert code == 0, printed
+    assert list(refs(remote)) == [*REFS, 'refs/tags/1.0.0']
+    assert tree(remote, 'main') == tree(repositories[0], 'HEAD:lupin_greenhouse_ros')
+    files = {
+        name: git(remote, 'ls-tree', '-r', '--name-only', name).splitlines() for name in ('main', 'ready')
+    }
+    assert [each for each in files['main'] if each != 'COLCON_IGNORE'] == files['ready']
+    assert git(remote, 'rev-parse', '1.0.0^{commit}') == git(remote, 'rev-parse', 'main')
+    assert publish('--release', '1.0.0') == (0, 'nothing to publish\n')
+
+
+def test_each_published_commit_names_its_source(repositories, remote, publish):
+    change(repositories[0])
+    change(repositories[0], message='Change it again')
+    assert publish()[0] == 0
+    published = git(remote, 'rev-list', 'main').split()
+    notes = [git(remote, 'notes', 'show', each).strip() for each in published]
+    assert notes == [f'source: {each}' for each in git(repositories[0], 'rev-list', 'HEAD').split()]
+
+
+def test_a_dry_run_says_what_would_be_pushed_and_pushes_nothing(remote, publish):
+    code, printed = publish('--dry-run')
+    assert code == 0
+    assert [line.split()[2] for line in printed.splitlines()] == REFS
+    assert all(line.startswith('would push') for line in printed.splitlines())
+    assert refs(remote) == {}
+
+
+def test_ready_follows_main_and_does_not_move_without_it(repositories, remote, publish):
+    publish()
+    first = refs(remote)
+    change(repositories[0], 'README.md')  # of this repository, not of the mirror
+    assert publish() == (0, 'nothing to publish\n')
+    change(repositories[0])
+    assert publish()[0] == 0
+    second = refs(remote)
+    parents = git(remote, 'show', '-s', '--format=%P', 'ready').split()
+    assert parents == [first['refs/heads/ready'], second['refs/heads/main']]
+    assert git(remote, 'rev-parse', 'main~1').strip() == first['refs/heads/main']
+    assert 'COLCON_IGNORE' not in git(remote, 'ls-tree', '--name-only', 'ready')
+    assert git(remote, 'show', 'ready:README.md').endswith('More.\n')
+
+
+def commit_on(remote, branch):
+    """Let somebody commit to a branch of the remote."""
+    clone = remote.parent / f'clone-{branch}'
+    git(remote.parent, 'clone', '--quiet', '--branch', branch, str(remote), str(clone))
+    change(clone, 'README.md', message='Their own')
+    git(clone, 'push', '--quiet', 'origin', f'HEAD:{branch}')
+
+
+@pytest.mark.parametrize(
+    ('branch', 'reason'),
+    [
+        ('main', 'main of the remote has commits that are not published from here: bring them in as patches'),
+        ('ready', 'the branch ready has changes of its own: move them to main by a patch'),
+    ],
+)
+def test_what_others_have_pushed_is_not_overwritten(repositories, remote, publish, branch, reason):
+    publish()
+    commit_on(remote, branch)
+    before = refs(remote)
+    change(repositories[0])
+    code, printed = publish()
+    assert (code, reason in printed) == (1, True), printed
+    assert refs(remote) == before
+
+
+def spoil_generation(folder):
+    change(folder, f'monorepo/{BRIDGE}/bridge_node.py', '\n# by hand\n')
+
+
+def leave_uncommitted(folder):
+    (folder / README).write_text('changed')
+
+
+@pytest.mark.parametrize(
+    ('spoil', 'arguments', 'reason'),
+    [
+        (spoil_generation, [], 'tools/generate.py fails'),
+        (leave_uncommitted, [], 'there are uncommitted changes: commit or stash them'),
+        (None, ['--release', '9.9.9'], 'lupin_greenhouse_msgs/package.xml has version 1.0.0'),
+    ],
+    ids=['not generated', 'uncommitted', 'another version'],
+)
+def test_what_is_not_in_order_is_not_published(repositories, remote, publish, spoil, arguments, reason):
+    if spoil:
+        spoil(repositories[0])
+    code, printed = publish(*arguments)
+    assert (code, reason in printed) == (1, True), printed
+    assert refs(remote) == {}
+
+
+def test_a_release_stays_what_it_is(repositories, remote, publish):
+    publish('--release', '1.0.0')
+    before = refs(remote)
+    change(repositories[0])
+    code, printed = publish('--release', '1.0.0')
+    assert (code, 'choose another version' in printed) == (1, True), printed
+    assert refs(remote) == before
+
+
+def test_a_part_of_the_history_is_not_published(repositories, remote, capsys):
+    change(repositories[0])
+    shallow = remote.parent / 'shallow'
+    git(remote.parent, 'clone', '--quiet', '--depth=1', f'file://{repositories[0]}', str(shallow))
+    assert mirror_publish.main([str(remote), '--root', str(shallow)]) == 1
+    assert 'git fetch --unshallow' in capsys.readouterr().err
+
+
+def test_a_remote_that_is_none_is_one_line(repositories, capsys):
+    for name in ('', 'nobody', '/nowhere/at/all'):
+        assert mirror_publish.main([name, '--root', str(repositories[0])]) == 1
+        assert capsys.readouterr().err.startswith('mirror-publish: ')
+
+
+def test_a_contributors_series_comes_back_as_it_was(repositories, remote, publish):
+    """From a clone of the published mirror by patches into the core, and out again."""
+    publish()
+    contributor = remote.parent / 'contributor'
+    git(remote.parent, 'clone', '--quiet', str(remote), str(contributor))
+    base = git(contributor, 'rev-parse', 'HEAD').strip()
+    commit_in(contributor, (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0'))
+    commit_in(contributor, ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One climate', 'A climate'))
+    (contributor / 'lupin_greenhouse_bridge/test/test_more.py').write_text('"""More."""\n')
+    commit_in(contributor, ('README.md', '## Install', '## How to install'))
+    series = git(contributor, 'format-patch', '--stdout', base)
+    result = import_patch(repositories[0], series)
+    assert result.returncode == 0, result.stderr
+    assert publish()[0] == 0
+    assert tree(remote, 'main') == tree(contributor, 'HEAD')
+    told = '--format=%an <%ae> %ad %s'
+    assert git(remote, 'log', told, f'{base}..main') == git(contributor, 'log', told, f'{base}..HEAD')
