@@ -36,8 +36,9 @@ DIVERGENT_LINE = {
 # Files of the mirror that are kept by hand; every other one has its twin in the monorepo.
 MIRROR_ALONE = {
     '.github/ISSUE_TEMPLATE/bug.md', '.github/PULL_REQUEST_TEMPLATE.md', '.github/workflows/ci.yml',
-    '.gitignore', 'CHANGELOG.rst', 'COLCON_IGNORE', 'CONTRIBUTING.md', 'LICENSE', 'README.md', 'rosdep.yaml',
-    'lupin_msgs/CHANGELOG.rst', 'lupin_msgs/CMakeLists.txt', 'lupin_msgs/package.xml',
+    '.gitignore', '.gitlab-ci.yml', 'CHANGELOG.rst', 'COLCON_IGNORE', 'CONTRIBUTING.md', 'LICENSE',
+    'README.md', 'custom_tag_file.patch', 'lupin_msgs/CHANGELOG.rst', 'lupin_msgs/CMakeLists.txt',
+    'lupin_msgs/package.xml', 'rosdep.yaml',
 }  # fmt: skip
 
 WHAT_TO_DO = """\

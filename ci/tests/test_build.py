@@ -1,25 +1,35 @@
 """The packages build without a warning, both ways that colcon installs."""
 
 import os
+import re
+import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from conftest import ENVIRONMENTS
 
 ROOT = Path(__file__).resolve().parents[2]
+BRIDGE = 'lupin_greenhouse_bridge'
+CLEAN_ENVIRONMENT = {
+    key: value
+    for key, value in os.environ.items()
+    if key in ('HOME', 'PATH') or key.startswith(('PIP_', 'LANG', 'LC_'))
+}
 
 
-def colcon_build_of_the_bridge(tree, base, *arguments):
+def colcon_build_of_the_bridge(tree, base, *arguments, python_path=''):
     """Build the bridge over the tree's messages, in a folder of its own; return what colcon printed."""
     script = (
-        'source ci/ros_env.bash && unset PYTHONDONTWRITEBYTECODE && exec python -m colcon'
+        'source ci/ros_env.bash && unset PYTHONDONTWRITEBYTECODE'
+        ' && export PYTHONPATH="$EXTRA_PYTHONPATH:$PYTHONPATH" && exec python -m colcon'
         ' --log-base "$0/log" build --build-base "$0/build" --install-base "$0/install" "$@"'
     )
     result = subprocess.run(
         ['bash', '-c', script, str(base), '--paths', f'{tree}/lupin_greenhouse_bridge', *arguments],
         cwd=ROOT,
-        env={**os.environ, 'TREE': tree, 'VENV': str(ENVIRONMENTS[tree])},
+        env={**os.environ, 'TREE': tree, 'VENV': str(ENVIRONMENTS[tree]), 'EXTRA_PYTHONPATH': python_path},
         capture_output=True,
         text=True,
         check=True,
@@ -49,3 +59,87 @@ def test_the_whole_tree_was_built_without_a_warning(tree):
     assert 'Finished <<< lupin_greenhouse_bridge' in log
     assert 'warning' not in log.lower()
     assert 'stderr' not in log
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize(
+    ('setuptools', 'is_linked'),
+    [('setuptools==59.6.0', True), ('setuptools>=80', False)],
+    ids=['22.04', 'now'],
+)
+def test_symlink_install_works_with_the_setuptools_of_2022_and_of_today(tmp_path, setuptools, is_linked):
+    """Colcon links the modules up to setuptools 79; from 80 on it copies them, and does not say so."""
+    packages, tree = tmp_path / 'packages', 'lupin_greenhouse_ros'
+    run_in(tree, f'python -m pip install --quiet --no-deps --target {packages} "{setuptools}"')
+    printed = colcon_build_of_the_bridge(tree, tmp_path, '--symlink-install', python_path=str(packages))
+    assert 'Finished <<< lupin_greenhouse_bridge' in printed
+    installed = tmp_path / 'install/lupin_greenhouse_bridge'
+    assert bool(list(installed.glob('lib/python3*/site-packages/*.egg-link'))) == is_linked
+    result = run_in(
+        tree, f'source {tmp_path}/install/local_setup.bash && {installed}/lib/{BRIDGE}/read_tag --help'
+    )
+    assert 'usage: read_tag' in result.stdout
+
+
+def run_in(tree, script, *, check=True):
+    """Run a bash script in the environment of a tree, its packages included."""
+    result = subprocess.run(
+        ['bash', '-ec', f'source ci/ros_env.bash && {script}'],
+        cwd=ROOT,
+        # Not the libraries of the environment that runs this test.
+        env={**CLEAN_ENVIRONMENT, 'TREE': tree, 'VENV': str(ENVIRONMENTS[tree])},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if check:
+        assert result.returncode == 0, result.stdout + result.stderr
+    return result
+
+
+@pytest.mark.parametrize('variable', ['VIRTUAL_ENV', 'CONDA_PREFIX'])
+@pytest.mark.parametrize(
+    ('tree', 'package'), [('monorepo', 'lupin_msgs'), ('lupin_greenhouse_ros', 'lupin_greenhouse_msgs')]
+)
+def test_the_messages_are_built_for_the_python_of_the_active_environment(tmp_path, tree, package, variable):
+    """Another Python lies in front of it on PATH."""
+    decoy = tmp_path / 'bin/python3'
+    decoy.parent.mkdir()
+    decoy.write_text('#!/bin/sh\necho decoy >&2\nexit 1\n')
+    decoy.chmod(0o755)
+    environment = ENVIRONMENTS[tree]
+    run_in(
+        tree,
+        f'source ci/ros_env.bash without-overlay && unset VIRTUAL_ENV CONDA_PREFIX'
+        f' && export {variable}={environment} PATH={decoy.parent}:$PATH'
+        f' && cmake -S {tree}/{package} -B {tmp_path}/build -DBUILD_TESTING=OFF',
+    )
+    cache = (tmp_path / 'build/CMakeCache.txt').read_text()
+    assert f'Python3_EXECUTABLE:FILEPATH={environment}/bin/python3\n' in cache
+    numpy = re.search(r'^_?Python3_NumPy_INCLUDE_DIR:\w+=(.*)$', cache, re.MULTILINE)[1]
+    assert Path(numpy).is_relative_to(environment)
+
+
+def test_an_active_environment_without_numpy_is_named(tmp_path):
+    subprocess.run([sys.executable, '-m', 'venv', '--without-pip', tmp_path / 'bare'], check=True)
+    result = run_in(
+        'monorepo',
+        f'source ci/ros_env.bash without-overlay && unset PYTHONPATH && export VIRTUAL_ENV={tmp_path}/bare'
+        f' && cmake -S monorepo/lupin_msgs -B {tmp_path}/build -DBUILD_TESTING=OFF',
+        check=False,
+    )
+    assert result.returncode != 0
+    assert f'NumPy is missing in {tmp_path}/bare: install it there' in ' '.join(result.stderr.split())
+
+
+def test_with_its_patch_the_mirror_serves_a_custom_tag_file(tmp_path):
+    """The contract tests of the monorepo's side pass in a clone of the mirror with custom_tag_file.patch."""
+    tree = 'lupin_greenhouse_ros'
+    shutil.copytree(ROOT / tree / BRIDGE, tmp_path / BRIDGE)
+    subprocess.run(['git', 'apply', ROOT / tree / 'custom_tag_file.patch'], cwd=tmp_path, check=True)
+    result = run_in(
+        tree,
+        f'export PYTHONPATH={tmp_path}/{BRIDGE}:$PYTHONPATH && python -m pytest -p no:cacheprovider -rA'
+        f' -k "a_custom_tag_file_is_served or with_another_tag_file" {tmp_path}/{BRIDGE}/test',
+    )
+    assert '2 passed' in result.stdout
