@@ -23,10 +23,10 @@ IN_ENV := source ci/ros_env.bash &&
 
 figure tags recall: override TREE := monorepo
 
-.PHONY: help run smoke read mission tags env build generate generate-check drift test lint docs-check figure clean bench soak test-network recall test-heavy matrix test-apriltag mirror-publish mirror-publish-check mirror-import
+.PHONY: help run smoke read mission tags env build generate generate-check drift test lint docs-check figure clean bench soak test-network recall test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
 
 help:  ## list the targets
-	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
+	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
 	@echo; echo 'TREE=monorepo|lupin_greenhouse_ros, DISTRO=kilted|jazzy (without a sourced ROS), PYTHON, VENV'
 
 # use
@@ -88,7 +88,7 @@ bench: build  ## the bridge against a bare rclpy node: one table and .bench/benc
 	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)
 
 soak: build  ## faults and load on this machine, with figures (SHORT=1, REFUSALS=12000, SIGNALS=500)
-	@$(IN_ENV) python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
+	@ci/with_stand_ins python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
 
 test-network: build  ## two hosts as network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
 	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short)
@@ -104,6 +104,9 @@ matrix:  ## the contract tests on every Python, distro and simulator to be had h
 
 test-apriltag: env  ## the detector's tests with apt's python3-apriltag (Debian 12, Ubuntu 22.04 and newer)
 	@ci/test_apriltag
+
+test-22-04: env  ## the mirror's tests with Python 3.10 and the versions of Ubuntu 22.04
+	@ci/test_22_04
 
 # publish
 

@@ -5,7 +5,6 @@ Compare the monorepo's bridge with the open-source mirror: only one divergence i
 
 Undoes the rename of the message package, then compares every file of the bridge package and the three
 interfaces of the contract. Knows nothing of how the trees were made. Needs Python 3.10 and nothing else.
-
 Exit code: 0 only the allowed divergence, 1 drift, 2 the trees cannot be compared.
 """
 

@@ -28,7 +28,11 @@ from queue import SimpleQueue
 
 import domain_coordinator
 from lupin_greenhouse_bridge.testing import executable
-from traffic import PATIENCE_SECONDS, Bridge, ClientProcess
+from lupin_msgs.msg import TagReading
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from traffic import PATIENCE_SECONDS, TAG_IDS, Bridge, ClientProcess
+
+LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def client_killed_in_mid_call(scale: int) -> Iterator[tuple[str, bool]]:
@@ -161,6 +165,42 @@ def two_bridges(scale: int) -> Iterator[tuple[str, bool]]:
     yield f'exit codes {codes}', codes == [0, 0]
 
 
+def tags_in_view(_scale: int) -> Iterator[tuple[str, bool]]:
+    """Show 32 tags at 30 Hz, three of which do not exist, and restart the bridge; each one is read."""
+    from apriltag_msgs.msg import AprilTagDetection, AprilTagDetectionArray
+    from lupin_greenhouse_bridge.testing import NodeProcess, spinning_node
+
+    tags = [*map(int, TAG_IDS), 400, 401, 402]
+    bridge = Bridge()
+    command = [executable('lupin_greenhouse_bridge', 'read_on_sight')]
+    reader = NodeProcess(command, cooldown_seconds=3600.0, request_timeout_seconds=0.5)
+    read = []
+    with spinning_node('detector') as node:
+        topic = f'{reader.namespace}/read_on_sight/readings'
+        node.create_subscription(TagReading, topic, lambda message: read.append(message.tag_id), LATCHED)
+        detections = node.create_publisher(AprilTagDetectionArray, '/detections', 10)
+
+        def show(numbers: list[int], seconds: float, enough: int) -> None:
+            seen = [AprilTagDetection(family='tag36h11', id=number) for number in numbers]
+            end = time.monotonic() + seconds
+            while time.monotonic() < end and len(read) < enough:
+                detections.publish(AprilTagDetectionArray(detections=seen))
+                time.sleep(1 / 30)
+
+        reader.wait_for_log('ready:')
+        show(tags[:16], PATIENCE_SECONDS, 16)
+        bridge.kill()
+        show(tags, 3.0, len(tags))
+        bridge = Bridge()
+        show(tags, PATIENCE_SECONDS, len(TAG_IDS))
+    yield (
+        f'{len(tags)} tags in view, the bridge killed after 16 of them: {len(read)} readings',
+        sorted(read) == sorted(TAG_IDS),
+    )
+    codes = [reader.stop(), bridge.stop()[0]]
+    yield f'exit codes {codes}', codes == [0, 0]
+
+
 def results_of(commands: Iterator[list[str]], signals: tuple = ()) -> Iterator[tuple[int, str]]:
     """
     Run commands, two at a time; yield exit code and output of each.
@@ -225,6 +265,7 @@ def signalled_at_any_moment(_scale: int) -> Iterator[tuple[str, bool]]:
         ('bridge_node', repeat([executable('lupin_greenhouse_bridge', 'bridge_node')]), {0}),
         ('read_tag', repeat([read_tag, '1', *service]), {130}),
         ('read_tag --watch', repeat([read_tag, '1', '--watch', '1', *service]), {0}),
+        ('read_on_sight', repeat([executable('lupin_greenhouse_bridge', 'read_on_sight')]), {0}),
     ]
     with tempfile.TemporaryDirectory() as folder:
         if os.environ.get('TREE', 'monorepo') == 'monorepo':
@@ -256,6 +297,7 @@ SCENARIOS: list[Callable[[int], Iterator[tuple[str, bool]]]] = [
     many_calls,
     terminated_during_calls,
     two_bridges,
+    tags_in_view,
     refused_starts,
     signalled_at_any_moment,
 ]

@@ -65,12 +65,7 @@ def start(module: str) -> NoReturn:
 
 
 def end(exit_code: int) -> NoReturn:
-    """
-    End the process at once, when everything is closed.
-
-    Fast DDS 3.2 crashed in a thread of its own in one of 12,000 processes that closed everything and then
-    unloaded its libraries; nothing is unloaded here.
-    """
+    """End the process at once, when everything is closed: no library is unloaded under its own threads."""
     with contextlib.suppress(BrokenPipeError):
         sys.stdout.flush()
     sys.stderr.flush()
