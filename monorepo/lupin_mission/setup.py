@@ -9,6 +9,7 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
+        (f'share/{package_name}/security', ['security/policy.xml']),
         (f'share/{package_name}/launch', ['launch/mission.launch.py']),
     ],
     python_requires='>=3.10',

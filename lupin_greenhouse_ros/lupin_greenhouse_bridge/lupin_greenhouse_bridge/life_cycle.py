@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import time
+import warnings
 from dataclasses import field, fields
 from typing import NoReturn
 
@@ -148,7 +149,8 @@ def ros(args=None):
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except (RuntimeError, UnicodeEncodeError) as error:  # the latter: bytes that are not UTF-8
-        raise StartUpError(f'the ROS arguments cannot be parsed: {error}') from error
+        problem = security_problem() or 'the ROS arguments cannot be parsed'
+        raise StartUpError(f'{problem}: {error}') from error
     try:
         executor = SingleThreadedExecutor()
         try:
@@ -165,6 +167,34 @@ def ros(args=None):
             signal.signal(number, signal.SIG_IGN)
 
 
+def security_problem() -> str:
+    """Return what to say of a failure while SROS2 is enabled; '' if it is not."""
+    if os.environ.get('ROS_SECURITY_ENABLE') != 'true':
+        return ''
+    if not os.environ.get('ROS_SECURITY_KEYSTORE'):
+        return 'security is enabled, but ROS_SECURITY_KEYSTORE is not set: set it to the path of the keystore'
+    return (
+        'security is enabled (ROS_SECURITY_ENABLE): check the enclave (--enclave or'
+        ' ROS_SECURITY_ENCLAVE_OVERRIDE) in the keystore, and that the RMW was built with security'
+    )
+
+
+@contextlib.contextmanager
+def node_creation():
+    """Create a node inside; raises StartUpError where ROS refuses it."""
+    from rclpy.exceptions import NameValidationException, ParameterException
+    from rclpy.impl.implementation_singleton import rclpy_implementation
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', RuntimeWarning)  # rclpy's, of a node that it could not create
+            yield
+    except (NameValidationException, ParameterException) as error:
+        raise StartUpError(f'the ROS arguments do not fit the node: {error}') from error
+    except rclpy_implementation.RCLError as error:
+        raise StartUpError(f'{security_problem() or "ROS cannot create the node"}: {error}') from error
+
+
 def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refused: int = 1) -> int:
     """
     Run one node until it is done, or until Ctrl-C or SIGTERM; return the exit code.
@@ -172,7 +202,6 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
     `is_done(node)` is asked after every callback; `conclude(node)` gives the exit code, 0 without it.
     A OneLineError becomes one FATAL line of the logger `name`, and the exit code `refused`.
     """
-    from rclpy.exceptions import NameValidationException, ParameterException
     from rclpy.logging import get_logger
 
     def refuse(error: OneLineError) -> int:
@@ -182,15 +211,14 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
     try:
         with ros(args) as executor:
             try:
-                node = create_node()
+                with node_creation():
+                    node = create_node()
                 executor.add_node(node)
                 while not (is_asked_to_end() or (is_done and is_done(node))):
                     _spin_once(executor, node)
                 return conclude(node) if conclude else 0
             except OneLineError as error:  # here and not outside: it keeps a node alive that has to go first
                 return refuse(error)
-            except (NameValidationException, ParameterException) as error:
-                return refuse(StartUpError(f'the ROS arguments do not fit the node: {error}'))
     except StartUpError as error:
         return refuse(error)
 

@@ -1,5 +1,6 @@
 """The SROS2 policy allows what the nodes create on the graph, and nothing else."""
 
+import os
 import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
@@ -88,3 +89,53 @@ def test_the_client_may_do_what_it_does_and_nothing_more(noon_bridge, arguments,
             assert graph.get_subscriber_names_and_types_by_node(node, '/') == []
         finally:
             process.kill()
+
+
+@pytest.mark.parametrize(
+    ('keystore', 'fragment'),
+    [
+        ('', 'security is enabled, but ROS_SECURITY_KEYSTORE is not set: set it to the path of the keystore'),
+        ('nowhere', 'security is enabled (ROS_SECURITY_ENABLE): check the enclave'),
+        # Of the wheels, Fast DDS has no security; elsewhere these keys are none.
+        ('keys', 'security is enabled (ROS_SECURITY_ENABLE): check the enclave'),
+    ],
+)
+def test_a_start_without_usable_keys_is_one_line(start_bridge, tmp_path, keystore, fragment):
+    enclave = tmp_path / 'keys/enclaves/greenhouse_bridge'
+    enclave.mkdir(parents=True)
+    for name in ('identity_ca.cert', 'cert', 'key', 'permissions_ca.cert'):
+        (enclave / f'{name}.pem').write_text('none')
+    for name in ('governance', 'permissions'):
+        (enclave / f'{name}.p7s').write_text('none')
+    enforced = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce'}
+    environment = enforced | {'ROS_SECURITY_KEYSTORE': str(tmp_path / keystore) if keystore else ''}
+    command = [executable('lupin_greenhouse_bridge', 'bridge_node')]
+    command += ['--ros-args', '--enclave', '/greenhouse_bridge']
+    bridge = start_bridge(command, environment=environment)
+    assert fragment in bridge.refusal()
+    assert not [line for line in bridge.log if 'RuntimeWarning' in line]
+
+    ask = [
+        executable('lupin_greenhouse_bridge', 'read_tag'),
+        '1',
+        '--ros-args',
+        '--enclave',
+        '/greenhouse_bridge',
+    ]
+    result = subprocess.run(
+        ask, env={**os.environ, **environment}, capture_output=True, text=True, timeout=30, check=False
+    )
+    assert result.returncode == 2
+    assert fragment in result.stderr
+    assert 'Traceback' not in result.stderr
+
+
+def test_read_tag_names_security_among_the_causes():
+    """With a strategy that does not enforce it, a node without keys starts, and finds nobody."""
+    ask = [executable('lupin_greenhouse_bridge', 'read_tag'), '1', '--timeout', '0.2']
+    secured = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Permissive'}
+    result = subprocess.run(
+        ask, env={**os.environ, **secured}, capture_output=True, text=True, timeout=30, check=False
+    )
+    assert result.returncode == 3, result.stderr
+    assert 'the bridge needs the same keystore, and keys for this domain' in result.stderr

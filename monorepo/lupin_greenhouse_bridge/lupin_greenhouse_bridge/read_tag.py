@@ -42,7 +42,8 @@ def main(args=None):
             _parser().parse_args(remove_ros_args(sys.argv if args is None else args)[1:], options)
             if bool(options.tag_ids) == options.all:
                 raise client.UsageError('name one or more tag ids, or --all')
-            node = rclpy.create_node('read_tag', start_parameter_services=False)
+            with life_cycle.node_creation():
+                node = rclpy.create_node('read_tag', start_parameter_services=False)
             executor.add_node(node)
             return _read(node, client.Client(executor, node, options.timeout), options)
     except client.Interrupted:
@@ -114,10 +115,13 @@ def _likely_cause(node, service_name: str) -> str:
         domain += ' of this machine alone (ROS_AUTOMATIC_DISCOVERY_RANGE or ROS_LOCALHOST_ONLY says so)'
     nodes = len(node.get_node_names()) - 1  # without this one
     seen = f'{nodes} other nodes, and no bridge' if nodes else 'no other node'
-    return (
+    cause = (
         f'on {domain} there is {seen}: start the bridge (ros2 launch lupin_greenhouse_bridge'
-        ' greenhouse_bridge.launch.py), or take the domain that it is on'
+        " greenhouse_bridge.launch.py), or set ROS_DOMAIN_ID to the bridge's domain"
     )
+    if life_cycle.security_problem():
+        cause += '; security is enabled: the bridge needs the same keystore, and keys for this domain'
+    return cause
 
 
 def _is_limited_to_this_machine() -> bool:

@@ -1,0 +1,76 @@
+"""The SROS2 policy of the mission allows what the nodes create on the graph, and nothing else."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from lupin_greenhouse_bridge.testing import executable, wait_until
+
+POLICY = ElementTree.parse(Path(__file__).resolve().parent.parent / 'security/policy.xml').getroot()
+BRIDGES_POLICY = Path(__file__).resolve().parents[2] / 'lupin_greenhouse_bridge/security/policy.xml'
+# Distros before Jazzy do not have it; a right that is not used does no harm.
+NOT_EVERYWHERE = 'get_type_description'
+
+
+def rights_of(node: str, enclave: str, policy=POLICY) -> dict[str, set[str]]:
+    """Return the names that each right of a node covers, with `~` spelt out."""
+    (root,) = [each for each in policy.iter('enclave') if each.get('path') == enclave]
+    (profile,) = [each for each in root.iter('profile') if each.get('node') == node]
+    own = f'{profile.get("ns").rstrip("/")}/{node}'
+    rights = {right: set() for right in ('reply', 'request', 'publish', 'subscribe')}
+    for group in profile:
+        ((right, value),) = group.attrib.items()
+        assert value == 'ALLOW'
+        rights[right] |= {name.text.replace('~', own) for name in group}
+    return rights
+
+
+def created_by(graph, node: str, namespace: str) -> dict[str, set[str]]:
+    """Return what a node has created, by the right that it needs for it."""
+    if (node, namespace) not in graph.get_node_names_and_namespaces():
+        return {}
+    found = {
+        'reply': graph.get_service_names_and_types_by_node(node, namespace),
+        'request': graph.get_client_names_and_types_by_node(node, namespace),
+        'publish': graph.get_publisher_names_and_types_by_node(node, namespace),
+        'subscribe': graph.get_subscriber_names_and_types_by_node(node, namespace),
+    }
+    return {right: {name for name, _ in names} for right, names in found.items()}
+
+
+def without_optional(rights: dict[str, set[str]]) -> dict[str, set[str]]:
+    return {right: {each for each in names if NOT_EVERYWHERE not in each} for right, names in rights.items()}
+
+
+@pytest.mark.parametrize('enclave', ['/mission', '/mission_launch'])
+def test_the_mission_may_do_what_it_does_and_nothing_more(start_mission, node, enclave):
+    rights = without_optional(rights_of('mission', enclave))
+    namespace = start_mission().namespace
+
+    def created():
+        found = without_optional(created_by(node, 'mission', namespace))
+        return {right: {each.removeprefix(namespace) for each in names} for right, names in found.items()}
+
+    wait_until(lambda: created() == rights)
+
+
+def test_the_camera_of_the_launch_may_do_what_it_does_and_nothing_more(start_node, node):
+    rights = without_optional(rights_of('confirm_tag', '/mission_launch'))
+    process = start_node([executable('lupin_perception', 'confirm_tag')])
+    # The node's own namespace gives way to that of the test.
+    namespace = process.namespace
+
+    def created():
+        found = without_optional(created_by(node, 'confirm_tag', namespace))
+        return {
+            right: {each.replace(namespace, '/perception') for each in names}
+            for right, names in found.items()
+        }
+
+    wait_until(lambda: created() == rights)
+
+
+def test_the_launch_gives_the_bridge_what_its_own_policy_gives():
+    own = ElementTree.parse(BRIDGES_POLICY).getroot()
+    bridge = 'greenhouse_bridge'
+    assert rights_of(bridge, '/mission_launch') == rights_of(bridge, '/greenhouse_bridge', own)
