@@ -226,7 +226,80 @@ def without_multicast(scale: int) -> Iterator[tuple[str, bool]]:
             server.wait()
 
 
-SCENARIOS = [across_a_bad_cable, an_id_that_is_no_text, without_multicast]
+GRAPH = """
+import sys, time
+import rclpy
+rclpy.init()
+node = rclpy.create_node('looks')
+end = time.monotonic() + float(sys.argv[1])
+while time.monotonic() < end and node.count_publishers('/foreign') == 0:
+    rclpy.spin_once(node, timeout_sec=0.1)
+print(node.count_publishers('/foreign'))
+"""
+FOREIGN = """
+import rclpy
+from rcl_interfaces.msg import Log
+rclpy.init()
+node = rclpy.create_node('foreign')
+publisher = node.create_publisher(Log, '/foreign', 1)
+rclpy.spin(node)
+"""
+
+
+def the_graph_behind_a_server(scale: int) -> Iterator[tuple[str, bool]]:
+    """List the topics of a node that shares none with the one that asks: only a super client sees them."""
+    robot, laptop = map(inside, HOSTS)
+    address, _, port = DISCOVERY_SERVER.partition(':')
+    with two_hosts() as cable, contextlib.ExitStack() as stack:
+        cable.blocks_multicast = True
+        environment = {**os.environ, 'ROS_DISCOVERY_SERVER': DISCOVERY_SERVER}
+        for command in (
+            ['fast-discovery-server', '42', '-i', '0', '-l', address, '-p', port],
+            [sys.executable, '-c', FOREIGN],
+        ):
+            process = subprocess.Popen([*robot, *command], env=environment, stdout=subprocess.DEVNULL)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+        look = [*laptop, sys.executable, '-c', GRAPH]
+
+        def topics_seen(seconds: float, **variables: str) -> int:
+            seen = subprocess.run(
+                [*look, str(seconds)], env=environment | variables, capture_output=True, text=True, check=True
+            )
+            return int(seen.stdout)
+
+        seen = topics_seen(60.0, ROS_SUPER_CLIENT='TRUE')
+        yield f'behind a server, a super client sees {seen} of 1 foreign topics', seen == 1
+        seen = topics_seen(1.0 + scale)
+        yield f'behind a server, a plain client sees {seen} of 1 foreign topics', seen == 0
+
+
+def a_robot_with_two_addresses(scale: int) -> Iterator[tuple[str, bool]]:
+    """Call a robot that advertises a second address, which the laptop cannot reach, first of all."""
+    robot, laptop = map(inside, HOSTS)
+    with two_hosts():
+        ip(f'-n {HOSTS[0]} link add arm0 type veth peer name arm1')
+        for end in ('arm0', 'arm1'):
+            ip(f'-n {HOSTS[0]} link set {end} up')
+        ip(f'-n {HOSTS[0]} address add 10.66.0.1/24 dev arm0')
+        bridge = Bridge(*robot, debug_time_of_day=12.0)
+        calls = 40 * scale
+        result = ClientProcess('--calls', str(calls), '--timeout', CALL_SECONDS, prefix=laptop).result()
+        bridge.stop()
+        yield (
+            f'a second address that cannot be reached: {result["answered"]}/{calls} answered, slowest'
+            f' {result["slowest_seconds"]} s',
+            result['answered'] == calls,
+        )
+
+
+SCENARIOS = [
+    across_a_bad_cable,
+    an_id_that_is_no_text,
+    without_multicast,
+    the_graph_behind_a_server,
+    a_robot_with_two_addresses,
+]
 
 
 def main() -> int:
