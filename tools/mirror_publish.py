@@ -157,8 +157,9 @@ def publish(here: Repository, remote: str, release: str, *, is_dry_run: bool) ->
     with tempfile.TemporaryDirectory(prefix='mirror-publish-') as folder:
         published = Repository(Path(folder))
         published.git('init', '--quiet', '--bare')
-        for what in ('name', 'email'):
-            published.git('config', f'user.{what}', here.git('config', f'user.{what}'))
+        # Of the tags and notes: whoever made the last commit, for a build machine has no identity of its own.
+        for what, placeholder in (('name', '%cn'), ('email', '%ce')):
+            published.git('config', f'user.{what}', here.git('show', '-s', f'--format={placeholder}'))
         published.git('fetch', '--quiet', remote, '+refs/*:refs/*')
         before = refs(published)
         published.git('fetch', '--quiet', str(here.folder), split)

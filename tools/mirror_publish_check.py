@@ -1,10 +1,10 @@
 """
 Publish the mirror into a fresh repository and use it as another course team does.
 
-The mirror's history is split out of the last commit by git, cloned, built and tested by the commands
-of the mirror's own README: every ```bash block that no `<!-- needs ... -->` marks as needing what this
-machine lacks. Two places of the README are filled in: where the repository is, and where ROS is (the
-wheels of this environment, announced as /opt/ros/DISTRO/setup.bash does it).
+mirror_publish.py publishes the last commit; then it is cloned, built and tested by the commands of the
+mirror's own README: every ```bash block that no `<!-- needs ... -->` marks as needing what this machine
+lacks. Two places of the README are filled in: where the repository is, and where ROS is (the wheels of
+this environment, announced as /opt/ros/DISTRO/setup.bash does it). Its .repos file is given to vcs.
 """
 
 import os
@@ -15,6 +15,8 @@ import sys
 import tempfile
 from pathlib import Path
 from xml.etree import ElementTree
+
+import mirror_publish
 
 ROOT = Path(__file__).resolve().parents[1]
 MIRROR = 'lupin_greenhouse_ros'
@@ -52,15 +54,24 @@ def run(script: str, log: Path, environment: dict, folder: Path) -> str:
     return printed
 
 
-def split_mirror(folder: Path) -> Path:
-    """Return a fresh bare repository that holds the mirror's own history, from the last commit."""
-    if git('status', '--porcelain', MIRROR):
-        print('publish check: uncommitted changes of the mirror are not part of it', file=sys.stderr)
-    commit = git('subtree', '-q', 'split', f'--prefix={MIRROR}')
+def publish_mirror(folder: Path) -> Path:
+    """Return a fresh bare repository that holds the published mirror."""
     repository = folder / 'published.git'
     git('init', '--quiet', '--bare', '--initial-branch=main', str(repository))
-    git('push', '--quiet', str(repository), f'{commit}:refs/heads/main')
+    try:
+        mirror_publish.publish(mirror_publish.Repository(ROOT), str(repository), '', is_dry_run=False)
+    except mirror_publish.PublishError as error:
+        raise CheckFailedError(str(error)) from error
     return repository
+
+
+def import_with_vcs(readme: str, repository: Path, folder: Path) -> dict[str, str]:
+    """Follow the README's .repos file with vcs; return the packages that colcon then finds."""
+    (folder / 'src').mkdir(parents=True)
+    repos = readme.partition('```yaml\n')[2].partition('```')[0]
+    (folder / 'my.repos').write_text(repos.replace('URL_OF_THIS_REPOSITORY', str(repository)))
+    run('vcs import src < my.repos', folder / 'vcs.log', dict(os.environ), folder)
+    return packages_seen(folder)
 
 
 def git(*arguments: str) -> str:
@@ -149,12 +160,10 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix='publish-check-') as name:
         folder = Path(name)
         try:
-            repository = split_mirror(folder)
+            repository = publish_mirror(folder)
             readme = git('show', f'HEAD:{MIRROR}/README.md')
             blocks = readme_commands(readme, repository, ros_setup(folder))
-            print(
-                f'split {MIRROR} out of the history; following {len(blocks)} blocks of its README', flush=True
-            )
+            print(f'published {MIRROR}; following {len(blocks)} blocks of its README', flush=True)
 
             other = folder / 'other_team'
             for path, text in OTHER_PACKAGE.items():
@@ -168,6 +177,11 @@ def main() -> int:
                     raise CheckFailedError(f'not every test ran in layout {layout}:\n{printed[-3000:]}')
                 built = re.search(r'^Summary: (\d+) packages finished', printed, re.MULTILINE)
                 print(f'layout {layout}: {built[1]} packages built, {tested[1]} tests passed', flush=True)
+
+            imported = import_with_vcs(readme, repository, folder / 'imported')
+            if set(imported) != {BRIDGE, 'lupin_greenhouse_msgs'}:
+                raise CheckFailedError(f'after vcs import of the branch ready colcon sees {imported}')
+            print('after vcs import of the branch ready colcon sees both packages')
 
             trap = folder / 'trap/src'
             git('clone', '--quiet', str(repository), str(trap / MIRROR))

@@ -13,6 +13,7 @@ PLACES = Path('/srv/mirror.git'), Path('/srv/setup.bash')
 def test_its_commands_are_the_readmes_with_the_two_places_filled_in():
     commands = ''.join(mirror_publish_check.readme_commands(README, *PLACES))
     assert 'git clone /srv/mirror.git src/lupin_greenhouse_ros && rm src' in commands
+    assert 'python3 -m colcon build' in commands
     assert 'source /srv/setup.bash' in commands
     assert 'URL_OF_THIS_REPOSITORY' not in commands
     assert '/opt/ros' not in commands
