@@ -21,9 +21,9 @@ SHELL := bash
 MAKEFLAGS += --no-print-directory
 IN_ENV := source ci/ros_env.bash &&
 
-figure tags recall: override TREE := monorepo
+figure tags recall world world-check: override TREE := monorepo
 
-.PHONY: help run smoke read mission tags env build generate generate-check drift test lint docs-check figure clean bench soak test-network recall test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
+.PHONY: help run smoke read mission world world-check tags env build generate generate-check drift test lint docs-check figure clean bench soak test-network recall test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -41,8 +41,15 @@ read: env  ## ask a running bridge: make read TAG=7, TAG="1 5", TAG=--all
 	@$(IN_ENV) [ -x "$$LUPIN_EXECUTABLES/read_tag" ] || ci/build
 	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(ARGS)
 
-mission: build  ## visit and read every tag, with a report: CAMERA=1 (or compressed, detections) confirms each
-	@$(if $(filter detections,$(CAMERA)),ci/with_stand_ins,$(IN_ENV)) python ci/mission.py $(if $(CAMERA),--camera $(CAMERA:1=image)) $(ARGS)
+mission: build  ## visit and read every tag: CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world
+	@$(if $(WORLD),ci/with_drake,$(if $(filter detections,$(CAMERA)),ci/with_stand_ins,$(IN_ENV))) \
+	    python ci/mission.py $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(ARGS)
+
+world: build  ## an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"
+	@$(IN_ENV) "$$LUPIN_WORKSPACE/install/lupin_world/lib/lupin_world/generate_world" $(ARGS)
+
+world-check: build  ## read and render that world with Drake: is each tag where the layout has it, and legible?
+	@ci/with_drake python ci/world_check.py $(ARGS)
 
 tags: build  ## a PDF of the tags to print, SIDE millimetres each: make tags SIDE=40
 	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(SIDE) $(ARGS)
@@ -78,9 +85,10 @@ docs-check: build  ## links, anchors and shell blocks of the documents
 figure: build  ## draw the greenhouse into the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
 	@$(if $(ARGS),,$(IN_ENV) python tools/draw/seen.py)
+	@$(if $(WORLD),ci/with_drake python tools/draw/world.py)
 
 clean:  ## remove what was built (the environment stays: it is .venv)
-	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .mission .bench .tags
+	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .mission .bench .tags .world
 
 # measure
 

@@ -13,9 +13,11 @@ from pathlib import Path
 
 import domain_coordinator
 
-ROOT = Path(__file__).resolve().parent.parent
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
 INSTALLED = Path(os.environ['LUPIN_WORKSPACE'], 'install')
 LONGEST_MISSION_SECONDS = 900
+PATIENCE_SECONDS = 10.0
 # What the camera publishes, and the parameters with which confirm_tag listens to it.
 SOURCES = {
     'image': [],
@@ -32,6 +34,13 @@ def executable(package: str, name: str) -> str:
 def parameters(assignments: list[str]) -> list[str]:
     """Turn name:=value, as `ros2 launch` takes it, into what a node takes."""
     return ['--ros-args', *(word for each in assignments for word in ('-p', each))]
+
+
+def make_world(folder: Path) -> Path:
+    """Make the SDF world of the shipped layout, with 4 cm tags, and return its file."""
+    command = [executable('lupin_world', 'generate_world'), '--side', '0.04', '--output', str(folder)]
+    subprocess.run(command, check=True)
+    return folder / 'greenhouse.sdf'
 
 
 @contextlib.contextmanager
@@ -55,15 +64,19 @@ def main() -> int:
     parser.add_argument(
         '--camera', choices=SOURCES, help='confirm each tag, from images, compressed images or detections'
     )
+    parser.add_argument('--world', action='store_true', help='the camera is in the SDF world of make world')
     parser.add_argument('--output', type=Path, default=ROOT / '.mission', metavar='FOLDER')
     parser.add_argument('arguments', nargs='*', metavar='name:=value', help='parameters of the mission')
     options = parser.parse_args()
+    if options.world and options.camera != 'image':
+        print('mission: WORLD=1 needs CAMERA=1, and publishes images only', file=sys.stderr)
+        return 2
     mission_node = executable('lupin_mission', 'mission_node')
     if not Path(mission_node).exists():
         print('mission: it is in the monorepo only: make mission TREE=monorepo', file=sys.stderr)
         return 2
     options.output.mkdir(parents=True, exist_ok=True)
-    name = 'camera' if options.camera else 'simulation'
+    name = 'world' if options.world else 'camera' if options.camera else 'simulation'
     report = options.output / f'{name}.jsonl'
     report.unlink(missing_ok=True)
 
@@ -78,10 +91,23 @@ def main() -> int:
         if options.camera:
             confirm_tag = executable('lupin_perception', 'confirm_tag')
             camera = executable('lupin_perception', 'camera_stand_in')
-            for command in (
+            commands = [
                 [confirm_tag, *parameters(SOURCES[options.camera])],
                 [camera, *parameters([f'publishes:={options.camera}'])],
-            ):
+            ]
+            if options.world:
+                world_file = make_world(options.output / 'world')
+                # To render an image takes a while.
+                arguments += [
+                    f'world_file:="{world_file}"',
+                    f'request_timeout_seconds:={PATIENCE_SECONDS + 1.0}',
+                ]
+                camera = [sys.executable, str(HERE / 'world_camera.py')]
+                commands = [
+                    [confirm_tag, *parameters([f'timeout_seconds:={PATIENCE_SECONDS}'])],
+                    [*camera, *parameters([f'world_file:="{world_file}"'])],
+                ]
+            for command in commands:
                 stack.enter_context(running(command, environment))
             # One call is enough: confirm_tag watches the camera until the tag appears.
             arguments += ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=1']

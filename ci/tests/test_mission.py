@@ -12,8 +12,9 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def run_mission(output: Path, *arguments: str) -> subprocess.CompletedProcess:
+    wrapper = 'ci/with_drake' if '--world' in arguments else 'ci/with_stand_ins'
     return subprocess.run(
-        ['ci/with_stand_ins', sys.executable, 'ci/mission.py', '--output', str(output), *arguments],
+        [wrapper, sys.executable, 'ci/mission.py', '--output', str(output), *arguments],
         cwd=ROOT,
         env={**os.environ, 'TREE': 'monorepo'},
         capture_output=True,
@@ -64,3 +65,25 @@ def test_the_mirror_has_no_mission():
     )
     assert result.returncode == 2
     assert result.stderr == 'mission: it is in the monorepo only: make mission TREE=monorepo\n'
+
+
+@pytest.mark.heavy
+def test_the_mission_reads_the_tags_of_the_world_that_its_camera_sees(tmp_path):
+    result = run_mission(tmp_path, '--camera', 'image', '--world', 'tag_ids:="1 13 30"')
+    if result.returncode == 3:
+        pytest.skip(result.stderr.splitlines()[-1])
+    assert result.returncode == 0, result.stdout + result.stderr
+    lines = (tmp_path / 'world.jsonl').read_text(encoding='utf-8').splitlines()
+    assert [(json.loads(each)['tag_id'], json.loads(each)['outcome']) for each in lines] == [
+        ('1', 'OK'),
+        ('13', 'OK'),
+        ('30', 'OK'),
+    ]
+
+
+def test_a_world_without_its_camera_is_refused_in_one_line(tmp_path):
+    result = run_mission(tmp_path, '--camera', 'detections', '--world')
+    assert (result.returncode, result.stderr) == (
+        2,
+        'mission: WORLD=1 needs CAMERA=1, and publishes images only\n',
+    )

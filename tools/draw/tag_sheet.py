@@ -33,7 +33,7 @@ RULER_MM = 100
 
 def modules_of(tag_number: int) -> np.ndarray:
     """Return the tag as the AprilTag project draws it: True where it is black, row 0 on top."""
-    return np.rot90(scene.marker(tag_number), 2) == 0  # OpenCV has the family upside down
+    return scene.printed_marker(tag_number) == 0
 
 
 def cells(side_mm: float) -> list[tuple[float, float]]:

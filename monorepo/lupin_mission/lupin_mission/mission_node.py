@@ -29,6 +29,7 @@ from lupin_mission.report import (
     summary_table,
 )
 from lupin_mission.settings import Settings
+from lupin_mission.world import read_world
 
 ALL_READ, SOME_NOT_READ, REFUSED = 0, 1, 2
 NODE_NAME = 'mission'
@@ -50,7 +51,8 @@ class MissionNode(Node):
         """Open the report and start; raises StartUpError and ReportError."""
         super().__init__(NODE_NAME)
         self._settings = settings = life_cycle.declare_parameters(self, Settings)
-        tag_ids = settings.chosen_tag_ids
+        self._world = read_world(settings.world_file) if settings.world_file else {}
+        tag_ids = settings.chosen_tag_ids or list(self._world)
         if not tag_ids and settings.tag_file:
             tag_ids = list(read_layout(settings.tag_file).tags)
         self._service_clients = {
@@ -131,7 +133,9 @@ class MissionNode(Node):
     def _set_tags(self, tag_ids: list[str], *, is_custom_file: bool) -> None:
         """Take the tags that a mission may visit, and start it where nobody has to ask for it."""
         settings = self._settings
-        if settings.has_poses_in_map:
+        if settings.has_poses_in_map and self._world:
+            self._places_m = self._world
+        elif settings.has_poses_in_map:
             # The shipped places are wrong for a bridge that has loaded a file of its own.
             layout = None if is_custom_file and not settings.tag_file else find_layout(settings.tag_file)
             if layout:

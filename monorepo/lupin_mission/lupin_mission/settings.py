@@ -16,10 +16,13 @@ class Settings:
 
     tag_ids: str = parameter(  # or an array
         '',
-        'The tags in the order of the visit, as text ("6 21 29") or as an array; empty: all of tag_file, or'
-        ' all that the bridge has loaded.',
+        'The tags in the order of the visit, as text ("6 21 29") or as an array; empty: all of world_file or'
+        ' tag_file, or all that the bridge has loaded.',
     )
     tag_file: str = parameter('', "The bridge's tag_locations.json; empty: ask the bridge for its tags.")
+    world_file: str = parameter(
+        '', 'An SDF world: visit its models tag_<id>, in numeric order; the tags are where it has them.'
+    )
     bridge_service_name: str = parameter('/greenhouse_bridge/get_tag_reading', 'The GetTagReading service.')
     confirm_service_name: str = parameter('/perception/confirm_tag', 'The ConfirmTag service.')
     require_visual_confirmation: bool = parameter(
@@ -70,8 +73,8 @@ class Settings:
     )
     tag_poses_in_map: str = parameter(  # or a bool
         '',
-        'Publish the place of a tag in the tag file as its pose in the map: true where the map is that of the'
-        ' layout (simulation); empty: the opposite of require_visual_confirmation.',
+        'Publish the place of a tag in the tag file or world as its pose in the map: true where the map is'
+        ' that of the layout (simulation); empty: the opposite of require_visual_confirmation.',
     )
 
     def __post_init__(self):
@@ -79,6 +82,8 @@ class Settings:
         if self.tag_poses_in_map not in ('', True, False, 'true', 'false'):
             shown = printable(repr(self.tag_poses_in_map), 100)
             raise StartUpError(f'parameter tag_poses_in_map is {shown}: must be true, false or empty')
+        if self.world_file and self.tag_file:
+            raise StartUpError('parameters world_file and tag_file are both set: set one of them')
         ids = self.chosen_tag_ids
         if twice := sorted({tag_id for tag_id in ids if ids.count(tag_id) > 1}):
             raise StartUpError(f'parameter tag_ids names {twice[0]!r} twice: a mission visits a tag once')

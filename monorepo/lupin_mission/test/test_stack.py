@@ -247,6 +247,45 @@ def test_a_mission_waits_for_its_start_and_lives_on_after_it(
         assert len(read_report(report)) == count
 
 
+def test_the_tags_and_their_places_come_from_the_world(
+    start_mission, start_bridge, node, web, twin, tmp_path
+):
+    """One of them is unknown to the bridge: the world was made from another layout."""
+    models = ''.join(
+        f'<model name="tag_{tag_id}"><pose>{x} 8.5 0.3 0 0 0</pose></model>'
+        for tag_id, x in (('400', 3.0), ('7', 2.5), ('1', 1.5))
+    )
+    world_file = tmp_path / 'greenhouse.sdf'
+    world_file.write_text(f'<sdf version="1.6"><world name="w">{models}</world></sdf>')
+    bridge = start_bridge()
+    mission = start_mission(
+        bridge_service_name=bridge.service_name, world_file=world_file, wait_for_start=True
+    )
+    states = web(mission)
+    states.wait_for(lambda state: state.lifecycle_state == 'READY')
+    late = twin()
+    started = ask(node, mission, StartMission, 'start')
+    states.wait_for(lambda state: is_done(state, started))
+    wait_until(lambda: len(late.heard) == 3)
+    assert [each.tag_reading.tag_id for each in late.heard] == ['1', '7', '400']
+    assert [each.status for each in late.heard] == [
+        Observation.STATUS_OK,
+        Observation.STATUS_OK,
+        Observation.STATUS_SCAN_FAILED,
+    ]
+    places = [each.tag_pose_in_map.position for each in late.heard]
+    assert [(place.x, place.y) for place in places] == [(1.5, 8.5), (2.5, 8.5), (3.0, 8.5)]
+
+
+def test_a_world_and_a_tag_file_at_once_are_refused(start_mission):
+    refusal = start_mission(world_file='/a.sdf', tag_file='/b.json').refusal(2)
+    assert 'parameters world_file and tag_file are both set: set one of them' in refusal
+
+
+def test_a_world_that_cannot_be_read_is_refused_in_one_line(start_mission):
+    assert "world_file '/missing.sdf' cannot be read" in start_mission(world_file='/missing.sdf').refusal(2)
+
+
 def test_the_error_of_one_mission_is_not_that_of_the_next(start_mission, start_bridge, node, web):
     bridge = start_bridge()
     mission = start_mission(

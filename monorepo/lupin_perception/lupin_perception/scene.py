@@ -24,6 +24,11 @@ def marker(
     return draw(dictionary, tag_number, (dictionary.markerSize + 2) * module_pixels)
 
 
+def printed_marker(tag_number: int) -> np.ndarray:
+    """Return a tag36h11 as the AprilTag project prints it, one pixel a module; OpenCV has it upside down."""
+    return np.rot90(marker(tag_number), 2)
+
+
 DECOYS = ('other ids', 'other families', 'texture', 'clutter')
 OTHER_FAMILIES = (
     cv2.aruco.DICT_APRILTAG_16h5,

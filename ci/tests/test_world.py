@@ -1,0 +1,72 @@
+"""`make world-check` on layouts of one's own, and that it notices a wrong world."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from test_build import ROOT
+
+NO_WHEEL = 3
+WRONG = """
+import sys
+sys.path.insert(0, 'ci')
+import math
+from lupin_world import sdf
+import world_check
+place = sdf.place
+sdf.place = lambda layout: {number: each._replace({change}) for number, each in place(layout).items()}
+sys.exit(world_check.main(sys.argv[1:]))
+"""
+TABLES = {
+    'a': {'x0': 1.0, 'y0': 1.0, 'x1': 2.0, 'y1': 1.5},
+    'b': {'x0': 4.0, 'y0': 1.0, 'x1': 4.5, 'y1': 2.0},
+}
+TAGS = {
+    '0': {'x': 1.5, 'y': 1.0, 'sensors': ['co2']},
+    '7': {'x': 4.5, 'y': 2.0, 'sensors': ['co2']},
+    '586': {'x': 1.0, 'y': 1.25, 'sensors': ['co2']},
+}
+
+
+def check_world(folder, layout, command=('ci/world_check.py',)):
+    """Run the check on a layout; skip where Drake has no wheel."""
+    tag_file = folder / 'tags.json'
+    tag_file.write_text(json.dumps(layout), encoding='utf-8')
+    result = subprocess.run(
+        ['ci/with_drake', sys.executable, *command, '--tag-file', str(tag_file)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if result.returncode == NO_WHEEL:
+        pytest.skip(result.stderr.splitlines()[-1])
+    return result
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize('tables', [TABLES, {}], ids=['two tables', 'no tables'])
+def test_a_layout_of_ones_own_becomes_a_world_whose_tags_can_be_read(tmp_path, tables):
+    result = check_world(tmp_path, {'tags': TAGS, 'tables': tables})
+    assert result.returncode == 0, result.stdout + result.stderr
+    lines = result.stdout.splitlines()
+    assert sum(': 3 of 3 read' in line for line in lines) == 18
+    assert sum('from behind: 0 of 3 read' in line for line in lines) == 2
+    assert ('the layout has no tables' in result.stderr) == (not tables)
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize(
+    ('change', 'finding'),
+    [
+        ('x=each.x + 0.01', 'NOT where the layout has them'),
+        ('facing=each.facing + math.pi', 'NOT where the layout has them'),
+    ],
+)
+def test_a_wrong_world_is_noticed(tmp_path, change, finding):
+    script = WRONG.replace('{change}', change)
+    result = check_world(tmp_path, {'tags': TAGS, 'tables': TABLES}, ('-c', script))
+    assert result.returncode == 1
+    assert finding in result.stdout
+    assert result.stdout.endswith('the world is WRONG\n')

@@ -1,0 +1,94 @@
+"""
+A camera in the SDF world: publishes what it sees before the tag that the mission stands at.
+
+Follows `/mission/at_tag`. Between two tags it looks into the sky. The robot stops off-centre, turned and at
+another distance for each image.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from lupin_perception import life_cycle
+from lupin_perception.errors import StartUpError
+from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import Image
+from std_msgs.msg import String
+from world_renderer import World, viewpoint
+
+NODE_NAME = 'camera'
+FRAMES_PER_SECOND = 5
+LARGEST_ANGLE_DEGREES = 30.0
+LARGEST_OFFSET_M = 0.03
+LARGEST_YAW = math.radians(4.0)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The parameter values of one run, checked; raises StartUpError for one that is wrong."""
+
+    world_file: str = life_cycle.parameter('', 'The SDF world.')
+    min_standoff_m: float = life_cycle.parameter(
+        0.3, 'Smallest distance to a tag.', smallest=0.2, largest=1.5
+    )
+    max_standoff_m: float = life_cycle.parameter(1.0, 'Largest distance to a tag.', smallest=0.2, largest=1.5)
+
+    def __post_init__(self):
+        life_cycle.check_parameters(self)
+        if self.min_standoff_m > self.max_standoff_m:
+            raise StartUpError(
+                f'parameter min_standoff_m is {self.min_standoff_m:g}: must not exceed max_standoff_m'
+            )
+
+
+class WorldCamera(Node):
+    """Publishes rendered images."""
+
+    def __init__(self):
+        super().__init__(NODE_NAME)
+        self._settings = life_cycle.declare_parameters(self, Settings)
+        self._world = World(Path(self._settings.world_file))
+        self._random = np.random.default_rng(0)
+        self._tag_id = ''
+        self._images = self.create_publisher(Image, DEFAULT_IMAGE_TOPIC, qos_profile_sensor_data)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(String, '/mission/at_tag', self._on_tag, latched)
+        self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
+        self.get_logger().info(f'ready: {len(self._world.tags)} tags in the world')
+
+    def _on_tag(self, message) -> None:
+        self._tag_id = message.data
+
+    def _publish(self) -> None:
+        picture = self._world.look(*self._approach())
+        height, width, channels = picture.shape
+        image = Image(height=height, width=width, encoding='rgb8', step=channels * width)
+        image.header.stamp = self.get_clock().now().to_msg()
+        image.header.frame_id = NODE_NAME
+        image.data = picture.tobytes()
+        self._images.publish(image)
+
+    def _approach(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return where the camera is, and the point that it looks at."""
+        tag = self._world.tags.get(int(self._tag_id)) if self._tag_id.isdecimal() else None
+        if tag is None:
+            return np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 2.0])
+        settings, random = self._settings, self._random
+        distance_m = random.uniform(settings.min_standoff_m, settings.max_standoff_m)
+        angle = random.uniform(-LARGEST_ANGLE_DEGREES, LARGEST_ANGLE_DEGREES)
+        offset = random.uniform(-LARGEST_OFFSET_M, LARGEST_OFFSET_M) * tag.to_right
+        yaw = math.tan(random.uniform(-LARGEST_YAW, LARGEST_YAW)) * distance_m * tag.to_right
+        return viewpoint(tag, distance_m, angle) + offset, tag.centre + offset + yaw
+
+
+def main(args=None) -> int:
+    """Publish until Ctrl-C or SIGTERM."""
+    return life_cycle.run(NODE_NAME, WorldCamera, args)
+
+
+if __name__ == '__main__':
+    life_cycle.take_signals()
+    life_cycle.end(main())

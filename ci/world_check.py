@@ -1,0 +1,128 @@
+"""
+Check that the SDF world is the layout and that each tag can be read, with Drake as reader and renderer.
+
+    make world-check                              the shipped layout, 4 and 5 cm tags
+    make world-check ARGS="--tag-file tags.json"
+
+Exit code: 0 all is well, 1 not.
+"""
+
+import argparse
+import contextlib
+import io
+import sys
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+from lupin_mission.layout import find_layout
+from lupin_perception.detector import TagDetector
+from lupin_perception.settings import Criteria
+from lupin_world import generate_world
+from lupin_world.placement import tables_of
+from lupin_world.sdf import MARGIN_M, SDF_FILE
+from world_renderer import Tag, World, viewpoint
+
+SIDES_M = (0.04, 0.05)
+DISTANCES_M = (0.3, 0.5, 1.0)
+ANGLES_DEGREES = (0, 30, 45)
+ROBOT_RADIUS_M = 0.15
+SAME_M = 1e-9
+STEP_M = 0.02
+
+
+def seen_from(world: World, detector: TagDetector, eye: np.ndarray, at: np.ndarray) -> set[int]:
+    """Return the ids that confirm_tag would accept in a picture from there."""
+    picture = cv2.cvtColor(world.look(eye, at), cv2.COLOR_RGB2GRAY)
+    criteria = Criteria()
+    return {each.tag_number for each in detector.detect(picture) if not criteria.flaw_of(each)}
+
+
+def corners_of(world: World) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and the highest x and y of the tags and tables."""
+    points = [tag.centre[:2] for tag in world.tags.values()]
+    points += [corner for x0, y0, x1, y1 in world.tables for corner in ((x0, y0), (x1, y1))]
+    return np.min(points, axis=0), np.max(points, axis=0)
+
+
+def faces_outwards(tag: Tag, tables: list, middle: np.ndarray) -> bool:
+    """Tell whether a tag faces away from its nearest table, or the middle of a layout without tables."""
+    front, back = (tag.centre[:2] + turn * STEP_M * tag.out[:2] for turn in (1, -1))
+    if not tables:
+        return np.linalg.norm(front - middle) <= np.linalg.norm(back - middle)
+    nearest = min(tables, key=lambda table: table.distance_m(*tag.centre[:2]))
+    before, behind = nearest.distance_m(*front), nearest.distance_m(*back)
+    return before > behind or before == behind == 0.0  # the latter in the middle of a table
+
+
+def check(tag_file: str, side_m: float, folder: Path) -> bool:
+    """Make a world and check it; print a line for each setting; return whether all is well."""
+    output = folder / f'{side_m:g}'
+    with contextlib.redirect_stdout(io.StringIO()):
+        code = generate_world.main(['--tag-file', tag_file, '--side', str(side_m), '--output', str(output)])
+    if code:
+        return False
+    layout = find_layout(tag_file)
+    world = World(output / SDF_FILE)
+    places = {number: tuple(tag.centre[:2]) for number, tag in world.tags.items()}
+    is_right = places == {int(tag_id): (tag.x, tag.y) for tag_id, tag in layout.tags.items()}
+    tables = tables_of(layout)
+    is_right &= len(tables) == len(world.tables) and np.allclose(tables, world.tables, rtol=0, atol=SAME_M)
+    is_right &= all(
+        faces_outwards(tag, tables, np.add(*corners_of(world)) / 2) for tag in world.tags.values()
+    )
+    print(
+        f'{100 * side_m:g} cm: {len(places)} tags and {len(world.tables)} tables,'
+        f' {"where" if is_right else "NOT where"} the layout has them'
+    )
+    detector = TagDetector()
+    low, high = corners_of(world)
+    low, high = low - MARGIN_M, high + MARGIN_M
+
+    def can_stand(eye) -> bool:
+        return (
+            all(low < eye[:2])
+            and all(eye[:2] < high)
+            and all(each.distance_m(*eye[:2]) > ROBOT_RADIUS_M for each in tables)
+        )
+
+    for distance_m in DISTANCES_M:
+        for angle_degrees in ANGLES_DEGREES:
+            read, free = set(), 0
+            for number, tag in world.tags.items():
+                eyes = [viewpoint(tag, distance_m, turn * angle_degrees) for turn in (1, -1)]
+                # Where a robot cannot stand, a picture from above the tables has to do, from either side.
+                standing = [eye for eye in eyes if can_stand(eye)]
+                free += bool(standing)
+                are_read = [number in seen_from(world, detector, eye, tag.centre) for eye in standing or eyes]
+                if all(are_read) if standing else any(are_read):
+                    read.add(number)
+            missing = sorted(set(world.tags) - read)
+            is_right &= not missing
+            setting = f'{100 * side_m:g} cm, {distance_m:g} m, {angle_degrees}°'
+            names = f', not {", ".join(map(str, missing))}' if missing else ''
+            share = f'{len(read)} of {len(world.tags)} read{names}'
+            print(f'{setting}: {share} (a robot can stand there at {free})', flush=True)
+    behind = [
+        number
+        for number, tag in world.tags.items()
+        if number in seen_from(world, detector, tag.centre - DISTANCES_M[0] * tag.out, tag.centre)
+    ]
+    print(f'{100 * side_m:g} cm, from behind: {len(behind)} of {len(world.tags)} read')
+    return is_right and not behind
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Check the world with both sizes of tags."""
+    parser = argparse.ArgumentParser(prog='world-check', description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
+    options = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory(prefix='world-check-') as folder:
+        results = [check(options.tag_file, side_m, Path(folder)) for side_m in SIDES_M]
+    print('the world is right' if all(results) else 'the world is WRONG')
+    return 0 if all(results) else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,97 @@
+"""A camera in the SDF world: Drake reads the world and renders it, without a display."""
+
+import logging
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import (
+    ClippingRange,
+    ColorRenderCamera,
+    LightParameter,
+    MakeRenderEngineVtk,
+    RenderCameraCore,
+    RenderEngineVtkParams,
+)
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import CameraInfo
+
+# Of the SDF, Drake ignores the lights.
+LIGHTS = ((1, 0, -0.15), (-1, 0, -0.15), (0, 1, -0.15), (0, -1, -0.15))
+NEAREST_M, FARTHEST_M = 0.01, 50.0
+SUPERSAMPLING = 2  # a pixel of a camera gathers light from all of its area
+
+
+@dataclass(frozen=True)
+class Tag:
+    """A tag of the world: its centre in metres, and the axes of its model's frame."""
+
+    centre: np.ndarray
+    to_right: np.ndarray  # of somebody who looks at it
+    up: np.ndarray
+    out: np.ndarray  # of its face
+
+
+class World:
+    """The world of an SDF file."""
+
+    def __init__(self, sdf: Path, width: int = 640, height: int = 480, focal_length_pixels: float = 600.0):
+        """Read the world; raises RuntimeError for a file that is no world."""
+        logging.getLogger('drake').setLevel(logging.ERROR)  # it warns of the lights
+        builder = DiagramBuilder()
+        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+        models = Parser(plant).AddModels(str(sdf))
+        lights = [
+            LightParameter(type='directional', frame='world', direction=each, intensity=1.0)
+            for each in LIGHTS
+        ]
+        scene_graph.AddRenderer('vtk', MakeRenderEngineVtk(RenderEngineVtkParams(lights=lights)))
+        plant.Finalize()
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._query = scene_graph.get_query_output_port().Eval(
+            scene_graph.GetMyContextFromRoot(self._context)
+        )
+        self._frame = scene_graph.world_frame_id()
+        width, height, focal = (SUPERSAMPLING * each for each in (width, height, focal_length_pixels))
+        size = CameraInfo(width, height, focal, focal, width / 2, height / 2)
+        core = RenderCameraCore('vtk', size, ClippingRange(NEAREST_M, FARTHEST_M), RigidTransform())
+        self._camera = ColorRenderCamera(core)
+        self.tags: dict[int, Tag] = {}
+        self.tables: list[tuple[float, float, float, float]] = []  # x0, y0, x1, y1
+        for model in models:
+            name = plant.GetModelInstanceName(model)
+            body = plant.get_body(plant.GetBodyIndices(model)[0])
+            pose = plant.EvalBodyPoseInWorld(plant.GetMyContextFromRoot(self._context), body)
+            if name.startswith('tag_'):
+                axes = pose.rotation().matrix().T
+                self.tags[int(name.removeprefix('tag_'))] = Tag(pose.translation(), *axes)
+            elif name.startswith('table_'):
+                (geometry,) = plant.GetCollisionGeometriesForBody(body)
+                (x, y, _), (dx, dy, _) = (
+                    pose.translation(),
+                    scene_graph.model_inspector().GetShape(geometry).size() / 2,
+                )
+                self.tables.append((x - dx, y - dy, x + dx, y + dy))
+
+    def look(self, eye: np.ndarray, at: np.ndarray, roll: float = 0.0) -> np.ndarray:
+        """Return the picture from a point towards another one, RGB, uint8 of the shape (height, width, 3)."""
+        ahead = (at - eye) / np.linalg.norm(at - eye)
+        right = np.cross(ahead, (0.0, 0.0, 1.0))
+        right /= np.linalg.norm(right)
+        rotation = RotationMatrix(np.column_stack([right, np.cross(ahead, right), ahead]))
+        pose = RigidTransform(rotation.multiply(RotationMatrix.MakeZRotation(roll)), eye)
+        picture = self._query.RenderColorImage(self._camera, self._frame, pose).data
+        height, width = (side // SUPERSAMPLING for side in picture.shape[:2])
+        blocks = picture[..., :3].reshape(height, SUPERSAMPLING, width, SUPERSAMPLING, 3)
+        return blocks.mean(axis=(1, 3), dtype=np.float32).astype(np.uint8)
+
+
+def viewpoint(tag: Tag, distance_m: float, angle_degrees: float) -> np.ndarray:
+    """Return a point at this distance from a tag, at its height, turned from its normal to its right."""
+    angle = math.radians(angle_degrees)
+    return tag.centre + distance_m * (math.cos(angle) * tag.out + math.sin(angle) * tag.to_right)

@@ -1,0 +1,61 @@
+"""The tags of an SDF world, read as data. No ROS here."""
+
+import math
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+from lupin_mission.errors import StartUpError, printable
+
+LARGEST_FILE_BYTES = 64 * 2**20
+TAG_MODEL = re.compile(r'tag_(0|[1-9][0-9]*)')
+
+
+def read_world(world_file: str) -> dict[str, tuple[float, float]]:
+    """
+    Return x and y in metres of each model `tag_<id>` of an SDF world by its id, in numeric order.
+
+    Raises StartUpError for a file that is no such world. Entities and document types are refused.
+    """
+    where = f"world_file '{printable(world_file, 500)}'"
+    try:
+        path = Path(world_file)
+        if path.stat().st_size > LARGEST_FILE_BYTES:
+            raise StartUpError(f'{where} has more than {LARGEST_FILE_BYTES // 2**20} MiB: name an SDF world')
+        data = path.read_bytes()
+        _refuse_document_type(data)
+        worlds = list(ElementTree.fromstring(data).iter('world'))  # noqa: S314 - checked above
+    except OSError as error:
+        raise StartUpError(f'{where} cannot be read: {error.strerror}: name an SDF world') from error
+    except (ValueError, LookupError, expat.ExpatError, ElementTree.ParseError, RecursionError) as error:
+        raise StartUpError(f'{where} is no SDF world ({error}): name one of generate_world') from error
+    places: dict[int, tuple[float, float]] = {}
+    for model in (model for world in worlds for model in world.iter('model')):
+        match = TAG_MODEL.fullmatch(model.get('name') or '')
+        if not match:
+            continue
+        number = int(match[1])
+        if number in places:
+            raise StartUpError(f'{where} has the model tag_{number} twice: make it again with generate_world')
+        try:
+            x, y = map(float, (model.findtext('pose') or '').split()[:2])
+        except ValueError as error:
+            raise StartUpError(f'{where}: the model tag_{number} has no pose: make it again') from error
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise StartUpError(f'{where}: the pose of tag_{number} is not finite: make it again')
+        places[number] = (x, y)
+    if not places:
+        raise StartUpError(f'{where} has no model tag_<id>: name a world of generate_world')
+    return {str(number): places[number] for number in sorted(places)}
+
+
+def _refuse_document_type(data: bytes) -> None:
+    """Raise ValueError for XML with a document type, the only place where entities are declared."""
+
+    def refuse(*_arguments):
+        raise ValueError('it has a document type')
+
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = refuse
+    parser.Parse(data, True)

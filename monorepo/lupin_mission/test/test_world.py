@@ -1,0 +1,67 @@
+"""The tags of an SDF world, read as data."""
+
+import pytest
+from lupin_mission.errors import StartUpError
+from lupin_mission.world import read_world
+
+MODEL = '<model name="tag_{}"><pose>{}</pose></model>'
+
+
+@pytest.fixture
+def world_file(tmp_path):
+    """Return a function that writes a world with these models and returns its path."""
+
+    def write(*models, text='<sdf version="1.6"><world name="w">{}</world></sdf>', encoding='utf-8'):
+        path = tmp_path / 'world.sdf'
+        path.write_bytes(text.replace('{}', ''.join(models)).encode(encoding))
+        return str(path)
+
+    return write
+
+
+def test_the_tags_come_in_numeric_order_with_their_places(world_file):
+    models = [MODEL.format(10, '1.5 -2 0.3 0 0 0'), MODEL.format(9, '0.1 7.3 0'), '<model name="table_1"/>']
+    assert read_world(world_file(*models)) == {'9': (0.1, 7.3), '10': (1.5, -2.0)}
+
+
+@pytest.mark.parametrize(
+    ('models', 'fragment'),
+    [
+        ([], 'has no model tag_<id>'),
+        ([MODEL.format('x', '0 0 0'), MODEL.format('07', '0 0 0')], 'has no model tag_<id>'),
+        ([MODEL.format(7, '0 0 0'), MODEL.format(7, '1 0 0')], 'has the model tag_7 twice'),
+        (['<model name="tag_7"/>'], 'the model tag_7 has no pose'),
+        ([MODEL.format(7, '1')], 'the model tag_7 has no pose'),
+        ([MODEL.format(7, 'a b c')], 'the model tag_7 has no pose'),
+        ([MODEL.format(7, 'nan 0 0')], 'the pose of tag_7 is not finite'),
+        (['<model'], 'is no SDF world'),
+    ],
+)
+def test_a_world_without_clear_tags_is_refused(world_file, models, fragment):
+    with pytest.raises(StartUpError, match=fragment):
+        read_world(world_file(*models))
+
+
+@pytest.mark.parametrize('encoding', ['utf-8', 'utf-16'])
+def test_entities_are_refused(world_file, encoding):
+    header = f'<?xml version="1.0" encoding="{encoding}"?>'
+    text = header + '<!DOCTYPE sdf [<!ENTITY x "xxxx">]><sdf><world name="w">{}&x;</world></sdf>'
+    with pytest.raises(StartUpError, match='it has a document type'):
+        read_world(world_file(MODEL.format(7, '0 0 0'), text=text, encoding=encoding))
+
+
+@pytest.mark.parametrize(
+    ('content', 'fragment'),
+    [(b'', 'is no SDF world'), (b'\xff\xfe\x00', 'is no SDF world'), (None, 'cannot be read')],
+)
+def test_a_file_that_is_no_world_is_refused(tmp_path, content, fragment):
+    path = tmp_path / 'world.sdf'
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(StartUpError, match=fragment):
+        read_world(str(path))
+
+
+def test_a_folder_is_refused(tmp_path):
+    with pytest.raises(StartUpError, match='cannot be read'):
+        read_world(str(tmp_path))

@@ -1,0 +1,1 @@
+"""A simulated greenhouse to drive in, made from the layout that the bridge serves."""

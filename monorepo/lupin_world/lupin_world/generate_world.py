@@ -1,0 +1,77 @@
+"""`ros2 run lupin_world generate_world`: make a world to drive in from the layout that the bridge serves."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from lupin_mission.errors import OneLineError, StartUpError
+from lupin_mission.layout import find_layout
+
+DONE, USAGE = 0, 2
+MANIFEST = '.generate_world'  # the files that a folder has from here
+SMALLEST_SIDE_M, LARGEST_SIDE_M = 0.01, 0.15  # a larger one would reach below the tops of the tables
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write the world; return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog='generate_world', description='Make an SDF world of the greenhouse, with its AprilTags.'
+    )
+    parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
+    parser.add_argument(
+        '--side', type=float, default=0.05, metavar='M', help='of the black square (default: %(default)g)'
+    )
+    parser.add_argument('--output', type=Path, default=Path('.world'), metavar='FOLDER', help='%(default)s')
+    options = parser.parse_args(arguments)
+    try:
+        if not SMALLEST_SIDE_M <= options.side <= LARGEST_SIDE_M:
+            limits = f'{SMALLEST_SIDE_M:g} and {LARGEST_SIDE_M:g} m'
+            raise StartUpError(f'--side is {options.side:g}: must be between {limits}')
+        layout = find_layout(options.tag_file)
+        if layout is None:
+            raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
+        from lupin_world.sdf import SDF_FILE, world_files  # here, so that a missing library is one line
+
+        files = world_files(layout, options.side)
+        write(options.output, files)
+    except ImportError as error:
+        print(
+            f'generate_world: {error}: sudo apt install python3-opencv python3-pil python3-numpy',
+            file=sys.stderr,
+        )
+        return USAGE
+    except OneLineError as error:
+        print(f'generate_world: {error}', file=sys.stderr)
+        return USAGE
+    except OSError as error:
+        print(f"generate_world: --output '{options.output}': {error.strerror}", file=sys.stderr)
+        return USAGE
+    if not layout.tables:
+        print('generate_world: the layout has no tables: the tags face its middle', file=sys.stderr)
+    print(f'{options.output / SDF_FILE}: {len(layout.tags)} tags, {len(layout.tables)} tables')
+    return DONE
+
+
+def write(folder: Path, files: dict[str, bytes]) -> None:
+    """
+    Write the files of a world, and remove those of an earlier one.
+
+    Raises StartUpError for a file in the way that does not come from here, and then writes nothing.
+    """
+    manifest = folder / MANIFEST
+    own = set(manifest.read_text(encoding='utf-8').splitlines()) if manifest.is_file() else set()
+    for path in files:
+        if (folder / path).exists() and path not in own:
+            raise StartUpError(f"'{folder / path}' exists and was not made here: choose another --output")
+    for path in own - set(files):
+        if not Path(path).is_absolute() and '..' not in Path(path).parts:
+            (folder / path).unlink(missing_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    manifest.write_text('\n'.join([*sorted(files), '']), encoding='utf-8')
+    for path, content in files.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_bytes(content)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

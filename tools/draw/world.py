@@ -1,0 +1,48 @@
+"""
+Draw the SDF world for the page of lupin_world: from above, and from the robot's eye before a tag.
+
+    make figure WORLD=1
+"""
+
+import contextlib
+import io
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from lupin_world import generate_world
+from lupin_world.sdf import SDF_FILE
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / 'ci'))
+
+from world_renderer import World, viewpoint  # noqa: E402 - of the room that runs it
+
+COMMITTED = ROOT / 'monorepo/lupin_world/doc'
+TAG = 7
+
+
+def main() -> int:
+    """Write both pictures."""
+    COMMITTED.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        with contextlib.redirect_stdout(io.StringIO()):
+            generate_world.main(['--output', folder])
+        above = World(Path(folder, SDF_FILE), width=400, height=560, focal_length_pixels=700.0)
+        eye = World(Path(folder, SDF_FILE), width=640, height=360)
+        centres = np.array([tag.centre for tag in above.tags.values()])
+        middle = (centres.min(axis=0) + centres.max(axis=0)) / 2
+        pictures = {
+            'above': above.look(middle + np.array([0.0, -5.0, 8.0]), middle),
+            'eye': eye.look(viewpoint(eye.tags[TAG], 0.5, 25.0), eye.tags[TAG].centre),
+        }
+    for name, picture in pictures.items():
+        Image.fromarray(picture).save(COMMITTED / f'{name}.png', optimize=True)
+        print(COMMITTED / f'{name}.png')
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
