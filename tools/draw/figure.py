@@ -184,21 +184,17 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
 
 
 def save(figure, path: Path, fingerprint: str) -> None:
-    """Write a figure as PNG and SVG, each with its fingerprint."""
-    with matplotlib.rc_context({'svg.hashsalt': 'lupin', 'svg.fonttype': 'none'}):
-        figure.savefig(path.with_suffix('.svg'), metadata={'Date': None, 'Description': fingerprint}, dpi=80)
-    figure.savefig(path.with_suffix('.png'), metadata={'Software': None, 'Description': fingerprint}, dpi=110)
+    """Write a figure as PNG with its fingerprint."""
+    figure.savefig(path, metadata={'Software': None, 'Description': fingerprint}, dpi=110)
     pyplot.close(figure)
 
 
 def fingerprint_of(path: Path) -> str:
-    """Return what a committed figure says that it was drawn from; '' when it says nothing or is not there."""
+    """Return what a committed figure says that it was drawn from; '' if it says nothing or is missing."""
     if not path.exists():
         return ''
-    if path.suffix == '.png':
-        with Image.open(path) as image:
-            return image.info.get('Description', '')
-    return path.read_text(encoding='utf-8').partition('<dc:description>')[2].partition('</dc:description>')[0]
+    with Image.open(path) as image:
+        return image.info.get('Description', '')
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -226,25 +222,20 @@ def main(arguments: list[str] | None = None) -> int:
         if not 0.0 <= options.hour <= 24.0:
             raise StartUpError(f'--hour {options.hour:g}: must be between 0 and 24 hours')
         if not options.output.is_dir():
-            raise StartUpError(f'--output {options.output}: give a folder that is there')
+            raise StartUpError(f'--output {options.output}: must be a folder that exists')
     except OneLineError as error:
         print(f'figure: {error}', file=sys.stderr)
         return 2
     fingerprint = greenhouse.fingerprint(options)
-    paths = {name: options.output / name for name in ('greenhouse', 'day')}
+    paths = {name: options.output / f'{name}.png' for name in ('greenhouse', 'day')}
     if options.check:
-        stale = [
-            str(path.with_suffix(suffix))
-            for path in paths.values()
-            for suffix in ('.png', '.svg')
-            if fingerprint_of(path.with_suffix(suffix)) != fingerprint
-        ]
+        stale = [str(path) for path in paths.values() if fingerprint_of(path) != fingerprint]
         lines = [f'figure: {each} is not up to date: make figure' for each in stale]
         print(*(lines or [f'figure: {len(paths)} figures are up to date']), sep='\n')
         return int(bool(stale))
     save(draw_layout(greenhouse, options.sensor, options.hour), paths['greenhouse'], fingerprint)
     save(draw_day(greenhouse, options.tag), paths['day'], fingerprint)
-    print(*(f'{path}.png and .svg' for path in paths.values()), sep='\n')
+    print(*paths.values(), sep='\n')
     return 0
 
 
