@@ -99,7 +99,7 @@ EDITS = [
     (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/{BRIDGE}/settings.py', '-1, ', '-2, '),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/{BRIDGE}/life_cycle.py', 'SERVICE_DEPTH = 1000', 'SERVICE_DEPTH = 10'),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/setup.py', 'mdp-greenhouse>=1.0.7', 'mdp-greenhouse>=1.0.6'),
-    (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/setup.py', "version='1.0.0'", "version='1.0.1'"),
+    (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/setup.py', "version='1.", "version='2."),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/setup.py', "'read_tag = ", "'readtag = "),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/package.xml', '  <exec_depend>python3-pip</exec_depend>\n', ''),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/package.xml', '<depend>rclpy<', '<depend>rclcpp<'),

@@ -1,11 +1,16 @@
 """Publishing the mirror into a remote: forwards only, all or nothing, and the same thing again is nothing."""
 
+from xml.etree import ElementTree
+
 import mirror_publish
 import pytest
 from conftest import git
 from test_mirror_patch import BRIDGE, commit_in, import_patch
 
 README = 'lupin_greenhouse_ros/README.md'
+VERSION = ElementTree.parse(
+    mirror_publish.ROOT / mirror_publish.MIRROR / 'lupin_greenhouse_bridge/package.xml'
+).findtext('version')
 REFS = ['refs/heads/main', 'refs/heads/ready', 'refs/notes/commits']
 
 
@@ -46,16 +51,16 @@ def tree(folder, name) -> str:
 
 
 def test_main_is_the_mirror_and_ready_is_main_without_colcon_ignore(repositories, remote, publish):
-    code, printed = publish('--release', '1.0.0')
+    code, printed = publish('--release', VERSION)
     assert code == 0, printed
-    assert list(refs(remote)) == [*REFS, 'refs/tags/1.0.0']
+    assert list(refs(remote)) == [*REFS, f'refs/tags/{VERSION}']
     assert tree(remote, 'main') == tree(repositories[0], 'HEAD:lupin_greenhouse_ros')
     files = {
         name: git(remote, 'ls-tree', '-r', '--name-only', name).splitlines() for name in ('main', 'ready')
     }
     assert [each for each in files['main'] if each != 'COLCON_IGNORE'] == files['ready']
-    assert git(remote, 'rev-parse', '1.0.0^{commit}') == git(remote, 'rev-parse', 'main')
-    assert publish('--release', '1.0.0') == (0, 'nothing to publish\n')
+    assert git(remote, 'rev-parse', f'{VERSION}^{{commit}}') == git(remote, 'rev-parse', 'main')
+    assert publish('--release', VERSION) == (0, 'nothing to publish\n')
 
 
 def test_each_published_commit_names_its_source(repositories, remote, publish):
@@ -128,7 +133,7 @@ def leave_uncommitted(folder):
     [
         (spoil_generation, [], 'tools/generate.py fails'),
         (leave_uncommitted, [], 'there are uncommitted changes: commit or stash them'),
-        (None, ['--release', '9.9.9'], 'lupin_greenhouse_msgs/package.xml has version 1.0.0'),
+        (None, ['--release', '9.9.9'], f'lupin_greenhouse_msgs/package.xml has version {VERSION}'),
     ],
     ids=['not generated', 'uncommitted', 'another version'],
 )
@@ -141,10 +146,10 @@ def test_what_is_not_in_order_is_not_published(repositories, remote, publish, sp
 
 
 def test_a_release_stays_what_it_is(repositories, remote, publish):
-    publish('--release', '1.0.0')
+    publish('--release', VERSION)
     before = refs(remote)
     change(repositories[0])
-    code, printed = publish('--release', '1.0.0')
+    code, printed = publish('--release', VERSION)
     assert (code, 'choose another version' in printed) == (1, True), printed
     assert refs(remote) == before
 
