@@ -24,7 +24,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulation import load
 from lupin_mission import greenhouse_plot
-from lupin_mission.greenhouse_plot import COLOURS, draw_footprint, label_of, read_footprint
+from lupin_mission.greenhouse_plot import COLOURS, Box, draw_footprint, label_of, place_labels, read_footprint
 from lupin_mission.layout import read_layout, shipped_file
 from matplotlib import pyplot
 from matplotlib.patches import Wedge
@@ -42,6 +42,8 @@ SENSORS = {
 FIELD_STEP_M = 0.05
 SAMPLES = 300  # of the noise, at each time of the day
 TAG_RADIUS_M = 0.085
+CHARACTER_M, LINE_M = 0.085, 0.17  # of a label in the picture
+CLEAR_M = 0.2  # what a number on a contour line may not come nearer than to a wall; twice that to a tag
 
 
 class Greenhouse:
@@ -93,11 +95,17 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
         field, cmap=COLOURS, alpha=0.55, origin='lower', extent=extent, interpolation='bilinear'
     )
     lines = axes.contour(xs, ys, field, colors='0.3', linewidths=0.6)
-    axes.clabel(lines, fontsize=7)
+    dots = [(tag.x, tag.y) for tag in layout.tags.values()]
+    for label in axes.clabel(lines, fontsize=7):
+        x, y = label.get_position()
+        is_at_edge = min(x - xs[0], xs[-1] - x, y - ys[0], ys[-1] - y) < CLEAR_M
+        if is_at_edge or any(math.hypot(x - u, y - v) < 2 * CLEAR_M for u, v in dots):
+            label.remove()
     draw_footprint(axes, layout, greenhouse.footprint)
     for tag in layout.tags.values():
         _draw_tag(axes, tag)
-    _draw_labels(axes, layout)
+    width, length = greenhouse.footprint
+    _draw_labels(axes, layout, Box(width / 2, length / 2, width, length))
     figure.colorbar(shades, ax=axes, location='right', shrink=0.7, label=f'{label_of(sensor)} at {hour:g} h')
     for name in greenhouse.sensors:
         letter, colour = SENSORS[name]
@@ -129,18 +137,15 @@ def _draw_tag(axes, tag) -> None:
         axes.add_patch(wedge)
 
 
-def _draw_labels(axes, layout) -> None:
-    """Write each tag's id and sensors beside it, where other tags and labels leave most room."""
-    taken = [(tag.x, tag.y) for tag in layout.tags.values()]
-    for tag_id, tag in layout.tags.items():
-        text = f'{tag_id}  {"".join(SENSORS[name][0] for name in tag.sensors)}'
-        aside = TAG_RADIUS_M + 0.045 * len(text)
-        places = [(tag.x + dx, tag.y + dy) for dx, dy in ((-aside, 0), (aside, 0), (0, 0.17), (0, -0.17))]
-        others = [place for place in taken if place != (tag.x, tag.y)]
-        # A label is wide and low: to the side, a metre counts for less.
-        room = [min((math.hypot((x - u) / 2.5, y - v) for u, v in others), default=1.0) for x, y in places]
-        place = places[room.index(max(room))]
-        taken.append(place)
+def _draw_labels(axes, layout, room: Box) -> None:
+    """Write each tag's id and sensors beside it."""
+    texts = [
+        f'{tag_id}  {"".join(SENSORS[name][0] for name in tag.sensors)}'
+        for tag_id, tag in layout.tags.items()
+    ]
+    dots = [Box(tag.x, tag.y, 2.2 * TAG_RADIUS_M, 2.2 * TAG_RADIUS_M) for tag in layout.tags.values()]
+    labels = [(dot, CHARACTER_M * len(text), LINE_M) for dot, text in zip(dots, texts, strict=True)]
+    for place, text in zip(place_labels(dots, labels, room), texts, strict=True):
         axes.text(
             *place,
             text,

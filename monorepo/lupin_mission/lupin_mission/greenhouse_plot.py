@@ -32,17 +32,92 @@ def read_footprint(layout: Layout, sim_config_file: str = '') -> Footprint:
             *(table[2:] for table in layout.tables.values()),
         ]
         return Footprint(*map(max, zip(*corners, strict=True)))
+    walls = _read_visualization(path, 'names no walls')
+    try:
+        return Footprint(float(walls['greenhouse_width_m']), float(walls['greenhouse_height_m']))
+    except (KeyError, TypeError, ValueError) as error:
+        raise _no_config(path, 'names no walls', error) from error
+
+
+def read_colour_ranges(sim_config_file: str = '') -> dict[str, tuple[float, float]]:
+    """
+    Return the lowest and highest value of the colours of each sensor, in its unit.
+
+    They come from the config as in `read_footprint`, and are the same from run to run. A sensor without a
+    range in the config is left out.
+    """
+    path = sim_config_file or shipped_file('greenhouse_config.yaml')
+    if not path:
+        return {}
+    ranges = _read_visualization(path, 'has no colours').get('colorbar_ranges') or {}
+    try:
+        return {sensor: (float(each['min']), float(each['max'])) for sensor, each in ranges.items()}
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise _no_config(path, 'has no colours', error) from error
+
+
+def _read_visualization(path: str, problem: str) -> dict:
     try:
         import yaml  # comes with ROS
 
         with open(path, encoding='utf-8') as file:
-            walls = yaml.safe_load(file)['visualization']
-        return Footprint(float(walls['greenhouse_width_m']), float(walls['greenhouse_height_m']))
+            return dict(yaml.safe_load(file)['visualization'])
     except Exception as error:  # PyYAML's constructors leak KeyError, IndexError and others on bad scalars
-        raise StartUpError(
-            f"'{path}' names no walls ({type(error).__name__}: {error}):"
-            ' name the greenhouse_config.yaml that the bridge loads'
-        ) from error
+        raise _no_config(path, problem, error) from error
+
+
+def _no_config(path: str, problem: str, error: Exception) -> StartUpError:
+    return StartUpError(
+        f"'{path}' {problem} ({type(error).__name__}: {error}):"
+        ' name the greenhouse_config.yaml that the bridge loads'
+    )
+
+
+class Box(NamedTuple):
+    """A rectangle in metres: the place of its centre, and its size."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+    def overlap(self, other: 'Box') -> float:
+        """Return the area that two rectangles share."""
+        wide = _shared(self.x, self.width, other.x, other.width)
+        return wide * _shared(self.y, self.height, other.y, other.height)
+
+
+def _shared(middle: float, length: float, other_middle: float, other_length: float) -> float:
+    """Return the length that two intervals share."""
+    end = min(middle + length / 2, other_middle + other_length / 2)
+    return max(end - max(middle - length / 2, other_middle - other_length / 2), 0.0)
+
+
+def place_labels(
+    dots: list[Box], labels: list[tuple[Box, float, float]], room: Box | None = None
+) -> list[tuple[float, float]]:
+    """
+    Return a place for each label beside its dot, where it covers no dot, no label before it, and no wall.
+
+    A label comes as its dot, its width and its height.
+    """
+    taken = list(dots)
+    places = []
+    for dot, width, height in labels:
+        aside, above = (dot.width + width) / 2, (dot.height + height) / 2
+        tries = [(aside, 0), (-aside, 0), (0, above), (0, -above)]
+        tries += [(x * aside, y * above) for y in (0.7, -0.7, 1.0, -1.0) for x in (1, -1)]
+        tries += [(2 * x, 2 * y) for x, y in tries]
+        boxes = [Box(dot.x + dx, dot.y + dy, width, height) for dx, dy in tries]
+
+        def cost(box: Box) -> float:
+            outside = box.width * box.height - box.overlap(room) if room else 0.0
+            return round(outside + sum(box.overlap(each) for each in taken), 4)  # of equal ones the nearest
+
+        best = min(boxes, key=cost)
+        taken.append(best)
+        places.append((best.x, best.y))
+    return places
 
 
 def draw_footprint(axes: Any, layout: Layout, footprint: Footprint) -> None:

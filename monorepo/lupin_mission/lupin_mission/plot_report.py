@@ -10,6 +10,8 @@ from lupin_mission.layout import find_layout
 from lupin_mission.report import Observation, Outcome, clock_time, last_of_each_tag, read_report
 
 DONE, USAGE = 0, 2
+# In the picture, where a metre has about 0.6 inch: a dot, and a character of a label.
+DOT_M, CHARACTER_M, LINE_M, GAP_M = 0.24, 0.095, 0.19, 0.1
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -49,12 +51,13 @@ def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Pa
     matplotlib.use('Agg')
     from matplotlib import pyplot
 
-    from lupin_mission.greenhouse_plot import draw_footprint, label_of, read_footprint
+    from lupin_mission.greenhouse_plot import draw_footprint, label_of, read_colour_ranges, read_footprint
 
     layout = find_layout(options.tag_file)
     if layout is None:
         raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
     footprint = read_footprint(layout, options.sim_config_file)
+    ranges = read_colour_ranges(options.sim_config_file)
     readings = {tag_id: each.reading.values for tag_id, each in found.items() if each.reading}
     if strangers := sorted(set(readings) - set(layout.tags)):
         raise StartUpError(
@@ -70,7 +73,7 @@ def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Pa
     )
     for axes, sensor in zip(all_axes[0], sensors, strict=True):
         draw_footprint(axes, layout, footprint)
-        _draw_readings(figure, axes, sensor, layout, readings)
+        _draw_readings(figure, axes, sensor, layout, readings, ranges.get(sensor))
         _draw_failures(axes, layout, found)
         axes.set_title(label_of(sensor))
     all_axes[0][0].set_ylabel('y (m)')
@@ -79,8 +82,8 @@ def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Pa
     pyplot.close(figure)
 
 
-def _draw_readings(figure, axes, sensor: str, layout, readings) -> None:
-    from lupin_mission.greenhouse_plot import COLOURS
+def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None:
+    from lupin_mission.greenhouse_plot import COLOURS, Box, place_labels
 
     measured = {tag_id: values[sensor] for tag_id, values in readings.items() if sensor in values}
     others = [tag for tag_id, tag in layout.tags.items() if tag_id not in measured]
@@ -90,26 +93,21 @@ def _draw_readings(figure, axes, sensor: str, layout, readings) -> None:
         [layout.tags[tag_id].y for tag_id in measured],
         c=list(measured.values()),
         cmap=COLOURS,
+        vmin=colours and colours[0],  # of the config: two missions can be compared
+        vmax=colours and colours[1],
         s=90,
         edgecolor='black',
         zorder=3,
     )
-    middle = sum(tag.x for tag in layout.tags.values()) / len(layout.tags)
-    for tag_id, value in measured.items():
-        # Outward: the tags stand close to the middle.
-        tag = layout.tags[tag_id]
-        is_left = tag.x < middle
-        axes.annotate(
-            f'{tag_id}: {value:.3g}',
-            (tag.x, tag.y),
-            xytext=(-7 if is_left else 7, 0),
-            textcoords='offset points',
-            ha='right' if is_left else 'left',
-            va='center',
-            fontsize=7,
-            zorder=4,
-        )
-    figure.colorbar(points, ax=axes, location='bottom', shrink=0.9, pad=0.02)
+    dots = {tag_id: Box(tag.x, tag.y, DOT_M, DOT_M) for tag_id, tag in layout.tags.items()}
+    texts = [f'{tag_id}: {value:.3g}' for tag_id, value in measured.items()]
+    labels = [
+        (dots[tag_id], CHARACTER_M * len(text) + GAP_M, LINE_M)
+        for tag_id, text in zip(measured, texts, strict=True)
+    ]
+    for place, text in zip(place_labels(list(dots.values()), labels), texts, strict=True):
+        axes.text(*place, text, ha='center', va='center', fontsize=7, zorder=4)
+    figure.colorbar(points, ax=axes, location='bottom', shrink=0.9, pad=0.02, extend='both')
 
 
 def _draw_failures(axes, layout, found) -> None:

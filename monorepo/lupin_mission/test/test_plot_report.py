@@ -1,12 +1,16 @@
 """The picture of a report."""
 
+import itertools
 import json
 import sys
 from xml.etree import ElementTree
 
 import pytest
+from lupin_mission.errors import StartUpError
+from lupin_mission.greenhouse_plot import read_colour_ranges
 from lupin_mission.plot_report import main
 from lupin_mission.report import Observation, Outcome, Reading, Report
+from matplotlib.figure import Figure
 
 
 @pytest.fixture
@@ -32,6 +36,41 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, tmp_pa
     for text in ('temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615', 'y (m)'):
         assert f'<!-- {text} -->' in drawn
     assert f'2 of {len(shipped_tags)} tags read, 2 failed (x)' in drawn
+
+
+def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, monkeypatch):
+    """Of the shipped greenhouse with a value of every sensor at every tag that has it."""
+    report = Report(tmp_path / 'report.jsonl')
+    for tag_id, tag in shipped_tags.items():
+        values = dict.fromkeys(tag['sensors'], 1234.5)  # as wide as a value gets
+        reading = Reading(tag_id, (1795190000, 0), 43200.0, values)
+        report.record(Observation(tag_id, Outcome.OK, '', 1, reading))
+    report.close()
+    drawn = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_arguments, **_options: drawn.append(figure))
+    monkeypatch.setattr('matplotlib.pyplot.close', lambda _figure: None)
+    assert main([str(report.path)]) == 0
+    (figure,) = drawn
+    figure.canvas.draw()
+    for axes in (axes for axes in figure.axes if axes.texts):
+        boxes = [text.get_window_extent() for text in axes.texts]
+        assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+        dots = axes.transData.transform([(tag['x'], tag['y']) for tag in shipped_tags.values()])
+        assert not any(box.contains(*dot) for box in boxes for dot in dots)
+
+
+def test_the_colours_of_a_sensor_are_those_of_the_config(tmp_path, monkeypatch):
+    assert read_colour_ranges()['temperature'] == (0.0, 30.0)
+    config = tmp_path / 'config.yaml'
+    config.write_text('visualization: {colorbar_ranges: {co2: {min: 1, max: 2}}}')
+    assert read_colour_ranges(str(config)) == {'co2': (1.0, 2.0)}
+    config.write_text('visualization: {grid_spacing_m: 1}')
+    assert read_colour_ranges(str(config)) == {}
+    config.write_text('visualization: {colorbar_ranges: {co2: 5}}')
+    with pytest.raises(StartUpError, match=r'has no colours .*: name the greenhouse_config\.yaml'):
+        read_colour_ranges(str(config))
+    monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
+    assert read_colour_ranges() == {}
 
 
 def test_the_picture_lies_beside_the_report(report, capsys):

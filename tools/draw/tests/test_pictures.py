@@ -1,5 +1,6 @@
 """The figures and the printable tags."""
 
+import itertools
 import json
 import re
 
@@ -48,6 +49,25 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path, monkeypa
     for text in ('a1  CL', 'b2  C', 'temperature (°C) at 6 h', 'C  co2: 2 tags', '2 tags on 4 m x 8 m'):
         assert text in drawn['greenhouse']
     assert any('A day at tag a1' in text for text in drawn['day'])
+
+
+def test_no_label_lies_on_a_tag_or_on_another_label(monkeypatch, tmp_path):
+    drawn = {}
+    monkeypatch.setattr(figure, 'save', lambda drawing, path, _: drawn.update({path.stem: drawing}))
+    assert figure.main(['--output', str(tmp_path)]) == 0
+    drawing = drawn['greenhouse']
+    drawing.canvas.draw()
+    axes = drawing.axes[0]
+    boxes = [text.get_window_extent() for text in axes.texts if text.get_visible()]
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    tags = [tuple(map(tag.__getitem__, 'xy')) for tag in shipped()['tags'].values()]
+    assert not any(box.contains(*dot) for box in boxes for dot in axes.transData.transform(tags))
+    edge = axes.patches[0].get_window_extent()
+    assert all(edge.x0 <= box.x0 and box.x1 <= edge.x1 for box in boxes)
+
+
+def shipped() -> dict:
+    return json.loads(figure.Path(figure.shipped_file('tag_locations.json')).read_text(encoding='utf-8'))
 
 
 def test_the_figure_reads_in_black_and_white():
