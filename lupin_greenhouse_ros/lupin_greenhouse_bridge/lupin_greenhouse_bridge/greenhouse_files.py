@@ -28,7 +28,7 @@ def read_tags(path) -> dict[str, dict]:
         raise StartUpError(f'{where}: holds {_kind(data)} at its top level, not an object of tags')
     tags = data['tags'] if isinstance(data.get('tags'), dict) else data
     if not tags:
-        raise StartUpError(f'{where}: holds no tags: give at least one, {_TAG_EXAMPLE}')
+        raise StartUpError(f'{where}: holds no tags: add at least one, {_TAG_EXAMPLE}')
     for tag_id, tag in tags.items():
         _check_tag(tag_id, tag, where)
     return tags
@@ -56,7 +56,7 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
             raise StartUpError(f'{where}: unknown sensor type {name!r}: known are {_listed(sensor_types)}')
         if not isinstance(components, list) or not components:
             raise StartUpError(
-                f'{where}: sensor {name!r} is {_kind(components)}: give a list of at least one component'
+                f'{where}: sensor {name!r} is {_kind(components)}: must be a list with at least one component'
             )
         for number, component in enumerate(components, start=1):
             _check_component(component, dynamics_types, f'{where}: sensor {name!r}, component {number}')
@@ -69,9 +69,7 @@ _TAG_EXAMPLE = 'such as {"1": {"x": 1.5, "y": 7.3, "sensors": ["co2"]}}'
 def _check_tag(tag_id: str, tag, where: str) -> None:
     where = f"{where}: tag '{printable(tag_id, 64)}'"
     if not tag_id.strip() or '\0' in tag_id or any('\ud800' <= c <= '\udfff' for c in tag_id):
-        raise StartUpError(
-            f'{where} cannot be asked for over ROS: give it an id of visible Unicode characters'
-        )
+        raise StartUpError(f'{where} cannot be sent over ROS: use an id of visible Unicode characters')
     if not isinstance(tag, dict):
         raise StartUpError(f'{where} is {_kind(tag)}, not an object, {_TAG_EXAMPLE}')
     for key in ('x', 'y', 'sensors'):
@@ -81,14 +79,14 @@ def _check_tag(tag_id: str, tag, where: str) -> None:
         _number(tag, key, where, unit='metres')
     sensors = tag['sensors']
     if not isinstance(sensors, list):
-        raise StartUpError(f'{where}: sensors is {_kind(sensors)}: give a list of names, such as ["co2"]')
+        raise StartUpError(f'{where}: sensors is {_kind(sensors)}: must be a list of names, such as ["co2"]')
     if no_names := [name for name in sensors if not isinstance(name, str)]:
-        raise StartUpError(f'{where}: sensors holds {_kind(no_names[0])}: give names, such as ["co2"]')
+        raise StartUpError(f'{where}: sensors holds {_kind(no_names[0])}: must hold names, such as ["co2"]')
 
 
 def _check_time(time: dict, settings: Settings, where: str) -> None:
     if not isinstance(time.get('debug_mode'), bool):
-        raise StartUpError(f'{where}: debug_mode must be true or false, and is {_shown(time, "debug_mode")}')
+        raise StartUpError(f'{where}: debug_mode is {_shown(time, "debug_mode")}: must be true or false')
     is_frozen = time['debug_mode'] or settings.debug_time_of_day >= 0.0 or settings.debug_seed >= 0
     if 'debug_time_of_day' in time or (is_frozen and settings.debug_time_of_day < 0.0):
         _number(time, 'debug_time_of_day', where, unit='hours', smallest=0.0, largest=24.0)
@@ -97,7 +95,7 @@ def _check_time(time: dict, settings: Settings, where: str) -> None:
     if time['debug_mode'] or 'debug_seed' in time:
         seed = time.get('debug_seed')
         if isinstance(seed, bool) or not isinstance(seed, int):
-            raise StartUpError(f'{where}: debug_seed is {_shown(time, "debug_seed")}: give a whole number')
+            raise StartUpError(f'{where}: debug_seed is {_shown(time, "debug_seed")}: must be a whole number')
 
 
 def _check_component(component, dynamics_types, where: str) -> None:
@@ -114,7 +112,7 @@ def _check_component(component, dynamics_types, where: str) -> None:
             _number(component, key, where, **limits)
     position = component.get('position', [0.0, 0.0])
     if not isinstance(position, list) or len(position) != 2:
-        raise StartUpError(f'{where}: position is {position!r}: give [x, y] in metres')
+        raise StartUpError(f'{where}: position is {position!r}: must be [x, y] in metres')
     for axis, value in zip('xy', position, strict=True):
         _number({axis: value}, axis, f'{where}: position', unit='metres')
 
@@ -141,7 +139,7 @@ def _number(
     if not is_number or not smallest <= value <= largest:  # NaN is in no range
         raise StartUpError(
             f'{where}: {key} is {_shown(mapping, key)}:'
-            f' give a number from {smallest:g} to {largest:g} ({unit})'
+            f' must be a number from {smallest:g} to {largest:g} ({unit})'
         )
     return value
 
@@ -184,19 +182,19 @@ def _read_text(path, where: str, largest_bytes: int) -> str:
     try:
         mode = os.stat(path).st_mode
         if stat.S_ISDIR(mode):
-            raise StartUpError(f'{where}: is a folder: give the path of a file')
+            raise StartUpError(f'{where}: is a folder: set the path of a file')
         if not stat.S_ISREG(mode):
-            raise StartUpError(f'{where}: is no regular file: give the path of a file')
+            raise StartUpError(f'{where}: is not a regular file: set the path of a file')
         with open(path, 'rb') as file:
             content = file.read(largest_bytes + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, 'strerror', None) or error
         raise StartUpError(
-            f'{where}: cannot be read ({reason}), looked for in {os.getcwd()}: give the path of a file,'
+            f'{where}: cannot be read ({reason}), looked for in {os.getcwd()}: set the path of a file,'
             ' absolute or from that folder (~ is not expanded)'
         ) from error
     if len(content) > largest_bytes:
-        raise StartUpError(f'{where}: is larger than {largest_bytes // 2**20} MiB: give a smaller file')
+        raise StartUpError(f'{where}: is larger than {largest_bytes // 2**20} MiB: use a smaller file')
     try:
         return content.decode('utf-8')
     except UnicodeDecodeError as error:
@@ -211,7 +209,7 @@ def _parse_json(text: str, where: str):
         unique = dict(pairs)
         if len(unique) < len(pairs):
             twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
-            raise StartUpError(f'{where}: {twice!r} is given twice in one object: keep one of them')
+            raise StartUpError(f'{where}: {twice!r} appears twice in one object: keep one of them')
         return unique
 
     try:

@@ -196,7 +196,7 @@ def test_the_hint_names_the_domain_the_discovery_and_what_is_there():
 
 
 def test_the_hint_names_a_bridge_of_another_name(bridge):
-    wait_until(lambda: f'there is {bridge.service_name}: give it with --service' in hint())
+    wait_until(lambda: f'there is {bridge.service_name}: name it with --service' in hint())
 
 
 def test_the_hint_says_when_there_are_nodes_but_no_bridge():

@@ -15,6 +15,7 @@ from lupin_greenhouse_bridge import client, life_cycle, simulation
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.reading_table import Screen, json_line, terminal_size
 
+SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
 
 
@@ -65,7 +66,8 @@ def _read(node, bridge: client.Client, options) -> int:
             get_tag_reading = bridge.connect(GetTagReading, options.service, show)
         except client.NoAnswer as error:
             service_name = node.resolve_service_name(options.service)
-            raise client.NoAnswer(f'{error}; {_likely_cause(node, service_name)}') from error
+            security = f'; {SECURED}' if life_cycle.security_problem() else ''
+            raise client.NoAnswer(f'{error}; {_likely_cause(node, service_name)}{security}') from error
     tag_ids = _all_tag_ids(bridge, get_tag_reading.srv_name) if options.all else options.tag_ids
     exit_code = ALL_READ
     screen = Screen(options.watch is not None)
@@ -109,19 +111,16 @@ def _likely_cause(node, service_name: str) -> str:
             ' use the read_tag of the same repository as the bridge'
         )
     if elsewhere := [name for name, types in services.items() if wanted in types and name != service_name]:
-        return f'there is {elsewhere[0]}: give it with --service'
+        return f'there is {elsewhere[0]}: name it with --service'
     domain = f'ROS_DOMAIN_ID {os.environ.get("ROS_DOMAIN_ID") or "0"}'
     if _is_limited_to_this_machine():
         domain += ' of this machine alone (ROS_AUTOMATIC_DISCOVERY_RANGE or ROS_LOCALHOST_ONLY says so)'
     nodes = len(node.get_node_names()) - 1  # without this one
     seen = f'{nodes} other nodes, and no bridge' if nodes else 'no other node'
-    cause = (
+    return (
         f'on {domain} there is {seen}: start the bridge (ros2 launch lupin_greenhouse_bridge'
         " greenhouse_bridge.launch.py), or set ROS_DOMAIN_ID to the bridge's domain"
     )
-    if life_cycle.security_problem():
-        cause += '; security is enabled: the bridge needs the same keystore, and keys for this domain'
-    return cause
 
 
 def _is_limited_to_this_machine() -> bool:

@@ -33,7 +33,7 @@ class Settings:
         check_parameters(self)
         if '\0' in self.tag_file + self.sim_config_file:
             raise StartUpError(
-                'parameter tag_file or sim_config_file holds a NUL character: give the path of a file'
+                'parameter tag_file or sim_config_file holds a NUL character: set the path of a file'
             )
         if not (self.debug_time_of_day == -1.0 or 0.0 <= self.debug_time_of_day <= 24.0):
             raise StartUpError(
@@ -42,11 +42,11 @@ class Settings:
             )
         if not 0.0 <= self.speedup_factor * SECONDS_PER_DAY < math.inf:
             raise StartUpError(
-                f'parameter speedup_factor is {self.speedup_factor}: give simulated seconds per real second,'
-                ' finite and above 0, or 0.0 for the factor of the config'
+                f'parameter speedup_factor is {self.speedup_factor}: must be finite and above 0'
+                ' (simulated seconds per real second), or 0.0 for the factor of the config'
             )
         if self.debug_seed < -1:
             raise StartUpError(
-                f'parameter debug_seed is {self.debug_seed}: give a whole number from 0 up,'
+                f'parameter debug_seed is {self.debug_seed}: must be a whole number from 0 up,'
                 ' or -1 for the seed of the config'
             )

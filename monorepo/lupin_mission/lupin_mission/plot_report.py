@@ -62,7 +62,7 @@ def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Pa
     if strangers := sorted(set(readings) - set(layout.tags)):
         raise StartUpError(
             f"report '{options.report}': tag '{strangers[0]}' has no place in the tag file:"
-            " give the mission's own with --tag-file"
+            " name the mission's own with --tag-file"
         )
     sensors = list(dict.fromkeys(name for values in readings.values() for name in values))
     if not sensors:

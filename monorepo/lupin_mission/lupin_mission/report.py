@@ -99,10 +99,10 @@ def read_report(path: Path | str) -> list[Observation]:
     """Return the observations of a report, without a last line that was not written to its end."""
     try:
         if Path(path).exists() and not Path(path).is_file():
-            raise ReportError(f"report '{path}' is no regular file: give the file that a mission wrote")
+            raise ReportError(f"report '{path}' is not a regular file: name the file that a mission wrote")
         content = Path(path).read_bytes()
     except OSError as error:
-        raise ReportError(f"report '{path}': {error.strerror}: give the file that a mission wrote") from error
+        raise ReportError(f"report '{path}': {error.strerror}: name the file that a mission wrote") from error
     return _parse(content, path)[0]
 
 
@@ -117,7 +117,7 @@ def _parse(content: bytes, path) -> tuple[list[Observation], int]:
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ReportError(
                 f"report '{path}': line {number} is no observation ({type(error).__name__}: {error}):"
-                ' give the file that a mission wrote, or a name that is still free'
+                ' name the file that a mission wrote, or a name that is still free'
             ) from error
     start = b'{"tag_id": '
     if torn[: len(start)] != start[: len(torn)]:
@@ -143,7 +143,7 @@ class Report:
             raise ReportError(f"report_file '{path}': {reason}: name a file that can be written") from error
         try:
             if not stat.S_ISREG(os.fstat(self._file).st_mode):  # /dev/zero has no end
-                raise ReportError(f"report_file '{path}' is no regular file: name another file")
+                raise ReportError(f"report_file '{path}' is not a regular file: name another file")
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             self.observations, self._size = _parse(self.path.read_bytes(), path)
             os.ftruncate(self._file, self._size)

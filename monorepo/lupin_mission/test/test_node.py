@@ -140,7 +140,8 @@ def test_a_bridge_that_never_comes_fails_every_scan_and_ends_the_mission(start_m
 
 
 def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader):
-    mission = start_mission(**READER, tag_ids='1 2 3 4', max_attempts=1)
+    patient = {'request_timeout_seconds': PATIENCE_SECONDS}
+    mission = start_mission(**READER, **patient, tag_ids='1 2 3 4', max_attempts=1)
     reader.answer(status=GetTagReading.Response.STATUS_UNKNOWN_TAG, error_message='who?')
     reader.answer(status=GetTagReading.Response.STATUS_SIMULATOR_ERROR, error_message='broken')
     reader.answer_ok('1', co2=600.0)

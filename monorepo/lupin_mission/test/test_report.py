@@ -92,7 +92,7 @@ def test_a_file_that_was_refused_is_let_go(tmp_path):
 
 
 def test_a_report_that_is_not_there_cannot_be_read():
-    with pytest.raises(ReportError, match='No such file or directory: give the file that a mission wrote'):
+    with pytest.raises(ReportError, match='No such file or directory: name the file that a mission wrote'):
         read_report('/missing.jsonl')
 
 
@@ -115,7 +115,7 @@ def test_what_is_no_regular_file_is_refused(tmp_path, monkeypatch, path):
     monkeypatch.chdir(tmp_path)
     os.mkfifo('pipe')
     for use in (Report, read_report):
-        with pytest.raises(ReportError, match='is no regular file'):
+        with pytest.raises(ReportError, match='is not a regular file'):
             use(path)
 
 

@@ -97,7 +97,12 @@ def test_a_tag_that_was_not_read_carries_its_id_its_reason_and_nothing_else(
 ):
     hearer = twin()
     mission = start_mission(
-        **READER, tag_ids='1', max_attempts=1, tag_poses_in_map='false', wait_for_start=True
+        **READER,
+        tag_ids='1',
+        max_attempts=1,
+        tag_poses_in_map='false',
+        wait_for_start=True,
+        request_timeout_seconds=PATIENCE_SECONDS,
     )
     assert ask(listener, mission, StartMission, 'start').accepted
     reader.answer(status=1, error_message='who?')
@@ -289,7 +294,11 @@ def test_a_world_that_cannot_be_read_is_refused_in_one_line(start_mission):
 def test_the_error_of_one_mission_is_not_that_of_the_next(start_mission, start_bridge, node, web):
     bridge = start_bridge()
     mission = start_mission(
-        bridge_service_name=bridge.service_name, tag_ids='"1 99"', wait_for_start=True, max_attempts=1
+        bridge_service_name=bridge.service_name,
+        tag_ids='"1 99"',
+        wait_for_start=True,
+        max_attempts=1,
+        request_timeout_seconds=PATIENCE_SECONDS,
     )
     states = web(mission)
     states.wait_for(lambda state: state.lifecycle_state == 'READY')

@@ -17,8 +17,8 @@ from lupin_greenhouse_bridge.settings import Settings
 PARAMETERS = ('tag_file', 'sim_config_file')
 MISSING = object()
 TAGS = {'tags': {'7': {'x': 1.0, 'y': 7.3, 'sensors': ['co2']}}}
-ANY_METRES = 'give a number from -1e+12 to 1e+12 (metres)'
-NOT_ASKABLE = 'cannot be asked for over ROS: give it an id of visible Unicode characters'
+ANY_METRES = 'must be a number from -1e+12 to 1e+12 (metres)'
+NOT_ASKABLE = 'cannot be sent over ROS: use an id of visible Unicode characters'
 
 # What is put where in TAGS, and what the message must say.
 BAD_TAGS = [
@@ -26,9 +26,9 @@ BAD_TAGS = [
     ({'': 7}, 'holds a number at its top level'),
     ({'': 'text'}, 'holds text at its top level'),
     ({'': []}, 'holds a list at its top level'),
-    ({'': {}}, 'holds no tags: give at least one'),
+    ({'': {}}, 'holds no tags: add at least one'),
     ({'': {'units': 'm', '7': TAGS['tags']['7']}}, "tag 'units' is text, not an object"),
-    ({'tags': {}}, 'holds no tags: give at least one'),
+    ({'tags': {}}, 'holds no tags: add at least one'),
     ({'tags': []}, "tag 'tags' is a list, not an object"),
     ({'tags': None}, "tag 'tags' is null, not an object"),
     ({'tags/7': []}, "tag '7' is a list, not an object"),
@@ -50,11 +50,11 @@ BAD_TAGS = [
     ({'tags/7/x': 10**400}, f"tag '7': x is a number of more than 12 digits: {ANY_METRES}"),
     ({'tags/7/y': math.inf}, f"tag '7': y is inf: {ANY_METRES}"),
     ({'tags/7/y': -math.inf}, f"tag '7': y is -inf: {ANY_METRES}"),
-    ({'tags/7/sensors': {}}, "tag '7': sensors is an object: give a list of names"),
-    ({'tags/7/sensors': None}, "tag '7': sensors is null: give a list of names"),
-    ({'tags/7/sensors': 'co2'}, "tag '7': sensors is text: give a list of names"),
-    ({'tags/7/sensors': [7]}, "tag '7': sensors holds a number: give names"),
-    ({'tags/7/sensors': ['co2', None]}, "tag '7': sensors holds null: give names"),
+    ({'tags/7/sensors': {}}, "tag '7': sensors is an object: must be a list of names"),
+    ({'tags/7/sensors': None}, "tag '7': sensors is null: must be a list of names"),
+    ({'tags/7/sensors': 'co2'}, "tag '7': sensors is text: must be a list of names"),
+    ({'tags/7/sensors': [7]}, "tag '7': sensors holds a number: must hold names"),
+    ({'tags/7/sensors': ['co2', None]}, "tag '7': sensors holds null: must hold names"),
     ({'tags/7/sensors': []}, 'no tag has a sensor: add a sensor to at least one tag'),
     ({'tags/7/sensors': ['CO2']}, "tag '7' has the sensor 'CO2', which"),
     ({'tags/7/sensors': ['timestamp']}, "tag '7' has the sensor 'timestamp', which"),
@@ -71,16 +71,16 @@ BAD_TAG_BYTES = [
     (b'# yaml\n7: {}\n', 'is not JSON:'),
     (b'{"7": {"x": ' + b'9' * 5000 + b'}}', 'is not JSON:'),
     (b'{"7": {"x": 1e400, "y": 1, "sensors": []}}', "tag '7': x is inf"),
-    (b'{"7": {"x": 1, "x": 2, "y": 1, "sensors": []}}', "'x' is given twice in one object"),
-    (b'{"7": {}, "8": {}, "7": {}}', "'7' is given twice in one object: keep one of them"),
-    (b'{"tags": {}, "tags": {}}', "'tags' is given twice in one object"),
+    (b'{"7": {"x": 1, "x": 2, "y": 1, "sensors": []}}', "'x' appears twice in one object"),
+    (b'{"7": {}, "8": {}, "7": {}}', "'7' appears twice in one object: keep one of them"),
+    (b'{"tags": {}, "tags": {}}', "'tags' appears twice in one object"),
     (b'[' * 20_000, 'is too deeply nested: a tag file has 4 levels'),
 ]
 
 CO2 = "sensor 'co2', component 1"
-ANY = 'give a number from -1e+12 to 1e+12'
-POSITIVE = 'give a number from 1e-12 to 1e+12'
-HOURS = 'give a number from 0 to 24 (hours)'
+ANY = 'must be a number from -1e+12 to 1e+12'
+POSITIVE = 'must be a number from 1e-12 to 1e+12'
+HOURS = 'must be a number from 0 to 24 (hours)'
 KNOWN = 'known are co2, humidity, light, soil_moisture, temperature'
 # What is put where in the shipped config, and what the message must say.
 BAD_CONFIGS = [
@@ -90,14 +90,14 @@ BAD_CONFIGS = [
     ({'time': MISSING}, 'time is missing, not a mapping'),
     ({'time': None}, 'time is None, not a mapping'),
     ({'time': []}, 'time is a list, not a mapping'),
-    ({'time/debug_mode': MISSING}, 'time: debug_mode must be true or false, and is missing'),
-    ({'time/debug_mode': 0}, 'time: debug_mode must be true or false, and is 0'),
-    ({'time/debug_mode': 'false'}, "time: debug_mode must be true or false, and is 'false'"),
-    ({'time/debug_seed': [1]}, 'time: debug_seed is a list: give a whole number'),
-    ({'time/debug_seed': True}, 'time: debug_seed is True: give a whole number'),
+    ({'time/debug_mode': MISSING}, 'time: debug_mode is missing: must be true or false'),
+    ({'time/debug_mode': 0}, 'time: debug_mode is 0: must be true or false'),
+    ({'time/debug_mode': 'false'}, "time: debug_mode is 'false': must be true or false"),
+    ({'time/debug_seed': [1]}, 'time: debug_seed is a list: must be a whole number'),
+    ({'time/debug_seed': True}, 'time: debug_seed is True: must be a whole number'),
     (
         {'time/debug_mode': True, 'time/debug_seed': MISSING},
-        'time: debug_seed is missing: give a whole number',
+        'time: debug_seed is missing: must be a whole number',
     ),
     ({'time/debug_time_of_day': 24.000001}, f'time: debug_time_of_day is 24.000001: {HOURS}'),
     ({'time/debug_time_of_day': -1e-20}, f'time: debug_time_of_day is -1e-20: {HOURS}'),
@@ -119,9 +119,9 @@ BAD_CONFIGS = [
     ({'sensors/pressure': []}, f"unknown sensor type 'pressure': {KNOWN}"),
     ({'sensors': {7: []}}, f'unknown sensor type 7: {KNOWN}'),
     ({'sensors/co2': MISSING}, "has the sensor 'co2', which"),
-    ({'sensors/co2': {}}, "sensor 'co2' is an object: give a list of at least one component"),
-    ({'sensors/co2': []}, "sensor 'co2' is a list: give a list of at least one component"),
-    ({'sensors/co2': None}, "sensor 'co2' is null: give a list of at least one component"),
+    ({'sensors/co2': {}}, "sensor 'co2' is an object: must be a list with at least one component"),
+    ({'sensors/co2': []}, "sensor 'co2' is a list: must be a list with at least one component"),
+    ({'sensors/co2': None}, "sensor 'co2' is null: must be a list with at least one component"),
     ({'sensors/co2/0': None}, f'{CO2} is null, not a mapping with value_at_midnight'),
     ({'sensors/co2/1': 'x'}, "sensor 'co2', component 2 is text, not a mapping"),
     (
@@ -135,11 +135,11 @@ BAD_CONFIGS = [
     ({'sensors/co2/0/value_at_midnight': 1e308}, f'{CO2}: value_at_midnight is 1e+308: {ANY}'),
     ({'sensors/co2/0/value_at_noon': 'warm'}, f"{CO2}: value_at_noon is 'warm': {ANY}"),
     ({'sensors/co2/0/value_at_noon': math.nan}, f'{CO2}: value_at_noon is nan: {ANY}'),
-    ({'sensors/co2/0/noise_sigma': -1}, f'{CO2}: noise_sigma is -1: give a number from 0 to 1e+12'),
-    ({'sensors/co2/0/noise_sigma': math.nan}, f'{CO2}: noise_sigma is nan: give a number from 0'),
-    ({'sensors/co2/0/noise_sigma': math.inf}, f'{CO2}: noise_sigma is inf: give a number from 0'),
-    ({'sensors/co2/0/noise_sigma': '1'}, f"{CO2}: noise_sigma is '1': give a number from 0"),
-    ({'sensors/co2/0/noise_sigma': True}, f'{CO2}: noise_sigma is True: give a number from 0'),
+    ({'sensors/co2/0/noise_sigma': -1}, f'{CO2}: noise_sigma is -1: must be a number from 0 to 1e+12'),
+    ({'sensors/co2/0/noise_sigma': math.nan}, f'{CO2}: noise_sigma is nan: must be a number from 0'),
+    ({'sensors/co2/0/noise_sigma': math.inf}, f'{CO2}: noise_sigma is inf: must be a number from 0'),
+    ({'sensors/co2/0/noise_sigma': '1'}, f"{CO2}: noise_sigma is '1': must be a number from 0"),
+    ({'sensors/co2/0/noise_sigma': True}, f'{CO2}: noise_sigma is True: must be a number from 0'),
     ({'sensors/co2/0/decay_distance': 0}, f'{CO2}: decay_distance is 0: {POSITIVE} (metres)'),
     ({'sensors/co2/0/decay_distance': 9e-13}, f'{CO2}: decay_distance is 9e-13: {POSITIVE} (metres)'),
     ({'sensors/co2/0/decay_distance': -1.0}, f'{CO2}: decay_distance is -1.0: {POSITIVE} (metres)'),
@@ -147,10 +147,10 @@ BAD_CONFIGS = [
     ({'sensors/co2/0/decay_distance': '10 m'}, f"{CO2}: decay_distance is '10 m': {POSITIVE} (metres)"),
     ({'sensors/co2/0/angle': 'north'}, f"{CO2}: angle is 'north': {ANY} (degrees)"),
     ({'sensors/co2/0/angle': math.inf}, f'{CO2}: angle is inf: {ANY} (degrees)'),
-    ({'sensors/co2/0/position': None}, f'{CO2}: position is None: give [x, y] in metres'),
-    ({'sensors/co2/0/position': '2, 4'}, f"{CO2}: position is '2, 4': give [x, y] in metres"),
-    ({'sensors/co2/0/position': [2.0]}, f'{CO2}: position is [2.0]: give [x, y] in metres'),
-    ({'sensors/co2/0/position': [2, 4, 0]}, f'{CO2}: position is [2, 4, 0]: give [x, y] in metres'),
+    ({'sensors/co2/0/position': None}, f'{CO2}: position is None: must be [x, y] in metres'),
+    ({'sensors/co2/0/position': '2, 4'}, f"{CO2}: position is '2, 4': must be [x, y] in metres"),
+    ({'sensors/co2/0/position': [2.0]}, f'{CO2}: position is [2.0]: must be [x, y] in metres'),
+    ({'sensors/co2/0/position': [2, 4, 0]}, f'{CO2}: position is [2, 4, 0]: must be [x, y] in metres'),
     ({'sensors/co2/0/position': ['2', 4]}, f"{CO2}: position: x is '2': {ANY} (metres)"),
     ({'sensors/co2/0/position': [2, math.inf]}, f'{CO2}: position: y is inf: {ANY} (metres)'),
 ]
@@ -329,8 +329,8 @@ def test_a_tilde_is_not_expanded_and_the_message_says_so(start_bridge):
     ('make', 'fragment'),
     [
         (lambda path: path.mkdir(), 'is a folder'),
-        (os.mkfifo, 'is no regular file'),
-        (lambda path: path.symlink_to('/dev/zero'), 'is no regular file'),
+        (os.mkfifo, 'is not a regular file'),
+        (lambda path: path.symlink_to('/dev/zero'), 'is not a regular file'),
         (lambda path: path.symlink_to(path), 'cannot be read'),
     ],
     ids=['folder', 'named pipe', 'endless device', 'symlink to itself'],
