@@ -1,12 +1,11 @@
 """Make the tools importable."""
 
-import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from commits import git
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / 'tools'))
@@ -22,21 +21,6 @@ def pytest_terminal_summary(terminalreporter):
         good, bad = (sum(f'::{test}[' in each.nodeid for each in results[outcome]) for outcome in results)
         if good + bad:
             terminalreporter.write_line(f'check_drift: {good} of {good + bad} {text}')
-
-
-NOBODY = {
-    f'GIT_{who}_{what}': value
-    for who in ('AUTHOR', 'COMMITTER')
-    for what, value in (('NAME', 'Another Team'), ('EMAIL', 'another@example.org'))
-}
-
-
-def git(folder, *arguments):
-    environment = {**os.environ, **NOBODY, 'GIT_CONFIG_GLOBAL': os.devnull}
-    command = ['git', '-c', 'commit.gpgsign=false', *arguments]
-    return subprocess.run(
-        command, cwd=folder, env=environment, check=True, capture_output=True, text=True
-    ).stdout
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import subprocess
 
 import generate
-from conftest import git
+from commits import git
 
 BRIDGE = 'lupin_greenhouse_bridge/lupin_greenhouse_bridge'
 

@@ -4,7 +4,7 @@ from xml.etree import ElementTree
 
 import mirror_publish
 import pytest
-from conftest import git
+from commits import git
 from test_mirror_patch import BRIDGE, commit_in, import_patch
 
 README = 'lupin_greenhouse_ros/README.md'
