@@ -12,7 +12,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def run_mission(output: Path, *arguments: str) -> subprocess.CompletedProcess:
-    wrapper = 'ci/with_drake' if '--world' in arguments else 'ci/with_stand_ins'
+    is_rendered = {'--world', 'image'} <= set(arguments)
+    wrapper = 'ci/with_drake' if is_rendered else 'ci/with_stand_ins'
     return subprocess.run(
         [wrapper, sys.executable, 'ci/mission.py', '--output', str(output), *arguments],
         cwd=ROOT,

@@ -111,7 +111,7 @@ def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
     before = git(monorepo, 'rev-parse', 'HEAD')
     again = import_patch(monorepo, first + second)
     assert (again.returncode, again.stdout) == (0, "'Mend it' is here already\n" * 2)
-    third = commit_in(mirror, ('README.md', '## Use', '## How to use'))
+    third = commit_in(mirror, ('README.md', '## Tests', '## How to test'))
     bad = import_patch(monorepo, third + first.replace('LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0'))
     assert bad.returncode == 1
     assert bad.stderr == "mirror-import: 'Mend it' does not apply to tools/core: nothing was changed\n"
