@@ -104,7 +104,10 @@ def main() -> int:
                 ]
                 camera = [sys.executable, str(HERE / 'world_camera.py')]
                 commands = [
-                    [confirm_tag, *parameters([f'timeout_seconds:={PATIENCE_SECONDS}'])],
+                    [
+                        confirm_tag,
+                        *parameters([f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']),
+                    ],
                     [*camera, *parameters([f'world_file:="{world_file}"'])],
                 ]
             for command in commands:
