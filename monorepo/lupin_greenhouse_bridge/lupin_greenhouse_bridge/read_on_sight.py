@@ -48,7 +48,10 @@ class Settings:
         2.0, 'How long to wait for one answer, in seconds.', smallest=0.001, largest=3600.0
     )
     max_attempts: int = parameter(
-        3, 'How often to ask for a tag before it is left for its cooldown.', smallest=1, largest=1000
+        3,
+        'How often to ask for a tag before it is left alone for as long as that took.',
+        smallest=1,
+        largest=1000,
     )
 
     def __post_init__(self):

@@ -18,9 +18,10 @@ class Sightings:
     """
     Keeps the tags in view and the requests that are under way.
 
-    A tag is asked for once per cooldown, which starts when its last request ends. Few requests are under way
-    at a time. A request that is not answered in time is tried again, up to the number of attempts. A tag that
-    is out of view for longer than a request may take is not asked for.
+    A tag is asked for once per cooldown, which starts with the answer. Few requests are under way at a time. A
+    request that is not answered in time is tried again, up to the number of attempts; then the tag is left
+    alone for as long as these took. A tag that is out of view for longer than a request may take is not asked
+    for.
     """
 
     def __init__(self, limits: Limits):
@@ -56,8 +57,12 @@ class Sightings:
 
     def lost(self, tag_id: str, now: float) -> bool:
         """Give up a request, and return whether the tag waits for another attempt."""
-        if self._attempts[tag_id] >= self._limits.max_attempts:
+        limits = self._limits
+        if self._attempts[tag_id] >= limits.max_attempts:
             self.answered(tag_id, now)
+            # The bridge may come back long before the cooldown of a tag that was read would end.
+            pause_seconds = limits.max_attempts * limits.request_timeout_seconds
+            self._cool_at[tag_id] = now + min(limits.cooldown_seconds, pause_seconds)
             return False
         del self._in_flight[tag_id]
         self._waiting[tag_id] = now

@@ -59,7 +59,7 @@ def test_few_requests_are_under_way_at_a_time_and_every_tag_has_its_turn():
     assert done == tag_ids
 
 
-def test_an_unanswered_request_is_tried_again_so_many_times_and_then_left_for_the_cooldown():
+def test_an_unanswered_request_is_tried_again_so_many_times_and_then_left_for_as_long():
     sightings = Sightings(LIMITS)
     sightings.see('7', 0.0)
     for attempts, now in enumerate((0.0, 2.0, 4.0), 1):
@@ -69,9 +69,11 @@ def test_an_unanswered_request_is_tried_again_so_many_times_and_then_left_for_th
         assert sightings.lost('7', now + 2.0) == (attempts < 3)
     sightings.see('7', 6.0)
     assert asked(sightings, 6.0) == []
-    sightings.see('7', 16.0)
-    assert asked(sightings, 16.0) == ['7']
-    assert sightings.lost('7', 18.0)  # the attempts are counted from the beginning
+    sightings.see('7', 11.9)
+    assert asked(sightings, 11.9) == []
+    sightings.see('7', 12.0)  # three times two seconds later, before the cooldown of a tag that was read
+    assert asked(sightings, 12.0) == ['7']
+    assert sightings.lost('7', 14.0)  # the attempts are counted from the beginning
 
 
 def test_a_tag_that_has_gone_out_of_view_is_not_asked_for():
