@@ -18,8 +18,8 @@ class Sightings:
     """
     Keeps the tags in view and the requests that are under way.
 
-    A tag is asked for once per cooldown, which starts with the answer. Few requests are under way at a time. A
-    request that is not answered in time is tried again, up to the number of attempts; then the tag is left
+    A tag is asked for once per cooldown, which starts with the answer. Few requests are under way at a time.
+    A request that is not answered in time is tried again, up to the number of attempts; then the tag is left
     alone for as long as these took. A tag that is out of view for longer than a request may take is not asked
     for.
     """
