@@ -5,9 +5,9 @@ import subprocess
 import sys
 
 import pytest
+from conftest import needs_drake
 from test_build import ROOT
 
-NO_WHEEL = 3
 WRONG = """
 import sys
 sys.path.insert(0, 'ci')
@@ -30,21 +30,19 @@ TAGS = {
 
 
 def check_world(folder, layout, command=('ci/world_check.py',)):
-    """Run the check on a layout; skip where Drake has no wheel."""
+    """Run the check on a layout."""
     tag_file = folder / 'tags.json'
     tag_file.write_text(json.dumps(layout), encoding='utf-8')
-    result = subprocess.run(
+    return subprocess.run(
         ['ci/with_drake', sys.executable, *command, '--tag-file', str(tag_file)],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
     )
-    if result.returncode == NO_WHEEL:
-        pytest.skip(result.stderr.splitlines()[-1])
-    return result
 
 
+@needs_drake
 @pytest.mark.heavy
 @pytest.mark.parametrize('tables', [TABLES, {}], ids=['two tables', 'no tables'])
 def test_a_layout_of_ones_own_becomes_a_world_whose_tags_can_be_read(tmp_path, tables):
@@ -56,6 +54,7 @@ def test_a_layout_of_ones_own_becomes_a_world_whose_tags_can_be_read(tmp_path, t
     assert ('the layout has no tables' in result.stderr) == (not tables)
 
 
+@needs_drake
 @pytest.mark.heavy
 @pytest.mark.parametrize(
     ('change', 'finding'),
