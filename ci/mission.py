@@ -89,12 +89,6 @@ def main() -> int:
         stack.enter_context(running([executable('lupin_greenhouse_bridge', 'bridge_node')], environment))
         arguments = [f'report_file:="{report}"']
         if options.camera:
-            confirm_tag = executable('lupin_perception', 'confirm_tag')
-            camera = executable('lupin_perception', 'camera_stand_in')
-            commands = [
-                [confirm_tag, *parameters(SOURCES[options.camera])],
-                [camera, *parameters([f'publishes:={options.camera}'])],
-            ]
             if options.world:
                 world_file = make_world(options.output / 'world')
                 # To render an image takes a while.
@@ -102,15 +96,17 @@ def main() -> int:
                     f'world_file:="{world_file}"',
                     f'request_timeout_seconds:={PATIENCE_SECONDS + 1.0}',
                 ]
+                listening = [f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']
                 camera = [sys.executable, str(HERE / 'world_camera.py')]
-                commands = [
-                    [
-                        confirm_tag,
-                        *parameters([f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']),
-                    ],
-                    [*camera, *parameters([f'world_file:="{world_file}"'])],
-                ]
-            for command in commands:
+                publishing = [f'world_file:="{world_file}"']
+            else:
+                listening = SOURCES[options.camera]
+                camera = [executable('lupin_perception', 'camera_stand_in')]
+                publishing = [f'publishes:={options.camera}']
+            for command in (
+                [executable('lupin_perception', 'confirm_tag'), *parameters(listening)],
+                [*camera, *parameters(publishing)],
+            ):
                 stack.enter_context(running(command, environment))
             # One call is enough: confirm_tag watches the camera until the tag appears.
             arguments += ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=1']

@@ -120,6 +120,15 @@ def test_the_messages_are_built_for_the_python_of_the_active_environment(tmp_pat
     assert Path(numpy).is_relative_to(environment)
 
 
+def test_without_an_active_environment_the_choice_of_python_is_aments(tmp_path):
+    run_in(
+        'monorepo',
+        'source ci/ros_env.bash without-overlay && unset VIRTUAL_ENV CONDA_PREFIX'
+        f' && cmake -S monorepo/lupin_msgs -B {tmp_path}/build -DBUILD_TESTING=OFF',
+    )
+    assert 'Python of the active environment' not in (tmp_path / 'build/CMakeCache.txt').read_text()
+
+
 def test_an_active_environment_without_numpy_is_named(tmp_path):
     subprocess.run([sys.executable, '-m', 'venv', '--without-pip', tmp_path / 'bare'], check=True)
     result = run_in(

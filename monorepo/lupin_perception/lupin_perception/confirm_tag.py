@@ -13,6 +13,7 @@ from sensor_msgs.msg import Image
 
 from lupin_perception import life_cycle
 from lupin_perception.confirmation import Confirmer, Frame, UnknownTagId, Verdict, tag_number
+from lupin_perception.drawing import draw
 from lupin_perception.errors import printable
 from lupin_perception.images import UnusableImage
 from lupin_perception.settings import Settings
@@ -103,8 +104,6 @@ class ConfirmTagNode(Node):
         """Publish a picture of the verdict, once for each image."""
         if not verdict.sight or verdict.sight.picture is None or self._shown == (number, id(verdict.sight)):
             return
-        from lupin_perception.drawing import draw
-
         self._shown = (number, id(verdict.sight))
         picture = draw(verdict, number, self._settings)
         height, width, channels = picture.shape
