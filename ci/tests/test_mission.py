@@ -30,8 +30,12 @@ def run_mission(output: Path, *arguments: str) -> subprocess.CompletedProcess:
     [
         ([], 'simulation', None),
         (['--camera', 'image', 'tag_ids:="1 5 7"'], 'camera', ['1', '5', '7']),
-        (['--camera', 'compressed', 'tag_ids:="1 5"'], 'camera', ['1', '5']),
-        (['--camera', 'detections', 'tag_ids:="1 5"'], 'camera', ['1', '5']),
+        pytest.param(
+            ['--camera', 'compressed', 'tag_ids:="1 5"'], 'camera', ['1', '5'], marks=pytest.mark.heavy
+        ),
+        pytest.param(
+            ['--camera', 'detections', 'tag_ids:="1 5"'], 'camera', ['1', '5'], marks=pytest.mark.heavy
+        ),
     ],
     ids=['simulation', 'images', 'compressed images', 'detections'],
 )
