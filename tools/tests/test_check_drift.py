@@ -60,7 +60,7 @@ EDITS = [
     # bridge_node.py, beyond the one line
     (NODE_DIFFERS, 'mirror', NODE, 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 6.0'),
     (NODE_DIFFERS, 'monorepo', NODE, 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 6.0'),
-    (NODE_DIFFERS, 'mirror', NODE, '# One handler at a time', '# Only one handler at a time'),
+    (NODE_DIFFERS, 'mirror', NODE, 'is not thread-safe', 'is not safe'),
     (NODE_DIFFERS, 'mirror', NODE, 'MutuallyExclusiveCallbackGroup()', 'ReentrantCallbackGroup()'),
     (NODE_DIFFERS, 'monorepo', NODE, 'STATUS_UNKNOWN_TAG\n', 'STATUS_OK\n'),
     (NODE_DIFFERS, 'mirror', NODE, "'~/get_tag_reading'", "'get_tag_reading'"),
@@ -117,11 +117,11 @@ EDITS = [
     # what a reader does not see
     (INVISIBLE, 'mirror', NODE, 'import sys\n', 'import sys \n'),
     (INVISIBLE, 'mirror', NODE, 'import sys\n', 'import sys\r\n'),
-    (INVISIBLE, 'mirror', SIMULATION, '"""The mdp', '\ufeff"""The mdp'),
+    (INVISIBLE, 'mirror', SIMULATION, '"""Load, v', '\ufeff"""Load, v'),
     (INVISIBLE, 'monorepo', READING, 'string tag_id    ', 'string tag_id\t'),
     (INVISIBLE, 'mirror', SENSOR, 'float64 value', 'float64 v\u0430lue'),
     (INVISIBLE, 'mirror', LAUNCH, "'screen'", "'scre\u0435n'"),
-    (INVISIBLE, 'mirror', SIMULATION, 'tags without sensors', 'tags\u200b without sensors'),
+    (INVISIBLE, 'mirror', SIMULATION, 'tags have no sensors', 'tags have\u200b no sensors'),
     (INVISIBLE, 'monorepo', NODE, 'sys.exit(main())\n', 'sys.exit(main())'),
     (INVISIBLE, 'monorepo', f'{BRIDGE}/setup.cfg', 'lupin_greenhouse_bridge\n', 'lupin_greenhouse_bridge  \n'),
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What AprilTag detectors publish: apriltag_msgs/AprilTagDetectionArray. No ROS is needed to import this."""
+"""The messages of AprilTag detectors: apriltag_msgs/AprilTagDetectionArray. Can be imported without ROS."""
 
 import importlib
 
@@ -9,7 +9,7 @@ FAMILIES = ('tag36h11', 'tf36h11')
 
 
 def detection_messages():
-    """Return the module apriltag_msgs.msg; raises StartUpError where that package is missing."""
+    """Return the module apriltag_msgs.msg; raises StartUpError if that package is missing."""
     try:
         return importlib.import_module('apriltag_msgs.msg')
     except ImportError as error:

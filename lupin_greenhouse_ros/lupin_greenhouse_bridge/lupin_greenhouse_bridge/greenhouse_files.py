@@ -1,4 +1,4 @@
-"""Read and check the simulator's two files, so that what it accepts it can also serve."""
+"""Read and validate the simulator's two files, so that the simulator can serve everything in them."""
 
 import datetime
 import json
@@ -9,7 +9,7 @@ from collections import Counter
 from lupin_greenhouse_bridge.errors import StartUpError, printable
 from lupin_greenhouse_bridge.settings import Settings
 
-LARGEST_TAG_FILE_BYTES = 64 * 2**20  # some 500,000 tags
+LARGEST_TAG_FILE_BYTES = 64 * 2**20  # about 500,000 tags
 LARGEST_CONFIG_FILE_BYTES = 2**20  # PyYAML takes seconds for a megabyte
 # No product of two such numbers overflows, so a finite config cannot give an infinite reading.
 LARGEST_NUMBER = 1e12
@@ -18,9 +18,9 @@ SMALLEST_DIVISOR = 1e-12
 
 def read_tags(path) -> dict[str, dict]:
     """
-    Return the tags of a tag file, id -> {x, y, sensors}; both of the simulator's formats are known.
+    Return the tags of a tag file as id -> {x, y, sensors}, from either of the simulator's two formats.
 
-    Raises StartUpError on anything but well-formed tags; which sensors exist is not known here.
+    Raises StartUpError if the file or a tag is malformed. Does not check that the sensors exist.
     """
     where = f"tag_file '{path}'"
     data = _parse_json(_read_text(path, where, LARGEST_TAG_FILE_BYTES), where)
@@ -36,10 +36,10 @@ def read_tags(path) -> dict[str, dict]:
 
 def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
     """
-    Return the simulator's config, checked for a run with these settings.
+    Return the simulator's config, validated for a run with these settings.
 
     `sensor_types` and `dynamics_types` hold the names that the simulator knows.
-    Raises StartUpError on whatever the simulator could not serve at every hour of the day.
+    Raises StartUpError if the simulator could not serve the config at every hour of the day.
     """
     where = f"sim_config_file '{path}'"
     config = _parse_yaml(_read_text(path, where, LARGEST_CONFIG_FILE_BYTES), where)
@@ -103,7 +103,7 @@ def _check_component(component, dynamics_types, where: str) -> None:
         raise StartUpError(
             f'{where} is {_kind(component)}, not a mapping with value_at_midnight, value_at_noon, ...'
         )
-    # The simulator has a default for every key, so each is checked only where it is given.
+    # The simulator has a default for every key, so only the keys in the file are checked.
     dynamics = component.get('dynamics', 'uniform')
     if not isinstance(dynamics, str) or dynamics not in dynamics_types:
         raise StartUpError(f'{where}: unknown dynamics {dynamics!r}: known are {_listed(dynamics_types)}')
@@ -136,7 +136,7 @@ def _number(
 ) -> float:
     value = mapping.get(key)
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not is_number or not smallest <= value <= largest:  # NaN is in no range
+    if not is_number or not smallest <= value <= largest:  # also rejects NaN
         raise StartUpError(
             f'{where}: {key} is {_shown(mapping, key)}:'
             f' must be a number from {smallest:g} to {largest:g} ({unit})'
@@ -190,8 +190,8 @@ def _read_text(path, where: str, largest_bytes: int) -> str:
     except (OSError, ValueError) as error:
         reason = getattr(error, 'strerror', None) or error
         raise StartUpError(
-            f'{where}: cannot be read ({reason}), looked for in {os.getcwd()}: set the path of a file,'
-            ' absolute or from that folder (~ is not expanded)'
+            f'{where}: cannot be read ({reason}) in the folder {os.getcwd()}: set an absolute path'
+            ' (~ is not expanded)'
         ) from error
     if len(content) > largest_bytes:
         raise StartUpError(f'{where}: is larger than {largest_bytes // 2**20} MiB: use a smaller file')
@@ -221,7 +221,7 @@ def _parse_json(text: str, where: str):
 
 
 def _parse_yaml(text: str, where: str):
-    import yaml  # comes with mdp-greenhouse, whose absence start-up reports in its own words
+    import yaml  # mdp-greenhouse brings it; start-up reports a missing mdp-greenhouse first
 
     try:
         return yaml.safe_load(text)

@@ -1,4 +1,4 @@
-"""The bridge's five parameters: names, defaults, what is accepted, what they do."""
+"""The bridge's five parameters: names, defaults, limits and descriptions."""
 
 import math
 from dataclasses import dataclass
@@ -12,21 +12,23 @@ SECONDS_PER_DAY = 86400.0
 @dataclass(frozen=True)
 class Settings:
     """
-    The parameter values of one run, checked; every default leaves the loaded config alone.
+    The validated parameters of one run. A default keeps the value of the config file.
 
-    Raises StartUpError on a value outside of what its description accepts.
+    Raises StartUpError for a value outside its limits.
     """
 
-    tag_file: str = parameter('', 'Path of a tag_locations.json; empty: the shipped one.')
-    sim_config_file: str = parameter('', 'Path of a greenhouse_config.yaml; empty: the shipped one.')
+    tag_file: str = parameter('', 'Path of a tag_locations.json; empty: the one of mdp-greenhouse.')
+    sim_config_file: str = parameter(
+        '', 'Path of a greenhouse_config.yaml; empty: the one of mdp-greenhouse.'
+    )
     debug_time_of_day: float = parameter(
-        -1.0, 'Hours in [0, 24] to freeze the simulated time at, 24 is midnight; -1.0: as the config says.'
+        -1.0, 'Hour in [0, 24] to freeze the simulated clock at, 24 is midnight; -1.0: as in the config.'
     )
     speedup_factor: float = parameter(
-        0.0, 'Simulated seconds per real second, above 0; 0.0: as the config says.'
+        0.0, 'Simulated seconds per real second, above 0; 0.0: as in the config.'
     )
     debug_seed: int = parameter(
-        -1, 'Seed of the noise, from 0 up; turns debug mode on; -1: as the config says.'
+        -1, 'Seed of the noise, 0 or above; freezes the clock (debug mode); -1: as in the config.'
     )
 
     def __post_init__(self):
@@ -47,6 +49,6 @@ class Settings:
             )
         if self.debug_seed < -1:
             raise StartUpError(
-                f'parameter debug_seed is {self.debug_seed}: must be a whole number from 0 up,'
+                f'parameter debug_seed is {self.debug_seed}: must be 0 or above,'
                 ' or -1 for the seed of the config'
             )

@@ -1,4 +1,4 @@
-"""The mdp-greenhouse simulator, loaded and checked so that every tag it offers can be read. No ROS here."""
+"""Load, validate and read the mdp-greenhouse simulator. Does not import ROS."""
 
 import importlib
 import importlib.metadata
@@ -19,7 +19,7 @@ INSTALL_COMMAND = f"pip install --upgrade 'mdp-greenhouse>={OLDEST_SIMULATOR}'"
 
 
 class ReadingError(OneLineError):
-    """The simulator gave no usable reading for a tag that it has loaded."""
+    """The simulator returned no usable reading for a tag that it has loaded."""
 
 
 class Greenhouse(NamedTuple):
@@ -35,8 +35,8 @@ def load(settings: Settings, tag_file, sim_config_file) -> Greenhouse:
     """
     Return a simulator that can be read at every tag of `tag_ids` at any hour.
 
-    `tag_file` and `sim_config_file` go to the simulator as they are; None stands for its shipped files.
-    Raises StartUpError, with one line that names what to mend.
+    `tag_file` and `sim_config_file` are passed on to the simulator; None selects its shipped files.
+    Raises StartUpError with one line that says what to fix.
     """
     version = require_simulator()
     from greenhouse_sim.dynamics import AVAILABLE_DYNAMICS
@@ -55,7 +55,8 @@ def load(settings: Settings, tag_file, sim_config_file) -> Greenhouse:
             if name not in config['sensors']:
                 raise StartUpError(
                     f"tag_file '{tag_path}': tag '{printable(tag_id, 64)}' has the sensor {name!r}, which"
-                    f" sim_config_file '{config_path}' lacks: it has {', '.join(config['sensors'])}"
+                    f" sim_config_file '{config_path}' does not have: add it there, or use one of"
+                    f' {", ".join(config["sensors"])}'
                 )
     try:
         sim = GreenhouseSimulator(tag_file, sim_config_file)
@@ -97,10 +98,10 @@ def require_simulator() -> str:
     """
     Return the installed version of mdp-greenhouse.
 
-    Raises StartUpError on none, on one older than 1.0.7, and on one that cannot be imported.
+    Raises StartUpError if it is missing, older than 1.0.7, or cannot be imported.
 
-    The package's own metadata decides: `greenhouse_sim.simulator.__version__` is not kept up to date.
-    Before 1.0.7 the simulated clock is wrong: not within a day (1.0.5), 24 times off in debug mode (1.0.6).
+    Reads the package's metadata, because `greenhouse_sim.simulator.__version__` is not kept up to date.
+    Before 1.0.7 the simulated clock is wrong: it exceeds a day (1.0.5) or is 24 times off (1.0.6).
     """
     try:
         version = importlib.metadata.version('mdp-greenhouse')
@@ -128,8 +129,8 @@ def read(sim, tag_id: str) -> tuple[float, dict[str, float]]:
     """
     Return the simulated time of day in seconds, in [0, 86400), and the value of each sensor at the tag.
 
-    The time is the one that the simulator computed the values at, not that of a second look at its
-    clock, which may be a whole tick later. All values are finite. Raises ReadingError otherwise.
+    The time is that of the values: a second call of the simulator's clock could be a whole tick later.
+    Raises ReadingError if a value is missing or not finite.
     """
     try:
         data = dict(sim.get_sensor_data(tag_id))
@@ -143,22 +144,22 @@ def read(sim, tag_id: str) -> tuple[float, dict[str, float]]:
         ) from error
     if not 0.0 <= sim_time < SECONDS_PER_DAY:
         raise ReadingError(
-            f"the simulator gave the time of day {sim_time} s at tag '{printable(tag_id, 64)}',"
+            f"the simulator returned the time of day {sim_time} s at tag '{printable(tag_id, 64)}',"
             ' which is outside [0, 86400)'
         )
     if not values:
-        raise ReadingError(f"the simulator gave no value at tag '{printable(tag_id, 64)}'")
+        raise ReadingError(f"the simulator returned no value at tag '{printable(tag_id, 64)}'")
     return sim_time, values
 
 
 def _finite(value, name: str) -> float:
     if not isinstance(value, numbers.Real) or isinstance(value, bool) or not math.isfinite(value):
-        raise ReadingError(f'the simulator gave {value!r} for {name}, not a finite number')
+        raise ReadingError(f'the simulator returned {value!r} for {name}, not a finite number')
     return float(value)
 
 
 def _apply_overrides(sim, settings: Settings) -> None:
-    """Put the settings that are no sentinel over the loaded config, and seed the noise by ourselves."""
+    """Override the loaded config with every setting that is not a sentinel, and seed the noise."""
     time = sim.sim_config['time']
     if settings.debug_time_of_day >= 0.0:
         time['debug_mode'] = True
@@ -168,12 +169,12 @@ def _apply_overrides(sim, settings: Settings) -> None:
     if settings.debug_seed >= 0:
         time['debug_mode'] = True
         time['debug_seed'] = settings.debug_seed
-        # The simulator seeds in its constructor only, which has run: without this line the seed does nothing.
+        # The simulator seeds only in its constructor, which has already run: this line makes the seed work.
         random.seed(settings.debug_seed)
 
 
 def _prove_readable(sim, tag_ids) -> None:
-    """Read every tag once and put the noise back: a seeded sequence starts with the first request."""
+    """Read every tag once, then restore the noise: a seeded sequence starts with the first request."""
     state = random.getstate()
     for tag_id in tag_ids:
         try:
@@ -190,9 +191,9 @@ def _warnings(sim, tags: dict, settings: Settings) -> list[str]:
     bare = [printable(tag_id, 64) for tag_id, tag in tags.items() if not tag['sensors']]
     if bare:
         some = ', '.join(f"'{tag_id}'" for tag_id in bare[:5])
-        warnings.append(f'left out, as if unknown: {len(bare)} tags without sensors, such as {some}')
+        warnings.append(f'{len(bare)} tags have no sensors and are treated as unknown tags, such as {some}')
     if settings.speedup_factor > 0.0 and sim.sim_config['time']['debug_mode']:
-        warnings.append('speedup_factor has no effect: debug mode holds the simulated clock still')
+        warnings.append('speedup_factor has no effect: debug mode freezes the simulated clock')
     return warnings
 
 

@@ -1,4 +1,4 @@
-"""The units that the team reads the sensors in. The simulator itself has none: a value is just a number."""
+"""The units that the team uses for the sensors. The simulator itself has no units."""
 
 UNITS = {
     'temperature': '°C',
@@ -10,5 +10,5 @@ UNITS = {
 
 
 def unit_of(sensor: str) -> str:
-    """Return the unit of a sensor's values; '' for a sensor that is not one of the five known ones."""
+    """Return the unit of a sensor's values; '' for a sensor that is not one of the simulator's five."""
     return UNITS.get(sensor, '')

@@ -1,1 +1,1 @@
-"""The climate at a greenhouse tag, from the mdp-greenhouse simulator, as one ROS 2 service."""
+"""A ROS 2 service that returns simulated climate readings for a greenhouse AprilTag."""

@@ -1,4 +1,4 @@
-"""ROS 2 node `greenhouse_bridge`: tells the climate at a tag, now."""
+"""ROS 2 node `greenhouse_bridge`: returns the simulated climate at a tag, at the time of the request."""
 
 import sys
 from pathlib import Path
@@ -20,7 +20,7 @@ LOG_EVERY_SECONDS = 5.0  # a caller in a loop must not flood the log
 
 
 def _config_path(value: str) -> Path | str | None:
-    """Turn a path parameter into what the simulator takes for it; empty means its shipped file."""
+    """Turn a path parameter into an argument of the simulator; None selects its shipped file."""
     return Path(value) if value else None
 
 
@@ -28,7 +28,7 @@ class GreenhouseBridgeNode(Node):
     """Serves `~/get_tag_reading` from one simulator, and nothing else."""
 
     def __init__(self):
-        """Load and check the greenhouse, then offer the service; raises StartUpError."""
+        """Load and validate the greenhouse, then offer the service; raises StartUpError."""
         super().__init__(NODE_NAME)
         settings = life_cycle.declare_parameters(self, Settings)
         greenhouse = simulation.load(
@@ -40,10 +40,12 @@ class GreenhouseBridgeNode(Node):
             self.get_logger().warning(warning)
         self._sim = greenhouse.sim
         self._tag_set = frozenset(greenhouse.tag_ids)
-        read_only = ParameterDescriptor(description='The tags that are served.', read_only=True)
+        read_only = ParameterDescriptor(
+            description='The ids of the tags that the bridge serves.', read_only=True
+        )
         self.declare_parameter('loaded_tag_ids', greenhouse.tag_ids, read_only, ignore_override=True)
 
-        # One handler at a time, whatever the executor: the simulator is not thread-safe.
+        # The simulator is not thread-safe: only one handler runs at a time, in any executor.
         self._cb_group = MutuallyExclusiveCallbackGroup()
         self._service = self.create_service(
             GetTagReading,
@@ -58,7 +60,7 @@ class GreenhouseBridgeNode(Node):
     def _handle_get_tag_reading(self, request, response):
         tag_id = request.tag_id
         if tag_id not in self._tag_set:
-            # Left to itself the simulator gives {}: an OK without readings, the worst answer.
+            # For an unknown tag the simulator returns {}, which would become STATUS_OK without readings.
             response.status = GetTagReading.Response.STATUS_UNKNOWN_TAG
             response.error_message = (
                 f"Tag '{printable(tag_id, 64)}' is not in the loaded greenhouse"
@@ -83,7 +85,7 @@ class GreenhouseBridgeNode(Node):
 
 
 def main(args=None):
-    """Serve until Ctrl-C or SIGTERM (exit 0); what cannot be served is one FATAL line (exit 1)."""
+    """Serve until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return life_cycle.run(NODE_NAME, GreenhouseBridgeNode, args)
 
 

@@ -1,7 +1,7 @@
 """
-ROS 2 node `read_on_sight`: asks the bridge for each tag that a detector sees, and publishes the reading.
+ROS 2 node `read_on_sight`: reads each tag that an AprilTag detector sees, and publishes the reading.
 
-A consumer of the bridge's service, for robots that have an AprilTag detector. It never waits in a callback.
+It is a client of the bridge, for robots with a detector. It never waits in a callback.
 """
 
 import re
@@ -26,30 +26,30 @@ from lupin_greenhouse_bridge.sightings import Limits, Sightings
 NODE_NAME = 'read_on_sight'
 LOOK_EVERY_SECONDS = 0.1
 LOG_EVERY_SECONDS = 5.0
-MOST_UNKNOWN_IDS_LOGGED = 1000  # a detector that invents ids must not fill the memory
+MOST_UNKNOWN_IDS_LOGGED = 1000  # a detector that reports random ids must not fill the memory
 
 
 @dataclass(frozen=True)
 class Settings:
-    """The parameter values of one run, checked; raises StartUpError for one that is wrong."""
+    """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     detections_topic: str = parameter('/detections', 'An apriltag_msgs/AprilTagDetectionArray topic.')
     bridge_service_name: str = parameter(DEFAULT_SERVICE, 'The GetTagReading service.')
     tag_id_format: str = parameter(
-        '{id}', "How the number of a tag becomes a tag id, such as 'tag_{id:02d}'."
+        '{id}', "Format that turns the number of a tag into a tag id, such as 'tag_{id:02d}'."
     )
     cooldown_seconds: float = parameter(
         10.0,
-        'How long a tag is not asked for again after it was read, in seconds.',
+        'Seconds after a reading before the tag is requested again.',
         smallest=0.0,
         largest=86400.0,
     )
     request_timeout_seconds: float = parameter(
-        2.0, 'How long to wait for one answer, in seconds.', smallest=0.001, largest=3600.0
+        2.0, 'Seconds to wait for each reply.', smallest=0.001, largest=3600.0
     )
     max_attempts: int = parameter(
         3,
-        'How often to ask for a tag before it is left alone for as long as that took.',
+        'Requests for a tag before a pause as long as these requests took.',
         smallest=1,
         largest=1000,
     )
@@ -69,10 +69,10 @@ class Settings:
 
 
 class ReadOnSightNode(Node):
-    """Turns sightings into readings, on the topic `~/readings`."""
+    """Turns detections into readings on the topic `~/readings`."""
 
     def __init__(self):
-        """Listen to the detector; raises StartUpError."""
+        """Subscribe to the detector; raises StartUpError."""
         super().__init__(NODE_NAME)
         self._settings = settings = life_cycle.declare_parameters(self, Settings)
         self._sightings = Sightings(
@@ -90,7 +90,7 @@ class ReadOnSightNode(Node):
             raise StartUpError(
                 f'parameter bridge_service_name is no service name: {printable(str(error), 300)}'
             ) from error
-        # Best effort: hears every detector, whatever it offers.
+        # Best effort is compatible with every publisher.
         self.create_subscription(
             detection_messages().AprilTagDetectionArray,
             settings.detections_topic,
@@ -108,7 +108,7 @@ class ReadOnSightNode(Node):
         self._send()
 
     def _look(self) -> None:
-        """Give up the requests that have taken too long, and send the next ones."""
+        """Give up requests after their timeout, and send the next ones."""
         self._sightings.forget(time.monotonic())
         for tag_id in self._sightings.overdue(time.monotonic()):
             self._client.remove_pending_request(self._futures.pop(tag_id))
@@ -145,7 +145,7 @@ class ReadOnSightNode(Node):
 
 
 def main(args=None) -> int:
-    """Publish until Ctrl-C or SIGTERM (exit 0); refuse a wrong setting with one FATAL line (exit 1)."""
+    """Publish until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return life_cycle.run(NODE_NAME, ReadOnSightNode, args)
 
 

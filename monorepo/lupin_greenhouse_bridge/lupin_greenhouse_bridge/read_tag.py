@@ -1,4 +1,4 @@
-"""`ros2 run lupin_greenhouse_bridge read_tag`: ask a running bridge, as a person does."""
+"""`ros2 run lupin_greenhouse_bridge read_tag`: print readings from a running bridge."""
 
 import argparse
 import contextlib
@@ -21,7 +21,7 @@ ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
 
 @contextlib.contextmanager
 def _progress():
-    """Yield a function that shows a line until the block ends; only a person at a terminal sees it."""
+    """Yield a function that shows a line at a terminal until the block ends."""
     is_terminal = sys.stderr.isatty()
 
     def show(text: str) -> None:
@@ -55,7 +55,7 @@ def main(args=None):
     except (client.UsageError, StartUpError) as error:
         print(f'read_tag: {error}', file=sys.stderr)
         return USAGE
-    except BrokenPipeError:  # the reader of the pipe has enough
+    except BrokenPipeError:  # the reader has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ALL_READ
 
@@ -90,35 +90,35 @@ def _read(node, bridge: client.Client, options) -> int:
 
 
 def _all_tag_ids(bridge: client.Client, service_name: str) -> list[str]:
-    """Return the ids that the bridge has loaded, in the order of a person; raises NoAnswer, UsageError."""
+    """Return the ids that the bridge has loaded, in natural order; raises NoAnswer, UsageError."""
     parameters = bridge.connect(GetParameters, client.parameter_service_of(service_name))
     tag_ids = client.tag_ids_of(bridge.call(parameters, client.tag_ids_request()))
     if not tag_ids:
         raise client.UsageError(
-            f'the node of {service_name} has no parameter {client.TAG_IDS_PARAMETER}, as a bridge before 1.1:'
-            ' name the tag ids instead of --all'
+            f'the node of {service_name} has no parameter {client.TAG_IDS_PARAMETER}, so it is a bridge'
+            ' older than 1.1: name the tag ids instead of --all'
         )
     return sorted(tag_ids, key=lambda tag_id: (len(tag_id), tag_id))
 
 
 def _likely_cause(node, service_name: str) -> str:
-    """Say why a GetTagReading service may not be there, from what is there."""
+    """Explain from the ROS graph why the service may be missing."""
     wanted = f'{GetTagReading.__module__.split(".")[0]}/srv/GetTagReading'
     services = dict(node.get_service_names_and_types())
     if others := set(services.get(service_name, [])) - {wanted}:
         return (
-            f'{service_name} has the type {others.pop()}, and this client speaks {wanted}:'
+            f'{service_name} has the type {others.pop()}, but this client calls {wanted}:'
             ' use the read_tag of the same repository as the bridge'
         )
     if elsewhere := [name for name, types in services.items() if wanted in types and name != service_name]:
         return f'there is {elsewhere[0]}: name it with --service'
     domain = f'ROS_DOMAIN_ID {os.environ.get("ROS_DOMAIN_ID") or "0"}'
     if _is_limited_to_this_machine():
-        domain += ' of this machine alone (ROS_AUTOMATIC_DISCOVERY_RANGE or ROS_LOCALHOST_ONLY says so)'
-    nodes = len(node.get_node_names()) - 1  # without this one
-    seen = f'{nodes} other nodes, and no bridge' if nodes else 'no other node'
+        domain += ', limited to this machine by ROS_AUTOMATIC_DISCOVERY_RANGE or ROS_LOCALHOST_ONLY,'
+    has_others = len(node.get_node_names()) > 1
+    seen = 'other nodes but no bridge' if has_others else 'no other node'
     return (
-        f'on {domain} there is {seen}: start the bridge (ros2 launch lupin_greenhouse_bridge'
+        f'{domain} has {seen}: start the bridge (ros2 launch lupin_greenhouse_bridge'
         " greenhouse_bridge.launch.py), or set ROS_DOMAIN_ID to the bridge's domain"
     )
 
@@ -134,15 +134,15 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='read_tag',
         description='Read the climate at greenhouse tags from a running greenhouse_bridge.',
-        epilog='Exit code: 0 all read, 1 some tag failed, 2 usage, 3 no service or no answer in time.',
+        epilog='Exit code: 0 all read, 1 a tag failed, 2 usage, 3 no service or no reply before the timeout.',
     )
     ids = parser.add_argument('tag_ids', nargs='*', metavar='ID', help='a tag id, such as 1')
     ids.completer = lambda **_: simulation.served_tag_ids('')
-    parser.add_argument('--all', action='store_true', help='every tag that the bridge has loaded')
+    parser.add_argument('--all', action='store_true', help='read every tag that the bridge has loaded')
     parser.add_argument(
-        '--watch', type=_seconds, metavar='SECONDS', help='read again and again, this far apart'
+        '--watch', type=_seconds, metavar='SECONDS', help='repeat the readings at this interval'
     )
-    parser.add_argument('--json', action='store_true', help='one JSON object per tag and line')
+    parser.add_argument('--json', action='store_true', help='print one JSON object per line and tag')
     parser.add_argument(
         '--service', default=client.DEFAULT_SERVICE, metavar='NAME', help='default: %(default)s'
     )
@@ -151,10 +151,10 @@ def _parser() -> argparse.ArgumentParser:
         type=_seconds,
         default=5.0,
         metavar='SECONDS',
-        help='for the service and for each answer; default: %(default)s',
+        help='timeout for the service and for each reply; default: %(default)s',
     )
     with contextlib.suppress(ImportError):
-        import argcomplete  # comes with ros2cli; without it there is no completion, and no harm
+        import argcomplete  # installed with ros2cli; without it only the shell completion is missing
 
         argcomplete.autocomplete(parser)
     return parser

@@ -12,8 +12,8 @@ and in a test:
         my_consumer.ask(bridge.service_name)
         assert bridge.values('1')['temperature'] > 15.0
 
-Every process is a real one, on a ROS domain that no other test run on this machine uses. Needs pytest and
-domain_coordinator (ros-DISTRO-domain-coordinator): name both, and this package, as test_depend.
+Every process is a real one, on a ROS domain that no other test run on this machine uses. The fixtures need
+pytest and domain_coordinator (ros-DISTRO-domain-coordinator): name both, and this package, as test_depend.
 """
 
 import contextlib
@@ -38,17 +38,17 @@ from rclpy.executors import SingleThreadedExecutor
 from lupin_greenhouse_bridge import simulation
 from lupin_greenhouse_bridge.client import SERVICE_QOS
 
-PATIENCE_SECONDS = 30.0  # for a busy machine; nothing waits this long when all is well
+PATIENCE_SECONDS = 30.0  # for a busy machine; a passing test never waits this long
 
 
 def executable(package: str, name: str) -> str:
-    """Return the path of what `ros2 run PACKAGE NAME` starts."""
+    """Return the path of the executable that `ros2 run PACKAGE NAME` starts."""
     return str(Path(get_package_prefix(package), 'lib', package, name))
 
 
 @contextlib.contextmanager
 def spinning_node(name: str):
-    """Yield a node of a context of its own, which a thread spins."""
+    """Yield a node with its own context, spun by a thread."""
     context = Context()
     rclpy.init(args=[], context=context)
     node = rclpy.create_node(name, context=context)
@@ -66,7 +66,7 @@ def spinning_node(name: str):
 
 
 def call(client, request):
-    """Call a service whose node another thread spins, and return the response; fail when none comes."""
+    """Call a service whose node another thread spins, and return the response; fail if none arrives."""
     answered = threading.Event()
     future = client.call_async(request)
     future.add_done_callback(lambda _future: answered.set())
@@ -85,16 +85,16 @@ def greet(client, request) -> None:
 
 
 def wait_until(is_so) -> None:
-    """Look again until is_so() is true; fail after a while. For the graph, which notifies nobody."""
+    """Poll until is_so() is true; fail after PATIENCE_SECONDS."""
     pause = threading.Event()
     deadline = time.monotonic() + PATIENCE_SECONDS
     while not is_so():
-        assert time.monotonic() < deadline, 'it did not come to be'
+        assert time.monotonic() < deadline, 'the condition did not become true'
         pause.wait(0.002)
 
 
 class NodeProcess:
-    """A node as a process, in a namespace of its own, and its log."""
+    """A node as a process with its own namespace, and its log."""
 
     def __init__(self, command: list[str], *, environment: dict | None = None, **parameters):
         """Start the command with these parameters of the node."""
@@ -122,7 +122,7 @@ class NodeProcess:
         self.process.wait()
 
     def wait_for_log(self, fragment: str) -> str:
-        """Return the next log line that holds the fragment; fail when the process ends without it."""
+        """Return the next log line that contains the fragment; fail if the process ends without it."""
         while True:
             line = self._lines.get(timeout=PATIENCE_SECONDS)
             assert line is not None, f'no {fragment!r} in the log:\n' + '\n'.join(self.log)
@@ -140,7 +140,7 @@ class NodeProcess:
     def send(self, *numbers: signal.Signals) -> None:
         """Send signals, one right after the other, to a process that may be about to end."""
         for number in numbers:
-            self.process.send_signal(number)  # does nothing once the process was waited for
+            self.process.send_signal(number)  # has no effect after the process was waited for
 
     def end(self) -> int:
         """Return the exit code of a process that ends; fail for a traceback in its log."""
@@ -161,7 +161,7 @@ class NodeProcess:
 
 
 class Bridge(NodeProcess):
-    """A bridge as a process and, once connected, a client of its service."""
+    """A bridge as a process and, after connect(), a client of its service."""
 
     def __init__(self, command: list[str] | None = None, **keywords):
         super().__init__(command or [executable('lupin_greenhouse_bridge', 'bridge_node')], **keywords)
@@ -176,10 +176,10 @@ class Bridge(NodeProcess):
         self._stack.close()
 
     def connect(self):
-        """Wait until the service is there, and return its client."""
+        """Wait until the service is available, and return its client."""
         if self._client is None:
             self.wait_for_log('ready:')
-            # A participant that is younger than the bridge: an older one may take 3 s to discover it.
+            # A new participant: one that is older than the bridge may take 3 s to discover it.
             self.node = self._stack.enter_context(spinning_node('bridge_test'))
             self._client = self.node.create_client(GetTagReading, self.service_name, qos_profile=SERVICE_QOS)
             assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
@@ -190,7 +190,7 @@ class Bridge(NodeProcess):
         return call(self.connect(), GetTagReading.Request(tag_id=tag_id))
 
     def values(self, tag_id: str) -> dict[str, float]:
-        """Return the readings at a tag by sensor name; fail on any other status than OK."""
+        """Return the readings at a tag by sensor name; fail for any status but OK."""
         response = self.call(tag_id)
         assert (response.status, response.error_message) == (GetTagReading.Response.STATUS_OK, '')
         return {each.name: each.value for each in response.reading.readings}
@@ -198,7 +198,7 @@ class Bridge(NodeProcess):
 
 @contextlib.contextmanager
 def closing_all():
-    """Yield a function that takes a process to be closed at the end, and returns it."""
+    """Yield a function that registers a process to close at the end, and returns it."""
     with contextlib.ExitStack() as stack:
 
         def closed_at_the_end(process):
@@ -210,7 +210,7 @@ def closing_all():
 
 @pytest.fixture(scope='session', autouse=True)
 def own_domain(tmp_path_factory):
-    """Give this test run a domain that no other run on this machine uses, visible on this machine only."""
+    """Give this test run its own domain, visible on this machine only."""
     with domain_coordinator.domain_id() as domain_id, pytest.MonkeyPatch.context() as patch:
         patch.setenv('ROS_DOMAIN_ID', str(domain_id))
         patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')

@@ -116,7 +116,7 @@ def test_the_cause_of_a_failure_is_logged_once_and_not_with_every_request(start_
 def test_a_reply_that_cannot_be_sent_is_a_warning_and_the_next_request_is_answered(start_bridge, altered):
     bridge = start_bridge(altered('unsendable_reply'))
     lost = bridge.connect().call_async(GetTagReading.Request(tag_id='1'))
-    bridge.wait_for_log('went on after: failed to send response')
+    bridge.wait_for_log('continued after: failed to send response')
     assert bridge.values('1')
     assert not lost.done()
 

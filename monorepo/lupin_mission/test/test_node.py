@@ -289,4 +289,4 @@ def test_a_mistyped_parameter_is_named_and_changes_nothing(start_mission):
     mission = start_mission(tag_ids='1', tags='2', max_attempts=1, request_timeout_seconds=0.01)
     assert mission.end() == 1
     assert [tag_id for tag_id, _ in mission.outcomes()] == ['1']
-    assert len([line for line in mission.log if 'parameter tags is unknown, and ignored' in line]) == 1
+    assert len([line for line in mission.log if 'parameter tags is unknown and ignored' in line]) == 1

@@ -1,8 +1,8 @@
 """
-The life of a node, from the first signal to the exit code: parameters, spinning, refusal, a clean end.
+The life cycle of a node: signals, parameters, spinning, start-up errors, and a clean shutdown.
 
-Imports only the standard library, so that an executable can take its signals before it imports rclpy, and
-a launch file can read a node's parameters without ROS.
+Imports only the standard library. An executable can thus handle signals before it imports rclpy, and a launch
+file can read a node's parameters without ROS.
 """
 
 import contextlib
@@ -18,9 +18,9 @@ from typing import NoReturn
 
 from .errors import OneLineError, StartUpError, printable
 
-LONGEST_WAIT_SECONDS = 0.5  # rclpy waits in C, where a signal is only noticed afterwards
-# ROS's default depth is 10. Requests and replies beyond that are dropped without a word: every service
-# hears the requests of all clients, and every client the replies to all.
+LONGEST_WAIT_SECONDS = 0.5  # rclpy waits in C, and Python handles a signal only after the wait
+# ROS's default depth is 10, and DDS silently drops requests and replies beyond it. Each service receives the
+# requests of all its clients, and each client the replies to all of them.
 SERVICE_DEPTH = 1000
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -30,10 +30,10 @@ _is_asked_to_end = False
 
 def take_signals() -> None:
     """
-    Note Ctrl-C and SIGTERM from now on, and let them interrupt nothing.
+    Record Ctrl-C and SIGTERM from now on, instead of letting them interrupt the code.
 
-    rclpy's own handlers shut the context down under the code that uses it, and Python's raise
-    KeyboardInterrupt anywhere: each of them can turn a signal into a traceback.
+    rclpy's own handlers shut the context down while other code uses it. Python's raise KeyboardInterrupt
+    anywhere. Either can turn a signal into a traceback.
     """
 
     def note(_number, _frame):
@@ -45,19 +45,19 @@ def take_signals() -> None:
 
 
 def is_asked_to_end() -> bool:
-    """Return True once Ctrl-C or SIGTERM has come."""
+    """Return True once Ctrl-C or SIGTERM has arrived."""
     return _is_asked_to_end
 
 
 def sleep(seconds: float) -> None:
-    """Sleep that long, or until the process is asked to end."""
+    """Sleep for this time, or until a signal asks the process to end."""
     end = time.monotonic() + seconds
     while not _is_asked_to_end and (left := end - time.monotonic()) > 0.0:
         time.sleep(min(left, LONGEST_WAIT_SECONDS))
 
 
 def start(module: str) -> NoReturn:
-    """Take the signals, then import the module, run its main(), and end the process with its exit code."""
+    """Handle signals, import the module, run its main(), and end the process with its exit code."""
     take_signals()
     try:
         end(importlib.import_module(module).main())
@@ -66,7 +66,7 @@ def start(module: str) -> NoReturn:
 
 
 def end(exit_code: int) -> NoReturn:
-    """End the process at once, when everything is closed: no library is unloaded under its own threads."""
+    """End the process without unloading its libraries, whose threads may still run."""
     with contextlib.suppress(BrokenPipeError):
         sys.stdout.flush()
     sys.stderr.flush()
@@ -74,7 +74,7 @@ def end(exit_code: int) -> NoReturn:
 
 
 def parameter(default, description: str, *, smallest=None, largest=None):
-    """Return a dataclass field for one parameter; a number may have limits, both inclusive."""
+    """Return a dataclass field for one parameter; a number may have inclusive limits."""
     return field(default=default, metadata={'description': description, 'limits': (smallest, largest)})
 
 
@@ -87,7 +87,7 @@ _KINDS = {
 
 
 def check_parameters(settings, *, of_any_type: tuple[str, ...] = ()) -> None:
-    """Raise StartUpError for the first parameter that has a wrong type or is out of its limits."""
+    """Raise StartUpError for the first parameter with a wrong type or a value outside its limits."""
     for each in fields(settings):
         if each.name in of_any_type:
             continue
@@ -96,7 +96,7 @@ def check_parameters(settings, *, of_any_type: tuple[str, ...] = ()) -> None:
         if smallest is not None:
             wanted += f' from {smallest:g} to {largest:g}'
         is_right = isinstance(value, kind) and isinstance(value, bool) == (kind is bool)
-        if not is_right or not (smallest is None or smallest <= value <= largest):  # NaN is in no range
+        if not is_right or not (smallest is None or smallest <= value <= largest):  # also rejects NaN
             raise StartUpError(f'parameter {each.name} is {_shown(value)}: must be {wanted}')
 
 
@@ -108,7 +108,7 @@ def declare_parameters(node, settings_type):
     """
     Declare every field of a settings dataclass as a read-only parameter; return the settings.
 
-    A parameter that the node does not have gets a warning: ROS ignores it silently.
+    Logs a warning for each parameter that the node does not have. ROS would ignore it silently.
     """
     from rcl_interfaces.msg import ParameterDescriptor
 
@@ -121,12 +121,12 @@ def declare_parameters(node, settings_type):
         values[each.name] = node.declare_parameter(each.name, each.default, descriptor).value
     for name in getattr(node, '_parameter_overrides', ()):  # private to rclpy: it may disappear
         if not node.has_parameter(name):
-            node.get_logger().warning(f'parameter {printable(name, 64)} is unknown, and ignored')
+            node.get_logger().warning(f'parameter {printable(name, 64)} is unknown and ignored')
     return settings_type(**values)
 
 
 def launch_arguments(settings_type) -> list[tuple[str, str, type, str]]:
-    """Return (name, default, type, description) of each parameter, the default as launch writes it."""
+    """Return (name, default, type, description) of each parameter, with the default as launch writes it."""
     arguments = []
     for each in fields(settings_type):
         default = str(each.default).lower() if each.type is bool else str(each.default)
@@ -137,7 +137,7 @@ def launch_arguments(settings_type) -> list[tuple[str, str, type, str]]:
 @contextlib.contextmanager
 def ros(args=None):
     """
-    Start ROS and yield an executor; close the executor, its nodes and ROS at the end, in that order.
+    Start ROS and yield an executor; at the end, close the executor, its nodes and ROS, in that order.
 
     Raises StartUpError for ROS arguments that cannot be parsed.
     """
@@ -160,15 +160,15 @@ def ros(args=None):
             executor.shutdown()
             for node in nodes:
                 node.destroy_node()
-            gc.collect()  # a node whose constructor raised is garbage by now, and must go before ROS does
+            gc.collect()  # a node whose constructor raised must be destroyed before ROS shuts down
     finally:
         rclpy.get_default_context().try_shutdown()
-        for number in SIGNALS:  # Python undoes a handler of its own before DDS has ended
+        for number in SIGNALS:  # Python resets its own handlers before DDS has ended
             signal.signal(number, signal.SIG_IGN)
 
 
 def security_problem() -> str:
-    """Return what to say of a failure while SROS2 is enabled; '' if it is not."""
+    """Return what may be wrong with the security settings; '' if SROS2 is not enabled."""
     if os.environ.get('ROS_SECURITY_ENABLE') != 'true':
         return ''
     if not os.environ.get('ROS_SECURITY_KEYSTORE'):
@@ -181,7 +181,7 @@ def security_problem() -> str:
 
 @contextlib.contextmanager
 def node_creation():
-    """Create a node inside; raises StartUpError where ROS refuses it."""
+    """Wrap the creation of a node; raises StartUpError if ROS refuses it."""
     from rclpy.exceptions import NameValidationException, ParameterException
     from rclpy.impl.implementation_singleton import rclpy_implementation
 
@@ -199,8 +199,8 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
     """
     Run one node until it is done, or until Ctrl-C or SIGTERM; return the exit code.
 
-    `is_done(node)` is asked after every callback; `conclude(node)` gives the exit code, 0 without it.
-    A OneLineError becomes one FATAL line of the logger `name`, and the exit code `refused`.
+    `is_done(node)` is called after every callback. `conclude(node)` returns the exit code, 0 by default. A
+    OneLineError becomes one FATAL line of the logger `name` and the exit code `refused`.
     """
     from rclpy.logging import get_logger
 
@@ -217,18 +217,20 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
                 while not (is_asked_to_end() or (is_done and is_done(node))):
                     _spin_once(executor, node)
                 return conclude(node) if conclude else 0
-            except OneLineError as error:  # here and not outside: it keeps a node alive that has to go first
+            except (
+                OneLineError
+            ) as error:  # caught here: the error keeps alive a node that must be destroyed first
                 return refuse(error)
     except StartUpError as error:
         return refuse(error)
 
 
 def _spin_once(executor, node) -> None:
-    """Let the executor do one thing; a reply that cannot be sent, for which Humble raises, is a warning."""
+    """Run one callback. Humble raises if a reply cannot be sent: log a warning and continue."""
     from rclpy.impl.implementation_singleton import rclpy_implementation
 
     try:
         executor.spin_once(timeout_sec=LONGEST_WAIT_SECONDS)
     except rclpy_implementation.RCLError as error:
         reason = printable(str(error), 300)
-        node.get_logger().warning(f'went on after: {reason}', throttle_duration_sec=1.0)
+        node.get_logger().warning(f'continued after: {reason}', throttle_duration_sec=1.0)

@@ -302,5 +302,5 @@ def test_what_cannot_be_is_refused_in_one_line(start_confirm_tag, name, value, f
 
 def test_a_mistyped_parameter_is_named_and_changes_nothing(start_confirm_tag):
     process = start_confirm_tag(min_frame=0)
-    process.wait_for_log('parameter min_frame is unknown, and ignored')
+    process.wait_for_log('parameter min_frame is unknown and ignored')
     process.wait_for_log('ready: ')

@@ -19,7 +19,7 @@ setup(
     zip_safe=True,
     maintainer='Lupin team',
     maintainer_email='lupin.team@example.org',
-    description='The climate at a greenhouse tag, from the mdp-greenhouse simulator, as one ROS 2 service.',
+    description='A ROS 2 service that returns simulated climate readings for a greenhouse AprilTag.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [

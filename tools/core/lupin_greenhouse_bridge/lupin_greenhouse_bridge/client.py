@@ -1,4 +1,4 @@
-"""A client for scripts and tests: connects, asks one question at a time, and gives up in time."""
+"""A client for scripts and tests: calls services one at a time, each with a timeout."""
 
 import time
 
@@ -20,31 +20,31 @@ STATUS_NAMES = {
 
 
 class NoAnswer(OneLineError):
-    """No service of that name and type, or no reply in time."""
+    """The service is not there, or does not reply before the timeout."""
 
 
 class UsageError(OneLineError):
-    """The command line asks for something impossible."""
+    """An argument of the command line is invalid."""
 
 
 class Interrupted(Exception):
-    """Ctrl-C or SIGTERM came before the answer."""
+    """Ctrl-C or SIGTERM arrived before the reply."""
 
 
 class Client:
     """Calls services one at a time, each with a timeout."""
 
     def __init__(self, executor, node, timeout_seconds: float):
-        """`executor` is spun by this client alone, and holds `node`."""
+        """Only this client spins `executor`, which must hold `node`."""
         self._executor = executor
         self._node = node
         self._timeout_seconds = timeout_seconds
 
     def connect(self, service_type, service_name: str, show=lambda _text: None):
         """
-        Return a client of a service that is there.
+        Wait until a service is available, and return its client.
 
-        `show` gets a line of progress now and then. Raises NoAnswer, UsageError and Interrupted.
+        `show` receives a line of progress about once a second. Raises NoAnswer, UsageError and Interrupted.
         """
         try:
             client = self._node.create_client(service_type, service_name, qos_profile=SERVICE_QOS)
@@ -89,10 +89,10 @@ def tag_ids_request() -> GetParameters.Request:
 
 
 def has_tag_file(response: GetParameters.Response) -> bool:
-    """Tell whether the bridge has loaded another tag file than the simulator's own."""
+    """Return whether the bridge has loaded a custom tag file."""
     return bool(response.values[-1].string_value)
 
 
 def tag_ids_of(response: GetParameters.Response) -> list[str]:
-    """Return the tag ids, in the order of the bridge's tag file; none for a node that is no bridge."""
+    """Return the tag ids in the order of the bridge's tag file; [] if the node is not a bridge."""
     return list(response.values[0].string_array_value) if response.values else []

@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""What `ros2 run` starts. Each takes its signals first: to import rclpy takes a moment."""
+"""The entry points of `ros2 run`. Each handles signals first, because importing rclpy takes a moment."""
 
 from typing import NoReturn
 
@@ -7,15 +7,15 @@ from lupin_greenhouse_bridge.life_cycle import start
 
 
 def bridge_node() -> NoReturn:
-    """Serve until Ctrl-C or SIGTERM; end with the exit code."""
+    """Serve until Ctrl-C or SIGTERM, then exit."""
     start('lupin_greenhouse_bridge.bridge_node')
 
 
 def read_tag() -> NoReturn:
-    """Read tags from a running bridge; end with the exit code."""
+    """Read tags from a running bridge, then exit."""
     start('lupin_greenhouse_bridge.read_tag')
 
 
 def read_on_sight() -> NoReturn:
-    """Publish the readings of the tags in view until Ctrl-C or SIGTERM; end with the exit code."""
+    """Publish the readings of the tags in view until Ctrl-C or SIGTERM, then exit."""
     start('lupin_greenhouse_bridge.read_on_sight')

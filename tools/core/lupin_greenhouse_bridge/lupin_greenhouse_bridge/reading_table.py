@@ -1,4 +1,4 @@
-"""Readings as text for a person, or as JSON for a program. No ROS here: it takes responses as they come."""
+"""Print readings as a table or as JSON. Does not import ROS."""
 
 import json
 import os
@@ -11,7 +11,7 @@ HEADER = ('tag', 'sim time', 'sensor', 'value', 'unit')
 
 
 class Screen:
-    """Where tables go: below each other, or on a terminal that is watched each in the place of the last."""
+    """Prints tables one below the other. With --watch at a terminal, each table replaces the last."""
 
     def __init__(self, is_watched: bool):
         self._is_watched = is_watched
@@ -20,7 +20,7 @@ class Screen:
         self._widths = [0] * len(HEADER)
 
     def show(self, responses: dict, status_names: dict[int, str]) -> None:
-        """Print the readings by tag id; failures go to standard error, but in place into the table."""
+        """Print readings by tag id. Failures go to standard error, or into a table that replaces another."""
         rows, failures = [], []
         for tag_id, response in responses.items():
             status = status_names.get(response.status, response.status)
@@ -56,18 +56,18 @@ class Screen:
         ]
 
     def _replace(self, lines: list[str]) -> None:
-        """Go up over what was shown last, erase it, and print no more than the terminal holds."""
+        """Erase the last table, and print as many lines as the terminal holds."""
         columns, rows = terminal_size(sys.stdout)
         if len(lines) >= rows:
             hidden = len(lines) - rows + 2
-            lines = [*lines[:-hidden], f'... {hidden} more lines, in a taller window']
+            lines = [*lines[:-hidden], f'... {hidden} more lines in a taller window']
         up = f'\x1b[{self._lines_shown}F' if self._lines_shown else ''
         print(up + '\x1b[J' + '\n'.join(line[: columns - 1] for line in lines), flush=True)
         self._lines_shown = len(lines)
 
 
 def terminal_size(stream) -> tuple[int, int]:
-    """Return columns and rows of the window itself, whatever COLUMNS says; 80 and 24 where it has none."""
+    """Return the columns and rows of the window, not of COLUMNS and LINES; 80 and 24 without a terminal."""
     columns, rows = os.get_terminal_size(stream.fileno())
     return columns or 80, rows or 24
 

@@ -1,4 +1,4 @@
-"""Which of the tags in view to ask for next. No ROS here."""
+"""Decide which of the tags in view to request next. Does not import ROS."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ MOST_IN_FLIGHT = 4
 
 @dataclass(frozen=True)
 class Limits:
-    """How often to ask; all times in seconds of one steady clock."""
+    """How often to request a tag. All times are seconds of one steady clock."""
 
     cooldown_seconds: float
     request_timeout_seconds: float
@@ -16,20 +16,19 @@ class Limits:
 
 class Sightings:
     """
-    Keeps the tags in view and the requests that are under way.
+    Keeps the tags in view and the pending requests.
 
-    A tag is asked for once per cooldown, which starts with the answer. Few requests are under way at a time.
-    A request that is not answered in time is tried again, up to the number of attempts; then the tag is left
-    alone for as long as these took. A tag that is out of view for longer than a request may take is not asked
-    for.
+    A tag is requested once per cooldown, which starts with the reply. Only a few requests are pending at any
+    time. A request that times out is repeated, up to the number of attempts. The tag then pauses for as long
+    as these attempts took. A tag that has been out of view for longer than a timeout is not requested.
     """
 
     def __init__(self, limits: Limits):
         self._limits = limits
-        self._waiting: dict[str, float] = {}  # when each tag was seen last; the tag seen first comes first
-        self._attempts: dict[str, int] = {}  # of the tags that wait for another attempt or its answer
+        self._waiting: dict[str, float] = {}  # when each tag was seen last; ordered by when it came into view
+        self._attempts: dict[str, int] = {}  # of the tags that wait for another attempt or its reply
         self._in_flight: dict[str, float] = {}  # when each request was sent
-        self._cool_at: dict[str, float] = {}  # when each tag may be asked for again
+        self._cool_at: dict[str, float] = {}  # when each tag may be requested again
 
     def see(self, tag_id: str, now: float) -> None:
         """Note that a tag is in view."""
@@ -38,7 +37,7 @@ class Sightings:
             self._waiting[tag_id] = now
 
     def next(self) -> str | None:
-        """Return the tag to ask for now; None if there is none, or if enough requests are under way."""
+        """Return the tag to request now; None if there is none, or if enough requests are pending."""
         if not self._waiting or len(self._in_flight) >= MOST_IN_FLIGHT:
             return None
         return next(iter(self._waiting))
@@ -50,7 +49,7 @@ class Sightings:
         self._attempts[tag_id] = self._attempts.get(tag_id, 0) + 1
 
     def answered(self, tag_id: str, now: float) -> None:
-        """Note the answer to the request for a tag, whatever it says."""
+        """Note that a reply arrived for a tag, with any status."""
         del self._in_flight[tag_id]
         del self._attempts[tag_id]
         self._cool_at[tag_id] = now + self._limits.cooldown_seconds
@@ -60,7 +59,7 @@ class Sightings:
         limits = self._limits
         if self._attempts[tag_id] >= limits.max_attempts:
             self.answered(tag_id, now)
-            # The bridge may come back long before the cooldown of a tag that was read would end.
+            # The bridge may return long before a whole cooldown would end.
             pause_seconds = limits.max_attempts * limits.request_timeout_seconds
             self._cool_at[tag_id] = now + min(limits.cooldown_seconds, pause_seconds)
             return False

@@ -1,10 +1,10 @@
 """
-Run an executable that sends itself signals at a chosen moment. For tests.
+Run an executable that sends itself signals at a chosen moment, for tests.
 
     python -m lupin_greenhouse_bridge.signalled PACKAGE EXECUTABLE MOMENT SIGNAL[,SIGNAL] [ARGUMENT...]
 
-MOMENT is the end of a file's path and a function in it, such as rclpy/node.py:create_service: the signals
-come when the function is called first. A module that is imported is the function <module>.
+MOMENT is the end of a file's path and a function in it, such as rclpy/node.py:create_service. The signals
+arrive at the first call of the function. The function <module> is the import of the file.
 """
 
 import importlib
@@ -33,7 +33,7 @@ SIGNALS = {
 
 
 def command(package: str, executable: str, moment: str, signals) -> list[str]:
-    """Return the command that does it."""
+    """Return the command line."""
     numbers = ','.join(str(int(number)) for number in signals)
     return [sys.executable, '-m', __name__, package, executable, moment, numbers]
 

@@ -163,7 +163,7 @@ def test_all_needs_a_bridge_that_names_its_tags():
     assert result.returncode == USAGE
     assert result.stderr == (
         'read_tag: the node of /stranger/get_tag_reading has no parameter loaded_tag_ids,'
-        ' as a bridge before 1.1: name the tag ids instead of --all'
+        ' so it is a bridge older than 1.1: name the tag ids instead of --all'
     )
 
 
@@ -191,8 +191,8 @@ def hint(environment=None) -> str:
 def test_the_hint_names_the_domain_the_discovery_and_what_is_there():
     with domain_coordinator.domain_id() as empty_domain:
         text = hint({'ROS_DOMAIN_ID': str(empty_domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'})
-    assert f'on ROS_DOMAIN_ID {empty_domain} of this machine alone' in text
-    assert 'there is no other node: start the bridge' in text
+    assert f'ROS_DOMAIN_ID {empty_domain}, limited to this machine by ' in text
+    assert 'has no other node: start the bridge' in text
 
 
 def test_the_hint_names_a_bridge_of_another_name(bridge):
@@ -203,7 +203,7 @@ def test_the_hint_says_when_there_are_nodes_but_no_bridge():
     with domain_coordinator.domain_id() as domain, pytest.MonkeyPatch.context() as patch:
         patch.setenv('ROS_DOMAIN_ID', str(domain))
         with spinning_node('somebody'):
-            wait_until(lambda: 'there is 1 other nodes, and no bridge' in hint())
+            wait_until(lambda: 'has other nodes but no bridge' in hint())
 
 
 class Terminal:
@@ -249,7 +249,7 @@ def test_a_watched_table_that_is_taller_than_the_terminal_is_cut(bridge):
     """Going up ends at the upper edge: what has scrolled away could not be replaced."""
     service = ['--service', bridge.service_name]
     terminal = Terminal(READ_TAG, '--all', '--watch', '0.01', *service)
-    terminal.read_until('more lines, in a taller window', 2)
+    terminal.read_until('more lines in a taller window', 2)
     terminal.close()
     assert '\x1b[23F\x1b[J' in terminal.text
 
