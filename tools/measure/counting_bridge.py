@@ -1,10 +1,10 @@
-"""The bridge with a counter in it, for soak.py and network.py; prints at its end what it counted."""
+"""The bridge with a counter of its requests, for soak.py and network.py; prints the count when it ends."""
 
 from lupin_greenhouse_bridge import bridge_node, life_cycle, simulation
 
 
 def main() -> int:
-    """Serve as the bridge does; return its exit code."""
+    """Serve like the bridge; return its exit code."""
     handled = 0
     load = simulation.load
 

@@ -1,12 +1,12 @@
 """
-Two hosts, as network namespaces with a cable between them: what it loses, delays, or writes wrong.
+Connect two network namespaces, as two hosts, by a cable that loses, delays or corrupts frames.
 
-    make test-network           as root, with iproute2; else it says why it does nothing
-    make test-network SHORT=1   half a minute; part of make test
+    make test-network           needs root and iproute2; otherwise it prints what is missing
+    make test-network SHORT=1   takes half a minute
 
-The cable is this process: it carries Ethernet frames from one TAP device to another, late and not all
-of them. (`tc netem` would do the same where the kernel has it; many a virtual machine's has not.)
-Every call has two minutes. Prints one line per phase; exit code 1 when a call was lost or handled twice.
+This process is the cable: it forwards Ethernet frames between two TAP devices. (`tc netem` could do the same,
+but the kernels of many virtual machines lack it.) Each call has a timeout of two minutes. Prints one line per
+phase. The exit code is 1 if a call was lost or handled twice.
 """
 
 import argparse
@@ -34,21 +34,21 @@ NO_ANSWER = 3  # read_tag's exit code
 TUN = Path('/dev/net/tun')
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000  # linux/if_tun.h
 LONGEST_FRAME_BYTES = 65536
-IPV4_MULTICAST = b'\x01\x00\x5e'  # how the address of such a frame begins (RFC 1112)
+IPV4_MULTICAST = b'\x01\x00\x5e'  # the first bytes of such an address (RFC 1112)
 UDP_CHECKSUM = slice(40, 42)  # after 14 bytes of Ethernet and 20 of IPv4; 0 is none (RFC 768)
 NOT_UTF_8 = b'\xff\xfe\xed\xa0\x80\xc0\xaf\xf5'
 DISCOVERY_SERVER = '10.77.0.1:11811'
 
 
 class Cable:
-    """Carries frames between two hosts, each with a chance of loss and after a delay."""
+    """Forwards frames between two hosts, with a chance of loss and a delay."""
 
     def __init__(self, hosts: tuple[str, str]):
         self.loss = 0.0  # chance of losing a frame, in [0, 1]
         self.delay_seconds = 0.0  # each way
         self.is_pulled = False
         self.blocks_multicast = False
-        self.miswritten = (b'', b'')  # bytes in a frame, and what arrives in their place
+        self.miswritten = (b'', b'')  # bytes in a frame, and their replacement
         self.carried = self.lost = 0
         self._ends = [self._plug_in(number, host) for number, host in enumerate(hosts, start=1)]
         self._is_open = True
@@ -85,11 +85,11 @@ class Cable:
                         heapq.heappush(under_way, (arrival, self.carried, key.data, written))
                 while under_way and under_way[0][0] <= time.monotonic():
                     _, _, end, frame = heapq.heappop(under_way)
-                    with contextlib.suppress(OSError):  # a host that has gone hears nothing
+                    with contextlib.suppress(OSError):  # the host is gone
                         os.write(end, frame)
 
     def close(self) -> None:
-        """Take the cable away."""
+        """Remove the cable."""
         self._is_open = False
         self._thread.join()
         for end in self._ends:
@@ -97,7 +97,7 @@ class Cable:
 
 
 def miswritten(frame: bytes, sent: bytes, arrives: bytes) -> bytes:
-    """Return a UDP frame with other bytes of the same length in it, and no checksum; any other as it is."""
+    """Return a UDP frame with bytes replaced and without a checksum; any other frame unchanged."""
     if not sent or sent not in frame:
         return frame
     frame = frame.replace(sent, arrives)
@@ -105,18 +105,18 @@ def miswritten(frame: bytes, sent: bytes, arrives: bytes) -> bytes:
 
 
 def ip(command: str) -> None:
-    """Run one ip command; raise CalledProcessError with its output when it fails."""
+    """Run one ip command; raise CalledProcessError with its output if it fails."""
     subprocess.run(['ip', *command.split()], check=True, capture_output=True, text=True)
 
 
 def inside(host: str) -> tuple[str, ...]:
-    """Return what puts a command into a host."""
+    """Return the prefix that runs a command in a host."""
     return ('ip', 'netns', 'exec', host)
 
 
 @contextlib.contextmanager
 def two_hosts() -> Iterator[Cable]:
-    """Yield the cable between two hosts that go when it is done."""
+    """Yield the cable between two hosts, and remove all three at the end."""
     try:
         for host in HOSTS:
             ip(f'netns add {host}')
@@ -130,7 +130,7 @@ def two_hosts() -> Iterator[Cable]:
 
 
 def across_a_bad_cable(scale: int) -> Iterator[tuple[str, bool]]:
-    """Call from one host to the other before, during and after each trouble."""
+    """Call from one host to the other before, during and after each fault."""
     robot, laptop = map(inside, HOSTS)
     pulled_seconds = 2.0 * scale
     with two_hosts() as cable:
@@ -175,7 +175,7 @@ def across_a_bad_cable(scale: int) -> Iterator[tuple[str, bool]]:
 
 
 def an_id_that_is_no_text(_scale: int) -> Iterator[tuple[str, bool]]:
-    """Ask for a tag id that is no UTF-8; rclpy cannot send one, so the cable writes it into the request."""
+    """Request a tag id that is not UTF-8. rclpy cannot send one, so the cable writes it into the request."""
     robot, laptop = map(inside, HOSTS)
     read_tag = [*laptop, str(Path(os.environ['LUPIN_EXECUTABLES'], 'read_tag')), '--timeout', '60']
     with two_hosts() as cable:
@@ -189,7 +189,7 @@ def an_id_that_is_no_text(_scale: int) -> Iterator[tuple[str, bool]]:
 
 
 def without_multicast(scale: int) -> Iterator[tuple[str, bool]]:
-    """Find the bridge where no multicast is carried, as on a campus: only with a discovery server."""
+    """Drop multicast, as campus Wi-Fi does: only a discovery server makes the bridge reachable."""
     robot, laptop = map(inside, HOSTS)
     executable = Path(os.environ['LUPIN_EXECUTABLES'], 'read_tag')
     ask = [*laptop, str(executable), '1', '--timeout']
@@ -247,7 +247,7 @@ rclpy.spin(node)
 
 
 def the_graph_behind_a_server(scale: int) -> Iterator[tuple[str, bool]]:
-    """List the topics of a node that shares none with the one that asks: only a super client sees them."""
+    """List the topics of a node that shares none with the observer: only a super client sees them."""
     robot, laptop = map(inside, HOSTS)
     address, _, port = DISCOVERY_SERVER.partition(':')
     with two_hosts() as cable, contextlib.ExitStack() as stack:
@@ -275,7 +275,7 @@ def the_graph_behind_a_server(scale: int) -> Iterator[tuple[str, bool]]:
 
 
 def a_robot_with_two_addresses(scale: int) -> Iterator[tuple[str, bool]]:
-    """Call a robot that advertises a second address, which the laptop cannot reach, first of all."""
+    """Call a robot that also advertises an address that the laptop cannot reach."""
     robot, laptop = map(inside, HOSTS)
     with two_hosts():
         ip(f'-n {HOSTS[0]} link add arm0 type veth peer name arm1')
@@ -303,7 +303,7 @@ SCENARIOS = [
 
 
 def main() -> int:
-    """Run the phases where this machine can; return the exit code."""
+    """Run the phases if this machine can; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--short', action='store_true', help='a fifth of everything')
     options = parser.parse_args()
@@ -316,13 +316,13 @@ def main() -> int:
     except (PermissionError, subprocess.CalledProcessError) as error:
         reason = getattr(error, 'stderr', str(error)).strip()
         if 'not permitted' not in reason:
-            raise  # a fault of this script or of the machine, and no lack of rights
+            raise  # a fault of this script or of the machine, not missing rights
         print(f'test-network: skipped: no two hosts here: {reason}')
         return 0
     os.environ |= {
-        'ROS_DOMAIN_ID': '0',  # the namespaces are cut off from everything else
+        'ROS_DOMAIN_ID': '0',  # the namespaces are isolated from everything else
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
-        'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',  # shared memory would connect the two hosts past the cable
+        'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',  # shared memory would bypass the cable
     }
     return 1 if run(SCENARIOS, 1 if options.short else 5) else 0
 

@@ -1,7 +1,7 @@
 """
-The bridge with stopwatches in it, for bench.py; prints at its end where the time of its answers went.
+The bridge with stopwatches, for bench.py; prints when it ends where the time of its replies went.
 
-One line of JSON: the median of each share in microseconds, while a client asks.
+Prints one line of JSON with the median of each share in microseconds.
 """
 
 import functools
@@ -14,7 +14,7 @@ from lupin_greenhouse_bridge import bridge_node, life_cycle, simulation
 
 
 def timed(owner, name: str) -> list[float]:
-    """Put a stopwatch around a function of a class or module; return the list that it writes, in us."""
+    """Time the calls of a function of a class or module; return the list of the durations in us."""
     function, durations = getattr(owner, name), []
 
     @functools.wraps(function)
@@ -30,12 +30,12 @@ def timed(owner, name: str) -> list[float]:
 
 
 def main() -> int:
-    """Serve as the bridge does; return its exit code."""
+    """Serve like the bridge; return its exit code."""
     handler = timed(bridge_node.GreenhouseBridgeNode, '_handle_get_tag_reading')
     read = timed(simulation, 'read')
     simulator = timed(GreenhouseSimulator, 'get_sensor_data')
     exit_code = bridge_node.main()
-    calls = len(handler)  # start-up reads too, before the first of them
+    calls = len(handler)  # start-up also reads, before the first call
     in_simulator, in_read, in_handler = (
         statistics.median(durations[-calls:]) for durations in (simulator, read, handler)
     )

@@ -1,5 +1,5 @@
 """
-How often the camera's detector finds a tag, and how often it finds one that is not there.
+Measure how often the camera's detector finds a tag, and how often it finds one that is not there.
 
 Prints a table: AprilTag 3 with confirm_tag's default criteria beside OpenCV's ArUco detector with its own,
 on the same rendered pictures of 640 x 480 pixels and a focal length of 600 pixels. Then come pictures without
@@ -36,7 +36,7 @@ DECOYS_IN_ONE_GO = 250
 
 
 def goal(side_m: float, distance_m: float, angle_degrees: float, condition: str) -> float:
-    """Return the share of 4 cm tags that must be found; 0.0 where there is no goal."""
+    """Return the share of 4 cm tags that must be found; 0.0 if there is no goal."""
     if side_m != 0.04:
         return 0.0
     if distance_m <= 0.5:
@@ -96,7 +96,7 @@ def one_row(task):
 
 
 def false_positives(first: int) -> tuple[int, int]:
-    """Return in how many of some decoys a tag was taken for tag 7, and how many other ids were read."""
+    """Return the number of decoys that were taken for tag 7, and the number of other ids that were read."""
     detect = apriltag_detector()
     wrong = others = 0
     for number in range(first, first + DECOYS_IN_ONE_GO):
@@ -149,7 +149,7 @@ def print_cost() -> None:
         'JPEG': lambda: detect(decoded_picture(jpeg)),
     }
     times_ms = {name: [] for name in cases}
-    for _ in range(60):  # by turns, so that other work on this machine meets all of them
+    for _ in range(60):  # in turns, so that other load on this machine slows all of them
         for name, call in cases.items():
             before = time.perf_counter()
             call()
@@ -164,7 +164,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--ids', type=int, default=30, help='ids in each cell (default: %(default)s)')
     parser.add_argument('--decoys', type=int, default=20_000, help='pictures without the tag')
     options = parser.parse_args(arguments)
-    # Not forked: OpenCV's threads do not survive that.
+    # Not forked: OpenCV's threads do not survive a fork.
     with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context('spawn')) as pool:
         met = print_table(pool, options.ids)
         results = list(pool.map(false_positives, range(0, options.decoys, DECOYS_IN_ONE_GO)))

@@ -1,13 +1,13 @@
 """
-Faults and load on one machine: what is promised of the bridge, counted.
+Check what the bridge promises under faults and load on one machine, and count.
 
-    make soak                    about ten minutes
-    make soak SHORT=1            about one and a half
-    make soak REFUSALS=12000     so many refused starts instead of 200
-    make soak SIGNALS=500        so many signals at each executable instead of 100
+    make soak                    takes about ten minutes
+    make soak SHORT=1            takes about one and a half
+    make soak REFUSALS=12000     this many refused starts instead of 200
+    make soak SIGNALS=500        this many signals to each executable instead of 100
     make soak ARGS="--only NAME" one scenario
 
-Prints one line per scenario; exit code 1 when a promise was broken.
+Prints one line per scenario. The exit code is 1 if a promise is broken.
 """
 
 import argparse
@@ -36,7 +36,7 @@ LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def client_killed_in_mid_call(scale: int) -> Iterator[tuple[str, bool]]:
-    """Kill clients without warning; the bridge goes on and holds on to nothing of theirs."""
+    """Kill clients without warning; the bridge continues and keeps nothing of theirs."""
     bridge = Bridge(debug_time_of_day=12.0)
     ClientProcess('--calls', '100').result()
     files = bridge.open_files()
@@ -64,9 +64,7 @@ def bridge_killed_and_restarted(scale: int) -> Iterator[tuple[str, bool]]:
         client.wait_for_first_answer()
     for _ in range(2 * scale):
         bridge.kill()
-        bridge = Bridge(
-            debug_time_of_day=12.0
-        )  # returns when it is ready, in spite of what the dead one left
+        bridge = Bridge(debug_time_of_day=12.0)  # returns when it is ready, despite what the killed one left
         time.sleep(2.0)
     results = [client.result() for client in clients]
     answered, timed_out, wrong = (
@@ -86,7 +84,7 @@ def bridge_killed_and_restarted(scale: int) -> Iterator[tuple[str, bool]]:
 
 def sixteen_clients(scale: int) -> Iterator[tuple[str, bool]]:
     """
-    Ask from 16 processes at once; every answer is for its own question, and none is lost.
+    Call from 16 processes at once; every reply matches its request, and none is lost.
 
     All start at the same moment: 16 requests are more than the 10 that ROS's default depth keeps.
     """
@@ -112,7 +110,7 @@ def sixteen_clients(scale: int) -> Iterator[tuple[str, bool]]:
 
 
 def many_calls(scale: int) -> Iterator[tuple[str, bool]]:
-    """Call and call; no reply is lost and nothing grows."""
+    """Call many times; no reply is lost, and memory, files and threads do not grow."""
     bridge = Bridge(debug_time_of_day=12.0)
     ClientProcess('--calls', '1000').result()
     before = bridge.status('VmRSS'), bridge.open_files(), bridge.status('Threads')
@@ -135,7 +133,7 @@ def many_calls(scale: int) -> Iterator[tuple[str, bool]]:
 
 
 def terminated_during_calls(scale: int) -> Iterator[tuple[str, bool]]:
-    """Send SIGTERM in the midst of calls, at any moment; the bridge ends with 0 and each call ends."""
+    """Send SIGTERM during calls, at any moment; the bridge exits with 0 and each call ends."""
     exit_codes, answered, timed_out = [], 0, 0
     for _ in range(3 * scale):
         bridge = Bridge(debug_time_of_day=12.0)
@@ -153,7 +151,7 @@ def terminated_during_calls(scale: int) -> Iterator[tuple[str, bool]]:
 
 
 def two_bridges(scale: int) -> Iterator[tuple[str, bool]]:
-    """Run two bridges of one name: each call gets one answer, from either."""
+    """Run two bridges with one name: each call gets one reply, from either."""
     bridges = [Bridge(debug_time_of_day=hour) for hour in (6.0, 18.0)]
     calls = 200 * scale
     result = ClientProcess('--calls', str(calls)).result()
@@ -205,7 +203,7 @@ def results_of(commands: Iterator[list[str]], signals: tuple = ()) -> Iterator[t
     """
     Run commands, two at a time; yield exit code and output of each.
 
-    With signals, one to three of them come at random moments of the first second. Each process is alone on
+    With signals, one to three arrive at random moments of the first second. Each process is alone on
     its domain: Fast DDS 3.2 can crash in a process that closes while another one asks for its types.
     """
     free_domain_ids: SimpleQueue[int] = SimpleQueue()
@@ -241,7 +239,7 @@ def results_of(commands: Iterator[list[str]], signals: tuple = ()) -> Iterator[t
 
 
 def takes_signals(pid: int) -> bool:
-    """Tell whether a process has a handler for SIGTERM; until then Python itself ends by it."""
+    """Return whether a process has a handler for SIGTERM; without one, the signal ends Python."""
     try:
         status = Path(f'/proc/{pid}/status').read_text()
     except OSError:
@@ -251,7 +249,7 @@ def takes_signals(pid: int) -> bool:
 
 
 def refused_starts(_scale: int) -> Iterator[tuple[str, bool]]:
-    """Start the bridge with a parameter that it refuses; each ends with exit code 1, and cleanly."""
+    """Start the bridge with a parameter that it refuses; each start ends cleanly with exit code 1."""
     command = [executable('lupin_greenhouse_bridge', 'bridge_node'), '--ros-args', '-p', 'debug_seed:=-5']
     codes = Counter(code for code, _ in results_of(repeat(command, options.refusals)))
     yield f'{options.refusals} refused, exit codes {dict(codes)}', set(codes) == {1}
@@ -305,8 +303,8 @@ options = argparse.Namespace(refusals=None, signals=None)
 
 
 def run(scenarios: list, scale: int) -> int:
-    """Run scenarios, print a line per promise; return how many were broken. What hangs has broken one."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # what was started ends with it
+    """Run scenarios and print a line per promise; return how many are broken. A hang breaks one."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends all that was started
     broken = 0
     for scenario in scenarios:
         for text, is_kept in ended(scenario(scale)):
@@ -317,7 +315,7 @@ def run(scenarios: list, scale: int) -> int:
 
 
 def ended(promises: Iterator[tuple[str, bool]]) -> Iterator[tuple[str, bool]]:
-    """Yield the promises of a scenario, and a broken one if a process of it did not come to its end."""
+    """Yield the promises of a scenario, and a broken one if one of its processes did not end."""
     try:
         yield from promises
     except subprocess.TimeoutExpired as error:

@@ -1,8 +1,8 @@
 """
 A bridge and its clients as processes, for soak.py and network.py; as a script, one such client.
 
-A client calls the bridge again and again, one call at a time, and prints what became of them as JSON.
-What it sends until the bridge has found it, its greetings, is counted apart.
+A client calls the bridge repeatedly, one call at a time, and prints the counts as JSON. The requests that it
+sends until the bridge has discovered it, its greetings, are counted separately.
 """
 
 import argparse
@@ -26,7 +26,7 @@ PATIENCE_SECONDS = 60.0
 
 
 class Bridge:
-    """A bridge process with its requests counted; it prints the count when it ends well."""
+    """A bridge process that counts its requests, and prints the count when it ends cleanly."""
 
     def __init__(self, *prefix: str, **parameters):
         overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
@@ -51,7 +51,7 @@ class Bridge:
         return len(list(Path(f'/proc/{self.process.pid}/fd').iterdir()))
 
     def kill(self) -> None:
-        """End it as a power cut does."""
+        """Kill it without warning."""
         self.process.kill()
         self.process.wait()
 
@@ -78,16 +78,16 @@ class ClientProcess:
         atexit.register(self.process.kill)
 
     def wait_for_first_answer(self) -> None:
-        """Return when the client has had an answer, and so is in the midst of its calls."""
+        """Wait until the client has received a reply."""
         self.process.stdout.readline()
 
     def go(self) -> None:
-        """Let a client go on that was started with --wait."""
+        """Release a client that was started with --wait."""
         self.process.stdin.write('go\n')
         self.process.stdin.flush()
 
     def result(self) -> dict:
-        """Return the counts that the client prints at its end; raise TimeoutExpired when it has none."""
+        """Return the counts that the client prints when it ends; raise TimeoutExpired if it does not end."""
         output, _ = self.process.communicate(timeout=10 * PATIENCE_SECONDS)
         return json.loads(output.splitlines()[-1])
 
@@ -130,7 +130,7 @@ def main() -> int:
 
 
 def ask_on(ask, options) -> dict:
-    """Ask as often and as long as the options say; return the counts."""
+    """Call as often and as long as the options say; return the counts."""
     counts = {'calls': 0, 'answered': 0, 'timed_out': 0, 'wrong': 0, 'sim_times': Counter()}
     slowest_seconds = 0.0
     end = time.monotonic() + options.seconds

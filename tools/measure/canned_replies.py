@@ -1,11 +1,9 @@
 """
-What the bridge is measured against: the least that a rclpy node can do to answer the same question.
+Servers that send replies made beforehand, without a simulator: the least time that a rclpy service takes.
 
-`floor [SECONDS_LATE]` serves the bridge's own service type with answers that were made beforehand, of the
-size of the bridge's: two readings for every tag id, or N for an id such as `n5`. `trigger` serves
-std_srvs/Trigger with a reading as JSON in its message, as one might without messages of one's own.
-`wrapper` is the thinnest node that does what was asked for: asks mdp-greenhouse, stamps and fills the answer,
-checks nothing.
+`tag_reading [SECONDS_LATE]` serves the bridge's service type. A reply has the size of the bridge's: two
+readings for every tag id, or N for an id such as `n5`. `trigger` serves std_srvs/Trigger with a reading as
+JSON in its message, which needs no message package.
 """
 
 import json
@@ -22,7 +20,7 @@ NAME = '~/get_tag_reading'
 
 
 def canned(tag_id: str, count: int) -> GetTagReading.Response:
-    """Return an answer of `count` readings."""
+    """Return a reply of `count` readings."""
     readings = [SensorReading(name=name, value=21.5) for name in NAMES[:count]]
     reading = TagReading(tag_id=tag_id, sim_time_of_day_seconds=43200.0, readings=readings)
     reading.stamp.sec = 1795189973
@@ -38,25 +36,8 @@ def serve_trigger(node) -> None:
     node.create_service(Trigger, NAME, lambda _request, _response: answer, qos_profile=SERVICE_QOS)
 
 
-def serve_wrapper(node) -> None:
-    """Serve the simulator as directly as can be."""
-    from greenhouse_sim.simulator import GreenhouseSimulator
-
-    simulator = GreenhouseSimulator()
-
-    def handle(request, response):
-        values = simulator.get_sensor_data(request.tag_id)
-        response.reading.tag_id = request.tag_id
-        response.reading.stamp = node.get_clock().now().to_msg()
-        response.reading.sim_time_of_day_seconds = float(values.pop('timestamp'))
-        response.reading.readings = [SensorReading(name=name, value=value) for name, value in values.items()]
-        return response
-
-    node.create_service(GetTagReading, NAME, handle, qos_profile=SERVICE_QOS)
-
-
-def serve_floor(node) -> None:
-    """Serve what was made beforehand."""
+def serve_tag_reading(node) -> None:
+    """Serve GetTagReading."""
     seconds_late = float(sys.argv[2]) if len(sys.argv) > 2 and sys.argv[2][0].isdecimal() else 0.0
     answers = {f'n{count}': canned(f'n{count}', count) for count in range(1, 6)}
     usual = canned('1', 2)
@@ -73,8 +54,8 @@ def main() -> None:
     """Serve until the process is ended."""
     rclpy.init()
     node = rclpy.create_node('greenhouse_bridge')
-    {'floor': serve_floor, 'wrapper': serve_wrapper, 'trigger': serve_trigger}[sys.argv[1]](node)
-    print('ready: floor', flush=True)
+    {'tag_reading': serve_tag_reading, 'trigger': serve_trigger}[sys.argv[1]](node)
+    print('ready: canned replies', flush=True)
     rclpy.spin(node)
 
 

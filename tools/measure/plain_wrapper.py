@@ -1,0 +1,87 @@
+"""
+The plain wrapper: what the team's description of the bridge tells to build, and no more.
+
+It offers the same service from the same simulator and checks nothing. Teams used it before this bridge, and
+`make bench` compares the two.
+"""
+
+import random
+from pathlib import Path
+
+import rclpy
+from greenhouse_sim.simulator import GreenhouseSimulator
+from lupin_msgs.msg import SensorReading
+from lupin_msgs.srv import GetTagReading
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
+
+
+class PlainWrapper(Node):
+    """Serves `~/get_tag_reading` from one simulator with ROS's defaults."""
+
+    def __init__(self):
+        super().__init__('greenhouse_bridge')
+        parameters = {
+            'tag_file': '',
+            'sim_config_file': '',
+            'debug_time_of_day': -1.0,
+            'speedup_factor': 0.0,
+            'debug_seed': -1,
+        }
+        for name, default in parameters.items():
+            self.declare_parameter(name, default)
+        files = (self._value('tag_file'), self._value('sim_config_file'))
+        self._sim = GreenhouseSimulator(*(Path(file) if file else None for file in files))
+        self._apply_overrides()
+        self._tag_set = set(self._sim.tags())
+        self._cb_group = MutuallyExclusiveCallbackGroup()
+        self._service = self.create_service(
+            GetTagReading,
+            '~/get_tag_reading',
+            self._handle_get_tag_reading,
+            callback_group=self._cb_group,
+        )
+        self.get_logger().info(f'ready: {len(self._tag_set)} tags')
+
+    def _value(self, name: str):
+        return self.get_parameter(name).value
+
+    def _apply_overrides(self) -> None:
+        time = self._sim.sim_config['time']
+        if self._value('debug_time_of_day') >= 0.0:
+            time['debug_mode'] = True
+            time['debug_time_of_day'] = self._value('debug_time_of_day')
+        if self._value('speedup_factor') > 0.0:
+            time['speedup_factor'] = self._value('speedup_factor')
+        if self._value('debug_seed') >= 0:
+            time['debug_mode'] = True
+            time['debug_seed'] = self._value('debug_seed')
+            random.seed(self._value('debug_seed'))
+
+    def _handle_get_tag_reading(self, request, response):
+        if request.tag_id not in self._tag_set:
+            response.status = GetTagReading.Response.STATUS_UNKNOWN_TAG
+            known = f'({len(self._tag_set)} tags known)'
+            response.error_message = f"Tag '{request.tag_id}' is not in the loaded greenhouse {known}."
+            return response
+        response.status = GetTagReading.Response.STATUS_OK
+        response.reading.tag_id = request.tag_id
+        response.reading.stamp = self.get_clock().now().to_msg()
+        response.reading.sim_time_of_day_seconds = float(self._sim.current_time())
+        for name, value in self._sim.get_sensor_data(request.tag_id).items():
+            if name != 'timestamp':
+                response.reading.readings.append(SensorReading(name=name, value=float(value)))
+        return response
+
+
+def main():
+    """Serve until the process is ended."""
+    rclpy.init()
+    node = PlainWrapper()
+    rclpy.spin(node)
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+if __name__ == '__main__':
+    main()
