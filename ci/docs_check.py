@@ -1,16 +1,16 @@
 """
-Are the documents true? Links and anchors lead somewhere, and every shell block is run or says what it needs.
+Check the documents: every link and anchor exists, and every shell block runs or says what it needs.
 
     make docs-check
 
 A block of bash or console is preceded by one of these lines:
 
-    <!-- run -->                             it is run here, and must end with exit code 0
-    <!-- tested by PATH::NAME -->            a test that runs it: the file has a function of that name
-    <!-- needs WHAT -->                      it cannot be run here, and why
+    <!-- run -->                             this script runs it, and it must end with exit code 0
+    <!-- tested by PATH::NAME -->            a test runs it: the file has a function of that name
+    <!-- needs WHAT -->                      it cannot run here, and why
 
-In the mirror's README a bash block without such a line is run by `make mirror-publish-check`. A block of four
-spaces has no language, so it is refused. Exit code: 0 all is well, 1 not, with one line for each finding.
+`make mirror-publish-check` runs the unmarked bash blocks of the mirror's README. Indented code blocks have no
+language, so they are refused. Exit code: 0 no findings, 1 findings, one line each.
 """
 
 import re
@@ -31,7 +31,7 @@ LONGEST_RUN_SECONDS = 300
 
 
 def documents(root: Path) -> list[Path]:
-    """Return every Markdown file that git keeps, below the root."""
+    """Return every Markdown file in git below the root."""
     listed = subprocess.run(['git', 'ls-files', '*.md'], cwd=root, capture_output=True, text=True, check=True)
     return [Path(line) for line in listed.stdout.splitlines()]
 
@@ -43,7 +43,7 @@ def anchors(text: str) -> set[str]:
 
 
 def broken_links(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each link to a file or an anchor that is not there."""
+    """Yield a line for each link to a missing file or anchor."""
     text = (root / path).read_text(encoding='utf-8')
     for link in LINK.findall(FENCED.sub('', text)):
         if re.match(r'[a-z]+:', link):
@@ -64,10 +64,10 @@ def shell_blocks(root: Path, path: Path) -> list[tuple[str, str, str]]:
 
 
 def unproved_blocks(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each block that nothing runs and that does not say why."""
+    """Yield a line for each block that nothing runs and that gives no reason."""
     text = FENCED.sub('', (root / path).read_text(encoding='utf-8'))
     for indented in INDENTED.findall(text):
-        yield f'{path}: fence this block, and name its language: {indented.strip()[:60]}'
+        yield f'{path}: fence this block and set its language: {indented.strip()[:60]}'
     for mark, language, commands in shell_blocks(root, path):
         shown = commands.strip().splitlines()[0][:60]
         if mark.startswith('tested by '):
@@ -75,11 +75,11 @@ def unproved_blocks(root: Path, path: Path) -> Iterator[str]:
             if not (root / file).is_file() or f'def {name}(' not in (root / file).read_text(encoding='utf-8'):
                 yield f'{path}: there is no test {file}::{name} for: {shown}'
         elif not (mark == 'run' or mark.startswith('needs ') or (path == PUBLISHED and language == 'bash')):
-            yield f'{path}: run, tested by or needs? Say so above the block: {shown}'
+            yield f'{path}: mark this block with run, tested by or needs: {shown}'
 
 
 def failing_blocks(root: Path, path: Path) -> Iterator[str]:
-    """Run the blocks that are to be run; yield a line for each that fails."""
+    """Run the marked blocks; yield a line for each that fails."""
     for mark, _, commands in shell_blocks(root, path):
         if mark != 'run':
             continue

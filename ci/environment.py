@@ -1,15 +1,13 @@
 """
-Make the Python environment that everything here runs in.
+Make the Python environment of the project.
 
-Two kinds, found automatically (docs: README.md, "Environment"):
+There are two kinds:
 
-- a sourced ROS (`ros2` on PATH and `import rclpy` works): the environment sees the system's
-  packages, and only what is missing is added to it;
-- no ROS: the environment gets real rclpy, Fast DDS, ament_cmake and rosidl as pinned wheels,
-  and so becomes an ament prefix of its own.
+- With a sourced ROS (`ros2` on PATH and `import rclpy` works), the environment sees the system's packages and
+  gets only what is missing.
+- Without ROS, it gets real rclpy, Fast DDS, ament_cmake and rosidl as pinned wheels, and is an ament prefix.
 
-Does nothing when nothing changed. An environment whose making was interrupted has no
-`complete` mark and is made again.
+Does nothing if nothing has changed. An interrupted environment has no `complete` mark and is made again.
 """
 
 from __future__ import annotations
@@ -34,11 +32,11 @@ MARK = '.lupin-environment'  # its text: 'incomplete', or the fingerprint of wha
 
 
 class MissingPrerequisite(Exception):
-    """Something that this machine lacks; the message names the package that brings it."""
+    """A prerequisite that this machine lacks; the message names its package."""
 
 
 def missing_prerequisites(ros_distro: str | None) -> list[str]:
-    """Say what this machine lacks, one line each: what, and the package to install."""
+    """Return one line for each missing prerequisite, with the package to install."""
     missing = []
     if not (importlib.util.find_spec('venv') and importlib.util.find_spec('ensurepip')):
         missing.append(f'the venv module of {sys.executable} is missing: sudo apt install python3-venv')
@@ -64,7 +62,7 @@ def sourced_ros() -> str | None:
 
 
 def fingerprint(venv: Path, kind: str, requirements: list[Path]) -> str:
-    """Identify all that the environment is made from; it is remade when this changes."""
+    """Return a hash of everything that the environment is made from; a change makes it again."""
     parts = [str(venv), kind, sys.base_prefix, sys.version]
     parts += [
         path.read_text(encoding='utf-8') for path in (*requirements, Path(__file__), HERE / 'repair_cmake.py')
@@ -73,14 +71,14 @@ def fingerprint(venv: Path, kind: str, requirements: list[Path]) -> str:
 
 
 def is_complete(venv: Path, wanted: str) -> bool:
-    """Tell whether the environment was made to the end, from what is wanted now."""
+    """Return whether the environment is complete and has this fingerprint."""
     with contextlib.suppress(OSError):
         return (venv / MARK).read_text(encoding='utf-8') == wanted and (venv / 'bin/python').exists()
     return False
 
 
 def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
-    """Make the environment from nothing; the mark that it is complete is written last."""
+    """Make the environment from scratch, and write the mark `complete` last."""
     if venv.exists():
         if any(venv.iterdir()) and not (venv / MARK).exists():
             raise MissingPrerequisite(
@@ -96,7 +94,7 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
     if ros_distro:
         run([sys.executable, '-m', 'venv', '--system-site-packages', str(venv)], log)
         run([*pip, '--requirement', str(REQUIREMENTS / 'sourced.txt')], log)
-        # Without its GUI's dependencies: they would shadow the NumPy that ROS was built with.
+        # Without its GUI's dependencies, which would shadow the NumPy that ROS was built with.
         run([*pip, '--no-deps', '--requirement', str(REQUIREMENTS / 'simulator.txt')], log)
     else:
         run([sys.executable, '-m', 'venv', str(venv)], log)
@@ -107,7 +105,7 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
 
 
 def run(command: list[str], log: Path) -> None:
-    """Run one step, its output into the log; a failure shows the log's end."""
+    """Run one step, with its output in the log; a failure shows the end of the log."""
     with log.open('a', encoding='utf-8') as output:
         step = subprocess.run(command, stdout=output, stderr=subprocess.STDOUT, check=False)
     if step.returncode:
@@ -120,7 +118,7 @@ def run(command: list[str], log: Path) -> None:
 
 
 def setup_script(venv: Path, distro: str) -> str:
-    """Return what /opt/ros/DISTRO/local_setup.bash is elsewhere: colcon sources it before an overlay's."""
+    """Return the counterpart of /opt/ros/DISTRO/local_setup.bash, which colcon sources before an overlay."""
     prefix = shlex.quote(str(venv))
     return f"""\
 for _name in AMENT_PREFIX_PATH CMAKE_PREFIX_PATH; do
@@ -135,14 +133,14 @@ export ROS_DISTRO={distro} ROS_VERSION=2 ROS_PYTHON_VERSION=3
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Make the environment where it is not complete; return the exit code."""
+    """Make the environment if it is not complete; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--venv', type=Path, default=HERE.parent / '.venv', help='folder to make it in')
     parser.add_argument(
         '--distro',
         choices=DISTROS,
         default='kilted',
-        help='wheels to take where no ROS is sourced',
+        help='the wheels to install if no ROS is sourced',
     )
     options = parser.parse_args(arguments)
     venv = options.venv.absolute()
@@ -157,7 +155,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     venv.parent.mkdir(parents=True, exist_ok=True)
     with open(f'{venv}.lock', 'w', encoding='utf-8') as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # two makes at once: the second waits, then finds it complete
+        fcntl.flock(lock, fcntl.LOCK_EX)  # of two runs at once, the second waits, then finds it complete
         if is_complete(venv, wanted):
             return 0
         source = f'the sourced ROS 2 {ros_distro}' if ros_distro else f'ROS 2 {options.distro} wheels'

@@ -1,7 +1,7 @@
 """
-Run the whole mission on a domain of its own: bridge, mission and, with --camera, a camera that confirms tags.
+Run a whole mission on its own domain: bridge, mission and, with --camera, a camera that confirms tags.
 
-Leaves the report and its picture in the folder .mission. Exit code: the mission's, 0 when all tags were read.
+Writes the report and its picture into the folder .mission. Exit code: the mission's, 0 if all tags were read.
 """
 
 import argparse
@@ -18,7 +18,7 @@ ROOT = HERE.parent
 INSTALLED = Path(os.environ['LUPIN_WORKSPACE'], 'install')
 LONGEST_MISSION_SECONDS = 900
 PATIENCE_SECONDS = 10.0
-# What the camera publishes, and the parameters with which confirm_tag listens to it.
+# What the camera publishes, and the matching parameters of confirm_tag.
 SOURCES = {
     'image': [],
     'compressed': ['compressed_image_topic:=/camera/color/image_raw/compressed'],
@@ -27,12 +27,12 @@ SOURCES = {
 
 
 def executable(package: str, name: str) -> str:
-    """Return the path of what `ros2 run` would run."""
+    """Return the path of the executable that `ros2 run` starts."""
     return str(INSTALLED / package / 'lib' / package / name)
 
 
 def parameters(assignments: list[str]) -> list[str]:
-    """Turn name:=value, as `ros2 launch` takes it, into what a node takes."""
+    """Turn name:=value of `ros2 launch` into arguments of a node."""
     return ['--ros-args', *(word for each in assignments for word in ('-p', each))]
 
 
@@ -45,7 +45,7 @@ def make_world(folder: Path) -> Path:
 
 @contextlib.contextmanager
 def running(command: list[str], environment: dict[str, str]):
-    """Run a command beside; it ends with the block."""
+    """Run a command in the background until the block ends."""
     process = subprocess.Popen(command, env=environment)
     try:
         yield
@@ -91,7 +91,7 @@ def main() -> int:
         if options.camera:
             if options.world:
                 world_file = make_world(options.output / 'world')
-                # To render an image takes a while.
+                # Rendering an image takes a while.
                 arguments += [
                     f'world_file:="{world_file}"',
                     f'request_timeout_seconds:={PATIENCE_SECONDS + 1.0}',
@@ -108,7 +108,7 @@ def main() -> int:
                 [*camera, *parameters(publishing)],
             ):
                 stack.enter_context(running(command, environment))
-            # One call is enough: confirm_tag watches the camera until the tag appears.
+            # One call is enough: confirm_tag looks until the tag appears.
             arguments += ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=1']
         else:
             arguments += ['dwell_seconds:=0.1']

@@ -1,9 +1,8 @@
 """
-Point the ROS wheels' exported CMake files at the Python that they are installed in.
+Correct the Python paths in the exported CMake files of the ROS wheels.
 
-The wheels were built in a container, and their CMake exports name that container's
-folders (/opt/python/cp3XX-cp3XX/...); CMake then stops with "Imported target ... includes
-non-existent path". Running this again changes nothing.
+The wheels were built in a container, and their CMake exports name its folders (/opt/python/cp3XX-cp3XX/...).
+CMake then fails with "Imported target ... includes non-existent path". A second run changes nothing.
 """
 
 import re

@@ -1,13 +1,13 @@
-# Source me: puts this shell into the project's ROS 2 environment, and over it TREE's packages, where built.
-# VENV names the environment (default: .venv), TREE the tree (default: monorepo); an argument
-# `without-overlay` leaves the packages out, for building them.
+# Source this file to enter the project's ROS 2 environment and the packages of TREE, if they are built.
+# VENV is the environment (default: .venv), TREE the tree (default: monorepo). The argument `without-overlay`
+# leaves the packages out, to build them.
 _root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 export VIRTUAL_ENV="${VENV:-$_root/.venv}"
 export PATH="$VIRTUAL_ENV/bin:$PATH"
 if [ -e "$VIRTUAL_ENV/local_setup.bash" ]; then  # ROS is in the environment itself, and in no other place
     unset PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
     source "$VIRTUAL_ENV/local_setup.bash"
-    # A trial on one machine does not talk to the neighbours in the lab.
+    # A trial on one machine must not reach other machines in the lab.
     export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
 fi
 export LUPIN_WORKSPACE="$VIRTUAL_ENV/workspace/${TREE:-monorepo}"

@@ -1,4 +1,4 @@
-"""Start the bridge on a domain of its own and read every tag over ROS; exit 0 only when all were read."""
+"""Start the bridge on its own domain and read every tag over ROS; exit code 0 only if all were read."""
 
 import os
 import subprocess

@@ -1,8 +1,8 @@
 """
-A camera in the SDF world: publishes what it sees before the tag that the mission stands at.
+A camera in the SDF world: publishes rendered images of the tag that the mission stands at.
 
-Follows `/mission/at_tag`. Between two tags it looks into the sky. The robot stops off-centre, turned and at
-another distance for each image.
+Subscribes to `/mission/at_tag`. Between two tags it shows the sky. The position, angle and distance vary from
+image to image.
 """
 
 import math
@@ -29,7 +29,7 @@ LARGEST_YAW = math.radians(4.0)
 
 @dataclass(frozen=True)
 class Settings:
-    """The parameter values of one run, checked; raises StartUpError for one that is wrong."""
+    """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     world_file: str = life_cycle.parameter('', 'The SDF world.')
     min_standoff_m: float = life_cycle.parameter(
@@ -64,7 +64,7 @@ class WorldCamera(Node):
         self._tag_id = message.data
 
     def _publish(self) -> None:
-        # In grey: best effort loses parts of images with 900 kB on a busy machine.
+        # Grey: on a busy machine, best effort loses images of 900 kB.
         picture = cv2.cvtColor(self._world.look(*self._approach()), cv2.COLOR_RGB2GRAY)
         height, width = picture.shape
         image = Image(height=height, width=width, encoding='mono8', step=width)
@@ -74,7 +74,7 @@ class WorldCamera(Node):
         self._images.publish(image)
 
     def _approach(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return where the camera is, and the point that it looks at."""
+        """Return the position of the camera, and the point that it looks at."""
         tag = self._world.tags.get(int(self._tag_id)) if self._tag_id.isdecimal() else None
         if tag is None:
             return np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 2.0])

@@ -1,10 +1,10 @@
 """
-Check that the SDF world is the layout and that each tag can be read, with Drake as reader and renderer.
+Check with Drake that the SDF world matches the layout, and that each tag can be read.
 
     make world-check                              the shipped layout, 4 and 5 cm tags
     make world-check ARGS="--tag-file tags.json"
 
-Exit code: 0 all is well, 1 not.
+Exit code: 0 the world is right, 1 it is wrong.
 """
 
 import argparse
@@ -33,7 +33,7 @@ STEP_M = 0.02
 
 
 def seen_from(world: World, detector: TagDetector, eye: np.ndarray, at: np.ndarray) -> set[int]:
-    """Return the ids that confirm_tag would accept in a picture from there."""
+    """Return the ids that confirm_tag would accept in a picture from this viewpoint."""
     picture = cv2.cvtColor(world.look(eye, at), cv2.COLOR_RGB2GRAY)
     criteria = Criteria()
     return {each.tag_number for each in detector.detect(picture) if not criteria.flaw_of(each)}
@@ -47,7 +47,7 @@ def corners_of(world: World) -> tuple[np.ndarray, np.ndarray]:
 
 
 def faces_outwards(tag: Tag, tables: list, middle: np.ndarray) -> bool:
-    """Tell whether a tag faces away from its nearest table, or the middle of a layout without tables."""
+    """Return whether a tag faces away from its nearest table, or to the middle without tables."""
     front, back = (tag.centre[:2] + turn * STEP_M * tag.out[:2] for turn in (1, -1))
     if not tables:
         return np.linalg.norm(front - middle) <= np.linalg.norm(back - middle)
@@ -57,7 +57,7 @@ def faces_outwards(tag: Tag, tables: list, middle: np.ndarray) -> bool:
 
 
 def check(tag_file: str, side_m: float, folder: Path) -> bool:
-    """Make a world and check it; print a line for each setting; return whether all is well."""
+    """Make a world and check it; print a line for each setting; return whether it is right."""
     output = folder / f'{side_m:g}'
     with contextlib.redirect_stdout(io.StringIO()):
         code = generate_world.main(['--tag-file', tag_file, '--side', str(side_m), '--output', str(output)])
@@ -92,7 +92,7 @@ def check(tag_file: str, side_m: float, folder: Path) -> bool:
             read, free = set(), 0
             for number, tag in world.tags.items():
                 eyes = [viewpoint(tag, distance_m, turn * angle_degrees) for turn in (1, -1)]
-                # Where a robot cannot stand, a picture from above the tables has to do, from either side.
+                # Where a robot cannot stand, a picture from above the tables counts, from either side.
                 standing = [eye for eye in eyes if can_stand(eye)]
                 free += bool(standing)
                 are_read = [number in seen_from(world, detector, eye, tag.centre) for eye in standing or eyes]

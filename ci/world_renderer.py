@@ -1,4 +1,4 @@
-"""A camera in the SDF world: Drake reads the world and renders it, without a display."""
+"""Render the SDF world with Drake, without a display."""
 
 import logging
 import math
@@ -20,10 +20,10 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 
-# Of the SDF, Drake ignores the lights.
+# Drake ignores the lights of the SDF.
 LIGHTS = ((1, 0, -0.15), (-1, 0, -0.15), (0, 1, -0.15), (0, -1, -0.15))
 NEAREST_M, FARTHEST_M = 0.01, 50.0
-SUPERSAMPLING = 2  # a pixel of a camera gathers light from all of its area
+SUPERSAMPLING = 2  # a camera's pixel averages the light of its area
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Tag:
     """A tag of the world: its centre in metres, and the axes of its model's frame."""
 
     centre: np.ndarray
-    to_right: np.ndarray  # of somebody who looks at it
+    to_right: np.ndarray  # of the viewer
     up: np.ndarray
     out: np.ndarray  # of its face
 
@@ -40,7 +40,7 @@ class World:
     """The world of an SDF file."""
 
     def __init__(self, sdf: Path, width: int = 640, height: int = 480, focal_length_pixels: float = 600.0):
-        """Read the world; raises RuntimeError for a file that is no world."""
+        """Read the world; raises RuntimeError if the file is not a world."""
         logging.getLogger('drake').setLevel(logging.ERROR)  # it warns of the lights
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
@@ -79,7 +79,7 @@ class World:
                 self.tables.append((x - dx, y - dy, x + dx, y + dy))
 
     def look(self, eye: np.ndarray, at: np.ndarray, roll: float = 0.0) -> np.ndarray:
-        """Return the picture from a point towards another one, RGB, uint8 of the shape (height, width, 3)."""
+        """Return the picture from one point towards another, RGB, uint8 of the shape (height, width, 3)."""
         ahead = (at - eye) / np.linalg.norm(at - eye)
         right = np.cross(ahead, (0.0, 0.0, 1.0))
         right /= np.linalg.norm(right)
@@ -92,6 +92,6 @@ class World:
 
 
 def viewpoint(tag: Tag, distance_m: float, angle_degrees: float) -> np.ndarray:
-    """Return a point at this distance from a tag, at its height, turned from its normal to its right."""
+    """Return a point at this distance from a tag and at its height, turned from its normal to its right."""
     angle = math.radians(angle_degrees)
     return tag.centre + distance_m * (math.cos(angle) * tag.out + math.sin(angle) * tag.to_right)

@@ -4,7 +4,7 @@ Compare the monorepo's bridge with the open-source mirror: only one divergence i
     python3 check_drift.py --monorepo DIR --mirror DIR [--format text|github|json]
 
 Undoes the rename of the message package, then compares every file of the bridge package and the three
-interfaces of the contract. Knows nothing of how the trees were made. Needs Python 3.10 and nothing else.
+interfaces of the contract. Does not depend on how the trees were made. Needs only Python 3.10.
 Exit code: 0 only the allowed divergence, 1 drift, 2 the trees cannot be compared.
 """
 
@@ -24,7 +24,7 @@ BRIDGE = 'lupin_greenhouse_bridge'
 MSGS = {'monorepo': 'lupin_msgs', 'mirror': 'lupin_greenhouse_msgs'}
 INTERFACES = ('msg/SensorReading.msg', 'msg/TagReading.msg', 'srv/GetTagReading.srv')
 
-# The one allowed divergence: this function of this file does nothing but return this.
+# The one allowed divergence: this function of this file only returns this.
 NODE_FILE = f'{BRIDGE}/{BRIDGE}/bridge_node.py'
 DIVERGENT_FUNCTION = '_config_path'
 DIVERGENT_LINE = {
@@ -32,7 +32,7 @@ DIVERGENT_LINE = {
     'mirror': '    return value or None',
 }
 
-# Files of the mirror that are kept by hand; every other one has its twin in the monorepo.
+# Files of the mirror that are kept by hand; every other file has its twin in the monorepo.
 MIRROR_ALONE = {
     '.github/ISSUE_TEMPLATE/bug.md', '.github/PULL_REQUEST_TEMPLATE.md', '.github/workflows/ci.yml',
     '.gitignore', '.gitlab-ci.yml', 'CHANGELOG.rst', 'COLCON_IGNORE', 'CONTRIBUTING.md', 'LICENSE',
@@ -55,13 +55,13 @@ class Finding:
 
     heading: str
     path: str  # as given on the command line, joined with the path below it
-    line: int  # from 1; 1 where the whole file is meant
+    line: int  # from 1; 1 also stands for the whole file
     message: str
     diff: str = ''
 
 
 def is_source(parts: tuple[str, ...]) -> bool:
-    """Tell whether a path inside a package or a repository is its own, and not left there by a tool."""
+    """Return whether a path belongs to a package or repository, and was not left there by a tool."""
     caches = {'.git', '__pycache__', '.pytest_cache', '.hypothesis', '.ruff_cache'}
     is_built = parts[0] in ('build', 'install', 'log') or any(part.endswith('.egg-info') for part in parts)
     return not (caches.intersection(parts) or is_built or parts[-1].endswith('.pyc'))
@@ -91,7 +91,7 @@ class Tree:
             raise CannotCompareError(f'{root}: has no {NODE_FILE}')
 
     def _listed(self) -> Iterator[Path]:
-        """Yield the mirror's paths, all of them; of the monorepo the bridge and the three interfaces."""
+        """Yield all paths of the mirror; in the monorepo, those of the bridge and the three interfaces."""
         if self.name == 'monorepo':
             yield from (self.root / MSGS['monorepo'] / each for each in INTERFACES)
         for path in sorted((self.root if self.name == 'mirror' else self.root / BRIDGE).rglob('*')):
@@ -161,7 +161,7 @@ def _modes(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
 
 
 def _contents(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
-    """Compare a file, but for the one line of bridge_node.py, of which each tree must have its own."""
+    """Compare a file. In bridge_node.py, each tree must have its own form of the one line."""
     left, right = monorepo.undone(name), mirror.undone(name)
     heading = 'package file'
     if name == NODE_FILE:
@@ -192,7 +192,7 @@ def _contents(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
 
 
 def _invisible_difference(left: str, right: str) -> str:
-    """Name the kind of a difference that a reader does not see, or return ''."""
+    """Name the kind of an invisible difference, or return ''."""
     has_tabs = '\t' in left + right
     steps = (
         ('a byte order mark', lambda text: text.removeprefix('\ufeff')),
@@ -218,7 +218,7 @@ def _invisible_difference(left: str, right: str) -> str:
 
 
 def _visible(line: str) -> str:
-    """Return a diff line in which what cannot be seen can be seen."""
+    """Return a diff line with invisible characters made visible."""
     body = line.removesuffix('\n')
     stripped = body[:1] + body[1:].rstrip(' ')
     shown = (c if c.isascii() and c.isprintable() else ascii(c)[1:-1] for c in stripped)
@@ -227,7 +227,7 @@ def _visible(line: str) -> str:
 
 
 def _divergence(tree: Tree) -> Iterator[Finding]:
-    """Require the tree's own line once, as the whole body of the one function, and not the other tree's."""
+    """Require the tree's own line, once, as the whole body of the one function."""
     heading, path = 'allowed divergence', str(tree.files[NODE_FILE])
     own, foreign = DIVERGENT_LINE[tree.name], next(DIVERGENT_LINE[n] for n in MSGS if n != tree.name)
     lines = tree.contents[NODE_FILE].decode(errors='replace').splitlines()
@@ -261,7 +261,7 @@ def _difference_in_meaning(name: str, monorepo: Tree, mirror: Tree) -> str:
     words = [f'the monorepo has {each}' for each in ours if each not in theirs]
     words += [f'the mirror has {each}' for each in theirs if each not in ours]
     if ours != theirs and not words:
-        words = ['the same fields stand in another order']
+        words = ['the same fields are in another order']
     return f': {"; ".join(words)}' if words else ''
 
 
@@ -271,8 +271,8 @@ def _meaning(tree: Tree, name: str) -> list[str]:
     try:
         text = tree.undone(name).decode('utf-8-sig')
     except UnicodeDecodeError as error:
-        raise CannotCompareError(f'{path}: is no UTF-8 text: {error}') from error
-    # A comment ends a line, but not inside of a text.
+        raise CannotCompareError(f'{path}: is not UTF-8 text: {error}') from error
+    # A # starts a comment, except inside a string.
     code = re.sub(r"""("[^"\n]*"|'[^'\n]*')|#.*""", lambda match: match[1] or '', text)
     parts = re.split(r'^---\s*$', code, flags=re.MULTILINE)
     if len(parts) != len(sections):
@@ -281,7 +281,7 @@ def _meaning(tree: Tree, name: str) -> list[str]:
     for section, part in zip(sections, parts, strict=True):
         for line in filter(None, map(str.strip, part.splitlines())):
             if not re.fullmatch(r'[\w/]+(<=\d+)?(\[(<=)?\d*\])?\s+\w+\s*(=?\s*\S.*)?', line):
-                raise CannotCompareError(f'{path}: is no field, constant or ---: {line!r}')
+                raise CannotCompareError(f'{path}: is not a field, constant or ---: {line!r}')
             meaning.append(f'{section} {" ".join(line.replace("=", " = ").split())}')
     return meaning
 

@@ -2,7 +2,7 @@
 Write the monorepo's and the mirror's packages from the shared core (tools/core, tools/twins.toml).
 
     python3 tools/generate.py            write what the core renders, and nothing else
-    python3 tools/generate.py --check    compare only; touch nothing
+    python3 tools/generate.py --check    compare only; write nothing
     python3 tools/generate.py --prune    write, and remove what the core does not render (after a rename)
 
 Exit code: 0 the trees are what the core generates, 1 (--check) they are not, 2 nothing was written: the
@@ -31,11 +31,11 @@ Rendered = dict[str, tuple[bytes, int]]  # path below the root, with /: content,
 
 
 class GenerationError(Exception):
-    """The table and the core do not fit together."""
+    """The table and the core do not match."""
 
 
 def load_table(path: Path) -> dict:
-    """Return the table of the two trees; raises GenerationError on a file that is no table."""
+    """Return the table of the two trees; raises GenerationError if the file is not TOML."""
     try:
         return tomllib.loads(path.read_text(encoding='utf-8'))
     except (OSError, ValueError) as error:
@@ -59,7 +59,9 @@ def _render_tree(name: str, tree: dict, files: Rendered) -> Rendered:
         placed.append((tree.get('folders', {}).get(package, package) + slash + rest, entry))
     for core_path, paths in tree.get('copies', {}).items():
         if core_path not in files:
-            raise GenerationError(f'twins.toml, {name}: "copies" names {core_path}, which the core lacks')
+            raise GenerationError(
+                f'twins.toml, {name}: "copies" names {core_path}, which the core does not have'
+            )
         placed += [(path, files[core_path]) for path in paths]
     for path, (content, _) in placed:
         for word in tree.get('forbidden', []):
@@ -93,7 +95,7 @@ def _substituted(name: str, tree: dict, files: Rendered) -> Rendered:
 
 def _read_tree(folder: Path) -> Rendered:
     files = {}
-    for path in sorted(folder.glob('*/**/*')):  # a file at the top, such as a README, is about the core
+    for path in sorted(folder.glob('*/**/*')):  # a file at the top, such as a README, describes the core
         if not is_source(path.relative_to(folder).parts[1:]):
             continue
         if path.is_symlink():
@@ -110,12 +112,12 @@ def _mode(path: Path) -> int:
 
 
 def compare(root: Path, rendered: Rendered, table: dict) -> list[str]:
-    """Return one finding per difference between the trees below root and what was rendered."""
+    """Return one finding per difference between the trees below root and the rendered files."""
     findings = []
     for path, (content, mode) in rendered.items():
         target = root / path
         if target.is_symlink() or not target.is_file():
-            findings.append(f'{path}: missing, or no plain file')
+            findings.append(f'{path}: missing, or not a plain file')
             continue
         if target.read_bytes() != content:
             findings.append(
@@ -132,7 +134,7 @@ def compare(root: Path, rendered: Rendered, table: dict) -> list[str]:
 
 
 def extras(root: Path, rendered: Rendered, table: dict) -> list[str]:
-    """Return the files of the owned packages that render() did not make, and that nothing ignores."""
+    """Return the files of the owned packages that are neither rendered nor ignored."""
     found = []
     for tree in table['trees'].values():
         for package in (root / tree['root'] / name for name in table['owned']):
@@ -142,7 +144,7 @@ def extras(root: Path, rendered: Rendered, table: dict) -> list[str]:
                 if (path.is_file() or path.is_symlink()) and is_source(path.relative_to(package).parts)
             ]
     found = [path for path in found if path not in rendered]
-    # Exit code 128 where the checkout is no git repository: then git ignores nothing.
+    # Exit code 128: the checkout is not a git repository, so git ignores nothing.
     listed = subprocess.run(
         ['git', '-C', str(root), 'check-ignore', '--stdin', '-z'],
         input='\0'.join(found), capture_output=True, text=True, check=False,
@@ -163,7 +165,7 @@ def _diff(path: str, have: bytes, want: bytes) -> str:
 
 
 def write(root: Path, rendered: Rendered) -> list[str]:
-    """Make the rendered files what was rendered, and touch no other; return the paths that changed."""
+    """Write the rendered files and no others; return the paths that changed."""
     changed = []
     for path, (content, mode) in rendered.items():
         target = root / path
@@ -182,7 +184,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Generate, or with --check compare."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
     what = parser.add_mutually_exclusive_group()
-    what.add_argument('--check', action='store_true', help='compare only; touch nothing')
+    what.add_argument('--check', action='store_true', help='compare only; write nothing')
     what.add_argument('--prune', action='store_true', help='remove files that the core does not render')
     parser.add_argument('--root', type=Path, default=ROOT, help='the checkout; default: this one')
     options = parser.parse_args(arguments)

@@ -1,5 +1,5 @@
 """
-Translate a patch of the open-source mirror into one for the core, by the table that made the mirror.
+Translate a patch of the open-source mirror into one for the core, with the table that made the mirror.
 
     python3 tools/mirror_patch.py N.patch | git am --3way     (or: make mirror-import PATCH=N.patch)
 
@@ -18,13 +18,13 @@ PATH_LINE = re.compile(
 
 
 def translate(patch: str, table: dict) -> str:
-    """Return the patch with the core's paths and names; raises GenerationError on a path of neither."""
+    """Return the patch with the core's paths and names; raises GenerationError for an unknown path."""
     head, *diffs = re.split(r'^(?=diff --git )', patch, flags=re.MULTILINE)
     return head + ''.join(_translate_diff(diff, table) for diff in diffs)
 
 
 def _translate_diff(diff: str, table: dict) -> str:
-    """Translate the diff of one file: of a generated one to the core, else of one kept by hand."""
+    """Translate the diff of one file, generated from the core or kept by hand."""
     mirror = table['trees']['mirror']
     renamed = {new: old for old, new in mirror['folders'].items()}
 
@@ -35,7 +35,7 @@ def _translate_diff(diff: str, table: dict) -> str:
         core_path = f'tools/core/{renamed.get(package, package)}{slash}{rest}'
         if package in table['owned'] or (generate.ROOT / core_path).is_file():
             return core_path
-        raise generate.GenerationError(f'{path}: is no file of the mirror that tools/twins.toml knows')
+        raise generate.GenerationError(f'{path}: is not a file of the mirror in tools/twins.toml')
 
     def place_line(match: re.Match) -> str:
         return match[1] + ' b/'.join(place(path) for path in match[2].split(' b/'))
@@ -50,7 +50,7 @@ def _translate_diff(diff: str, table: dict) -> str:
 
 
 def main() -> int:
-    """Translate the patch that the command line names."""
+    """Translate the patch on the command line."""
     if len(sys.argv) != 2:
         print('usage: mirror_patch.py FILE', file=sys.stderr)
         return 2

@@ -6,7 +6,7 @@ Publish the mirror: its history, the branch `ready`, the source of each commit, 
 `main` is the history of lupin_greenhouse_ros/, split out of the last commit here. It only moves forward.
 `ready` is main without COLCON_IGNORE, for `vcs import`. A git note on each commit of main names the commit
 here that it comes from (refs/notes/commits). A release is a tag whose name is the version of both packages.
-All of it is pushed at once or not at all. Exit code: 0 published, or nothing to do; 1 refused.
+Everything is pushed at once, or nothing. Exit code: 0 published, or nothing to do; 1 refused.
 """
 
 import argparse
@@ -26,7 +26,7 @@ IDENTITY = '%an%x00%ae%x00%ad%x00%B'
 
 
 class PublishError(Exception):
-    """Why nothing is published, and what to do."""
+    """The reason why nothing is published, and the fix."""
 
 
 class Repository:
@@ -36,7 +36,7 @@ class Repository:
         self.folder = folder
 
     def git(self, *arguments: str, text: str = '', **environment: str) -> str:
-        """Run git and return what it prints; raises PublishError with what it says."""
+        """Run git and return its output; raises PublishError with its error message."""
         result = subprocess.run(
             ['git', *arguments],
             cwd=self.folder,
@@ -51,14 +51,14 @@ class Repository:
         return result.stdout.strip()
 
     def commit(self, name: str) -> str:
-        """Return the commit that a name stands for; '' if there is none."""
+        """Return the commit of a name; '' if there is none."""
         try:
             return self.git('rev-parse', '--quiet', '--verify', f'{name}^{{commit}}')
         except PublishError:
             return ''
 
     def is_ancestor(self, old: str, new: str) -> bool:
-        """Tell whether the history of `new` holds `old`; a name without a commit is in every history."""
+        """Return whether `old` is in the history of `new`; a name without a commit is in every history."""
         return not self.commit(old) or self.git('merge-base', old, new) == self.commit(old)
 
     def tree_without_ignore(self, commit: str) -> str:
@@ -69,7 +69,7 @@ class Repository:
 
 
 def check_this_checkout(here: Repository) -> None:
-    """Raise PublishError where the last commit is not what should be published."""
+    """Raise PublishError if the last commit must not be published."""
     if here.git('status', '--porcelain'):
         raise PublishError('there are uncommitted changes: commit or stash them')
     if here.git('rev-parse', '--is-shallow-repository') == 'true':
@@ -87,7 +87,7 @@ def check_this_checkout(here: Repository) -> None:
 
 
 def sources(here: Repository, split: str) -> dict[str, str]:
-    """Return, for each commit of the split history, the commit here that it comes from."""
+    """Return the source commit here of each commit of the split history."""
     commits = here.git('rev-list', 'HEAD', '--', MIRROR).split()
     asked = ''.join(f'{commit}:{MIRROR}\n' for commit in commits)
     trees = [line.split()[0] for line in here.git('cat-file', '--batch-check', text=asked).splitlines()]
@@ -104,7 +104,7 @@ def sources(here: Repository, split: str) -> dict[str, str]:
 
 
 def check_release(published: Repository, main: str, release: str) -> None:
-    """Raise PublishError if the packages have another version, or if the release is another commit."""
+    """Raise PublishError if the packages have another version, or the tag names another commit."""
     for package in PACKAGES:
         text = published.git('show', f'{main}:{package}/package.xml')
         version = ElementTree.fromstring(text).findtext('version')  # noqa: S314 - our own
@@ -118,7 +118,7 @@ def check_release(published: Repository, main: str, release: str) -> None:
 
 
 def move_ready(published: Repository, main: str) -> None:
-    """Let `ready` follow `main`, without COLCON_IGNORE; refuse to undo changes that somebody made there."""
+    """Move `ready` to `main` without COLCON_IGNORE; raises PublishError if `ready` has own changes."""
     ready = published.commit('refs/heads/ready')
     if ready:
         parents = published.git('show', '-s', '--format=%P', ready).split()
@@ -142,7 +142,7 @@ def move_ready(published: Repository, main: str) -> None:
 
 
 def add_notes(published: Repository, found: dict[str, str]) -> int:
-    """Note the source of each commit that has no note yet; return how many."""
+    """Add a note with its source to each commit without one; return their number."""
     noted = {line.split()[1] for line in published.git('notes', 'list').splitlines()}
     missing = [(commit, source) for commit, source in found.items() if commit not in noted]
     for commit, source in missing:
@@ -157,7 +157,7 @@ def publish(here: Repository, remote: str, release: str, *, is_dry_run: bool) ->
     with tempfile.TemporaryDirectory(prefix='mirror-publish-') as folder:
         published = Repository(Path(folder))
         published.git('init', '--quiet', '--bare')
-        # Of the tags and notes: whoever made the last commit, for a build machine has no identity of its own.
+        # The author of the last commit also signs tags and notes: a build machine may have no git identity.
         for what, placeholder in (('name', '%cn'), ('email', '%ce')):
             published.git('config', f'user.{what}', here.git('show', '-s', f'--format={placeholder}'))
         published.git('fetch', '--quiet', remote, '+refs/*:refs/*')
@@ -166,7 +166,7 @@ def publish(here: Repository, remote: str, release: str, *, is_dry_run: bool) ->
         if not published.is_ancestor('refs/heads/main', split):
             raise PublishError(
                 'main of the remote has commits that are not published from here: bring them in as patches'
-                ' (make mirror-import PATCH=...); if they shall be dropped, take them back on the remote'
+                ' (make mirror-import PATCH=...); to drop them, remove them from the remote'
             )
         known = ['--not', 'refs/heads/main'] if 'refs/heads/main' in before else []
         new = published.git('rev-list', '--count', split, *known)
@@ -195,7 +195,7 @@ def refs(repository: Repository) -> dict[str, str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Publish what the command line names; return the exit code."""
+    """Publish to the remote on the command line; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('remote', help='URL or name of the repository to publish to')
     parser.add_argument('--release', default='', metavar='VERSION', help='tag the commit with this version')

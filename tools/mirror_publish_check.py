@@ -1,10 +1,10 @@
 """
 Publish the mirror into a fresh repository and use it as another course team does.
 
-mirror_publish.py publishes the last commit; then it is cloned, built and tested by the commands of the
-mirror's own README: every ```bash block that no `<!-- needs ... -->` marks as needing what this machine
-lacks. Two places of the README are filled in: where the repository is, and where ROS is (the wheels of
-this environment, announced as /opt/ros/DISTRO/setup.bash does it). Its .repos file is given to vcs.
+mirror_publish.py publishes the last commit. The commands of the mirror's README then clone, build and test
+it: every ```bash block that is not marked `<!-- needs ... -->`. This script fills in two places of the
+README: the address of the repository, and the path of ROS (the wheels of this environment, with a setup file
+like /opt/ros/DISTRO/setup.bash). It also gives the README's .repos file to vcs.
 """
 
 import os
@@ -37,7 +37,7 @@ OTHER_PACKAGE = {
 
 
 class CheckFailedError(Exception):
-    """What another team would have met."""
+    """A failure that another team would see."""
 
 
 def run(script: str, log: Path, environment: dict, folder: Path) -> str:
@@ -55,7 +55,7 @@ def run(script: str, log: Path, environment: dict, folder: Path) -> str:
 
 
 def publish_mirror(folder: Path) -> Path:
-    """Return a fresh bare repository that holds the published mirror."""
+    """Return a fresh bare repository with the published mirror."""
     repository = folder / 'published.git'
     git('init', '--quiet', '--bare', '--initial-branch=main', str(repository))
     try:
@@ -75,7 +75,7 @@ def import_with_vcs(readme: str, repository: Path, folder: Path) -> dict[str, st
 
 
 def git(*arguments: str) -> str:
-    """Run git in this checkout and return what it prints."""
+    """Run git in this checkout and return its output."""
     result = subprocess.run(['git', *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
     if result.returncode:
         raise CheckFailedError(f'git {" ".join(arguments)}: {result.stderr}')
@@ -92,13 +92,13 @@ def ros_setup(folder: Path) -> Path:
     script.write_text(
         f'source {prefix}/local_setup.bash\n'
         f'export PYTHONPATH={site_packages} PATH="$PATH:{prefix}/bin"\n'
-        f'export LD_LIBRARY_PATH={os.environ["LD_LIBRARY_PATH"]}\n'  # the wheels have set it for this process
+        f'export LD_LIBRARY_PATH={os.environ["LD_LIBRARY_PATH"]}\n'  # set for this process by the wheels
     )
     return script
 
 
 def readme_commands(readme: str, repository: Path, setup: Path) -> list[str]:
-    """Return the README's executable blocks in order, with the two places filled in."""
+    """Return the README's executable blocks in order, with the two places replaced."""
     blocks = [match['commands'] for match in BASH_BLOCK.finditer(readme) if not match['mark']]
     filled_in = [
         block.replace('URL_OF_THIS_REPOSITORY', str(repository)).replace(
@@ -116,7 +116,7 @@ def readme_commands(readme: str, repository: Path, setup: Path) -> list[str]:
 
 
 def follow_readme(name: str, folder: Path, blocks: list[str], other: Path | None) -> str:
-    """Follow the README with an empty home; with another package in src/ if one is given."""
+    """Follow the README with an empty home, and with another package in src/ if one is given."""
     home = folder / name
     home.mkdir()
     environment = {key: value for key, value in os.environ.items() if key.startswith(('PIP_', 'LANG', 'LC_'))}

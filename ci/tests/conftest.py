@@ -1,4 +1,4 @@
-"""Make the environment's scripts importable, and say where `ci/test` has built which tree."""
+"""Make the scripts of ci/ importable, and name the environments of both trees."""
 
 import os
 import platform
@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 
 def pytest_configure(config):
-    """Name the marker of what `ci/test` leaves to `ci/test_heavy`."""
+    """Register the marker of the tests that only ci/test_heavy runs."""
     config.addinivalue_line('markers', 'heavy: takes a minute or more')
 
 
@@ -20,7 +20,7 @@ ENVIRONMENTS = {
     'lupin_greenhouse_ros': Path(os.environ.get('MIRROR_VENV') or os.environ['VIRTUAL_ENV']),
 }
 
-# On this processor its wheel exists: a Drake that cannot be had there fails.
+# Drake has a wheel for x86_64 only. There, a failed installation fails the tests.
 needs_drake = pytest.mark.skipif(
     platform.machine() != 'x86_64', reason='Drake has no wheel for this processor'
 )

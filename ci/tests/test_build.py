@@ -20,7 +20,7 @@ CLEAN_ENVIRONMENT = {
 
 
 def colcon_build_of_the_bridge(tree, base, *arguments, python_path=''):
-    """Build the bridge over the tree's messages, in a folder of its own; return what colcon printed."""
+    """Build the bridge over the tree's messages in its own folder; return the output of colcon."""
     script = (
         'source ci/ros_env.bash && unset PYTHONDONTWRITEBYTECODE'
         ' && export PYTHONPATH="$EXTRA_PYTHONPATH:$PYTHONPATH" && exec python -m colcon'
@@ -54,7 +54,7 @@ def test_the_bridge_builds_without_a_warning(tmp_path, tree, is_symlinked):
 
 @pytest.mark.parametrize('tree', ENVIRONMENTS)
 def test_the_whole_tree_was_built_without_a_warning(tree):
-    """What the last `make build` of the tree printed."""
+    """The output of the last `make build` of the tree."""
     log = (ENVIRONMENTS[tree] / 'workspace' / tree / 'build.log').read_text()
     assert 'Finished <<< lupin_greenhouse_bridge' in log
     assert 'warning' not in log.lower()
@@ -68,7 +68,7 @@ def test_the_whole_tree_was_built_without_a_warning(tree):
     ids=['22.04', 'now'],
 )
 def test_symlink_install_works_with_the_setuptools_of_2022_and_of_today(tmp_path, setuptools, is_linked):
-    """Colcon links the modules up to setuptools 79; from 80 on it copies them, and does not say so."""
+    """Up to setuptools 79 colcon links the modules; from 80 on it copies them silently."""
     packages, tree = tmp_path / 'packages', 'lupin_greenhouse_ros'
     run_in(tree, f'python -m pip install --quiet --no-deps --target {packages} "{setuptools}"')
     printed = colcon_build_of_the_bridge(tree, tmp_path, '--symlink-install', python_path=str(packages))
@@ -86,7 +86,7 @@ def run_in(tree, script, *, check=True):
     result = subprocess.run(
         ['bash', '-ec', f'source ci/ros_env.bash && {script}'],
         cwd=ROOT,
-        # Not the libraries of the environment that runs this test.
+        # Without the libraries of the environment that runs this test.
         env={**CLEAN_ENVIRONMENT, 'TREE': tree, 'VENV': str(ENVIRONMENTS[tree])},
         capture_output=True,
         text=True,
@@ -102,7 +102,7 @@ def run_in(tree, script, *, check=True):
     ('tree', 'package'), [('monorepo', 'lupin_msgs'), ('lupin_greenhouse_ros', 'lupin_greenhouse_msgs')]
 )
 def test_the_messages_are_built_for_the_python_of_the_active_environment(tmp_path, tree, package, variable):
-    """Another Python lies in front of it on PATH."""
+    """Another Python comes first on PATH."""
     decoy = tmp_path / 'bin/python3'
     decoy.parent.mkdir()
     decoy.write_text('#!/bin/sh\necho decoy >&2\nexit 1\n')

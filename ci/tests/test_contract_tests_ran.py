@@ -1,4 +1,4 @@
-"""colcon is green when it finds no test: count what it ran."""
+"""colcon succeeds if it finds no tests, so count the tests that ran."""
 
 from pathlib import Path
 from xml.etree import ElementTree

@@ -1,4 +1,4 @@
-"""The README's first commands do what it shows, and the check of the documents can fail."""
+"""The README's first commands print what it shows, and the check of the documents can fail."""
 
 import os
 import re
@@ -13,7 +13,7 @@ ROOT = docs_check.ROOT
 
 
 def without_numbers(text: str) -> list[str]:
-    """Return the lines of a text with every number the same: times and noise differ from run to run."""
+    """Return the lines of a text with all numbers replaced: times and noise differ from run to run."""
     return [re.sub(r'\s+', ' ', re.sub(r'\d+(\.\d+)*', 'N', line)) for line in text.splitlines()]
 
 
@@ -105,8 +105,8 @@ def test_a_good_document_has_no_findings(documents):
         ('(#a-title-with-code)', '(#another)', 'the link #another names no heading'),
         ('test 1 = 1', 'test 1 = 2', 'exit code 1 of: test 1 = 2'),
         ('::test_this', '::test_that', 'there is no test test_it.py::test_that'),
-        ('<!-- run -->\n', '', 'run, tested by or needs?'),
-        ('[here]', '    make run\n\n[here]', 'fence this block, and name its language: make run'),
+        ('<!-- run -->\n', '', 'mark this block with run, tested by or needs'),
+        ('[here]', '    make run\n\n[here]', 'fence this block and set its language: make run'),
     ],
 )
 def test_each_fault_of_a_document_is_found(documents, old, new, finding):

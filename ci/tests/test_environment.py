@@ -1,4 +1,4 @@
-"""ci/environment.py: what it needs, finds, skips and makes again."""
+"""ci/environment.py: prerequisites, a sourced ROS, and when it makes an environment again."""
 
 import os
 import shutil
@@ -17,7 +17,7 @@ WITHOUT_MAKE = {name: value for name, value in os.environ.items() if not name.st
 
 @pytest.fixture
 def commands(monkeypatch):
-    """Record what would be installed: pip and venv are not run, and no ROS is sourced."""
+    """Record the commands instead of running pip and venv; no ROS is sourced."""
     ran = []
 
     def record(command, _log):
@@ -166,10 +166,10 @@ def test_the_pins_are_whole_and_name_no_registry():
 
 @pytest.mark.heavy
 def test_a_sourced_ros_is_found_used_and_only_completed(tmp_path):
-    """A second prefix, announced as a sourced setup.bash does it, takes the place of the wheels."""
+    """A second prefix, set up like a sourced setup.bash, replaces the wheels."""
     prefix = Path(sys.prefix)
     (tmp_path / 'bin').mkdir()
-    (tmp_path / 'bin/ros2').write_text('#!/bin/sh\n')  # its presence is what a sourced ROS shows
+    (tmp_path / 'bin/ros2').write_text('#!/bin/sh\n')  # its presence marks a sourced ROS
     (tmp_path / 'bin/ros2').chmod(0o755)
     site_packages = repair_cmake.sysconfig.get_path('purelib')
     sourced = {

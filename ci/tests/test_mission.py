@@ -1,4 +1,4 @@
-"""`make mission`, on both paths: what it leaves behind."""
+"""`make mission` in simulation and with a camera: the report and the picture that it writes."""
 
 import json
 import os

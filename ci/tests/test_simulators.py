@@ -1,4 +1,4 @@
-"""The bridge with releases of the simulator that a registry has, each really installed."""
+"""The bridge with other releases of the simulator, installed from PyPI."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ pytest_plugins = ['lupin_greenhouse_bridge.testing']
 
 @pytest.fixture
 def simulator(tmp_path):
-    """Return a function that installs a release of the simulator, and the environment that has it."""
+    """Return a function that installs a release of the simulator and returns its environment."""
 
     def install(version: str) -> dict[str, str]:
         pip = [sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--target', str(tmp_path)]

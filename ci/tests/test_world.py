@@ -1,4 +1,4 @@
-"""`make world-check` on layouts of one's own, and that it notices a wrong world."""
+"""`make world-check` on other layouts, and on wrong worlds."""
 
 import json
 import subprocess

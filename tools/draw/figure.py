@@ -1,13 +1,12 @@
 """
-Two figures of the greenhouse that the simulator loads: its layout over one sensor's field, and a tag's day.
+Draw two figures of the simulated greenhouse: its layout over one sensor's field, and a day at a tag.
 
     make figure                      the shipped greenhouse, into the documents of both trees
-    make figure ARGS=--check         are those up to date?
+    make figure ARGS=--check         checks that those are up to date
     make figure ARGS="--output /tmp --tag-file tags.json --sensor co2 --hour 6 --tag 21"
 
-Each figure is written as PNG and SVG, and says in its metadata what it was drawn from: the simulator's two
-files, the choices and the code. That is what --check compares, and not pixels, which every release of
-matplotlib sets a little differently.
+Each figure is a PNG. Its metadata names what it was drawn from: the simulator's two files, the options and
+the code. --check compares these and not the pixels, which differ a little with each release of matplotlib.
 """
 
 import argparse
@@ -31,7 +30,7 @@ from matplotlib.patches import Wedge
 from PIL import Image
 
 COMMITTED = Path(__file__).resolve().parents[1] / 'core/lupin_greenhouse_bridge/doc'
-# Okabe and Ito's colours, which colour-blind people can tell apart; the letters are for black and white.
+# Okabe and Ito's colours suit colour-blind readers; the letters suit black and white.
 SENSORS = {
     'temperature': ('T', '#d55e00'),
     'humidity': ('H', '#56b4e9'),
@@ -43,17 +42,17 @@ FIELD_STEP_M = 0.05
 SAMPLES = 300  # of the noise, at each time of the day
 TAG_RADIUS_M = 0.085
 CHARACTER_M, LINE_M = 0.085, 0.17  # of a label in the picture
-CLEAR_M = 0.2  # what a number on a contour line may not come nearer than to a wall; twice that to a tag
+CLEAR_M = 0.2  # distance of a number on a contour line to a wall, at least; twice that to a tag
 
 
 class Greenhouse:
-    """The simulator's files, read by the simulator itself, with a clock and noise at will."""
+    """The simulator with a settable clock and noise."""
 
     def __init__(self, options):
         self.tag_file = options.tag_file or shipped_file('tag_locations.json')
         self.sim_config_file = options.sim_config_file or shipped_file('greenhouse_config.yaml')
         paths = Path(self.tag_file), Path(self.sim_config_file)
-        load(Settings(), *paths)  # as the bridge: checked
+        load(Settings(), *paths)  # validated like the bridge's
         self.layout = read_layout(self.tag_file)
         self.footprint = read_footprint(self.layout, self.sim_config_file)
         self._noisy, self._silent = (GreenhouseSimulator(*paths) for _ in range(2))
@@ -65,12 +64,12 @@ class Greenhouse:
     def value(
         self, sensor: str, position: tuple[float, float], hour: float, *, is_noisy: bool = False
     ) -> float:
-        """Return what a sensor reads at a place, in its unit."""
+        """Return the value of a sensor at a position, in its unit."""
         simulator = self._noisy if is_noisy else self._silent
         return simulator.sensor_registry.get_sensor(sensor).retrieve_data(position, hour * 3600.0)
 
     def fingerprint(self, options) -> str:
-        """Identify all that a figure is drawn from."""
+        """Return a hash of everything that a figure is drawn from."""
         files = [
             Path(self.tag_file),
             Path(self.sim_config_file),
@@ -83,7 +82,7 @@ class Greenhouse:
 
 
 def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
-    """Return the figure of the layout: each tag a wheel of its sensors, over one sensor's field."""
+    """Return the figure of the layout, with each tag as a wheel of its sensors over one sensor's field."""
     layout = greenhouse.layout
     figure, axes = pyplot.subplots(figsize=(6.4, 8.4), layout='constrained')
     xs, ys = (
@@ -159,7 +158,7 @@ def _draw_labels(axes, layout, room: Box) -> None:
 
 
 def draw_day(greenhouse: Greenhouse, tag_id: str):
-    """Return the figure of a day at one tag: each sensor with the band that holds 90 % of its readings."""
+    """Return the figure of a day at one tag, with the band of 90 % of the readings of each sensor."""
     tag = greenhouse.layout.tags[tag_id]
     position = (tag.x, tag.y)
     hours = [n / 4 for n in range(97)]
@@ -195,7 +194,7 @@ def save(figure, path: Path, fingerprint: str) -> None:
 
 
 def fingerprint_of(path: Path) -> str:
-    """Return what a committed figure says that it was drawn from; '' if it says nothing or is missing."""
+    """Return the fingerprint in a committed figure; '' if it has none or is missing."""
     if not path.exists():
         return ''
     with Image.open(path) as image:
@@ -203,7 +202,7 @@ def fingerprint_of(path: Path) -> str:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Draw, or check; exit code 0 done, 1 not up to date, 2 cannot be drawn."""
+    """Draw or check; exit code 0: done, 1: not up to date, 2: cannot be drawn."""
     parser = argparse.ArgumentParser(prog='figure', description=__doc__.strip().splitlines()[0])
     parser.add_argument('--check', action='store_true', help='compare the committed figures; draw nothing')
     parser.add_argument(

@@ -38,13 +38,13 @@ def draw() -> Image.Image:
 
 
 def fingerprint() -> str:
-    """Identify all that the picture is drawn from."""
+    """Return a hash of everything that the picture is drawn from."""
     files = (__file__, drawing.__file__, scene.__file__)
     return hashlib.sha256(b'\0'.join(Path(file).read_bytes() for file in files)).hexdigest()
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Draw, or check; exit code 0 done, 1 not up to date."""
+    """Draw or check; exit code 0: done, 1: not up to date."""
     parser = argparse.ArgumentParser(prog='seen', description=__doc__.strip().splitlines()[0])
     parser.add_argument('--check', action='store_true', help='compare the committed picture; draw nothing')
     if parser.parse_args(arguments).check:

@@ -1,5 +1,5 @@
 """
-A PDF to print: the tag36h11 of each tag that the simulator loads, as many on an A4 page as fit.
+Make a PDF to print: the tag36h11 of each tag of the greenhouse, as many on an A4 page as fit.
 
     make tags SIDE=40                             .tags/tag36h11-40mm.pdf
     make tags SIDE=60 ARGS="--tag-file tags.json"
@@ -23,16 +23,16 @@ from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 
 PAGE_MM = (210.0, 297.0)  # A4
-MARGIN_MM = 10.0  # printers leave it white
+MARGIN_MM = 10.0  # printers do not print there
 FOOTER_MM = 20.0  # the ruler
 LABEL_MM = 7.0  # under each tag
 TAG_COUNT = 587
-MODULES = 8  # along a side of the black square; one more of white on each side
+MODULES = 8  # along a side of the black square; the white margin adds one on each side
 RULER_MM = 100
 
 
 def modules_of(tag_number: int) -> np.ndarray:
-    """Return the tag as the AprilTag project draws it: True where it is black, row 0 on top."""
+    """Return the tag as the AprilTag project draws it: True for black, row 0 on top."""
     return scene.printed_marker(tag_number) == 0
 
 
@@ -85,7 +85,7 @@ def draw_tag(axes, tag_number: int, side_mm: float, corner: tuple[float, float])
 
 
 def draw_page(tag_numbers: list[int], side_mm: float):
-    """Return one page; everything on it is in millimetres from the lower left corner."""
+    """Return one page; its coordinates are millimetres from the lower left corner."""
     figure = pyplot.figure(figsize=[each / 25.4 for each in PAGE_MM])
     axes = figure.add_axes((0, 0, 1, 1), xlim=(0, PAGE_MM[0]), ylim=(0, PAGE_MM[1]))
     axes.axis('off')
@@ -113,7 +113,7 @@ def write(path: Path, tag_numbers: list[int], side_mm: float) -> int:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Write the PDF; exit code 2 when it cannot be."""
+    """Write the PDF; exit code 2 if it cannot be written."""
     parser = argparse.ArgumentParser(prog='tags', description=__doc__.strip().splitlines()[0])
     parser.add_argument('--side', type=float, default=100.0, metavar='MM', help='default: %(default)g')
     parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")

@@ -1,5 +1,5 @@
 """
-Draw the SDF world for the page of lupin_world: from above, and from the robot's eye before a tag.
+Draw the SDF world for the page of lupin_world: from above, and from a robot in front of a tag.
 
     make figure WORLD=1
 """

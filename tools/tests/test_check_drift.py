@@ -312,7 +312,7 @@ def empty_mirror(trees):
         (touch('mirror', NODE, f'def broken(:\n    {PLAIN}\n'), 'is not Python'),
         (touch('monorepo', NODE, f'\0\n    {WRAP}\n'), 'is not Python'),
         (touch('mirror', SRV, 'string tag_id\n'), 'lines ---'),
-        (edit('both', SRV, 'string tag_id ', '?'), 'is no field, constant or ---'),
+        (edit('both', SRV, 'string tag_id ', '?'), 'is not a field, constant or ---'),
     ],
 )
 def test_what_cannot_be_compared_is_exit_code_2_and_one_line(trees, mutate, reason, capsys):

@@ -99,7 +99,7 @@ def make_a_file_binary(tree):
         (leave_an_orphan_in_a_new_folder, 'orphan.md: not generated'),
         (delete_a_file, 'setup.cfg: missing'),
         (change_a_mode, 'bridge_node.py: has mode 755'),
-        (put_a_symlink, 'setup.py: missing, or no plain file'),
+        (put_a_symlink, 'setup.py: missing, or not a plain file'),
         (empty_a_file, 'package.xml: differs'),
         (make_a_file_binary, 'binary: 2 and'),
     ],

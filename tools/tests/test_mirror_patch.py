@@ -79,8 +79,8 @@ def test_a_file_without_a_place_here_is_one_line_and_changes_nothing(repositorie
     result = import_patch(monorepo, commit_in(mirror))
     assert result.returncode != 0
     assert result.stderr.splitlines() == [
-        'mirror_patch: NOTES.md: is no file of the mirror that tools/twins.toml knows',
-        "mirror-import: 'Mend it' is not taken: nothing was changed",
+        'mirror_patch: NOTES.md: is not a file of the mirror in tools/twins.toml',
+        "mirror-import: 'Mend it' cannot be translated: nothing was changed",
     ]
     assert git(monorepo, 'status', '--porcelain') == ''
 

@@ -1,4 +1,4 @@
-"""Start the bridge, the mission and, where a camera has to confirm the tags, the camera's node."""
+"""Start the bridge, the mission and, if a camera must confirm the tags, the camera's node."""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, Shutdown
@@ -15,7 +15,7 @@ from lupin_perception.settings import Settings as CameraSettings
 
 
 def generate_launch_description():
-    """Include the bridge, which takes its own arguments too; when the mission ends, everything does."""
+    """Include the bridge with its own arguments; the end of the mission ends all nodes."""
     bridge = PathJoinSubstitution(
         [FindPackageShare('lupin_greenhouse_bridge'), 'launch', 'greenhouse_bridge.launch.py']
     )

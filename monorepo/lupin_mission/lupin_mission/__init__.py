@@ -1,1 +1,1 @@
-"""The mission at the other end of the contract: visit the tags, read each once, report."""
+"""A mission that visits the tags, reads each once, and reports."""

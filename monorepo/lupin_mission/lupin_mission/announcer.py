@@ -1,4 +1,4 @@
-"""What the mission tells: observations and state to the stack, a log and one moving line to people."""
+"""Publish the mission's observations and state, write its log, and show a progress line at a terminal."""
 
 import time
 
@@ -20,12 +20,12 @@ ACKNOWLEDGED_WITHIN_SECONDS = 0.2
 
 
 def latched(depth: int) -> QoSProfile:
-    """Return the QoS of a topic whose last messages a late subscriber hears."""
+    """Return the QoS of a topic that sends its last messages to late subscribers."""
     return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Announcer:
-    """The voice of a mission node."""
+    """Publishes and logs for a mission node."""
 
     def __init__(self, node, observations_topic: str):
         self._node = node
@@ -37,14 +37,14 @@ class Announcer:
         self._event, self._severity, self._last_error = 'the node has started', Severity.INFO, ''
 
     def note(self, event: str, severity: Severity) -> None:
-        """Keep an event for the state; log it where it is no routine."""
+        """Keep an event for the state, and log it unless it is routine."""
         if severity is Severity.INFO:
             self._event, self._severity = printable(event, 1000), severity
         else:
             self.warn(event)
 
     def started(self, event: str) -> None:
-        """Log the start of a mission, which knows nothing of the errors of another one."""
+        """Log the start of a mission, and clear the error of the one before."""
         self._last_error = ''
         self.inform(event)
 
@@ -61,7 +61,7 @@ class Announcer:
         self._node.get_logger().warning(self._event)
 
     def closed(self, observation: Observation, mission_id: str, place_m: tuple[float, float] | None) -> None:
-        """Publish a tag that the mission has closed, and log what came of it."""
+        """Publish the observation of a tag, and log its outcome."""
         stamp = self._node.get_clock().now().to_msg()
         source = self._node.get_fully_qualified_name()
         self._observations.publish(observation_message(observation, mission_id, source, stamp, place_m))
@@ -77,7 +77,7 @@ class Announcer:
             self._last_error = self._event
 
     def moved(self, mission: Mission) -> None:
-        """Show where the mission is, and publish the tag that the robot stands at when it has changed."""
+        """Show the progress, and publish the tag that the robot stands at if it has changed."""
         tag_id = mission.tag_at_hand or ''
         if tag_id != self._tag_at_hand:
             self._tag_at_hand = tag_id
@@ -89,7 +89,7 @@ class Announcer:
             self._progress.clear()
 
     def publish_state(self, mission: Mission | None, mission_id: str, idle: str, started_at) -> None:
-        """Publish the state; `idle` is the lifecycle of a node without a mission."""
+        """Publish the state; `idle` is the lifecycle state of a node without a mission."""
         message = state_message(mission, mission_id, idle)
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.started_at = started_at or message.started_at
@@ -99,7 +99,7 @@ class Announcer:
         self._states.publish(message)
 
     def wait_for_subscribers(self) -> None:
-        """Return when the subscribers that are there have all that was published, or after a while."""
+        """Wait until the current subscribers have received everything, with a timeout."""
         self._progress.clear()
         deadline = time.monotonic() + LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS
         for publisher in (self._observations, self._states):

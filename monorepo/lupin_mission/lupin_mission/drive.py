@@ -1,10 +1,10 @@
-"""Driving to a tag, as little of it as the mission needs. Nav2 would be a third implementation."""
+"""Drive to a tag: the interface that the mission needs, and a timed stand-in. Nav2 can implement it too."""
 
 from abc import ABC, abstractmethod
 
 
 class Drive(ABC):
-    """Brings the robot to one tag at a time. Times are seconds of a clock that stands still in a pause."""
+    """Brings the robot to one tag at a time. Times are seconds of a clock that stops during a pause."""
 
     @abstractmethod
     def start(self, tag_id: str, now_seconds: float) -> None:
@@ -12,9 +12,9 @@ class Drive(ABC):
 
     @abstractmethod
     def has_arrived(self, now_seconds: float) -> bool:
-        """Tell whether the robot stands before the tag of the last start()."""
+        """Return whether the robot stands in front of the tag of the last start()."""
 
-    def pause(self) -> None:  # noqa: B027 - a drive without a motor has nothing to stop
+    def pause(self) -> None:  # noqa: B027 - optional: a timed drive has nothing to stop
         """Stand still, until resume()."""
 
     def resume(self) -> None:  # noqa: B027
@@ -22,7 +22,7 @@ class Drive(ABC):
 
 
 class TimedDrive(Drive):
-    """Takes the same time to every tag; 0: the robot is there at once."""
+    """Takes the same time to every tag; with 0 it arrives at once."""
 
     def __init__(self, drive_seconds: float):
         self._drive_seconds = drive_seconds
@@ -33,5 +33,5 @@ class TimedDrive(Drive):
         self._arrival_seconds = now_seconds + self._drive_seconds
 
     def has_arrived(self, now_seconds):
-        """Tell whether the time has passed."""
+        """Return whether the time has passed."""
         return now_seconds >= self._arrival_seconds

@@ -1,4 +1,4 @@
-"""What `ros2 run` starts. It takes its signals first: to import rclpy takes a moment."""
+"""The entry points of `ros2 run`. Each handles signals first, because importing rclpy takes a moment."""
 
 from typing import NoReturn
 
@@ -6,5 +6,5 @@ from lupin_mission.life_cycle import start
 
 
 def mission_node() -> NoReturn:
-    """Run one mission; end with the exit code."""
+    """Run one mission, then exit."""
     start('lupin_mission.mission_node')

@@ -1,4 +1,4 @@
-"""The greenhouse as a drawing: footprint, tables, tags at their places. No ROS here."""
+"""Draw the greenhouse: footprint, tables and tags. Does not import ROS."""
 
 from typing import Any, NamedTuple
 
@@ -8,7 +8,7 @@ from lupin_mission.errors import StartUpError
 from lupin_mission.layout import Layout, shipped_file
 from lupin_mission.units import unit_of
 
-COLOURS = 'viridis'  # even in brightness: it reads in black and white, and for colour-blind people
+COLOURS = 'viridis'  # readable in black and white, and for colour-blind people
 MARGIN_M = 0.15
 
 
@@ -21,9 +21,9 @@ class Footprint(NamedTuple):
 
 def read_footprint(layout: Layout, sim_config_file: str = '') -> Footprint:
     """
-    Return the walls that the greenhouse config names; without a config they go around tags and tables.
+    Return the walls of the greenhouse config; without a config, walls around the tags and tables.
 
-    '' stands for the config of mdp-greenhouse where it is installed. Raises StartUpError.
+    '' selects the config of mdp-greenhouse if it is installed. Raises StartUpError.
     """
     path = sim_config_file or shipped_file('greenhouse_config.yaml')
     if not path:
@@ -41,10 +41,10 @@ def read_footprint(layout: Layout, sim_config_file: str = '') -> Footprint:
 
 def read_colour_ranges(sim_config_file: str = '') -> dict[str, tuple[float, float]]:
     """
-    Return the lowest and highest value of the colours of each sensor, in its unit.
+    Return the lowest and highest value of each sensor's colour scale, in its unit.
 
-    They come from the config as in `read_footprint`, and are the same from run to run. A sensor without a
-    range in the config is left out.
+    They come from the config, as in `read_footprint`, so they are the same in every run. A sensor without a
+    range in the config has no entry.
     """
     path = sim_config_file or shipped_file('greenhouse_config.yaml')
     if not path:
@@ -58,7 +58,7 @@ def read_colour_ranges(sim_config_file: str = '') -> dict[str, tuple[float, floa
 
 def _read_visualization(path: str, problem: str) -> dict:
     try:
-        import yaml  # comes with ROS
+        import yaml  # part of every ROS installation
 
         with open(path, encoding='utf-8') as file:
             return dict(yaml.safe_load(file)['visualization'])
@@ -74,7 +74,7 @@ def _no_config(path: str, problem: str, error: Exception) -> StartUpError:
 
 
 class Box(NamedTuple):
-    """A rectangle in metres: the place of its centre, and its size."""
+    """A rectangle in metres: its centre and its size."""
 
     x: float
     y: float
@@ -82,13 +82,13 @@ class Box(NamedTuple):
     height: float
 
     def overlap(self, other: 'Box') -> float:
-        """Return the area that two rectangles share."""
+        """Return the common area of two rectangles."""
         wide = _shared(self.x, self.width, other.x, other.width)
         return wide * _shared(self.y, self.height, other.y, other.height)
 
 
 def _shared(middle: float, length: float, other_middle: float, other_length: float) -> float:
-    """Return the length that two intervals share."""
+    """Return the common length of two intervals."""
     end = min(middle + length / 2, other_middle + other_length / 2)
     return max(end - max(middle - length / 2, other_middle - other_length / 2), 0.0)
 
@@ -97,9 +97,9 @@ def place_labels(
     dots: list[Box], labels: list[tuple[Box, float, float]], room: Box | None = None
 ) -> list[tuple[float, float]]:
     """
-    Return a place for each label beside its dot, where it covers no dot, no label before it, and no wall.
+    Return a place for each label beside its dot, where it covers no dot, no earlier label and no wall.
 
-    A label comes as its dot, its width and its height.
+    Each label is given as its dot, its width and its height.
     """
     taken = list(dots)
     places = []
@@ -112,7 +112,7 @@ def place_labels(
 
         def cost(box: Box) -> float:
             outside = box.width * box.height - box.overlap(room) if room else 0.0
-            return round(outside + sum(box.overlap(each) for each in taken), 4)  # of equal ones the nearest
+            return round(outside + sum(box.overlap(each) for each in taken), 4)  # the nearest of equals
 
         best = min(boxes, key=cost)
         taken.append(best)
@@ -121,7 +121,7 @@ def place_labels(
 
 
 def draw_footprint(axes: Any, layout: Layout, footprint: Footprint) -> None:
-    """Draw walls, tables and a scale in metres; the view holds every tag, also one outside the walls."""
+    """Draw walls, tables and a scale in metres; the view includes tags outside the walls."""
     axes.add_patch(Rectangle((0, 0), *footprint, fill=False, linewidth=1.5))
     for x0, y0, x1, y1 in layout.tables.values():
         axes.add_patch(

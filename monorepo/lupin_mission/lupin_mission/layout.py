@@ -1,4 +1,4 @@
-"""The greenhouse's layout, read as data: the mission needs no simulator. No ROS here."""
+"""Read the layout of the greenhouse as data, without the simulator. Does not import ROS."""
 
 import importlib.util
 import json
@@ -10,7 +10,7 @@ from lupin_mission.errors import StartUpError, printable
 
 
 class Tag(NamedTuple):
-    """A tag's place in metres, and what it measures."""
+    """A tag's position in metres, and its sensors."""
 
     x: float
     y: float
@@ -18,9 +18,9 @@ class Tag(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """What stands where in the greenhouse, in metres."""
+    """The tags and tables of the greenhouse, in metres."""
 
-    tags: dict[str, Tag]  # by id, in the order of the file; only those with a sensor
+    tags: dict[str, Tag]  # by id, in the order of the file; only tags with a sensor
     tables: dict[str, tuple[float, float, float, float]]  # name -> (x0, y0, x1, y1)
 
 
@@ -28,7 +28,7 @@ def read_layout(tag_file: str) -> Layout:
     """
     Return the layout of a tag_locations.json; raises StartUpError.
 
-    Both of the simulator's formats are known. The bridge checks a tag file; this only reads it.
+    Reads both of the simulator's formats. The bridge validates a tag file; this function only reads it.
     """
     where = f"tag_file '{printable(tag_file, 500)}'"
     try:
@@ -63,13 +63,13 @@ def _metres(value) -> float:
 
 
 def shipped_file(name: str) -> str:
-    """Return the path of a file of mdp-greenhouse's shipped configuration, '' where it is not installed."""
+    """Return the path of a file that mdp-greenhouse ships; '' if it is not installed."""
     spec = importlib.util.find_spec('greenhouse_sim')  # not imported
     folders = spec.submodule_search_locations if spec else []
     return next((str(path) for each in folders if (path := Path(each, 'configs', name)).is_file()), '')
 
 
 def find_layout(tag_file: str) -> Layout | None:
-    """Return the layout of tag_file, or of the shipped one when it is '', or None; raises StartUpError."""
+    """Return the layout of tag_file, or of the shipped file for ''; None without either."""
     path = tag_file or shipped_file('tag_locations.json')
     return read_layout(path) if path else None

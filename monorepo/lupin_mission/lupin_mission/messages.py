@@ -1,4 +1,4 @@
-"""Between the mission's own objects and the team's messages."""
+"""Convert between the mission's objects and the team's messages."""
 
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
@@ -12,7 +12,7 @@ LARGEST_COUNT = 2**16 - 1  # of a uint16
 
 
 def reading_of(message: TagReading) -> Reading:
-    """Return what a TagReading holds."""
+    """Return the contents of a TagReading."""
     return Reading(
         message.tag_id,
         (message.stamp.sec, message.stamp.nanosec),
@@ -25,10 +25,10 @@ def observation_message(
     observation: Observation, mission_id: str, source: str, stamp, place_m: tuple[float, float] | None
 ) -> ObservationMessage:
     """
-    Return the message of one tag that the mission has closed.
+    Return the message for the observation of one tag.
 
-    `place_m` is the tag's x and y in the map, None where it is not known: then the pose is never populated,
-    which the team writes as w = 0. A pose of rosidl has w = 1 by default.
+    `place_m` is the tag's x and y in the map. If it is None, the pose is unset, which the team marks by
+    w = 0. The default pose of rosidl has w = 1.
     """
     message = ObservationMessage(
         kind=ObservationMessage.KIND_TAG_READING, mission_id=mission_id, source=source
@@ -60,7 +60,7 @@ def _fill(message: TagReading, reading: Reading) -> None:
 
 
 def state_message(mission: Mission | None, mission_id: str, lifecycle_if_none: str) -> MissionState:
-    """Return the state of a mission, or of a node that has none; the caller adds stamps and events."""
+    """Return the state of a mission, or of a node without one; the caller adds stamps and events."""
     message = MissionState(lifecycle_state=lifecycle_if_none, battery_percentage=1.0)
     if mission:
         message.mission_id = mission_id

@@ -1,8 +1,7 @@
 """
-The mission: visit each tag once, and bring home one outcome for each. No ROS here.
+The mission's state machine: visits each tag once, and records one outcome for each. Does not import ROS.
 
-Time comes from outside, in seconds of a clock that never goes back; step() says how late it is.
-The state machine is drawn in the package's README.
+The caller passes the time to step(), in seconds of a monotonic clock. The package's README draws the states.
 """
 
 from collections.abc import Iterable
@@ -17,7 +16,7 @@ LONGEST_RETRY_DELAY_SECONDS = 10.0
 
 
 class State(Enum):
-    """Where the mission is; a pause holds it in whichever it is in."""
+    """Where the mission is. A pause keeps the state."""
 
     READY = 'ready'
     DRIVING = 'driving'
@@ -26,7 +25,7 @@ class State(Enum):
 
 
 class Severity(IntEnum):
-    """How bad an event is; the values are those of MissionState."""
+    """The severity of an event, with the values of MissionState."""
 
     INFO = 0
     WARN = 1
@@ -34,7 +33,7 @@ class Severity(IntEnum):
 
 
 class Service(Enum):
-    """Whom a request goes to."""
+    """The service that a request goes to."""
 
     CONFIRM = 'confirm'  # does the camera see this tag?
     READ = 'read'  # what is the climate at it?
@@ -42,7 +41,7 @@ class Service(Enum):
 
 @dataclass(frozen=True)
 class Request:
-    """One question to one service. Its number is used once, so a late reply cannot pass for another's."""
+    """One request to one service. Its unique number tells a late reply from a current one."""
 
     number: int
     service: Service
@@ -51,35 +50,35 @@ class Request:
 
 @dataclass(frozen=True)
 class Limits:
-    """How long and how often; all times in seconds."""
+    """Times, in seconds, and the number of attempts."""
 
-    dwell_seconds: float = 1.0  # the robot stands at a tag at least this long
+    dwell_seconds: float = 1.0  # the robot stays at a tag for at least this time
     request_timeout_seconds: float = 2.0  # of one attempt
     max_attempts: int = 3  # of each service, per tag
     retry_delay_seconds: float = 0.5  # before the second attempt; doubles each time, up to 10
 
 
 class Surroundings(Protocol):
-    """What the mission needs of the world; the node is one."""
+    """The interface that the mission needs; the node implements it."""
 
     def send(self, request: Request) -> None:
-        """Start a request without waiting; its reply comes by on_confirmation, on_reading or on_refusal."""
+        """Start a request without waiting. The reply arrives by on_confirmation, on_reading or on_refusal."""
 
     def abandon(self, request: Request) -> Outcome:
-        """Give a request up; return TIMEOUT, or NO_SERVICE when there was nobody to send it to."""
+        """Give up a request; return TIMEOUT, or NO_SERVICE if the service was never available."""
 
     def record(self, observation: Observation) -> None:
         """Keep an observation for good; an exception ends the mission."""
 
     def note(self, event: str, severity: Severity) -> None:
-        """Tell people what happened, in one line."""
+        """Report an event in one line."""
 
 
 class Mission:
     """
-    Drives to each tag, has it confirmed where that is required, reads it, and records one outcome.
+    Drives to each tag, has it confirmed if required, reads it, and records one outcome.
 
-    A scan that fails is recorded with its reason, and the mission goes on with the next tag.
+    If a scan fails, the mission records the reason and continues with the next tag.
     """
 
     def __init__(
@@ -91,7 +90,7 @@ class Mission:
         *,
         require_visual_confirmation: bool = False,
     ):
-        """`tag_ids` are visited in this order, each once; raises ValueError on one that is given twice."""
+        """Visit `tag_ids` in this order, each once; raises ValueError if one is repeated."""
         self.tag_ids = tuple(tag_ids)
         if len(set(self.tag_ids)) != len(self.tag_ids):
             raise ValueError('a tag id is given twice')
@@ -105,13 +104,13 @@ class Mission:
         self._to_visit = iter(self.tag_ids)
         self._tag_id: str | None = None
         self._now = 0.0
-        self._active_seconds = 0.0  # stands still in a pause; drive, dwell and back-off go by it
+        self._active_seconds = 0.0  # stops during a pause; drive, dwell and back-off use it
         self._dwell_end = 0.0
-        self._scan_reading_done = False  # the latch: this visit has its outcome, there is nothing more to ask
+        self._scan_reading_done = False  # the latch: this visit has its outcome and sends no more requests
         self._requests = 0
         self._requests_before = 0  # of this visit
-        self._request: Request | None = None  # the one that is awaited
-        self._deadline = 0.0  # of that request, by the clock that a pause does not stop
+        self._request: Request | None = None  # the pending one
+        self._deadline = 0.0  # of that request, on the clock that continues during a pause
         self._service = self._first_service
         self._attempts = 0  # of that service, at this tag
         self._next_attempt = 0.0
@@ -119,12 +118,12 @@ class Mission:
 
     @property
     def target(self) -> str | None:
-        """The tag that the robot drives to or stands at; None before the first and after the last."""
+        """The tag that the robot drives to or stands at; None before the first and after the last tag."""
         return self._tag_id if self.state in (State.DRIVING, State.INSPECTING) else None
 
     @property
     def phase(self) -> str:
-        """NAVIGATING, CONFIRMING, SCANNING or PUBLISHING, as in MissionState; '' when it does not run."""
+        """NAVIGATING, CONFIRMING, SCANNING or PUBLISHING, as in MissionState; '' if no mission runs."""
         if self.state is State.DRIVING:
             return 'NAVIGATING'
         if self.state is not State.INSPECTING:
@@ -135,17 +134,17 @@ class Mission:
 
     @property
     def tag_at_hand(self) -> str | None:
-        """The tag that the robot stands at; None while it drives, before the first and after the last."""
+        """The tag that the robot stands at; None while it drives, before the first and after the last tag."""
         return self._tag_id if self.state is State.INSPECTING else None
 
     def start(self, now_seconds: float) -> None:
-        """Set off for the first tag."""
+        """Drive to the first tag."""
         self._now = now_seconds
         self._drive_on()
         self.step(now_seconds)
 
     def step(self, now_seconds: float) -> None:
-        """Do what is due by now; call it often, and after every reply."""
+        """Do what is due at this time. Call it often, and after every reply."""
         if not self.is_paused:
             self._active_seconds += now_seconds - self._now
         self._now = now_seconds
@@ -157,7 +156,7 @@ class Mission:
             pass
 
     def _take_transition(self) -> bool:
-        """Take the transition that is due, and tell whether there was one."""
+        """Take the transition that is due; return whether there was one."""
         if self.target and self._scan_reading_done:
             if self._active_seconds < self._dwell_end:
                 return False
@@ -205,7 +204,7 @@ class Mission:
         self._surroundings.send(self._request)
 
     def pause(self) -> bool:
-        """Stand still: no drive, no new request, no end of the dwell; False when that is so already."""
+        """Stop driving, sending requests and dwelling; return False if already paused."""
         if self.is_paused or self.state is State.DONE:
             return False
         self.is_paused = True
@@ -214,7 +213,7 @@ class Mission:
         return True
 
     def resume(self) -> bool:
-        """Go on where the pause began; False when there was none."""
+        """Continue where the pause began; return False if not paused."""
         if not self.is_paused:
             return False
         self.is_paused = False
@@ -224,10 +223,10 @@ class Mission:
 
     def skip(self) -> bool:
         """
-        Leave the target; False when there is none.
+        Leave the target; return False if there is none.
 
-        It is recorded as SKIPPED; where it has its outcome already, only the rest of the dwell is skipped.
-        In a pause the robot stays where it is until resume().
+        The target is recorded as SKIPPED. If it already has its outcome, only the rest of the dwell is
+        skipped. During a pause the robot stays where it is until resume().
         """
         if not self.target:
             return False
@@ -236,7 +235,7 @@ class Mission:
         return True
 
     def abort(self) -> bool:
-        """End the mission: the target and all tags not visited are SKIPPED; False when none is left."""
+        """End the mission: the target and all unvisited tags are SKIPPED; return False if none is left."""
         if not self.target:
             return False
         self._surroundings.note('aborted', Severity.WARN)
@@ -257,11 +256,11 @@ class Mission:
         self._dwell_end = self._active_seconds
 
     def count(self, *outcomes: Outcome) -> int:
-        """Return how many tags have one of these outcomes."""
+        """Return the number of tags with one of these outcomes."""
         return sum(outcome in outcomes for outcome in self.outcomes.values())
 
     def on_confirmation(self, number: int, confirmed: bool, message: str) -> bool:
-        """Take the reply to a CONFIRM request; False when nobody awaits it any more."""
+        """Accept the reply to a CONFIRM request; return False if it is no longer pending."""
         if not self._is_awaited(number):
             return False
         if confirmed:
@@ -271,7 +270,7 @@ class Mission:
         return True
 
     def on_reading(self, number: int, reading: Reading) -> bool:
-        """Take an OK reply to a READ request; False when nobody awaits it any more."""
+        """Accept an OK reply to a READ request; return False if it is no longer pending."""
         if not self._is_awaited(number):
             return False
         if reading.tag_id != self._tag_id:
@@ -283,7 +282,7 @@ class Mission:
         return True
 
     def on_refusal(self, number: int, outcome: Outcome, message: str) -> bool:
-        """Take the reply of a service that could not help; False when nobody awaits it any more."""
+        """Accept a reply that reports a failure; return False if the request is no longer pending."""
         if not self._is_awaited(number):
             return False
         self._attempt_failed(outcome, message)
@@ -299,17 +298,17 @@ class Mission:
         if outcome is Outcome.UNKNOWN_TAG or self._attempts >= self._limits.max_attempts:
             self.mark_scan_failed(self._tag_id, outcome, detail)
         else:
-            event = f'tag {self._tag_id!r}: {outcome.value} {detail}: asking again'
+            event = f'tag {self._tag_id!r}: {outcome.value} {detail}: trying again'
             self._surroundings.note(event, Severity.WARN)
             self._next_attempt = self._active_seconds + self._retry_delay
             self._retry_delay = min(2 * self._retry_delay, LONGEST_RETRY_DELAY_SECONDS)
 
     def mark_scan_ok(self, tag_id: str, reading: Reading) -> None:
-        """Record the reading of the tag at hand; raises ValueError on another tag, or a second outcome."""
+        """Record the reading of the tag at hand; raises ValueError for another tag or a second outcome."""
         self._end_scan(tag_id, Outcome.OK, '', reading)
 
     def mark_scan_failed(self, tag_id: str, outcome: Outcome, detail: str) -> None:
-        """Record why the tag at hand has no reading; raises ValueError as mark_scan_ok() does."""
+        """Record why the tag at hand has no reading; raises ValueError like mark_scan_ok()."""
         self._end_scan(tag_id, outcome, detail, None)
 
     def _end_scan(self, tag_id: str, outcome: Outcome, detail: str, reading: Reading | None) -> None:
@@ -326,6 +325,6 @@ class Mission:
 
 
 _NO_REPLY = {
-    Outcome.TIMEOUT: 'no answer in time',
-    Outcome.NO_SERVICE: 'the service is not there',
+    Outcome.TIMEOUT: 'no reply before the timeout',
+    Outcome.NO_SERVICE: 'the service is not available',
 }

@@ -1,4 +1,4 @@
-"""ROS 2 node `mission`: visits the tags, has each read over ROS, and tells the team's stack what it found."""
+"""ROS 2 node `mission`: visits the tags, reads each over ROS, and publishes what it finds."""
 
 import sys
 import time
@@ -42,9 +42,9 @@ REFUSALS = {each.value: each for each in (Outcome.UNKNOWN_TAG, Outcome.SIMULATOR
 
 class MissionNode(Node):
     """
-    The surroundings of a Mission: its clock, its two services, its report, and who listens to it.
+    The surroundings of a Mission: clock, services, report and publishers.
 
-    Nothing here waits. One mission runs at a time: at once, or with wait_for_start when ~/start asks for it.
+    No callback waits. One mission runs at a time. It starts at once, or with wait_for_start at each ~/start.
     """
 
     def __init__(self):
@@ -67,7 +67,7 @@ class MissionNode(Node):
         self._started_at = None
         self._places_m: dict[str, tuple[float, float]] = {}  # of the tags in the map
         self._unsent: Request | None = None  # until its service is there
-        self._future = None  # of the request that is on its way
+        self._future = None  # of the pending request
         self._announcer = Announcer(self, settings.observations_topic)
         for name in ('pause', 'resume', 'skip_current', 'abort'):
             self.create_service(Trigger, f'~/{name}', partial(self._trigger, name.removesuffix('_current')))
@@ -80,12 +80,12 @@ class MissionNode(Node):
             self._ask_for_tags()
 
     def is_done(self) -> bool:
-        """Return True once every tag has its outcome, in a mission that ends by itself."""
+        """Return True once every tag has its outcome, unless the node waits for ~/start."""
         is_over = bool(self.mission and self.mission.state is State.DONE)
         return is_over and not self._settings.wait_for_start
 
     def _timer(self, seconds: float, callback):
-        # A clock that neither jumps nor stops, whatever use_sim_time says.
+        # Monotonic: use_sim_time does not affect it.
         return self.create_timer(seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _client(self, service_type, name: str):
@@ -99,14 +99,14 @@ class MissionNode(Node):
         return Report(path.with_name(f'{path.stem}-{mission_id}{path.suffix}') if mission_id else path)
 
     def farewell(self) -> None:
-        """Publish the state once more, and wait a while for the subscribers that are there."""
+        """Publish the state once more, and wait until the subscribers have it, with a timeout."""
         self._publish_state()
         self._announcer.wait_for_subscribers()
 
     # The tags
 
     def _ask_for_tags(self) -> None:
-        """Ask the bridge which tags it has loaded, again and again, as an early request may be dropped."""
+        """Ask the bridge for its tags. Repeat the request, because DDS can drop an early one."""
         parameters = self._client(
             GetParameters, client.parameter_service_of(self._service_clients[Service.READ].srv_name)
         )
@@ -117,7 +117,8 @@ class MissionNode(Node):
                 timer.cancel()
             elif time.monotonic() >= deadline:
                 raise StartUpError(
-                    f'{parameters.srv_name} named no tags within {LONGEST_WAIT_FOR_TAGS_SECONDS:g} s:'
+                    f'{parameters.srv_name} did not return the tags within'
+                    f' {LONGEST_WAIT_FOR_TAGS_SECONDS:g} s:'
                     ' start the bridge, or set tag_ids or tag_file'
                 )
             elif parameters.service_is_ready():
@@ -131,17 +132,17 @@ class MissionNode(Node):
         timer = self._timer(ASK_FOR_TAGS_EVERY_SECONDS, ask)
 
     def _set_tags(self, tag_ids: list[str], *, is_custom_file: bool) -> None:
-        """Take the tags that a mission may visit, and start it where nobody has to ask for it."""
+        """Set the tags that a mission may visit, and start it unless it waits for ~/start."""
         settings = self._settings
         if settings.has_poses_in_map and self._world:
             self._places_m = self._world
         elif settings.has_poses_in_map:
-            # The shipped places are wrong for a bridge that has loaded a file of its own.
+            # The shipped positions are wrong for a bridge with a custom tag file.
             layout = None if is_custom_file and not settings.tag_file else find_layout(settings.tag_file)
             if layout:
                 self._places_m = {tag_id: tag[:2] for tag_id, tag in layout.tags.items()}
             else:
-                self._announcer.warn("the places of the tags are not known: set tag_file to the bridge's")
+                self._announcer.warn("the positions of the tags are unknown: set tag_file to the bridge's")
         self.known_tag_ids = tag_ids
         self.note(f'{len(tag_ids)} tags known', Severity.INFO)
         if not settings.wait_for_start:
@@ -150,7 +151,7 @@ class MissionNode(Node):
     # The mission
 
     def _begin(self, mission_id: str, tag_ids: list[str], report: Report) -> None:
-        """Start a mission to those tags that the report has no reading of."""
+        """Start a mission to the tags that have no reading in the report."""
         found = last_of_each_tag(report.observations)
         to_visit = [tag for tag in tag_ids if tag not in found or found[tag].outcome is not Outcome.OK]
         self.report = report
@@ -185,7 +186,7 @@ class MissionNode(Node):
     # What the mission needs of the world
 
     def send(self, request: Request) -> None:
-        """Send a request as soon as its service is there; the mission gives up on it where that is never."""
+        """Send a request as soon as its service is available. The mission handles the timeout."""
         self._unsent = request
         self._send_when_ready()
 
@@ -202,7 +203,7 @@ class MissionNode(Node):
         self._future.add_done_callback(partial(self._on_reply, self.mission, request))
 
     def abandon(self, request: Request) -> Outcome:
-        """Forget a request; a reply that comes after all finds nobody."""
+        """Forget a request; a late reply is ignored."""
         if self._unsent is request:
             self._unsent = None
             return Outcome.NO_SERVICE
@@ -219,16 +220,16 @@ class MissionNode(Node):
             outcome = REFUSALS.get(client.STATUS_NAMES.get(response.status), Outcome.BAD_READING)
             is_awaited = mission.on_refusal(request.number, outcome, response.error_message)
         if not is_awaited:
-            self.note(f'late answer for tag {request.tag_id!r} left aside', Severity.WARN)
+            self.note(f'ignored a late reply for tag {request.tag_id!r}', Severity.WARN)
         self._step()
 
     def record(self, observation: Observation) -> None:
-        """Write an observation to the report, publish it, and say so."""
+        """Write an observation to the report, publish it, and log it."""
         self.report.record(observation)
         self._announcer.closed(observation, self._mission_id, self._places_m.get(observation.tag_id))
 
     def note(self, event: str, severity: Severity) -> None:
-        """Tell people what happened."""
+        """Report an event."""
         self._announcer.note(event, severity)
 
     # What people ask of the mission
@@ -259,7 +260,7 @@ class MissionNode(Node):
         return response
 
     def _reason_against(self, request) -> str:
-        """Say why a mission cannot be started as asked; '' when it can."""
+        """Return why a mission cannot be started as requested; '' if it can."""
         sequence = list(request.tag_sequence)
         if self.mission and self.mission.state is not State.DONE:
             return f'mission {self._mission_id} is running: abort it, or wait for its end'
@@ -271,7 +272,7 @@ class MissionNode(Node):
         known = set(self.known_tag_ids)
         if unknown := [tag_id for tag_id in sequence if tag_id not in known]:
             shown = printable(unknown[0], 40)
-            return f"tag '{shown}' is not known: must be one of the {len(known)} tags of the greenhouse"
+            return f"tag '{shown}' is unknown: must be one of the {len(known)} tags of the greenhouse"
         if len(set(sequence)) != len(sequence):
             return 'tag_sequence names a tag twice: a mission visits a tag once'
         return ''
@@ -286,14 +287,14 @@ def _numeric(tag_id: str) -> tuple:
 
 
 def main(args=None):
-    """Run the mission; exit code 0 all tags read, 1 some not, 2 what was asked for cannot be done."""
+    """Run the mission; exit code 0: all tags read, 1: some not read, 2: start-up error."""
     return life_cycle.run(
         NODE_NAME, MissionNode, args, is_done=MissionNode.is_done, conclude=_conclude, refused=REFUSED
     )
 
 
 def _conclude(node: MissionNode) -> int:
-    """Print the table, whether the mission came to its end or not; return the exit code."""
+    """Print the table, even of an interrupted mission; return the exit code."""
     node.farewell()
     observations = node.report.observations if node.report else []
     print(summary_table(observations, node.tag_ids), flush=True)

@@ -1,4 +1,4 @@
-"""`ros2 run lupin_mission plot_report FILE`: draw the greenhouse with what a mission measured at the tags."""
+"""`ros2 run lupin_mission plot_report FILE`: draw the readings of a mission into the greenhouse."""
 
 import argparse
 import sys
@@ -10,12 +10,12 @@ from lupin_mission.layout import find_layout
 from lupin_mission.report import Observation, Outcome, clock_time, last_of_each_tag, read_report
 
 DONE, USAGE = 0, 2
-# In the picture, where a metre has about 0.6 inch: a dot, and a character of a label.
+# Sizes in the picture, where a metre is about 0.6 inch: a dot, and a character of a label.
 DOT_M, CHARACTER_M, LINE_M, GAP_M = 0.24, 0.095, 0.19, 0.1
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Write the picture beside the report, or where --output says; return the exit code."""
+    """Write the picture beside the report, or to --output; return the exit code."""
     parser = argparse.ArgumentParser(prog='plot_report', description='Draw the report of a mission.')
     parser.add_argument(
         'report', metavar='FILE', type=Path, help='the JSON Lines file that the mission wrote'
@@ -38,7 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
     except OneLineError as error:
         print(f'plot_report: {error}', file=sys.stderr)
         return USAGE
-    except (OSError, ValueError) as error:  # matplotlib knows no such format, or cannot write there
+    except (OSError, ValueError) as error:  # unknown to matplotlib, or not writable
         print(f"plot_report: --output '{output}': {error}", file=sys.stderr)
         return USAGE
     print(f'picture: {output}')
@@ -46,7 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Path) -> None:
-    import matplotlib  # late, so that its absence is one line
+    import matplotlib  # imported late: a missing library is a one-line error
 
     matplotlib.use('Agg')
     from matplotlib import pyplot
@@ -61,7 +61,7 @@ def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Pa
     readings = {tag_id: each.reading.values for tag_id, each in found.items() if each.reading}
     if strangers := sorted(set(readings) - set(layout.tags)):
         raise StartUpError(
-            f"report '{options.report}': tag '{strangers[0]}' has no place in the tag file:"
+            f"report '{options.report}': tag '{strangers[0]}' has no position in the tag file:"
             " name the mission's own with --tag-file"
         )
     sensors = list(dict.fromkeys(name for values in readings.values() for name in values))
@@ -93,7 +93,7 @@ def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None
         [layout.tags[tag_id].y for tag_id in measured],
         c=list(measured.values()),
         cmap=COLOURS,
-        vmin=colours and colours[0],  # of the config: two missions can be compared
+        vmin=colours and colours[0],  # from the config, so that two missions can be compared
         vmax=colours and colours[1],
         s=90,
         edgecolor='black',

@@ -1,11 +1,11 @@
-"""One line that moves, for a person at a terminal; in a pipe there is none. No ROS here."""
+"""A progress line at a terminal; nothing in a pipe. Does not import ROS."""
 
 import os
 import sys
 
 
 class ProgressLine:
-    """Shows a text in the last line of a terminal, in the place of the one before."""
+    """Shows a text in the last line of a terminal, in place of the text before."""
 
     def __init__(self, stream=sys.stdout):
         self._stream = stream if stream.isatty() else None
@@ -19,5 +19,5 @@ class ProgressLine:
             print(f'\r\x1b[K{text[: columns - 1]}', end='', file=self._stream, flush=True)
 
     def clear(self) -> None:
-        """Take the text away, so that something else can be printed there."""
+        """Remove the text, so that something else can be printed there."""
         self.show('')

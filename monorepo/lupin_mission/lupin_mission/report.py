@@ -1,4 +1,4 @@
-"""The product of a mission: a JSON Lines file, one observation per line, and a table. No ROS here."""
+"""The report of a mission: a JSON Lines file and a table. Does not import ROS."""
 
 import errno
 import fcntl
@@ -20,17 +20,17 @@ class ReportError(OneLineError):
 
 
 class Outcome(str, Enum):
-    """What came of the scan of one tag."""
+    """The outcome of the scan of one tag."""
 
     OK = 'OK'
-    UNKNOWN_TAG = 'UNKNOWN_TAG'  # the bridge's greenhouse has no such tag
-    SIMULATOR_ERROR = 'SIMULATOR_ERROR'  # the bridge has it and cannot read it
+    UNKNOWN_TAG = 'UNKNOWN_TAG'  # the bridge does not know the tag
+    SIMULATOR_ERROR = 'SIMULATOR_ERROR'  # the bridge knows the tag and cannot read it
     NOT_CONFIRMED = 'NOT_CONFIRMED'  # the camera did not see it
-    WRONG_TAG = 'WRONG_TAG'  # the answer was of another tag
-    BAD_READING = 'BAD_READING'  # the answer was no reading: empty, or with a value that is no finite number
-    TIMEOUT = 'TIMEOUT'  # no answer in time
-    NO_SERVICE = 'NO_SERVICE'  # nobody to ask
-    SKIPPED = 'SKIPPED'  # skipped by a person, or left over by an abort
+    WRONG_TAG = 'WRONG_TAG'  # the reply was for another tag
+    BAD_READING = 'BAD_READING'  # the reading was empty, or had a value that is not a finite number
+    TIMEOUT = 'TIMEOUT'  # no reply before the timeout
+    NO_SERVICE = 'NO_SERVICE'  # the service was not available
+    SKIPPED = 'SKIPPED'  # skipped by a person, or not visited before an abort
 
 
 @dataclass(frozen=True)
@@ -39,22 +39,22 @@ class Reading:
 
     tag_id: str
     stamp: tuple[int, int]  # wall clock of the bridge: seconds and nanoseconds since 1970
-    sim_time_of_day_seconds: float  # the greenhouse's own clock, [0, 86400)
+    sim_time_of_day_seconds: float  # greenhouse clock, in [0, 86400)
     values: dict[str, float]  # by sensor name
 
 
 @dataclass(frozen=True)
 class Observation:
-    """The outcome at one tag; `reading` is there exactly when the outcome is OK."""
+    """The outcome at one tag; `reading` is set if and only if the outcome is OK."""
 
     tag_id: str
     outcome: Outcome
-    detail: str  # for people: why it failed; empty when OK
-    attempts: int  # requests that it took
+    detail: str  # why it failed; empty if OK
+    attempts: int  # number of requests
     reading: Reading | None = None
 
     def to_line(self) -> str:
-        """Return the observation as JSON on one line; raises ValueError on a number that is not finite."""
+        """Return the observation as JSON on one line; raises ValueError if a number is not finite."""
         reading = self.reading
         return json.dumps(
             {
@@ -72,7 +72,7 @@ class Observation:
 
     @classmethod
     def from_line(cls, line: str) -> 'Observation':
-        """Return what to_line() wrote; raises ValueError, KeyError or TypeError on anything else."""
+        """Return the observation in a line; raises ValueError, KeyError or TypeError if there is none."""
         data = json.loads(line)
         outcome, reading = Outcome(data['outcome']), None
         if outcome is Outcome.OK:
@@ -86,7 +86,7 @@ class Observation:
 
 
 def fault_of(reading: Reading) -> str:
-    """Return why a reading cannot be used, '' when it can."""
+    """Return why a reading cannot be used; '' if it can."""
     if not reading.values:
         return 'it has no value'
     for name, value in (*reading.values.items(), ('sim time of day', reading.sim_time_of_day_seconds)):
@@ -96,18 +96,18 @@ def fault_of(reading: Reading) -> str:
 
 
 def read_report(path: Path | str) -> list[Observation]:
-    """Return the observations of a report, without a last line that was not written to its end."""
+    """Return the observations of a report, without an incomplete last line."""
     try:
         if Path(path).exists() and not Path(path).is_file():
-            raise ReportError(f"report '{path}' is not a regular file: name the file that a mission wrote")
+            raise ReportError(f"report '{path}' is not a regular file: name the report of a mission")
         content = Path(path).read_bytes()
     except OSError as error:
-        raise ReportError(f"report '{path}': {error.strerror}: name the file that a mission wrote") from error
+        raise ReportError(f"report '{path}': {error.strerror}: name the report of a mission") from error
     return _parse(content, path)[0]
 
 
 def _parse(content: bytes, path) -> tuple[list[Observation], int]:
-    """Return the observations and how many bytes they take; what follows is the start of a line."""
+    """Return the observations and their size in bytes; the rest is an incomplete line."""
     whole, _, torn = content.rpartition(b'\n')
     size = len(content) - len(torn)
     observations = []
@@ -116,21 +116,21 @@ def _parse(content: bytes, path) -> tuple[list[Observation], int]:
             observations.append(Observation.from_line(line.decode('utf-8')))
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ReportError(
-                f"report '{path}': line {number} is no observation ({type(error).__name__}: {error}):"
-                ' name the file that a mission wrote, or a name that is still free'
+                f"report '{path}': line {number} is not an observation ({type(error).__name__}: {error}):"
+                ' name the report of a mission, or a new file'
             ) from error
     start = b'{"tag_id": '
     if torn[: len(start)] != start[: len(torn)]:
-        raise ReportError(f"report '{path}' ends in something else than an observation: name another file")
+        raise ReportError(f"report '{path}' has a last line that is not an observation: name another file")
     return observations, size
 
 
 class Report:
     """
-    A report that is being written; an existing one is continued.
+    A report open for writing. It continues an existing file.
 
-    A line is on the disk before record() returns. What a kill left of a line is cut off when the report is
-    opened again, so a line is whole or not there. One mission at a time can have it open.
+    Each line is on the disk before record() returns. Opening a report removes an incomplete last line, which
+    a killed mission can leave. Only one mission at a time can open a report.
     """
 
     def __init__(self, path: Path | str):
@@ -142,14 +142,14 @@ class Report:
             reason = getattr(error, 'strerror', error)
             raise ReportError(f"report_file '{path}': {reason}: name a file that can be written") from error
         try:
-            if not stat.S_ISREG(os.fstat(self._file).st_mode):  # /dev/zero has no end
+            if not stat.S_ISREG(os.fstat(self._file).st_mode):  # /dev/zero is endless
                 raise ReportError(f"report_file '{path}' is not a regular file: name another file")
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             self.observations, self._size = _parse(self.path.read_bytes(), path)
             os.ftruncate(self._file, self._size)
         except OSError as error:
             self.close()
-            cause = 'another mission writes it' if error.errno == errno.EWOULDBLOCK else error.strerror
+            cause = 'another mission is writing it' if error.errno == errno.EWOULDBLOCK else error.strerror
             raise ReportError(f"report_file '{path}': {cause}: name another file") from error
         except ReportError:
             self.close()
@@ -169,12 +169,12 @@ class Report:
         self.observations.append(observation)
 
     def close(self) -> None:
-        """Let another mission have the file."""
+        """Close the file, so that another mission can open it."""
         os.close(self._file)
 
 
 def last_of_each_tag(observations: Iterable[Observation]) -> dict[str, Observation]:
-    """Return what counts for each tag: its last observation, for a failed tag is tried again later."""
+    """Return the last observation of each tag. It counts, because a failed tag is tried again later."""
     return {each.tag_id: each for each in observations}
 
 
@@ -205,7 +205,7 @@ def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
         '  '.join(
-            # Words to the left, numbers to the right.
+            # Align words left and numbers right.
             cell.ljust(width) if column in (0, len(widths) - 1) else cell.rjust(width)
             for column, (cell, width) in enumerate(zip(row, widths, strict=True))
         ).rstrip()

@@ -1,4 +1,4 @@
-"""The tags of an SDF world, read as data. No ROS here."""
+"""Read the tags of an SDF world as data. Does not import ROS."""
 
 import math
 import re
@@ -16,7 +16,7 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
     """
     Return x and y in metres of each model `tag_<id>` of an SDF world by its id, in numeric order.
 
-    Raises StartUpError for a file that is no such world. Entities and document types are refused.
+    Raises StartUpError if the file is not such a world. Refuses entities and document types.
     """
     where = f"world_file '{printable(world_file, 500)}'"
     try:
@@ -29,7 +29,7 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
     except OSError as error:
         raise StartUpError(f'{where} cannot be read: {error.strerror}: name an SDF world') from error
     except (ValueError, LookupError, expat.ExpatError, ElementTree.ParseError, RecursionError) as error:
-        raise StartUpError(f'{where} is no SDF world ({error}): name one of generate_world') from error
+        raise StartUpError(f'{where} is not an SDF world ({error}): use one of generate_world') from error
     places: dict[int, tuple[float, float]] = {}
     for model in (model for world in worlds for model in world.iter('model')):
         match = TAG_MODEL.fullmatch(model.get('name') or '')
@@ -46,12 +46,12 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
             raise StartUpError(f'{where}: the pose of tag_{number} is not finite: make it again')
         places[number] = (x, y)
     if not places:
-        raise StartUpError(f'{where} has no model tag_<id>: name a world of generate_world')
+        raise StartUpError(f'{where} has no model tag_<id>: use one of generate_world')
     return {str(number): places[number] for number in sorted(places)}
 
 
 def _refuse_document_type(data: bytes) -> None:
-    """Raise ValueError for XML with a document type, the only place where entities are declared."""
+    """Raise ValueError for XML with a document type, which alone can declare entities."""
 
     def refuse(*_arguments):
         raise ValueError('it has a document type')

@@ -381,7 +381,7 @@ def test_events_tell_what_happened_and_how_bad_it_is():
     world.wait(1.0)
     assert world.events == [
         ("driving to tag 'a'", Severity.INFO),
-        ("tag 'a': SIMULATOR_ERROR broken: asking again", Severity.WARN),
+        ("tag 'a': SIMULATOR_ERROR broken: trying again", Severity.WARN),
         ('paused', Severity.INFO),
         ('resumed', Severity.INFO),
         ('done: 1 tags read', Severity.INFO),

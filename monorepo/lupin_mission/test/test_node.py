@@ -67,7 +67,10 @@ def test_without_tags_and_without_a_bridge_the_mission_is_refused(start_mission)
     run = [sys.executable, '-c', f'{alter} import sys; sys.exit(mission_node.main())']
     mission = start_mission(run, bridge_service_name='/nobody/get_tag_reading')
     fatal = mission.refusal(exit_code=2)
-    assert '/nobody/get_parameters named no tags within 0.1 s: start the bridge, or set tag_ids' in fatal
+    assert (
+        '/nobody/get_parameters did not return the tags within 0.1 s: start the bridge, or set tag_ids'
+        in fatal
+    )
 
 
 @pytest.fixture
@@ -159,7 +162,7 @@ def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader):
 def test_a_late_answer_is_not_taken_for_the_next_ones(start_mission, reader):
     mission = start_mission(**READER, tag_ids='1', request_timeout_seconds=1, max_attempts=10)
     assert reader.wait_for_request() == '1'
-    mission.wait_for_log('TIMEOUT read: no answer in time: asking again')
+    mission.wait_for_log('TIMEOUT read: no reply before the timeout: trying again')
     reader.answer_ok('1', co2=1.0)  # of the first attempt, which is over
     for value in range(2, 10):
         reader.answer_ok('1', co2=float(value))

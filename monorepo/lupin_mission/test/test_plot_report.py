@@ -21,7 +21,7 @@ def report(tmp_path):
         report.record(
             Observation(tag_id, Outcome.OK, '', 1, Reading(tag_id, (1795190000, 0), 43200.0, values))
         )
-    report.record(Observation('7', Outcome.TIMEOUT, 'no answer in time', 3))
+    report.record(Observation('7', Outcome.TIMEOUT, 'no reply before the timeout', 3))
     report.record(Observation('unknown', Outcome.UNKNOWN_TAG, 'no such tag', 1))
     report.close()
     return report.path
@@ -94,7 +94,7 @@ def test_a_custom_tag_file_places_the_tags(report, tmp_path):
         (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
         (['REPORT', '--tag-file', 'REPORT'], 'is not a tag_locations.json'),
         (['REPORT', '--sim-config-file', 'TAGS'], 'names no walls'),
-        (['REPORT', '--tag-file', 'TAGS'], "tag '1' has no place in the tag file"),
+        (['REPORT', '--tag-file', 'TAGS'], "tag '1' has no position in the tag file"),
         (['REPORT', '--output', '/missing/picture.png'], '/missing/picture.png'),
         (['REPORT', '--output', 'picture.docx'], 'picture.docx'),
         (['EMPTY'], 'no tag was read'),

@@ -21,7 +21,7 @@ from lupin_mission.report import (
 )
 
 OK = Observation('7', Outcome.OK, '', 1, Reading('7', (12, 34), 43200.0, {'temperature': 21.5, 'co2': 600.0}))
-FAILED = Observation('8', Outcome.TIMEOUT, 'no answer in time', 3)
+FAILED = Observation('8', Outcome.TIMEOUT, 'no reply before the timeout', 3)
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 
 
@@ -92,14 +92,14 @@ def test_a_file_that_was_refused_is_let_go(tmp_path):
 
 
 def test_a_report_that_is_not_there_cannot_be_read():
-    with pytest.raises(ReportError, match='No such file or directory: name the file that a mission wrote'):
+    with pytest.raises(ReportError, match='No such file or directory: name the report of a mission'):
         read_report('/missing.jsonl')
 
 
 def test_a_file_of_other_bytes_is_refused(tmp_path):
     path = tmp_path / 'picture.png'
     path.write_bytes(b'\x89PNG\r\n\x1a\n\xff\xfe')
-    with pytest.raises(ReportError, match='no observation'):
+    with pytest.raises(ReportError, match='is not an observation'):
         Report(path)
 
 
@@ -121,7 +121,7 @@ def test_what_is_no_regular_file_is_refused(tmp_path, monkeypatch, path):
 
 def test_two_missions_do_not_write_one_report(tmp_path):
     first = Report(tmp_path / 'report.jsonl')
-    with pytest.raises(ReportError, match='another mission writes it'):
+    with pytest.raises(ReportError, match='another mission is writing it'):
         Report(tmp_path / 'report.jsonl')
     first.close()
     Report(tmp_path / 'report.jsonl').close()
@@ -173,7 +173,7 @@ def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():
     assert table[0].split() == ['tag', 'sim', 'time', 'temperature', 'co2', 'outcome']
     assert table[1].split() == ['h:min', '°C', 'ppm']
     assert table[2].split() == ['7', '12:00', '21.50', '600.00', 'OK']
-    assert table[3].split() == ['8', 'TIMEOUT', 'no', 'answer', 'in', 'time']
+    assert table[3].split() == ['8', 'TIMEOUT', *['no', 'reply', 'before', 'the', 'timeout']]
     assert table[4].split() == ['9', 'not', 'visited']
     assert table[5] == '1/3 tags read'
     assert last_of_each_tag([OK, FAILED, again]) == {'7': OK, '8': again}

@@ -147,7 +147,7 @@ def test_the_shipped_places_are_not_those_of_a_bridge_with_its_own_tag_file(
     service = {'bridge_service_name': start_bridge(tag_file=tag_file).service_name}
     hearer = twin()
     mission = start_mission(**service, wait_for_start=True)
-    mission.wait_for_log("the places of the tags are not known: set tag_file to the bridge's")
+    mission.wait_for_log("the positions of the tags are unknown: set tag_file to the bridge's")
     assert ask(node, mission, StartMission, 'start').accepted
     assert hearer.wait_for(lambda _observation: True).tag_pose_in_map.orientation.w == 0.0
     assert mission.stop() == 0
@@ -185,7 +185,7 @@ def test_a_web_client_hears_the_state_within_a_second_at_any_time(start_mission,
     assert (state.targets_completed, state.last_event) == (1, "tag '1': co2 1.000")
     confirmer.answer(detected=False, error_message='no tag in view')
     state = states.wait_for(lambda state: state.last_event_severity == MissionState.SEVERITY_WARN)
-    assert "tag '2': NOT_CONFIRMED no tag in view: asking again" in state.last_event
+    assert "tag '2': NOT_CONFIRMED no tag in view: trying again" in state.last_event
     confirmer.answer(detected=True, detection_confidence=1.0)
     reader.answer_ok('2', co2=1.0)
     assert states.wait_for(lambda state: state.lifecycle_state == 'DONE').targets_completed == 2
@@ -315,7 +315,7 @@ def test_the_error_of_one_mission_is_not_that_of_the_next(start_mission, start_b
             {'mission_type': 'ExplorationMission'},
             "mission_type is 'ExplorationMission': must be InspectionMission",
         ),
-        ({'tag_sequence': ['1', '99']}, "tag '99' is not known: must be one of the 2 tags of the greenhouse"),
+        ({'tag_sequence': ['1', '99']}, "tag '99' is unknown: must be one of the 2 tags of the greenhouse"),
         ({'tag_sequence': ['1', '1']}, 'tag_sequence names a tag twice'),
     ],
 )

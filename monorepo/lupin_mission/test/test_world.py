@@ -34,7 +34,7 @@ def test_the_tags_come_in_numeric_order_with_their_places(world_file):
         ([MODEL.format(7, '1')], 'the model tag_7 has no pose'),
         ([MODEL.format(7, 'a b c')], 'the model tag_7 has no pose'),
         ([MODEL.format(7, 'nan 0 0')], 'the pose of tag_7 is not finite'),
-        (['<model'], 'is no SDF world'),
+        (['<model'], 'is not an SDF world'),
     ],
 )
 def test_a_world_without_clear_tags_is_refused(world_file, models, fragment):
@@ -52,7 +52,7 @@ def test_entities_are_refused(world_file, encoding):
 
 @pytest.mark.parametrize(
     ('content', 'fragment'),
-    [(b'', 'is no SDF world'), (b'\xff\xfe\x00', 'is no SDF world'), (None, 'cannot be read')],
+    [(b'', 'is not an SDF world'), (b'\xff\xfe\x00', 'is not an SDF world'), (None, 'cannot be read')],
 )
 def test_a_file_that_is_no_world_is_refused(tmp_path, content, fragment):
     path = tmp_path / 'world.sdf'

@@ -1,1 +1,1 @@
-"""The camera's side of the mission: whether the expected tag is in view."""
+"""Confirm that the camera sees the tag that the mission expects."""

@@ -1,7 +1,7 @@
 """
-A camera for a robot that has none: publishes what it would see of the tag that the mission stands at.
+A camera for tests and simulations: publishes rendered images of the tag that the mission stands at.
 
-Follows `/mission/at_tag`. Between two tags, and at a tag that is no tag36h11 id, it sees a bare wall.
+Subscribes to `/mission/at_tag`. Between two tags, and for an id outside tag36h11, it shows a bare wall.
 """
 
 import sys
@@ -29,10 +29,10 @@ DETECTIONS_TOPIC = '/detections'
 
 @dataclass(frozen=True)
 class Settings:
-    """The parameter values of one run, checked; raises StartUpError for one that is wrong."""
+    """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     publishes: str = life_cycle.parameter(
-        'image', 'image, compressed (JPEG), or detections (what AprilTag 3 finds in the image).'
+        'image', 'image, compressed (JPEG), or detections (of AprilTag 3 in the image).'
     )
 
     def __post_init__(self):
@@ -44,7 +44,7 @@ class Settings:
 
 
 class CameraStandIn(Node):
-    """Publishes another distance, angle, blur and noise in each image."""
+    """Publishes images that vary in distance, angle, blur and noise."""
 
     def __init__(self):
         super().__init__(NODE_NAME)
@@ -94,7 +94,7 @@ def compressed_image_of(picture: np.ndarray) -> CompressedImage:
 
 
 def detections_source():
-    """Return type, topic and function of what a detector publishes of a picture."""
+    """Return the message type, the topic, and the function that makes detections of a picture."""
     messages = detection_messages()
     from lupin_perception.detector import FAMILY, TagDetector
 

@@ -1,4 +1,4 @@
-"""ROS 2 node `/perception/confirm_tag`: tells whether the camera sees the tag that the robot expects."""
+"""ROS 2 node `/perception/confirm_tag`: confirms that the camera sees the tag that the robot expects."""
 
 import sys
 import time
@@ -25,7 +25,7 @@ LOG_EVERY_SECONDS = 5.0  # a stream of unusable images must not flood the log
 
 
 class ConfirmTagNode(Node):
-    """Listens to a camera, and watches it for a tag while the service asks for one."""
+    """Subscribes to a camera, and looks for a tag while a request waits."""
 
     def __init__(self):
         """Offer the service; raises StartUpError."""
@@ -33,10 +33,10 @@ class ConfirmTagNode(Node):
         self._settings = settings = life_cycle.declare_parameters(self, Settings)
         self._source = open_source(settings)
         self._confirmer = Confirmer(settings)
-        self._news = Future()  # done when there is something new to look at; then there is another one
+        self._news = Future()  # done when a new frame arrives; then replaced
         self._watchers = 0
         self._shown = None
-        # Best effort: hears every camera, whatever it offers.
+        # Best effort is compatible with every publisher.
         self.create_subscription(
             self._source.message_type, self._source.topic, self._on_message, qos_profile_sensor_data
         )
@@ -46,16 +46,16 @@ class ConfirmTagNode(Node):
             'confirm_tag',
             self._confirm,
             qos_profile=QoSProfile(depth=life_cycle.SERVICE_DEPTH),
-            callback_group=ReentrantCallbackGroup(),  # several callers wait at once
+            callback_group=ReentrantCallbackGroup(),  # several callers can wait at once
         )
-        # Runs only while somebody waits; by a clock that neither jumps nor stops.
+        # Runs only while a request waits, on a monotonic clock.
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(LOOK_EVERY_SECONDS, self._tell_news, clock=clock)
         self._timer.cancel()
         self.get_logger().info(f'ready: images from {self.resolve_topic_name(self._source.topic)}')
 
     def _on_message(self, message) -> None:
-        """Keep the message. It is decoded and looked into when somebody asks."""
+        """Keep the message. It is decoded and searched only on request."""
         stamp_seconds = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
         self._confirmer.add(Frame(lambda: self._sight_of(message), stamp_seconds, time.monotonic()))
         if self._watchers:
@@ -76,8 +76,8 @@ class ConfirmTagNode(Node):
             self._timer.cancel()
 
     async def _confirm(self, request, response):
-        """Answer as soon as the camera shows the tag; the executor goes on while this waits."""
-        response.tag_pose_in_map.orientation.w = 0.0  # never populated; ROS's own default is 1
+        """Reply as soon as the camera shows the tag. The executor continues while this waits."""
+        response.tag_pose_in_map.orientation.w = 0.0  # marks the pose as unset; ROS's default is 1
         deadline = time.monotonic() + self._settings.timeout_seconds
         self._watchers += 1
         self._timer.reset()
@@ -101,7 +101,7 @@ class ConfirmTagNode(Node):
             self._show(verdict, tag_number(tag_id))
 
     def _show(self, verdict: Verdict, number: int) -> None:
-        """Publish a picture of the verdict, once for each image."""
+        """Publish a picture of the verdict, once per image."""
         if not verdict.sight or verdict.sight.picture is None or self._shown == (number, id(verdict.sight)):
             return
         self._shown = (number, id(verdict.sight))
@@ -114,7 +114,7 @@ class ConfirmTagNode(Node):
 
 
 def main(args=None):
-    """Serve until Ctrl-C or SIGTERM (exit 0); refuse a wrong setting with one FATAL line (exit 1)."""
+    """Serve until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return life_cycle.run(NODE_NAME, ConfirmTagNode, args)
 
 

@@ -1,4 +1,4 @@
-"""Is the expected tag in view? Decided from the last few frames. No ROS here."""
+"""Decide from the last frames whether the expected tag is in view. Does not import ROS."""
 
 import re
 from collections import deque
@@ -15,11 +15,11 @@ TAG_COUNT = 587  # tag36h11 has the ids 0 to 586
 
 
 class UnknownTagId(OneLineError):
-    """An id that no tag36h11 has."""
+    """An id that is not in the family tag36h11."""
 
 
 def tag_number(tag_id: str) -> int:
-    """Return the number of a tag36h11 id in decimal; raises UnknownTagId."""
+    """Return the number of a decimal tag36h11 id; raises UnknownTagId."""
     if not re.fullmatch(r'0|[1-9][0-9]{0,2}', tag_id) or int(tag_id) >= TAG_COUNT:
         shown = printable(tag_id, 40)
         raise UnknownTagId(f"tag '{shown}' is not an id of tag36h11: must be 0 to {TAG_COUNT - 1} in decimal")
@@ -31,12 +31,12 @@ class Detection(NamedTuple):
 
     tag_number: int
     hamming: int  # bits that the detector corrected
-    decision_margin: float  # in grey levels, 0 to 255: how clearly the bits differ; 0.0 if unknown
+    decision_margin: float  # contrast of the bits in grey levels, 0 to 255; 0.0 if unknown
     corners: np.ndarray  # shape (4, 2): x and y in pixels, counter-clockwise from the lower left
 
 
 class Sight(NamedTuple):
-    """What a detector found, and the picture, uint8 of the shape (height, width), if there is one."""
+    """The detections in one frame, and its picture, uint8 of the shape (height, width), if there is one."""
 
     detections: list[Detection]
     picture: np.ndarray | None = None
@@ -46,7 +46,7 @@ class Frame(NamedTuple):
     """
     One message of a camera or a detector.
 
-    The seconds are of two clocks. `look` does the work, and raises UnusableImage.
+    The two times are seconds of different clocks. `look` decodes and searches, and raises UnusableImage.
     """
 
     look: Callable[[], Sight]
@@ -55,7 +55,7 @@ class Frame(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """The answer to one question, and the newest sight that it is based on."""
+    """The answer to one request, and the newest sight that it is based on."""
 
     confidence: float  # min(1, frames that show the tag / frames needed)
     reason: str  # why the tag is not confirmed, in one line; '' if it is
@@ -63,16 +63,16 @@ class Verdict(NamedTuple):
 
 
 class Confirmer:
-    """Keeps the last frames, and looks into each of them once, and only when somebody asks."""
+    """Keeps the last frames, and searches each at most once, only on request."""
 
     def __init__(self, criteria: Criteria):
         self._criteria = criteria
-        # Twice as many as must show the tag: one may be blurred.
+        # Twice as many as must show the tag: some may be blurred.
         self._frames: deque[Frame] = deque(maxlen=2 * criteria.min_frames)
-        self._seen: dict[int, Sight | UnusableImage] = {}  # by id() of a frame that is kept
+        self._seen: dict[int, Sight | UnusableImage] = {}  # by id() of a kept frame
 
     def add(self, frame: Frame) -> None:
-        """Keep a frame, in the place of the oldest."""
+        """Keep a frame in place of the oldest."""
         self._frames.append(frame)
         kept = set(map(id, self._frames))
         self._seen = {key: sight for key, sight in self._seen.items() if key in kept}
@@ -112,7 +112,7 @@ class Confirmer:
         return self._seen[id(frame)]
 
     def _judge(self, number: int, sights: list[Sight]) -> tuple[int, str]:
-        """Return in how many sights, the newest first, the tag is, and what is in the way of more."""
+        """Return how many of the sights, newest first, show the tag, and why the others do not."""
         sightings = 0
         flaws: list[str] = []
         others: set[int] = set()

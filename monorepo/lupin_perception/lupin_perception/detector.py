@@ -1,11 +1,11 @@
-"""AprilTag 3: Debian's and Ubuntu's python3-apriltag, or the wheel apriltag-python. No ROS here."""
+"""AprilTag 3, from Debian's and Ubuntu's python3-apriltag or the wheel. Does not import ROS."""
 
 import contextlib
 import io
 
 import numpy as np
 
-with contextlib.redirect_stdout(io.StringIO()):  # the wheel prints a line where there is no OpenCV
+with contextlib.redirect_stdout(io.StringIO()):  # the wheel prints a line if OpenCV is missing
     from apriltag import apriltag
 
 from lupin_perception.confirmation import Detection
@@ -17,8 +17,8 @@ class TagDetector:
     """Finds tag36h11 tags."""
 
     def __init__(self, max_hamming: int = 0):
-        """`max_hamming` is how many wrong bits the library corrects, 0 to 2."""
-        # Without decimation, which would lose tags of less than 30 pixels.
+        """`max_hamming` is the number of wrong bits that the library corrects, 0 to 2."""
+        # No decimation: it would lose tags of less than 30 pixels.
         self._detector = apriltag(FAMILY, maxhamming=max_hamming, decimate=1.0)
 
     def detect(self, picture: np.ndarray) -> list[Detection]:

@@ -1,4 +1,4 @@
-"""Draws what the camera saw and why it was or was not enough. No ROS here."""
+"""Draw what the camera saw, and the verdict. Does not import ROS."""
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -15,7 +15,7 @@ def draw(verdict: Verdict, tag_number: int, criteria: Criteria) -> np.ndarray:
     Return the picture of a verdict as RGB, uint8 of the shape (height, width, 3).
 
     Each tag has its outline, id and decision margin: green if it counts, orange if it does not, blue for
-    another id. The verdict stands in a bar at the top.
+    another id. A bar at the top shows the verdict.
     """
     picture = Image.fromarray(verdict.sight.picture).convert('RGB')
     pen = ImageDraw.Draw(picture)

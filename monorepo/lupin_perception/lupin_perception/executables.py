@@ -1,4 +1,4 @@
-"""What `ros2 run` starts. Each takes its signals first: to import rclpy takes a moment."""
+"""The entry points of `ros2 run`. Each handles signals first, because importing rclpy takes a moment."""
 
 from typing import NoReturn
 
@@ -6,10 +6,10 @@ from lupin_perception.life_cycle import start
 
 
 def confirm_tag() -> NoReturn:
-    """Serve until Ctrl-C or SIGTERM; end with the exit code."""
+    """Serve until Ctrl-C or SIGTERM, then exit."""
     start('lupin_perception.confirm_tag')
 
 
 def camera_stand_in() -> NoReturn:
-    """Publish images until Ctrl-C or SIGTERM; end with the exit code."""
+    """Publish images until Ctrl-C or SIGTERM, then exit."""
     start('lupin_perception.camera_stand_in')

@@ -1,4 +1,4 @@
-"""Renders what a camera sees of a tag: perspective, blur, noise. For tests and for the camera stand-in."""
+"""Render a camera's picture of a tag, with perspective, blur and noise, for tests and simulations."""
 
 from dataclasses import dataclass
 
@@ -8,13 +8,13 @@ import numpy as np
 from lupin_perception.confirmation import TAG_COUNT
 
 MODULES = 8  # of a tag36h11 along a side, black border included
-SUPERSAMPLING = 3  # against the stairs of a tag drawn pixel by pixel
+SUPERSAMPLING = 3  # smooths the edges of a tag drawn pixel by pixel
 
 
 def marker(
     tag_number: int, module_pixels: int = 1, family: int = cv2.aruco.DICT_APRILTAG_36h11
 ) -> np.ndarray:
-    """Return a tag with its black border, MODULES modules wide, as uint8; without the white around it."""
+    """Return a tag of MODULES modules as uint8, with its black border and without the white margin."""
     if hasattr(cv2.aruco, 'generateImageMarker'):
         dictionary = cv2.aruco.getPredefinedDictionary(family)
         draw = cv2.aruco.generateImageMarker
@@ -25,7 +25,7 @@ def marker(
 
 
 def printed_marker(tag_number: int) -> np.ndarray:
-    """Return a tag36h11 as the AprilTag project prints it, one pixel a module; OpenCV has it upside down."""
+    """Return a tag36h11 as the AprilTag project prints it, one pixel per module."""
     return np.rot90(marker(tag_number), 2)
 
 
@@ -40,7 +40,7 @@ OTHER_FAMILIES = (
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera, and the tag before it."""
+    """A pinhole camera and the size of the tag."""
 
     width: int = 640
     height: int = 480
@@ -48,7 +48,7 @@ class Camera:
     tag_side_m: float = 0.04  # black border included
 
     def side_pixels(self, distance_m: float) -> float:
-        """Return how long the side of a tag seen from the front is."""
+        """Return the length of a side of a tag seen from the front."""
         return self.focal_length_pixels * self.tag_side_m / distance_m
 
     def look_at(
@@ -62,7 +62,7 @@ class Camera:
         noise_levels: float = 3.0,
     ) -> np.ndarray:
         """
-        Return a picture of a tag on white paper before a cluttered wall, uint8 of the shape (height, width).
+        Return a picture of a tag on white paper at a cluttered wall, uint8 of the shape (height, width).
 
         The tag (None: only the wall) is turned by `angle_degrees` about an axis of a random direction in its
         plane, and rolled and shifted a little; `blur_pixels` and `noise_levels` are standard deviations.
@@ -85,7 +85,7 @@ class Camera:
         return np.clip(wall, 0, 255)
 
     def _stick(self, tag, picture, random, distance_m, angle_degrees) -> None:
-        margin = tag.shape[0] // MODULES  # the white that the family asks for, one module wide
+        margin = tag.shape[0] // MODULES  # the white margin of the family, one module wide
         paper = np.pad(tag, margin, constant_values=255).astype(float)
         brightness, darkness = random.uniform(180, 250), random.uniform(5, 50)
         paper = darkness + paper / 255.0 * (brightness - darkness)
@@ -120,7 +120,7 @@ SMALL_CAMERA = Camera(width=320, height=240, focal_length_pixels=300.0)
 
 
 def decoy(number: int, tag_number: int, random: np.random.Generator) -> np.ndarray:
-    """Return a small picture without that tag; the kinds of DECOYS take turns."""
+    """Return a small picture without that tag; the kinds of DECOYS alternate."""
     kind = DECOYS[number % len(DECOYS)]
     conditions = {
         'distance_m': random.uniform(0.1, 0.6),

@@ -1,4 +1,4 @@
-"""The parameters of confirm_tag: where images come from, and what it takes to confirm a tag. No ROS here."""
+"""The parameters of confirm_tag: the source of images, and the criteria. Does not import ROS."""
 
 from dataclasses import dataclass
 
@@ -11,21 +11,21 @@ SOURCES = ('image_topic', 'compressed_image_topic', 'detections_topic')
 
 @dataclass(frozen=True)
 class Criteria:
-    """What it takes to confirm a tag; raises StartUpError for a criterion out of its limits."""
+    """The criteria for a tag. Raises StartUpError for a value outside its limits."""
 
     max_hamming: int = parameter(
-        0, 'How many bits of the tag the detector may correct.', smallest=0, largest=2
+        0, 'Bits of the tag that the detector may correct, at most.', smallest=0, largest=2
     )
     min_decision_margin: float = parameter(
         20.0,
-        'How clearly the bits of the tag must differ, in grey levels. A margin of exactly 0 is ignored.',
+        'Contrast of the bits, at least, in grey levels. A margin of exactly 0 is unknown, and accepted.',
         smallest=0.0,
         largest=255.0,
     )
-    min_frames: int = parameter(2, 'In how many recent images the tag must be seen.', smallest=1, largest=100)
+    min_frames: int = parameter(2, 'Recent images that must show the tag.', smallest=1, largest=100)
     max_image_age_seconds: float = parameter(
         1.0,
-        'How old an image may be, by its stamp and by its arrival, in seconds.',
+        'Age of an image in seconds, at most, by its stamp and by its arrival.',
         smallest=0.001,
         largest=3600.0,
     )
@@ -45,20 +45,21 @@ class Criteria:
 
 @dataclass(frozen=True)
 class Settings(Criteria):
-    """The parameter values of one run, checked; raises StartUpError for one out of its limits."""
+    """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     timeout_seconds: float = parameter(
         1.0,
-        'How long to watch for the tag before the answer is no, in seconds; 0.0: answer at once.',
+        'Seconds to look for the tag before the answer is no; 0.0: answer at once.',
         smallest=0.0,
         largest=60.0,
     )
     image_topic: str = parameter(
-        DEFAULT_IMAGE_TOPIC, "The camera's sensor_msgs/Image topic; its default gives way to another source."
+        DEFAULT_IMAGE_TOPIC,
+        "The camera's sensor_msgs/Image topic; ignored by default if another source is set.",
     )
     compressed_image_topic: str = parameter('', 'Instead: a sensor_msgs/CompressedImage topic, JPEG or PNG.')
     detections_topic: str = parameter(
-        '', 'Instead: the apriltag_msgs/AprilTagDetectionArray topic of a detector that runs already.'
+        '', 'Instead: the apriltag_msgs/AprilTagDetectionArray topic of a running detector.'
     )
 
     def __post_init__(self):
@@ -66,7 +67,7 @@ class Settings(Criteria):
         self.source()
 
     def source(self) -> tuple[str, str]:
-        """Return the name and the value of the parameter that tells where images come from."""
+        """Return the name and the value of the parameter that selects the source."""
         chosen = [(name, getattr(self, name)) for name in SOURCES if getattr(self, name)]
         if len(chosen) > 1 and chosen[0] == ('image_topic', DEFAULT_IMAGE_TOPIC):
             del chosen[0]

@@ -1,4 +1,4 @@
-"""Where confirm_tag looks: images, compressed images, or the detections of another node."""
+"""The sources of confirm_tag: images, compressed images, or the detections of another node."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from lupin_perception.settings import Settings
 
 
 class Source(NamedTuple):
-    """A topic, and what makes a sight of one of its messages; `sight_of` raises UnusableImage."""
+    """A topic, and the function that turns one of its messages into a Sight or raises UnusableImage."""
 
     message_type: type
     topic: str
@@ -19,7 +19,7 @@ class Source(NamedTuple):
 
 
 def open_source(settings: Settings) -> Source:
-    """Return the source that the settings name; raises StartUpError if a package that it needs is missing."""
+    """Return the source of the settings; raises StartUpError if a package that it needs is missing."""
     name, topic = settings.source()
     message_type, sight_of = _OPEN[name](settings)
     return Source(message_type, topic, sight_of)
@@ -54,7 +54,7 @@ def _detections(_settings: Settings):
 
 
 def detections_of(message) -> Sight:
-    """Return what a detector found; other families are ignored."""
+    """Return the detections of tag36h11; other families are ignored."""
     return Sight(
         [
             Detection(
@@ -68,7 +68,9 @@ def detections_of(message) -> Sight:
 
 def _detector(settings: Settings):
     try:
-        from lupin_perception.detector import TagDetector  # here, so that a missing library is one line
+        from lupin_perception.detector import (
+            TagDetector,
+        )  # imported here: a missing library is a one-line error
     except ImportError as error:
         raise StartUpError(
             f'the AprilTag library is missing ({error}): sudo apt install python3-apriltag'

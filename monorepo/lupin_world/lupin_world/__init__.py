@@ -1,1 +1,1 @@
-"""A simulated greenhouse to drive in, made from the layout that the bridge serves."""
+"""Make an SDF world of the greenhouse from the layout that the bridge serves."""

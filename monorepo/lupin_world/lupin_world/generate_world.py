@@ -1,4 +1,4 @@
-"""`ros2 run lupin_world generate_world`: make a world to drive in from the layout that the bridge serves."""
+"""`ros2 run lupin_world generate_world`: make an SDF world from the layout that the bridge serves."""
 
 import argparse
 import sys
@@ -8,8 +8,8 @@ from lupin_mission.errors import OneLineError, StartUpError
 from lupin_mission.layout import find_layout
 
 DONE, USAGE = 0, 2
-MANIFEST = '.generate_world'  # the files that a folder has from here
-SMALLEST_SIDE_M, LARGEST_SIDE_M = 0.01, 0.15  # a larger one would reach below the tops of the tables
+MANIFEST = '.generate_world'  # the files that this program writes
+SMALLEST_SIDE_M, LARGEST_SIDE_M = 0.01, 0.15  # a larger tag would reach below the tops of the tables
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -30,7 +30,10 @@ def main(arguments: list[str] | None = None) -> int:
         layout = find_layout(options.tag_file)
         if layout is None:
             raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
-        from lupin_world.sdf import SDF_FILE, world_files  # here, so that a missing library is one line
+        from lupin_world.sdf import (
+            SDF_FILE,
+            world_files,
+        )  # imported here: a missing library is a one-line error
 
         files = world_files(layout, options.side)
         write(options.output, files)
@@ -56,13 +59,15 @@ def write(folder: Path, files: dict[str, bytes]) -> None:
     """
     Write the files of a world, and remove those of an earlier one.
 
-    Raises StartUpError for a file in the way that does not come from here, and then writes nothing.
+    Raises StartUpError and writes nothing if a file is in the way that this program did not write.
     """
     manifest = folder / MANIFEST
     own = set(manifest.read_text(encoding='utf-8').splitlines()) if manifest.is_file() else set()
     for path in files:
         if (folder / path).exists() and path not in own:
-            raise StartUpError(f"'{folder / path}' exists and was not made here: choose another --output")
+            raise StartUpError(
+                f"'{folder / path}' exists and is not from generate_world: choose another --output"
+            )
     for path in own - set(files):
         if not Path(path).is_absolute() and '..' not in Path(path).parts:
             (folder / path).unlink(missing_ok=True)

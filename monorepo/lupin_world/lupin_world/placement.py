@@ -1,4 +1,4 @@
-"""Where each tag of a layout stands and which way it faces. No ROS here."""
+"""Compute the position and direction of each tag of a layout. Does not import ROS."""
 
 import math
 from typing import NamedTuple
@@ -7,17 +7,17 @@ from lupin_mission.errors import StartUpError, printable
 from lupin_mission.layout import Layout
 from lupin_perception.confirmation import UnknownTagId, tag_number
 
-# The heights suit a camera 0.3 m above the floor, that of a small mobile robot.
+# The heights suit the camera of a small mobile robot, 0.3 m above the floor.
 TABLE_HEIGHT_M = 0.20
 TAG_HEIGHT_M = 0.30  # of the centre of each tag
 
 SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0
 SAME_M = 1e-9
-PLATE_M = 0.1  # what a table may not come nearer than, beside the line of sight to a tag
+PLATE_M = 0.1  # a table must stay this far from the line of sight to a tag
 
 
 class Table(NamedTuple):
-    """A table's edges in metres."""
+    """The edges of a table in metres."""
 
     x0: float
     y0: float
@@ -43,7 +43,7 @@ class Table(NamedTuple):
         return [angle for angle, distance in distances_m.items() if distance <= nearest + SAME_M]
 
     def room_before(self, x: float, y: float, angle: float) -> float:
-        """Return how far one can see from a point along an axis before this table begins, in metres."""
+        """Return the distance in metres from a point along an axis to this table."""
         along_x, along_y = round(math.cos(angle)), round(math.sin(angle))
         if along_x:
             is_beside = y < self.y0 - PLATE_M or y > self.y1 + PLATE_M

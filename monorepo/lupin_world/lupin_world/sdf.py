@@ -1,4 +1,4 @@
-"""The files of the world: SDFormat 1.6, and for each tag an OBJ mesh with its texture. No ROS here."""
+"""Write the world: SDFormat 1.6, and for each tag an OBJ mesh with its texture. Does not import ROS."""
 
 import io
 from collections.abc import Iterable
@@ -11,18 +11,18 @@ from PIL import Image
 from lupin_world.placement import TABLE_HEIGHT_M, TAG_HEIGHT_M, Placement, Table, place, tables_of
 
 SDF_FILE = 'greenhouse.sdf'
-MARGIN_M = 1.6  # between the layout and the walls: a robot can stand 1.5 m before every tag
-WALL_HEIGHT_M = 0.2  # below the camera: no wall hides a tag
+MARGIN_M = 1.6  # between the layout and the walls: a robot can stand 1.5 m in front of every tag
+WALL_HEIGHT_M = 0.2  # below the camera, so that no wall hides a tag
 THICKNESS_M = 0.1  # of floor and walls
 PLATE_THICKNESS_M = 0.004
 GAP_M = 0.0005  # between the plate and the tag on it
-MODULE_PIXELS = 16  # sharp at 0.2 m, and not too fine for renderers without mipmaps
+MODULE_PIXELS = 16  # sharp at 0.2 m, and coarse enough for renderers without mipmaps
 WHITE, GREY, BROWN, GREEN = '0.9 0.9 0.9', '0.6 0.6 0.6', '0.45 0.35 0.25', '0.35 0.45 0.35'
 
 
 def world_files(layout: Layout, side_m: float) -> dict[str, bytes]:
     """
-    Return the content of each file of the world by its path, the same for the same input.
+    Return the content of each file of the world by its path. The same input gives the same files.
 
     `side_m` is the length of the black square of each tag. Raises StartUpError.
     """
@@ -87,7 +87,7 @@ def _sdf(tables: list[Table], placements: dict[int, Placement], side_m: float, l
 
 
 def _lights() -> Iterable[str]:
-    """Yield light from above and from each side, so that no tag is dark."""
+    """Yield lights from above and from each side, so that no tag is dark."""
     directions = {'above': '0 0 -1', 'south': '0 1 -0.5', 'north': '0 -1 -0.5', 'west': '1 0 -0.5'}
     for name, direction in (directions | {'east': '-1 0 -0.5'}).items():
         yield (

@@ -99,7 +99,7 @@ def test_a_file_that_it_did_not_make_is_refused_and_nothing_is_written(tmp_path,
     (folder / 'models/tag_7').mkdir(parents=True)
     (folder / 'models/tag_7/tag_7.png').write_text('mine')
     assert make(folder, '--tag-file', tag_file) == 2
-    assert 'exists and was not made here: choose another --output' in capsys.readouterr().err
+    assert 'exists and is not from generate_world: choose another --output' in capsys.readouterr().err
     assert content(folder) == {'models/tag_7/tag_7.png': b'mine'}
 
 

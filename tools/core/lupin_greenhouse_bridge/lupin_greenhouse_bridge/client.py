@@ -44,7 +44,7 @@ class Client:
         """
         Wait until a service is available, and return its client.
 
-        `show` receives a line of progress about once a second. Raises NoAnswer, UsageError and Interrupted.
+        `show` receives a line of progress now and then. Raises NoAnswer, UsageError and Interrupted.
         """
         try:
             client = self._node.create_client(service_type, service_name, qos_profile=SERVICE_QOS)
