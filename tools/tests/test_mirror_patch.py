@@ -39,7 +39,7 @@ def test_a_patch_beside_the_divergent_line_and_over_the_renamed_package(reposito
         (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0'),
         (f'{BRIDGE}/bridge_node.py', 'Turn a path parameter', 'Turn the path parameter'),
         (f'{BRIDGE}/bridge_node.py', 'from lupin_greenhouse_msgs.msg', '# a\nfrom lupin_greenhouse_msgs.msg'),
-        ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One climate value', 'A climate value'),
+        ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One simulated', 'A simulated'),
         ('README.md', '## Install', '## How to install'),
     )  # fmt: skip
     result = import_patch(monorepo, patch)

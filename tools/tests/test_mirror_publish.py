@@ -175,7 +175,7 @@ def test_a_contributors_series_comes_back_as_it_was(repositories, remote, publis
     git(remote.parent, 'clone', '--quiet', str(remote), str(contributor))
     base = git(contributor, 'rev-parse', 'HEAD').strip()
     commit_in(contributor, (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0'))
-    commit_in(contributor, ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One climate', 'A climate'))
+    commit_in(contributor, ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One simulated', 'A simulated'))
     (contributor / 'lupin_greenhouse_bridge/test/test_more.py').write_text('"""More."""\n')
     commit_in(contributor, ('README.md', '## Install', '## How to install'))
     series = git(contributor, 'format-patch', '--stdout', base)
