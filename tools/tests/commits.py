@@ -1,4 +1,4 @@
-"""git as another team uses it, for tests."""
+"""Run git in tests, like another team."""
 
 import os
 import subprocess

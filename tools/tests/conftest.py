@@ -25,7 +25,7 @@ def pytest_terminal_summary(terminalreporter):
 
 @pytest.fixture
 def repositories(tmp_path):
-    """Return a repository like this one, and a clone of the mirror that was split out of it."""
+    """Return a copy of this repository, and a clone of the mirror split out of it."""
     monorepo, mirror = tmp_path / 'repository', tmp_path / 'clone'
     ignore = shutil.ignore_patterns('.venv*', '.git', '__pycache__', '.pytest_cache', '.hypothesis')
     shutil.copytree(ROOT, monorepo, ignore=ignore)

@@ -1,4 +1,4 @@
-"""check_drift.py, by mutation: whatever drifts in the real trees is reported under its heading."""
+"""check_drift.py reports every mutation of the real trees under its heading."""
 
 import json
 import re
@@ -55,7 +55,7 @@ def trees(tmp_path):
     return Trees(tmp_path)
 
 
-# heading, sides, file, what is there, what is put in its place
+# heading, sides, file, old text, new text
 EDITS = [
     # bridge_node.py, beyond the one line
     (NODE_DIFFERS, 'mirror', NODE, 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 6.0'),
@@ -68,7 +68,7 @@ EDITS = [
     (NODE_DIFFERS, 'monorepo', NODE, 'import sys\n', ''),
     (NODE_DIFFERS, 'mirror', NODE, 'def main(args=None):\n', '\ndef main(args=None):\n'),
     (NODE_DIFFERS, 'mirror', NODE, 'sys.exit(main())\n', 'sys.exit(main())\nextra = 1\n'),
-    # the one line: missing, doubled, moved, turned round
+    # the one line: missing, doubled, moved, swapped
     (DIVERGENCE, 'mirror', NODE, f'    {PLAIN}\n', f'    {WRAP}\n'),
     (DIVERGENCE, 'monorepo', NODE, f'    {WRAP}\n', f'    {PLAIN}\n'),
     (DIVERGENCE, 'mirror', NODE, f'    {PLAIN}\n', '    return value if value else None\n'),
@@ -114,7 +114,7 @@ EDITS = [
     (LEFT_OVER, 'monorepo', SIMULATION, 'import math\n', 'import math  # not LUPIN_GREENHOUSE_MSGS\n'),
     (LEFT_OVER, 'mirror', 'README.md', '# lupin_greenhouse_ros', '# lupin-msgs'),
     (LEFT_OVER, 'mirror', 'MSGS/package.xml', '<name>lupin_greenhouse_msgs', '<name>lupin_msgs'),
-    # what a reader does not see
+    # invisible differences
     (INVISIBLE, 'mirror', NODE, 'import sys\n', 'import sys \n'),
     (INVISIBLE, 'mirror', NODE, 'import sys\n', 'import sys\r\n'),
     (INVISIBLE, 'mirror', SIMULATION, '"""Load, v', '\ufeff"""Load, v'),
@@ -151,7 +151,7 @@ def reorder_constants(trees):
 
 
 def moved_line(trees):
-    """Put the right line into another function, alike in both trees."""
+    """Move the right line into another function, in both trees."""
     for side, line in (('monorepo', WRAP), ('mirror', PLAIN)):
         trees.edit(side, NODE, f'    {line}\n', '    return _elsewhere(value)\n')
         trees.edit(side, NODE, 'def main(', f'def _elsewhere(value):\n    {line}\n\n\ndef main(')
@@ -357,7 +357,7 @@ def test_github_gets_one_annotation_per_finding_on_one_line(trees, capsys):
 
 
 def test_it_runs_alone_on_any_two_checkouts(trees):
-    """Standard library only, from any folder, without the rest of this repository."""
+    """With the standard library only, from any folder, without the rest of this repository."""
     alone = trees.base / 'check_drift.py'
     shutil.copy(ROOT / 'tools/check_drift.py', alone)
     command = [

@@ -1,4 +1,4 @@
-"""generate.py --check sees every way in which a tree can differ from what the core generates."""
+"""generate.py --check reports every difference between a tree and the core."""
 
 import shutil
 import subprocess
@@ -267,7 +267,7 @@ def test_caches_of_running_in_place_are_no_findings(checkout):
 
 
 def test_the_trees_differ_in_one_line_of_the_bridge_beyond_the_rename():
-    """What the mirror is, said once more without the table."""
+    """Describes the mirror again, independently of the table."""
     monorepo, mirror = (
         (ROOT / tree / BRIDGE / 'bridge_node.py').read_text().replace('lupin_greenhouse_msgs', 'lupin_msgs')
         for tree in ('monorepo', 'lupin_greenhouse_ros')

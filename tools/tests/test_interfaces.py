@@ -1,4 +1,4 @@
-"""Each interface on disk is built, and nothing else is."""
+"""Each interface on disk is built, and no other."""
 
 import re
 from pathlib import Path

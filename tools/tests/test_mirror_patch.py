@@ -1,4 +1,4 @@
-"""A patch that another team made in its clone of the mirror arrives in the core and in both trees."""
+"""Patches of another team's clone of the mirror are imported into the core and both trees."""
 
 import subprocess
 

@@ -1,4 +1,4 @@
-"""Publishing the mirror into a remote: forwards only, all or nothing, and the same thing again is nothing."""
+"""Publish the mirror to a remote: no rewritten history, all or nothing, and twice is once."""
 
 from xml.etree import ElementTree
 
@@ -23,7 +23,7 @@ def remote(tmp_path):
 
 @pytest.fixture
 def publish(repositories, remote, capsys):
-    """Return a function that publishes the repository and returns exit code and what was printed."""
+    """Return a function that publishes the repository and returns exit code and output."""
 
     def run(*arguments: str):
         code = mirror_publish.main([str(remote), '--root', str(repositories[0]), *arguments])
@@ -96,7 +96,7 @@ def test_ready_follows_main_and_does_not_move_without_it(repositories, remote, p
 
 
 def commit_on(remote, branch):
-    """Let somebody commit to a branch of the remote."""
+    """Commit to a branch of the remote."""
     clone = remote.parent / f'clone-{branch}'
     git(remote.parent, 'clone', '--quiet', '--branch', branch, str(remote), str(clone))
     change(clone, 'README.md', message='Their own')
@@ -169,7 +169,7 @@ def test_a_remote_that_is_none_is_one_line(repositories, capsys):
 
 
 def test_a_contributors_series_comes_back_as_it_was(repositories, remote, publish):
-    """From a clone of the published mirror by patches into the core, and out again."""
+    """From a clone of the published mirror into the core by patches, and back."""
     publish()
     contributor = remote.parent / 'contributor'
     git(remote.parent, 'clone', '--quiet', str(remote), str(contributor))

@@ -1,4 +1,4 @@
-"""The publish check follows the mirror's README; `make mirror-publish-check` is the whole of it."""
+"""Parts of the publish check; `make mirror-publish-check` runs all of it."""
 
 import re
 from pathlib import Path

@@ -1,8 +1,8 @@
 """
-The two message packages in one workspace: the same bytes on the wire, the same types but for the name.
+The two message packages in one workspace: the same bytes on the wire, and the same types except for the name.
 
-Fast CDR leaves the bytes that only align what follows as they are in memory, so these are masked: an
-encoder of this test's own says where they are, and what all the others must be.
+Fast CDR does not set the bytes that only align what follows. The encoder of this test tells where these are,
+to mask them, and what all other bytes must be.
 """
 
 import json
@@ -42,7 +42,7 @@ readings = st.fixed_dictionaries(
 
 
 class Cdr:
-    """Plain little-endian CDR with its 4-byte header (OMG DDSI-RTPS), and which bytes carry meaning."""
+    """Plain little-endian CDR with its 4-byte header (OMG DDSI-RTPS), and which bytes have a meaning."""
 
     def __init__(self):
         self.body = bytearray()
@@ -71,7 +71,7 @@ class Cdr:
 
     def is_equal(self, serialized):
         expected = b'\0\1\0\0' + self.body
-        # The serializer may fill up to a multiple of 4; that is padding, too.
+        # The serializer may pad to a multiple of 4.
         return len(expected) <= len(serialized) < len(expected) + 4 and all(
             a == b
             for place, (a, b) in enumerate(zip(expected, serialized, strict=False))
@@ -145,7 +145,7 @@ def test_the_type_descriptions_are_equal_but_for_the_package_name(interface):
     )
     assert own_hash.keys() == their_hash.keys()
     name = 'lupin_msgs/' + interface
-    assert own_hash[name] != their_hash[name]  # the name of the package is part of what is hashed
+    assert own_hash[name] != their_hash[name]  # the hash includes the name of the package
 
 
 def hash_of_get_tag_reading(folder, text):
@@ -184,7 +184,7 @@ def hash_of_get_tag_reading(folder, text):
 
 
 def test_constants_do_not_enter_the_type_hash_and_fields_do(tmp_path):
-    """So STATUS_SIMULATOR_ERROR, our addition, breaks nobody's compiled client."""
+    """So our addition, STATUS_SIMULATOR_ERROR, does not break compiled clients."""
     text = (ROOT / 'monorepo/lupin_msgs/srv/GetTagReading.srv').read_text()
     without = re.sub(r'uint8 STATUS_SIMULATOR_ERROR=2.*\n', '', text)
     renamed = text.replace('string error_message', 'string message')

@@ -1,4 +1,4 @@
-"""read_tag, as a person uses it: output and exit code."""
+"""read_tag on the command line: output and exit code."""
 
 import fcntl
 import json
@@ -20,7 +20,7 @@ from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, spinni
 
 READ_TAG = executable('lupin_greenhouse_bridge', 'read_tag')
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER = 0, 1, 2, 3
-# What Fast DDS says when another process that starts at the same moment has taken a port of shared memory.
+# Fast DDS prints this if another starting process has taken a port of shared memory.
 OF_FAST_DDS = re.compile(r'\x1b\[37;1m[^\n]*RTPS_TRANSPORT_SHM[^\n]*\n')
 
 
@@ -38,7 +38,7 @@ def read_tag(bridge, *arguments):
 
 
 def said_by_read_tag(stderr: str) -> str:
-    """Return what is not the middleware's: Fast DDS and Cyclone have lines of their own."""
+    """Return the lines that do not come from the middleware."""
     assert 'Traceback' not in stderr, stderr
     lines = [line for line in stderr.splitlines() if line.startswith(('read_tag: ', 'usage: '))]
     return '\n'.join(lines)
@@ -141,7 +141,7 @@ def test_a_reader_of_the_pipe_who_has_enough_ends_it_well(bridge):
 
 
 def test_all_of_a_bridge_with_another_tag_file_are_its_own(start_bridge, takes_tag_files, tmp_path):
-    """Also when this machine has another release of the simulator than the bridge's."""
+    """Even if this machine has another release of the simulator than the bridge."""
     if not takes_tag_files:
         return  # serves no custom tag file
     tag_file = tmp_path / 'tags.json'
@@ -175,7 +175,7 @@ def test_no_service_is_exit_code_3_and_a_hint():
 
 
 def hint(environment=None) -> str:
-    """Return the hint of a read_tag that finds no service on a domain of its own choice."""
+    """Return the hint of a read_tag that finds no service."""
     result = subprocess.run(
         [READ_TAG, '1', '--service', '/nobody/get_tag_reading', '--timeout', '1'],
         capture_output=True,
@@ -217,7 +217,7 @@ class Terminal:
         self.text = ''
 
     def read_until(self, fragment: str, count: int) -> None:
-        """Read until a fragment was printed so often."""
+        """Read until a fragment was printed this often."""
         deadline = time.monotonic() + PATIENCE_SECONDS
         while self.text.count(fragment) < count:
             wait = max(0.0, deadline - time.monotonic())
@@ -238,7 +238,7 @@ def test_watch_updates_the_table_in_place_on_a_terminal(bridge, shipped_tags):
     sensors = shipped_tags['6']['sensors']
     terminal.read_until(sensors[-1], 3)
     terminal.close()
-    # A header, the readings and a failure: so many lines to go up.
+    # A header, the readings and a failure: the number of lines to replace.
     assert terminal.text.count(f'\x1b[{1 + len(sensors) + 1}F\x1b[J') >= 2
     assert 'UNKNOWN_TAG' in terminal.text
     printed = re.sub(r'\x1b\[\d*[A-Z]', '', terminal.text)
@@ -246,7 +246,7 @@ def test_watch_updates_the_table_in_place_on_a_terminal(bridge, shipped_tags):
 
 
 def test_a_watched_table_that_is_taller_than_the_terminal_is_cut(bridge):
-    """Going up ends at the upper edge: what has scrolled away could not be replaced."""
+    """Lines that have scrolled away cannot be replaced."""
     service = ['--service', bridge.service_name]
     terminal = Terminal(READ_TAG, '--all', '--watch', '0.01', *service)
     terminal.read_until('more lines in a taller window', 2)

@@ -1,4 +1,4 @@
-"""What a reading holds: this tag's sensors, the model's values, two clocks."""
+"""The contents of a reading: the tag's sensors, the model's values, two clocks."""
 
 import copy
 import importlib.metadata
@@ -28,7 +28,7 @@ def closed_form(components, x, y, hour):
             distance_m = abs(math.sin(angle) * (x - anchor_x) + math.cos(angle) * (y - anchor_y))
         else:
             distance_m = 0.0
-        # 'square', which the shipped config has, is not known to the simulator and is linear there.
+        # The simulator does not know 'square' of its own config, and treats it as linear.
         power = 2 if component['decay_type'] == 'quadratic' else 1
         values.append(value * max(0.0, 1 - (distance_m / component['decay_distance']) ** power))
     return max(values)
@@ -36,7 +36,7 @@ def closed_form(components, x, y, hour):
 
 @pytest.fixture(scope='module')
 def noise_free_config_file(shipped_config, tmp_path_factory):
-    """Return the shipped config with the noise of every sensor set to 0, as a file."""
+    """Return a file with the shipped config without noise."""
     config = copy.deepcopy(shipped_config)
     for components in config['sensors'].values():
         for component in components:
@@ -118,7 +118,7 @@ def test_an_unknown_tag_gets_the_typed_status_the_count_and_a_default_reading(no
 
 
 def test_a_reading_is_never_torn(start_bridge, altered, shipped_tags, shipped_config):
-    """The time in a reading is the one of its values, though the clock ticks at every look."""
+    """The time in a reading is the time of its values, even if the clock ticks at every read."""
     bridge = start_bridge(altered('ticking_clock'))
     components = shipped_config['sensors']['temperature']
     warm_tags = {tag_id: tag for tag_id, tag in shipped_tags.items() if 'temperature' in tag['sensors']}

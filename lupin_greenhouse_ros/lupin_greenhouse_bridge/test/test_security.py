@@ -9,12 +9,12 @@ import pytest
 from lupin_greenhouse_bridge.testing import executable, wait_until
 
 POLICY = ElementTree.parse(Path(__file__).resolve().parent.parent / 'security/policy.xml').getroot()
-# Distros before Jazzy do not have it; a right that is not used does no harm.
+# Distros before Jazzy do not have it; an unused right does no harm.
 NOT_EVERYWHERE = {'get_type_description'}
 
 
 def allowed(node, kind, right):
-    """Return the names that the policy's profile of a node lists, without the node's own name."""
+    """Return the names in a node's profile of the policy, without the node's own name."""
     (profile,) = [each for each in POLICY.iter('profile') if each.get('node') == node]
     groups = [group for group in profile if group.get(right) == 'ALLOW']
     return {name.text.replace('~/', '') for group in groups for name in group if group.tag == kind}
@@ -96,7 +96,7 @@ def test_the_client_may_do_what_it_does_and_nothing_more(noon_bridge, arguments,
     [
         ('', 'security is enabled, but ROS_SECURITY_KEYSTORE is not set: set it to the path of the keystore'),
         ('nowhere', 'security is enabled (ROS_SECURITY_ENABLE): check the enclave'),
-        # Of the wheels, Fast DDS has no security; elsewhere these keys are none.
+        # The Fast DDS of the wheels has no security; elsewhere these keys are invalid.
         ('keys', 'security is enabled (ROS_SECURITY_ENABLE): check the enclave'),
     ],
 )
@@ -131,7 +131,7 @@ def test_a_start_without_usable_keys_is_one_line(start_bridge, tmp_path, keystor
 
 
 def test_read_tag_names_security_among_the_causes():
-    """With a strategy that does not enforce it, a node without keys starts, and finds nobody."""
+    """Without enforcement, a node without keys starts but finds no other node."""
     ask = [executable('lupin_greenhouse_bridge', 'read_tag'), '1', '--timeout', '0.2']
     secured = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Permissive'}
     result = subprocess.run(

@@ -1,4 +1,4 @@
-"""Files that must be refused, each in one line that says how to fix it, and odd files that must be served."""
+"""Files that the bridge refuses in one line with the fix, and unusual files that it serves."""
 
 import copy
 import json
@@ -20,7 +20,7 @@ TAGS = {'tags': {'7': {'x': 1.0, 'y': 7.3, 'sensors': ['co2']}}}
 ANY_METRES = 'must be a number from -1e+12 to 1e+12 (metres)'
 NOT_ASKABLE = 'cannot be sent over ROS: use an id of visible Unicode characters'
 
-# What is put where in TAGS, and what the message must say.
+# Changes to TAGS by path, and the expected message.
 BAD_TAGS = [
     ({'': None}, 'holds null at its top level, not an object of tags'),
     ({'': 7}, 'holds a number at its top level'),
@@ -82,7 +82,7 @@ ANY = 'must be a number from -1e+12 to 1e+12'
 POSITIVE = 'must be a number from 1e-12 to 1e+12'
 HOURS = 'must be a number from 0 to 24 (hours)'
 KNOWN = 'known are co2, humidity, light, soil_moisture, temperature'
-# What is put where in the shipped config, and what the message must say.
+# Changes to the shipped config by path, and the expected message.
 BAD_CONFIGS = [
     ({'': None}, 'holds null at its top level, not a mapping with time and sensors'),
     ({'': []}, 'holds a list at its top level'),
@@ -175,7 +175,7 @@ BAD_FILES = [
     *(('sim_config_file', row, message) for row, message in [*BAD_CONFIGS, *BAD_CONFIG_BYTES]),
 ]
 
-GOOD_TAGS = [  # what is put where in TAGS, and the tags that are served
+GOOD_TAGS = [  # changes to TAGS by path, and the served tags
     ({}, ['7']),
     ({'': TAGS['tags']}, ['7']),
     ({'': {'tags': {'tags': TAGS['tags']['7']}}}, ['tags']),
@@ -208,7 +208,7 @@ GOOD_CONFIGS = [
 
 
 def changed(document, row):
-    """Return the document with the values of a row put at their places, or the bytes that the row is."""
+    """Return the document with the changes of a row, or the row itself if it is bytes."""
     if isinstance(row, bytes):
         return row
     document = copy.deepcopy(document)
@@ -244,7 +244,7 @@ def write(tmp_path, shipped_config):
 
 
 def load(parameter, path, chosen=None):
-    """Load through the simulator itself, with a path as it wants one, whatever the tree."""
+    """Load with a pathlib.Path, as the simulator needs it, in both trees."""
     return simulation.load(chosen or Settings(), **{**dict.fromkeys(PARAMETERS), parameter: path})
 
 
@@ -271,7 +271,7 @@ def test_a_bad_file_ends_the_process_in_one_line_before_any_service(
 
 
 def test_a_service_would_have_been_seen(start_bridge, altered):
-    """The check above can fail: a bridge that starts announces its service in the same way."""
+    """The check above can fail: a bridge that starts announces its service."""
     assert 'get_tag_reading' in start_bridge(altered('announced_services')).wait_for_log('create_service ~/')
 
 
@@ -435,7 +435,7 @@ some_settings = st.sampled_from([Settings(), Settings(debug_seed=1), Settings(de
 
 @st.composite
 def spoiled_greenhouses(draw):
-    """Draw a good greenhouse, and make one value somewhere in it another, or drop it."""
+    """Generate a good greenhouse, and change or drop one value in it."""
     greenhouse = draw(good_greenhouses)
     at = greenhouse
     while True:
@@ -483,6 +483,6 @@ def test_a_spoiled_greenhouse_is_refused_in_one_line_or_can_be_read(tmp_path_fac
     try:
         loaded = load_generated(tmp_path_factory.getbasetemp(), greenhouse, chosen)
     except StartUpError as error:
-        assert str(error).isprintable()  # noqa: PT017 (either outcome is right, and each is checked)
+        assert str(error).isprintable()  # noqa: PT017 (both outcomes are right, and both are checked)
         return
     assert_readable_at_any_hour(loaded)

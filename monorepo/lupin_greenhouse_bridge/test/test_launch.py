@@ -1,4 +1,4 @@
-"""The launch file, as `ros2 launch` runs it (collected where launch is installed, see conftest.py)."""
+"""The launch file under `ros2 launch` (collected only if launch is installed, see conftest.py)."""
 
 import unittest
 
@@ -17,7 +17,7 @@ LAUNCH_FILE = str(get_package_share_path('lupin_greenhouse_bridge') / 'launch/gr
 
 @pytest.mark.launch_test
 def generate_test_description():
-    """Launch with whole numbers, as a person types them, for every parameter that takes a number."""
+    """Launch with whole numbers, as people type them, for every numeric parameter."""
     arguments = {'debug_time_of_day': '6', 'speedup_factor': '3600', 'debug_seed': '7'}
     bridge = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(LAUNCH_FILE), launch_arguments=arguments.items()

@@ -1,4 +1,4 @@
-"""From the first signal to the exit code: the bridge and read_tag end as documented, at any moment."""
+"""Signals and exit codes: the bridge and read_tag end as documented at any moment."""
 
 import subprocess
 
@@ -23,7 +23,7 @@ def test_the_bridge_ends_with_exit_code_0(start_bridge, signals):
 
 @pytest.mark.parametrize('moment', MOMENTS)
 def test_the_bridge_ends_with_exit_code_0_at_any_moment(start_bridge, moment):
-    """The second signal is the one that `ros2 launch` adds to that of the terminal."""
+    """`ros2 launch` adds a second signal to the terminal's."""
     bridge = start_bridge(command(PACKAGE, 'bridge_node', moment, SIGNALS['Ctrl-C twice']))
     bridge.wait_for_log('signalled in') if moment in MOMENTS[:7] else bridge.wait_for_log('ready:')
     bridge.send(*SIGNALS['SIGTERM and Ctrl-C'])
@@ -38,7 +38,7 @@ def test_a_refusal_keeps_its_exit_code_and_its_line_whatever_signal_comes(start_
         'rclpy/executors.py:spin_once',
         'rclpy/node.py:destroy_node',
     ):
-        return  # a node that is refused does not come that far
+        return  # a refused node does not get that far
     bridge = start_bridge(
         command(PACKAGE, 'bridge_node', moment, SIGNALS['SIGTERM and Ctrl-C']), debug_seed=-5
     )
@@ -46,7 +46,7 @@ def test_a_refusal_keeps_its_exit_code_and_its_line_whatever_signal_comes(start_
 
 
 def read_tag(moment, signals, *arguments):
-    """Return the result of a read_tag that nobody answers."""
+    """Return the result of a read_tag without a bridge."""
     ask = [*arguments, '--service', '/nobody/get_tag_reading', '--timeout', str(PATIENCE_SECONDS)]
     return subprocess.run(
         [*command(PACKAGE, 'read_tag', moment, signals), *ask],

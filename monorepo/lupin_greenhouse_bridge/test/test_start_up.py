@@ -1,4 +1,4 @@
-"""What the bridge starts with, and what it refuses to start with."""
+"""Parameters and files that the bridge accepts, and those that it refuses."""
 
 import copy
 import importlib.metadata
@@ -43,7 +43,7 @@ def custom_tag_file(tmp_path):
 
 
 def test_a_custom_tag_file_is_served_here_or_refused_there(start_bridge, custom_tag_file, takes_tag_files):
-    """The one divergence of the two trees, as a user meets it."""
+    """The one divergence of the two trees, as a user sees it."""
     bridge = start_bridge(tag_file=custom_tag_file)
     if not takes_tag_files:
         fatal = bridge.refusal()
@@ -150,7 +150,7 @@ def test_no_simulator_at_all_is_refused(monkeypatch):
 
 
 def test_a_tag_file_that_the_simulator_reads_otherwise_is_refused(monkeypatch):
-    """It opens the file in the encoding of the locale."""
+    """The simulator opens the file with the encoding of the locale."""
     monkeypatch.setattr(GreenhouseSimulator, 'tags', lambda _self: ['Ã©'])
     with pytest.raises(StartUpError, match=r"tag_file '.*tag_locations.json': .* set PYTHONUTF8=1"):
         simulation.load(Settings(), None, None)

@@ -1,4 +1,4 @@
-"""The real mission, between services that the test commands, or with the real bridge."""
+"""The real mission, with services that the test controls or with the real bridge."""
 
 import queue
 from pathlib import Path
@@ -14,11 +14,11 @@ PATIENCE_SECONDS = 30.0
 
 
 class Commanded:
-    """A service whose every answer the test gives; until then the caller waits."""
+    """A service that replies only when the test says so."""
 
     def __init__(self, node, service_type, name: str):
         self.name = name
-        self.tag_ids = []  # of the requests, in the order of their coming
+        self.tag_ids = []  # of the requests, in the order of arrival
         self._type = service_type
         self._arrived = queue.SimpleQueue()
         self._answers = queue.SimpleQueue()
@@ -35,14 +35,14 @@ class Commanded:
         return self._arrived.get(timeout=PATIENCE_SECONDS)
 
     def answer(self, **fields) -> None:
-        """Give the next answer, to a request that has come or will come."""
+        """Send the next reply, to a request that has arrived or will arrive."""
         response = self._type.Response()
         for name, value in fields.items():
             setattr(response, name, value)
         self._answers.put(response)
 
     def answer_ok(self, tag_id: str, **values: float) -> None:
-        """Answer as the bridge does."""
+        """Reply like the bridge."""
         readings = [SensorReading(name=name, value=value) for name, value in values.items()]
         reading = TagReading(tag_id=tag_id, sim_time_of_day_seconds=43200.0, readings=readings)
         self.answer(reading=reading)
@@ -80,7 +80,7 @@ def start_mission(start_node, tmp_path):
 
 @pytest.fixture
 def node():
-    """Return a node of the test's own, which a thread spins."""
+    """Return a node of the test, spun by a thread."""
     from lupin_greenhouse_bridge.testing import spinning_node
 
     with spinning_node('mission_test') as node:
@@ -89,11 +89,11 @@ def node():
 
 @pytest.fixture
 def reader(node):
-    """Return a GetTagReading service that the test commands."""
+    """Return a GetTagReading service that the test controls."""
     return Commanded(node, GetTagReading, '/commanded/get_tag_reading')
 
 
 @pytest.fixture
 def confirmer(node):
-    """Return a ConfirmTag service that the test commands; one at a time answers."""
+    """Return a ConfirmTag service that the test controls."""
     return Commanded(node, ConfirmTag, '/commanded/confirm_tag')

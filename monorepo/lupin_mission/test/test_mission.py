@@ -1,4 +1,4 @@
-"""The state machine of a mission, without ROS: time and replies come from the test."""
+"""The state machine of a mission, without ROS. The test supplies time and replies."""
 
 import tempfile
 from pathlib import Path
@@ -19,7 +19,7 @@ def reading(tag_id: str, value: float = 20.0) -> Reading:
 
 
 class World:
-    """Surroundings that remember what the mission did."""
+    """Surroundings that record what the mission does."""
 
     def __init__(self, tag_ids='ab', drive=None, **options):
         self.now = 0.0
@@ -389,7 +389,7 @@ def test_events_tell_what_happened_and_how_bad_it_is():
 
 
 class AnyOrder(RuleBasedStateMachine):
-    """Pauses, replies of every kind, losses and restarts in any order, on a real report."""
+    """Pauses, all kinds of replies, losses and restarts in any order, with a real report."""
 
     tag_ids = ('1', '2', '3', '4')
 
@@ -398,12 +398,12 @@ class AnyOrder(RuleBasedStateMachine):
         self._folder = tempfile.TemporaryDirectory()
         self.path = Path(self._folder.name, 'report.jsonl')
         self.now = 0.0
-        self.accepted = {}  # tag id -> value of the reading that was taken
+        self.accepted = {}  # tag id -> value of the accepted reading
         self.report = None
         self.begin()
 
     def begin(self):
-        """Start a mission as the node does: what the report has is not visited again."""
+        """Start a mission like the node: it does not visit a tag in the report again."""
         self.report = Report(self.path)
         done = {each.tag_id for each in self.report.observations if each.outcome is Outcome.OK}
         assert done == self.accepted.keys(), 'a restart forgot a reading'
@@ -450,7 +450,7 @@ class AnyOrder(RuleBasedStateMachine):
     @precondition(lambda self: self.requests)
     @rule(data=st.data(), confirmed=st.booleans())
     def some_confirmation_comes(self, data, confirmed):
-        """In time, late, or for the second time."""
+        """In time, late, or twice."""
         request = data.draw(st.sampled_from(self.requests))
         if request.service is Service.CONFIRM:
             was_taken = self.mission.on_confirmation(request.number, confirmed, 'as the camera says')
@@ -501,7 +501,7 @@ class AnyOrder(RuleBasedStateMachine):
     @rule(torn=st.booleans())
     def killed_and_started_again(self, torn):
         self.report.close()
-        if torn:  # the kill came in the middle of a line
+        if torn:  # killed in the middle of a line
             with self.path.open('ab') as file:
                 file.write(b'{"tag_id": "1", "outcome": "OK", "det')
         self.begin()
@@ -513,9 +513,9 @@ class AnyOrder(RuleBasedStateMachine):
         assert len(read) == len(self.accepted)
 
     def teardown(self):
-        """Whatever happened before: left alone, the mission ends, with an outcome for every tag."""
+        """Left alone, the mission always ends with an outcome for every tag."""
         self.mission.resume()
-        # A tag takes at most: the drive, three attempts of each service with their delays, the dwell.
+        # The longest time at a tag: the drive, three attempts of each service with their delays, the dwell.
         longest = 0.02 + 2 * (3 * 2.0 + 0.5 + 1.0) + 1.0
         for _ in range(int(len(self.tag_ids) * longest / 0.5) + 1):
             self.now += 0.5

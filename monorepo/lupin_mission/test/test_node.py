@@ -29,7 +29,7 @@ def trigger(node, mission, name: str) -> Trigger.Response:
 
 @pytest.fixture
 def start_real(start_bridge):
-    """Return a function that starts the real bridge; its service is REAL, whichever process serves it."""
+    """Return a function that starts the real bridge with the service name REAL."""
     from lupin_greenhouse_bridge.testing import executable
 
     command = [executable('lupin_greenhouse_bridge', 'bridge_node'), '--ros-args']
@@ -38,7 +38,7 @@ def start_real(start_bridge):
 
 @pytest.fixture
 def all_tags(shipped_tags):
-    """Return the parameter that names every tag, where the bridge's own parameters are not beside REAL."""
+    """Return the parameter with every tag: the bridge's parameters are not beside REAL."""
     return {'tag_ids': json.dumps(list(shipped_tags))}
 
 
@@ -62,7 +62,7 @@ def test_the_tags_of_a_tag_file_are_visited_in_its_order(start_mission, reader, 
 
 
 def test_without_tags_and_without_a_bridge_the_mission_is_refused(start_mission):
-    """After 30 s; a test has no such patience."""
+    """After 30 s, which this test shortens."""
     alter = 'from lupin_mission import mission_node; mission_node.LONGEST_WAIT_FOR_TAGS_SECONDS = 0.1;'
     run = [sys.executable, '-c', f'{alter} import sys; sys.exit(mission_node.main())']
     mission = start_mission(run, bridge_service_name='/nobody/get_tag_reading')
@@ -75,7 +75,7 @@ def test_without_tags_and_without_a_bridge_the_mission_is_refused(start_mission)
 
 @pytest.fixture
 def without_simulator(tmp_path):
-    """Return the environment of a process that finds no mdp-greenhouse, though it may be installed."""
+    """Return the environment of a process that cannot import mdp-greenhouse."""
     (tmp_path / 'sitecustomize.py').write_text(
         'import sys\n'
         'class Without:\n'
@@ -97,7 +97,7 @@ def test_the_mission_needs_neither_simulator_nor_bridge_on_its_machine(
     mission = start_mission(**READER, tag_ids='1', environment=without_simulator)
     reader.answer_ok('1', co2=1.0)
     assert mission.end() == 0
-    command = [sys.executable, '-c', 'import greenhouse_sim']  # so the check above can fail
+    command = [sys.executable, '-c', 'import greenhouse_sim']  # shows that the check above can fail
     assert (
         "ModuleNotFoundError: No module named 'greenhouse_sim'"
         in start_mission(command, without_simulator).rest_of_log()
@@ -163,7 +163,7 @@ def test_a_late_answer_is_not_taken_for_the_next_ones(start_mission, reader):
     mission = start_mission(**READER, tag_ids='1', request_timeout_seconds=1, max_attempts=10)
     assert reader.wait_for_request() == '1'
     mission.wait_for_log('TIMEOUT read: no reply before the timeout: trying again')
-    reader.answer_ok('1', co2=1.0)  # of the first attempt, which is over
+    reader.answer_ok('1', co2=1.0)  # of the first attempt, after its timeout
     for value in range(2, 10):
         reader.answer_ok('1', co2=float(value))
     assert mission.end() == 0
@@ -199,7 +199,7 @@ def test_a_pause_in_the_dwell_does_not_scan_the_tag_again(start_mission, reader,
 def test_a_pause_is_answered_while_a_reply_is_withheld(start_mission, reader):
     mission = start_mission(**READER, tag_ids='1', request_timeout_seconds=PATIENCE_SECONDS)
     reader.wait_for_request()
-    with spinning_node('operator') as operator:  # the other node is busy withholding
+    with spinning_node('operator') as operator:  # the other node is busy
         assert trigger(operator, mission, 'pause').success
         assert trigger(operator, mission, 'resume').success
     reader.answer_ok('1', co2=1.0)
@@ -223,7 +223,7 @@ def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, tmp_pat
     executor.add_node(node)
     ticks = []
     node.create_timer(0.01, lambda: ticks.append(len(reader.tag_ids)))
-    while ticks.count(1) < 50:  # ticks after the request has come, and before it is answered
+    while ticks.count(1) < 50:  # ticks between the request and its reply
         executor.spin_once(timeout_sec=PATIENCE_SECONDS)
     assert node.mission.state is State.INSPECTING
     reader.answer_ok('1', co2=1.0)
@@ -240,12 +240,12 @@ def test_a_signal_ends_the_mission_with_the_table_so_far(start_mission, reader, 
     mission.send(*signals)
     assert mission.end() == 1
     assert mission.log[-1] == '1/2 tags read'
-    reader.answer_ok('2', co2=1.0)  # lets go of the request that may still wait
+    reader.answer_ok('2', co2=1.0)  # releases a pending request
 
 
 @pytest.mark.parametrize('moment', MOMENTS)
 def test_a_signal_at_any_moment_ends_the_mission_with_a_table(start_mission, moment):
-    """Also while the tags are not known yet, and while the mission ends."""
+    """Even before the tags are known, and while the mission ends."""
     run = command('lupin_mission', 'mission_node', moment, SIGNALS['Ctrl-C twice'])
     mission = start_mission(run, bridge_service_name='/nobody/get_tag_reading')
     mission.wait_for_log('signalled in' if moment in MOMENTS[:7] else 'waiting for the tags of')

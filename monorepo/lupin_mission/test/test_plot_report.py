@@ -32,17 +32,17 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, tmp_pa
     assert main([str(report), '--output', str(output)]) == 0
     drawn = output.read_text(encoding='utf-8')
     ElementTree.fromstring(drawn)
-    # Text is drawn as outlines, and said in a comment beside each.
+    # Text is drawn as outlines, with a comment beside each.
     for text in ('temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615', 'y (m)'):
         assert f'<!-- {text} -->' in drawn
     assert f'2 of {len(shipped_tags)} tags read, 2 failed (x)' in drawn
 
 
 def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, monkeypatch):
-    """Of the shipped greenhouse with a value of every sensor at every tag that has it."""
+    """In the shipped greenhouse, with a value of every sensor of every tag."""
     report = Report(tmp_path / 'report.jsonl')
     for tag_id, tag in shipped_tags.items():
-        values = dict.fromkeys(tag['sensors'], 1234.5)  # as wide as a value gets
+        values = dict.fromkeys(tag['sensors'], 1234.5)  # the widest value
         reading = Reading(tag_id, (1795190000, 0), 43200.0, values)
         report.record(Observation(tag_id, Outcome.OK, '', 1, reading))
     report.close()

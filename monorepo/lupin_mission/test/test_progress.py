@@ -1,4 +1,4 @@
-"""The line that moves, for a person at a terminal."""
+"""The progress line at a terminal."""
 
 import io
 import os

@@ -1,4 +1,4 @@
-"""The report: what is on the disk after a kill, and what is refused."""
+"""The report: its contents after a kill, and the files that it refuses."""
 
 import errno
 import math
@@ -87,7 +87,7 @@ def test_a_file_that_was_refused_is_let_go(tmp_path):
     with pytest.raises(ReportError) as refusal:
         Report(path)
     path.write_text('', encoding='utf-8')
-    Report(path).close()  # or another mission would seem to write it
+    Report(path).close()  # otherwise another mission would seem to write it
     del refusal
 
 
@@ -128,7 +128,7 @@ def test_two_missions_do_not_write_one_report(tmp_path):
 
 
 def test_a_full_disk_leaves_whole_lines_only(tmp_path):
-    """A limit on the size of files stands in for the full disk: both end a write early."""
+    """A limit on file sizes replaces the full disk: both end a write early."""
     path = tmp_path / 'report.jsonl'
     program = f"""
 import resource

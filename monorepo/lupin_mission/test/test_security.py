@@ -8,7 +8,7 @@ from lupin_greenhouse_bridge.testing import executable, wait_until
 
 POLICY = ElementTree.parse(Path(__file__).resolve().parent.parent / 'security/policy.xml').getroot()
 BRIDGES_POLICY = Path(__file__).resolve().parents[2] / 'lupin_greenhouse_bridge/security/policy.xml'
-# Distros before Jazzy do not have it; a right that is not used does no harm.
+# Distros before Jazzy do not have it; an unused right does no harm.
 NOT_EVERYWHERE = 'get_type_description'
 
 
@@ -26,7 +26,7 @@ def rights_of(node: str, enclave: str, policy=POLICY) -> dict[str, set[str]]:
 
 
 def created_by(graph, node: str, namespace: str) -> dict[str, set[str]]:
-    """Return what a node has created, by the right that it needs for it."""
+    """Return what a node has created, by the right that it needs."""
     if (node, namespace) not in graph.get_node_names_and_namespaces():
         return {}
     found = {
@@ -57,7 +57,7 @@ def test_the_mission_may_do_what_it_does_and_nothing_more(start_mission, node, e
 def test_the_camera_of_the_launch_may_do_what_it_does_and_nothing_more(start_node, node):
     rights = without_optional(rights_of('confirm_tag', '/mission_launch'))
     process = start_node([executable('lupin_perception', 'confirm_tag')])
-    # The node's own namespace gives way to that of the test.
+    # The test replaces the namespace of the node.
     namespace = process.namespace
 
     def created():

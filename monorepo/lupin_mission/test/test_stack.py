@@ -1,4 +1,4 @@
-"""The mission as the team's stack hears and commands it: observations, state, start, skip, abort."""
+"""The mission's interface to the team's stack: observations, state, start, skip, abort."""
 
 import json
 import queue
@@ -21,7 +21,7 @@ READER = {'bridge_service_name': '/commanded/get_tag_reading'}
 
 
 class Subscriber:
-    """Hears one topic, and keeps what it hears."""
+    """Subscribes to one topic, and keeps its messages."""
 
     def __init__(self, node, message_type, topic: str, qos):
         self.heard = []
@@ -33,7 +33,7 @@ class Subscriber:
         self._news.put(message)
 
     def wait_for(self, is_it):
-        """Return the first message that is not looked at yet and fits."""
+        """Return the first new message that matches."""
         while True:
             message = self._news.get(timeout=PATIENCE_SECONDS)
             if is_it(message):
@@ -42,20 +42,20 @@ class Subscriber:
 
 @pytest.fixture
 def listener():
-    """Return a node that is never busy with a service."""
+    """Return a node without services."""
     with spinning_node('listener') as listener:
         yield listener
 
 
 @pytest.fixture
 def twin(listener):
-    """Return a function that subscribes as the digital twin does, from now on."""
+    """Return a function that subscribes like the digital twin."""
     return lambda: Subscriber(listener, Observation, TOPIC, TWIN_QOS)
 
 
 @pytest.fixture
 def web(listener):
-    """Return a function that subscribes to the state of a mission as a web client does."""
+    """Return a function that subscribes to the state of a mission like a web client."""
     return lambda mission: Subscriber(listener, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
 
 
@@ -163,7 +163,7 @@ def test_a_web_client_hears_the_state_within_a_second_at_any_time(start_mission,
         request_timeout_seconds=PATIENCE_SECONDS, dwell_seconds=2,
     )  # fmt: skip
     confirmer.wait_for_request()
-    state = web(mission).wait_for(lambda _state: True)  # joins in the middle, and hears the next one
+    state = web(mission).wait_for(lambda _state: True)  # joins in the middle, and receives the next one
     assert (state.lifecycle_state, state.mission_phase, state.current_target) == (
         'INSPECTING',
         'CONFIRMING',
@@ -193,7 +193,7 @@ def test_a_web_client_hears_the_state_within_a_second_at_any_time(start_mission,
 
 
 def test_abort_and_skip_over_ros(start_mission, confirmer, listener, twin):
-    """The skip comes while the camera is awaited, the abort too."""
+    """Both arrive while the mission waits for the camera."""
     hearer = twin()
     mission = start_mission(
         **READER, confirm_service_name=confirmer.name, require_visual_confirmation=True, tag_ids='1 2 3',
@@ -230,7 +230,7 @@ def test_a_mission_waits_for_its_start_and_lives_on_after_it(
     first = ask(node, mission, StartMission, 'start', tag_sequence=['7', '1'])
     assert (first.accepted, first.error_message) == (True, '')
     states.wait_for(lambda state: is_done(state, first))
-    late = twin()  # after DONE, where the node lives on
+    late = twin()  # after DONE, while the node keeps running
     wait_until(lambda: len(late.heard) == 2)
     assert [each.tag_reading.tag_id for each in late.heard] == ['7', '1']
 
@@ -255,7 +255,7 @@ def test_a_mission_waits_for_its_start_and_lives_on_after_it(
 def test_the_tags_and_their_places_come_from_the_world(
     start_mission, start_bridge, node, web, twin, tmp_path
 ):
-    """One of them is unknown to the bridge: the world was made from another layout."""
+    """The bridge does not know one of them: the world has another layout."""
     models = ''.join(
         f'<model name="tag_{tag_id}"><pose>{x} 8.5 0.3 0 0 0</pose></model>'
         for tag_id, x in (('400', 3.0), ('7', 2.5), ('1', 1.5))

@@ -19,13 +19,13 @@ from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
 
 TOPIC = '/tested/image'
-# Best effort loses parts of large images on a busy machine; in four colours these have 300 kB.
+# Small, 300 kB in four colours: on a busy machine, best effort loses large images.
 CAMERA = Camera(width=320, height=240, focal_length_pixels=300.0)
 COLOURS = {'mono8': 1, '8UC1': 1, 'rgb8': 3, 'bgr8': 3, 'rgba8': 4, 'bgra8': 4}
 
 
 class Perception:
-    """The node, a camera that shows one image again and again, and a client."""
+    """The node, a camera that repeats one image, and a client."""
 
     def __init__(self, process, node, message_type=Image):
         self.process = process
@@ -44,15 +44,15 @@ class Perception:
         self._images.publish(image)
 
     def ask(self, tag_id: str):
-        """Ask, and return the future of the response."""
+        """Call the service, and return the future of the response."""
         return self._client.call_async(ConfirmTag.Request(expected_tag_id=tag_id))
 
     def confirm(self, tag_id: str) -> ConfirmTag.Response:
-        """Ask once, while nothing is shown."""
+        """Call the service while the camera shows nothing."""
         return self.confirm_while_showing(None, tag_id)
 
     def confirm_while_showing(self, image, tag_id: str, *, is_stamped=True) -> ConfirmTag.Response:
-        """Ask once, and show an image again and again until the answer comes."""
+        """Call the service, and show an image repeatedly until the reply arrives."""
         future = self.ask(tag_id)
 
         pause = threading.Event()
@@ -61,7 +61,7 @@ class Perception:
             assert time.monotonic() < deadline, 'no answer'
             if image is not None:
                 self.show(image, is_stamped)
-            pause.wait(0.05)  # a camera's pace
+            pause.wait(0.05)  # the rate of a camera
         response = future.result()
         assert response.detected == (response.detection_confidence == 1.0) == (not response.error_message)
         assert response.tag_pose_in_map == Pose(orientation=Quaternion(w=0.0))  # never populated
@@ -69,7 +69,7 @@ class Perception:
 
 
 def image_of(picture: np.ndarray, encoding='mono8', padding=0, **fields) -> Image:
-    """Return a message of a grey picture; padding lengthens its rows, and `fields` spoil it."""
+    """Return a message of a grey picture; padding lengthens its rows, and `fields` replace its fields."""
     height, width = picture.shape
     channels = COLOURS.get(encoding, 1)
     rows = np.repeat(picture, channels, axis=1)
@@ -118,7 +118,7 @@ def test_a_tag_that_is_not_there_is_said_after_the_timeout(start, tag_7):
 
 
 def test_the_camera_is_watched_until_the_tag_appears(start, tag_7):
-    """The call comes first, the images of another tag next, those of the tag last."""
+    """After the call come images of another tag, then images of the tag."""
     perception = start(timeout_seconds=PATIENCE_SECONDS)
     future = perception.ask('7')
     tag_8 = image_of(CAMERA.look_at(marker(8, 30), np.random.default_rng(0), distance_m=0.3))
@@ -161,7 +161,7 @@ def compressed(picture: np.ndarray, kind: str) -> CompressedImage:
 
 
 def detections(*tags: tuple, family='tag36h11'):
-    """Return what a detector publishes of tags: number, hamming, margin."""
+    """Return the message of a detector for tags of (number, hamming, margin)."""
     return AprilTagDetectionArray(
         detections=[
             AprilTagDetection(family=family, id=number, hamming=hamming, decision_margin=margin)
@@ -223,7 +223,7 @@ def test_bad_images_are_refused_and_the_node_lives(start, tag_7):
         {'encoding': '\x1b[31mred\n'},
         {'step': 1},
         {'height': 0},
-        {'height': 1, 'width': 320},  # the library itself crashes on one row
+        {'height': 1, 'width': 320},  # the library crashes on one row
         {'width': 2**32 - 1},
         {'height': 2**32 - 1, 'step': 2**32 - 1},
         {'data': b''},

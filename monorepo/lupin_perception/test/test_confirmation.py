@@ -1,4 +1,4 @@
-"""What it takes to confirm a tag: age, hamming distance, decision margin, number of frames."""
+"""The criteria for a tag: age, hamming distance, decision margin, number of frames."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def refused(text='an image was refused', stamp=NOW, arrival=NOW) -> Frame:
 
 
 def confirmer(*frames, **criteria) -> Confirmer:
-    """Return one that was shown these frames: lists of detections, taken just now, or whole frames."""
+    """Return a Confirmer with these frames: lists of current detections, or whole frames."""
     confirmer = Confirmer(Criteria(**criteria))
     for frame in frames:
         confirmer.add(frame if isinstance(frame, Frame) else frame_of(frame))
@@ -75,7 +75,7 @@ def test_why_a_tag_is_not_confirmed(frames, message):
     ('criteria', 'detection'),
     [
         ({}, tag(7, margin=20.0)),
-        ({}, tag(7, margin=0.0)),  # the detector does not say
+        ({}, tag(7, margin=0.0)),  # the detector does not report it
         ({'max_hamming': 2}, tag(7, hamming=2)),
         ({'min_decision_margin': 0.0}, tag(7, margin=0.1)),
     ],
@@ -104,7 +104,7 @@ def test_the_age_that_is_told_is_that_of_the_last_frame():
 
 
 def test_the_tag_before_is_not_confirmed_for_the_next():
-    """Frames of the last tag are still recent on arrival at the next one."""
+    """On arrival at the next tag, frames of the last one are still recent."""
     seen = confirmer([tag(6)], [tag(6)], [GOOD])
     assert answer(seen) == (0.5, 'tag 7: seen in 1 of the 2 images needed')
 

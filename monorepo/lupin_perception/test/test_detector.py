@@ -1,4 +1,4 @@
-"""The detector on rendered pictures: what it must find, and that it never finds what is not there."""
+"""The detector on rendered pictures: it finds the tag, and never one that is not there."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def found_in(picture) -> set[int]:
     ],
 )
 def test_4_cm_tags_are_found_where_the_robot_stands(distance_m, angles_degrees, conditions):
-    """Six ids here; `make recall` shows 30, and with blur at 1 m."""
+    """Six ids; `make recall` shows 30, also with blur at 1 m."""
     for tag_number in range(1, 31, 5):
         for angle_degrees in angles_degrees:
             for condition in conditions:
@@ -41,7 +41,7 @@ def test_4_cm_tags_are_found_where_the_robot_stands(distance_m, angles_degrees, 
 
 
 def test_corners_and_margin_are_those_of_the_tag():
-    """The corners come counter-clockwise from the lower left, also where the detector is another release."""
+    """With every release, the corners start at the lower left and go counter-clockwise."""
     picture = np.full((200, 300), 255, np.uint8)
     picture[50:130, 100:180] = np.rot90(marker(7, 10), 2)  # OpenCV draws the family upside down
     (detection,) = TagDetector().detect(picture)
@@ -68,7 +68,7 @@ def test_no_picture_of_an_allowed_size_crashes_the_library(height, width):
 
 
 def test_no_tag_is_confirmed_in_600_images_without_it():
-    """With all criteria at their most lenient; `make recall` shows 20,000 with the defaults."""
+    """With the most lenient criteria; `make recall` shows 20,000 with the defaults."""
     detector = TagDetector(max_hamming=2)
     lenient = Criteria(min_frames=1, min_decision_margin=0.0, max_hamming=2)
     random = np.random.default_rng(0)
@@ -80,4 +80,4 @@ def test_no_tag_is_confirmed_in_600_images_without_it():
         confidence, message, _ = confirmer.confirm('7', 0.0, 0.0)
         assert confidence == 0.0, f'image {number}'
         others += 'other tags' in message
-    assert others > 600 / len(DECOYS) - 10  # the decoys are no blank pictures: those of the family were read
+    assert others > 600 / len(DECOYS) - 10  # the decoys are not blank: the detector read those of the family

@@ -1,4 +1,4 @@
-"""From the bytes of an image message to a grey picture."""
+"""Image messages become grey pictures."""
 
 import contextlib
 import io
@@ -97,7 +97,7 @@ def encoded(kind, mode='L', **options) -> bytes:
 
 
 def png_header(width, height) -> bytes:
-    """Return a PNG that claims a size and has no pixels."""
+    """Return a PNG with this size in its header, and no pixels."""
 
     def chunk(name, content):
         return (
@@ -134,7 +134,7 @@ def test_jpeg_and_png_give_the_brightness(kind, mode, options):
         (b'', 'the 0 bytes are not a JPEG or PNG image'),
         (b'GIF89a' + bytes(100), 'the 106 bytes are not a JPEG or PNG image'),
         (
-            bytes(12) + encoded('PNG'),  # compressedDepth has a header of its own
+            bytes(12) + encoded('PNG'),  # compressedDepth has its own header
             'are not a JPEG or PNG image',
         ),
         (encoded('JPEG')[:300], 'the image cannot be decoded'),

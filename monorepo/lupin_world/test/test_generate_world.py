@@ -1,4 +1,4 @@
-"""The files that generate_world writes, and those that it leaves alone."""
+"""The files that generate_world writes, and those that it does not touch."""
 
 import json
 from pathlib import Path

@@ -71,7 +71,7 @@ def shipped() -> dict:
 
 
 def test_the_figure_reads_in_black_and_white():
-    """Its field is monotonous in brightness."""
+    """The brightness of its field is monotonic."""
     levels = figure.matplotlib.colormaps[figure.COLOURS](np.linspace(0, 1, 64))[:, :3] @ [0.299, 0.587, 0.114]
     assert (np.diff(levels) > 0).all()
 
@@ -114,7 +114,7 @@ def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path, side_mm, on_a_pag
 
 
 def test_a_tag_is_the_right_way_up():
-    """Tag 0 is 0xd5d628584, row by row, with a one for white (AprilTag 2, tag36h11.c)."""
+    """Tag 0 is 0xd5d628584, row by row, where 1 is white (AprilTag 2, tag36h11.c)."""
     inside = ~tag_sheet.modules_of(0)[1:-1, 1:-1]
     assert int(''.join(str(int(bit)) for bit in inside.ravel()), 2) == 0xD5D628584
 

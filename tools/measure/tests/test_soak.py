@@ -1,4 +1,4 @@
-"""The short forms of soak.py and network.py keep every promise; make has the long ones."""
+"""The short forms of soak.py and network.py keep every promise."""
 
 import os
 import re
@@ -16,7 +16,7 @@ SCENARIOS = {'soak.py': soak.SCENARIOS, 'network.py': network.SCENARIOS}
 
 @pytest.fixture(scope='module')
 def runs():
-    """Yield both runs by the script's name, at the same time: each of them waits more than it works."""
+    """Yield both runs by the name of the script. They run in parallel, because they mostly wait."""
     environment = {**os.environ, 'TREE': 'monorepo'}
     processes = {
         name: subprocess.Popen(

@@ -1,5 +1,5 @@
 """
-Run the real bridge_node over the real simulator with one thing altered below it.
+Run the real bridge_node and the real simulator with one alteration below the node.
 
     python altered_bridge.py ALTERATION [--ros-args ...]
 
@@ -23,21 +23,21 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 
 class Clock:
-    """Stands for `datetime` in the simulator."""
+    """Replaces `datetime` in the simulator."""
 
     def __init__(self, now):
         self.now = now
 
 
 def ticking_clock():
-    """Let a second of wall time pass between any two looks of the simulator at its clock."""
+    """Let a second of wall time pass between any two reads of the simulator's clock."""
     start = datetime.datetime(2026, 1, 1, 6, 0, 0)
     ticks = (start + datetime.timedelta(seconds=tick) for tick in itertools.count())
     simulator.datetime = Clock(lambda: next(ticks))
 
 
 def driven_clock():
-    """Give the simulator the wall time that stands in the file LUPIN_TEST_CLOCK, as HH:MM:SS."""
+    """Give the simulator the wall time in the file LUPIN_TEST_CLOCK, as HH:MM:SS."""
     clock = Path(os.environ['LUPIN_TEST_CLOCK'])
     simulator.datetime = Clock(lambda: datetime.datetime.strptime(clock.read_text(), '%H:%M:%S'))
 
@@ -54,7 +54,7 @@ def announced_services():
 
 
 def unsendable_reply():
-    """Let the first reply fail as Humble's rclpy lets one fail whose client is gone."""
+    """Make the first reply fail like a reply to a vanished client in Humble's rclpy."""
     send_response = rclpy.service.Service.send_response
     replies = itertools.count()
 
@@ -67,7 +67,7 @@ def unsendable_reply():
 
 
 class HostileNumber(float):
-    """A number that breaks when it is looked at."""
+    """A number that raises when it is used."""
 
     def __float__(self):
         raise ZeroDivisionError
@@ -78,7 +78,7 @@ def fail(message):
 
 
 def faulty_simulator():
-    """Serve one tag per fault, by its name, each with one sensor, beside the tag 'good'."""
+    """Serve the tag 'good', and one tag per fault, named after it, each with one sensor."""
     noon = 43200
     answers = {
         'good': lambda: {'timestamp': noon, 'co2': 21.5},

@@ -1,4 +1,4 @@
-"""What the three debugging parameters do to the clock and to the noise."""
+"""The effect of the three debugging parameters on the clock and the noise."""
 
 import copy
 import random
@@ -8,12 +8,12 @@ import yaml
 from greenhouse_sim.simulator import GreenhouseSimulator
 
 NOISY_TAGS = ('21', '1', '5', '21', '12', '1')
-TICK_SECONDS = 1800.0  # what one wall second is in the shipped config
+TICK_SECONDS = 1800.0  # simulated seconds per wall second in the shipped config
 
 
 @pytest.fixture
 def sim_times(start_bridge, altered, tmp_path):
-    """Return a function that gives the simulated times at these wall times, of one bridge."""
+    """Return a function that returns the simulated times of one bridge at these wall times."""
     clock = tmp_path / 'clock'
 
     def read_at(wall_times, **parameters):
@@ -87,7 +87,7 @@ def test_the_same_seed_gives_the_same_values_also_after_a_restart(start_bridge):
 
 
 def test_seeded_noise_is_the_simulators_own_from_the_first_request_on(start_bridge):
-    """The reads by which start-up proves the tags do not count."""
+    """The reads at start-up do not count."""
     served = noisy_sequence(start_bridge(debug_seed=7, debug_time_of_day=12.0))
     sim = GreenhouseSimulator()
     sim.sim_config['time'].update(debug_mode=True, debug_time_of_day=12.0)

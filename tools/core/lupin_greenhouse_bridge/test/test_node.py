@@ -1,4 +1,4 @@
-"""The node as a citizen of ROS: one service, read-only parameters, one handler at a time."""
+"""The node in the ROS graph: one service, read-only parameters, one handler at a time."""
 
 import contextlib
 import threading
@@ -85,12 +85,12 @@ def test_the_ready_line_names_tags_sensors_and_clock(start_bridge, shipped_tags)
 
 
 def test_the_ready_line_names_the_rmw(start_bridge):
-    """Two machines hear each other only with the same one."""
+    """Two machines can communicate only with the same RMW."""
     assert start_bridge().wait_for_log('ready:').endswith(f'; {get_rmw_implementation_identifier()}')
 
 
 def most_handlers_at_once(monkeypatch) -> int:
-    """Return how many handlers were in the simulator at once, for 8 clients and 8 executor threads."""
+    """Return the largest number of simultaneous handlers with 8 clients and 8 executor threads."""
 
     class Recorder(simulator.GreenhouseSimulator):
         most = 0
@@ -105,7 +105,7 @@ def most_handlers_at_once(monkeypatch) -> int:
                 cls.most = max(cls.most, cls._inside)
                 if cls._inside > 1:
                     cls._company.set()
-            cls._company.wait(0.05)  # stays to be met by another handler, if there can be one
+            cls._company.wait(0.05)  # waits, so that another handler could run at the same time
             data = super().get_sensor_data(tag_id)
             with cls._lock:
                 cls._inside -= 1
@@ -135,7 +135,7 @@ def most_handlers_at_once(monkeypatch) -> int:
             assert clients[-1].wait_for_service(timeout_sec=PATIENCE_SECONDS)
         for client in clients:
             greet(client, GetTagReading.Request(tag_id='1'))
-        Recorder.most = 0  # start-up has read every tag, and so has every greeting
+        Recorder.most = 0  # start-up and the greetings also read tags
         with ThreadPoolExecutor(8) as pool:
             asked = [pool.submit(call, client, GetTagReading.Request(tag_id='1')) for client in clients * 3]
             assert [each.result().status for each in asked] == [GetTagReading.Response.STATUS_OK] * 24
@@ -147,6 +147,6 @@ def test_at_most_one_handler_is_in_the_simulator_whatever_the_executor(monkeypat
 
 
 def test_without_the_mutually_exclusive_group_handlers_would_overlap(monkeypatch):
-    """The check above can fail: it does with a reentrant group."""
+    """The check above can fail: it fails with a reentrant group."""
     monkeypatch.setattr(bridge_node, 'MutuallyExclusiveCallbackGroup', ReentrantCallbackGroup)
     assert most_handlers_at_once(monkeypatch) > 1

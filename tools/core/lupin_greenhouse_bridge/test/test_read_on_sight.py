@@ -1,4 +1,4 @@
-"""read_on_sight: what it asks, how often, and what it publishes."""
+"""read_on_sight: what it requests, how often, and what it publishes."""
 
 import importlib.util
 import os
@@ -22,7 +22,7 @@ LIMITS = Limits(cooldown_seconds=10.0, request_timeout_seconds=2.0, max_attempts
 
 
 def asked(sightings, now) -> list[str]:
-    """Return the tags that are asked for now."""
+    """Return the tags that are requested now."""
     tag_ids = []
     while (tag_id := sightings.next()) is not None:
         sightings.asked(tag_id, now)
@@ -71,9 +71,9 @@ def test_an_unanswered_request_is_tried_again_so_many_times_and_then_left_for_as
     assert asked(sightings, 6.0) == []
     sightings.see('7', 11.9)
     assert asked(sightings, 11.9) == []
-    sightings.see('7', 12.0)  # three times two seconds later, before the cooldown of a tag that was read
+    sightings.see('7', 12.0)  # three times two seconds later, before the cooldown of a reading
     assert asked(sightings, 12.0) == ['7']
-    assert sightings.lost('7', 14.0)  # the attempts are counted from the beginning
+    assert sightings.lost('7', 14.0)  # the attempts start again
 
 
 def test_a_tag_that_has_gone_out_of_view_is_not_asked_for():
@@ -101,7 +101,7 @@ def test_a_format_without_the_number_is_refused(tag_id_format):
 
 
 class Reader:
-    """The node, a detector that sees some tags again and again, and a subscriber that comes late."""
+    """The node, a detector that repeats its detections, and a late subscriber."""
 
     def __init__(self, process, node):
         from apriltag_msgs.msg import AprilTagDetection, AprilTagDetectionArray
@@ -122,7 +122,7 @@ class Reader:
         self._pause.wait(1 / 30)
 
     def listen(self) -> None:
-        """Hear the readings from now on, and those that were published before."""
+        """Subscribe to the readings, the earlier ones included."""
         latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         topic = f'{self.process.namespace}/read_on_sight/readings'
         self._node.create_subscription(TagReading, topic, self.readings.append, latched)
@@ -145,7 +145,7 @@ def start_reader(start_node):
 
 @needs_detections
 def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(start_bridge, start_reader, shipped_tags):
-    """Thirty-two tags at 30 Hz, of which some do not exist; half of the time there is no bridge."""
+    """Thirty-two tags at 30 Hz, some of them unknown, without a bridge half of the time."""
     in_view = [*map(int, shipped_tags), 400, 401, 402]
     service = '/tested/get_tag_reading'
     command = [executable('lupin_greenhouse_bridge', 'bridge_node')]

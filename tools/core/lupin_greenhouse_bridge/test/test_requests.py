@@ -1,4 +1,4 @@
-"""No request, and nothing that the simulator does with one, kills, blocks or floods the bridge."""
+"""No request, and no fault of the simulator, kills, blocks or floods the bridge."""
 
 import math
 from concurrent.futures import ThreadPoolExecutor
@@ -49,7 +49,7 @@ def test_a_megabyte_of_id_is_an_unknown_tag_in_a_short_message(noon_bridge):
 
 
 def test_a_nul_ends_an_id_in_the_client_and_never_reaches_a_longer_tag(noon_bridge):
-    """ROS strings end at a NUL: rclpy sends what stands before it."""
+    """ROS strings end at a NUL: rclpy sends the part before it."""
     assert noon_bridge.call('99\0').status == UNKNOWN_TAG
     assert noon_bridge.call('\x001').status == UNKNOWN_TAG
     assert noon_bridge.call('1\x002').reading.tag_id in ('1', '')
@@ -139,7 +139,7 @@ def test_sixteen_clients_at_once_lose_nothing_and_get_their_own_answers(noon_bri
         noon_bridge.node.create_client(GetTagReading, noon_bridge.service_name, qos_profile=SERVICE_QOS)
         for _ in range(16)
     ]
-    for client in clients:  # each has found the bridge, and the bridge has found each
+    for client in clients:  # the clients and the bridge have discovered each other
         assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
         greet(client, GetTagReading.Request(tag_id='1'))
     with ThreadPoolExecutor(len(clients)) as pool:
