@@ -76,7 +76,7 @@ drift:  ## check that the two trees differ in the one allowed line only
 test: env  ## run all that CI checks of every change
 	@$(IN_ENV) ci/test
 
-lint: env  ## check the code with ruff, and the workflows against their schema
+lint: env  ## check the code with ruff, the spelling, and the workflows against their schema
 	@$(IN_ENV) ci/lint
 
 docs-check: build  ## check the links, anchors and shell blocks of the documents

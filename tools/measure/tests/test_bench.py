@@ -6,6 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import bench
+import pytest
+
 ROOT = Path(__file__).resolve().parents[3]
 CANNED = f'{sys.executable} {ROOT / "tools/measure/canned_replies.py"} tag_reading'
 
@@ -57,3 +60,18 @@ def test_ctrl_c_ends_the_bridge_cleanly_and_the_plain_wrapper_with_a_traceback(t
     ends = figures(tmp_path, 'interrupt')['Ctrl-C']
     assert ends['subject'] == 'exit code 0'
     assert ends['baseline'].endswith(', traceback')
+
+
+@pytest.mark.parametrize(
+    ('ratio', 'low', 'high', 'side', 'expected'),
+    [
+        (1.0, 0.9, 1.1, max, 'met'),
+        (1.01, 1.0, 1.02, max, 'within noise'),
+        (1.02, 1.01, 1.03, max, 'MISSED'),
+        (1.0, 0.9, 1.1, min, 'met'),
+        (0.99, 0.98, 1.0, min, 'within noise'),
+        (0.98, 0.97, 0.99, min, 'MISSED'),
+    ],
+)
+def test_a_target_is_missed_only_if_the_middle_half_lies_beyond_it(ratio, low, high, side, expected):
+    assert bench.verdict(ratio, low, high, 1.0, side) == expected
