@@ -3,14 +3,14 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from conftest import needs_drake
-from test_build import ROOT
 
+ROOT = Path(__file__).resolve().parents[2]
 WRONG = """
 import sys
-sys.path.insert(0, 'ci')
 import math
 from lupin_world import sdf
 import world_check

@@ -131,7 +131,7 @@ def main(arguments: list[str] | None = None) -> int:
         ]
         if left_out := [each for each in tag_ids if str(each) not in map(str, numbers)]:
             raise StartUpError(
-                f'tag {left_out[0]!r} has no tag36h11: ids are 0 to {TAG_COUNT - 1} in decimal'
+                f'tag {left_out[0]!r} is not in tag36h11: ids are 0 to {TAG_COUNT - 1} in decimal'
             )
         options.output.mkdir(parents=True, exist_ok=True)
         path = options.output / f'tag36h11-{options.side:g}mm.pdf'

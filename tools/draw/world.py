@@ -14,13 +14,9 @@ import numpy as np
 from lupin_world import generate_world
 from lupin_world.sdf import SDF_FILE
 from PIL import Image
+from world_renderer import World, viewpoint
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / 'ci'))
-
-from world_renderer import World, viewpoint  # noqa: E402 - of the room that runs it
-
-COMMITTED = ROOT / 'monorepo/lupin_world/doc'
+COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_world/doc'
 TAG = 7
 
 

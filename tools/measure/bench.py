@@ -36,6 +36,7 @@ PROFILED = f'{sys.executable} {HERE / "profiled_bridge.py"}'
 CLI = f'{Path(sys.executable).parent}/mdp-greenhouse --read 1 --count 1'
 PARTS = ('latency', 'throughput', 'burst', 'interrupt', 'start', 'idle', 'growth', 'alternatives', 'shares')
 BURST = 200
+LOST_AFTER_SECONDS = 0.1  # short, because a client that waits longer for a lost reply makes fewer calls
 SENSORS = ['temperature', 'humidity', 'co2', 'light', 'soil_moisture']
 # Ratio of the subject to the baseline, and on which side of it the target lies.
 TARGETS = {
@@ -111,7 +112,7 @@ class Asker:
         self._context.try_shutdown()
 
     def connect(self, service: str, kind: str = 'GetTagReading') -> None:
-        """Return when the service has answered once; an answer is never lost after that."""
+        """Return when the service has replied once; discovery is complete then."""
         from lupin_greenhouse_bridge.client import SERVICE_QOS
         from lupin_msgs.srv import GetTagReading
         from std_srvs.srv import Trigger
@@ -124,15 +125,19 @@ class Asker:
             self._executor.spin_once(timeout_sec=0.001)
             if time.monotonic() > end:
                 raise SystemExit(f'bench: no service {service}')
-        # The server may not have found this client yet; until then DDS drops its answers.
-        request = service_type.Request(tag_id='1') if kind == 'GetTagReading' else service_type.Request()
-        while not self._answers(client, request):
+        # The server may not have found this client yet; until then DDS drops its replies.
+        while not self._answers(*self._call_to(service)):
             if time.monotonic() > end:
                 raise SystemExit(f'bench: {service} does not answer')
 
+    def _call_to(self, service: str, tag_id: str = '1') -> tuple:
+        """Return the client of a service, and a request."""
+        client, request_type = self._clients[service]
+        return client, request_type(tag_id=tag_id) if hasattr(request_type, 'tag_id') else request_type()
+
     def _answers(self, client, request) -> bool:
         future = client.call_async(request)
-        end = time.monotonic() + 0.1
+        end = time.monotonic() + LOST_AFTER_SECONDS
         while not future.done() and time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.02)
         if not future.done():
@@ -153,17 +158,13 @@ class Asker:
 
         Calls the sides in turns, so that whatever else the machine does slows all of them down.
         """
-        requests = []
-        for service, tag_id in sides:
-            client, request_type = self._clients[service]
-            has_tag = hasattr(request_type, 'tag_id')
-            requests.append((client, request_type(tag_id=tag_id) if has_tag else request_type()))
+        calls_to = [self._call_to(*side) for side in sides]
         durations = [[] for _ in sides]
         for number in range(calls):
             for position in range(len(sides)):
                 side = (number + position) % len(sides)
                 started = time.perf_counter_ns()
-                self._call(*requests[side])
+                self._call(*calls_to[side])
                 durations[side].append((time.perf_counter_ns() - started) / 1000)
         return [sorted(each) for each in durations]
 
@@ -172,9 +173,8 @@ class Asker:
         return tuple(percentile(each, 0.5) for each in self.latencies(sides, calls))
 
     def calls_within(self, service: str, seconds: float) -> tuple[int, int]:
-        """Return how many calls, one after the other, were answered in that time, and how many were lost."""
-        client, request_type = self._clients[service]
-        request = request_type(tag_id='1')
+        """Return how many calls, one after the other, were answered, and how many were lost."""
+        client, request = self._call_to(service)
         end = time.monotonic() + seconds
         calls = lost = 0
         while time.monotonic() < end:
@@ -186,8 +186,8 @@ class Asker:
 
     def burst(self, service: str) -> int:
         """Send many requests at once, and return how many are answered."""
-        client, request_type = self._clients[service]
-        futures = [client.call_async(request_type(tag_id='1')) for _ in range(BURST)]
+        client, request = self._call_to(service)
+        futures = [client.call_async(request) for _ in range(BURST)]
         answered, end = 0, time.monotonic() + 2.0  # seconds without a reply
         while answered < BURST and time.monotonic() < end:
             self._executor.spin_once(timeout_sec=0.1)
@@ -200,8 +200,7 @@ class Asker:
 
     def hurry(self, service: str, calls: int, at_once: int = 16) -> None:
         """Have this many calls answered as fast as they can be, a few on their way at any time."""
-        client, request_type = self._clients[service]
-        request = request_type(tag_id='1')
+        client, request = self._call_to(service)
         on_their_way = []
         for _ in range(calls):
             on_their_way.append(client.call_async(request))
@@ -350,7 +349,7 @@ class Bench:
             name = f'{count} client{"s" * (count > 1)}'
             self.ratio(f'throughput, {name}', 'calls/s', [(ours[0], theirs[0]) for ours, theirs in results])
             lost = (sum(each[side][1] for each in results) for side in (0, 1))
-            self.texts(f'{name}: calls lost', *map(str, lost))
+            self.texts(f'{name}: no reply within {LOST_AFTER_SECONDS:g} s', *map(str, lost))
             for pipe, worker in zip(pipes, workers, strict=True):
                 pipe.send(None)
                 worker.join(PATIENCE_SECONDS)

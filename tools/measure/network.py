@@ -1,12 +1,12 @@
 """
 Connect two network namespaces, as two hosts, by a cable that loses, delays or corrupts frames.
 
-    make test-network           needs root and iproute2; otherwise it prints what is missing
+    make test-network           needs root and iproute2
     make test-network SHORT=1   takes half a minute
 
 This process is the cable: it forwards Ethernet frames between two TAP devices. (`tc netem` could do the same,
 but the kernels of many virtual machines lack it.) Each call has a timeout of two minutes. Prints one line per
-phase. The exit code is 1 if a call was lost or handled twice.
+phase. The exit code is 1 if a call was lost or handled twice, and 3 if this machine cannot run it.
 """
 
 import argparse
@@ -31,6 +31,7 @@ from traffic import Bridge, ClientProcess
 HOSTS = tuple(f'{name}{os.getpid()}' for name in ('robot', 'laptop'))
 CALL_SECONDS = '120'
 NO_ANSWER = 3  # read_tag's exit code
+CANNOT_RUN = 3  # exit code
 TUN = Path('/dev/net/tun')
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 0x0002, 0x1000  # linux/if_tun.h
 LONGEST_FRAME_BYTES = 65536
@@ -308,8 +309,8 @@ def main() -> int:
     parser.add_argument('--short', action='store_true', help='a fifth of everything')
     options = parser.parse_args()
     if os.geteuid() != 0 or not shutil.which('ip') or not TUN.exists():
-        print(f'test-network: skipped: it needs root, {TUN} and ip (sudo apt install iproute2)')
-        return 0
+        print(f'test-network: cannot run here: it needs root, {TUN} and ip (sudo apt install iproute2)')
+        return CANNOT_RUN
     try:
         with two_hosts():
             pass
@@ -317,8 +318,8 @@ def main() -> int:
         reason = getattr(error, 'stderr', str(error)).strip()
         if 'not permitted' not in reason:
             raise  # a fault of this script or of the machine, not missing rights
-        print(f'test-network: skipped: no two hosts here: {reason}')
-        return 0
+        print(f'test-network: cannot run here: {reason}')
+        return CANNOT_RUN
     os.environ |= {
         'ROS_DOMAIN_ID': '0',  # the namespaces are isolated from everything else
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',

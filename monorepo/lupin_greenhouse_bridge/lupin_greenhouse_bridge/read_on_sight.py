@@ -88,7 +88,7 @@ class ReadOnSightNode(Node):
             )
         except InvalidServiceNameException as error:
             raise StartUpError(
-                f'parameter bridge_service_name is no service name: {printable(str(error), 300)}'
+                f'parameter bridge_service_name is not a service name: {printable(str(error), 300)}'
             ) from error
         # Best effort is compatible with every publisher.
         self.create_subscription(
@@ -113,7 +113,7 @@ class ReadOnSightNode(Node):
         for tag_id in self._sightings.overdue(time.monotonic()):
             self._client.remove_pending_request(self._futures.pop(tag_id))
             if not self._sightings.lost(tag_id, time.monotonic()):
-                self._warn(f"tag '{printable(tag_id, 64)}': no answer from {self._client.srv_name}")
+                self._warn(f"tag '{printable(tag_id, 64)}': no reply from {self._client.srv_name}")
         self._send()
 
     def _send(self) -> None:

@@ -58,7 +58,7 @@ class Perception:
         pause = threading.Event()
         deadline = time.monotonic() + 2 * PATIENCE_SECONDS
         while not future.done():
-            assert time.monotonic() < deadline, 'no answer'
+            assert time.monotonic() < deadline, 'no reply'
             if image is not None:
                 self.show(image, is_stamped)
             pause.wait(0.05)  # the rate of a camera

@@ -30,10 +30,8 @@ def main(arguments: list[str] | None = None) -> int:
         layout = find_layout(options.tag_file)
         if layout is None:
             raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
-        from lupin_world.sdf import (
-            SDF_FILE,
-            world_files,
-        )  # imported here: a missing library is a one-line error
+        # Imported here, so that a missing library is a one-line error.
+        from lupin_world.sdf import SDF_FILE, world_files
 
         files = world_files(layout, options.side)
         write(options.output, files)

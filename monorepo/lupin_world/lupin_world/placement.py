@@ -87,7 +87,7 @@ def place(layout: Layout) -> dict[int, Placement]:
     Each tag faces away from the nearest edge of its nearest table. Of two tables equally near, the first of
     the file counts. On a corner, where two edges are equally near, the tag faces the one with more room up to
     the next table; if that is the same too, the first of south, north, west and east. Without tables the tags
-    face the middle of the layout. Raises StartUpError for an id that is no tag36h11.
+    face the middle of the layout. Raises StartUpError for an id outside tag36h11.
     """
     tables = tables_of(layout)
     xs, ys = ([tag[axis] for tag in layout.tags.values()] for axis in (0, 1))

@@ -138,7 +138,7 @@ def test_an_id_that_is_no_number_is_refused(tmp_path, capsys):
     tag_file = tmp_path / 'tags.json'
     tag_file.write_text('{"tag one": {"x": 1.0, "y": 1.0, "sensors": ["co2"]}}', encoding='utf-8')
     assert tag_sheet.main(['--tag-file', str(tag_file), '--output', str(tmp_path)]) == 2
-    assert "'tag one' has no tag36h11" in capsys.readouterr().err
+    assert "'tag one' is not in tag36h11" in capsys.readouterr().err
 
 
 def test_the_png_carries_its_fingerprint():

@@ -217,9 +217,7 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
                 while not (is_asked_to_end() or (is_done and is_done(node))):
                     _spin_once(executor, node)
                 return conclude(node) if conclude else 0
-            except (
-                OneLineError
-            ) as error:  # caught here: the error keeps alive a node that must be destroyed first
+            except OneLineError as error:  # here, because it keeps alive a node that must go before ROS
                 return refuse(error)
     except StartUpError as error:
         return refuse(error)

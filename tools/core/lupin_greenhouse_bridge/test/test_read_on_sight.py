@@ -248,7 +248,7 @@ def test_without_apriltag_msgs_it_is_refused_in_one_line(start_node, tmp_path, m
     ('name', 'value', 'fragment'),
     [
         ('max_attempts', 0, 'parameter max_attempts is 0: must be a whole number from 1 to 1000'),
-        ('bridge_service_name', 'no name', 'parameter bridge_service_name is no service name'),
+        ('bridge_service_name', 'no name', 'parameter bridge_service_name is not a service name'),
         ('tag_id_format', 'tag', "parameter tag_id_format is 'tag': must hold {id} once"),
         pytest.param('detections_topic', 'no name', 'no name', marks=needs_detections),
     ],
