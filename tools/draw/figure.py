@@ -23,7 +23,14 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulation import load
 from lupin_mission import greenhouse_plot
-from lupin_mission.greenhouse_plot import COLOURS, Box, draw_footprint, label_of, place_labels, read_footprint
+from lupin_mission.greenhouse_plot import (
+    COLOURS,
+    Box,
+    draw_footprint,
+    label_of,
+    place_labels,
+    read_visualization,
+)
 from lupin_mission.layout import read_layout, shipped_file
 from matplotlib import pyplot
 from matplotlib.patches import Wedge
@@ -54,7 +61,7 @@ class Greenhouse:
         paths = Path(self.tag_file), Path(self.sim_config_file)
         load(Settings(), *paths)  # validated like the bridge's
         self.layout = read_layout(self.tag_file)
-        self.footprint = read_footprint(self.layout, self.sim_config_file)
+        self.footprint = read_visualization(self.layout, self.sim_config_file).footprint
         self._noisy, self._silent = (GreenhouseSimulator(*paths) for _ in range(2))
         for components in self._silent.sim_config['sensors'].values():
             for component in components:

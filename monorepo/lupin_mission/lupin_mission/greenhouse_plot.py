@@ -19,11 +19,19 @@ class Footprint(NamedTuple):
     length_m: float
 
 
-def read_footprint(layout: Layout, sim_config_file: str = '') -> Footprint:
-    """
-    Return the walls of the greenhouse config; without a config, walls around the tags and tables.
+class Visualization(NamedTuple):
+    """What the greenhouse config says about drawings."""
 
-    '' selects the config of mdp-greenhouse if it is installed. Raises StartUpError.
+    footprint: Footprint
+    colour_ranges: dict[str, tuple[float, float]]  # lowest and highest value by sensor, in its unit
+
+
+def read_visualization(layout: Layout, sim_config_file: str = '') -> Visualization:
+    """
+    Return the walls and the colour scales of the greenhouse config, which are the same in every run.
+
+    '' selects the config of mdp-greenhouse if it is installed. Without a config, the walls enclose the tags
+    and tables, and no sensor has a colour scale. Raises StartUpError.
     """
     path = sim_config_file or shipped_file('greenhouse_config.yaml')
     if not path:
@@ -31,46 +39,22 @@ def read_footprint(layout: Layout, sim_config_file: str = '') -> Footprint:
             *(tag[:2] for tag in layout.tags.values()),
             *(table[2:] for table in layout.tables.values()),
         ]
-        return Footprint(*map(max, zip(*corners, strict=True)))
-    walls = _read_visualization(path, 'names no walls')
-    try:
-        return Footprint(float(walls['greenhouse_width_m']), float(walls['greenhouse_height_m']))
-    except (KeyError, TypeError, ValueError) as error:
-        raise _no_config(path, 'names no walls', error) from error
-
-
-def read_colour_ranges(sim_config_file: str = '') -> dict[str, tuple[float, float]]:
-    """
-    Return the lowest and highest value of each sensor's colour scale, in its unit.
-
-    They come from the config, as in `read_footprint`, so they are the same in every run. A sensor without a
-    range in the config has no entry.
-    """
-    path = sim_config_file or shipped_file('greenhouse_config.yaml')
-    if not path:
-        return {}
-    ranges = _read_visualization(path, 'has no colours').get('colorbar_ranges') or {}
-    try:
-        return {sensor: (float(each['min']), float(each['max'])) for sensor, each in ranges.items()}
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise _no_config(path, 'has no colours', error) from error
-
-
-def _read_visualization(path: str, problem: str) -> dict:
+        return Visualization(Footprint(*map(max, zip(*corners, strict=True))), {})
     try:
         import yaml  # part of every ROS installation
 
         with open(path, encoding='utf-8') as file:
-            return dict(yaml.safe_load(file)['visualization'])
+            section = yaml.safe_load(file)['visualization']
+        footprint = Footprint(float(section['greenhouse_width_m']), float(section['greenhouse_height_m']))
+        ranges = section.get('colorbar_ranges') or {}
+        return Visualization(
+            footprint, {sensor: (float(each['min']), float(each['max'])) for sensor, each in ranges.items()}
+        )
     except Exception as error:  # PyYAML's constructors leak KeyError, IndexError and others on bad scalars
-        raise _no_config(path, problem, error) from error
-
-
-def _no_config(path: str, problem: str, error: Exception) -> StartUpError:
-    return StartUpError(
-        f"'{path}' {problem} ({type(error).__name__}: {error}):"
-        ' name the greenhouse_config.yaml that the bridge loads'
-    )
+        raise StartUpError(
+            f"'{path}' has no walls or invalid colour ranges ({type(error).__name__}: {error}):"
+            ' name the greenhouse_config.yaml that the bridge loads'
+        ) from error
 
 
 class Box(NamedTuple):

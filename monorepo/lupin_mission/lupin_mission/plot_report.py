@@ -51,13 +51,12 @@ def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Pa
     matplotlib.use('Agg')
     from matplotlib import pyplot
 
-    from lupin_mission.greenhouse_plot import draw_footprint, label_of, read_colour_ranges, read_footprint
+    from lupin_mission.greenhouse_plot import draw_footprint, label_of, read_visualization
 
     layout = find_layout(options.tag_file)
     if layout is None:
         raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
-    footprint = read_footprint(layout, options.sim_config_file)
-    ranges = read_colour_ranges(options.sim_config_file)
+    footprint, colour_ranges = read_visualization(layout, options.sim_config_file)
     readings = {tag_id: each.reading.values for tag_id, each in found.items() if each.reading}
     if strangers := sorted(set(readings) - set(layout.tags)):
         raise StartUpError(
@@ -73,7 +72,7 @@ def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Pa
     )
     for axes, sensor in zip(all_axes[0], sensors, strict=True):
         draw_footprint(axes, layout, footprint)
-        _draw_readings(figure, axes, sensor, layout, readings, ranges.get(sensor))
+        _draw_readings(figure, axes, sensor, layout, readings, colour_ranges.get(sensor))
         _draw_failures(axes, layout, found)
         axes.set_title(label_of(sensor))
     all_axes[0][0].set_ylabel('y (m)')

@@ -4,7 +4,7 @@ import json
 
 import pytest
 from lupin_mission.errors import StartUpError
-from lupin_mission.greenhouse_plot import read_footprint
+from lupin_mission.greenhouse_plot import read_visualization
 from lupin_mission.layout import Tag, find_layout, read_layout, shipped_file
 
 TAG = {'x': 1, 'y': 2.5, 'sensors': ['co2']}
@@ -43,9 +43,9 @@ def test_without_the_simulator_there_is_no_shipped_layout(monkeypatch):
 
 def test_the_walls_are_those_of_the_config_or_go_around_everything(tag_file, monkeypatch):
     layout = read_layout(tag_file({'tags': {'7': TAG}, 'tables': {'t': TABLE}}))
-    assert read_footprint(layout, shipped_file('greenhouse_config.yaml'))[0] > 2.0
+    assert read_visualization(layout, shipped_file('greenhouse_config.yaml')).footprint.width_m > 2.0
     monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
-    assert read_footprint(layout) == (2.0, 2.5)
+    assert read_visualization(layout) == ((2.0, 2.5), {})
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,8 @@ from xml.etree import ElementTree
 
 import pytest
 from lupin_mission.errors import StartUpError
-from lupin_mission.greenhouse_plot import read_colour_ranges
+from lupin_mission.greenhouse_plot import read_visualization
+from lupin_mission.layout import find_layout
 from lupin_mission.plot_report import main
 from lupin_mission.report import Observation, Outcome, Reading, Report
 from matplotlib.figure import Figure
@@ -59,18 +60,18 @@ def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, monk
         assert not any(box.contains(*dot) for box in boxes for dot in dots)
 
 
-def test_the_colours_of_a_sensor_are_those_of_the_config(tmp_path, monkeypatch):
-    assert read_colour_ranges()['temperature'] == (0.0, 30.0)
+def test_the_colours_of_a_sensor_are_those_of_the_config(tmp_path):
+    layout = find_layout('')
+    assert read_visualization(layout).colour_ranges['temperature'] == (0.0, 30.0)
     config = tmp_path / 'config.yaml'
-    config.write_text('visualization: {colorbar_ranges: {co2: {min: 1, max: 2}}}')
-    assert read_colour_ranges(str(config)) == {'co2': (1.0, 2.0)}
-    config.write_text('visualization: {grid_spacing_m: 1}')
-    assert read_colour_ranges(str(config)) == {}
-    config.write_text('visualization: {colorbar_ranges: {co2: 5}}')
-    with pytest.raises(StartUpError, match=r'has no colours .*: name the greenhouse_config\.yaml'):
-        read_colour_ranges(str(config))
-    monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
-    assert read_colour_ranges() == {}
+    walls = 'greenhouse_width_m: 4, greenhouse_height_m: 8'
+    config.write_text(f'visualization: {{{walls}, colorbar_ranges: {{co2: {{min: 1, max: 2}}}}}}')
+    assert read_visualization(layout, str(config)).colour_ranges == {'co2': (1.0, 2.0)}
+    config.write_text(f'visualization: {{{walls}}}')
+    assert read_visualization(layout, str(config)) == ((4.0, 8.0), {})
+    config.write_text(f'visualization: {{{walls}, colorbar_ranges: {{co2: 5}}}}')
+    with pytest.raises(StartUpError, match=r'invalid colour ranges .*: name the greenhouse_config\.yaml'):
+        read_visualization(layout, str(config))
 
 
 def test_the_picture_lies_beside_the_report(report, capsys):
@@ -93,7 +94,7 @@ def test_a_custom_tag_file_places_the_tags(report, tmp_path):
         (['/missing.jsonl'], '/missing.jsonl'),
         (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
         (['REPORT', '--tag-file', 'REPORT'], 'is not a tag_locations.json'),
-        (['REPORT', '--sim-config-file', 'TAGS'], 'names no walls'),
+        (['REPORT', '--sim-config-file', 'TAGS'], 'has no walls'),
         (['REPORT', '--tag-file', 'TAGS'], "tag '1' has no position in the tag file"),
         (['REPORT', '--output', '/missing/picture.png'], '/missing/picture.png'),
         (['REPORT', '--output', 'picture.docx'], 'picture.docx'),
