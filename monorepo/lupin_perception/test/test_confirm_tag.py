@@ -10,7 +10,7 @@ import pytest
 from apriltag_msgs.msg import AprilTagDetection, AprilTagDetectionArray
 from geometry_msgs.msg import Pose, Quaternion
 from lupin_greenhouse_bridge.signalled import MOMENTS, SIGNALS, command
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, greet, spinning_node, wait_until
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.life_cycle import SERVICE_DEPTH
 from lupin_perception.scene import Camera, marker
@@ -36,6 +36,7 @@ class Perception:
         self._client = node.create_client(ConfirmTag, name, qos_profile=QoSProfile(depth=SERVICE_DEPTH))
         assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
         wait_until(lambda: self._images.get_subscription_count() == 1)
+        greet(self._client, ConfirmTag.Request())  # an empty id is refused at once
 
     def show(self, image, is_stamped=True) -> None:
         """Publish an image, as taken now."""
