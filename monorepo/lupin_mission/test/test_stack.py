@@ -5,7 +5,7 @@ import queue
 
 import pytest
 from lupin_greenhouse_bridge.signalled import SIGNALS
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, spinning_node, wait_until
 from lupin_mission.report import Outcome, read_report
 from lupin_msgs.msg import MissionState, Observation, TagReading
 from lupin_msgs.srv import StartMission
@@ -66,6 +66,8 @@ def is_done(state, started) -> bool:
 def ask(node, mission, service_type, name, **fields):
     client = node.create_client(service_type, f'{mission.namespace}/mission/{name}')
     assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+    if service_type is StartMission:
+        greet(client, StartMission.Request(mission_type='none'))  # is rejected, and changes nothing
     return call(client, service_type.Request(**fields))
 
 
