@@ -1,6 +1,8 @@
 """The files that generate_world writes, and those that it does not touch."""
 
+import importlib.util
 import json
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -85,12 +87,20 @@ def test_the_mesh_is_as_wide_as_the_tag_with_its_border(tmp_path, tag_file):
     assert paper_m(0.08) == pytest.approx(0.1)
 
 
+def test_by_default_a_tag_is_5_cm_wide(tmp_path, tag_file):
+    make(tmp_path / 'new/default', '--tag-file', tag_file)
+    make(tmp_path / 'new/told', '--tag-file', tag_file, '--side', '0.05')
+    assert content(tmp_path / 'new/default') == content(tmp_path / 'new/told')
+
+
 def test_files_of_an_earlier_world_go_and_those_of_a_person_stay(tmp_path, tag_file):
     folder = tmp_path / 'world'
     assert make(folder) == 0
     (folder / 'notes.txt').write_text('mine')
+    (folder / 'models/tag_2/tag_2.obj').unlink()
     assert make(folder, '--tag-file', tag_file) == 0
-    assert {path.parent.name for path in folder.rglob('*.obj')} == {'tag_0', 'tag_7', 'tag_586'}
+    models = {path.parent.name for path in folder.rglob('models/*/*')}
+    assert models == {'tag_0', 'tag_7', 'tag_586'}
     assert (folder / 'notes.txt').read_text() == 'mine'
 
 
@@ -106,7 +116,8 @@ def test_a_file_that_it_did_not_make_is_refused_and_nothing_is_written(tmp_path,
 @pytest.mark.parametrize(
     ('arguments', 'fragment'),
     [
-        (['--side', '0.2'], '--side is 0.2: must be between 0.01 and 0.15 m'),
+        (['--side', '0.1501'], '--side is 0.1501: must be between 0.01 and 0.15 m'),
+        (['--side', '0.0099'], '--side is 0.0099: must be between 0.01 and 0.15 m'),
         (['--side', 'nan'], '--side is nan: must be between'),
         (['--tag-file', '/missing.json'], "tag_file '/missing.json' cannot be read"),
         (['--output', '/proc/nowhere'], "--output '/proc/nowhere'"),
@@ -117,6 +128,44 @@ def test_what_cannot_be_made_is_said_in_one_line(tmp_path, arguments, fragment, 
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith('generate_world: ')
     assert fragment in line
+
+
+@pytest.mark.parametrize('side', ['0.01', '0.15'])
+def test_the_smallest_and_the_largest_side_are_accepted(tmp_path, tag_file, side):
+    assert make(tmp_path / 'world', '--tag-file', tag_file, '--side', side) == 0
+
+
+def test_a_missing_library_is_exit_code_2_and_one_line_with_its_packages(
+    tmp_path, tag_file, monkeypatch, capsys
+):
+    for module in ('lupin_world.sdf', 'lupin_perception.scene'):
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, 'cv2', None)  # as if it was not installed
+    assert make(tmp_path / 'world', '--tag-file', tag_file) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith('generate_world: ')
+    assert 'cv2' in line
+    assert line.endswith(': sudo apt install python3-opencv python3-pil python3-numpy')
+    assert not (tmp_path / 'world').exists()
+
+
+def test_without_a_tag_file_and_a_simulator_the_fix_is_told(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
+    assert make(tmp_path / 'world') == 2
+    assert capsys.readouterr().err == (
+        'generate_world: mdp-greenhouse is not installed here: name the layout with --tag-file\n'
+    )
+
+
+@pytest.mark.parametrize('outside', ['../notes.txt', 'models/../../notes.txt', '{absolute}'])
+def test_a_manifest_that_names_files_outside_the_folder_removes_none_of_them(tmp_path, tag_file, outside):
+    own = tmp_path / 'notes.txt'
+    own.write_text('mine')
+    folder = tmp_path / 'world'
+    (folder / 'models').mkdir(parents=True)
+    (folder / generate_world.MANIFEST).write_text(outside.format(absolute=own))
+    assert make(folder, '--tag-file', tag_file) == 0
+    assert own.read_text() == 'mine'
 
 
 def test_without_tables_a_warning_says_that_the_tags_face_the_middle(tmp_path, capsys):
