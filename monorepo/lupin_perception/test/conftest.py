@@ -1,3 +1,128 @@
-"""The real node confirm_tag, and a camera that the test controls."""
+"""The real nodes in the test's process, with a camera and a client that the test controls."""
+
+import contextlib
+import threading
+
+import numpy as np
+import pytest
+import rclpy
+from geometry_msgs.msg import Pose, Quaternion
+from lupin_msgs.srv import ConfirmTag
+from lupin_perception.confirm_tag import ConfirmTagNode
+from lupin_perception.life_cycle import SERVICE_DEPTH
+from lupin_perception.scene import Camera, marker
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import Image
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
+
+PATIENCE_SECONDS = 30.0
+TOPIC = '/tested/image'
+# Small, 300 kB in four colours: on a busy machine, best effort loses large images.
+CAMERA = Camera(width=320, height=240, focal_length_pixels=300.0)
+
+
+class Perception:
+    """A camera and a client of a confirm_tag that runs."""
+
+    def __init__(self, node, message_type=Image, topic=TOPIC, namespace='/perception'):
+        from lupin_greenhouse_bridge.testing import greet, wait_until
+
+        self.node = node
+        self._images = node.create_publisher(message_type, topic, qos_profile_sensor_data)
+        self._client = node.create_client(
+            ConfirmTag, f'{namespace}/confirm_tag', qos_profile=QoSProfile(depth=SERVICE_DEPTH)
+        )
+        assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+        wait_until(lambda: self._images.get_subscription_count() == 1)
+        greet(self._client, ConfirmTag.Request())  # an empty id is refused at once
+
+    def show(self, image, is_stamped=True) -> None:
+        """Publish an image, as taken now."""
+        if is_stamped:
+            image.header.stamp = self.node.get_clock().now().to_msg()
+        self._images.publish(image)
+
+    def ask(self, tag_id: str):
+        """Call the service, and return the future of the response."""
+        return self._client.call_async(ConfirmTag.Request(expected_tag_id=tag_id))
+
+    def confirm(self, tag_id: str, image=None, *, is_stamped=True) -> ConfirmTag.Response:
+        """Call the service, and show an image repeatedly until the reply arrives."""
+        future = self.ask(tag_id)
+        replied = threading.Event()
+        future.add_done_callback(lambda _future: replied.set())
+        for _ in range(int(20 * PATIENCE_SECONDS)):
+            if image is not None:
+                self.show(image, is_stamped)
+            if replied.wait(0.05):  # the rate of a camera
+                break
+        assert replied.is_set(), 'no reply'
+        response = future.result()
+        assert response.detected == (response.detection_confidence == 1.0) == (not response.error_message)
+        assert response.tag_pose_in_map == Pose(orientation=Quaternion(w=0.0))  # never populated
+        return response
+
+    def confirm_until(self, fragment: str, image=None, tag_id: str = '7', *, is_stamped=True) -> str:
+        """Show an image and call the service until the reason has this text; return the reason."""
+        from lupin_greenhouse_bridge.testing import wait_until
+
+        reasons = []
+
+        def is_told():
+            reasons.append(self.confirm(tag_id, image, is_stamped=is_stamped).error_message)
+            return fragment in reasons[-1]
+
+        wait_until(is_told)
+        return reasons[-1]
+
+
+@pytest.fixture
+def run_nodes():
+    """Return a function that runs nodes with these parameters, and returns a node of the test beside them."""
+    with contextlib.ExitStack() as stack:
+
+        def run(*node_types, **parameters):
+            overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+            rclpy.init(args=['--ros-args', *overrides], signal_handler_options=SignalHandlerOptions.NO)
+            stack.callback(rclpy.try_shutdown)
+            executor = SingleThreadedExecutor()
+            # One participant for all: its endpoints find each other at once.
+            nodes = [*(node_type() for node_type in node_types), rclpy.create_node('perception_test')]
+            for node in nodes:
+                executor.add_node(node)
+                stack.callback(node.destroy_node)
+            spinner = threading.Thread(target=executor.spin, daemon=True)
+            spinner.start()
+            stack.callback(spinner.join, PATIENCE_SECONDS)
+            stack.callback(executor.shutdown)
+            return nodes[-1]
+
+        yield run
+
+
+@pytest.fixture
+def start(run_nodes):
+    """
+    Return a function that runs confirm_tag with these parameters, between a camera and a client.
+
+    By default no image gets too old, and a call waits for the tag longer than a test does.
+    """
+
+    def start_perception(message_type=Image, source='image_topic', **parameters):
+        defaults = {source: TOPIC, 'max_image_age_seconds': 3600.0, 'timeout_seconds': 2 * PATIENCE_SECONDS}
+        return Perception(run_nodes(ConfirmTagNode, **{**defaults, **parameters}), message_type)
+
+    return start_perception
+
+
+@pytest.fixture(scope='session')
+def tag_7():
+    return CAMERA.look_at(marker(7, 30), np.random.default_rng(0), distance_m=0.3, angle_degrees=30)
+
+
+@pytest.fixture(scope='session')
+def tag_8():
+    return CAMERA.look_at(marker(8, 30), np.random.default_rng(0), distance_m=0.3)

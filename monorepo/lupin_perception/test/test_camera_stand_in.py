@@ -1,0 +1,95 @@
+"""The camera for tests and simulations shows the tag that the mission stands at."""
+
+import numpy as np
+import pytest
+from apriltag_msgs.msg import AprilTagDetectionArray
+from conftest import CAMERA, Perception
+from lupin_greenhouse_bridge.testing import wait_until
+from lupin_perception.camera_stand_in import (
+    COMPRESSED_TOPIC,
+    DETECTIONS_TOPIC,
+    CameraStandIn,
+    Settings,
+    compressed_image_of,
+    detections_source,
+    image_of,
+)
+from lupin_perception.confirm_tag import ConfirmTagNode
+from lupin_perception.errors import StartUpError
+from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
+from lupin_perception.settings import Settings as ConfirmTagSettings
+from lupin_perception.sources import open_source
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import CompressedImage, Image
+from std_msgs.msg import String
+
+WALL = CAMERA.look_at(None, np.random.default_rng(0))
+
+
+def sight_of(source: str, message):
+    return open_source(ConfirmTagSettings(**{source: '/tested'})).sight_of(message)
+
+
+@pytest.mark.parametrize('publishes', ['image', 'compressed', 'detections'])
+def test_each_kind_of_message_is_accepted(publishes):
+    assert Settings(publishes).publishes == publishes
+
+
+@pytest.mark.parametrize('publishes', ['', 'video', 'Image'])
+def test_another_kind_is_refused(publishes):
+    with pytest.raises(StartUpError) as refusal:
+        Settings(publishes)
+    assert str(refusal.value) == (
+        f'parameter publishes is {publishes!r}: must be image, compressed or detections'
+    )
+
+
+def test_an_image_has_the_pixels_of_the_picture(tag_7):
+    assert (sight_of('image_topic', image_of(tag_7)).picture == tag_7).all()
+
+
+def test_a_compressed_image_has_the_tag_of_the_picture(tag_7):
+    message = compressed_image_of(tag_7)
+    assert message.format == 'mono8; jpeg compressed '
+    assert len(message.data) < tag_7.size / 2
+    sight = sight_of('compressed_image_topic', message)
+    assert [each.tag_number for each in sight.detections] == [7]
+    assert np.abs(sight.picture.astype(int) - tag_7).mean() < 5
+
+
+def test_detections_are_those_of_the_picture(tag_7):
+    message_type, topic, detections_of = detections_source()
+    (expected,) = sight_of('image_topic', image_of(tag_7)).detections
+    message = detections_of(tag_7)
+    assert (type(message), topic) == (message_type, DETECTIONS_TOPIC)
+    (found,) = sight_of('detections_topic', message).detections
+    assert found[:2] == expected[:2]
+    assert found.decision_margin == pytest.approx(expected.decision_margin)
+    assert np.allclose(found.corners, expected.corners)
+    (centre,) = [(each.centre.x, each.centre.y) for each in message.detections]
+    assert centre == pytest.approx(expected.corners.mean(axis=0), abs=0.01)
+    assert not detections_of(WALL).detections
+
+
+@pytest.mark.parametrize(
+    ('publishes', 'source', 'topic', 'message_type'),
+    [
+        ('image', 'image_topic', DEFAULT_IMAGE_TOPIC, Image),
+        ('compressed', 'compressed_image_topic', COMPRESSED_TOPIC, CompressedImage),
+        ('detections', 'detections_topic', DETECTIONS_TOPIC, AprilTagDetectionArray),
+    ],
+)
+def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(
+    run_nodes, publishes, source, topic, message_type
+):
+    parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0, source: topic}
+    node = run_nodes(CameraStandIn, ConfirmTagNode, publishes=publishes, **parameters)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    at_tag = node.create_publisher(String, '/mission/at_tag', latched)
+    perception = Perception(node, message_type, topic)
+    for tag_id in ('7', '587', 'seven', '586', ''):
+        at_tag.publish(String(data=tag_id))
+        if tag_id in ('7', '586'):
+            wait_until(lambda tag_id=tag_id: perception.confirm(tag_id).detected)
+        else:
+            perception.confirm_until('no tag in view in 4 images')
