@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_share_path
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_msgs.msg import SensorReading as MirrorSensorReading
 from lupin_greenhouse_msgs.msg import TagReading as MirrorTagReading
@@ -28,6 +28,8 @@ from rosidl_generator_type_description import generate_type_hash
 ROOT = Path(__file__).resolve().parents[2]
 INTERFACES = ('msg/SensorReading', 'msg/TagReading', 'srv/GetTagReading')
 
+# On a busy machine an example may take any time.
+unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 texts = st.text(st.characters(exclude_categories=['Cs'], exclude_characters='\0'), max_size=40)
 doubles = st.floats(allow_nan=True, allow_infinity=True, width=64)
 readings = st.fixed_dictionaries(
@@ -90,7 +92,7 @@ def both(values):
     return build(TagReading, SensorReading, values), build(MirrorTagReading, MirrorSensorReading, values)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(unhurried, max_examples=200)
 @given(readings)
 def test_the_same_reading_is_the_same_bytes(values):
     expected = Cdr()
@@ -103,7 +105,7 @@ def test_the_same_reading_is_the_same_bytes(values):
     assert expected.is_equal(serialize_message(deserialize_message(theirs, TagReading)))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(unhurried, max_examples=100)
 @given(readings, texts, st.integers(0, 255))
 def test_the_same_exchange_is_the_same_bytes(values, text, status):
     request = Cdr()

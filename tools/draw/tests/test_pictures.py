@@ -92,11 +92,21 @@ def test_what_cannot_be_drawn_is_said_in_one_line(arguments, fragment, capsys):
     assert line.startswith(fragment)
 
 
-@pytest.mark.parametrize(('side_mm', 'on_a_page'), [(40, 12), (50, 9), (100, 1)])
-def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path, side_mm, on_a_page):
-    assert tag_sheet.main(['--side', str(side_mm), '--output', str(tmp_path)]) == 0
+THREE_TAGS = {str(number): {'x': 1.0, 'y': 1.0, 'sensors': ['co2']} for number in (10, 9, 586)}
+
+
+@pytest.mark.parametrize(
+    ('side_mm', 'on_a_page', 'tags'), [(40, 12, None), (50, 9, None), (100, 1, THREE_TAGS)]
+)
+def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path, side_mm, on_a_page, tags):
+    tag_file = ''
+    if tags:
+        tag_file = str(tmp_path / 'tags.json')
+        (tmp_path / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
+    arguments = ['--side', str(side_mm), '--output', str(tmp_path), '--tag-file', tag_file]
+    assert tag_sheet.main(arguments) == 0
     document = pypdfium2.PdfDocument(tmp_path / f'tag36h11-{side_mm}mm.pdf')
-    numbers = sorted(map(int, served_tag_ids('')))
+    numbers = sorted(map(int, served_tag_ids(tag_file)))
     assert len(document) == -(-len(numbers) // on_a_page)
     for index, page in enumerate(document):
         expected = numbers[index * on_a_page : (index + 1) * on_a_page]
