@@ -68,7 +68,8 @@ def test_one_frame_without_the_tag_among_enough_with_it_does_no_harm():
     ],
 )
 def test_why_a_tag_is_not_confirmed(frames, message):
-    assert answer(confirmer(*frames))[1] == f'tag 7: {message}'
+    confidence = 0.5 if message.startswith('seen in 1 of the 2') else 0.0
+    assert answer(confirmer(*frames)) == (confidence, f'tag 7: {message}')
 
 
 @pytest.mark.parametrize(
@@ -130,12 +131,31 @@ def test_each_frame_is_looked_into_once_and_only_when_asked():
         assert answer(seen) == (1.0, '')
         assert answer(seen, '8') == (0.0, 'tag 8: other tags in view: 7')
     assert sorted(looked) == [2, 3, 4, 5]
+    seen.add(Frame(lambda: looked.append(6) or Sight([GOOD]), NOW, NOW))
+    assert answer(seen) == (1.0, '')
+    assert sorted(looked) == [2, 3, 4, 5, 6]
 
 
-def test_the_verdict_comes_with_the_newest_usable_sight():
+def test_a_new_frame_is_never_taken_for_one_that_is_gone():
+    """Python gives a new object the memory, and so the id(), of one that is gone."""
+    seen = confirmer(min_frames=1)
+    for number in range(100):
+        seen.add(frame_of([tag(number)]))
+        assert answer(seen, str(number)) == (1.0, '')
+
+
+@pytest.mark.parametrize(('min_frames', 'confidence'), [(1, 1.0), (2, 0.5)])
+def test_the_verdict_comes_with_the_newest_usable_sight(min_frames, confidence):
     old, new = Sight([GOOD]), Sight([])
-    seen = confirmer(Frame(lambda: old, NOW, NOW), Frame(lambda: new, NOW, NOW), refused())
-    assert seen.confirm('7', NOW, NOW).sight is new
+    frames = [Frame(lambda: old, NOW, NOW), Frame(lambda: new, NOW, NOW)]
+    if min_frames > 1:
+        frames.append(refused())
+    verdict = confirmer(*frames, min_frames=min_frames).confirm('7', NOW, NOW)
+    assert verdict.confidence == confidence
+    assert verdict.sight is new
+
+
+def test_without_a_usable_sight_the_verdict_comes_without_one():
     assert confirmer(refused()).confirm('7', NOW, NOW).sight is None
 
 
