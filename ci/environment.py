@@ -31,8 +31,12 @@ DISTROS = ('kilted', 'jazzy')
 MARK = '.lupin-environment'  # its text: 'incomplete', or the fingerprint of what was installed
 
 
-class MissingPrerequisite(Exception):
-    """A prerequisite that this machine lacks; the message names its package."""
+class ForeignFolder(Exception):
+    """The folder of the environment holds files that this project did not make."""
+
+
+class StepFailed(Exception):
+    """A step of the installation failed; the message is the end of its log and the command."""
 
 
 def missing_prerequisites(ros_distro: str | None) -> list[str]:
@@ -81,7 +85,7 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
     """Make the environment from scratch, and write the mark `complete` last."""
     if venv.exists():
         if any(venv.iterdir()) and not (venv / MARK).exists():
-            raise MissingPrerequisite(
+            raise ForeignFolder(
                 f'{venv} was not made by this project and is left alone:'
                 ' move it away, or name another folder with make VENV=...'
             )
@@ -89,32 +93,54 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
     venv.mkdir(parents=True)
     (venv / MARK).write_text('incomplete', encoding='utf-8')
     python = str(venv / 'bin/python')
-    pip = [python, '-m', 'pip', '--disable-pip-version-check', 'install', '--quiet', '--no-compile']
     log = venv / 'install.log'
     if ros_distro:
+        pip = pip_install(venv)
         run([sys.executable, '-m', 'venv', '--system-site-packages', str(venv)], log)
         run([*pip, '--requirement', str(REQUIREMENTS / 'sourced.txt')], log)
         # Without its GUI's dependencies, which would shadow the NumPy that ROS was built with.
         run([*pip, '--no-deps', '--requirement', str(REQUIREMENTS / 'simulator.txt')], log)
     else:
         run([sys.executable, '-m', 'venv', str(venv)], log)
-        run([*pip, '--requirement', str(REQUIREMENTS / f'{distro}.txt')], log)
+        install_pinned(venv, REQUIREMENTS / f'{distro}.txt', log)
         run([python, str(HERE / 'repair_cmake.py')], log)
         (venv / 'local_setup.bash').write_text(setup_script(venv, distro), encoding='utf-8')
     (venv / MARK).write_text(wanted, encoding='utf-8')
 
 
+def pip_install(venv: Path) -> list[str]:
+    """Return the start of a command that installs with the environment's pip."""
+    python = str(venv / 'bin/python')
+    return [python, '-m', 'pip', '--disable-pip-version-check', 'install', '--quiet', '--no-compile']
+
+
+def install_pinned(venv: Path, pins: Path, log: Path) -> None:
+    """Install a list of pinned packages with uv, or with pip if uv cannot do it here."""
+    pip = pip_install(venv)
+    try:
+        uv = shutil.which('uv')
+        if not uv:
+            uv = str(venv / 'bin/uv')
+            run([*pip, '--no-deps', '--constraint', str(pins), 'uv'], log)
+        python = str(venv / 'bin/python')
+        run(
+            [uv, 'pip', 'install', '--quiet', '--no-deps', '--python', python, '--requirement', str(pins)],
+            log,
+        )
+    except (StepFailed, OSError):
+        print('environment: uv cannot install here, so pip does (a minute longer)', file=sys.stderr)
+        run([*pip, '--requirement', str(pins)], log)
+
+
 def run(command: list[str], log: Path) -> None:
-    """Run one step, with its output in the log; a failure shows the end of the log."""
+    """Run one step, with its output in the log; raises StepFailed with the end of the log."""
     with log.open('a', encoding='utf-8') as output:
         step = subprocess.run(command, stdout=output, stderr=subprocess.STDOUT, check=False)
     if step.returncode:
-        print(
-            *log.read_text(encoding='utf-8', errors='replace').splitlines()[-15:],
-            sep='\n',
-            file=sys.stderr,
+        end_of_log = log.read_text(encoding='utf-8', errors='replace').splitlines()[-15:]
+        raise StepFailed(
+            '\n'.join([*end_of_log, f'environment: making the environment stopped at: {shlex.join(command)}'])
         )
-        raise MissingPrerequisite(f'making the environment stopped at: {shlex.join(command)}')
 
 
 def setup_script(venv: Path, distro: str) -> str:
@@ -159,10 +185,13 @@ def main(arguments: list[str] | None = None) -> int:
         if is_complete(venv, wanted):
             return 0
         source = f'the sourced ROS 2 {ros_distro}' if ros_distro else f'ROS 2 {options.distro} wheels'
-        print(f'environment: making {venv} from {source} (about a minute, once)', file=sys.stderr)
+        print(f'environment: making {venv} from {source} (half a minute, once)', file=sys.stderr)
         try:
             make(venv, ros_distro, options.distro, wanted)
-        except (MissingPrerequisite, OSError) as error:
+        except StepFailed as error:
+            print(error, file=sys.stderr)
+            return 1
+        except (ForeignFolder, OSError) as error:
             print(f'environment: {error}', file=sys.stderr)
             return 1
     return 0

@@ -25,6 +25,8 @@ def repair(prefix: Path) -> list[Path]:
         for build_folder, here in FOLDERS:
             after = build_folder.sub(lambda _match, here=here: here, after)
         if after != before:
+            # A new file: the old one may be a hard link into the cache of uv, which other environments share.
+            path.unlink()
             path.write_text(after, encoding='utf-8')
             changed.append(path)
     return changed

@@ -28,7 +28,18 @@ def commands(monkeypatch):
 
     monkeypatch.setattr(environment, 'run', record)
     monkeypatch.setattr(environment, 'sourced_ros', lambda: None)
+    hide_uv(monkeypatch)
     return ran
+
+
+def hide_uv(monkeypatch):
+    """Let no uv be found on PATH."""
+    find = shutil.which
+    monkeypatch.setattr(shutil, 'which', lambda name: None if name == 'uv' else find(name))
+
+
+def steps(commands):
+    return [Path(command[-1]).name for command in commands]
 
 
 def make(tmp_path, *arguments):
@@ -37,17 +48,54 @@ def make(tmp_path, *arguments):
 
 def test_a_complete_environment_is_left_alone(commands, tmp_path):
     assert make(tmp_path) == 0
-    assert [Path(command[-1]).name for command in commands] == ['venv', 'kilted.txt', 'repair_cmake.py']
+    assert steps(commands) == ['venv', 'uv', 'kilted.txt', 'repair_cmake.py']
     commands.clear()
     assert make(tmp_path) == 0
     assert commands == []
+
+
+def test_an_installed_uv_is_used(commands, tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, 'which', lambda name: f'/tools/{name}')
+    assert make(tmp_path) == 0
+    assert steps(commands) == ['venv', 'kilted.txt', 'repair_cmake.py']
+    assert commands[1][:3] == ['/tools/uv', 'pip', 'install']
+
+
+@pytest.fixture
+def one_pin(tmp_path, monkeypatch):
+    """Reduce the list of packages to uv and one other; return the other as 'name==version'."""
+    pins = (CI / 'requirements/kilted.txt').read_text().splitlines()
+    uv, other = (
+        next(pin.split('  #')[0] for pin in pins if pin.startswith(name)) for name in ('uv==', 'packaging==')
+    )
+    (tmp_path / 'kilted.txt').write_text(f'{uv}\n{other}\n')
+    monkeypatch.setattr(environment, 'REQUIREMENTS', tmp_path)
+    monkeypatch.setattr(environment, 'sourced_ros', lambda: None)
+    hide_uv(monkeypatch)
+    return other.strip()
+
+
+def test_uv_installs_the_pins_and_pip_does_where_uv_cannot(one_pin, tmp_path, monkeypatch, capsys):
+    for is_offline in (False, True):
+        with monkeypatch.context() as patch:
+            if is_offline:
+                patch.setenv('UV_OFFLINE', '1')
+                patch.setenv('UV_CACHE_DIR', str(tmp_path / 'empty'))
+            venv = tmp_path / f'venv-{is_offline}'
+            assert environment.main(['--venv', str(venv)]) == 0
+        assert ('uv cannot install here, so pip does' in capsys.readouterr().err) == is_offline
+        freeze = [venv / 'bin/python', '-m', 'pip', 'freeze']
+        installed = subprocess.run(freeze, capture_output=True, text=True, check=True).stdout.splitlines()
+        assert one_pin in installed
+        installer = next(venv.glob('lib/python3*/site-packages/packaging-*.dist-info/INSTALLER'))
+        assert installer.read_text().strip() == ('pip' if is_offline else 'uv')
 
 
 def test_another_distro_makes_it_again_from_that_set(commands, tmp_path):
     make(tmp_path)
     commands.clear()
     assert make(tmp_path, '--distro', 'jazzy') == 0
-    assert [Path(command[-1]).name for command in commands] == ['venv', 'jazzy.txt', 'repair_cmake.py']
+    assert steps(commands) == ['venv', 'uv', 'jazzy.txt', 'repair_cmake.py']
     assert 'ROS_DISTRO=jazzy' in (tmp_path / 'venv/local_setup.bash').read_text()
 
 
@@ -63,7 +111,7 @@ def test_an_interrupted_making_is_recognised_and_made_again(commands, tmp_path, 
     half_made = tmp_path / 'venv/half-made'
     half_made.touch()
     assert make(tmp_path) == 0
-    assert len(commands) == 3
+    assert len(commands) == 4
     assert not half_made.exists()
 
 
@@ -146,7 +194,11 @@ def test_the_cmake_repair_is_idempotent_and_leaves_other_paths_alone(tmp_path):
         '"/opt/python/cp311-cp311/include/python3.11;'
         '/opt/python/cp311-cp311/lib/python3.11/site-packages/numpy/_core/include;/opt/python/else;/usr/include"'
     )
+    cached = tmp_path / 'cached.cmake'  # uv links a package into each environment
+    cached.hardlink_to(export)
+    before = cached.read_text()
     assert repair_cmake.repair(tmp_path) == [export]
+    assert cached.read_text() == before
     include, numpy_include, other, system = export.read_text().strip('"').split(';')
     assert Path(include, 'Python.h').exists()
     assert Path(numpy_include).parts[-3:] == ('numpy', '_core', 'include')
