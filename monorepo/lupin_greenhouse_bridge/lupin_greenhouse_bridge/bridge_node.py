@@ -77,10 +77,11 @@ class GreenhouseBridgeNode(Node):
             self.get_logger().error(response.error_message, throttle_duration_sec=LOG_EVERY_SECONDS)
             return response
         response.status = GetTagReading.Response.STATUS_OK
-        response.reading.tag_id = tag_id
-        response.reading.stamp = stamp
-        response.reading.sim_time_of_day_seconds = sim_time
-        response.reading.readings = [SensorReading(name=name, value=value) for name, value in values.items()]
+        reading = response.reading
+        reading.tag_id = tag_id
+        reading.stamp = stamp
+        reading.sim_time_of_day_seconds = sim_time
+        reading.readings = [SensorReading(name=name, value=value) for name, value in values.items()]
         return response
 
 

@@ -153,7 +153,9 @@ def read(sim, tag_id: str) -> tuple[float, dict[str, float]]:
 
 
 def _finite(value, name: str) -> float:
-    if not isinstance(value, numbers.Real) or isinstance(value, bool) or not math.isfinite(value):
+    # Almost every value is a float, which needs no look at its abstract classes.
+    is_number = type(value) is float or (isinstance(value, numbers.Real) and not isinstance(value, bool))
+    if not is_number or not math.isfinite(value):
         raise ReadingError(f'the simulator returned {value!r} for {name}, not a finite number')
     return float(value)
 
