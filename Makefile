@@ -7,6 +7,8 @@ VENV ?= .venv
 ARGS ?=
 TAG ?= 1
 SIDE ?= 40
+RUNS ?= 20
+LOAD ?= 3
 TREES := monorepo lupin_greenhouse_ros
 ifeq ($(filter $(TREE),$(TREES)),)
 $(error TREE=$(TREE) is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros)
@@ -20,10 +22,12 @@ SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 MAKEFLAGS += --no-print-directory
 IN_ENV := source ci/ros_env.bash &&
+# Ctrl-C ends all that it has started.
+CONTAINED := python ci/contained.py
 
 figure tags recall world world-check: override TREE := monorepo
 
-.PHONY: help run smoke read mission world world-check tags env build generate generate-check drift test lint docs-check figure clean bench soak test-network recall test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
+.PHONY: help bridge run smoke read mission world world-check tags env build generate generate-check drift test lint docs-check figure clean bench soak steady test-network recall test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -31,14 +35,13 @@ help:  ## list the targets
 
 # use
 
-run: build  ## run the bridge in the foreground: make run ARGS="debug_seed:=42 debug_time_of_day:=12.0"
+run: bridge  ## run the bridge in the foreground: make run ARGS="debug_seed:=42 debug_time_of_day:=12.0"
 	@$(IN_ENV) ci/serve $(ARGS)
 
-smoke: build  ## start the bridge on a private domain and read every tag
+smoke: bridge  ## start the bridge on a private domain and read every tag
 	@$(IN_ENV) python ci/smoke.py
 
-read: env  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TAG=--all
-	@$(IN_ENV) [ -x "$$LUPIN_EXECUTABLES/read_tag" ] || ci/build
+read: bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TAG=--all
 	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(ARGS)
 
 mission: build  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world
@@ -64,6 +67,9 @@ env:  ## make the Python environment (.venv) of all targets
 build: env  ## build TREE with colcon
 	@ci/build
 
+bridge: env
+	@PACKAGES="$$(echo $(TREE)/lupin_*msgs $(TREE)/lupin_greenhouse_bridge)" ci/build
+
 generate: env  ## write both trees from tools/core (ARGS=--prune: remove what a rename left)
 	@$(IN_ENV) python tools/generate.py $(ARGS)
 
@@ -74,7 +80,7 @@ drift:  ## check that the two trees differ in the one allowed line only
 	@$(PYTHON) tools/check_drift.py --monorepo monorepo --mirror lupin_greenhouse_ros
 
 test: env  ## run all that CI checks of every change
-	@$(IN_ENV) ci/test
+	@$(IN_ENV) $(CONTAINED) ci/test
 
 lint: env  ## check the code with ruff, the spelling, and the workflows against their schema
 	@$(IN_ENV) ci/lint
@@ -88,24 +94,24 @@ figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-
 	@$(if $(WORLD),ci/with_drake python tools/draw/world.py)
 
 clean:  ## remove what was built (not the environment .venv)
-	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .mission .bench .tags .world
+	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .mission .bench .steady .tags .world
 
 # measure
 
-bench: build  ## compare the bridge with a plain wrapper of the simulator (SHORT=1: one minute)
+bench: bridge  ## compare the bridge with a plain wrapper of the simulator (SHORT=1: one minute)
 	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)
 
 soak: build  ## check the promises under faults and load (SHORT=1, REFUSALS=12000, SIGNALS=500)
-	@ci/with_stand_ins python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
+	@$(IN_ENV) $(CONTAINED) ci/with_stand_ins python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
 
-test-network: build  ## call between two network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
+test-network: bridge  ## call between two network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
 	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short)
 
 recall: build  ## measure how often the camera's detector finds a tag, by distance, angle, blur and noise
 	@$(IN_ENV) python tools/measure/recall.py $(ARGS)
 
 test-heavy: env  ## run the tests that take minutes, as CI does after make test
-	@$(IN_ENV) ci/test_heavy
+	@$(IN_ENV) $(CONTAINED) ci/test_heavy
 
 matrix:  ## run the contract tests on every Python, distro and simulator available here
 	@ci/matrix
@@ -115,6 +121,9 @@ test-apriltag: env  ## run the detector's tests with apt's python3-apriltag (Deb
 
 test-22-04: env  ## run the mirror's tests with Python 3.10 and the versions of Ubuntu 22.04
 	@ci/test_22_04
+
+steady: env  ## repeat the contract tests of both trees RUNS=20 times beside LOAD=3 busy loops, and count failures
+	@$(IN_ENV) $(CONTAINED) python tools/measure/steady.py --runs $(RUNS) --load $(LOAD)
 
 # publish
 

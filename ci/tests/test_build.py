@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import uuid
 from pathlib import Path
 
 import pytest
@@ -53,12 +54,88 @@ def test_the_bridge_builds_without_a_warning(tmp_path, tree, is_symlinked):
 
 
 @pytest.mark.parametrize('tree', ENVIRONMENTS)
-def test_the_whole_tree_was_built_without_a_warning(tree):
-    """The output of the last `make build` of the tree."""
-    log = (ENVIRONMENTS[tree] / 'workspace' / tree / 'build.log').read_text()
-    assert 'Finished <<< lupin_greenhouse_bridge' in log
-    assert 'warning' not in log.lower()
-    assert 'stderr' not in log
+def test_every_package_of_the_tree_was_built_without_a_warning(tree):
+    """The output of the last build of each package by `make build`."""
+    logs = ENVIRONMENTS[tree] / 'workspace' / tree / 'log'
+    for package in sorted(Path(ROOT, tree).glob('lupin_*')):
+        last = max(logs.glob(f'build_*/{package.name}'), key=lambda folder: folder.stat().st_mtime)
+        assert (last / 'stderr.log').read_text() == ''
+        assert 'warning' not in (last / 'stdout_stderr.log').read_text().lower()
+
+
+@pytest.fixture
+def workspace():
+    """Yield the folder of a tree of its own in the environment's workspace."""
+    folder = ENVIRONMENTS['monorepo'] / 'workspace' / f'test-{uuid.uuid4().hex[:8]}'
+    yield folder
+    shutil.rmtree(folder, ignore_errors=True)
+    Path(f'{folder}.lock').unlink(missing_ok=True)
+
+
+def make_package(folder: Path) -> None:
+    """Write a Python package with one module."""
+    name = folder.name
+    (folder / name).mkdir(parents=True)
+    (folder / name / 'module.py').write_text('')
+    (folder / 'setup.py').write_text(
+        f"from setuptools import setup\nsetup(name='{name}', version='1.0.0', packages=['{name}'],"
+        " data_files=[('share/ament_index/resource_index/packages', ['marker']),"
+        f" ('share/{name}', ['package.xml'])])\n"
+    )
+    (folder / 'marker').write_text('')
+    (folder / 'package.xml').write_text(
+        f'<package format="3"><name>{name}</name><version>1.0.0</version><description>d</description>'
+        '<maintainer email="a@example.org">a</maintainer><license>Apache-2.0</license>'
+        '<export><build_type>ament_python</build_type></export></package>'
+    )
+
+
+def test_a_build_does_only_what_has_changed(tmp_path, workspace):
+    packages = [tmp_path / 'one', tmp_path / 'two']
+    for package in packages:
+        make_package(package)
+    environment = {
+        **os.environ,
+        'TREE': workspace.name,
+        'VENV': str(ENVIRONMENTS['monorepo']),
+        'PACKAGES': ' '.join(map(str, packages)),
+    }
+
+    def built() -> set[str]:
+        result = subprocess.run(
+            [ROOT / 'ci/build'], env=environment, capture_output=True, text=True, check=True
+        )
+        lines = [line for line in result.stderr.splitlines() if line.startswith('build: ')]
+        return set(lines[0].split()[1:]) if lines else set()
+
+    def modules(name) -> set[str]:
+        (installed,) = workspace.glob(f'install/{name}/lib/python3*/site-packages/{name}')
+        return {path.name for path in installed.glob('*.py')}
+
+    assert built() == {'one', 'two'}
+    assert built() == set()
+    (packages[0] / 'one/module.py').rename(packages[0] / 'one/renamed.py')
+    assert built() == {'one'}
+    assert (modules('one'), modules('two')) == ({'renamed.py'}, {'module.py'})
+    assert built() == set()
+    (packages[1] / 'setup.py').write_text('raise SystemExit(1)')
+    for _ in range(2):  # what failed is tried again
+        with pytest.raises(subprocess.CalledProcessError):
+            built()
+
+
+@pytest.mark.heavy
+def test_without_a_switch_the_messages_are_built_for_cpp_too(tmp_path):
+    """As colcon does by hand; `make build` leaves C++ out."""
+    run_in(
+        'monorepo',
+        f'source ci/ros_env.bash without-overlay && python -m colcon --log-base {tmp_path}/log build'
+        f' --paths monorepo/lupin_msgs --build-base {tmp_path}/build --install-base {tmp_path}/install',
+    )
+    libraries = 'lupin_msgs/lib/liblupin_msgs__rosidl_typesupport_cpp.so'
+    assert (tmp_path / 'install' / libraries).exists()
+    assert (tmp_path / 'install/lupin_msgs/include/lupin_msgs/lupin_msgs/srv/get_tag_reading.hpp').exists()
+    assert not (ENVIRONMENTS['monorepo'] / 'workspace/monorepo/install' / libraries).exists()
 
 
 @pytest.mark.heavy
