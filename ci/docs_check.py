@@ -1,18 +1,23 @@
 """
-Check the documents: every link and anchor exists, and every shell block runs or says what it needs.
+Check the links, the shell blocks and the parameter tables of the documents.
 
     make docs-check
 
-A block of bash or console is preceded by one of these lines:
+Every link and anchor must exist. A block of bash or console is preceded by one of these lines:
 
     <!-- run -->                             this script runs it, and it must end with exit code 0
     <!-- tested by PATH::NAME -->            a test runs it: the file has a function of that name
     <!-- needs WHAT -->                      it cannot run here, and why
 
+A table with a column `default` is preceded by the class with these parameters:
+
+    <!-- parameters of MODULE.CLASS -->      the table has exactly its parameters, with their defaults
+
 `make mirror-publish-check` runs the unmarked bash blocks of the mirror's README. Indented code blocks have no
 language, so they are refused. Exit code: 0 no findings, 1 findings, one line each.
 """
 
+import importlib
 import re
 import subprocess
 import sys
@@ -20,14 +25,21 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
+from lupin_greenhouse_bridge.life_cycle import launch_arguments
+
 ROOT = Path(__file__).resolve().parent.parent
 FENCED = re.compile(
-    r'(?:^<!-- (?P<mark>.+?) -->\n)?^```(?P<language>\S*)\n(?P<text>.*?)^```$', re.MULTILINE | re.DOTALL
+    r'(?:^<!-- (?P<mark>[^\n]+?) -->\n)?^```(?P<language>\S*)\n(?P<text>.*?)^```$', re.MULTILINE | re.DOTALL
 )
 LINK = re.compile(r'\[[^\]]*\]\(([^)\s]+)\)')
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
 PUBLISHED = Path('lupin_greenhouse_ros/README.md')
 LONGEST_RUN_SECONDS = 300
+PARAMETERS = re.compile(
+    r'(?:^<!-- parameters of (?P<settings>\S+) -->\n)?^\| \w+ \| default \|.*\n'
+    r'^\|[-|]+\n(?P<rows>(?:^\|.*\n)+)',
+    re.MULTILINE,
+)
 
 
 def documents(root: Path) -> list[Path]:
@@ -100,11 +112,33 @@ def failing_blocks(root: Path, path: Path) -> Iterator[str]:
             yield f'{path}: exit code {result.returncode} of: {commands.strip()}: {"".join(last)}'
 
 
+def wrong_defaults(root: Path, path: Path) -> Iterator[str]:
+    """Yield a line for each parameter that a table lacks, has too many, or gives another default."""
+    text = (root / path).read_text(encoding='utf-8')
+    for table in PARAMETERS.finditer(text):
+        if not table['settings']:
+            yield f'{path}: mark this table with `parameters of`: {table["rows"].splitlines()[0][:60]}'
+            continue
+        module, _, name = table['settings'].rpartition('.')
+        settings = getattr(importlib.import_module(module), name)
+        real = {name: default for name, default, *_ in launch_arguments(settings)}
+        cells = [[cell.strip(' `') for cell in row.split('|')[1:3]] for row in table['rows'].splitlines()]
+        written = {name: '' if default in ("''", 'empty') else default for name, default in cells}
+        for name in sorted(real.keys() | written.keys()):
+            if real.get(name) != written.get(name):
+                yield (
+                    f'{path}: parameter {name} of {table["settings"]}: the table has {written.get(name)!r},'
+                    f' the code has {real.get(name)!r}'
+                )
+
+
+CHECKS = (broken_links, unproved_blocks, wrong_defaults, failing_blocks)
+
+
 def main(root: Path = ROOT) -> int:
     """Check every document; return the exit code."""
     paths = documents(root)
-    checks = (broken_links, unproved_blocks, failing_blocks)
-    findings = [finding for path in paths for check in checks for finding in check(root, path)]
+    findings = [finding for path in paths for check in CHECKS for finding in check(root, path)]
     print(*(f'docs: {finding}' for finding in findings), sep='\n', end='\n' if findings else '')
     blocks = [block for path in paths for block in shell_blocks(root, path)]
     print(f'{len(paths)} documents, {len(blocks)} shell blocks: {len(findings)} findings')

@@ -72,7 +72,7 @@ def documents(tmp_path):
         (tmp_path / 'README.md').write_text(text, encoding='utf-8')
         (tmp_path / 'test_it.py').write_text('def test_this():\n    pass\n', encoding='utf-8')
         subprocess.run(['git', '-C', str(tmp_path), 'add', '.'], check=True)
-        checks = (docs_check.broken_links, docs_check.unproved_blocks, docs_check.failing_blocks)
+        checks = docs_check.CHECKS
         return '\n'.join(line for check in checks for line in check(tmp_path, Path('README.md')))
 
     return findings
@@ -91,6 +91,15 @@ test 1 = 1
 ```console
 $ anything
 ```
+
+<!-- parameters of lupin_greenhouse_bridge.settings.Settings -->
+| name | default | effect |
+|---|---|---|
+| `tag_file` | `''` | a file |
+| `sim_config_file` | empty | a file |
+| `debug_time_of_day` | `-1.0` | hours |
+| `speedup_factor` | `0.0` | simulated seconds per second |
+| `debug_seed` | `-1` | a seed |
 """
 
 
@@ -106,6 +115,22 @@ def test_a_good_document_has_no_findings(documents):
         ('test 1 = 1', 'test 1 = 2', 'exit code 1 of: test 1 = 2'),
         ('::test_this', '::test_that', 'there is no test test_it.py::test_that'),
         ('<!-- run -->\n', '', 'mark this block with run, tested by or needs'),
+        (
+            '`0.0`',
+            '`1.0`',
+            "parameter speedup_factor of lupin_greenhouse_bridge.settings.Settings: the table has '1.0'",
+        ),
+        ('| `debug_seed` | `-1` | a seed |\n', '', "the table has None, the code has '-1'"),
+        (
+            'debug_seed',
+            'debug_sed',
+            "parameter debug_sed of lupin_greenhouse_bridge.settings.Settings: the table has '-1'",
+        ),
+        (
+            '<!-- parameters of lupin_greenhouse_bridge.settings.Settings -->\n',
+            '',
+            'mark this table with `parameters of`',
+        ),
         ('[here]', '    make run\n\n[here]', 'fence this block and set its language: make run'),
     ],
 )
