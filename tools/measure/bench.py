@@ -1,12 +1,12 @@
 """
 Compare the bridge with the plain wrapper of the simulator that teams used before it.
 
-    make bench              takes five minutes; prints a table and writes bench.json into .bench/
+    make bench              takes ten minutes; prints a table and writes bench.json into .bench/
     make bench SHORT=1      takes a minute, for a look
 
 Every ratio is measured within one run, in which the servers take turns. A ratio is the median of its rounds,
-with the middle half of them in brackets. --subject and --baseline replace the commands of the
-bridge and of the plain wrapper. If you swap them, the ratios invert.
+with the middle half of them in brackets. --subject and --baseline replace the commands of the bridge and of
+the plain wrapper. If you swap them, the ratios invert. A second table has the times that a person waits for.
 """
 
 import argparse
@@ -24,6 +24,7 @@ import time
 from pathlib import Path
 
 import domain_coordinator
+import felt_times
 from traffic import status_of
 
 HERE = Path(__file__).resolve().parent
@@ -34,7 +35,18 @@ CANNED = f'{sys.executable} {HERE / "canned_replies.py"} tag_reading'
 TRIGGER = f'{sys.executable} {HERE / "canned_replies.py"} trigger'
 PROFILED = f'{sys.executable} {HERE / "profiled_bridge.py"}'
 CLI = f'{Path(sys.executable).parent}/mdp-greenhouse --read 1 --count 1'
-PARTS = ('latency', 'throughput', 'burst', 'interrupt', 'start', 'idle', 'growth', 'alternatives', 'shares')
+PARTS = (
+    'latency',
+    'throughput',
+    'burst',
+    'interrupt',
+    'start',
+    'idle',
+    'growth',
+    'alternatives',
+    'shares',
+    'felt',
+)
 BURST = 200
 LOST_AFTER_SECONDS = 0.1  # short, because a client that waits longer for a lost reply makes fewer calls
 SENSORS = ['temperature', 'humidity', 'co2', 'light', 'soil_moisture']
@@ -507,7 +519,8 @@ def main() -> int:
         bench.subject = stack.enter_context(Server(options.subject, 'subject'))
         bench.baseline = stack.enter_context(Server(options.baseline, 'baseline'))
         for part in options.only:
-            getattr(bench, part)()
+            if part != 'felt':
+                getattr(bench, part)()
     conditions = {
         'python': platform.python_version(),
         'ros_distro': os.environ.get('ROS_DISTRO'),
@@ -525,6 +538,9 @@ def main() -> int:
         print(f'in the bridge (medians of {calls} calls): {parts}')
     if missed := [row['figure'] for row in bench.rows if row.get('verdict') == 'MISSED']:
         print(f'missed: {", ".join(missed)}')
+    if 'felt' in options.only and not options.short:
+        print()
+        felt_times.print_table(short=False)
     return 0
 
 
