@@ -1,99 +1,128 @@
-"""The real mission, with services that the test controls or with the real bridge."""
+"""Fixtures: the real mission, in a thread of the test or as a process, and what is around it."""
 
-import queue
-from pathlib import Path
+import contextlib
+import signal
+import threading
+import time
 
 import pytest
-from lupin_mission.client import SERVICE_QOS
-from lupin_mission.report import Outcome, read_report
-from lupin_msgs.msg import SensorReading, TagReading
+import rclpy
+from lupin_msgs.msg import Observation
 from lupin_msgs.srv import ConfirmTag, GetTagReading
+from rclpy.context import Context
+from rclpy.executors import MultiThreadedExecutor
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
-PATIENCE_SECONDS = 30.0
-
-
-class Commanded:
-    """A service that replies only when the test says so."""
-
-    def __init__(self, node, service_type, name: str):
-        self.name = name
-        self.tag_ids = []  # of the requests, in the order of arrival
-        self._type = service_type
-        self._arrived = queue.SimpleQueue()
-        self._answers = queue.SimpleQueue()
-        self._service = node.create_service(service_type, name, self._handle, qos_profile=SERVICE_QOS)
-
-    def _handle(self, request, _response):
-        tag_id = getattr(request, 'tag_id', None) or request.expected_tag_id
-        self.tag_ids.append(tag_id)
-        self._arrived.put(tag_id)
-        return self._answers.get(timeout=2 * PATIENCE_SECONDS)
-
-    def wait_for_request(self) -> str:
-        """Return the tag id of the next request."""
-        return self._arrived.get(timeout=PATIENCE_SECONDS)
-
-    def answer(self, **fields) -> None:
-        """Send the next reply, to a request that has arrived or will arrive."""
-        response = self._type.Response()
-        for name, value in fields.items():
-            setattr(response, name, value)
-        self._answers.put(response)
-
-    def answer_ok(self, tag_id: str, **values: float) -> None:
-        """Reply like the bridge."""
-        readings = [SensorReading(name=name, value=value) for name, value in values.items()]
-        reading = TagReading(tag_id=tag_id, sim_time_of_day_seconds=43200.0, readings=readings)
-        self.answer(reading=reading)
-
-
-class RunningMission:
-    """One real mission and its report."""
-
-    def __init__(self, process, report_file: Path):
-        self.process = process  # a NodeProcess
-        self.report_file = report_file
-
-    def outcomes(self) -> list[tuple[str, Outcome]]:
-        """Return (tag id, outcome) for each line of the report so far."""
-        return [(each.tag_id, each.outcome) for each in read_report(self.report_file)]
-
-    def __getattr__(self, name):
-        return getattr(self.process, name)
 
 
 @pytest.fixture
-def start_mission(start_node, tmp_path):
-    """Return a function that starts a mission with these parameters; it ends with the test."""
+def settings(tmp_path):
+    """Return the parameters of a mission that moves on only when the test replies."""
+    from mission_helpers import HOUR
+
+    return {
+        'dwell_seconds': 0.0,
+        'retry_delay_seconds': 0.05,
+        'request_timeout_seconds': HOUR,
+        'report_file': f'"{tmp_path / "report.jsonl"}"',
+    }
+
+
+@pytest.fixture
+def start_mission(settings, tmp_path, monkeypatch, capfd):
+    """Return a function that runs a mission in a thread, one at a time; it ends with the test."""
+    from mission_helpers import MissionThread, RunningMission
+
+    monkeypatch.setattr(signal, 'signal', lambda *_arguments: None)  # Python refuses it in a thread
+    with contextlib.ExitStack() as stack:
+
+        def start(**parameters):
+            mission = MissionThread(monkeypatch, capfd, **{**settings, **parameters})
+            stack.callback(mission.close)
+            return RunningMission(mission, tmp_path / 'report.jsonl')
+
+        yield start
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Return the monotonic clock of this process, which stands still but for what the test adds."""
+    from mission_helpers import Clock
+
+    clock = Clock()
+    monkeypatch.setattr(time, 'monotonic', clock)
+    return clock
+
+
+@pytest.fixture
+def start_process(settings, start_node, tmp_path):
+    """Return a function that starts a mission as a process; it ends with the test."""
     from lupin_greenhouse_bridge.testing import executable
+    from mission_helpers import RunningMission
 
     def start(command=None, environment=None, **parameters):
-        report_file = tmp_path / 'report.jsonl'
-        settings = {'dwell_seconds': 0.0, 'retry_delay_seconds': 0.05, 'report_file': f'"{report_file}"'}
         command = command or [executable('lupin_mission', 'mission_node')]
         process = start_node(command, environment=environment, **{**settings, **parameters})
-        return RunningMission(process, report_file)
+        return RunningMission(process, tmp_path / 'report.jsonl')
 
     return start
 
 
 @pytest.fixture
 def node():
-    """Return a node of the test, spun by a thread."""
-    from lupin_greenhouse_bridge.testing import spinning_node
-
-    with spinning_node('mission_test') as node:
-        yield node
+    """Return a node of the test, spun by threads: a request that waits for its reply blocks no other."""
+    context = Context()
+    rclpy.init(args=[], context=context)
+    node = rclpy.create_node('mission_test', context=context)
+    executor = MultiThreadedExecutor(16, context=context)
+    executor.add_node(node)
+    spinner = threading.Thread(target=executor.spin, daemon=True)
+    spinner.start()
+    yield node
+    executor.shutdown()
+    spinner.join()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
 
 
 @pytest.fixture
-def reader(node):
+def commanded(node):
+    """Return a function that makes a service which the test controls."""
+    from mission_helpers import Commanded
+
+    with contextlib.ExitStack() as stack:
+
+        def make(service_type, name):
+            service = Commanded(node, service_type, name)
+            stack.callback(service.close)
+            return service
+
+        yield make
+
+
+@pytest.fixture
+def reader(commanded):
     """Return a GetTagReading service that the test controls."""
-    return Commanded(node, GetTagReading, '/commanded/get_tag_reading')
+    return commanded(GetTagReading, '/commanded/get_tag_reading')
 
 
 @pytest.fixture
-def confirmer(node):
+def confirmer(commanded):
     """Return a ConfirmTag service that the test controls."""
-    return Commanded(node, ConfirmTag, '/commanded/confirm_tag')
+    return commanded(ConfirmTag, '/commanded/confirm_tag')
+
+
+@pytest.fixture
+def operate(node):
+    """Return a function that returns the operator of a mission that waits for its start."""
+    from mission_helpers import Operator
+
+    return lambda mission: Operator(node, mission.namespace)
+
+
+@pytest.fixture
+def twin(node):
+    """Return a function that subscribes like the digital twin."""
+    from mission_helpers import TWIN_QOS, Subscriber
+
+    return lambda: Subscriber(node, Observation, '/floranova/observations', TWIN_QOS)

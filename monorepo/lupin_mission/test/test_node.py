@@ -1,4 +1,4 @@
-"""The real mission node over real services, between processes."""
+"""The real mission node over real services. A process is started only where a process is what is proved."""
 
 import json
 import os
@@ -6,45 +6,30 @@ import sys
 
 import pytest
 import rclpy
-from lupin_greenhouse_bridge.signalled import MOMENTS, SIGNALS, command
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, spinning_node
+from lupin_greenhouse_bridge.signalled import SIGNALS, command
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable
 from lupin_mission import mission_node
 from lupin_mission.mission import State
-from lupin_mission.report import Outcome, read_report
+from lupin_mission.report import Outcome
+from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import GetTagReading
+from mission_helpers import CAMERA, HOUR, READER, REAL, WEB_QOS, Subscriber
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
-from std_srvs.srv import Trigger
 
-READER = {'bridge_service_name': '/commanded/get_tag_reading'}
-CAMERA = {**READER, 'confirm_service_name': '/commanded/confirm_tag', 'require_visual_confirmation': True}
 OK = Outcome.OK
-REAL = '/real/get_tag_reading'
+# One of each part of a run; the bridge's tests signal the same life cycle in many more.
+MOMENTS = {
+    'rclpy/__init__.py:<module>': 'signalled in',  # the import
+    'rclpy/node.py:__init__': 'signalled in',  # the start
+    'rclpy/executors.py:spin_once': 'signalled in',  # the run
+    'rclpy/executors.py:shutdown': 'waiting for the tags of',  # the end, which other signals bring about
+}
 
 
-def trigger(node, mission, name: str) -> Trigger.Response:
-    client = node.create_client(Trigger, f'{mission.namespace}/mission/{name}')
-    assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
-    return call(client, Trigger.Request())
-
-
-@pytest.fixture
-def start_real(start_bridge):
-    """Return a function that starts the real bridge with the service name REAL."""
-    from lupin_greenhouse_bridge.testing import executable
-
-    command = [executable('lupin_greenhouse_bridge', 'bridge_node'), '--ros-args']
-    return lambda: start_bridge([*command, '-r', f'~/get_tag_reading:={REAL}'])
-
-
-@pytest.fixture
-def all_tags(shipped_tags):
-    """Return the parameter with every tag: the bridge's parameters are not beside REAL."""
-    return {'tag_ids': json.dumps(list(shipped_tags))}
-
-
-def test_every_tag_that_the_bridge_has_loaded_is_read(start_mission, start_bridge, shipped_tags):
-    bridge = start_bridge()
-    mission = start_mission(bridge_service_name=bridge.service_name)
+def test_every_tag_that_the_bridge_has_loaded_is_read(start_process, start_bridge, shipped_tags):
+    mission = start_process(bridge_service_name=start_bridge().service_name, **REAL)
     assert mission.end() == 0
     assert mission.outcomes() == [(tag_id, OK) for tag_id in shipped_tags]
     assert mission.log[-1] == f'{len(shipped_tags)}/{len(shipped_tags)} tags read'
@@ -61,16 +46,27 @@ def test_the_tags_of_a_tag_file_are_visited_in_its_order(start_mission, reader, 
     assert reader.tag_ids == ['9', '7']
 
 
-def test_without_tags_and_without_a_bridge_the_mission_is_refused(start_mission):
-    """After 30 s, which this test shortens."""
-    alter = 'from lupin_mission import mission_node; mission_node.LONGEST_WAIT_FOR_TAGS_SECONDS = 0.1;'
-    run = [sys.executable, '-c', f'{alter} import sys; sys.exit(mission_node.main())']
-    mission = start_mission(run, bridge_service_name='/nobody/get_tag_reading')
-    fatal = mission.refusal(exit_code=2)
-    assert (
-        '/nobody/get_parameters did not return the tags within 0.1 s: start the bridge, or set tag_ids'
-        in fatal
-    )
+def test_without_tags_and_without_a_bridge_the_mission_is_refused_after_30_s(start_mission, commanded, clock):
+    silent = commanded(GetParameters, '/commanded/get_parameters')
+    mission = start_mission(**READER)
+    silent.wait_for_request()
+    clock.pass_seconds(29.9)
+    for _ in range(3):  # it still asks
+        silent.wait_for_request()
+    clock.pass_seconds(0.1)
+    reason = '/commanded/get_parameters did not return the tags within 30 s'
+    assert f'{reason}: start the bridge, or set tag_ids or tag_file' in mission.refusal(exit_code=2)
+
+
+def test_a_node_that_does_not_know_the_tags_yet_is_asked_again(start_mission, commanded, reader):
+    bridge = commanded(GetParameters, '/commanded/get_parameters')
+    mission = start_mission(**READER)
+    bridge.answer()
+    bridge.answer(values=[ParameterValue(string_array_value=['7', '5']), ParameterValue()])
+    reader.answer_ok('7', co2=1.0)
+    reader.answer_ok('5', co2=1.0)
+    assert mission.end() == 0
+    assert reader.tag_ids == ['7', '5']
 
 
 @pytest.fixture
@@ -92,84 +88,111 @@ def without_simulator(tmp_path):
 
 
 def test_the_mission_needs_neither_simulator_nor_bridge_on_its_machine(
-    start_mission, reader, without_simulator
+    start_process, reader, without_simulator
 ):
-    mission = start_mission(**READER, tag_ids='1', environment=without_simulator)
+    mission = start_process(**READER, tag_ids='1', environment=without_simulator)
     reader.answer_ok('1', co2=1.0)
     assert mission.end() == 0
     command = [sys.executable, '-c', 'import greenhouse_sim']  # shows that the check above can fail
     assert (
         "ModuleNotFoundError: No module named 'greenhouse_sim'"
-        in start_mission(command, without_simulator).rest_of_log()
+        in start_process(command, without_simulator).rest_of_log()
     )
 
 
-def test_a_bridge_that_starts_after_the_mission_is_waited_for(start_mission, start_real):
-    mission = start_mission(bridge_service_name=REAL, tag_ids='1', request_timeout_seconds=PATIENCE_SECONDS)
-    mission.wait_for_log('1 tags to visit')
-    start_real()
+def test_a_service_that_starts_after_the_mission_is_waited_for(start_mission, commanded, node):
+    mission = start_mission(**READER, tag_ids='1')
+    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    states.wait_for(lambda state: state.mission_phase == 'SCANNING')
+    commanded(GetTagReading, READER['bridge_service_name']).answer_ok('1', co2=1.0)
     assert mission.end() == 0
     assert mission.outcomes() == [('1', OK)]
 
 
-def test_a_bridge_killed_and_started_again_costs_no_reading(
-    start_mission, start_real, all_tags, shipped_tags
-):
-    first = start_real()
+def test_a_bridge_killed_and_started_again_costs_no_reading(start_mission, start_bridge, operate):
+    bridge_node = executable('lupin_greenhouse_bridge', 'bridge_node')
+    run = [bridge_node, '--ros-args', '-r', '~/get_tag_reading:=/real/get_tag_reading']
+    first = start_bridge(run)
     mission = start_mission(
-        bridge_service_name=REAL, dwell_seconds=0.1, request_timeout_seconds=1, max_attempts=10, **all_tags
+        **REAL,
+        bridge_service_name='/real/get_tag_reading',
+        tag_ids='1 2',
+        dwell_seconds=HOUR,
+        wait_for_start=True,
     )
-    mission.wait_for_log("tag '9': ")
+    operator = operate(mission)
+    started = operator.start()
+    operator.wait_for(mission_phase='PUBLISHING', current_target='1')
     first.close()
-    start_real()
+    assert operator.trigger('skip_current')
+    operator.states.wait_for(lambda state: state.last_event.endswith('trying again'))  # at tag 2
+    start_bridge(run)
+    operator.wait_for(mission_phase='PUBLISHING', current_target='2')
+    assert operator.trigger('skip_current')
+    assert mission.stop() == 0
+    assert mission.outcomes(started) == [('1', OK), ('2', OK)]
+
+
+def test_a_mission_that_is_killed_goes_on_where_it_was(start_process, start_mission, reader, commanded):
+    killed = start_process(**READER, tag_ids='1 2 3')
+    reader.answer_ok('1', co2=1.0)
+    assert [reader.wait_for_request(), reader.wait_for_request()] == ['1', '2']
+    killed.close()
+    other_reader = commanded(GetTagReading, '/other/get_tag_reading')
+    mission = start_mission(bridge_service_name=other_reader.name, tag_ids='1 2 3')
+    other_reader.answer_ok('2', co2=2.0)
+    other_reader.answer_ok('3', co2=3.0)
     assert mission.end() == 0
-    assert mission.outcomes() == [(tag_id, OK) for tag_id in shipped_tags]
-
-
-def test_a_mission_that_is_killed_goes_on_where_it_was(start_mission, start_bridge, shipped_tags):
-    service = {'bridge_service_name': start_bridge().service_name}
-    mission = start_mission(**service, dwell_seconds=0.1)
-    mission.wait_for_log("tag '9': ")
-    mission.close()
-    again = start_mission(**service)
-    assert again.end() == 0
-    assert again.outcomes() == [(tag_id, OK) for tag_id in shipped_tags]
+    assert mission.outcomes() == [(tag_id, OK) for tag_id in '123']
+    assert other_reader.tag_ids == ['2', '3']
 
 
 def test_a_bridge_that_never_comes_fails_every_scan_and_ends_the_mission(start_mission):
-    mission = start_mission(bridge_service_name=REAL, tag_ids='1 2', request_timeout_seconds=0.1)
+    mission = start_mission(
+        bridge_service_name='/nobody/get_tag_reading', tag_ids='1 2', request_timeout_seconds=0.1
+    )
     assert mission.end() == 1
     assert mission.outcomes() == [('1', Outcome.NO_SERVICE), ('2', Outcome.NO_SERVICE)]
+    assert {each.attempts for each in mission.observations()} == {3}
+
+
+def test_a_reply_that_never_comes_fails_the_scan(start_mission, reader, clock):
+    mission = start_mission(**READER, tag_ids='1', max_attempts=1)
+    assert reader.wait_for_request() == '1'
+    clock.pass_seconds(HOUR)
+    assert mission.end() == 1
+    assert mission.outcomes() == [('1', Outcome.TIMEOUT)]
 
 
 def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader):
-    patient = {'request_timeout_seconds': PATIENCE_SECONDS}
-    mission = start_mission(**READER, **patient, tag_ids='1 2 3 4', max_attempts=1)
+    mission = start_mission(**READER, tag_ids='1 2 3 4 5', max_attempts=1)
     reader.answer(status=GetTagReading.Response.STATUS_UNKNOWN_TAG, error_message='who?')
     reader.answer(status=GetTagReading.Response.STATUS_SIMULATOR_ERROR, error_message='broken')
     reader.answer_ok('1', co2=600.0)
     reader.answer_ok('4')
+    reader.answer(status=77, error_message='from the future')
     assert mission.end() == 1
     assert mission.outcomes() == [
         ('1', Outcome.UNKNOWN_TAG),
         ('2', Outcome.SIMULATOR_ERROR),
         ('3', Outcome.WRONG_TAG),
         ('4', Outcome.BAD_READING),
+        ('5', Outcome.BAD_READING),
     ]
     assert 'who?' in '\n'.join(mission.log)
+    assert mission.log[-1] == '0/5 tags read'
 
 
-def test_a_late_answer_is_not_taken_for_the_next_ones(start_mission, reader):
-    mission = start_mission(**READER, tag_ids='1', request_timeout_seconds=1, max_attempts=10)
+def test_a_late_answer_is_not_taken_for_the_next_ones(start_mission, reader, clock):
+    mission = start_mission(**READER, tag_ids='1', retry_delay_seconds=0.0)
     assert reader.wait_for_request() == '1'
-    mission.wait_for_log('TIMEOUT read: no reply before the timeout: trying again')
-    reader.answer_ok('1', co2=1.0)  # of the first attempt, after its timeout
-    for value in range(2, 10):
-        reader.answer_ok('1', co2=float(value))
+    clock.pass_seconds(HOUR)
+    assert reader.wait_for_request() == '1'
+    reader.answer_ok('1', co2=1.0)  # to the first request
+    reader.answer_ok('1', co2=2.0)
     assert mission.end() == 0
-    (observation,) = read_report(mission.report_file)
-    assert observation.outcome is OK
-    assert observation.reading.values['co2'] > 1.0
+    (observation,) = mission.observations()
+    assert (observation.reading.values, observation.attempts) == ({'co2': 2.0}, 2)
 
 
 def test_a_tag_is_read_once_it_is_confirmed(start_mission, reader, confirmer):
@@ -184,35 +207,49 @@ def test_a_tag_is_read_once_it_is_confirmed(start_mission, reader, confirmer):
     assert reader.tag_ids == ['7']
 
 
-def test_a_pause_in_the_dwell_does_not_scan_the_tag_again(start_mission, reader, node):
-    mission = start_mission(**READER, tag_ids='1 2', dwell_seconds=2)
-    reader.answer_ok('1', co2=1.0)
-    mission.wait_for_log("tag '1': co2")
-    assert trigger(node, mission, 'pause').success
-    assert not trigger(node, mission, 'pause').success
-    assert trigger(node, mission, 'resume').success
-    reader.answer_ok('2', co2=2.0)
+def test_a_mission_without_a_failure_logs_no_warning(start_mission, reader, confirmer):
+    mission = start_mission(**CAMERA, tag_ids='1 2')
+    for tag_id in '12':
+        confirmer.answer(detected=True)
+        reader.answer_ok(tag_id, co2=1.0)
     assert mission.end() == 0
+    assert mission.warnings() == []
+
+
+def test_a_pause_in_the_dwell_does_not_scan_the_tag_again(start_mission, reader, operate):
+    mission = start_mission(**READER, tag_ids='1 2', dwell_seconds=HOUR, wait_for_start=True)
+    operator = operate(mission)
+    operator.start()
+    reader.answer_ok('1', co2=1.0)
+    operator.wait_for(mission_phase='PUBLISHING', current_target='1')
+    assert operator.trigger('pause')
+    assert not operator.trigger('pause')
+    operator.wait_for(paused=True, mission_phase='PUBLISHING')
+    assert operator.trigger('resume')
+    assert not operator.trigger('resume')
+    operator.wait_for(paused=False, mission_phase='PUBLISHING', current_target='1')
+    assert operator.trigger('skip_current')  # the rest of the dwell
+    reader.answer_ok('2', co2=2.0)
+    operator.wait_for(mission_phase='PUBLISHING', current_target='2')
+    assert operator.trigger('skip_current')
+    assert mission.stop() == 0
     assert reader.tag_ids == ['1', '2']
 
 
-def test_a_pause_is_answered_while_a_reply_is_withheld(start_mission, reader):
-    mission = start_mission(**READER, tag_ids='1', request_timeout_seconds=PATIENCE_SECONDS)
+def test_a_pause_is_answered_while_a_reply_is_withheld(start_mission, reader, operate):
+    mission = start_mission(**READER, tag_ids='1', wait_for_start=True)
+    operator = operate(mission)
+    operator.start()
     reader.wait_for_request()
-    with spinning_node('operator') as operator:  # the other node is busy
-        assert trigger(operator, mission, 'pause').success
-        assert trigger(operator, mission, 'resume').success
+    assert operator.trigger('pause')
+    assert operator.trigger('resume')
     reader.answer_ok('1', co2=1.0)
-    assert mission.end() == 0
+    operator.wait_for(lifecycle_state='DONE')
+    assert mission.stop() == 0
 
 
-def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, tmp_path, request):
-    parameters = {
-        'bridge_service_name': reader.name,
-        'tag_ids': '"1"',
-        'request_timeout_seconds': PATIENCE_SECONDS,
-        'report_file': f'"{tmp_path / "report.jsonl"}"',
-    }
+def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, settings, request):
+    parameters = {**settings, **READER, 'tag_ids': '"1"'}
     rclpy.init(
         args=['--ros-args', *(w for item in parameters.items() for w in ('-p', '{}:={}'.format(*item)))]
     )
@@ -232,23 +269,22 @@ def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, tmp_pat
     assert node.mission.outcomes == {'1': OK}
 
 
-@pytest.mark.parametrize('signals', SIGNALS.values(), ids=SIGNALS)
-def test_a_signal_ends_the_mission_with_the_table_so_far(start_mission, reader, signals):
-    mission = start_mission(**READER, tag_ids='1 2', request_timeout_seconds=PATIENCE_SECONDS)
+@pytest.mark.parametrize('signals', ['Ctrl-C twice', 'SIGTERM'])
+def test_a_signal_ends_the_mission_with_the_table_so_far(start_process, reader, signals):
+    mission = start_process(**READER, tag_ids='1 2')
     reader.answer_ok('1', co2=1.0)
-    mission.wait_for_log("tag '1': co2")
-    mission.send(*signals)
+    assert [reader.wait_for_request(), reader.wait_for_request()] == ['1', '2']
+    mission.send(*SIGNALS[signals])
     assert mission.end() == 1
     assert mission.log[-1] == '1/2 tags read'
-    reader.answer_ok('2', co2=1.0)  # releases a pending request
 
 
-@pytest.mark.parametrize('moment', MOMENTS)
-def test_a_signal_at_any_moment_ends_the_mission_with_a_table(start_mission, moment):
+@pytest.mark.parametrize(('moment', 'sign'), MOMENTS.items())
+def test_a_signal_at_any_moment_ends_the_mission_with_a_table(start_process, moment, sign):
     """Even before the tags are known, and while the mission ends."""
     run = command('lupin_mission', 'mission_node', moment, SIGNALS['Ctrl-C twice'])
-    mission = start_mission(run, bridge_service_name='/nobody/get_tag_reading')
-    mission.wait_for_log('signalled in' if moment in MOMENTS[:7] else 'waiting for the tags of')
+    mission = start_process(run, bridge_service_name='/nobody/get_tag_reading')
+    mission.wait_for_log(sign)
     mission.send(*SIGNALS['SIGTERM and Ctrl-C'])
     assert mission.end() == 1
     assert '0/0 tags read' in mission.log
@@ -267,12 +303,17 @@ def test_a_signal_at_any_moment_ends_the_mission_with_a_table(start_mission, mom
         ('dwell_seconds', 'long', 'must be a number'),
         ('require_visual_confirmation', 1, 'must be true or false'),
         ('bridge_service_name', 'no such name', 'is not a service name'),
+        ('confirm_service_name', 'no such name', 'is not a service name'),
         ('tag_file', '/missing/tags.json', '/missing/tags.json'),
         ('report_file', '/missing/report.jsonl', 'name a file that can be written'),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(start_mission, name, value, fragment):
     assert fragment in start_mission(**{name: value}).refusal(exit_code=2)
+
+
+def test_a_refusal_is_the_exit_code_of_the_process(start_process):
+    assert 'must be a whole number' in start_process(max_attempts=0).refusal(exit_code=2)
 
 
 @pytest.mark.parametrize('ids', ['5 7', '5,7', '[5, 7]', '["5", "7"]'])

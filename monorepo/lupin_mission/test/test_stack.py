@@ -1,87 +1,40 @@
 """The mission's interface to the team's stack: observations, state, start, skip, abort."""
 
+import itertools
 import json
-import queue
 
 import pytest
-from lupin_greenhouse_bridge.signalled import SIGNALS
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, spinning_node, wait_until
-from lupin_mission.report import Outcome, read_report
+from lupin_greenhouse_bridge.testing import wait_until
+from lupin_mission.report import Outcome
 from lupin_msgs.msg import MissionState, Observation, TagReading
-from lupin_msgs.srv import StartMission
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from std_srvs.srv import Trigger
+from mission_helpers import CAMERA, HOUR, READER, REAL, WEB_QOS, Subscriber
 
-TOPIC = '/floranova/observations'
-TWIN_QOS = QoSProfile(
-    depth=50, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
-WEB_QOS = QoSProfile(depth=10)  # a web client has no durability
-READER = {'bridge_service_name': '/commanded/get_tag_reading'}
+OK = Outcome.OK
 
 
-class Subscriber:
-    """Subscribes to one topic, and keeps its messages."""
-
-    def __init__(self, node, message_type, topic: str, qos):
-        self.heard = []
-        self._news = queue.SimpleQueue()
-        node.create_subscription(message_type, topic, self._on_message, qos)
-
-    def _on_message(self, message):
-        self.heard.append(message)
-        self._news.put(message)
-
-    def wait_for(self, is_it):
-        """Return the first new message that matches."""
-        while True:
-            message = self._news.get(timeout=PATIENCE_SECONDS)
-            if is_it(message):
-                return message
-
-
-@pytest.fixture
-def listener():
-    """Return a node without services."""
-    with spinning_node('listener') as listener:
-        yield listener
-
-
-@pytest.fixture
-def twin(listener):
-    """Return a function that subscribes like the digital twin."""
-    return lambda: Subscriber(listener, Observation, TOPIC, TWIN_QOS)
-
-
-@pytest.fixture
-def web(listener):
-    """Return a function that subscribes to the state of a mission like a web client."""
-    return lambda mission: Subscriber(listener, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
-
-
-def is_done(state, started) -> bool:
-    return (state.lifecycle_state, state.mission_id) == ('DONE', started.mission_id)
-
-
-def ask(node, mission, service_type, name, **fields):
-    client = node.create_client(service_type, f'{mission.namespace}/mission/{name}')
-    assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
-    if service_type is StartMission:
-        greet(client, StartMission.Request(mission_type='none'))  # is rejected, and changes nothing
-    return call(client, service_type.Request(**fields))
+def heard_tags(hearer) -> list[str]:
+    return [each.tag_reading.tag_id for each in hearer.heard]
 
 
 def test_a_twin_that_joins_in_the_middle_has_heard_every_tag_at_the_end(
-    start_mission, start_bridge, twin, shipped_tags
+    start_mission, reader, operate, twin, shipped_tags
 ):
-    bridge = start_bridge(debug_time_of_day=12.0)
-    mission = start_mission(bridge_service_name=bridge.service_name, dwell_seconds=0.2)
-    mission.wait_for_log("tag '9': ")
+    """The mission stands at its third tag until the twin has joined."""
+    mission = start_mission(**READER, tag_ids='9 7 1 29', wait_for_start=True)
+    operator = operate(mission)
+    mission_id = operator.start(tag_sequence=['9', '7', '1', '29'])
+    reader.answer_ok('9', co2=9.0)
+    reader.answer_ok('7', co2=7.0, temperature=20.5)
+    assert [reader.wait_for_request() for _ in range(3)] == ['9', '7', '1']
     late = twin()
-    assert mission.end() == 0
-    wait_until(lambda: len(late.heard) == len(shipped_tags))
-    observations = read_report(mission.report_file)
-    assert [each.tag_reading.tag_id for each in late.heard] == [each.tag_id for each in observations]
+    wait_until(lambda: heard_tags(late) == ['9', '7'])
+    reader.answer_ok('1', co2=1.0)
+    reader.answer_ok('29', co2=29.0)
+    operator.wait_for(lifecycle_state='DONE')
+    wait_until(lambda: len(late.heard) == 4)
+    assert mission.stop() == 0
+    observations = mission.observations(mission_id)
+    assert heard_tags(late) == [each.tag_id for each in observations] == ['9', '7', '1', '29']
     for heard, written in zip(late.heard, observations, strict=True):
         assert (heard.kind, heard.status, heard.status_detail) == (0, Observation.STATUS_OK, '')
         assert heard.header.frame_id == 'map'
@@ -90,23 +43,16 @@ def test_a_twin_that_joins_in_the_middle_has_heard_every_tag_at_the_end(
         assert heard.tag_reading.sim_time_of_day_seconds == 12 * 3600.0
         place, pose = shipped_tags[written.tag_id], heard.tag_pose_in_map
         assert (pose.position.x, pose.position.y, pose.orientation.w) == (place['x'], place['y'], 1.0)
-    assert len({each.mission_id for each in late.heard}) == 1
+    assert {each.mission_id for each in late.heard} == {mission_id}
     assert {each.source for each in late.heard} == {f'{mission.namespace}/mission'}
 
 
 def test_a_tag_that_was_not_read_carries_its_id_its_reason_and_nothing_else(
-    start_mission, reader, listener, twin
+    start_mission, reader, operate, twin
 ):
     hearer = twin()
-    mission = start_mission(
-        **READER,
-        tag_ids='1',
-        max_attempts=1,
-        tag_poses_in_map='false',
-        wait_for_start=True,
-        request_timeout_seconds=PATIENCE_SECONDS,
-    )
-    assert ask(listener, mission, StartMission, 'start').accepted
+    mission = start_mission(**READER, tag_ids='1', tag_poses_in_map='false', wait_for_start=True)
+    operate(mission).start()
     reader.answer(status=1, error_message='who?')
     heard = hearer.wait_for(lambda _observation: True)
     assert (heard.status, heard.status_detail) == (Observation.STATUS_SCAN_FAILED, 'UNKNOWN_TAG: who?')
@@ -127,13 +73,13 @@ def test_a_tag_that_was_not_read_carries_its_id_its_reason_and_nothing_else(
     ],
 )
 def test_poses_are_published_where_the_ids_are_trusted_or_as_told(
-    start_mission, reader, confirmer, listener, twin, parameters, has_pose
+    start_mission, reader, confirmer, operate, twin, parameters, has_pose
 ):
     hearer = twin()
     mission = start_mission(
         **READER, confirm_service_name=confirmer.name, tag_ids='1', wait_for_start=True, **parameters
     )
-    assert ask(listener, mission, StartMission, 'start').accepted
+    operate(mission).start()
     confirmer.answer(detected=True, detection_confidence=1.0)
     reader.answer_ok('1', co2=1.0)
     heard = hearer.wait_for(lambda _observation: True)
@@ -142,121 +88,139 @@ def test_poses_are_published_where_the_ids_are_trusted_or_as_told(
 
 
 def test_the_shipped_places_are_not_those_of_a_bridge_with_its_own_tag_file(
-    start_mission, start_bridge, node, twin, tmp_path
+    start_mission, start_bridge, operate, twin, tmp_path
 ):
     tag_file = tmp_path / 'tags.json'
     tag_file.write_text(json.dumps({'1': {'x': 9.0, 'y': 9.5, 'sensors': ['co2']}}))
-    service = {'bridge_service_name': start_bridge(tag_file=tag_file).service_name}
+    service = {'bridge_service_name': start_bridge(tag_file=tag_file).service_name, **REAL}
     hearer = twin()
-    mission = start_mission(**service, wait_for_start=True)
-    mission.wait_for_log("the positions of the tags are unknown: set tag_file to the bridge's")
-    assert ask(node, mission, StartMission, 'start').accepted
-    assert hearer.wait_for(lambda _observation: True).tag_pose_in_map.orientation.w == 0.0
-    assert mission.stop() == 0
-    mission = start_mission(**service, wait_for_start=True, tag_file=f'"{tag_file}"')
-    assert ask(node, mission, StartMission, 'start').accepted
-    position = hearer.wait_for(lambda _observation: True).tag_pose_in_map.position
-    assert (position.x, position.y) == (9.0, 9.5)
+
+    def position(**parameters):
+        mission = start_mission(**service, **parameters, wait_for_start=True)
+        operator = operate(mission)
+        operator.wait_for(lifecycle_state='READY')
+        operator.start()
+        pose = hearer.wait_for(lambda _observation: True).tag_pose_in_map
+        assert mission.stop() == 0
+        is_warned = any('the positions of the tags are unknown' in line for line in mission.warnings())
+        assert is_warned == (pose.orientation.w == 0.0)
+        return pose.position.x, pose.position.y
+
+    assert position() == (0.0, 0.0)
+    assert position(tag_file=f'"{tag_file}"') == (9.0, 9.5)
 
 
-def test_a_web_client_hears_the_state_within_a_second_at_any_time(start_mission, reader, confirmer, web):
-    mission = start_mission(
-        **READER, confirm_service_name=confirmer.name, require_visual_confirmation=True, tag_ids='1 2',
-        request_timeout_seconds=PATIENCE_SECONDS, dwell_seconds=2,
-    )  # fmt: skip
+def test_a_web_client_hears_every_state_that_lasts(start_mission, reader, confirmer, operate, node):
+    mission = start_mission(**CAMERA, tag_ids='1 2', dwell_seconds=HOUR, wait_for_start=True)
+    operator = operate(mission)
+    started = operator.start()
     confirmer.wait_for_request()
-    state = web(mission).wait_for(lambda _state: True)  # joins in the middle, and receives the next one
+    web = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    state = web.wait_for(lambda _state: True)  # joins in the middle, and receives the next one
     assert (state.lifecycle_state, state.mission_phase, state.current_target) == (
         'INSPECTING',
         'CONFIRMING',
         '1',
     )
-    assert (state.mission_type, state.targets_total, state.battery_percentage) == (
+    assert (state.mission_id, state.mission_type, state.targets_total, state.battery_percentage) == (
+        started,
         'InspectionMission',
         2,
         1.0,
     )
-    assert state.mission_id
     assert state.started_at.sec > 0
+    assert (state.targets_completed, state.last_event_severity) == (0, MissionState.SEVERITY_INFO)
     confirmer.answer(detected=True, detection_confidence=1.0)
     reader.wait_for_request()
-    states = web(mission)
-    assert states.wait_for(lambda state: state.mission_phase == 'SCANNING').current_target == '1'
+    operator.wait_for(mission_phase='SCANNING', current_target='1')
     reader.answer_ok('1', co2=1.0)
-    state = states.wait_for(lambda state: state.mission_phase == 'PUBLISHING')
-    assert (state.targets_completed, state.last_event) == (1, "tag '1': co2 1.000")
+    operator.wait_for(mission_phase='PUBLISHING', targets_completed=1, last_event="tag '1': co2 1.000")
+    assert operator.trigger('skip_current')
     confirmer.answer(detected=False, error_message='no tag in view')
-    state = states.wait_for(lambda state: state.last_event_severity == MissionState.SEVERITY_WARN)
-    assert "tag '2': NOT_CONFIRMED no tag in view: trying again" in state.last_event
+    state = operator.wait_for(last_event="tag '2': NOT_CONFIRMED no tag in view: trying again")
+    assert (state.last_event_severity, state.mission_phase) == (MissionState.SEVERITY_WARN, 'CONFIRMING')
     confirmer.answer(detected=True, detection_confidence=1.0)
     reader.answer_ok('2', co2=1.0)
-    assert states.wait_for(lambda state: state.lifecycle_state == 'DONE').targets_completed == 2
+    operator.wait_for(mission_phase='PUBLISHING', targets_completed=2)
+    assert operator.trigger('skip_current')
+    state = web.wait_for(lambda state: state.lifecycle_state == 'DONE')
+    assert (state.targets_completed, state.mission_phase, state.current_target) == (2, '', '')
+    assert mission.stop() == 0
+
+
+def test_the_state_comes_within_a_second_even_if_nothing_changes(start_mission, reader, node):
+    mission = start_mission(**READER, tag_ids='1')
+    reader.wait_for_request()
+    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+
+    def has_two_within_a_second():
+        stamps = [each.header.stamp.sec + each.header.stamp.nanosec / 1e9 for each in states.heard]
+        return any(after - before < 1.0 for before, after in itertools.pairwise(stamps))
+
+    wait_until(has_two_within_a_second)
+    reader.answer_ok('1', co2=1.0)
     assert mission.end() == 0
 
 
-def test_abort_and_skip_over_ros(start_mission, confirmer, listener, twin):
+def test_abort_and_skip_over_ros(start_mission, confirmer, operate, twin):
     """Both arrive while the mission waits for the camera."""
     hearer = twin()
-    mission = start_mission(
-        **READER, confirm_service_name=confirmer.name, require_visual_confirmation=True, tag_ids='1 2 3',
-        request_timeout_seconds=PATIENCE_SECONDS, wait_for_start=True,
-    )  # fmt: skip
-    started = ask(listener, mission, StartMission, 'start')
-    confirmer.wait_for_request()
-    assert ask(listener, mission, Trigger, 'skip_current').success
+    mission = start_mission(**CAMERA, tag_ids='1 2 3', wait_for_start=True)
+    operator = operate(mission)
+    started = operator.start()
+    assert confirmer.wait_for_request() == '1'
+    assert operator.trigger('skip_current')
     confirmer.answer(detected=True, detection_confidence=1.0)  # too late for 1
-    confirmer.wait_for_request()
-    assert ask(listener, mission, Trigger, 'abort').success
+    assert confirmer.wait_for_request() == '2'
+    assert operator.trigger('abort')
     confirmer.answer(detected=True, detection_confidence=1.0)
     wait_until(lambda: len(hearer.heard) == 3)
-    assert [each.tag_reading.tag_id for each in hearer.heard] == ['1', '2', '3']
+    assert heard_tags(hearer) == ['1', '2', '3']
     assert {each.status for each in hearer.heard} == {Observation.STATUS_SKIPPED}
     assert [each.status_detail for each in hearer.heard] == ['SKIPPED: skipped', *['SKIPPED: aborted'] * 2]
+    state = operator.wait_for(lifecycle_state='DONE')
+    assert (state.targets_skipped, state.targets_failed, state.targets_completed) == (3, 0, 0)
+    assert not operator.trigger('abort')
     assert mission.stop() == 1
     assert mission.log[-1] == '0/3 tags read'
-    report = mission.report_file.with_name(f'report-{started.mission_id}.jsonl')
-    assert [(each.tag_id, each.outcome) for each in read_report(report)] == [
-        (tag_id, Outcome.SKIPPED) for tag_id in '123'
-    ]
+    assert mission.outcomes(started) == [(tag_id, Outcome.SKIPPED) for tag_id in '123']
 
 
 def test_a_mission_waits_for_its_start_and_lives_on_after_it(
-    start_mission, start_bridge, node, web, twin, shipped_tags
+    start_mission, start_bridge, operate, twin, shipped_tags
 ):
-    bridge = start_bridge()
-    mission = start_mission(bridge_service_name=bridge.service_name, wait_for_start=True)
-    states = web(mission)
-    state = states.wait_for(lambda state: state.lifecycle_state == 'READY')
+    """With every tag of the real bridge."""
+    bridge = start_bridge(debug_time_of_day=12.0)
+    mission = start_mission(bridge_service_name=bridge.service_name, wait_for_start=True, **REAL)
+    operator = operate(mission)
+    state = operator.wait_for(lifecycle_state='READY')
     assert (state.mission_id, state.mission_type, state.targets_total) == ('', '', 0)
 
-    first = ask(node, mission, StartMission, 'start', tag_sequence=['7', '1'])
-    assert (first.accepted, first.error_message) == (True, '')
-    states.wait_for(lambda state: is_done(state, first))
+    first = operator.start(tag_sequence=['7', '1'])
+    operator.wait_for(lifecycle_state='DONE', mission_id=first)
     late = twin()  # after DONE, while the node keeps running
-    wait_until(lambda: len(late.heard) == 2)
-    assert [each.tag_reading.tag_id for each in late.heard] == ['7', '1']
+    wait_until(lambda: heard_tags(late) == ['7', '1'])
 
-    second = ask(node, mission, StartMission, 'start', mission_type='InspectionMission')
-    assert second.accepted
-    assert second.mission_id != first.mission_id
-    done = states.wait_for(
-        lambda state: state.lifecycle_state == 'DONE' and state.mission_id == second.mission_id
-    )
+    second = operator.start(mission_type='InspectionMission')
+    assert second != first
+    done = operator.wait_for(lifecycle_state='DONE', mission_id=second)
     assert done.targets_completed == len(shipped_tags)
     wait_until(lambda: len(late.heard) == 2 + len(shipped_tags))
-    visited = [each.tag_reading.tag_id for each in late.heard if each.mission_id == second.mission_id]
-    assert visited == sorted(shipped_tags, key=int)
+    visited = [each for each in late.heard if each.mission_id == second]
+    assert [each.tag_reading.tag_id for each in visited] == sorted(shipped_tags, key=int)
 
-    mission.send(*SIGNALS['Ctrl-C'])
-    assert mission.end() == 0
-    for started, count in ((first, 2), (second, len(shipped_tags))):
-        report = mission.report_file.with_name(f'report-{started.mission_id}.jsonl')
-        assert len(read_report(report)) == count
+    assert mission.stop() == 0
+    assert mission.outcomes(first) == [('7', OK), ('1', OK)]
+    for heard, written in zip(visited, mission.observations(second), strict=True):
+        readings = {each.name: each.value for each in heard.tag_reading.readings}
+        assert readings == written.reading.values
+        assert list(readings) == shipped_tags[written.tag_id]['sensors']
+        assert heard.tag_reading.sim_time_of_day_seconds == 12 * 3600.0
+        place, pose = shipped_tags[written.tag_id], heard.tag_pose_in_map
+        assert (pose.position.x, pose.position.y) == (place['x'], place['y'])
 
 
-def test_the_tags_and_their_places_come_from_the_world(
-    start_mission, start_bridge, node, web, twin, tmp_path
-):
+def test_the_tags_and_their_places_come_from_the_world(start_mission, reader, operate, twin, tmp_path):
     """The bridge does not know one of them: the world has another layout."""
     models = ''.join(
         f'<model name="tag_{tag_id}"><pose>{x} 8.5 0.3 0 0 0</pose></model>'
@@ -264,23 +228,20 @@ def test_the_tags_and_their_places_come_from_the_world(
     )
     world_file = tmp_path / 'greenhouse.sdf'
     world_file.write_text(f'<sdf version="1.6"><world name="w">{models}</world></sdf>')
-    bridge = start_bridge()
-    mission = start_mission(
-        bridge_service_name=bridge.service_name, world_file=world_file, wait_for_start=True
-    )
-    states = web(mission)
-    states.wait_for(lambda state: state.lifecycle_state == 'READY')
-    late = twin()
-    started = ask(node, mission, StartMission, 'start')
-    states.wait_for(lambda state: is_done(state, started))
-    wait_until(lambda: len(late.heard) == 3)
-    assert [each.tag_reading.tag_id for each in late.heard] == ['1', '7', '400']
-    assert [each.status for each in late.heard] == [
+    hearer = twin()
+    mission = start_mission(**READER, world_file=world_file, wait_for_start=True)
+    operate(mission).start()
+    reader.answer_ok('1', co2=1.0)
+    reader.answer_ok('7', co2=1.0)
+    reader.answer(status=1, error_message='who?')
+    wait_until(lambda: len(hearer.heard) == 3)
+    assert heard_tags(hearer) == ['1', '7', '400']
+    assert [each.status for each in hearer.heard] == [
         Observation.STATUS_OK,
         Observation.STATUS_OK,
         Observation.STATUS_SCAN_FAILED,
     ]
-    places = [each.tag_pose_in_map.position for each in late.heard]
+    places = [each.tag_pose_in_map.position for each in hearer.heard]
     assert [(place.x, place.y) for place in places] == [(1.5, 8.5), (2.5, 8.5), (3.0, 8.5)]
 
 
@@ -293,21 +254,14 @@ def test_a_world_that_cannot_be_read_is_refused_in_one_line(start_mission):
     assert "world_file '/missing.sdf' cannot be read" in start_mission(world_file='/missing.sdf').refusal(2)
 
 
-def test_the_error_of_one_mission_is_not_that_of_the_next(start_mission, start_bridge, node, web):
-    bridge = start_bridge()
-    mission = start_mission(
-        bridge_service_name=bridge.service_name,
-        tag_ids='"1 99"',
-        wait_for_start=True,
-        max_attempts=1,
-        request_timeout_seconds=PATIENCE_SECONDS,
-    )
-    states = web(mission)
-    states.wait_for(lambda state: state.lifecycle_state == 'READY')
-    for tag_id, error in (('99', "tag '99': scan failed after 1 requests: UNKNOWN_TAG"), ('1', '')):
-        started = ask(node, mission, StartMission, 'start', tag_sequence=[tag_id])
-        done = states.wait_for(lambda state, started=started: is_done(state, started))
-        assert done.last_error[: len(error) or None] == error
+def test_the_error_of_one_mission_is_not_that_of_the_next(start_mission, reader, operate):
+    mission = start_mission(**READER, tag_ids='"1 99"', wait_for_start=True)
+    operator = operate(mission)
+    reader.answer(status=1, error_message='who?')
+    reader.answer_ok('1', co2=1.0)
+    for tag_id, error in (('99', "tag '99': scan failed after 1 requests: UNKNOWN_TAG: who?"), ('1', '')):
+        started = operator.start(tag_sequence=[tag_id])
+        assert operator.wait_for(lifecycle_state='DONE', mission_id=started).last_error == error
 
 
 @pytest.mark.parametrize(
@@ -315,39 +269,40 @@ def test_the_error_of_one_mission_is_not_that_of_the_next(start_mission, start_b
     [
         (
             {'mission_type': 'ExplorationMission'},
-            "mission_type is 'ExplorationMission': must be InspectionMission",
+            "mission_type is 'ExplorationMission': must be InspectionMission or empty",
         ),
         ({'tag_sequence': ['1', '99']}, "tag '99' is unknown: must be one of the 2 tags of the greenhouse"),
-        ({'tag_sequence': ['1', '1']}, 'tag_sequence names a tag twice'),
+        ({'tag_sequence': ['1', '1']}, 'tag_sequence names a tag twice: a mission visits a tag once'),
     ],
 )
-def test_a_start_that_cannot_be_is_rejected_with_the_reason(start_mission, node, request_fields, reason):
+def test_a_start_that_cannot_be_is_rejected_with_the_reason(start_mission, operate, request_fields, reason):
     mission = start_mission(**READER, tag_ids='1 2', wait_for_start=True)
-    response = ask(node, mission, StartMission, 'start', **request_fields)
-    assert (response.accepted, response.mission_id) == (False, '')
-    assert reason in response.error_message
+    operator = operate(mission)
+    assert operator.rejection(**request_fields) == reason
+    state = operator.wait_for(last_event=f'start rejected: {reason}')
+    assert (state.lifecycle_state, state.last_event_severity) == ('READY', MissionState.SEVERITY_WARN)
 
 
-def test_a_start_is_rejected_while_a_mission_runs_and_before_the_tags_are_known(
-    start_mission, reader, listener
-):
-    patient = {'request_timeout_seconds': PATIENCE_SECONDS}
-    mission = start_mission(**READER, tag_ids='1', wait_for_start=True, **patient)
-    first = ask(listener, mission, StartMission, 'start')
-    assert first.accepted
+def test_a_start_is_rejected_while_a_mission_runs(start_mission, reader, operate):
+    mission = start_mission(**READER, tag_ids='1', wait_for_start=True)
+    operator = operate(mission)
+    first = operator.start()
     reader.wait_for_request()
-    again = ask(listener, mission, StartMission, 'start')
-    assert again.error_message == f'mission {first.mission_id} is running: abort it, or wait for its end'
+    assert operator.rejection() == f'mission {first} is running: abort it, or wait for its end'
     reader.answer_ok('1', co2=1.0)
-    ignorant = start_mission(bridge_service_name='/nobody/get_tag_reading', wait_for_start=True)
-    assert ask(listener, ignorant, StartMission, 'start').error_message.startswith(
-        'the tags are not known yet'
-    )
+    operator.wait_for(lifecycle_state='DONE', mission_id=first)
 
 
-def test_a_report_that_cannot_be_written_rejects_the_start(start_mission, node):
+def test_a_start_is_rejected_before_the_tags_are_known(start_mission, operate):
+    mission = start_mission(bridge_service_name='/nobody/get_tag_reading', wait_for_start=True)
+    operator = operate(mission)
+    operator.wait_for(lifecycle_state='BOOT')
+    assert operator.rejection() == 'the tags are not known yet: start the bridge'
+
+
+def test_a_report_that_cannot_be_written_rejects_the_start(start_mission, operate):
     mission = start_mission(**READER, tag_ids='1', wait_for_start=True, report_file='/missing/report.jsonl')
-    assert 'name a file that can be written' in ask(node, mission, StartMission, 'start').error_message
+    assert 'name a file that can be written' in operate(mission).rejection()
     assert mission.stop() == 1
 
 

@@ -1,0 +1,271 @@
+"""The real mission, in a thread of the test, and what is around it: services, subscribers, an operator."""
+
+import contextlib
+import queue
+import threading
+import time
+import uuid
+from collections import defaultdict
+from concurrent.futures import Future
+from pathlib import Path
+
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, wait_until
+from lupin_mission import life_cycle, mission_node
+from lupin_mission.client import SERVICE_QOS
+from lupin_mission.report import Outcome, read_report
+from lupin_msgs.msg import MissionState, SensorReading, TagReading
+from lupin_msgs.srv import StartMission
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import NodeNameNonExistentError
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.utilities import get_default_context
+from std_srvs.srv import Trigger
+
+HOUR = 3600.0  # of a state that only the test ends
+READER = {'bridge_service_name': '/commanded/get_tag_reading'}
+CAMERA = {**READER, 'confirm_service_name': '/commanded/confirm_tag', 'require_visual_confirmation': True}
+# DDS can drop a reply of the bridge while both discover each other: the mission asks until it has one.
+REAL = {'request_timeout_seconds': 1.0, 'retry_delay_seconds': 0.0, 'max_attempts': 1000}
+TWIN_QOS = QoSProfile(
+    depth=50, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+WEB_QOS = QoSProfile(depth=10)  # a web client has no durability
+SERVICES = {
+    **dict.fromkeys(['pause', 'resume', 'skip_current', 'abort'], Trigger),
+    'start': StartMission,
+}
+
+
+class Clock:
+    """A clock that the test moves."""
+
+    def __init__(self):
+        self._seconds = 1000.0
+
+    def __call__(self) -> float:
+        return self._seconds
+
+    def pass_seconds(self, seconds: float) -> None:
+        """Let this time pass at once."""
+        self._seconds += seconds
+
+
+class Commanded:
+    """A service that holds every request until the test replies to it."""
+
+    def __init__(self, node, service_type, name: str):
+        self.name = name
+        self.tag_ids = []  # of the requests, in the order of arrival
+        self._node = node
+        self._type = service_type
+        self._lock = threading.Lock()
+        self._arrived = queue.SimpleQueue()
+        self._replies = defaultdict(Future)  # by the number of the request
+        self._replied = 0
+        self._is_closed = False
+        node.create_service(
+            service_type,
+            name,
+            self._handle,
+            qos_profile=SERVICE_QOS,
+            callback_group=ReentrantCallbackGroup(),
+        )
+
+    def _handle(self, request, _response):
+        """Wait in a thread of this request alone: the executor and other requests go on."""
+        tag_id = getattr(request, 'tag_id', None) or getattr(request, 'expected_tag_id', None)
+        with self._lock:
+            reply = self._replies[len(self.tag_ids)]
+            self.tag_ids.append(tag_id)
+            if self._is_closed:
+                return self._type.Response()
+        self._arrived.put(tag_id)
+        response = reply.result()
+        if not self._is_closed:
+            wait_until(self._has_found_a_client)
+        return response
+
+    def _has_found_a_client(self) -> bool:
+        """Return whether DDS will deliver a reply: it drops one to a client that is not discovered yet."""
+        with contextlib.suppress(NodeNameNonExistentError):  # of a node that has just ended
+            return any(
+                self.name in dict(self._node.get_client_names_and_types_by_node(*each))
+                for each in self._node.get_node_names_and_namespaces()
+            )
+        return False
+
+    def wait_for_request(self) -> str:
+        """Return the tag id of the next request."""
+        return self._arrived.get(timeout=PATIENCE_SECONDS)
+
+    def answer(self, **fields) -> None:
+        """Reply to the first request without a reply, which has arrived or will arrive."""
+        response = self._type.Response()
+        for name, value in fields.items():
+            setattr(response, name, value)
+        with self._lock:
+            reply = self._replies[self._replied]
+            self._replied += 1
+        reply.set_result(response)
+
+    def answer_ok(self, tag_id: str, **values: float) -> None:
+        """Reply like the bridge."""
+        readings = [SensorReading(name=name, value=value) for name, value in values.items()]
+        reading = TagReading(tag_id=tag_id, sim_time_of_day_seconds=43200.0, readings=readings)
+        self.answer(reading=reading)
+
+    def close(self) -> None:
+        """Reply to every request that still waits."""
+        with self._lock:
+            self._is_closed = True
+            waiting = [reply for reply in self._replies.values() if not reply.done()]
+        for reply in waiting:
+            reply.set_result(self._type.Response())
+
+
+class Subscriber:
+    """Subscribes to one topic, and keeps its messages."""
+
+    def __init__(self, node, message_type, topic: str, qos):
+        self.heard = []
+        self._news = queue.SimpleQueue()
+        node.create_subscription(message_type, topic, self._on_message, qos)
+
+    def _on_message(self, message):
+        self.heard.append(message)
+        self._news.put(message)
+
+    def wait_for(self, is_it):
+        """Return the first new message that matches."""
+        deadline = time.monotonic() + PATIENCE_SECONDS
+        while True:
+            try:
+                message = self._news.get(timeout=max(deadline - time.monotonic(), 0.0))
+            except queue.Empty:
+                last = self.heard[-1] if self.heard else None
+                raise AssertionError(f'no such message; the last one was {last}') from None
+            if is_it(message):
+                return message
+
+
+class Operator:
+    """A person with the state and all services of a mission that waits for its start."""
+
+    def __init__(self, node, namespace: str):
+        """Let each service find its client by calls that change nothing before the first start."""
+        self.states = Subscriber(node, MissionState, f'{namespace}/mission/state', WEB_QOS)
+        self._clients = {
+            name: node.create_client(service_type, f'{namespace}/mission/{name}')
+            for name, service_type in SERVICES.items()
+        }
+        assert self.states.wait_for(lambda _state: True).lifecycle_state in ('BOOT', 'READY')
+        for name, client in self._clients.items():
+            greeting = {'mission_type': 'none'} if name == 'start' else {}
+            wait_until(client.service_is_ready)
+            greet(client, client.srv_type.Request(**greeting))
+            self._call(name, **greeting)  # follows the last greeting, so that none is under way
+
+    def _call(self, name: str, **fields):
+        client = self._clients[name]
+        return call(client, client.srv_type.Request(**fields))
+
+    def start(self, **fields) -> str:
+        """Start a mission, and return its id."""
+        response = self._call('start', **fields)
+        assert (response.accepted, response.error_message) == (True, '')
+        return response.mission_id
+
+    def rejection(self, **fields) -> str:
+        """Return why a start is rejected."""
+        response = self._call('start', **fields)
+        assert (response.accepted, response.mission_id) == (False, '')
+        return response.error_message
+
+    def trigger(self, name: str) -> bool:
+        """Call a Trigger service, and return whether there was something to do."""
+        response = self._call(name)
+        verb = name.removesuffix('_current')
+        assert response.message == (f'{verb}: done' if response.success else f'there is nothing to {verb}')
+        return response.success
+
+    def wait_for(self, **fields) -> MissionState:
+        """Return the first new state with these fields. The test holds such a state: others pass unheard."""
+        return self.states.wait_for(
+            lambda state: all(getattr(state, name) == value for name, value in fields.items())
+        )
+
+
+class MissionThread:
+    """A mission in a thread of the test: the whole run, but for the signals, which belong to the process."""
+
+    def __init__(self, monkeypatch, capture, **parameters):
+        self.namespace = f'/test_{uuid.uuid4().hex[:8]}'
+        self.log: list[str] = []  # once it has ended: what ROS logs, then what the mission prints
+        self._capture = capture
+        self._is_asked_to_end = threading.Event()
+        self._exit_code = Future()
+        monkeypatch.setattr(life_cycle, 'is_asked_to_end', self._is_asked_to_end.is_set)
+        overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+        args = ['--ros-args', '-r', f'__ns:={self.namespace}', *overrides]
+        self._thread = threading.Thread(target=self._run, args=[args], daemon=True)
+        self._thread.start()
+
+    def _run(self, args):
+        try:
+            exit_code = mission_node.main(args)
+        except BaseException as error:
+            self._exit_code.set_exception(error)
+        else:
+            get_default_context(shutting_down=True)  # what follows needs a new one
+            self._exit_code.set_result(exit_code)
+
+    def close(self) -> None:
+        """Ask the mission to end, and wait for it."""
+        self._is_asked_to_end.set()
+        self._thread.join(PATIENCE_SECONDS)
+
+    def end(self) -> int:
+        """Return the exit code of a mission that ends."""
+        exit_code = self._exit_code.result(PATIENCE_SECONDS)
+        printed, logged = self._capture.readouterr()
+        self.log += (logged + printed).splitlines()
+        assert 'Traceback' not in logged, logged
+        return exit_code
+
+    def stop(self) -> int:
+        """Ask the mission to end, like a signal, and return the exit code."""
+        self._is_asked_to_end.set()
+        return self.end()
+
+    def refusal(self, exit_code: int) -> str:
+        """Return the one FATAL line of a mission that refuses to start with this exit code."""
+        assert self.end() == exit_code, self.log
+        (fatal,) = [line for line in self.log if '[FATAL]' in line]
+        return fatal
+
+
+class RunningMission:
+    """One real mission and its report."""
+
+    def __init__(self, run, report_file: Path):
+        self.run = run  # a NodeProcess or a MissionThread
+        self.report_file = report_file
+
+    def observations(self, mission_id: str = ''):
+        """Return the lines of the report so far; a mission that waits for its start has one for each id."""
+        name = f'{self.report_file.stem}-{mission_id}.jsonl' if mission_id else self.report_file.name
+        path = self.report_file.with_name(name)
+        return read_report(path) if path.exists() else []
+
+    def outcomes(self, mission_id: str = '') -> list[tuple[str, Outcome]]:
+        """Return (tag id, outcome) for each line of the report so far."""
+        return [(each.tag_id, each.outcome) for each in self.observations(mission_id)]
+
+    def warnings(self) -> list[str]:
+        """Return what the node of a mission that has ended logged above INFO."""
+        lines = [line for line in self.run.log if f'{self.run.namespace[1:]}.mission]' in line]
+        assert lines, self.run.log
+        return [line for line in lines if '[INFO]' not in line]
+
+    def __getattr__(self, name):
+        return getattr(self.run, name)
