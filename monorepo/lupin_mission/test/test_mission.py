@@ -1,5 +1,6 @@
 """The state machine of a mission, without ROS. The test supplies time and replies."""
 
+import os
 import tempfile
 from pathlib import Path
 
@@ -21,11 +22,11 @@ def reading(tag_id: str, value: float = 20.0) -> Reading:
 class World:
     """Surroundings that record what the mission does."""
 
-    def __init__(self, tag_ids='ab', drive=None, **options):
+    def __init__(self, tag_ids='ab', drive=None, limits=LIMITS, **options):
         self.now = 0.0
         self.sent, self.abandoned, self.recorded, self.events = [], [], [], []
         self.is_service_there = True
-        self.mission = Mission(tag_ids, self, drive or TimedDrive(0.0), LIMITS, **options)
+        self.mission = Mission(tag_ids, self, drive or TimedDrive(0.0), limits, **options)
         self.mission.start(self.now)
 
     def send(self, request):
@@ -204,6 +205,43 @@ def test_a_timeout_gives_the_request_up_and_asks_again_later_and_later():
     assert world.abandoned == world.sent
     assert world.outcomes == [('a', Outcome.TIMEOUT)]
     assert world.recorded[0].attempts == 3
+
+
+def test_the_delay_before_a_further_attempt_grows_up_to_10_seconds():
+    world = World('a', limits=Limits(retry_delay_seconds=3.0, max_attempts=5))
+    delays = []
+    for _ in range(4):
+        failed = world.now
+        world.mission.on_refusal(world.sent[-1].number, Outcome.SIMULATOR_ERROR, 'broken')
+        attempts = len(world.sent)
+        while len(world.sent) == attempts:
+            world.wait(0.5)
+        delays.append(world.now - failed)
+    assert delays == [3.0, 6.0, 10.0, 10.0]
+
+
+def test_the_delay_of_a_skipped_tag_is_not_that_of_the_next():
+    world = World('ab')
+    world.mission.on_refusal(1, Outcome.SIMULATOR_ERROR, 'broken')
+    assert world.mission.skip()
+    world.wait(0.0)
+    assert world.asked == [(Service.READ, 'a'), (Service.READ, 'b')]
+    world.mission.on_refusal(2, Outcome.SIMULATOR_ERROR, 'broken')
+    world.wait(0.5)  # the first delay again, not the second
+    assert len(world.sent) == 3
+
+
+def test_the_delay_stops_in_a_pause_and_the_timeout_does_not():
+    world = World('a')
+    world.mission.pause()
+    world.wait(2.0)
+    assert world.abandoned == world.sent
+    world.wait(100.0)
+    world.mission.resume()
+    world.wait(0.25)
+    assert len(world.sent) == 1
+    world.wait(0.25)
+    assert len(world.sent) == 2
 
 
 def test_a_service_that_is_not_there_is_told_from_one_that_does_not_answer():
@@ -527,5 +565,11 @@ class AnyOrder(RuleBasedStateMachine):
         self._folder.cleanup()
 
 
-TestAnyOrder = AnyOrder.TestCase
+@pytest.fixture
+def no_disk(monkeypatch):
+    """Do not wait for the disk: test_report.py tests that a report does."""
+    monkeypatch.setattr(os, 'fsync', lambda _file: None)
+
+
+TestAnyOrder = pytest.mark.usefixtures('no_disk')(AnyOrder.TestCase)
 TestAnyOrder.settings = settings(max_examples=300, stateful_step_count=40, deadline=None)

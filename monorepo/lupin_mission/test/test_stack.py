@@ -17,23 +17,24 @@ def heard_tags(hearer) -> list[str]:
 
 
 def test_a_twin_that_joins_in_the_middle_has_heard_every_tag_at_the_end(
-    start_mission, reader, operate, twin, shipped_tags
+    start_mission, reader, twin, node, shipped_tags
 ):
-    """The mission stands at its third tag until the twin has joined."""
-    mission = start_mission(**READER, tag_ids='9 7 1 29', wait_for_start=True)
-    operator = operate(mission)
-    mission_id = operator.start(tag_sequence=['9', '7', '1', '29'])
+    """The mission stands at its third tag until the twin has joined, and exits after its last."""
+    mission = start_mission(**READER, tag_ids='9 7 1 29')
     reader.answer_ok('9', co2=9.0)
     reader.answer_ok('7', co2=7.0, temperature=20.5)
     assert [reader.wait_for_request() for _ in range(3)] == ['9', '7', '1']
     late = twin()
     wait_until(lambda: heard_tags(late) == ['9', '7'])
+    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    states.wait_for(lambda state: state.current_target == '1')
     reader.answer_ok('1', co2=1.0)
     reader.answer_ok('29', co2=29.0)
-    operator.wait_for(lifecycle_state='DONE')
+    assert mission.end() == 0
     wait_until(lambda: len(late.heard) == 4)
-    assert mission.stop() == 0
-    observations = mission.observations(mission_id)
+    done = states.wait_for(lambda state: state.lifecycle_state == 'DONE')
+    assert done.targets_completed == 4
+    observations = mission.observations()
     assert heard_tags(late) == [each.tag_id for each in observations] == ['9', '7', '1', '29']
     for heard, written in zip(late.heard, observations, strict=True):
         assert (heard.kind, heard.status, heard.status_detail) == (0, Observation.STATUS_OK, '')
@@ -43,7 +44,7 @@ def test_a_twin_that_joins_in_the_middle_has_heard_every_tag_at_the_end(
         assert heard.tag_reading.sim_time_of_day_seconds == 12 * 3600.0
         place, pose = shipped_tags[written.tag_id], heard.tag_pose_in_map
         assert (pose.position.x, pose.position.y, pose.orientation.w) == (place['x'], place['y'], 1.0)
-    assert {each.mission_id for each in late.heard} == {mission_id}
+    assert {each.mission_id for each in late.heard} == {done.mission_id}
     assert {each.source for each in late.heard} == {f'{mission.namespace}/mission'}
 
 

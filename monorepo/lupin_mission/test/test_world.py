@@ -1,5 +1,7 @@
 """The tags of an SDF world, read as data."""
 
+import os
+
 import pytest
 from lupin_mission.errors import StartUpError
 from lupin_mission.world import read_world
@@ -65,3 +67,14 @@ def test_a_file_that_is_no_world_is_refused(tmp_path, content, fragment):
 def test_a_folder_is_refused(tmp_path):
     with pytest.raises(StartUpError, match='cannot be read'):
         read_world(str(tmp_path))
+
+
+def test_a_file_of_64_mib_is_read_and_a_byte_more_is_refused(tmp_path):
+    path = tmp_path / 'world.sdf'
+    with path.open('wb') as file:
+        file.truncate(64 * 2**20)  # sparse: it takes no room
+    with pytest.raises(StartUpError, match='is not an SDF world'):
+        read_world(str(path))
+    os.truncate(path, 64 * 2**20 + 1)
+    with pytest.raises(StartUpError, match=r'world\.sdf. has more than 64 MiB: name an SDF world'):
+        read_world(str(path))

@@ -1,0 +1,94 @@
+"""The parameters: their defaults, as documented, and what they mean."""
+
+import re
+from pathlib import Path
+
+import pytest
+from lupin_mission import announcer, mission, mission_node
+from lupin_mission.errors import StartUpError
+from lupin_mission.life_cycle import launch_arguments
+from lupin_mission.mission import Limits
+from lupin_mission.settings import Settings
+
+README = (Path(__file__).resolve().parent.parent / 'README.md').read_text(encoding='utf-8')
+
+
+def test_the_defaults_are_those_of_the_documents():
+    table = README.partition('## Parameters')[2].partition('\n## ')[0]
+    documented = dict(re.findall(r'^\| `(\w+)` \| `(.*?)` \|', table, re.MULTILINE))
+    assert {
+        name: default or "''" for name, default, _type, _description in launch_arguments(Settings)
+    } == documented
+
+
+def test_the_times_that_are_no_parameters_are_those_of_the_documents():
+    words = ' '.join(README.split())
+    assert mission.LONGEST_RETRY_DELAY_SECONDS == 10.0
+    assert 'doubles with each further attempt, up to 10' in words
+    assert mission_node.LONGEST_WAIT_FOR_TAGS_SECONDS == 30.0
+    assert '`loaded_tag_ids`, for up to 30 s' in words
+    assert announcer.LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS == 5.0
+    assert 'a mission waits up to 5 s until its subscribers' in words
+
+
+def test_the_limits_of_a_mission_are_its_parameters():
+    assert Settings().limits == Limits() == Limits(1.0, 2.0, 3, 0.5)
+    others = Limits(dwell_seconds=4.0, request_timeout_seconds=5.0, max_attempts=6, retry_delay_seconds=7.0)
+    assert Settings(**vars(others)).limits == others
+
+
+@pytest.mark.parametrize(
+    ('tag_ids', 'ids'),
+    [
+        ('', []),
+        (' 6,21  29, ', ['6', '21', '29']),
+        ([], []),
+        ([6, 21], ['6', '21']),
+        (['6', '21'], ['6', '21']),
+        (6, ['6']),
+    ],
+)
+def test_the_ids_are_taken_from_text_and_arrays(tag_ids, ids):
+    assert Settings(tag_ids=tag_ids).chosen_tag_ids == ids
+
+
+@pytest.mark.parametrize(
+    ('value', 'with_camera', 'without_camera'),
+    [
+        ('', False, True),
+        (True, True, True),
+        ('true', True, True),
+        (False, False, False),
+        ('false', False, False),
+    ],
+)
+def test_tag_poses_follow_the_camera_unless_they_are_set(value, with_camera, without_camera):
+    for camera, has_poses in ((True, with_camera), (False, without_camera)):
+        settings = Settings(tag_poses_in_map=value, require_visual_confirmation=camera)
+        assert settings.has_poses_in_map == has_poses
+
+
+@pytest.mark.parametrize('value', ['yes', 'True', 2, None])
+def test_tag_poses_of_another_kind_are_refused(value):
+    fragment = f'parameter tag_poses_in_map is {value!r}: must be true, false or empty'
+    with pytest.raises(StartUpError, match=re.escape(fragment)):
+        Settings(tag_poses_in_map=value)
+
+
+@pytest.mark.parametrize(
+    ('name', 'smallest', 'largest'),
+    [
+        ('drive_seconds', 0.0, 86400.0),
+        ('dwell_seconds', 0.0, 86400.0),
+        ('request_timeout_seconds', 0.001, 86400.0),
+        ('retry_delay_seconds', 0.0, 86400.0),
+        ('max_attempts', 1, 1000),
+    ],
+)
+def test_the_limits_of_a_number_are_inclusive(name, smallest, largest):
+    for value in (smallest, largest):
+        assert getattr(Settings(**{name: value}), name) == value
+    step = 1 if name == 'max_attempts' else 0.0001
+    for value in (smallest - step, largest + step):
+        with pytest.raises(StartUpError, match=f'parameter {name} is .* from {smallest:g} to {largest:g}'):
+            Settings(**{name: value})
