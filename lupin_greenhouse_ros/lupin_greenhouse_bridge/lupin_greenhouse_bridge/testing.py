@@ -39,6 +39,16 @@ from lupin_greenhouse_bridge import simulation
 from lupin_greenhouse_bridge.client import SERVICE_QOS
 
 PATIENCE_SECONDS = 30.0  # for a busy machine; a passing test never waits this long
+# Fast DDS repeats a lost announcement of a participant only every 3 s.
+ANNOUNCED_OFTEN = """<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com">
+  <participant profile_name="announced_often" is_default_profile="true">
+    <rtps><builtin><discovery_config>
+      <leaseAnnouncement><sec>0</sec><nanosec>100000000</nanosec></leaseAnnouncement>
+    </discovery_config></builtin></rtps>
+  </participant>
+</profiles>
+"""
 
 
 def executable(package: str, name: str) -> str:
@@ -179,7 +189,6 @@ class Bridge(NodeProcess):
         """Wait until the service is available, and return its client."""
         if self._client is None:
             self.wait_for_log('ready:')
-            # A new participant: one that is older than the bridge may take 3 s to discover it.
             self.node = self._stack.enter_context(spinning_node('bridge_test'))
             self._client = self.node.create_client(GetTagReading, self.service_name, qos_profile=SERVICE_QOS)
             assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
@@ -216,6 +225,10 @@ def own_domain(tmp_path_factory):
         patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
         if os.environ.get('ROS_DISTRO') == 'humble':
             patch.setenv('ROS_LOCALHOST_ONLY', '1')
+        profiles = tmp_path_factory.mktemp('dds') / 'profiles.xml'
+        profiles.write_text(ANNOUNCED_OFTEN, encoding='utf-8')
+        is_fast_dds_2 = os.environ.get('ROS_DISTRO') in ('humble', 'jazzy')
+        patch.setenv(f'FAST{"RTPS" if is_fast_dds_2 else "DDS"}_DEFAULT_PROFILES_FILE', str(profiles))
         patch.setenv('ROS_LOG_DIR', str(tmp_path_factory.mktemp('log')))
         yield
 

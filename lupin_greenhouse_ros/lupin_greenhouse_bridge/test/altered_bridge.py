@@ -10,12 +10,10 @@ import datetime
 import fractions
 import itertools
 import math
-import os
 import sys
 from pathlib import Path
 
 import numpy
-import rclpy.node
 import rclpy.service
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node, life_cycle, simulation
@@ -36,21 +34,9 @@ def ticking_clock():
     simulator.datetime = Clock(lambda: next(ticks))
 
 
-def driven_clock():
-    """Give the simulator the wall time in the file LUPIN_TEST_CLOCK, as HH:MM:SS."""
-    clock = Path(os.environ['LUPIN_TEST_CLOCK'])
-    simulator.datetime = Clock(lambda: datetime.datetime.strptime(clock.read_text(), '%H:%M:%S'))
-
-
-def announced_services():
-    """Log every service before it is created."""
-    create_service = rclpy.node.Node.create_service
-
-    def announce(node, service_type, name, *arguments, **keywords):
-        print(f'create_service {name}', flush=True)
-        return create_service(node, service_type, name, *arguments, **keywords)
-
-    rclpy.node.Node.create_service = announce
+def path_arguments():
+    """Serve a custom tag file in both trees."""
+    bridge_node._config_path = lambda value: Path(value) if value else None
 
 
 def unsendable_reply():

@@ -1,37 +1,55 @@
 """The effect of the three debugging parameters on the clock and the noise."""
 
 import copy
+import datetime
 import random
 
 import pytest
 import yaml
-from greenhouse_sim.simulator import GreenhouseSimulator
+from greenhouse_sim import simulator
+from lupin_greenhouse_bridge import simulation
+from lupin_greenhouse_bridge.settings import Settings
 
 NOISY_TAGS = ('21', '1', '5', '21', '12', '1')
 TICK_SECONDS = 1800.0  # simulated seconds per wall second in the shipped config
 
 
+class WallClock:
+    """Replaces `datetime` in the simulator."""
+
+    def now(self):
+        return datetime.datetime.strptime(self.time, '%H:%M:%S')
+
+
+def loaded(config_file=None, **parameters):
+    """Return the simulator that a bridge with these parameters serves."""
+    return simulation.load(Settings(**parameters), None, config_file).sim
+
+
+def sim_time(sim) -> float:
+    return simulation.read(sim, '1')[0]
+
+
 @pytest.fixture
-def sim_times(start_bridge, altered, tmp_path):
-    """Return a function that returns the simulated times of one bridge at these wall times."""
-    clock = tmp_path / 'clock'
+def sim_times(monkeypatch):
+    """Return a function that returns the simulated times of one start at these wall times."""
+    clock = WallClock()
 
     def read_at(wall_times, **parameters):
-        clock.write_text('00:00:00')
-        environment = {'LUPIN_TEST_CLOCK': str(clock)}
-        bridge = start_bridge(altered('driven_clock'), environment=environment, **parameters)
-        bridge.connect()
+        clock.time = '00:00:00'
+        sim = loaded(**parameters)
         times = []
-        for wall_time in wall_times:
-            clock.write_text(wall_time)
-            times.append(bridge.call('1').reading.sim_time_of_day_seconds)
+        for clock.time in wall_times:
+            times.append(sim_time(sim))
         return times
 
+    monkeypatch.setattr(simulator, 'datetime', clock)
     return read_at
 
 
-def noisy_sequence(bridge):
-    return [bridge.values(tag_id) for tag_id in NOISY_TAGS]
+def noisy_sequence(**parameters):
+    sim = loaded(**parameters)
+    return [simulation.read(sim, tag_id)[1] for tag_id in NOISY_TAGS]
 
 
 @pytest.mark.parametrize('speedup', [1, 7.5, 3600])
@@ -62,48 +80,54 @@ def test_a_frozen_clock_stays_frozen(sim_times):
 
 
 @pytest.mark.parametrize(('hours', 'seconds'), [(0, 0.0), (0.0, 0.0), (23.999, 86396.4), (24, 0.0)])
-def test_both_ends_of_the_day_are_midnight(start_bridge, hours, seconds):
-    reading = start_bridge(debug_time_of_day=hours).call('1').reading
-    assert reading.sim_time_of_day_seconds == pytest.approx(seconds)
+def test_both_ends_of_the_day_are_midnight(hours, seconds):
+    assert sim_time(loaded(debug_time_of_day=hours)) == pytest.approx(seconds)
 
 
-def test_a_config_may_say_24_hours_too(start_bridge, shipped_config, tmp_path):
+def test_a_config_may_say_24_hours_too(shipped_config, tmp_path):
     config = copy.deepcopy(shipped_config)
     config['time'].update(debug_mode=True, debug_time_of_day=24)
     path = tmp_path / 'config.yaml'
     path.write_text(yaml.safe_dump(config))
-    assert start_bridge(sim_config_file=path).call('1').reading.sim_time_of_day_seconds == 0.0
+    assert sim_time(loaded(path)) == 0.0
 
 
-def test_a_whole_number_is_taken_for_a_time_of_day(start_bridge):
-    assert start_bridge(debug_time_of_day=6).call('1').reading.sim_time_of_day_seconds == 6 * 3600.0
+def test_a_whole_number_is_taken_for_a_time_of_day_and_a_speedup_without_effect_is_warned_of(start_bridge):
+    bridge = start_bridge(debug_time_of_day=6, speedup_factor=3600)
+    assert bridge.call('1').reading.sim_time_of_day_seconds == 6 * 3600.0
+    (warning,) = [line for line in bridge.log if '[WARN]' in line]
+    assert 'speedup_factor has no effect' in warning
 
 
-def test_the_same_seed_gives_the_same_values_also_after_a_restart(start_bridge):
+def test_the_same_seed_gives_the_same_values_also_after_a_restart():
     parameters = {'debug_seed': 7, 'debug_time_of_day': 12.0}
-    first = noisy_sequence(start_bridge(**parameters))
-    assert noisy_sequence(start_bridge(**parameters)) == first
-    assert noisy_sequence(start_bridge(**{**parameters, 'debug_seed': 8})) != first
+    first = noisy_sequence(**parameters)
+    assert noisy_sequence(**parameters) == first
+    assert noisy_sequence(**{**parameters, 'debug_seed': 8}) != first
 
 
 def test_seeded_noise_is_the_simulators_own_from_the_first_request_on(start_bridge):
     """The reads at start-up do not count."""
-    served = noisy_sequence(start_bridge(debug_seed=7, debug_time_of_day=12.0))
-    sim = GreenhouseSimulator()
+    bridge = start_bridge(debug_seed=7, debug_time_of_day=12.0)
+    served = [bridge.values(tag_id) for tag_id in NOISY_TAGS]
+    sim = simulator.GreenhouseSimulator()
     sim.sim_config['time'].update(debug_mode=True, debug_time_of_day=12.0)
     random.seed(7)
     own = [sim.get_sensor_data(tag_id) for tag_id in NOISY_TAGS]
     assert served == [{name: data[name] for name in data if name != 'timestamp'} for data in own]
 
 
-def test_without_a_seed_the_noise_is_not_reproducible(start_bridge):
-    first, second = (noisy_sequence(start_bridge(debug_time_of_day=12.0)) for _ in range(2))
-    assert first != second
+def test_without_a_seed_the_noise_goes_on_as_the_process_started_it():
+    sequences = []
+    for seed_of_the_process in (1, 1, 2):
+        random.seed(seed_of_the_process)
+        sequences.append(noisy_sequence(debug_time_of_day=12.0))
+    first, same, other = sequences
+    assert first == same != other
 
 
-def test_a_seed_alone_freezes_the_clock_at_the_time_of_the_config(start_bridge, shipped_config):
-    reading = start_bridge(debug_seed=0).call('1').reading
-    assert reading.sim_time_of_day_seconds == shipped_config['time']['debug_time_of_day'] * 3600
+def test_a_seed_alone_freezes_the_clock_at_the_time_of_the_config(shipped_config):
+    assert sim_time(loaded(debug_seed=0)) == shipped_config['time']['debug_time_of_day'] * 3600
 
 
 @pytest.mark.parametrize(
@@ -114,8 +138,6 @@ def test_a_seed_alone_freezes_the_clock_at_the_time_of_the_config(start_bridge, 
         ({'debug_time_of_day': 12.0}, False),
     ],
 )
-def test_a_speedup_is_warned_of_only_when_the_clock_is_frozen(start_bridge, arguments, is_warned_of):
-    bridge = start_bridge(**arguments)
-    bridge.wait_for_log('ready:')
-    warnings = [line for line in bridge.log if '[WARN]' in line]
+def test_a_speedup_is_warned_of_only_when_the_clock_is_frozen(arguments, is_warned_of):
+    warnings = simulation.load(Settings(**arguments), None, None).warnings
     assert ['speedup_factor has no effect' in line for line in warnings] == [True] * is_warned_of

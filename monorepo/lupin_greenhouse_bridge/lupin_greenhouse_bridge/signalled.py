@@ -7,8 +7,8 @@ MOMENT is the end of a file's path and a function in it, such as rclpy/node.py:c
 arrive at the first call of the function. The function <module> is the import of the file.
 """
 
+import contextlib
 import importlib
-import os
 import signal
 import sys
 
@@ -38,23 +38,37 @@ def command(package: str, executable: str, moment: str, signals) -> list[str]:
     return [sys.executable, '-m', __name__, package, executable, moment, numbers]
 
 
+@contextlib.contextmanager
+def raising(signals_at: dict[str, tuple[signal.Signals, ...]]):
+    """Raise signals in this thread at the first call of each of these functions, by moment."""
+    left = dict(signals_at)
+
+    def watch(frame, event, _argument):
+        code = frame.f_code
+        if event != 'call' or code.co_name not in functions:
+            return
+        for moment in list(left):
+            file, _, function = moment.rpartition(':')
+            if code.co_name == function and code.co_filename.endswith(file):
+                print(f'signalled in {moment}', flush=True)
+                for number in left.pop(moment):
+                    signal.raise_signal(number)
+
+    functions = {moment.rpartition(':')[2] for moment in left}
+    sys.setprofile(watch if left else None)
+    try:
+        yield
+    finally:
+        sys.setprofile(None)
+
+
 def main() -> None:
     """Run the executable, which ends the process."""
     package, executable, moment, numbers = sys.argv[1:5]
     del sys.argv[1:5]
-    file, _, function = moment.rpartition(':')
-
-    def watch(frame, event, _argument):
-        code = frame.f_code
-        if event == 'call' and code.co_name == function and code.co_filename.endswith(file):
-            sys.setprofile(None)
-            print(f'signalled in {moment}', flush=True)
-            for number in numbers.split(','):
-                os.kill(os.getpid(), int(number))
-
     run = getattr(importlib.import_module(f'{package}.executables'), executable)
-    sys.setprofile(watch)
-    run()
+    with raising({moment: tuple(signal.Signals(int(number)) for number in numbers.split(','))}):
+        run()
 
 
 if __name__ == '__main__':

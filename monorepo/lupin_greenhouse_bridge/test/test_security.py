@@ -1,12 +1,12 @@
 """The SROS2 policy allows what the nodes create on the graph, and nothing else."""
 
-import os
-import subprocess
+import signal
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from lupin_greenhouse_bridge.testing import executable, wait_until
+from lupin_greenhouse_bridge import life_cycle, read_tag
+from lupin_greenhouse_bridge.testing import wait_until
 
 POLICY = ElementTree.parse(Path(__file__).resolve().parent.parent / 'security/policy.xml').getroot()
 # Distros before Jazzy do not have it; an unused right does no harm.
@@ -58,37 +58,36 @@ def test_the_bridge_may_do_what_it_does_and_nothing_more(noon_bridge):
 
 
 @pytest.mark.parametrize(('arguments', 'asks_for_parameters'), [(['1'], False), (['--all'], True)])
-def test_the_client_may_do_what_it_does_and_nothing_more(noon_bridge, arguments, asks_for_parameters):
-    noon_bridge.connect()
+def test_the_client_may_do_what_it_does_and_nothing_more(
+    noon_bridge, read_tag_here, monkeypatch, arguments, asks_for_parameters
+):
     graph, node = noon_bridge.node, 'read_tag'
-    command = [
-        executable('lupin_greenhouse_bridge', node),
-        *arguments,
-        '--watch',
-        '0.05',
-        '--service',
-        noon_bridge.service_name,
-    ]
     requests = {name.rpartition('/')[2] for name in allowed(node, 'services', 'request')}
     if not asks_for_parameters:
         requests.remove('get_parameters')
+    looks = []
 
     def asked():
         if (node, '/') not in graph.get_node_names_and_namespaces():
             return set()
         return {name.rpartition('/')[2] for name, _ in graph.get_client_names_and_types_by_node(node, '/')}
 
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as process:
-        try:
-            wait_until(lambda: asked() >= requests)
-            assert asked() == requests
-            served = names(graph.get_service_names_and_types_by_node(node, '/'), f'/{node}', '')
-            assert {name.rpartition('/')[2] for name in served} <= allowed(node, 'services', 'reply')
-            published = {name for name, _ in graph.get_publisher_names_and_types_by_node(node, '/')}
-            assert published <= allowed(node, 'topics', 'publish')
-            assert graph.get_subscriber_names_and_types_by_node(node, '/') == []
-        finally:
-            process.kill()
+    def look(_seconds):
+        """Look at the graph while read_tag waits for the next round."""
+        wait_until(lambda: asked() >= requests)
+        assert asked() == requests
+        served = names(graph.get_service_names_and_types_by_node(node, '/'), f'/{node}', '')
+        assert {name.rpartition('/')[2] for name in served} <= allowed(node, 'services', 'reply')
+        published = {name for name, _ in graph.get_publisher_names_and_types_by_node(node, '/')}
+        assert published <= allowed(node, 'topics', 'publish')
+        assert graph.get_subscriber_names_and_types_by_node(node, '/') == []
+        looks.append(True)
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(life_cycle, 'sleep', look)
+    wait_until(lambda: (node, '/') not in graph.get_node_names_and_namespaces())  # of the test before
+    ended = read_tag_here(*arguments, '--watch', '1', '--service', noon_bridge.service_name)
+    assert (ended.code, looks) == (0, [True])
 
 
 @pytest.mark.parametrize(
@@ -100,42 +99,31 @@ def test_the_client_may_do_what_it_does_and_nothing_more(noon_bridge, arguments,
         ('keys', 'security is enabled (ROS_SECURITY_ENABLE): check the enclave'),
     ],
 )
-def test_a_start_without_usable_keys_is_one_line(start_bridge, tmp_path, keystore, fragment):
+def test_a_start_without_usable_keys_is_one_line(
+    run_here, bridge_here, tmp_path, monkeypatch, keystore, fragment
+):
     enclave = tmp_path / 'keys/enclaves/greenhouse_bridge'
     enclave.mkdir(parents=True)
     for name in ('identity_ca.cert', 'cert', 'key', 'permissions_ca.cert'):
         (enclave / f'{name}.pem').write_text('none')
     for name in ('governance', 'permissions'):
         (enclave / f'{name}.p7s').write_text('none')
-    enforced = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce'}
-    environment = enforced | {'ROS_SECURITY_KEYSTORE': str(tmp_path / keystore) if keystore else ''}
-    command = [executable('lupin_greenhouse_bridge', 'bridge_node')]
-    command += ['--ros-args', '--enclave', '/greenhouse_bridge']
-    bridge = start_bridge(command, environment=environment)
-    assert fragment in bridge.refusal()
-    assert not [line for line in bridge.log if 'RuntimeWarning' in line]
+    monkeypatch.setenv('ROS_SECURITY_ENABLE', 'true')
+    monkeypatch.setenv('ROS_SECURITY_STRATEGY', 'Enforce')
+    monkeypatch.setenv('ROS_SECURITY_KEYSTORE', str(tmp_path / keystore) if keystore else '')
+    bridge = bridge_here('--enclave', '/greenhouse_bridge')
+    assert fragment in bridge.refusal
+    assert 'RuntimeWarning' not in bridge.err
 
-    ask = [
-        executable('lupin_greenhouse_bridge', 'read_tag'),
-        '1',
-        '--ros-args',
-        '--enclave',
-        '/greenhouse_bridge',
-    ]
-    result = subprocess.run(
-        ask, env={**os.environ, **environment}, capture_output=True, text=True, timeout=30, check=False
-    )
-    assert result.returncode == 2
-    assert fragment in result.stderr
-    assert 'Traceback' not in result.stderr
+    ended = run_here(read_tag.main, '1', '--ros-args', '--enclave', '/greenhouse_bridge')
+    assert ended.code == 2
+    assert fragment in ended.said
 
 
-def test_read_tag_names_security_among_the_causes():
+def test_read_tag_names_security_among_the_causes(run_here, monkeypatch):
     """Without enforcement, a node without keys starts but finds no other node."""
-    ask = [executable('lupin_greenhouse_bridge', 'read_tag'), '1', '--timeout', '0.2']
-    secured = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Permissive'}
-    result = subprocess.run(
-        ask, env={**os.environ, **secured}, capture_output=True, text=True, timeout=30, check=False
-    )
-    assert result.returncode == 3, result.stderr
-    assert 'the bridge needs the same keystore, and keys for this domain' in result.stderr
+    monkeypatch.setenv('ROS_SECURITY_ENABLE', 'true')
+    monkeypatch.setenv('ROS_SECURITY_STRATEGY', 'Permissive')
+    ended = run_here(read_tag.main, '1', '--service', '/nobody/get_tag_reading', '--timeout', '0.01')
+    assert ended.code == 3
+    assert 'the bridge needs the same keystore, and keys for this domain' in ended.said

@@ -5,6 +5,7 @@ import importlib.metadata
 import json
 
 import pytest
+from conftest import TAKES_TAG_FILES
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import simulation
 from lupin_greenhouse_bridge.errors import StartUpError
@@ -42,10 +43,10 @@ def custom_tag_file(tmp_path):
     return path
 
 
-def test_a_custom_tag_file_is_served_here_or_refused_there(start_bridge, custom_tag_file, takes_tag_files):
+def test_a_custom_tag_file_is_served_here_or_refused_there(start_bridge, custom_tag_file):
     """The one divergence of the two trees, as a user sees it."""
     bridge = start_bridge(tag_file=custom_tag_file)
-    if not takes_tag_files:
+    if not TAKES_TAG_FILES:
         fatal = bridge.refusal()
         assert f"tag_file '{custom_tag_file}'" in fatal
         assert "'str' object has no attribute 'exists'" in fatal
@@ -99,16 +100,39 @@ def test_a_custom_config_is_served(start_bridge, shipped_config, warm_tag_id, tm
         ('speedup_factor', '[1', '-p speedup_factor:=[1'),
     ],
 )
-def test_a_bad_parameter_is_refused(start_bridge, parameter, value, fragment):
-    fatal = start_bridge(**{parameter: value}).refusal()
+def test_a_bad_parameter_is_refused(bridge_here, parameter, value, fragment):
+    fatal = bridge_here(**{parameter: value}).refusal
     assert parameter in fatal
     assert fragment in fatal
 
 
-def test_a_mistyped_parameter_is_named_and_changes_nothing(start_bridge):
-    bridge = start_bridge(debug_sed=42, use_sim_time='false')
-    bridge.wait_for_log('ready: ')
-    (warning,) = [line for line in bridge.log if '[WARN]' in line]
+def test_a_bad_parameter_ends_the_process_with_one_line(start_bridge):
+    assert 'debug_time_of_day is 24.5' in start_bridge(debug_time_of_day=24.5).refusal()
+
+
+@pytest.mark.parametrize(
+    ('parameter', 'values'),
+    [
+        ('debug_time_of_day', [-1.0, 0.0, 24.0]),
+        ('speedup_factor', [0.0, 1e-300, 1e300]),
+        ('debug_seed', [-1, 0]),
+    ],
+)
+def test_a_value_at_its_limit_is_taken(parameter, values):
+    assert [getattr(Settings(**{parameter: value}), parameter) for value in values] == values
+
+
+@pytest.mark.parametrize('parameter', ['tag_file', 'sim_config_file'])
+def test_a_nul_in_a_path_is_refused(parameter):
+    with pytest.raises(StartUpError, match='holds a NUL character: set the path of a file'):
+        Settings(**{parameter: 'a\0b'})
+
+
+def test_a_mistyped_parameter_is_named_and_changes_nothing(bridge_here):
+    ended = bridge_here(debug_sed=42, use_sim_time='false')
+    assert ended.code == 0
+    assert 'ready: ' in ended.err
+    (warning,) = [line for line in ended.err.splitlines() if '[WARN]' in line]
     assert 'parameter debug_sed is unknown and ignored' in warning
 
 

@@ -1,24 +1,38 @@
 """Fixtures of the contract tests."""
 
+import contextlib
+import fcntl
 import importlib.util
 import inspect
 import os
+import pty
+import signal
+import struct
 import sys
+import termios
+import threading
 from pathlib import Path
+from typing import NamedTuple
 
 # Set before the messages are imported: a wrong type in a field raises, here and in the bridge.
 os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
 
 import pytest
 import yaml
-from lupin_greenhouse_bridge import simulation
-from lupin_greenhouse_bridge.bridge_node import _config_path
+from lupin_greenhouse_bridge import bridge_node, client, life_cycle, read_tag, simulation
 from lupin_greenhouse_bridge.client import GetTagReading
+from lupin_greenhouse_bridge.signalled import raising
+from rclpy.utilities import get_default_context
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
 # Without launch, the test of the launch file cannot run.
 collect_ignore = [] if importlib.util.find_spec('launch_testing') else ['test_launch.py']
 ALTERED_BRIDGE = Path(__file__).parent / 'altered_bridge.py'
+# The mirror serves a custom tag file only with custom_tag_file.patch.
+TAKES_TAG_FILES = 'greenhouse' not in GetTagReading.__module__.split('.')[
+    0
+] or 'Path(value)' in inspect.getsource(bridge_node._config_path)
+SPINS = 'rclpy/executors.py:spin_once'  # the moment at which a node is ready
 
 
 @pytest.fixture(scope='session')
@@ -34,20 +48,13 @@ def shipped_config():
 
 
 @pytest.fixture(scope='session')
-def takes_tag_files():
-    """Return whether this tree serves a custom tag file; the mirror only with custom_tag_file.patch."""
-    is_open_source = 'greenhouse' in GetTagReading.__module__.split('.')[0]
-    return not is_open_source or 'Path(value)' in inspect.getsource(_config_path)
-
-
-@pytest.fixture(scope='session')
 def altered():
     """Return a function that returns the command of an altered bridge."""
     return lambda alteration: [sys.executable, str(ALTERED_BRIDGE), alteration]
 
 
-@pytest.fixture(scope='module')
-def noon_bridge():
+@pytest.fixture(scope='session')
+def noon_bridge(own_domain):  # noqa: ARG001 (the domain comes first)
     """Return a bridge with the shipped greenhouse, frozen at noon."""
     from lupin_greenhouse_bridge.testing import (
         Bridge,
@@ -55,4 +62,130 @@ def noon_bridge():
     )  # imported here, so that pytest rewrites its assertions
 
     with closing_all() as closed_at_the_end:
-        yield closed_at_the_end(Bridge(debug_time_of_day=12.0))
+        bridge = closed_at_the_end(Bridge(debug_time_of_day=12.0))
+        bridge.connect()
+        yield bridge
+
+
+class Ended(NamedTuple):
+    """What is left of a command that ran in the test's process."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def said(self) -> str:
+        """Return the messages of read_tag, without the lines of the middleware."""
+        return '\n'.join(line for line in self.err.splitlines() if line.startswith(('read_tag: ', 'usage: ')))
+
+    @property
+    def refusal(self) -> str:
+        """Return the one FATAL line of a node that refuses to start."""
+        assert self.code == 1, self
+        (fatal,) = [line for line in self.err.splitlines() if '[FATAL]' in line]
+        return fatal
+
+
+class Terminal:
+    """A terminal of 24 rows and 60 columns: its `stream` to print to, and the `text` that was printed."""
+
+    def __init__(self):
+        self._screen, terminal = pty.openpty()
+        fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 60, 0, 0))
+        self.stream = os.fdopen(terminal, 'w', encoding='utf-8')
+        self.text = ''
+        self._printed = threading.Condition()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self):
+        with contextlib.suppress(OSError):  # of a terminal that nobody has open any more
+            while part := os.read(self._screen, 4096):
+                with self._printed:
+                    self.text += part.decode(errors='replace')
+                    self._printed.notify()
+
+    def wait_for(self, fragment: str, count: int) -> None:
+        """Wait until a fragment was printed this often."""
+        from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS
+
+        with self._printed:
+            assert self._printed.wait_for(lambda: self.text.count(fragment) >= count, PATIENCE_SECONDS)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.stream.close()
+        self._reader.join()
+        os.close(self._screen)
+
+
+@pytest.fixture
+def run_here(capfd, monkeypatch):
+    """
+    Return a function that runs a main() in the test's process, and raises signals at these moments.
+
+    A main() takes the process for its own: it leaves signals ignored, and ROS's default context used up.
+    """
+    not_taken = []
+    before = {number: signal.getsignal(number) for number in life_cycle.SIGNALS}
+
+    def run(main, *arguments, signals_at=None):
+        for number in life_cycle.SIGNALS:
+            signal.signal(number, lambda number, _frame: not_taken.append(number))
+        monkeypatch.setattr(life_cycle, '_is_asked_to_end', False)
+        monkeypatch.setattr(life_cycle, 'LONGEST_WAIT_SECONDS', 0.01)  # of a node that was just signalled
+        capfd.readouterr()
+        try:
+            with raising(signals_at or {}):
+                code = main([main.__module__, *arguments])
+        except SystemExit as end:  # of argparse
+            code = end.code
+        finally:
+            get_default_context(shutting_down=True).try_shutdown()
+        ended = Ended(code, *capfd.readouterr())
+        assert 'Traceback' not in ended.err, ended.err
+        assert not not_taken
+        return ended
+
+    yield run
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def bridge_here(run_here):
+    """Return a function that runs the bridge in the test's process until it is ready."""
+
+    def run(*arguments, **parameters):
+        overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+        ros_arguments = ['--ros-args', *arguments, *overrides]
+        return run_here(bridge_node.main, *ros_arguments, signals_at={SPINS: (signal.SIGTERM,)})
+
+    return run
+
+
+@pytest.fixture
+def read_tag_here(run_here, monkeypatch):
+    """
+    Return a function that runs read_tag with these arguments in the test's process.
+
+    The service has found its clients before they ask: DDS drops the reply to a client that is not found yet.
+    """
+    from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS  # as above
+
+    connect = client.Client.connect
+
+    def connect_and_greet(self, service_type, *arguments):
+        found = connect(self, service_type, *arguments)
+        greetings = []
+        while not any(greeting.done() for greeting in greetings):
+            assert len(greetings) < PATIENCE_SECONDS, f'{found.srv_name} did not answer'
+            greetings.append(found.call_async(service_type.Request()))
+            self._executor.spin_until_future_complete(greetings[-1], timeout_sec=1.0)
+        return found
+
+    monkeypatch.setattr(client.Client, 'connect', connect_and_greet)
+    return lambda *arguments, **keywords: run_here(read_tag.main, *arguments, **keywords)

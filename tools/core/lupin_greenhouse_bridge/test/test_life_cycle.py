@@ -3,79 +3,134 @@
 import subprocess
 
 import pytest
-from lupin_greenhouse_bridge import life_cycle
+from conftest import SPINS
+from lupin_greenhouse_bridge import bridge_node, life_cycle, read_tag
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.signalled import MOMENTS, SIGNALS, command
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable
 
-INTERRUPTED = 130
+NO_ANSWER, INTERRUPTED = 3, 130
 PACKAGE = 'lupin_greenhouse_bridge'
+IMPORTS = MOMENTS[:2]  # before main()
+STARTS = ('rclpy/__init__.py:init', 'rclpy/context.py:init', 'rclpy/node.py:__init__')
+ENDS = ('rclpy/executors.py:shutdown', 'rclpy/context.py:try_shutdown')
+EXITS = 'lupin_greenhouse_bridge/life_cycle.py:end'  # after main()
+BOTH = SIGNALS['SIGTERM and Ctrl-C']
+NOBODY = ('--service', '/nobody/get_tag_reading', '--timeout', str(PATIENCE_SECONDS))
 
 
-@pytest.mark.parametrize('signals', SIGNALS.values(), ids=SIGNALS)
-def test_the_bridge_ends_with_exit_code_0(start_bridge, signals):
+@pytest.mark.parametrize('signals', ['Ctrl-C', 'SIGTERM and Ctrl-C'])
+def test_the_process_of_a_bridge_that_serves_ends_with_exit_code_0(start_bridge, signals):
     bridge = start_bridge()
     assert bridge.values('1')
-    bridge.send(*signals)
+    bridge.send(*SIGNALS[signals])
     assert bridge.end() == 0
 
 
-@pytest.mark.parametrize('moment', MOMENTS)
-def test_the_bridge_ends_with_exit_code_0_at_any_moment(start_bridge, moment):
+@pytest.mark.parametrize('moment', IMPORTS)
+def test_a_bridge_that_is_signalled_while_it_imports_rclpy_ends_with_exit_code_0(start_bridge, moment):
     """`ros2 launch` adds a second signal to the terminal's."""
     bridge = start_bridge(command(PACKAGE, 'bridge_node', moment, SIGNALS['Ctrl-C twice']))
-    bridge.wait_for_log('signalled in') if moment in MOMENTS[:7] else bridge.wait_for_log('ready:')
-    bridge.send(*SIGNALS['SIGTERM and Ctrl-C'])
     assert bridge.end() == 0
     assert any(f'signalled in {moment}' in line for line in bridge.log)
 
 
-@pytest.mark.parametrize('moment', MOMENTS)
-def test_a_refusal_keeps_its_exit_code_and_its_line_whatever_signal_comes(start_bridge, moment):
-    if moment in (
-        'rclpy/executors.py:add_node',
-        'rclpy/executors.py:spin_once',
-        'rclpy/node.py:destroy_node',
-    ):
-        return  # a refused node does not get that far
-    bridge = start_bridge(
-        command(PACKAGE, 'bridge_node', moment, SIGNALS['SIGTERM and Ctrl-C']), debug_seed=-5
-    )
+@pytest.mark.parametrize('moment', [IMPORTS[0], EXITS])
+def test_the_process_of_a_refused_bridge_keeps_its_exit_code_and_its_line(start_bridge, moment):
+    bridge = start_bridge(command(PACKAGE, 'bridge_node', moment, BOTH), debug_seed=-5)
     assert 'debug_seed is -5' in bridge.refusal()
+    assert any(f'signalled in {moment}' in line for line in bridge.log)
 
 
-def read_tag(moment, signals, *arguments):
-    """Return the result of a read_tag without a bridge."""
-    ask = [*arguments, '--service', '/nobody/get_tag_reading', '--timeout', str(PATIENCE_SECONDS)]
-    return subprocess.run(
-        [*command(PACKAGE, 'read_tag', moment, signals), *ask],
+@pytest.mark.parametrize(
+    ('moment', 'signals'),
+    [*((moment, BOTH) for moment in MOMENTS[2:]), *((SPINS, signals) for signals in SIGNALS.values())],
+)
+def test_the_bridge_ends_with_exit_code_0_at_any_moment(run_here, moment, signals):
+    signals_at = {SPINS: SIGNALS['SIGTERM'], moment: signals}
+    ended = run_here(bridge_node.main, signals_at=signals_at)
+    assert (ended.code, f'signalled in {moment}' in ended.out) == (0, True)
+
+
+@pytest.mark.parametrize('moment', [*STARTS, *ENDS])
+def test_a_refusal_keeps_its_exit_code_and_its_line_whatever_signal_comes(run_here, moment):
+    refused = ('--ros-args', '-p', 'debug_seed:=-5')
+    ended = run_here(bridge_node.main, *refused, signals_at={moment: BOTH})
+    assert 'debug_seed is -5' in ended.refusal
+    assert f'signalled in {moment}' in ended.out
+
+
+@pytest.mark.parametrize(('arguments', 'code'), [(['1'], INTERRUPTED), (['1', '--watch', '9'], 0)])
+def test_the_process_of_read_tag_ends_as_documented(arguments, code):
+    result = subprocess.run(
+        [*command(PACKAGE, 'read_tag', IMPORTS[0], SIGNALS['Ctrl-C twice']), *arguments, *NOBODY],
         capture_output=True,
         text=True,
         timeout=PATIENCE_SECONDS,
         check=False,
     )
-
-
-@pytest.mark.parametrize('signals', SIGNALS.values(), ids=SIGNALS)
-@pytest.mark.parametrize('moment', ['rclpy/__init__.py:<module>', 'rclpy/executors.py:spin_once'])
-@pytest.mark.parametrize(('arguments', 'code'), [(['1'], INTERRUPTED), (['1', '--watch', '9'], 0)])
-def test_read_tag_that_waits_for_a_service_ends_as_documented(moment, signals, arguments, code):
-    result = read_tag(moment, signals, *arguments)
     assert result.returncode == code
     assert 'Traceback' not in result.stderr
 
 
+@pytest.mark.parametrize('moment', [*STARTS, 'rclpy/executors.py:add_node', SPINS])
+@pytest.mark.parametrize(('arguments', 'code'), [(['1'], INTERRUPTED), (['1', '--watch', '9'], 0)])
+def test_read_tag_that_waits_for_a_service_ends_as_documented(run_here, moment, arguments, code):
+    ended = run_here(read_tag.main, *arguments, *NOBODY, signals_at={moment: BOTH})
+    assert (ended.code, ended.err) == (code, '')
+    assert ended.out == f'signalled in {moment}\n'
+
+
+@pytest.mark.parametrize('moment', ENDS)
+def test_read_tag_that_has_failed_keeps_its_exit_code_whatever_signal_comes(run_here, moment):
+    ended = run_here(read_tag.main, '1', *NOBODY[:2], '--timeout', '0.01', signals_at={moment: BOTH})
+    assert (ended.code, f'signalled in {moment}' in ended.out) == (NO_ANSWER, True)
+
+
 @pytest.mark.parametrize('signals', SIGNALS.values(), ids=SIGNALS)
-def test_read_tag_that_watches_ends_with_exit_code_0(noon_bridge, signals):
-    noon_bridge.connect()
+def test_read_tag_that_watches_ends_with_exit_code_0(noon_bridge, read_tag_here, signals):
+    """It is between two readings."""
+    ask = ('1', '--watch', '100', '--service', noon_bridge.service_name)
+    between = 'lupin_greenhouse_bridge/life_cycle.py:sleep'
+    ended = read_tag_here(*ask, signals_at={between: signals})
+    assert (ended.code, ended.said) == (0, '')
+    assert ended.out.startswith('tag')
+
+
+def test_the_process_of_read_tag_that_watches_ends_with_exit_code_0(noon_bridge):
     ask = [executable(PACKAGE, 'read_tag'), '1', '--watch', '100', '--service', noon_bridge.service_name]
     with subprocess.Popen(ask, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline().startswith('tag')
-        for number in signals:
-            process.send_signal(number)
+        process.terminate()
         assert process.wait(PATIENCE_SECONDS) == 0
         assert 'Traceback' not in process.stderr.read()
+
+
+class Time:
+    """A clock that only sleep() moves."""
+
+    def __init__(self):
+        self.now = 100.0
+        self.slept = []
+
+    def monotonic(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.slept.append(seconds)
+        self.now += seconds
+
+
+def test_a_sleep_takes_its_time_in_naps_that_end_when_a_signal_comes(monkeypatch):
+    """Python resumes a sleep after a signal."""
+    time = Time()
+    monkeypatch.setattr(life_cycle, 'time', time)
+    life_cycle.sleep(1.25)
+    assert time.slept == [0.5, 0.5, 0.25]
+    monkeypatch.setattr(life_cycle, '_is_asked_to_end', True)
+    life_cycle.sleep(1.25)
+    assert len(time.slept) == 3
 
 
 def test_a_long_text_is_cut_and_one_of_that_length_is_not():

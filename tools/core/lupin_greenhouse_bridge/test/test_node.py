@@ -2,7 +2,6 @@
 
 import contextlib
 import threading
-from concurrent.futures import ThreadPoolExecutor
 
 import rclpy
 from greenhouse_sim import simulator
@@ -76,44 +75,49 @@ def test_the_loaded_tag_ids_are_a_parameter_that_ignores_overrides(start_bridge,
     assert not result.successful
 
 
-def test_the_ready_line_names_tags_sensors_and_clock(start_bridge, shipped_tags):
-    assert (
-        f'{len(shipped_tags)} tags; sensors temperature, humidity, co2, light, soil_moisture; clock live'
-        in (start_bridge().wait_for_log('ready:'))
-    )
-    assert 'clock frozen at 6.5 h' in start_bridge(debug_time_of_day=6.5).wait_for_log('ready:')
-
-
-def test_the_ready_line_names_the_rmw(start_bridge):
+def test_the_ready_line_names_tags_sensors_clock_and_rmw(bridge_here, shipped_tags):
     """Two machines can communicate only with the same RMW."""
-    assert start_bridge().wait_for_log('ready:').endswith(f'; {get_rmw_implementation_identifier()}')
+    live, frozen = (
+        next(line for line in bridge_here(**parameters).err.splitlines() if 'ready: ' in line)
+        for parameters in ({}, {'debug_time_of_day': 6.5})
+    )
+    assert (
+        f'ready: {len(shipped_tags)} tags; sensors temperature, humidity, co2, light, soil_moisture; ' in live
+    )
+    assert '; clock live' in live
+    assert live.endswith(f'; {get_rmw_implementation_identifier()}')
+    assert '; clock frozen at 6.5 h' in frozen
 
 
-def most_handlers_at_once(monkeypatch) -> int:
-    """Return the largest number of simultaneous handlers with 8 clients and 8 executor threads."""
+@contextlib.contextmanager
+def held_handlers(monkeypatch):
+    """
+    Yield a bridge with 8 executor threads, whose handlers stay in the simulator, its client and another one.
 
-    class Recorder(simulator.GreenhouseSimulator):
-        most = 0
-        _inside = 0
+    The bridge counts the handlers: `inside` now, and the `most` at once. They leave when `let_go` is set.
+    """
+
+    class HeldSimulator(simulator.GreenhouseSimulator):
+        inside = most = 0
+        let_go = threading.Event()
         _lock = threading.Lock()
-        _company = threading.Event()
 
         def get_sensor_data(self, tag_id):
             cls = type(self)
             with cls._lock:
-                cls._inside += 1
-                cls.most = max(cls.most, cls._inside)
-                if cls._inside > 1:
-                    cls._company.set()
-            cls._company.wait(0.05)  # waits, so that another handler could run at the same time
+                cls.inside += 1
+                cls.most = max(cls.most, cls.inside)
+            assert cls.let_go.wait(PATIENCE_SECONDS)
             data = super().get_sensor_data(tag_id)
             with cls._lock:
-                cls._inside -= 1
+                cls.inside -= 1
             return data
 
+    HeldSimulator.let_go.set()  # start-up also reads tags
+    name = '/overlap/greenhouse_bridge'
     with contextlib.ExitStack() as stack:
         with monkeypatch.context() as patch:
-            patch.setattr(simulator, 'GreenhouseSimulator', Recorder)
+            patch.setattr(simulator, 'GreenhouseSimulator', HeldSimulator)
             rclpy.init(args=['--ros-args', '-p', 'debug_time_of_day:=12.0', '-r', '__ns:=/overlap'])
             stack.callback(rclpy.shutdown)
             node = bridge_node.GreenhouseBridgeNode()
@@ -124,29 +128,36 @@ def most_handlers_at_once(monkeypatch) -> int:
         spinner.start()
         stack.callback(spinner.join, PATIENCE_SECONDS)
         stack.callback(executor.shutdown)
-        clients = []
-        for number in range(8):
-            client_node = stack.enter_context(spinning_node(f'client{number}'))
-            clients.append(
-                client_node.create_client(
-                    GetTagReading, '/overlap/greenhouse_bridge/get_tag_reading', qos_profile=SERVICE_QOS
-                )
-            )
-            assert clients[-1].wait_for_service(timeout_sec=PATIENCE_SECONDS)
-        for client in clients:
-            greet(client, GetTagReading.Request(tag_id='1'))
-        Recorder.most = 0  # start-up and the greetings also read tags
-        with ThreadPoolExecutor(8) as pool:
-            asked = [pool.submit(call, client, GetTagReading.Request(tag_id='1')) for client in clients * 3]
-            assert [each.result().status for each in asked] == [GetTagReading.Response.STATUS_OK] * 24
-        return Recorder.most
+        stack.callback(HeldSimulator.let_go.set)
+        client_node = stack.enter_context(spinning_node('client'))
+        client = client_node.create_client(GetTagReading, f'{name}/get_tag_reading', qos_profile=SERVICE_QOS)
+        other = client_node.create_client(GetParameters, f'{name}/get_parameters')
+        for each, request in ((client, GetTagReading.Request(tag_id='1')), (other, tag_ids_request())):
+            assert each.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+            greet(each, request)
+        HeldSimulator.let_go.clear()
+        HeldSimulator.most = 0
+        yield HeldSimulator, client, other
 
 
 def test_at_most_one_handler_is_in_the_simulator_whatever_the_executor(monkeypatch):
-    assert most_handlers_at_once(monkeypatch) == 1
+    """More requests wait than ROS's default depth keeps, while the executor runs other callbacks."""
+    with held_handlers(monkeypatch) as (held, client, other):
+        asked = []
+        for _ in range(24):
+            asked.append(client.call_async(GetTagReading.Request(tag_id='1')))
+            wait_until(lambda: held.inside)
+            assert tag_ids_of(call(other, tag_ids_request()))
+        held.let_go.set()
+        wait_until(lambda: all(each.done() for each in asked))
+        assert [each.result().status for each in asked] == [GetTagReading.Response.STATUS_OK] * 24
+        assert held.most == 1
 
 
 def test_without_the_mutually_exclusive_group_handlers_would_overlap(monkeypatch):
     """The check above can fail: it fails with a reentrant group."""
     monkeypatch.setattr(bridge_node, 'MutuallyExclusiveCallbackGroup', ReentrantCallbackGroup)
-    assert most_handlers_at_once(monkeypatch) > 1
+    with held_handlers(monkeypatch) as (held, client, _):
+        for _ in range(2):
+            client.call_async(GetTagReading.Request(tag_id='1'))
+        wait_until(lambda: held.most > 1)

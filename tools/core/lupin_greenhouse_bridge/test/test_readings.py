@@ -7,6 +7,8 @@ import time
 
 import pytest
 import yaml
+from lupin_greenhouse_bridge import simulation
+from lupin_greenhouse_bridge.settings import Settings
 from lupin_msgs.msg import TagReading
 from lupin_msgs.srv import GetTagReading
 
@@ -57,12 +59,18 @@ def test_every_tag_gives_exactly_its_own_sensors_in_its_order(noon_bridge, shipp
     assert served == {tag_id: tag['sensors'] for tag_id, tag in shipped_tags.items()}
 
 
+def values_of(tag_ids, config_file=None, **parameters):
+    """Return the values by tag that a bridge with these parameters serves."""
+    sim = simulation.load(Settings(**parameters), None, config_file).sim
+    return {tag_id: simulation.read(sim, tag_id)[1] for tag_id in tag_ids}
+
+
 @pytest.mark.parametrize('hour', HOURS.values(), ids=HOURS)
-def test_values_are_those_of_the_closed_form(start_bridge, shipped_tags, shipped_config, hour):
-    bridge = start_bridge(debug_time_of_day=hour)
+def test_values_are_those_of_the_closed_form(shipped_tags, shipped_config, hour):
     compared = 0
-    for tag_id, tag in shipped_tags.items():
-        for name, value in bridge.values(tag_id).items():
+    for tag_id, values in values_of(shipped_tags, debug_time_of_day=hour).items():
+        tag = shipped_tags[tag_id]
+        for name, value in values.items():
             components = shipped_config['sensors'][name]
             if is_noise_free(components):
                 assert value == pytest.approx(closed_form(components, tag['x'], tag['y'], hour), rel=1e-12)
@@ -72,26 +80,31 @@ def test_values_are_those_of_the_closed_form(start_bridge, shipped_tags, shipped
 
 @pytest.mark.parametrize('hour', HOURS.values(), ids=HOURS)
 def test_without_noise_all_five_sensors_follow_the_closed_form(
-    start_bridge, shipped_tags, shipped_config, noise_free_config_file, hour
+    shipped_tags, shipped_config, noise_free_config_file, hour
 ):
-    bridge = start_bridge(debug_time_of_day=hour, sim_config_file=noise_free_config_file)
     seen = set()
-    for tag_id, tag in shipped_tags.items():
-        for name, value in bridge.values(tag_id).items():
+    for tag_id, values in values_of(shipped_tags, noise_free_config_file, debug_time_of_day=hour).items():
+        tag = shipped_tags[tag_id]
+        for name, value in values.items():
             expected = closed_form(shipped_config['sensors'][name], tag['x'], tag['y'], hour)
             assert value == pytest.approx(expected, rel=1e-12), (tag_id, name)
             seen.add(name)
     assert seen == {'temperature', 'humidity', 'co2', 'light', 'soil_moisture'}
 
 
-def test_noon_is_warmer_than_midnight_at_the_same_tag(start_bridge, shipped_tags):
+def test_the_service_returns_the_values_of_the_closed_form(noon_bridge, shipped_tags, shipped_config):
+    for tag_id, tag in shipped_tags.items():
+        for name, value in noon_bridge.values(tag_id).items():
+            components = shipped_config['sensors'][name]
+            if is_noise_free(components):
+                assert value == pytest.approx(closed_form(components, tag['x'], tag['y'], 12.0), rel=1e-12)
+
+
+def test_noon_is_warmer_than_midnight_at_the_same_tag(shipped_tags):
     warm_tags = [tag_id for tag_id, tag in shipped_tags.items() if 'temperature' in tag['sensors']]
-    midnight, noon = (
-        [bridge.values(tag_id)['temperature'] for tag_id in warm_tags]
-        for bridge in (start_bridge(debug_time_of_day=hour) for hour in (0.0, 12.0))
-    )
+    midnight, noon = (values_of(warm_tags, debug_time_of_day=hour) for hour in (0.0, 12.0))
     assert warm_tags
-    assert all(warmer > cooler for warmer, cooler in zip(noon, midnight, strict=True))
+    assert all(noon[tag_id]['temperature'] > midnight[tag_id]['temperature'] for tag_id in warm_tags)
 
 
 def test_a_reading_carries_its_tag_id_and_the_frozen_time(noon_bridge):
