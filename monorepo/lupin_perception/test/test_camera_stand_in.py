@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from apriltag_msgs.msg import AprilTagDetectionArray
 from conftest import CAMERA, Perception
-from lupin_greenhouse_bridge.testing import wait_until
+from lupin_greenhouse_bridge.testing import spinning_node, wait_until
 from lupin_perception.camera_stand_in import (
     COMPRESSED_TOPIC,
     DETECTIONS_TOPIC,
@@ -23,6 +23,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
 
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 WALL = CAMERA.look_at(None, np.random.default_rng(0))
 
 
@@ -84,8 +85,7 @@ def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(
 ):
     parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0, source: topic}
     node = run_nodes(CameraStandIn, ConfirmTagNode, publishes=publishes, **parameters)
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    at_tag = node.create_publisher(String, '/mission/at_tag', latched)
+    at_tag = node.create_publisher(String, '/mission/at_tag', LATCHED)
     perception = Perception(node, message_type, topic)
     for tag_id in ('7', '587', 'seven', '586', ''):
         at_tag.publish(String(data=tag_id))
@@ -93,3 +93,14 @@ def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(
             wait_until(lambda tag_id=tag_id: perception.confirm(tag_id).detected)
         else:
             perception.confirm_until('no tag in view in 4 images')
+
+
+def test_a_mission_that_is_older_than_the_camera_is_heard(run_nodes):
+    with spinning_node('mission') as mission:
+        at_tag = mission.create_publisher(String, '/mission/at_tag', LATCHED)
+        at_tag.publish(String(data='7'))
+        parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0}
+        perception = Perception(
+            run_nodes(CameraStandIn, ConfirmTagNode, **parameters), Image, DEFAULT_IMAGE_TOPIC
+        )
+        wait_until(lambda: perception.confirm('7').detected)
