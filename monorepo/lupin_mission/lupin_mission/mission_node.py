@@ -103,6 +103,13 @@ class MissionNode(Node):
         self._publish_state()
         self._announcer.wait_for_subscribers()
 
+    def destroy_node(self) -> None:
+        """Close the report too, so that another mission of this process can continue it."""
+        if self.report:
+            self.report.close()
+            self.report = None
+        super().destroy_node()
+
     # The tags
 
     def _ask_for_tags(self) -> None:

@@ -22,8 +22,8 @@ def reading(tag_id: str, value: float = 20.0) -> Reading:
 class World:
     """Surroundings that record what the mission does."""
 
-    def __init__(self, tag_ids='ab', drive=None, limits=LIMITS, **options):
-        self.now = 0.0
+    def __init__(self, tag_ids='ab', drive=None, limits=LIMITS, now=0.0, **options):
+        self.now = now
         self.sent, self.abandoned, self.recorded, self.events = [], [], [], []
         self.is_service_there = True
         self.mission = Mission(tag_ids, self, drive or TimedDrive(0.0), limits, **options)
@@ -59,6 +59,16 @@ class World:
         return self.mission.on_reading(self.sent[-1].number, fields.get('reading', reading(tag_id)))
 
 
+def test_a_mission_is_ready_until_it_is_started():
+    mission = Mission('a', None, TimedDrive(0.0), LIMITS)
+    assert (mission.state, mission.target, mission.tag_at_hand, mission.phase) == (
+        State.READY,
+        None,
+        None,
+        '',
+    )
+
+
 def test_each_tag_is_read_once_and_in_order():
     world = World('abc')
     while world.mission.state is not State.DONE:
@@ -66,7 +76,15 @@ def test_each_tag_is_read_once_and_in_order():
         world.wait(1.0)
     assert world.asked == [(Service.READ, tag) for tag in 'abc']
     assert world.outcomes == [(tag, Outcome.OK) for tag in 'abc']
-    assert [each.reading for each in world.recorded] == [reading(tag) for tag in 'abc']
+    assert [(each.reading, each.attempts) for each in world.recorded] == [(reading(tag), 1) for tag in 'abc']
+
+
+def test_the_time_before_the_start_does_not_count():
+    world = World(drive=TimedDrive(10.0), now=1000.0)
+    world.wait(9.75)
+    assert world.mission.state is State.DRIVING
+    world.wait(0.25)
+    assert world.mission.tag_at_hand == 'a'
 
 
 def test_a_tag_is_not_left_before_the_dwell_is_over():

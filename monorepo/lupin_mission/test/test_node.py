@@ -10,7 +10,7 @@ from lupin_greenhouse_bridge.signalled import SIGNALS, command
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable
 from lupin_mission import mission_node
 from lupin_mission.mission import State
-from lupin_mission.report import Outcome
+from lupin_mission.report import Outcome, read_report
 from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import GetTagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, WEB_QOS, Subscriber
@@ -145,6 +145,26 @@ def test_a_mission_that_is_killed_goes_on_where_it_was(start_process, start_miss
     assert mission.end() == 0
     assert mission.outcomes() == [(tag_id, OK) for tag_id in '123']
     assert other_reader.tag_ids == ['2', '3']
+
+
+def test_a_report_is_continued_with_the_tags_that_were_not_read(start_mission, reader):
+    reader.answer_ok('1', co2=1.0)
+    reader.answer_ok('2')
+    reader.answer_ok('2', co2=2.0)
+    for tags_left, exit_code in ((2, 1), (1, 0), (0, 0)):
+        mission = start_mission(**READER, tag_ids='1 2', max_attempts=1)
+        assert mission.end() == exit_code
+        start = f'{tags_left} tags to visit, {2 - tags_left} read before; report: {mission.report_file}'
+        assert any(line.endswith(start) for line in mission.log), mission.log
+    assert reader.tag_ids == ['1', '2', '2']
+
+
+def test_a_report_without_a_name_lies_in_the_current_folder(start_mission, reader, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    reader.answer_ok('1', co2=1.0)
+    assert start_mission(**READER, tag_ids='1', report_file="''").end() == 0
+    (report,) = tmp_path.glob('mission-*T*.jsonl')
+    assert [each.tag_id for each in read_report(report)] == ['1']
 
 
 def test_a_bridge_that_never_comes_fails_every_scan_and_ends_the_mission(start_mission):

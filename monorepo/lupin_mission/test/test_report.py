@@ -44,7 +44,7 @@ def test_a_report_is_continued(tmp_path):
         report = Report(path)
         report.record(observation)
         report.close()
-    assert read_report(path) == [OK, FAILED]
+    assert report.observations == read_report(path) == [OK, FAILED]
 
 
 @pytest.mark.parametrize('cut', range(1, len(FAILED.to_line()) + 1))
@@ -169,7 +169,7 @@ def test_a_number_that_json_does_not_have_is_never_written(value):
 
 def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():
     again = Observation('8', Outcome.OK, '', 1, Reading('8', (1, 2), 3600.0 * 6.5, {'temperature': 15.0}))
-    table = summary_table([OK, FAILED], ['7', '8', '9']).splitlines()
+    table = summary_table([OK, FAILED], iter(['7', '8', '9'])).splitlines()
     assert table[0].split() == ['tag', 'sim', 'time', 'temperature', 'co2', 'outcome']
     assert table[1].split() == ['h:min', '°C', 'ppm']
     assert table[2].split() == ['7', '12:00', '21.50', '600.00', 'OK']

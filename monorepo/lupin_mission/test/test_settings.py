@@ -92,3 +92,13 @@ def test_the_limits_of_a_number_are_inclusive(name, smallest, largest):
     for value in (smallest - step, largest + step):
         with pytest.raises(StartUpError, match=f'parameter {name} is .* from {smallest:g} to {largest:g}'):
             Settings(**{name: value})
+
+
+def test_a_world_and_a_tag_file_exclude_each_other():
+    with pytest.raises(StartUpError, match='world_file and tag_file are both set: set one of them'):
+        Settings(world_file='/a.sdf', tag_file='/b.json')
+
+
+def test_a_tag_is_not_named_twice():
+    with pytest.raises(StartUpError, match="tag_ids names '1' twice: a mission visits a tag once"):
+        Settings(tag_ids='2 1 1')

@@ -7,7 +7,8 @@ import pytest
 from lupin_greenhouse_bridge.testing import wait_until
 from lupin_mission.report import Outcome
 from lupin_msgs.msg import MissionState, Observation, TagReading
-from mission_helpers import CAMERA, HOUR, READER, REAL, WEB_QOS, Subscriber
+from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Subscriber
+from std_msgs.msg import String
 
 OK = Outcome.OK
 
@@ -185,6 +186,30 @@ def test_abort_and_skip_over_ros(start_mission, confirmer, operate, twin):
     assert mission.stop() == 1
     assert mission.log[-1] == '0/3 tags read'
     assert mission.outcomes(started) == [(tag_id, Outcome.SKIPPED) for tag_id in '123']
+
+
+def test_at_tag_names_the_tag_that_the_robot_stands_at(start_mission, reader, node, clock):
+    mission = start_mission(**READER, tag_ids='1 2', drive_seconds=HOUR)
+    at_tag = Subscriber(node, String, f'{mission.namespace}/mission/at_tag', TWIN_QOS)
+    for tag_id in '12':
+        at_tag.wait_for(lambda message: message.data == '')
+        clock.pass_seconds(HOUR)
+        at_tag.wait_for(lambda message, tag_id=tag_id: message.data == tag_id)
+        assert reader.wait_for_request() == tag_id
+        reader.answer_ok(tag_id, co2=1.0)
+    assert mission.end() == 0
+    assert [message.data for message in at_tag.heard[:4]] == ['', '1', '', '2']
+
+
+def test_without_a_sequence_the_tags_are_visited_in_numeric_order(start_mission, reader, operate):
+    mission = start_mission(**READER, tag_ids='b 10 9 a', wait_for_start=True)
+    operator = operate(mission)
+    for tag_id in ('9', '10', 'a', 'b'):
+        reader.answer_ok(tag_id, co2=1.0)
+    operator.start()
+    operator.wait_for(lifecycle_state='DONE', targets_completed=4)
+    assert mission.stop() == 0
+    assert reader.tag_ids == ['9', '10', 'a', 'b']
 
 
 def test_a_mission_waits_for_its_start_and_lives_on_after_it(
