@@ -25,7 +25,7 @@ from lupin_greenhouse_bridge.sightings import Limits, Sightings
 
 NODE_NAME = 'read_on_sight'
 LOOK_EVERY_SECONDS = 0.1
-LOG_EVERY_SECONDS = 5.0
+NOW_AND_THEN = {'throttle_duration_sec': 5.0}  # each call of the logger for itself
 MOST_UNKNOWN_IDS_LOGGED = 1000  # a detector that reports random ids must not fill the memory
 
 
@@ -113,12 +113,17 @@ class ReadOnSightNode(Node):
         for tag_id in self._sightings.overdue(time.monotonic()):
             self._client.remove_pending_request(self._futures.pop(tag_id))
             if not self._sightings.lost(tag_id, time.monotonic()):
-                self._warn(f"tag '{printable(tag_id, 64)}': no reply from {self._client.srv_name}")
+                self.get_logger().warning(
+                    f"tag '{printable(tag_id, 64)}': no reply from {self._client.srv_name}", **NOW_AND_THEN
+                )
         self._send()
 
     def _send(self) -> None:
         if not self._client.service_is_ready():
-            self._warn(f'no service {self._client.srv_name}: start the bridge, or set bridge_service_name')
+            self.get_logger().warning(
+                f'no service {self._client.srv_name}: start the bridge, or set bridge_service_name',
+                **NOW_AND_THEN,
+            )
             return
         while (tag_id := self._sightings.next()) is not None:
             self._sightings.asked(tag_id, time.monotonic())
@@ -138,10 +143,10 @@ class ReadOnSightNode(Node):
                 self.get_logger().warning(printable(response.error_message, 300))
         else:
             status = STATUS_NAMES.get(response.status, response.status)
-            self._warn(f"tag '{printable(tag_id, 64)}': {status}: {printable(response.error_message, 300)}")
-
-    def _warn(self, text: str) -> None:
-        self.get_logger().warning(text, throttle_duration_sec=LOG_EVERY_SECONDS)
+            self.get_logger().warning(
+                f"tag '{printable(tag_id, 64)}': {status}: {printable(response.error_message, 300)}",
+                **NOW_AND_THEN,
+            )
 
 
 def main(args=None) -> int:

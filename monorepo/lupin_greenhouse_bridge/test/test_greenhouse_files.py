@@ -10,7 +10,7 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from lupin_greenhouse_bridge import greenhouse_files, simulation
+from lupin_greenhouse_bridge import simulation
 from lupin_greenhouse_bridge.bridge_node import GreenhouseBridgeNode
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.settings import Settings
@@ -25,6 +25,8 @@ NOT_ASKABLE = 'cannot be sent over ROS: use an id of visible Unicode characters'
 BAD_TAGS = [
     ({'': None}, 'holds null at its top level, not an object of tags'),
     ({'': 7}, 'holds a number at its top level'),
+    ({'': 1.5}, 'holds a number at its top level'),
+    ({'': True}, 'holds true or false at its top level'),
     ({'': 'text'}, 'holds text at its top level'),
     ({'': []}, 'holds a list at its top level'),
     ({'': {}}, 'holds no tags: add at least one'),
@@ -168,6 +170,8 @@ BAD_CONFIG_BYTES = [
     (b'time: 2026-99-99\n', 'is not YAML:'),
     (b'time: 2026-11-21\n', 'time is a date, not a mapping'),
     (b'2026-11-21\n', 'holds a date at its top level'),
+    (b'2026-11-21 06:00:00\n', 'holds a date at its top level'),
+    (b'!!set {time, sensors}\n', 'holds a set at its top level'),
     (b'!!python/object/apply:os.system ["touch was_run"]\n', 'is not YAML: ConstructorError'),
     (b'[' * 2000, 'is too deeply nested: a greenhouse config has 4 levels'),
 ]
@@ -360,16 +364,15 @@ def test_what_is_no_plain_file_is_refused(tmp_path, parameter, make, fragment):
         load(parameter, path)
 
 
-@pytest.mark.parametrize(
-    ('parameter', 'limit'),
-    [('tag_file', 'LARGEST_TAG_FILE_BYTES'), ('sim_config_file', 'LARGEST_CONFIG_FILE_BYTES')],
-)
-def test_a_file_up_to_its_limit_is_read_and_a_larger_one_is_not(monkeypatch, write, parameter, limit):
+@pytest.mark.parametrize(('parameter', 'mebibytes'), [('tag_file', 64), ('sim_config_file', 1)])
+def test_a_file_up_to_its_limit_is_read_and_one_byte_more_is_not(write, parameter, mebibytes):
     path = write(parameter, {})
-    monkeypatch.setattr(greenhouse_files, limit, path.stat().st_size)
+    content = path.read_bytes() + b'\n'
+    path.write_bytes(content.ljust(mebibytes * 2**20))
     assert load(parameter, path).tag_ids
-    path.write_bytes(path.read_bytes() + b'\n')
-    with pytest.raises(StartUpError, match='is larger than'):
+    with path.open('ab') as file:
+        file.write(b'\n')
+    with pytest.raises(StartUpError, match=f'is larger than {mebibytes} MiB: use a smaller file$'):
         load(parameter, path)
 
 

@@ -1,22 +1,30 @@
 """read_on_sight: what it requests, how often, and what it publishes."""
 
+import contextlib
+import dataclasses
 import importlib.util
-import os
 import re
+import sys
 import threading
+import time
+from typing import NamedTuple
 
 import pytest
+import rclpy
+from lupin_greenhouse_bridge import read_on_sight
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.read_on_sight import Settings
+from lupin_greenhouse_bridge.read_on_sight import GetTagReading, ReadOnSightNode, Settings
 from lupin_greenhouse_bridge.sightings import MOST_IN_FLIGHT, Limits, Sightings
-from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, greet, spinning_node, wait_until
 from lupin_msgs.msg import TagReading
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 
 needs_detections = pytest.mark.skipif(
     not importlib.util.find_spec('apriltag_msgs'),
     reason='apriltag_msgs is missing: sudo apt install ros-$ROS_DISTRO-apriltag-msgs',
 )
+READ_ON_SIGHT = [executable('lupin_greenhouse_bridge', 'read_on_sight')]
 TOPIC = '/tested/detections'
 LIMITS = Limits(cooldown_seconds=10.0, request_timeout_seconds=2.0, max_attempts=3)
 
@@ -100,159 +108,360 @@ def test_a_format_without_the_number_is_refused(tag_id_format):
         Settings(tag_id_format=tag_id_format)
 
 
-class Reader:
-    """The node, a detector that repeats its detections, and a late subscriber."""
+@dataclasses.dataclass
+class Clock:
+    """The clock of the node, which only the test moves."""
 
-    def __init__(self, process, node):
+    now: float = 1000.0
+
+    def monotonic(self):
+        return self.now
+
+    def tick(self) -> None:
+        self.now += 0.01
+
+
+class Camera:
+    """A detector that keeps showing the tags `in_view`, which are pairs of a family and a number."""
+
+    def __init__(self, node):
         from apriltag_msgs.msg import AprilTagDetection, AprilTagDetectionArray
 
-        self._detection, self._array = AprilTagDetection, AprilTagDetectionArray
-        self.process = process
-        process.wait_for_log('ready:')
-        self._node = node
-        self._detections = node.create_publisher(AprilTagDetectionArray, TOPIC, qos_profile_sensor_data)
-        wait_until(lambda: self._detections.get_subscription_count() == 1)
-        self.readings = []
-        self._pause = threading.Event()
+        def show():
+            shown = [AprilTagDetection(family=family, id=number) for family, number in self.in_view]
+            publisher.publish(AprilTagDetectionArray(detections=shown))
 
-    def see(self, numbers, family='tag36h11') -> None:
-        """Show these tags for a thirtieth of a second."""
-        detections = [self._detection(family=family, id=number) for number in numbers]
-        self._detections.publish(self._array(detections=detections))
-        self._pause.wait(1 / 30)
+        publisher = node.create_publisher(AprilTagDetectionArray, TOPIC, qos_profile_sensor_data)
+        node.create_timer(1 / 30, show)
+        self.in_view = []
 
-    def listen(self) -> None:
-        """Subscribe to the readings, the earlier ones included."""
-        latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        topic = f'{self.process.namespace}/read_on_sight/readings'
-        self._node.create_subscription(TagReading, topic, self.readings.append, latched)
+    def look_at(self, *numbers) -> None:
+        self.in_view = [('tag36h11', number) for number in numbers]
 
-    def ids(self) -> list[str]:
-        return [each.tag_id for each in self.readings]
+
+def listen(node, topic) -> list[TagReading]:
+    """Return the readings of a topic, the earlier ones included, as they arrive."""
+    readings = []
+    latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_subscription(TagReading, topic, readings.append, latched)
+    return readings
 
 
 @pytest.fixture
-def start_reader(start_node):
-    """Return a function that starts the node with these parameters."""
+def detector():
+    """Return the node of the camera and the listeners."""
     with spinning_node('detector') as node:
+        yield node
 
-        def start(**parameters):
-            command = [executable('lupin_greenhouse_bridge', 'read_on_sight')]
-            return Reader(start_node(command, detections_topic=TOPIC, **parameters), node)
+
+class Reader(NamedTuple):
+    """The node in the test's process."""
+
+    node: ReadOnSightNode
+    clock: Clock
+    seen: list  # the tag ids, as the node sees them
+    looks: list  # grows when the node begins to look at its pending requests
+
+    def look(self) -> None:
+        """Wait until the node has looked at its pending requests."""
+        wanted = len(self.looks) + 2
+        wait_until(lambda: len(self.looks) >= wanted)
+
+    def meet_service(self) -> None:
+        """Wait until the service has found the node."""
+        (client,) = self.node.clients
+        assert client.wait_for_service(PATIENCE_SECONDS)
+        greet(client, GetTagReading.Request())
+
+
+@pytest.fixture
+def start_reader(monkeypatch):
+    """Return a function that starts the node; its clock stands still by default."""
+    with contextlib.ExitStack() as stack:
+
+        def start(clock=None, **parameters):
+            clock, seen, looks = clock or Clock(), [], []
+            see, forget = Sightings.see, Sightings.forget
+            monkeypatch.setattr(read_on_sight, 'time', clock)
+            monkeypatch.setattr(Sightings, 'see', lambda *each: seen.append(each[1]) or see(*each))
+            monkeypatch.setattr(Sightings, 'forget', lambda *each: looks.append(each[1]) or forget(*each))
+            overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+            rclpy.init(args=['--ros-args', '-p', f'detections_topic:={TOPIC}', *overrides])
+            stack.callback(rclpy.shutdown)
+            node = ReadOnSightNode()
+            stack.callback(node.destroy_node)
+            executor = SingleThreadedExecutor()
+            executor.add_node(node)
+            spinner = threading.Thread(target=executor.spin, daemon=True)
+            spinner.start()
+            stack.callback(spinner.join, PATIENCE_SECONDS)
+            stack.callback(executor.shutdown)
+            return Reader(node, clock, seen, looks)
 
         yield start
 
 
+@pytest.fixture
+def log(capfd):
+    """Return a function that returns what was logged so far."""
+    parts = []
+
+    def read() -> str:
+        parts.append(capfd.readouterr().err)
+        return ''.join(parts)
+
+    return read
+
+
+class HeldService:
+    """A service of readings that replies only when the test lets it; `requests` are the tag ids."""
+
+    name = '/held/get_tag_reading'
+
+    def __init__(self, node):
+        self.requests = []
+        self.status, self.error_message = GetTagReading.Response.STATUS_OK, ''
+        self._replies = threading.Semaphore(0)
+        node.create_service(GetTagReading, self.name, self._reply)
+
+    def _reply(self, request, response):
+        if request.tag_id:  # no greeting
+            self.requests.append(request.tag_id)
+            self._replies.acquire(timeout=PATIENCE_SECONDS)
+        response.status, response.error_message = self.status, self.error_message
+        response.reading.tag_id = request.tag_id
+        response.reading.sim_time_of_day_seconds = float(len(self.requests))
+        return response
+
+    def reply(self, times: int = 1) -> None:
+        """Let it reply this often."""
+        for _ in range(times):
+            self._replies.release()
+
+
+@pytest.fixture
+def held_service():
+    with spinning_node('held') as node:
+        service = HeldService(node)
+        yield service
+        service.reply(1000)
+
+
+READINGS = '/read_on_sight/readings'
+
+
 @needs_detections
-def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(start_bridge, start_reader, shipped_tags):
-    """Thirty-two tags at 30 Hz, some of them unknown, without a bridge half of the time."""
+def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(
+    start_bridge, start_node, detector, shipped_tags
+):
+    """Every tag and some unknown ones at 30 Hz, without a bridge for a while."""
     in_view = [*map(int, shipped_tags), 400, 401, 402]
     service = '/tested/get_tag_reading'
     command = [executable('lupin_greenhouse_bridge', 'bridge_node')]
     command += ['--ros-args', '-r', f'~/get_tag_reading:={service}']
     first = start_bridge(command)
     first.wait_for_log('ready:')
-    reader = start_reader(bridge_service_name=service, cooldown_seconds=3600.0, request_timeout_seconds=0.5)
-    reader.listen()
+    reader = start_node(
+        READ_ON_SIGHT,
+        detections_topic=TOPIC,
+        bridge_service_name=service,
+        cooldown_seconds=3600.0,
+        request_timeout_seconds=0.3,
+    )
+    camera, readings = Camera(detector), listen(detector, f'{reader.namespace}{READINGS}')
     half = in_view[: len(in_view) // 2]
-    wait_until(lambda: reader.see(half) or len(reader.readings) == len(half))
+    camera.look_at(*half)
+    wait_until(lambda: len(readings) >= len(half))
     first.close()
-    for _ in range(15):
-        reader.see(in_view)
+    camera.look_at(*in_view)
+    reader.wait_for_log('no reply from')
     start_bridge(command)
-    wait_until(lambda: reader.see(in_view) or len(reader.readings) >= len(shipped_tags))
-    assert sorted(reader.ids(), key=int) == sorted(shipped_tags, key=int)
-    assert all(each.readings for each in reader.readings)
-    said = [reader.process.wait_for_log('is not in the loaded greenhouse') for _ in range(3)]
+    wait_until(lambda: len(readings) >= len(shipped_tags))
+    assert sorted((each.tag_id for each in readings), key=int) == sorted(shipped_tags, key=int)
+    assert all(each.readings for each in readings)
+    said = [reader.wait_for_log('is not in the loaded greenhouse') for _ in range(3)]
     assert sorted(re.search(r"Tag '(\d+)'", line)[1] for line in said) == ['400', '401', '402']
-    assert reader.process.stop() == 0
+    assert reader.stop() == 0
 
 
 @needs_detections
-def test_a_late_subscriber_hears_what_was_read_before(start_bridge, start_reader):
-    bridge = start_bridge()
-    bridge.connect()
-    reader = start_reader(bridge_service_name=bridge.service_name, cooldown_seconds=3600.0)
-    for _ in range(60):
-        reader.see([1])
-    reader.listen()
-    wait_until(lambda: reader.ids() == ['1'])
+def test_a_late_subscriber_hears_what_was_read_before(noon_bridge, start_reader, detector):
+    reader = start_reader(bridge_service_name=noon_bridge.service_name)
+    reader.meet_service()
+    camera, early = Camera(detector), listen(detector, READINGS)
+    camera.look_at(1)
+    wait_until(lambda: early)
+    late = listen(detector, READINGS)
+    wait_until(lambda: late)
+    assert [each.tag_id for each in late] == ['1']
+    assert late == early
 
 
 @needs_detections
-def test_a_tag_in_view_is_published_again_after_its_cooldown(start_bridge, start_reader):
-    bridge = start_bridge()
-    bridge.connect()
-    reader = start_reader(bridge_service_name=bridge.service_name, cooldown_seconds=0.3)
-    reader.listen()
-    wait_until(lambda: reader.see([1]) or len({each.stamp.nanosec for each in reader.readings}) >= 3)
-    assert set(reader.ids()) == {'1'}
+def test_a_tag_in_view_is_published_again_after_its_cooldown(noon_bridge, start_reader, detector):
+    reader = start_reader(bridge_service_name=noon_bridge.service_name)
+    reader.meet_service()
+    camera, readings = Camera(detector), listen(detector, READINGS)
+    camera.look_at(1)
+    for count in (1, 2, 3):
+        wait_until(lambda: len(readings) >= count)  # noqa: B023 (called at once)
+        reader.clock.now += 9.75
+        reader.look()
+        assert [each.tag_id for each in readings] == ['1'] * count
+        reader.clock.now += 0.25
 
 
 @needs_detections
 def test_other_families_are_ignored_the_format_makes_the_id_and_an_unknown_one_is_said_once(
-    start_bridge, start_reader
+    held_service, start_reader, detector, log
 ):
-    bridge = start_bridge()
-    bridge.connect()
-    reader = start_reader(
-        bridge_service_name=bridge.service_name, tag_id_format='x{id}', cooldown_seconds=0.1
-    )
-    reader.see([5], family='tag25h9')
-    for _ in range(30):
-        reader.see([6], family='tf36h11')
-    unknown = "Tag 'x6' is not in the loaded greenhouse"
-    reader.process.wait_for_log(unknown)
-    for _ in range(30):
-        reader.see([6])
-    assert reader.process.stop() == 0
-    assert sum(unknown in line for line in reader.process.log) == 1
-    assert not any("'x5'" in line for line in reader.process.log)
+    held_service.status, held_service.error_message = GetTagReading.Response.STATUS_UNKNOWN_TAG, 'Unknown x6.'
+    held_service.reply(1000)
+    readings = listen(detector, READINGS)
+    start_reader(time, bridge_service_name=held_service.name, tag_id_format='x{id}', cooldown_seconds=0.01)
+    Camera(detector).in_view = [('tag25h9', 5), ('tf36h11', 6)]
+    wait_until(lambda: len(held_service.requests) >= 4)
+    assert set(held_service.requests) == {'x6'}
+    assert log().count('Unknown x6.') == 1
+    assert readings == []
 
 
 @needs_detections
-def test_a_tag_that_was_seen_long_before_the_bridge_came_is_not_read(start_bridge, start_reader):
-    service = '/tested/late/get_tag_reading'
-    reader = start_reader(bridge_service_name=service, request_timeout_seconds=0.3)
-    reader.listen()
-    reader.see([1])
-    for _ in range(30):
-        reader.see([])
-    command = [executable('lupin_greenhouse_bridge', 'bridge_node')]
-    start_bridge([*command, '--ros-args', '-r', f'~/get_tag_reading:={service}'])
-    wait_until(lambda: reader.see([2]) or reader.readings)
-    assert set(reader.ids()) == {'2'}
+def test_a_failure_of_the_simulator_is_said_and_not_published(held_service, start_reader, detector, log):
+    held_service.status = GetTagReading.Response.STATUS_SIMULATOR_ERROR
+    held_service.error_message = 'it burns'
+    held_service.reply(1000)
+    reader = start_reader(bridge_service_name=held_service.name)
+    reader.meet_service()
+    camera, readings = Camera(detector), listen(detector, READINGS)
+    camera.look_at(7)
+    wait_until(lambda: "tag '7': SIMULATOR_ERROR: it burns" in log())
+    held_service.status = GetTagReading.Response.STATUS_OK
+    camera.look_at(8)
+    wait_until(lambda: readings)
+    assert [each.tag_id for each in readings] == ['8']
 
 
 @needs_detections
-def test_without_a_bridge_it_says_so_now_and_then_and_ends_at_once(start_reader):
+def test_a_reply_after_its_timeout_is_dropped_and_that_of_the_next_attempt_is_published(
+    held_service, start_reader, detector
+):
+    reader = start_reader(bridge_service_name=held_service.name)
+    reader.meet_service()
+    camera, readings = Camera(detector), listen(detector, READINGS)
+    camera.look_at(7)
+    wait_until(lambda: held_service.requests)
+    reader.clock.now += 2.0
+    reader.look()
+    held_service.reply(2)
+    wait_until(lambda: readings)
+    camera.look_at(7, 8)
+    held_service.reply()
+    wait_until(lambda: len(readings) >= 2)
+    assert held_service.requests == ['7', '7', '8']
+    assert [(each.tag_id, each.sim_time_of_day_seconds) for each in readings] == [('7', 2.0), ('8', 3.0)]
+
+
+@needs_detections
+def test_a_tag_without_any_reply_is_said_after_its_attempts(held_service, start_reader, detector, log):
+    reader = start_reader(bridge_service_name=held_service.name, max_attempts=2)
+    reader.meet_service()
+    Camera(detector).look_at(7)
+    wait_until(lambda: held_service.requests)
+    said = f"tag '7': no reply from {held_service.name}"
+    reader.clock.now += 2.0
+    reader.look()
+    assert said not in log()
+    reader.clock.now += 2.0
+    wait_until(lambda: said in log())
+
+
+@needs_detections
+def test_a_tag_that_was_seen_long_before_the_bridge_came_is_not_read(start_reader, detector):
+    reader = start_reader(bridge_service_name=HeldService.name)
+    camera = Camera(detector)
+    for number in (1, 2):  # the node has seen all of the first when it sees the second
+        camera.look_at(number)
+        wait_until(lambda: str(number) in reader.seen)  # noqa: B023 (called at once)
+    reader.clock.now += 2.5
+    reader.look()
+    camera.look_at(3)
+    with spinning_node('late') as node:
+        service = HeldService(node)
+        service.reply(1000)
+        wait_until(lambda: reader.clock.tick() or '3' in service.requests)
+    assert '1' not in service.requests
+
+
+@needs_detections
+def test_without_a_bridge_it_says_so_now_and_then(start_reader, detector, log):
     reader = start_reader(bridge_service_name='/nobody/get_tag_reading')
-    for _ in range(30):
-        reader.see([1])
-    reader.process.wait_for_log('no service /nobody/get_tag_reading: start the bridge')
-    assert reader.process.stop() == 0
-    assert len([line for line in reader.process.log if 'no service' in line]) == 1
+    Camera(detector).look_at(1)
+    wait_until(lambda: len(reader.seen) >= 30)
+    times = log().count('no service /nobody/get_tag_reading: start the bridge, or set bridge_service_name')
+    assert 1 <= times <= len(reader.seen) / 10
 
 
-def test_without_apriltag_msgs_it_is_refused_in_one_line(start_node, tmp_path, monkeypatch):
-    hidden = tmp_path / 'apriltag_msgs'
-    hidden.mkdir()
-    (hidden / '__init__.py').write_text("raise ImportError('hidden')", encoding='utf-8')
-    monkeypatch.setenv('PYTHONPATH', f'{tmp_path}:{os.environ.get("PYTHONPATH", "")}')
-    refusal = start_node([executable('lupin_greenhouse_bridge', 'read_on_sight')]).refusal()
+@needs_detections
+def test_the_process_ends_with_exit_code_0(start_node):
+    process = start_node(READ_ON_SIGHT)
+    process.wait_for_log(
+        'ready: detections from /detections, readings from /greenhouse_bridge/get_tag_reading'
+    )
+    assert process.stop() == 0
+
+
+def test_the_parameters_have_these_defaults():
+    assert dataclasses.asdict(Settings()) == {
+        'detections_topic': '/detections',
+        'bridge_service_name': '/greenhouse_bridge/get_tag_reading',
+        'tag_id_format': '{id}',
+        'cooldown_seconds': 10.0,
+        'request_timeout_seconds': 2.0,
+        'max_attempts': 3,
+    }
+
+
+def test_without_apriltag_msgs_it_is_refused_in_one_line(run_here, monkeypatch):
+    for name in ('apriltag_msgs', 'apriltag_msgs.msg'):
+        monkeypatch.setitem(sys.modules, name, None)
+    refusal = run_here(read_on_sight.main).refusal
     assert 'package apriltag_msgs' in refusal
     assert 'sudo apt install ros-$ROS_DISTRO-apriltag-msgs' in refusal
+
+
+OUTSIDE = 'must be a number from'
 
 
 @pytest.mark.parametrize(
     ('name', 'value', 'fragment'),
     [
         ('max_attempts', 0, 'parameter max_attempts is 0: must be a whole number from 1 to 1000'),
+        ('max_attempts', 1001, 'parameter max_attempts is 1001: must be a whole number from 1 to 1000'),
+        ('cooldown_seconds', -0.1, f'parameter cooldown_seconds is -0.1: {OUTSIDE} 0 to 86400'),
+        ('cooldown_seconds', 86400.1, f'parameter cooldown_seconds is 86400.1: {OUTSIDE} 0 to 86400'),
+        (
+            'request_timeout_seconds',
+            0.0,
+            f'parameter request_timeout_seconds is 0.0: {OUTSIDE} 0.001 to 3600',
+        ),
+        ('request_timeout_seconds', 3600.1, f'parameter request_timeout_seconds is 3600.1: {OUTSIDE} 0.001'),
         ('bridge_service_name', 'no name', 'parameter bridge_service_name is not a service name'),
         ('tag_id_format', 'tag', "parameter tag_id_format is 'tag': must hold {id} once"),
         pytest.param('detections_topic', 'no name', 'no name', marks=needs_detections),
     ],
 )
-def test_a_wrong_parameter_is_refused_in_one_line(start_node, name, value, fragment):
-    process = start_node([executable('lupin_greenhouse_bridge', 'read_on_sight')], **{name: value})
-    assert fragment in process.refusal()
+def test_a_wrong_parameter_is_refused_in_one_line(run_here, name, value, fragment):
+    assert fragment in run_here(read_on_sight.main, '--ros-args', '-p', f'{name}:={value}').refusal
+
+
+@pytest.mark.parametrize(
+    ('name', 'values'),
+    [
+        ('max_attempts', [1, 1000]),
+        ('cooldown_seconds', [0, 86400.0]),
+        ('request_timeout_seconds', [0.001, 3600]),
+    ],
+)
+def test_a_parameter_at_its_limit_is_taken(name, values):
+    assert [getattr(Settings(**{name: value}), name) for value in values] == values

@@ -1,0 +1,134 @@
+"""The blocking client: one call at a time, each with a timeout."""
+
+import threading
+
+import pytest
+import rclpy
+from lupin_greenhouse_bridge import client
+from lupin_greenhouse_bridge.client import Client, GetParameters, GetTagReading, NoAnswer
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, spinning_node, wait_until
+from rcl_interfaces.msg import ParameterValue
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
+
+SERVICE = '/served/get_tag_reading'
+GREETING = GetTagReading.Request(tag_id='greeting')
+
+
+class Service:
+    """Keeps the ids that it is asked for, and replies while it `replies`."""
+
+    def __init__(self, node):
+        self.requests = []
+        self.replies = threading.Event()
+        self.replies.set()
+        node.create_service(GetTagReading, SERVICE, self._reply, qos_profile=QoSProfile(depth=1000))
+
+    def _reply(self, request, response):
+        self.requests.append(request.tag_id)
+        self.replies.wait(PATIENCE_SECONDS)
+        response.reading.tag_id = request.tag_id
+        return response
+
+
+@pytest.fixture
+def service():
+    with spinning_node('served') as node:
+        service = Service(node)
+        yield service
+        service.replies.set()
+
+
+@pytest.fixture
+def caller():
+    """Return an executor that only the test spins, and its node."""
+    context = Context()
+    rclpy.init(args=[], context=context)
+    node = rclpy.create_node('caller', context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    yield executor, node
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def connected(executor, node):
+    """Return a client of the service, which the service has found."""
+    found = Client(executor, node, PATIENCE_SECONDS).connect(GetTagReading, SERVICE)
+    greeting = threading.Thread(target=greet, args=(found, GREETING))
+    greeting.start()
+    while greeting.is_alive():
+        executor.spin_once(timeout_sec=0.01)
+    return found
+
+
+def test_a_reply_is_kept_though_more_replies_to_others_follow_than_ros_keeps_by_default(service, caller):
+    """Each client receives the replies to all clients. This one looks late."""
+    executor, node = caller
+    found = connected(executor, node)
+    others = iter(range(40))
+
+    class LateExecutor:
+        def spin_once(self, timeout_sec):
+            wait_until(lambda: 'mine' in service.requests)
+            for number in others:
+                call(other, GetTagReading.Request(tag_id=f'other {number}'))
+            executor.spin_once(timeout_sec=timeout_sec)
+
+    with spinning_node('other') as other_node:
+        other = other_node.create_client(GetTagReading, SERVICE)
+        assert other.wait_for_service(PATIENCE_SECONDS)
+        greet(other, GREETING)
+        late = Client(LateExecutor(), node, PATIENCE_SECONDS)
+        assert late.call(found, GetTagReading.Request(tag_id='mine')).reading.tag_id == 'mine'
+
+
+class Time:
+    """A clock that shows these times, one after the other, and fails when it is asked more often."""
+
+    def __init__(self, *times):
+        self._times = iter(times)
+
+    def monotonic(self):
+        return next(self._times)
+
+
+def test_the_wait_for_a_service_ends_at_its_timeout_and_not_before(caller, monkeypatch):
+    times = Time(100.0, 101.4, 102.0)
+    monkeypatch.setattr(client, 'time', times)
+    shown = []
+    with pytest.raises(NoAnswer, match=r'^no service /nobody within 2 s$'):
+        Client(*caller, 2.0).connect(GetTagReading, '/nobody', shown.append)
+    assert shown == ['waiting for /nobody, 1 s more']
+    assert list(times._times) == []
+
+
+def test_a_call_ends_at_its_timeout_and_is_forgotten(service, caller, monkeypatch):
+    found = connected(*caller)
+    service.replies.clear()
+    asked, forgotten = [], []
+    call_async, remove_pending_request = found.call_async, found.remove_pending_request
+    monkeypatch.setattr(found, 'call_async', lambda request: asked.append(call_async(request)) or asked[-1])
+    monkeypatch.setattr(
+        found,
+        'remove_pending_request',
+        lambda future: forgotten.append(future) or remove_pending_request(future),
+    )
+    monkeypatch.setattr(client, 'time', Time(100.0, 101.9, 102.0))
+    with pytest.raises(NoAnswer, match=f'^{SERVICE} did not answer within 2 s$'):
+        Client(*caller, 2.0).call(found, GREETING)
+    assert len(forgotten) == 1
+    assert forgotten == asked
+
+
+def test_the_parameters_of_a_bridge_are_asked_of_its_own_node():
+    assert client.parameter_service_of('/a/bridge/get_tag_reading') == '/a/bridge/get_parameters'
+    ids, none = ParameterValue(string_array_value=['7', '8']), ParameterValue()
+    custom = ParameterValue(string_value='tags.json')
+    response = GetParameters.Response
+    assert client.tag_ids_of(response(values=[ids, none])) == ['7', '8']
+    assert client.tag_ids_of(response()) == []
+    assert client.has_tag_file(response(values=[ids, custom]))
+    assert not client.has_tag_file(response(values=[ids, none]))
