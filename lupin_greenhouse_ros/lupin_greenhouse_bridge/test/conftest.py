@@ -19,7 +19,7 @@ os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
 
 import pytest
 import yaml
-from lupin_greenhouse_bridge import bridge_node, client, life_cycle, read_tag, simulation
+from lupin_greenhouse_bridge import bridge_node, life_cycle, read_tag, simulation
 from lupin_greenhouse_bridge.client import GetTagReading
 from lupin_greenhouse_bridge.signalled import raising
 from rclpy.utilities import get_default_context
@@ -168,24 +168,9 @@ def bridge_here(run_here):
 
 
 @pytest.fixture
-def read_tag_here(run_here, monkeypatch):
-    """
-    Return a function that runs read_tag with these arguments in the test's process.
-
-    The service has found its clients before they ask: DDS drops the reply to a client that is not found yet.
-    """
+def read_tag_here(run_here):
+    """Return a function that runs read_tag with these arguments in the test's process."""
     from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS  # as above
 
-    connect = client.Client.connect
-
-    def connect_and_greet(self, service_type, *arguments):
-        found = connect(self, service_type, *arguments)
-        greetings = []
-        while not any(greeting.done() for greeting in greetings):
-            assert len(greetings) < PATIENCE_SECONDS, f'{found.srv_name} did not answer'
-            greetings.append(found.call_async(service_type.Request()))
-            self._executor.spin_until_future_complete(greetings[-1], timeout_sec=1.0)
-        return found
-
-    monkeypatch.setattr(client.Client, 'connect', connect_and_greet)
-    return lambda *arguments, **keywords: run_here(read_tag.main, *arguments, **keywords)
+    patience = ('--timeout', str(PATIENCE_SECONDS))
+    return lambda *arguments, **keywords: run_here(read_tag.main, *patience, *arguments, **keywords)

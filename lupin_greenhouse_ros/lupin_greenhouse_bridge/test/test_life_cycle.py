@@ -100,6 +100,7 @@ def test_read_tag_that_watches_ends_with_exit_code_0(noon_bridge, read_tag_here,
 
 def test_the_process_of_read_tag_that_watches_ends_with_exit_code_0(noon_bridge):
     ask = [executable(PACKAGE, 'read_tag'), '1', '--watch', '100', '--service', noon_bridge.service_name]
+    ask += ['--timeout', str(PATIENCE_SECONDS)]
     with subprocess.Popen(ask, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline().startswith('tag')
         process.terminate()

@@ -123,6 +123,22 @@ def test_a_call_ends_at_its_timeout_and_is_forgotten(service, caller, monkeypatc
     assert forgotten == asked
 
 
+def test_a_request_whose_reply_is_lost_is_sent_again(service, caller, monkeypatch):
+    found = connected(*caller)
+    call_async, asked = found.call_async, []
+
+    def lose_the_first(request):
+        asked.append(call_async(request))
+        if len(asked) == 1:
+            found.remove_pending_request(asked[0])  # its reply is then ignored
+        return asked[-1]
+
+    monkeypatch.setattr(found, 'call_async', lose_the_first)
+    response = Client(*caller, PATIENCE_SECONDS).call(found, GetTagReading.Request(tag_id='mine'))
+    assert response.reading.tag_id == 'mine'
+    assert service.requests.count('mine') == len(asked) == 2
+
+
 def test_the_parameters_of_a_bridge_are_asked_of_its_own_node():
     assert client.parameter_service_of('/a/bridge/get_tag_reading') == '/a/bridge/get_parameters'
     ids, none = ParameterValue(string_array_value=['7', '8']), ParameterValue()

@@ -12,6 +12,7 @@ from .life_cycle import LONGEST_WAIT_SECONDS, SERVICE_DEPTH, is_asked_to_end
 
 SERVICE_QOS = QoSProfile(depth=SERVICE_DEPTH)
 DEFAULT_SERVICE = '/greenhouse_bridge/get_tag_reading'
+REPEAT_AFTER_SECONDS = 1.0
 TAG_IDS_PARAMETER = 'loaded_tag_ids'
 STATUS_NAMES = {
     getattr(GetTagReading.Response, f'STATUS_{name}'): name
@@ -60,16 +61,25 @@ class Client:
         return client
 
     def call(self, client, request):
-        """Return the response to one request; raises NoAnswer and Interrupted."""
-        future = client.call_async(request)
+        """
+        Return the response to one request; raises NoAnswer and Interrupted.
+
+        Repeats the request each second: DDS drops the reply to a client that the service has not found yet.
+        """
+        futures = []
         deadline = time.monotonic() + self._timeout_seconds
-        while not future.done():
-            left_seconds = _left_until(deadline)
-            if left_seconds <= 0.0:
+        try:
+            while not any(future.done() for future in futures):
+                left_seconds = _left_until(deadline)
+                if left_seconds <= 0.0:
+                    raise NoAnswer(f'{client.srv_name} did not answer within {self._timeout_seconds:g} s')
+                if self._timeout_seconds - left_seconds >= len(futures) * REPEAT_AFTER_SECONDS:
+                    futures.append(client.call_async(request))
+                self._executor.spin_once(timeout_sec=min(left_seconds, LONGEST_WAIT_SECONDS))
+            return next(future.result() for future in futures if future.done())
+        finally:
+            for future in futures:
                 client.remove_pending_request(future)
-                raise NoAnswer(f'{client.srv_name} did not answer within {self._timeout_seconds:g} s')
-            self._executor.spin_once(timeout_sec=min(left_seconds, LONGEST_WAIT_SECONDS))
-        return future.result()
 
 
 def _left_until(deadline: float) -> float:
