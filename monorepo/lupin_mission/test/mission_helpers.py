@@ -1,4 +1,9 @@
-"""The real mission, in a thread of the test, and what is around it: services, subscribers, an operator."""
+"""
+The real mission in a thread of the test, and what is around it: services, subscribers, an operator.
+
+No test of a mission depends on how fast DDS or the machine is. A state that a test acts in lasts until the
+test ends it: a reply is withheld, a dwell of an hour is skipped, or the clock of the process is moved.
+"""
 
 import contextlib
 import queue
@@ -81,8 +86,7 @@ class Commanded:
                 return self._type.Response()
         self._arrived.put(tag_id)
         response = reply.result()
-        if not self._is_closed:
-            wait_until(self._has_found_a_client)
+        wait_until(lambda: self._is_closed or self._has_found_a_client())
         return response
 
     def _has_found_a_client(self) -> bool:

@@ -69,6 +69,20 @@ def test_a_node_that_does_not_know_the_tags_yet_is_asked_again(start_mission, co
     assert reader.tag_ids == ['7', '5']
 
 
+def test_the_tags_that_arrive_twice_start_one_mission(start_mission, commanded, reader):
+    bridge = commanded(GetParameters, '/commanded/get_parameters')
+    mission = start_mission(**READER)
+    for _ in range(2):
+        bridge.wait_for_request()
+    for _ in range(2):
+        bridge.answer(values=[ParameterValue(string_array_value=['7']), ParameterValue()])
+    assert reader.wait_for_request() == '7'
+    reader.answer_ok('7', co2=1.0)
+    assert mission.end() == 0
+    assert len([line for line in mission.log if '1 tags to visit' in line]) == 1
+    assert reader.tag_ids == ['7']
+
+
 @pytest.fixture
 def without_simulator(tmp_path):
     """Return the environment of a process that cannot import mdp-greenhouse."""
