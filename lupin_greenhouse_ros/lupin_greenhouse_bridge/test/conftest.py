@@ -88,11 +88,11 @@ class Ended(NamedTuple):
 
 
 class Terminal:
-    """A terminal of 24 rows and 60 columns: its `stream` to print to, and the `text` that was printed."""
+    """A terminal of this size: its `stream` to print to, and the `text` that was printed."""
 
-    def __init__(self):
+    def __init__(self, rows=24, columns=60):
         self._screen, terminal = pty.openpty()
-        fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 60, 0, 0))
+        fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack('HHHH', rows, columns, 0, 0))
         self.stream = os.fdopen(terminal, 'w', encoding='utf-8')
         self.text = ''
         self._printed = threading.Condition()

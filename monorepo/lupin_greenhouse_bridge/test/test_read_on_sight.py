@@ -14,7 +14,7 @@ import rclpy
 from lupin_greenhouse_bridge import read_on_sight
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.read_on_sight import GetTagReading, ReadOnSightNode, Settings
-from lupin_greenhouse_bridge.sightings import MOST_IN_FLIGHT, Limits, Sightings
+from lupin_greenhouse_bridge.sightings import Limits, Sightings
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, greet, spinning_node, wait_until
 from lupin_msgs.msg import TagReading
 from rclpy.executors import SingleThreadedExecutor
@@ -60,7 +60,7 @@ def test_few_requests_are_under_way_at_a_time_and_every_tag_has_its_turn():
         for tag_id in tag_ids:
             sightings.see(tag_id, 0.0)
         batch = asked(sightings, 0.0)
-        assert 0 < len(batch) <= MOST_IN_FLIGHT
+        assert len(batch) == min(4, len(tag_ids) - len(done))
         for tag_id in batch:
             sightings.answered(tag_id, 0.0)
         done += batch
@@ -84,12 +84,26 @@ def test_an_unanswered_request_is_tried_again_so_many_times_and_then_left_for_as
     assert sightings.lost('7', 14.0)  # the attempts start again
 
 
-def test_a_tag_that_has_gone_out_of_view_is_not_asked_for():
+def test_a_tag_that_has_been_out_of_view_for_longer_than_a_timeout_is_not_asked_for():
+    sightings = Sightings(LIMITS)
+    sightings.see('7', 0.9)
+    sightings.see('8', 1.0)
+    sightings.forget(3.0)
+    assert asked(sightings, 3.0) == ['8']
+
+
+def test_the_attempts_start_again_for_a_tag_that_comes_back_into_view():
     sightings = Sightings(LIMITS)
     sightings.see('7', 0.0)
-    sightings.see('8', 1.0)
-    sightings.forget(2.5)
-    assert asked(sightings, 2.5) == ['8']
+    asked(sightings, 0.0)
+    assert sightings.lost('7', 2.0)
+    sightings.forget(4.5)
+    sightings.see('7', 5.0)
+    waits = []
+    for now in (5.0, 7.0, 9.0):
+        assert asked(sightings, now) == ['7']
+        waits.append(sightings.lost('7', now + 2.0))
+    assert waits == [True, True, False]
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import sys
 import pytest
 from conftest import Terminal
 from lupin_greenhouse_bridge.client import STATUS_NAMES, GetTagReading
-from lupin_greenhouse_bridge.reading_table import Screen, json_line
+from lupin_greenhouse_bridge.reading_table import Screen, json_line, terminal_size
 from lupin_msgs.msg import SensorReading
 
 OK, UNKNOWN_TAG = 0, 1
@@ -34,6 +34,25 @@ def test_the_columns_are_aligned_values_to_the_right_and_the_failures_apart(caps
         '2/3 tags read\n',
         'read_tag: 9: new\\n\n',
     )
+
+
+def test_one_tag_is_not_counted(capsys):
+    Screen(is_watched=False).show({'7': answer(co2=1.0)}, STATUS_NAMES)
+    assert len(capsys.readouterr().out.splitlines()) == 2
+
+
+def test_long_ids_and_messages_are_cut(capsys):
+    responses = {'x' * 41: answer(co2=1.0), '8': failure(UNKNOWN_TAG, 'y' * 1001)}
+    Screen(is_watched=False).show(responses, STATUS_NAMES)
+    out, err = capsys.readouterr()
+    assert out.splitlines()[1].startswith('x' * 40 + '...  00:00:00')
+    assert err == f'read_tag: UNKNOWN_TAG: {"y" * 1000}...\n'
+
+
+@pytest.mark.parametrize(('window', 'size'), [((24, 60), (60, 24)), ((0, 0), (80, 24))])
+def test_the_size_is_that_of_the_window_or_the_usual_one(window, size):
+    with Terminal(*window) as terminal:
+        assert terminal_size(terminal.stream) == size
 
 
 def test_a_watched_table_in_a_pipe_has_one_header_and_its_columns_never_get_narrower(capsys):
