@@ -236,13 +236,14 @@ def test_the_hint_names_a_bridge_of_another_name(hint, noon_bridge):
 def test_the_hint_names_a_service_of_another_type(hint):
     with empty_domain(), spinning_node('stranger') as stranger:
         stranger.create_service(GetParameters, '~/get_tag_reading', lambda _request, response: response)
-        name = '/stranger/get_tag_reading'
-        stranger_type = 'rcl_interfaces/srv/GetParameters'
-        text = hint(
-            lambda node: stranger_type in dict(node.get_service_names_and_types()).get(name, []), service=name
-        )
+        name, its_type = '/stranger/get_tag_reading', 'rcl_interfaces/srv/GetParameters'
+
+        def is_discovered(node):
+            return its_type in dict(node.get_service_names_and_types()).get(name, [])
+
+        text = hint(is_discovered, service=name)
     wanted = f'{GetTagReading.__module__.split(".")[0]}/srv/GetTagReading'
-    assert text.startswith(f'{name} has the type {stranger_type}, but this client calls {wanted}')
+    assert text.startswith(f'{name} has the type {its_type}, but this client calls {wanted}')
 
 
 def test_the_hint_says_when_there_are_nodes_but_no_bridge(hint):
