@@ -11,9 +11,13 @@ from lupin_perception.settings import Criteria
 SHARP, NOISY, BLURRED = {}, {'noise_levels': 15.0}, {'blur_pixels': 1.0}
 
 
-def found_in(picture) -> set[int]:
-    criteria = Criteria()
-    return {each.tag_number for each in TagDetector().detect(picture) if not criteria.flaw_of(each)}
+@pytest.fixture(scope='module')
+def found_in():
+    """Return a function that returns the numbers of the tags in a picture, by the default criteria."""
+    detector, criteria = TagDetector(), Criteria()
+    return lambda picture: {
+        each.tag_number for each in detector.detect(picture) if not criteria.flaw_of(each)
+    }
 
 
 @pytest.mark.parametrize(
@@ -25,9 +29,9 @@ def found_in(picture) -> set[int]:
         (1.5, (0, 30, 45), (SHARP, NOISY)),
     ],
 )
-def test_4_cm_tags_are_found_where_the_robot_stands(distance_m, angles_degrees, conditions):
-    """Six ids; `make recall` shows 30, also with blur at 1 m."""
-    for tag_number in range(1, 31, 5):
+def test_4_cm_tags_are_found_where_the_robot_stands(found_in, distance_m, angles_degrees, conditions):
+    """Three ids; `make recall` shows 30, also with blur at 1 m."""
+    for tag_number in (1, 11, 21):
         for angle_degrees in angles_degrees:
             for condition in conditions:
                 picture = Camera().look_at(
@@ -67,17 +71,17 @@ def test_no_picture_of_an_allowed_size_crashes_the_library(height, width):
     TagDetector().detect(np.zeros((height, width), np.uint8))
 
 
-def test_no_tag_is_confirmed_in_600_images_without_it():
+def test_no_tag_is_confirmed_in_200_images_without_it():
     """With the most lenient criteria; `make recall` shows 20,000 with the defaults."""
     detector = TagDetector(max_hamming=2)
     lenient = Criteria(min_frames=1, min_decision_margin=0.0, max_hamming=2)
     random = np.random.default_rng(0)
     others = 0
-    for number in range(600):
+    for number in range(200):
         picture = decoy(number, 7, random)
         confirmer = Confirmer(lenient)
         confirmer.add(Frame(lambda picture=picture: Sight(detector.detect(picture)), 0.0, 0.0))
         confidence, message, _ = confirmer.confirm('7', 0.0, 0.0)
         assert confidence == 0.0, f'image {number}'
         others += 'other tags' in message
-    assert others > 600 / len(DECOYS) - 10  # the decoys are not blank: the detector read those of the family
+    assert others > 200 / len(DECOYS) - 4  # the decoys are not blank: the detector read those of the family
