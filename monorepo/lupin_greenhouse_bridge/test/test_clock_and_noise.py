@@ -95,8 +95,7 @@ def test_a_config_may_say_24_hours_too(shipped_config, tmp_path):
 def test_a_whole_number_is_taken_for_a_time_of_day_and_a_speedup_without_effect_is_warned_of(start_bridge):
     bridge = start_bridge(debug_time_of_day=6, speedup_factor=3600)
     assert bridge.call('1').reading.sim_time_of_day_seconds == 6 * 3600.0
-    (warning,) = [line for line in bridge.log if '[WARN]' in line]
-    assert 'speedup_factor has no effect' in warning
+    assert any('[WARN]' in line and 'speedup_factor has no effect' in line for line in bridge.log)
 
 
 def test_the_same_seed_gives_the_same_values_also_after_a_restart():

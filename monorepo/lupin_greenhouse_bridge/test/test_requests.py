@@ -104,6 +104,7 @@ def test_any_finite_real_number_is_cast(faulty_bridge, fault):
 
 def test_the_cause_of_a_failure_is_logged_once_and_not_with_every_request(start_bridge, altered):
     bridge = start_bridge(altered('faulty_simulator'))
+    bridge.connect(greeting='99')
     for _ in range(200):
         assert bridge.call('raises').status == SIMULATOR_ERROR
         assert bridge.call('99').status == UNKNOWN_TAG
@@ -123,7 +124,7 @@ def test_a_reply_that_cannot_be_sent_is_a_warning_and_the_next_request_is_answer
 
 def test_a_hostile_id_cannot_forge_a_log_line(start_bridge):
     bridge = start_bridge(debug_time_of_day=12.0)
-    bridge.call('1\n[FATAL] [0.0] [greenhouse_bridge]: forged\r\x1b[2J')
+    bridge.connect(greeting='1\n[FATAL] [0.0] [greenhouse_bridge]: forged\r\x1b[2J')
     bridge.stop()
     log = bridge.log
     (line,) = [line for line in log if 'forged' in line]

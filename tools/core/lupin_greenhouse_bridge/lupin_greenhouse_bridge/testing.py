@@ -185,13 +185,14 @@ class Bridge(NodeProcess):
         super().close()
         self._stack.close()
 
-    def connect(self):
-        """Wait until the service is available, and return its client."""
+    def connect(self, greeting: str = ''):
+        """Return a client that the service has found: it has answered the greeting, the id of no tag."""
         if self._client is None:
             self.wait_for_log('ready:')
             self.node = self._stack.enter_context(spinning_node('bridge_test'))
             self._client = self.node.create_client(GetTagReading, self.service_name, qos_profile=SERVICE_QOS)
             assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+            greet(self._client, GetTagReading.Request(tag_id=greeting))
         return self._client
 
     def call(self, tag_id: str) -> GetTagReading.Response:

@@ -40,12 +40,12 @@ def path_arguments():
 
 
 def unsendable_reply():
-    """Make the first reply fail like a reply to a vanished client in Humble's rclpy."""
+    """Make the first reading fail like a reply to a vanished client in Humble's rclpy."""
     send_response = rclpy.service.Service.send_response
     replies = itertools.count()
 
     def fail_once(service, response, header):
-        if isinstance(response, bridge_node.GetTagReading.Response) and next(replies) == 0:
+        if getattr(response, 'reading', None) and response.reading.readings and next(replies) == 0:
             raise rclpy_implementation.RCLError('failed to send response: client will not receive response')
         return send_response(service, response, header)
 

@@ -21,6 +21,7 @@ def call_node_service(bridge, service_type, name, request):
     bridge.connect()
     client = bridge.node.create_client(service_type, bridge.service_name.replace('get_tag_reading', name))
     assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+    greet(client, request)
     return call(client, request)
 
 
