@@ -94,10 +94,22 @@ def run_nodes():
             for node in nodes:
                 executor.add_node(node)
                 stack.callback(node.destroy_node)
-            spinner = threading.Thread(target=executor.spin, daemon=True)
+            ended = threading.Event()
+
+            def spin():
+                while not ended.is_set():
+                    executor.spin_once()
+
+            def end():
+                executor.create_task(
+                    ended.set
+                )  # rclpy raises if another thread shuts down a spinning executor
+                spinner.join(PATIENCE_SECONDS)
+                executor.shutdown()
+
+            spinner = threading.Thread(target=spin, daemon=True)
             spinner.start()
-            stack.callback(spinner.join, PATIENCE_SECONDS)
-            stack.callback(executor.shutdown)
+            stack.callback(end)
             return nodes[-1]
 
         yield run
