@@ -6,6 +6,8 @@ export VIRTUAL_ENV="${VENV:-$_root/.venv}"
 export PATH="$VIRTUAL_ENV/bin:$PATH"
 if [ -e "$VIRTUAL_ENV/local_setup.bash" ]; then  # ROS is in the environment itself, and in no other place
     unset PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
+    # The Python of the wheels finds its libraries by these. A child of it may enter another environment.
+    unset LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
     source "$VIRTUAL_ENV/local_setup.bash"
     # A trial on one machine must not reach other machines in the lab.
     export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
