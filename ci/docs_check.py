@@ -25,7 +25,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
-from lupin_greenhouse_bridge.life_cycle import launch_arguments
+from lupin_greenhouse_bridge.node.parameters import launch_arguments
 
 ROOT = Path(__file__).resolve().parent.parent
 FENCED = re.compile(

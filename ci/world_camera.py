@@ -11,8 +11,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from lupin_perception import life_cycle
-from lupin_perception.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.node.parameters import check_parameters, declare_parameters, parameter
+from lupin_greenhouse_bridge.node.run import run
 from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
@@ -31,14 +33,12 @@ LARGEST_YAW = math.radians(4.0)
 class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
-    world_file: str = life_cycle.parameter('', 'The SDF world.')
-    min_standoff_m: float = life_cycle.parameter(
-        0.3, 'Smallest distance to a tag.', smallest=0.2, largest=1.5
-    )
-    max_standoff_m: float = life_cycle.parameter(1.0, 'Largest distance to a tag.', smallest=0.2, largest=1.5)
+    world_file: str = parameter('', 'The SDF world.')
+    min_standoff_m: float = parameter(0.3, 'Smallest distance to a tag.', smallest=0.2, largest=1.5)
+    max_standoff_m: float = parameter(1.0, 'Largest distance to a tag.', smallest=0.2, largest=1.5)
 
     def __post_init__(self):
-        life_cycle.check_parameters(self)
+        check_parameters(self)
         if self.min_standoff_m > self.max_standoff_m:
             raise StartUpError(
                 f'parameter min_standoff_m is {self.min_standoff_m:g}: must not exceed max_standoff_m'
@@ -50,7 +50,7 @@ class WorldCamera(Node):
 
     def __init__(self):
         super().__init__(NODE_NAME)
-        self._settings = life_cycle.declare_parameters(self, Settings)
+        self._settings = declare_parameters(self, Settings)
         self._world = World(Path(self._settings.world_file))
         self._random = np.random.default_rng(0)
         self._tag_id = ''
@@ -88,9 +88,9 @@ class WorldCamera(Node):
 
 def main(args=None) -> int:
     """Publish until Ctrl-C or SIGTERM."""
-    return life_cycle.run(NODE_NAME, WorldCamera, args)
+    return run(NODE_NAME, WorldCamera, args)
 
 
 if __name__ == '__main__':
-    life_cycle.take_signals()
-    life_cycle.end(main())
+    process.take_signals()
+    process.end(main())

@@ -57,12 +57,6 @@ def _render_tree(name: str, tree: dict, files: Rendered) -> Rendered:
     for core_path, entry in files.items():
         package, slash, rest = core_path.partition('/')
         placed.append((tree.get('folders', {}).get(package, package) + slash + rest, entry))
-    for core_path, paths in tree.get('copies', {}).items():
-        if core_path not in files:
-            raise GenerationError(
-                f'twins.toml, {name}: "copies" names {core_path}, which the core does not have'
-            )
-        placed += [(path, files[core_path]) for path in paths]
     for path, (content, _) in placed:
         for word in tree.get('forbidden', []):
             if word.lower() in path.lower() or word.lower().encode() in content.lower():

@@ -20,8 +20,8 @@ import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.greenhouse.simulation import load
 from lupin_greenhouse_bridge.settings import Settings
-from lupin_greenhouse_bridge.simulation import load
 from lupin_mission import greenhouse_plot
 from lupin_mission.greenhouse_plot import (
     COLOURS,

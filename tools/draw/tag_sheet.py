@@ -15,7 +15,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.simulation import served_tag_ids
+from lupin_greenhouse_bridge.greenhouse.simulation import served_tag_ids
 from lupin_perception import scene
 from matplotlib import pyplot
 from matplotlib.backends.backend_pdf import PdfPages

@@ -125,7 +125,7 @@ class Asker:
 
     def connect(self, service: str, kind: str = 'GetTagReading') -> None:
         """Return when the service has replied once; discovery is complete then."""
-        from lupin_greenhouse_bridge.client import SERVICE_QOS
+        from lupin_greenhouse_bridge.contract import SERVICE_QOS
         from lupin_msgs.srv import GetTagReading
         from std_srvs.srv import Trigger
 

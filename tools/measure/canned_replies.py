@@ -11,7 +11,7 @@ import sys
 import time
 
 import rclpy
-from lupin_greenhouse_bridge.client import SERVICE_QOS
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import GetTagReading
 

@@ -1,6 +1,8 @@
 """The bridge with a counter of its requests, for soak.py and network.py; prints the count when it ends."""
 
-from lupin_greenhouse_bridge import bridge_node, life_cycle, simulation
+from lupin_greenhouse_bridge import bridge_node
+from lupin_greenhouse_bridge.greenhouse import simulation
+from lupin_greenhouse_bridge.node import process
 
 
 def main() -> int:
@@ -27,4 +29,4 @@ def main() -> int:
 
 
 if __name__ == '__main__':
-    life_cycle.end(main())
+    process.end(main())

@@ -10,7 +10,9 @@ import statistics
 import time
 
 from greenhouse_sim.simulator import GreenhouseSimulator
-from lupin_greenhouse_bridge import bridge_node, life_cycle, simulation
+from lupin_greenhouse_bridge import bridge_node
+from lupin_greenhouse_bridge.greenhouse import simulation
+from lupin_greenhouse_bridge.node import process
 
 
 def timed(owner, name: str) -> list[float]:
@@ -50,4 +52,4 @@ def main() -> int:
 
 
 if __name__ == '__main__':
-    life_cycle.end(main())
+    process.end(main())

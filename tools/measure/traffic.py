@@ -17,8 +17,10 @@ from collections import Counter
 from pathlib import Path
 
 import rclpy
-from lupin_greenhouse_bridge import life_cycle
-from lupin_greenhouse_bridge.client import DEFAULT_SERVICE, Client, GetTagReading, NoAnswer
+from lupin_greenhouse_bridge.cli.client import Client, NoAnswer
+from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE
+from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.node.run import ros
 
 HERE = Path(__file__).resolve().parent
 TAG_IDS = [str(number) for number in range(1, 31) if number != 8]
@@ -105,7 +107,7 @@ def main() -> int:
     )
     options = parser.parse_args()
 
-    with life_cycle.ros([]) as executor:
+    with ros([]) as executor:
         node = rclpy.create_node(f'traffic_{os.getpid()}')
         executor.add_node(node)
         get_tag_reading = Client(executor, node, PATIENCE_SECONDS).connect(GetTagReading, DEFAULT_SERVICE)

@@ -14,7 +14,7 @@ ROOT = generate.ROOT
 TREES = {'monorepo': 'monorepo', 'mirror': 'lupin_greenhouse_ros'}
 BRIDGE = 'lupin_greenhouse_bridge'
 NODE = f'{BRIDGE}/{BRIDGE}/bridge_node.py'
-SIMULATION = f'{BRIDGE}/{BRIDGE}/simulation.py'
+SIMULATION = f'{BRIDGE}/{BRIDGE}/greenhouse/simulation.py'
 LAUNCH = f'{BRIDGE}/launch/greenhouse_bridge.launch.py'
 SRV, READING = 'MSGS/srv/GetTagReading.srv', 'MSGS/msg/TagReading.msg'
 SENSOR = 'MSGS/msg/SensorReading.msg'
@@ -97,7 +97,7 @@ EDITS = [
     # the rest of both packages
     (PACKAGE_DIFFERS, 'mirror', LAUNCH, "name='greenhouse_bridge'", "name='bridge'"),
     (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/{BRIDGE}/settings.py', '-1, ', '-2, '),
-    (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/{BRIDGE}/life_cycle.py', 'SERVICE_DEPTH = 1000', 'SERVICE_DEPTH = 10'),
+    (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/{BRIDGE}/contract.py', 'depth=1000', 'depth=10'),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/setup.py', 'mdp-greenhouse>=1.0.7', 'mdp-greenhouse>=1.0.6'),
     (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/setup.py', "version='1.", "version='2."),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/setup.py', "'read_tag = ", "'readtag = "),

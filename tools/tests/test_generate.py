@@ -48,12 +48,12 @@ def change_a_byte(tree):
 
 
 def add_a_line_at_the_end(tree):
-    path = tree / BRIDGE / 'simulation.py'
+    path = tree / BRIDGE / 'greenhouse/simulation.py'
     path.write_text(path.read_text() + 'x = 1\n')
 
 
 def drop_the_last_newline(tree):
-    path = tree / BRIDGE / 'simulation.py'
+    path = tree / BRIDGE / 'greenhouse/simulation.py'
     path.write_text(path.read_text().rstrip('\n'))
 
 
@@ -215,11 +215,6 @@ def add_a_substitution_in_no_file(checkout):
     path.write_text(path.read_text() + addition)
 
 
-def list_a_copy_of_a_file_that_is_gone(checkout):
-    table = '[trees.monorepo.copies]\n'
-    replace(checkout / 'tools/twins.toml', table, f'{table}"gone.py" = ["lupin_mission/gone.py"]\n')
-
-
 def break_the_table(checkout):
     (checkout / 'tools/twins.toml').write_text('[monorepo')
 
@@ -241,7 +236,6 @@ def lose_the_core(checkout):
         (list_a_file_without_a_match, 'must match 0 times'),
         (add_an_unused_substitution, "'nowhere' matches no file"),
         (add_a_substitution_in_no_file, 'gone.py'),
-        (list_a_copy_of_a_file_that_is_gone, 'gone.py'),
         (break_the_table, 'twins.toml'),
         (lose_the_core, 'holds no files'),
     ],

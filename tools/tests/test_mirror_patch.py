@@ -121,9 +121,9 @@ def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
 
 def test_a_file_that_goes_goes_in_both_trees(repositories):
     monorepo, mirror = repositories
-    (mirror / f'{BRIDGE}/units.py').rename(mirror / f'{BRIDGE}/quantities.py')
+    (mirror / f'{BRIDGE}/interfaces.py').rename(mirror / f'{BRIDGE}/messages.py')
     result = import_patch(monorepo, commit_in(mirror))
-    assert result.returncode == 1  # units.py is copied into lupin_mission: the table must say where it is now
+    assert result.returncode == 1  # interfaces.py is in the table, which must say where it is now
     assert "'Mend it' cannot be generated" in result.stderr
 
     git(mirror, 'reset', '--quiet', '--hard', 'HEAD~1')

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.life_cycle import check_parameters, parameter
+from lupin_greenhouse_bridge.node.parameters import check_parameters, parameter
 
 SECONDS_PER_DAY = 86400.0
 

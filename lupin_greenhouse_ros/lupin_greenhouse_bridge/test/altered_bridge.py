@@ -16,7 +16,9 @@ from pathlib import Path
 import numpy
 import rclpy.service
 from greenhouse_sim import simulator
-from lupin_greenhouse_bridge import bridge_node, life_cycle, simulation
+from lupin_greenhouse_bridge import bridge_node
+from lupin_greenhouse_bridge.greenhouse import simulation
+from lupin_greenhouse_bridge.node import process
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 
@@ -106,4 +108,4 @@ def faulty_simulator():
 
 if __name__ == '__main__':
     globals()[sys.argv.pop(1)]()
-    life_cycle.end(bridge_node.main())
+    process.end(bridge_node.main())

@@ -7,7 +7,7 @@ import random
 import pytest
 import yaml
 from greenhouse_sim import simulator
-from lupin_greenhouse_bridge import simulation
+from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.settings import Settings
 
 NOISY_TAGS = ('21', '1', '5', '21', '12', '1')

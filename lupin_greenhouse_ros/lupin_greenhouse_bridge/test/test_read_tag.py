@@ -15,8 +15,9 @@ import domain_coordinator
 import pytest
 import rclpy
 from conftest import Terminal
-from lupin_greenhouse_bridge import client, life_cycle, read_tag
-from lupin_greenhouse_bridge.client import GetTagReading
+from lupin_greenhouse_bridge.cli import client, read_tag
+from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, spinning_node
 from rcl_interfaces.srv import GetParameters
 
@@ -297,7 +298,7 @@ def watch(read, monkeypatch):
         assert (ended.code, slept) == (ALL_READ, [100.0] * 3)
         return ended
 
-    monkeypatch.setattr(life_cycle, 'sleep', sleep)
+    monkeypatch.setattr(process, 'sleep', sleep)
     return watch
 
 

@@ -5,7 +5,7 @@ from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-from lupin_greenhouse_bridge.life_cycle import launch_arguments
+from lupin_greenhouse_bridge.node.parameters import launch_arguments
 from lupin_greenhouse_bridge.settings import Settings
 
 

@@ -8,14 +8,15 @@ from lupin_msgs.srv import GetTagReading
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from rclpy.utilities import get_rmw_implementation_identifier
 
-from lupin_greenhouse_bridge import life_cycle, simulation
+from lupin_greenhouse_bridge.contract import NODE_NAME, SERVICE_QOS
 from lupin_greenhouse_bridge.errors import printable
+from lupin_greenhouse_bridge.greenhouse import simulation
+from lupin_greenhouse_bridge.node.parameters import declare_parameters
+from lupin_greenhouse_bridge.node.run import run
 from lupin_greenhouse_bridge.settings import Settings
 
-NODE_NAME = 'greenhouse_bridge'
 LOG_EVERY_SECONDS = 5.0  # a caller in a loop must not flood the log
 
 
@@ -30,7 +31,7 @@ class GreenhouseBridgeNode(Node):
     def __init__(self):
         """Load and validate the greenhouse, then offer the service; raises StartUpError."""
         super().__init__(NODE_NAME)
-        settings = life_cycle.declare_parameters(self, Settings)
+        settings = declare_parameters(self, Settings)
         greenhouse = simulation.load(
             settings,
             tag_file=_config_path(settings.tag_file),
@@ -51,7 +52,7 @@ class GreenhouseBridgeNode(Node):
             GetTagReading,
             '~/get_tag_reading',
             self._handle_get_tag_reading,
-            qos_profile=QoSProfile(depth=life_cycle.SERVICE_DEPTH),
+            qos_profile=SERVICE_QOS,
             callback_group=self._cb_group,
         )
         rmw = get_rmw_implementation_identifier()
@@ -87,7 +88,7 @@ class GreenhouseBridgeNode(Node):
 
 def main(args=None):
     """Serve until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
-    return life_cycle.run(NODE_NAME, GreenhouseBridgeNode, args)
+    return run(NODE_NAME, GreenhouseBridgeNode, args)
 
 
 if __name__ == '__main__':

@@ -3,7 +3,7 @@
 
 from typing import NoReturn
 
-from lupin_greenhouse_bridge.life_cycle import start
+from lupin_greenhouse_bridge.node.process import start
 
 
 def bridge_node() -> NoReturn:
@@ -13,9 +13,9 @@ def bridge_node() -> NoReturn:
 
 def read_tag() -> NoReturn:
     """Read tags from a running bridge, then exit."""
-    start('lupin_greenhouse_bridge.read_tag')
+    start('lupin_greenhouse_bridge.cli.read_tag')
 
 
 def read_on_sight() -> NoReturn:
     """Publish the readings of the tags in view until Ctrl-C or SIGTERM, then exit."""
-    start('lupin_greenhouse_bridge.read_on_sight')
+    start('lupin_greenhouse_bridge.on_sight.read_on_sight')

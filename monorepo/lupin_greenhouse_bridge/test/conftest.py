@@ -19,9 +19,11 @@ os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
 
 import pytest
 import yaml
-from lupin_greenhouse_bridge import bridge_node, life_cycle, read_tag, simulation
-from lupin_greenhouse_bridge.client import GetTagReading
-from lupin_greenhouse_bridge.signalled import raising
+from lupin_greenhouse_bridge import bridge_node
+from lupin_greenhouse_bridge.cli import read_tag
+from lupin_greenhouse_bridge.greenhouse import simulation
+from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.node import process
 from rclpy.utilities import get_default_context
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
@@ -129,14 +131,16 @@ def run_here(capfd, monkeypatch):
 
     A main() takes the process for its own: it leaves signals ignored, and ROS's default context used up.
     """
+    from lupin_greenhouse_bridge.testing.signals import raising  # as above
+
     not_taken = []
-    before = {number: signal.getsignal(number) for number in life_cycle.SIGNALS}
+    before = {number: signal.getsignal(number) for number in process.SIGNALS}
 
     def run(main, *arguments, signals_at=None):
-        for number in life_cycle.SIGNALS:
+        for number in process.SIGNALS:
             signal.signal(number, lambda number, _frame: not_taken.append(number))
-        monkeypatch.setattr(life_cycle, '_is_asked_to_end', False)
-        monkeypatch.setattr(life_cycle, 'LONGEST_WAIT_SECONDS', 0.01)  # of a node that was just signalled
+        monkeypatch.setattr(process, '_is_asked_to_end', False)
+        monkeypatch.setattr(process, 'LONGEST_WAIT_SECONDS', 0.01)  # of a node that was just signalled
         capfd.readouterr()
         try:
             with raising(signals_at or {}):

@@ -4,10 +4,13 @@ import threading
 
 import pytest
 import rclpy
-from lupin_greenhouse_bridge import client
-from lupin_greenhouse_bridge.client import Client, GetParameters, GetTagReading, NoAnswer
+from lupin_greenhouse_bridge.cli import client
+from lupin_greenhouse_bridge.cli.client import Client, NoAnswer
+from lupin_greenhouse_bridge.contract import has_tag_file, parameter_service_of, tag_ids_of
+from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, spinning_node, wait_until
 from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
@@ -140,11 +143,11 @@ def test_a_request_whose_reply_is_lost_is_sent_again(service, caller, monkeypatc
 
 
 def test_the_parameters_of_a_bridge_are_asked_of_its_own_node():
-    assert client.parameter_service_of('/a/bridge/get_tag_reading') == '/a/bridge/get_parameters'
+    assert parameter_service_of('/a/bridge/get_tag_reading') == '/a/bridge/get_parameters'
     ids, none = ParameterValue(string_array_value=['7', '8']), ParameterValue()
     custom = ParameterValue(string_value='tags.json')
     response = GetParameters.Response
-    assert client.tag_ids_of(response(values=[ids, none])) == ['7', '8']
-    assert client.tag_ids_of(response()) == []
-    assert client.has_tag_file(response(values=[ids, custom]))
-    assert not client.has_tag_file(response(values=[ids, none]))
+    assert tag_ids_of(response(values=[ids, none])) == ['7', '8']
+    assert tag_ids_of(response()) == []
+    assert has_tag_file(response(values=[ids, custom]))
+    assert not has_tag_file(response(values=[ids, none]))

@@ -6,10 +6,9 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from lupin_greenhouse_bridge.client import SERVICE_QOS
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, Bridge, call, closing_all, greet
-from lupin_msgs.msg import TagReading
-from lupin_msgs.srv import GetTagReading
 
 OK = GetTagReading.Response.STATUS_OK
 UNKNOWN_TAG = GetTagReading.Response.STATUS_UNKNOWN_TAG

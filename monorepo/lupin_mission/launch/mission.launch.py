@@ -8,7 +8,7 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
-from lupin_mission.life_cycle import launch_arguments
+from lupin_greenhouse_bridge.node.parameters import launch_arguments
 from lupin_mission.settings import Settings
 from lupin_perception.settings import SOURCES
 from lupin_perception.settings import Settings as CameraSettings

@@ -2,14 +2,14 @@
 
 import time
 
+from lupin_greenhouse_bridge.errors import printable
+from lupin_greenhouse_bridge.node import process
 from lupin_msgs.msg import MissionState
 from lupin_msgs.msg import Observation as ObservationMessage
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from lupin_mission import life_cycle
-from lupin_mission.errors import printable
 from lupin_mission.messages import SEVERITIES, observation_message, state_message
 from lupin_mission.mission import Mission, Severity
 from lupin_mission.progress import ProgressLine
@@ -104,5 +104,5 @@ class Announcer:
         deadline = time.monotonic() + LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS
         for publisher in (self._observations, self._states):
             while not publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED_WITHIN_SECONDS)):
-                if life_cycle.is_asked_to_end() or time.monotonic() >= deadline:
+                if process.is_asked_to_end() or time.monotonic() >= deadline:
                     return

@@ -2,7 +2,7 @@
 
 from typing import NoReturn
 
-from lupin_mission.life_cycle import start
+from lupin_greenhouse_bridge.node.process import start
 
 
 def mission_node() -> NoReturn:

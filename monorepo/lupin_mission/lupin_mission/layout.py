@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
-from lupin_mission.errors import StartUpError, printable
+from lupin_greenhouse_bridge.errors import StartUpError, printable
 
 
 class Tag(NamedTuple):

@@ -6,6 +6,17 @@ import uuid
 from functools import partial
 from pathlib import Path
 
+from lupin_greenhouse_bridge.contract import (
+    SERVICE_QOS,
+    STATUS_NAMES,
+    has_tag_file,
+    parameter_service_of,
+    tag_ids_of,
+    tag_ids_request,
+)
+from lupin_greenhouse_bridge.errors import StartUpError, printable
+from lupin_greenhouse_bridge.node.parameters import declare_parameters
+from lupin_greenhouse_bridge.node.run import run
 from lupin_msgs.srv import ConfirmTag, GetTagReading, StartMission
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
@@ -13,10 +24,8 @@ from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from lupin_mission import client, life_cycle
 from lupin_mission.announcer import Announcer
 from lupin_mission.drive import TimedDrive
-from lupin_mission.errors import StartUpError, printable
 from lupin_mission.layout import find_layout, read_layout
 from lupin_mission.messages import MISSION_TYPE, reading_of
 from lupin_mission.mission import Mission, Request, Service, Severity, State
@@ -50,7 +59,7 @@ class MissionNode(Node):
     def __init__(self):
         """Open the report and start; raises StartUpError and ReportError."""
         super().__init__(NODE_NAME)
-        self._settings = settings = life_cycle.declare_parameters(self, Settings)
+        self._settings = settings = declare_parameters(self, Settings)
         self._world = read_world(settings.world_file) if settings.world_file else {}
         tag_ids = settings.chosen_tag_ids or list(self._world)
         if not tag_ids and settings.tag_file:
@@ -90,7 +99,7 @@ class MissionNode(Node):
 
     def _client(self, service_type, name: str):
         try:
-            return self.create_client(service_type, name, qos_profile=client.SERVICE_QOS)
+            return self.create_client(service_type, name, qos_profile=SERVICE_QOS)
         except InvalidServiceNameException as error:
             raise StartUpError(f'{name!r} is not a service name: {error}') from error
 
@@ -115,7 +124,7 @@ class MissionNode(Node):
     def _ask_for_tags(self) -> None:
         """Ask the bridge for its tags. Repeat the request, because DDS can drop an early one."""
         parameters = self._client(
-            GetParameters, client.parameter_service_of(self._service_clients[Service.READ].srv_name)
+            GetParameters, parameter_service_of(self._service_clients[Service.READ].srv_name)
         )
         deadline = time.monotonic() + LONGEST_WAIT_FOR_TAGS_SECONDS
 
@@ -129,11 +138,11 @@ class MissionNode(Node):
                     ' start the bridge, or set tag_ids or tag_file'
                 )
             elif parameters.service_is_ready():
-                parameters.call_async(client.tag_ids_request()).add_done_callback(on_reply)
+                parameters.call_async(tag_ids_request()).add_done_callback(on_reply)
 
         def on_reply(future):
-            if not self.known_tag_ids and (tag_ids := client.tag_ids_of(future.result())):
-                self._set_tags(tag_ids, is_custom_file=client.has_tag_file(future.result()))
+            if not self.known_tag_ids and (tag_ids := tag_ids_of(future.result())):
+                self._set_tags(tag_ids, is_custom_file=has_tag_file(future.result()))
 
         self.get_logger().info(f'waiting for the tags of {parameters.srv_name}')
         timer = self._timer(ASK_FOR_TAGS_EVERY_SECONDS, ask)
@@ -224,7 +233,7 @@ class MissionNode(Node):
         elif response.status == GetTagReading.Response.STATUS_OK:
             is_awaited = mission.on_reading(request.number, reading_of(response.reading))
         else:
-            outcome = REFUSALS.get(client.STATUS_NAMES.get(response.status), Outcome.BAD_READING)
+            outcome = REFUSALS.get(STATUS_NAMES.get(response.status), Outcome.BAD_READING)
             is_awaited = mission.on_refusal(request.number, outcome, response.error_message)
         if not is_awaited:
             self.note(f'ignored a late reply for tag {request.tag_id!r}', Severity.WARN)
@@ -295,9 +304,7 @@ def _numeric(tag_id: str) -> tuple:
 
 def main(args=None):
     """Run the mission; exit code 0: all tags read, 1: some not read, 2: start-up error."""
-    return life_cycle.run(
-        NODE_NAME, MissionNode, args, is_done=MissionNode.is_done, conclude=_conclude, refused=REFUSED
-    )
+    return run(NODE_NAME, MissionNode, args, is_done=MissionNode.is_done, conclude=_conclude, refused=REFUSED)
 
 
 def _conclude(node: MissionNode) -> int:

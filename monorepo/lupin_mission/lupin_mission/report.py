@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
-from lupin_mission.errors import OneLineError, printable
-from lupin_mission.units import unit_of
+from lupin_greenhouse_bridge.errors import OneLineError, printable
+from lupin_greenhouse_bridge.units import unit_of
 
 
 class ReportError(OneLineError):

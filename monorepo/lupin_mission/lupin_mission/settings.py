@@ -3,8 +3,9 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 
-from lupin_mission.errors import StartUpError, printable
-from lupin_mission.life_cycle import check_parameters, parameter
+from lupin_greenhouse_bridge.errors import StartUpError, printable
+from lupin_greenhouse_bridge.node.parameters import check_parameters, parameter
+
 from lupin_mission.mission import Limits
 
 LONGEST_SECONDS = 86400.0

@@ -6,7 +6,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from lupin_mission.errors import StartUpError, printable
+from lupin_greenhouse_bridge.errors import StartUpError, printable
 
 LARGEST_FILE_BYTES = 64 * 2**20
 TAG_MODEL = re.compile(r'tag_(0|[1-9][0-9]*)')

@@ -14,9 +14,10 @@ from collections import defaultdict
 from concurrent.futures import Future
 from pathlib import Path
 
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, wait_until
-from lupin_mission import life_cycle, mission_node
-from lupin_mission.client import SERVICE_QOS
+from lupin_mission import mission_node
 from lupin_mission.report import Outcome, read_report
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.srv import StartMission
@@ -208,7 +209,7 @@ class MissionThread:
         self._capture = capture
         self._is_asked_to_end = threading.Event()
         self._exit_code = Future()
-        monkeypatch.setattr(life_cycle, 'is_asked_to_end', self._is_asked_to_end.is_set)
+        monkeypatch.setattr(process, 'is_asked_to_end', self._is_asked_to_end.is_set)
         overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
         args = ['--ros-args', '-r', f'__ns:={self.namespace}', *overrides]
         self._thread = threading.Thread(target=self._run, args=[args], daemon=True)

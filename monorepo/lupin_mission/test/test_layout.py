@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from lupin_mission.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_mission.greenhouse_plot import read_visualization
 from lupin_mission.layout import Tag, find_layout, read_layout, shipped_file
 

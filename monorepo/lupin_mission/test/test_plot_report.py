@@ -6,7 +6,7 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
-from lupin_mission.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_mission.greenhouse_plot import read_visualization
 from lupin_mission.layout import find_layout
 from lupin_mission.plot_report import main

@@ -4,9 +4,9 @@ import re
 from pathlib import Path
 
 import pytest
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.node.parameters import launch_arguments
 from lupin_mission import announcer, mission, mission_node
-from lupin_mission.errors import StartUpError
-from lupin_mission.life_cycle import launch_arguments
 from lupin_mission.mission import Limits
 from lupin_mission.settings import Settings
 

@@ -3,7 +3,7 @@
 import os
 
 import pytest
-from lupin_mission.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_mission.world import read_world
 
 MODEL = '<model name="tag_{}"><pose>{}</pose></model>'

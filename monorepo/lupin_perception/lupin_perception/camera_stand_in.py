@@ -9,15 +9,17 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.node.parameters import check_parameters, declare_parameters, parameter
+from lupin_greenhouse_bridge.node.run import run
+from lupin_greenhouse_bridge.on_sight.detections import detection_messages
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
 
-from lupin_perception import life_cycle, scene
+from lupin_perception import scene
 from lupin_perception.confirmation import TAG_COUNT
-from lupin_perception.detections import detection_messages
-from lupin_perception.errors import StartUpError
 from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
 
 NODE_NAME = 'camera'
@@ -31,12 +33,12 @@ DETECTIONS_TOPIC = '/detections'
 class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
-    publishes: str = life_cycle.parameter(
+    publishes: str = parameter(
         'image', 'image, compressed (JPEG), or detections (of AprilTag 3 in the image).'
     )
 
     def __post_init__(self):
-        life_cycle.check_parameters(self)
+        check_parameters(self)
         if self.publishes not in ('image', 'compressed', 'detections'):
             raise StartUpError(
                 f'parameter publishes is {self.publishes!r}: must be image, compressed or detections'
@@ -48,7 +50,7 @@ class CameraStandIn(Node):
 
     def __init__(self):
         super().__init__(NODE_NAME)
-        publishes = life_cycle.declare_parameters(self, Settings).publishes
+        publishes = declare_parameters(self, Settings).publishes
         self._random = np.random.default_rng(0)
         self._camera = scene.Camera()
         self._tag_id = ''
@@ -121,7 +123,7 @@ def detections_source():
 
 def main(args=None) -> int:
     """Publish until Ctrl-C or SIGTERM."""
-    return life_cycle.run(NODE_NAME, CameraStandIn, args)
+    return run(NODE_NAME, CameraStandIn, args)
 
 
 if __name__ == '__main__':

@@ -3,18 +3,20 @@
 import sys
 import time
 
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.errors import printable
+from lupin_greenhouse_bridge.node.parameters import declare_parameters
+from lupin_greenhouse_bridge.node.run import run
 from lupin_msgs.srv import ConfirmTag
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from rclpy.task import Future
 from sensor_msgs.msg import Image
 
-from lupin_perception import life_cycle
 from lupin_perception.confirmation import Confirmer, Frame, UnknownTagId, Verdict, tag_number
 from lupin_perception.drawing import draw
-from lupin_perception.errors import printable
 from lupin_perception.images import UnusableImage
 from lupin_perception.settings import Settings
 from lupin_perception.sources import open_source
@@ -30,7 +32,7 @@ class ConfirmTagNode(Node):
     def __init__(self):
         """Offer the service; raises StartUpError."""
         super().__init__(NODE_NAME, namespace='perception')
-        self._settings = settings = life_cycle.declare_parameters(self, Settings)
+        self._settings = settings = declare_parameters(self, Settings)
         self._source = open_source(settings)
         self._confirmer = Confirmer(settings)
         self._news = Future()  # done when a new frame arrives; then replaced
@@ -45,7 +47,7 @@ class ConfirmTagNode(Node):
             ConfirmTag,
             'confirm_tag',
             self._confirm,
-            qos_profile=QoSProfile(depth=life_cycle.SERVICE_DEPTH),
+            qos_profile=SERVICE_QOS,
             callback_group=ReentrantCallbackGroup(),  # several callers can wait at once
         )
         # Runs only while a request waits, on a monotonic clock.
@@ -115,7 +117,7 @@ class ConfirmTagNode(Node):
 
 def main(args=None):
     """Serve until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
-    return life_cycle.run(NODE_NAME, ConfirmTagNode, args)
+    return run(NODE_NAME, ConfirmTagNode, args)
 
 
 if __name__ == '__main__':

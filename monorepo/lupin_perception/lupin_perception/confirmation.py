@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from lupin_greenhouse_bridge.errors import OneLineError, printable
 
-from lupin_perception.errors import OneLineError, printable
 from lupin_perception.images import UnusableImage
 from lupin_perception.settings import Criteria
 

@@ -2,7 +2,7 @@
 
 from typing import NoReturn
 
-from lupin_perception.life_cycle import start
+from lupin_greenhouse_bridge.node.process import start
 
 
 def confirm_tag() -> NoReturn:

@@ -3,9 +3,10 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.on_sight.detections import FAMILIES, detection_messages
+
 from lupin_perception.confirmation import Detection, Sight
-from lupin_perception.detections import FAMILIES, detection_messages
-from lupin_perception.errors import StartUpError
 from lupin_perception.images import decoded_picture, grey_picture
 from lupin_perception.settings import Settings
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import rclpy
 from geometry_msgs.msg import Pose, Quaternion
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.confirm_tag import ConfirmTagNode
-from lupin_perception.life_cycle import SERVICE_DEPTH
 from lupin_perception.scene import Camera, marker
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image
 
@@ -32,9 +32,7 @@ class Perception:
 
         self.node = node
         self._images = node.create_publisher(message_type, topic, qos_profile_sensor_data)
-        self._client = node.create_client(
-            ConfirmTag, f'{namespace}/confirm_tag', qos_profile=QoSProfile(depth=SERVICE_DEPTH)
-        )
+        self._client = node.create_client(ConfirmTag, f'{namespace}/confirm_tag', qos_profile=SERVICE_QOS)
         assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
         wait_until(lambda: self._images.get_subscription_count() == 1)
         greet(self._client, ConfirmTag.Request())  # an empty id is refused at once

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from apriltag_msgs.msg import AprilTagDetectionArray
 from conftest import CAMERA, Perception
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.testing import spinning_node, wait_until
 from lupin_perception.camera_stand_in import (
     COMPRESSED_TOPIC,
@@ -15,7 +16,6 @@ from lupin_perception.camera_stand_in import (
     image_of,
 )
 from lupin_perception.confirm_tag import ConfirmTagNode
-from lupin_perception.errors import StartUpError
 from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
 from lupin_perception.settings import Settings as ConfirmTagSettings
 from lupin_perception.sources import open_source

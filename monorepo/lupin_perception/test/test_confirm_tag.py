@@ -8,9 +8,10 @@ import pytest
 import rclpy
 from apriltag_msgs.msg import AprilTagDetectionArray
 from conftest import TOPIC, Perception
-from lupin_greenhouse_bridge.signalled import SIGNALS, command
+from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
-from lupin_perception import confirm_tag, life_cycle
+from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
+from lupin_perception import confirm_tag
 from messages import compressed, detections, image_of
 from sensor_msgs.msg import CompressedImage, Image
 
@@ -125,8 +126,8 @@ def test_what_was_judged_can_be_seen(start, tag_7):
 @pytest.fixture
 def run_main(monkeypatch, capfd):
     """Return a function that runs the node with these parameters, and returns its exit code and log."""
-    monkeypatch.setattr(life_cycle, '_is_asked_to_end', False)
-    handlers = {number: signal.getsignal(number) for number in life_cycle.SIGNALS}
+    monkeypatch.setattr(process, '_is_asked_to_end', False)
+    handlers = {number: signal.getsignal(number) for number in process.SIGNALS}
 
     def run(**parameters):
         overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]

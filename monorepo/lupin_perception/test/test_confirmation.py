@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_perception.confirmation import Confirmer, Detection, Frame, Sight, UnknownTagId
-from lupin_perception.errors import StartUpError
 from lupin_perception.images import UnusableImage
 from lupin_perception.settings import Criteria
 

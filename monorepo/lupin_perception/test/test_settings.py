@@ -5,7 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-from lupin_perception.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_perception.settings import DEFAULT_IMAGE_TOPIC, Settings
 
 

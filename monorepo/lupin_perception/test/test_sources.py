@@ -5,8 +5,8 @@ import sys
 import numpy as np
 import pytest
 from apriltag_msgs.msg import AprilTagDetection, AprilTagDetectionArray, Point
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_perception.confirmation import Confirmer, Frame
-from lupin_perception.errors import StartUpError
 from lupin_perception.images import UnusableImage
 from lupin_perception.scene import marker
 from lupin_perception.settings import Settings

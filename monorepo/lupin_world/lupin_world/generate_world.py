@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from lupin_mission.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 from lupin_mission.layout import find_layout
 
 DONE, USAGE = 0, 2

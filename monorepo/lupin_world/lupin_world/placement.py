@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from lupin_mission.errors import StartUpError, printable
+from lupin_greenhouse_bridge.errors import StartUpError, printable
 from lupin_mission.layout import Layout
 from lupin_perception.confirmation import UnknownTagId, tag_number
 

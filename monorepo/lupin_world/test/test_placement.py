@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from lupin_mission.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_mission.layout import Layout, Tag, find_layout
 from lupin_world.placement import EAST, NORTH, SOUTH, WEST, Table, place
 

@@ -10,7 +10,7 @@ import pypdfium2
 import pytest
 import seen
 import tag_sheet
-from lupin_greenhouse_bridge.simulation import served_tag_ids
+from lupin_greenhouse_bridge.greenhouse.simulation import served_tag_ids
 from lupin_perception.detector import TagDetector
 from matplotlib.text import Text
 from PIL import Image

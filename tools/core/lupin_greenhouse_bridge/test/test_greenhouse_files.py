@@ -10,9 +10,9 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from lupin_greenhouse_bridge import simulation
 from lupin_greenhouse_bridge.bridge_node import GreenhouseBridgeNode
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.settings import Settings
 
 PARAMETERS = ('tag_file', 'sim_config_file')

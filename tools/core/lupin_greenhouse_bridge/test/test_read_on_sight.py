@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import pytest
 import rclpy
-from lupin_greenhouse_bridge import read_on_sight
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.read_on_sight import GetTagReading, ReadOnSightNode, Settings
-from lupin_greenhouse_bridge.sightings import Limits, Sightings
+from lupin_greenhouse_bridge.interfaces import TagReading
+from lupin_greenhouse_bridge.on_sight import read_on_sight
+from lupin_greenhouse_bridge.on_sight.read_on_sight import GetTagReading, ReadOnSightNode, Settings
+from lupin_greenhouse_bridge.on_sight.sightings import Limits, Sightings
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, greet, spinning_node, wait_until
-from lupin_msgs.msg import TagReading
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 

@@ -5,7 +5,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from lupin_greenhouse_bridge import life_cycle, read_tag
+from lupin_greenhouse_bridge.cli import read_tag
+from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.testing import wait_until
 
 POLICY = ElementTree.parse(Path(__file__).resolve().parent.parent / 'security/policy.xml').getroot()
@@ -84,7 +85,7 @@ def test_the_client_may_do_what_it_does_and_nothing_more(
         looks.append(True)
         signal.raise_signal(signal.SIGTERM)
 
-    monkeypatch.setattr(life_cycle, 'sleep', look)
+    monkeypatch.setattr(process, 'sleep', look)
     wait_until(lambda: (node, '/') not in graph.get_node_names_and_namespaces())  # of the test before
     ended = read_tag_here(*arguments, '--watch', '1', '--service', noon_bridge.service_name)
     assert (ended.code, looks) == (0, [True])

@@ -7,8 +7,8 @@ import json
 import pytest
 from conftest import TAKES_TAG_FILES
 from greenhouse_sim.simulator import GreenhouseSimulator
-from lupin_greenhouse_bridge import simulation
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.settings import Settings
 
 

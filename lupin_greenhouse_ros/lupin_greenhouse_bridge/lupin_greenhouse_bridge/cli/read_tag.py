@@ -1,0 +1,185 @@
+"""`ros2 run lupin_greenhouse_bridge read_tag`: print readings from a running bridge."""
+
+import argparse
+import contextlib
+import math
+import os
+import sys
+
+import rclpy
+from rcl_interfaces.srv import GetParameters
+from rclpy.utilities import remove_ros_args
+
+from lupin_greenhouse_bridge.cli import client
+from lupin_greenhouse_bridge.cli.table import Screen, json_line, terminal_size
+from lupin_greenhouse_bridge.contract import (
+    DEFAULT_SERVICE,
+    STATUS_NAMES,
+    TAG_IDS_PARAMETER,
+    parameter_service_of,
+    tag_ids_of,
+    tag_ids_request,
+)
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse import simulation
+from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.node.run import node_creation, ros
+from lupin_greenhouse_bridge.node.security import security_problem
+
+SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
+ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+@contextlib.contextmanager
+def _progress():
+    """Yield a function that shows a line at a terminal until the block ends."""
+    is_terminal = sys.stderr.isatty()
+
+    def show(text: str) -> None:
+        if is_terminal:
+            text = text[: terminal_size(sys.stderr)[0] - 1]
+            print(f'\r\x1b[K{text}', end='', file=sys.stderr, flush=True)
+
+    try:
+        yield show
+    finally:
+        show('')
+
+
+def main(args=None):
+    """Print readings as the command line asks; return the exit code."""
+    options = argparse.Namespace(watch=None)
+    try:
+        with ros(args) as executor:
+            _parser().parse_args(remove_ros_args(sys.argv if args is None else args)[1:], options)
+            if bool(options.tag_ids) == options.all:
+                raise client.UsageError('name one or more tag ids, or --all')
+            with node_creation():
+                node = rclpy.create_node('read_tag', start_parameter_services=False)
+            executor.add_node(node)
+            return _read(node, client.Client(executor, node, options.timeout), options)
+    except client.Interrupted:
+        return INTERRUPTED if options.watch is None else ALL_READ
+    except client.NoAnswer as error:
+        print(f'read_tag: {error}', file=sys.stderr)
+        return NO_ANSWER
+    except (client.UsageError, StartUpError) as error:
+        print(f'read_tag: {error}', file=sys.stderr)
+        return USAGE
+    except BrokenPipeError:  # the reader has closed the pipe
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return ALL_READ
+
+
+def _read(node, bridge: client.Client, options) -> int:
+    with _progress() as show:
+        try:
+            get_tag_reading = bridge.connect(GetTagReading, options.service, show)
+        except client.NoAnswer as error:
+            service_name = node.resolve_service_name(options.service)
+            security = f'; {SECURED}' if security_problem() else ''
+            raise client.NoAnswer(f'{error}; {_likely_cause(node, service_name)}{security}') from error
+    tag_ids = _all_tag_ids(bridge, get_tag_reading.srv_name) if options.all else options.tag_ids
+    exit_code = ALL_READ
+    screen = Screen(options.watch is not None)
+    while True:
+        responses = {}
+        for tag_id in tag_ids:
+            responses[tag_id] = bridge.call(get_tag_reading, GetTagReading.Request(tag_id=tag_id))
+        if options.json:
+            lines = (json_line(tag_id, each, STATUS_NAMES) for tag_id, each in responses.items())
+            print(*lines, sep='\n', flush=True)
+        else:
+            screen.show(responses, STATUS_NAMES)
+        if any(response.status != GetTagReading.Response.STATUS_OK for response in responses.values()):
+            exit_code = SOME_FAILED
+        if options.watch is None:
+            return exit_code
+        process.sleep(options.watch)
+        if process.is_asked_to_end():
+            return ALL_READ
+
+
+def _all_tag_ids(bridge: client.Client, service_name: str) -> list[str]:
+    """Return the ids that the bridge has loaded, in natural order; raises NoAnswer, UsageError."""
+    parameters = bridge.connect(GetParameters, parameter_service_of(service_name))
+    tag_ids = tag_ids_of(bridge.call(parameters, tag_ids_request()))
+    if not tag_ids:
+        raise client.UsageError(
+            f'the node of {service_name} has no parameter {TAG_IDS_PARAMETER}, so it is a bridge'
+            ' older than 1.1: name the tag ids instead of --all'
+        )
+    return sorted(tag_ids, key=lambda tag_id: (len(tag_id), tag_id))
+
+
+def _likely_cause(node, service_name: str) -> str:
+    """Explain from the ROS graph why the service may be missing."""
+    wanted = f'{GetTagReading.__module__.split(".")[0]}/srv/GetTagReading'
+    services = dict(node.get_service_names_and_types())
+    if others := set(services.get(service_name, [])) - {wanted}:
+        return (
+            f'{service_name} has the type {others.pop()}, but this client calls {wanted}:'
+            ' use the read_tag of the same repository as the bridge'
+        )
+    if elsewhere := [name for name, types in services.items() if wanted in types and name != service_name]:
+        return f'there is {elsewhere[0]}: name it with --service'
+    domain = f'ROS_DOMAIN_ID {os.environ.get("ROS_DOMAIN_ID") or "0"}'
+    if _is_limited_to_this_machine():
+        domain += ', limited to this machine by ROS_AUTOMATIC_DISCOVERY_RANGE or ROS_LOCALHOST_ONLY,'
+    has_others = len(node.get_node_names()) > 1
+    seen = 'other nodes but no bridge' if has_others else 'no other node'
+    return (
+        f'{domain} has {seen}: start the bridge (ros2 launch lupin_greenhouse_bridge'
+        " greenhouse_bridge.launch.py), or set ROS_DOMAIN_ID to the bridge's domain"
+    )
+
+
+def _is_limited_to_this_machine() -> bool:
+    return (
+        os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') == 'LOCALHOST'
+        or os.environ.get('ROS_LOCALHOST_ONLY') == '1'  # Humble's
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='read_tag',
+        description='Read the climate at greenhouse tags from a running greenhouse_bridge.',
+        epilog='Exit code: 0 all read, 1 a tag failed, 2 usage, 3 no service or no reply before the timeout.',
+    )
+    ids = parser.add_argument('tag_ids', nargs='*', metavar='ID', help='a tag id, such as 1')
+    ids.completer = lambda **_: simulation.served_tag_ids('')
+    parser.add_argument('--all', action='store_true', help='read every tag that the bridge has loaded')
+    parser.add_argument(
+        '--watch', type=_seconds, metavar='SECONDS', help='repeat the readings at this interval'
+    )
+    parser.add_argument('--json', action='store_true', help='print one JSON object per line and tag')
+    parser.add_argument('--service', default=DEFAULT_SERVICE, metavar='NAME', help='default: %(default)s')
+    parser.add_argument(
+        '--timeout',
+        type=_seconds,
+        default=5.0,
+        metavar='SECONDS',
+        help='timeout for the service and for each reply; default: %(default)s',
+    )
+    with contextlib.suppress(ImportError):
+        import argcomplete  # installed with ros2cli; without it only the shell completion is missing
+
+        argcomplete.autocomplete(parser)
+    return parser
+
+
+def _seconds(text: str) -> float:
+    with_unit = f'{text!r} is not a number of seconds above 0'
+    try:
+        seconds = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(with_unit) from None
+    if not 0.0 < seconds < math.inf:
+        raise argparse.ArgumentTypeError(with_unit)
+    return seconds
+
+
+if __name__ == '__main__':
+    sys.exit(main())

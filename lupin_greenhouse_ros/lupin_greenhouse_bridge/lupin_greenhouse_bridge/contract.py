@@ -1,0 +1,37 @@
+"""The names, the statuses and the QoS that the bridge and its clients share."""
+
+from rcl_interfaces.srv import GetParameters
+from rclpy.qos import QoSProfile
+
+from lupin_greenhouse_bridge.interfaces import GetTagReading
+
+NODE_NAME = 'greenhouse_bridge'
+DEFAULT_SERVICE = '/greenhouse_bridge/get_tag_reading'
+TAG_IDS_PARAMETER = 'loaded_tag_ids'
+# ROS's default depth is 10, and DDS silently drops requests and replies beyond it. Each service receives the
+# requests of all its clients, and each client the replies to all of them.
+SERVICE_QOS = QoSProfile(depth=1000)
+STATUS_NAMES = {
+    getattr(GetTagReading.Response, f'STATUS_{name}'): name
+    for name in ('OK', 'UNKNOWN_TAG', 'SIMULATOR_ERROR')
+}
+
+
+def parameter_service_of(service_name: str) -> str:
+    """Return the parameter service of the node that offers `~/get_tag_reading` under this name."""
+    return f'{service_name.rpartition("/")[0]}/get_parameters'
+
+
+def tag_ids_request() -> GetParameters.Request:
+    """Return the request for the tags that a bridge has loaded."""
+    return GetParameters.Request(names=[TAG_IDS_PARAMETER, 'tag_file'])
+
+
+def has_tag_file(response: GetParameters.Response) -> bool:
+    """Return whether the bridge has loaded a custom tag file."""
+    return bool(response.values[-1].string_value)
+
+
+def tag_ids_of(response: GetParameters.Response) -> list[str]:
+    """Return the tag ids in the order of the bridge's tag file; [] if the node is not a bridge."""
+    return list(response.values[0].string_array_value) if response.values else []

@@ -1,0 +1,6 @@
+"""The messages of the bridge. Every module but bridge_node.py imports them from here."""
+
+from lupin_greenhouse_msgs.msg import SensorReading, TagReading
+from lupin_greenhouse_msgs.srv import GetTagReading
+
+__all__ = ['GetTagReading', 'SensorReading', 'TagReading']

@@ -1,0 +1,1 @@
+"""The node read_on_sight."""

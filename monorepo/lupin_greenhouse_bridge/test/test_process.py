@@ -1,0 +1,173 @@
+"""Signals and exit codes: the bridge and read_tag end as documented at any moment."""
+
+import subprocess
+
+import pytest
+from conftest import SPINS
+from lupin_greenhouse_bridge import bridge_node
+from lupin_greenhouse_bridge.cli import read_tag
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
+from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.node.parameters import launch_arguments
+from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable
+from lupin_greenhouse_bridge.testing.signals import MOMENTS, SIGNALS, command
+
+NO_ANSWER, INTERRUPTED = 3, 130
+PACKAGE = 'lupin_greenhouse_bridge'
+IMPORTS = MOMENTS[:2]  # before main()
+STARTS = ('rclpy/__init__.py:init', 'rclpy/context.py:init', 'rclpy/node.py:__init__')
+ENDS = ('rclpy/executors.py:shutdown', 'rclpy/context.py:try_shutdown')
+EXITS = 'lupin_greenhouse_bridge/node/process.py:end'  # after main()
+BOTH = SIGNALS['SIGTERM and Ctrl-C']
+NOBODY = ('--service', '/nobody/get_tag_reading', '--timeout', str(PATIENCE_SECONDS))
+
+
+@pytest.mark.parametrize('signals', ['Ctrl-C', 'SIGTERM and Ctrl-C'])
+def test_the_process_of_a_bridge_that_serves_ends_with_exit_code_0(start_bridge, signals):
+    bridge = start_bridge()
+    assert bridge.values('1')
+    bridge.send(*SIGNALS[signals])
+    assert bridge.end() == 0
+
+
+@pytest.mark.parametrize('moment', IMPORTS)
+def test_a_bridge_that_is_signalled_while_it_imports_rclpy_ends_with_exit_code_0(start_bridge, moment):
+    """`ros2 launch` adds a second signal to the terminal's."""
+    bridge = start_bridge(command(PACKAGE, 'bridge_node', moment, SIGNALS['Ctrl-C twice']))
+    assert bridge.end() == 0
+    assert any(f'signalled in {moment}' in line for line in bridge.log)
+
+
+@pytest.mark.parametrize('moment', [IMPORTS[0], EXITS])
+def test_the_process_of_a_refused_bridge_keeps_its_exit_code_and_its_line(start_bridge, moment):
+    bridge = start_bridge(command(PACKAGE, 'bridge_node', moment, BOTH), debug_seed=-5)
+    assert 'debug_seed is -5' in bridge.refusal()
+    assert any(f'signalled in {moment}' in line for line in bridge.log)
+
+
+@pytest.mark.parametrize(
+    ('moment', 'signals'),
+    [*((moment, BOTH) for moment in MOMENTS[2:]), *((SPINS, signals) for signals in SIGNALS.values())],
+)
+def test_the_bridge_ends_with_exit_code_0_at_any_moment(run_here, moment, signals):
+    signals_at = {SPINS: SIGNALS['SIGTERM'], moment: signals}
+    ended = run_here(bridge_node.main, signals_at=signals_at)
+    assert (ended.code, f'signalled in {moment}' in ended.out) == (0, True)
+
+
+@pytest.mark.parametrize('moment', [*STARTS, *ENDS])
+def test_a_refusal_keeps_its_exit_code_and_its_line_whatever_signal_comes(run_here, moment):
+    refused = ('--ros-args', '-p', 'debug_seed:=-5')
+    ended = run_here(bridge_node.main, *refused, signals_at={moment: BOTH})
+    assert 'debug_seed is -5' in ended.refusal
+    assert f'signalled in {moment}' in ended.out
+
+
+@pytest.mark.parametrize(('arguments', 'code'), [(['1'], INTERRUPTED), (['1', '--watch', '9'], 0)])
+def test_the_process_of_read_tag_ends_as_documented(arguments, code):
+    result = subprocess.run(
+        [*command(PACKAGE, 'read_tag', IMPORTS[0], SIGNALS['Ctrl-C twice']), *arguments, *NOBODY],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_SECONDS,
+        check=False,
+    )
+    assert result.returncode == code
+    assert 'Traceback' not in result.stderr
+
+
+@pytest.mark.parametrize('moment', [*STARTS, 'rclpy/executors.py:add_node', SPINS])
+@pytest.mark.parametrize(('arguments', 'code'), [(['1'], INTERRUPTED), (['1', '--watch', '9'], 0)])
+def test_read_tag_that_waits_for_a_service_ends_as_documented(run_here, moment, arguments, code):
+    ended = run_here(read_tag.main, *arguments, *NOBODY, signals_at={moment: BOTH})
+    assert (ended.code, ended.err) == (code, '')
+    assert ended.out == f'signalled in {moment}\n'
+
+
+@pytest.mark.parametrize('moment', ENDS)
+def test_read_tag_that_has_failed_keeps_its_exit_code_whatever_signal_comes(run_here, moment):
+    ended = run_here(read_tag.main, '1', *NOBODY[:2], '--timeout', '0.01', signals_at={moment: BOTH})
+    assert (ended.code, f'signalled in {moment}' in ended.out) == (NO_ANSWER, True)
+
+
+@pytest.mark.parametrize('signals', SIGNALS.values(), ids=SIGNALS)
+def test_read_tag_that_watches_ends_with_exit_code_0(noon_bridge, read_tag_here, signals):
+    """It is between two readings."""
+    ask = ('1', '--watch', '100', '--service', noon_bridge.service_name)
+    between = 'lupin_greenhouse_bridge/node/process.py:sleep'
+    ended = read_tag_here(*ask, signals_at={between: signals})
+    assert (ended.code, ended.said) == (0, '')
+    assert ended.out.startswith('tag')
+
+
+def test_the_process_of_read_tag_that_watches_ends_with_exit_code_0(noon_bridge):
+    ask = [executable(PACKAGE, 'read_tag'), '1', '--watch', '100', '--service', noon_bridge.service_name]
+    ask += ['--timeout', str(PATIENCE_SECONDS)]
+    with subprocess.Popen(ask, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline().startswith('tag')
+        process.terminate()
+        assert process.wait(PATIENCE_SECONDS) == 0
+        assert 'Traceback' not in process.stderr.read()
+
+
+class Time:
+    """A clock that only sleep() moves."""
+
+    def __init__(self):
+        self.now = 100.0
+        self.slept = []
+
+    def monotonic(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.slept.append(seconds)
+        self.now += seconds
+
+
+def test_a_sleep_takes_its_time_in_naps_that_end_when_a_signal_comes(monkeypatch):
+    """Python resumes a sleep after a signal."""
+    time = Time()
+    monkeypatch.setattr(process, 'time', time)
+    process.sleep(1.25)
+    assert time.slept == [0.5, 0.5, 0.25]
+    monkeypatch.setattr(process, '_is_asked_to_end', True)
+    process.sleep(1.25)
+    assert len(time.slept) == 3
+
+
+def test_a_long_text_is_cut_and_one_of_that_length_is_not():
+    assert printable('x' * 64, 64) == 'x' * 64
+    assert printable('x' * 65, 64) == 'x' * 64 + '...'
+
+
+def test_an_error_is_one_line_that_keeps_the_spaces_of_a_name():
+    assert str(OneLineError("'two  spaces': one\r\n  two\x1b[2J")) == "'two  spaces': one two\\x1b[2J"
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'message'),
+    [
+        ('tag_file', 7, 'parameter tag_file is 7: must be text (put quotes around a number)'),
+        ('debug_seed', 1.5, 'parameter debug_seed is 1.5: must be a whole number'),
+        ('debug_seed', True, 'parameter debug_seed is True: must be a whole number'),
+        ('speedup_factor', 'fast', "parameter speedup_factor is 'fast': must be a number"),
+        ('speedup_factor', True, 'parameter speedup_factor is True: must be a number'),
+    ],
+)
+def test_a_parameter_of_another_type_is_refused(name, value, message):
+    with pytest.raises(StartUpError) as refusal:
+        Settings(**{name: value})
+    assert str(refusal.value) == message
+
+
+def test_launch_gets_every_parameter_as_it_writes_defaults():
+    rows = {name: (default, kind) for name, default, kind, _ in launch_arguments(Settings)}
+    assert rows == {
+        'tag_file': ('', str),
+        'sim_config_file': ('', str),
+        'debug_time_of_day': ('-1.0', float),
+        'speedup_factor': ('0.0', float),
+        'debug_seed': ('-1', int),
+    }

@@ -1,0 +1,1 @@
+"""The process of a node: signals and exit, parameters, running, security."""

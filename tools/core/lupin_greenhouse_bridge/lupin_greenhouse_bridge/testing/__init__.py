@@ -1,0 +1,254 @@
+"""
+Test your own consumer against a real bridge: pytest fixtures, installed with the package.
+
+In the conftest.py of your tests:
+
+    pytest_plugins = ['lupin_greenhouse_bridge.testing']
+
+and in a test:
+
+    def test_my_consumer(start_bridge):
+        bridge = start_bridge(debug_time_of_day=12.0)
+        my_consumer.ask(bridge.service_name)
+        assert bridge.values('1')['temperature'] > 15.0
+
+Every process is a real one, on a ROS domain that no other test run on this machine uses. The fixtures need
+pytest and domain_coordinator (ros-DISTRO-domain-coordinator): name both, and this package, as test_depend.
+"""
+
+import contextlib
+import json
+import os
+import queue
+import signal
+import subprocess
+import threading
+import time
+import uuid
+from pathlib import Path
+
+import domain_coordinator
+import pytest
+import rclpy
+from ament_index_python.packages import get_package_prefix
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.greenhouse import simulation
+from lupin_greenhouse_bridge.interfaces import GetTagReading
+
+PATIENCE_SECONDS = 30.0  # for a busy machine; a passing test never waits this long
+# Fast DDS repeats a lost announcement of a participant only every 3 s.
+ANNOUNCED_OFTEN = """<?xml version="1.0" encoding="UTF-8"?>
+<profiles xmlns="http://www.eprosima.com">
+  <participant profile_name="announced_often" is_default_profile="true">
+    <rtps><builtin><discovery_config>
+      <leaseAnnouncement><sec>0</sec><nanosec>100000000</nanosec></leaseAnnouncement>
+    </discovery_config></builtin></rtps>
+  </participant>
+</profiles>
+"""
+
+
+def executable(package: str, name: str) -> str:
+    """Return the path of the executable that `ros2 run PACKAGE NAME` starts."""
+    return str(Path(get_package_prefix(package), 'lib', package, name))
+
+
+@contextlib.contextmanager
+def spinning_node(name: str):
+    """Yield a node with its own context, spun by a thread."""
+    context = Context()
+    rclpy.init(args=[], context=context)
+    node = rclpy.create_node(name, context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    spinner = threading.Thread(target=executor.spin, daemon=True)
+    spinner.start()
+    try:
+        yield node
+    finally:
+        executor.shutdown()
+        spinner.join(PATIENCE_SECONDS)
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def call(client, request):
+    """Call a service whose node another thread spins, and return the response; fail if none arrives."""
+    answered = threading.Event()
+    future = client.call_async(request)
+    future.add_done_callback(lambda _future: answered.set())
+    assert answered.wait(PATIENCE_SECONDS), f'{client.srv_name} did not answer'
+    return future.result()
+
+
+def greet(client, request) -> None:
+    """Call a service until it answers: DDS drops the reply to a client that the service has not found yet."""
+    answered = threading.Event()
+    deadline = time.monotonic() + PATIENCE_SECONDS
+    while not answered.is_set():
+        assert time.monotonic() < deadline, f'{client.srv_name} did not answer'
+        client.call_async(request).add_done_callback(lambda _future: answered.set())
+        answered.wait(1.0)
+
+
+def wait_until(is_so) -> None:
+    """Poll until is_so() is true; fail after PATIENCE_SECONDS."""
+    pause = threading.Event()
+    deadline = time.monotonic() + PATIENCE_SECONDS
+    while not is_so():
+        assert time.monotonic() < deadline, 'the condition did not become true'
+        pause.wait(0.002)
+
+
+class NodeProcess:
+    """A node as a process with its own namespace, and its log."""
+
+    def __init__(self, command: list[str], *, environment: dict | None = None, **parameters):
+        """Start the command with these parameters of the node."""
+        self.namespace = f'/test_{uuid.uuid4().hex[:8]}'
+        overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+        self.process = subprocess.Popen(
+            [*command, '--ros-args', '-r', f'__ns:={self.namespace}', *overrides],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, **(environment or {})},
+            text=True,
+        )
+        self.log: list[str] = []
+        self._lines = queue.SimpleQueue()
+        threading.Thread(target=self._read_log, daemon=True).start()
+
+    def _read_log(self):
+        for line in self.process.stdout:
+            self._lines.put(line.rstrip('\n'))
+        self._lines.put(None)
+
+    def close(self) -> None:
+        """Kill the process."""
+        self.process.kill()
+        self.process.wait()
+
+    def wait_for_log(self, fragment: str) -> str:
+        """Return the next log line that contains the fragment; fail if the process ends without it."""
+        while True:
+            line = self._lines.get(timeout=PATIENCE_SECONDS)
+            assert line is not None, f'no {fragment!r} in the log:\n' + '\n'.join(self.log)
+            self.log.append(line)
+            if fragment in line:
+                return line
+
+    def rest_of_log(self) -> list[str]:
+        """Return the whole log of a process that ends."""
+        while (line := self._lines.get(timeout=PATIENCE_SECONDS)) is not None:
+            self.log.append(line)
+        self._lines.put(None)
+        return self.log
+
+    def send(self, *numbers: signal.Signals) -> None:
+        """Send signals, one right after the other, to a process that may be about to end."""
+        for number in numbers:
+            self.process.send_signal(number)  # has no effect after the process was waited for
+
+    def end(self) -> int:
+        """Return the exit code of a process that ends; fail for a traceback in its log."""
+        log = '\n'.join(self.rest_of_log())
+        assert 'Traceback' not in log, log
+        return self.process.wait(PATIENCE_SECONDS)
+
+    def stop(self, number: signal.Signals = signal.SIGTERM) -> int:
+        """Send a signal, and return the exit code."""
+        self.send(number)
+        return self.end()
+
+    def refusal(self, exit_code: int = 1) -> str:
+        """Return the one FATAL line of a node that refuses to start with this exit code."""
+        assert self.end() == exit_code, self.log
+        (fatal,) = [line for line in self.log if '[FATAL]' in line]
+        return fatal
+
+
+class Bridge(NodeProcess):
+    """A bridge as a process and, after connect(), a client of its service."""
+
+    def __init__(self, command: list[str] | None = None, **keywords):
+        super().__init__(command or [executable('lupin_greenhouse_bridge', 'bridge_node')], **keywords)
+        self.service_name = f'{self.namespace}/greenhouse_bridge/get_tag_reading'
+        self._stack = contextlib.ExitStack()
+        self.node = None  # of the client
+        self._client = None
+
+    def close(self) -> None:
+        """Kill the process, and close the client."""
+        super().close()
+        self._stack.close()
+
+    def connect(self, greeting: str = ''):
+        """Return a client that the service has found: it has answered the greeting, the id of no tag."""
+        if self._client is None:
+            self.wait_for_log('ready:')
+            self.node = self._stack.enter_context(spinning_node('bridge_test'))
+            self._client = self.node.create_client(GetTagReading, self.service_name, qos_profile=SERVICE_QOS)
+            assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+            greet(self._client, GetTagReading.Request(tag_id=greeting))
+        return self._client
+
+    def call(self, tag_id: str) -> GetTagReading.Response:
+        """Return the response for a tag."""
+        return call(self.connect(), GetTagReading.Request(tag_id=tag_id))
+
+    def values(self, tag_id: str) -> dict[str, float]:
+        """Return the readings at a tag by sensor name; fail for any status but OK."""
+        response = self.call(tag_id)
+        assert (response.status, response.error_message) == (GetTagReading.Response.STATUS_OK, '')
+        return {each.name: each.value for each in response.reading.readings}
+
+
+@contextlib.contextmanager
+def closing_all():
+    """Yield a function that registers a process to close at the end, and returns it."""
+    with contextlib.ExitStack() as stack:
+
+        def closed_at_the_end(process):
+            stack.callback(process.close)
+            return process
+
+        yield closed_at_the_end
+
+
+@pytest.fixture(scope='session', autouse=True)
+def own_domain(tmp_path_factory):
+    """Give this test run its own domain, visible on this machine only."""
+    with domain_coordinator.domain_id() as domain_id, pytest.MonkeyPatch.context() as patch:
+        patch.setenv('ROS_DOMAIN_ID', str(domain_id))
+        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        if os.environ.get('ROS_DISTRO') == 'humble':
+            patch.setenv('ROS_LOCALHOST_ONLY', '1')
+        profiles = tmp_path_factory.mktemp('dds') / 'profiles.xml'
+        profiles.write_text(ANNOUNCED_OFTEN, encoding='utf-8')
+        is_fast_dds_2 = os.environ.get('ROS_DISTRO') in ('humble', 'jazzy')
+        patch.setenv(f'FAST{"RTPS" if is_fast_dds_2 else "DDS"}_DEFAULT_PROFILES_FILE', str(profiles))
+        patch.setenv('ROS_LOG_DIR', str(tmp_path_factory.mktemp('log')))
+        yield
+
+
+@pytest.fixture(scope='session')
+def shipped_tags() -> dict[str, dict]:
+    """Return the tags of the installed simulator: id -> x, y, sensors."""
+    return json.loads(simulation.shipped_file('tag_locations.json').read_text(encoding='utf-8'))['tags']
+
+
+@pytest.fixture
+def start_node():
+    """Return a function that starts a NodeProcess; each one ends with the test."""
+    with closing_all() as closed_at_the_end:
+        yield lambda *arguments, **keywords: closed_at_the_end(NodeProcess(*arguments, **keywords))
+
+
+@pytest.fixture
+def start_bridge():
+    """Return a function that starts a Bridge with these parameters; each one ends with the test."""
+    with closing_all() as closed_at_the_end:
+        yield lambda *arguments, **keywords: closed_at_the_end(Bridge(*arguments, **keywords))
