@@ -157,7 +157,23 @@ BAD_CONFIGS = [
     ({'sensors/co2/0/position': ['2', 4]}, f"{CO2}: position: x is '2': {ANY} (metres)"),
     ({'sensors/co2/0/position': [2, math.inf]}, f'{CO2}: position: y is inf: {ANY} (metres)'),
 ]
+MULTIPLYING = b''.join(b'%c: &%c [%s]\n' % (c, c, b', '.join([b'*%c' % (c - 1)] * 9)) for c in range(98, 107))
 BAD_CONFIG_BYTES = [
+    (
+        b'a: &a [x]\n' + MULTIPLYING,
+        'holds more than 100000 values with each alias written out: use fewer aliases',
+    ),
+    (b'a: &a [*a]', 'holds more than 100000 values with each alias written out'),
+    (
+        b'a: &a {k: v}\nb: &b {<<: [*a, *a]}\n'
+        + b''.join(b'%c: &%c {<<: [*%c, *%c]}\n' % (c, c, c - 1, c - 1) for c in range(99, 120)),
+        'holds more than 100000 values with each alias written out',
+    ),
+    (b'time: {}\nsensors: {}\ntime: {}', "'time' appears twice in the mapping of line 1: keep one of them"),
+    (
+        b'time:\n  debug_mode: false\n  debug_mode: true',
+        "'debug_mode' appears twice in the mapping of line 2",
+    ),
     (b'', 'holds null at its top level'),
     ('time: {}'.encode('utf-16'), 'is not UTF-8 text'),
     (b'time: {}\n---\ntime: {}\n', 'is not YAML:'),
@@ -328,7 +344,10 @@ def test_sensors_come_in_the_order_of_the_tag_file(write):
 def test_a_tag_without_sensors_is_left_out_with_a_warning(write):
     row = {'tags/8': {'x': 1, 'y': 1, 'sensors': []}}
     (warning,) = load('tag_file', write('tag_file', row)).warnings
-    assert "'8'" in warning
+    assert warning == "1 tag has no sensors and is treated as unknown: '8'"
+    row['tags/9'] = row['tags/8']
+    (warning,) = load('tag_file', write('tag_file', row)).warnings
+    assert warning == "2 tags have no sensors and are treated as unknown: '8', '9'"
 
 
 @pytest.mark.parametrize('kind', ['spaces and ünïcödé', 'symlink', 'relative'])
@@ -385,6 +404,16 @@ def test_an_unreadable_file_is_refused(monkeypatch, tmp_path):
     monkeypatch.setattr('builtins.open', refuse)
     with pytest.raises(StartUpError, match='Permission denied'):
         load('tag_file', path)
+
+
+def test_a_config_with_anchors_and_merges_is_served(write):
+    lamp = '&lamp {value_at_midnight: 1, value_at_noon: 1, dynamics: uniform}'
+    lines = [f'  {name}: [{{<<: *lamp, value_at_noon: 3}}, *lamp]' for name in SENSORS if name != 'light']
+    text = '\n'.join(
+        ['time: {speedup_factor: 1, debug_mode: false}', 'sensors:', f'  light: [{lamp}]', *lines]
+    )
+    greenhouse = load('sim_config_file', write('sim_config_file', text.encode()))
+    assert greenhouse.sim.sensors() == ['light', *(name for name in SENSORS if name != 'light')]
 
 
 def test_no_config_runs_code(write, tmp_path, monkeypatch):

@@ -193,7 +193,10 @@ def _warnings(sim, tags: dict, settings: Settings) -> list[str]:
     bare = [printable(tag_id, 64) for tag_id, tag in tags.items() if not tag['sensors']]
     if bare:
         some = ', '.join(f"'{tag_id}'" for tag_id in bare[:5])
-        warnings.append(f'{len(bare)} tags have no sensors and are treated as unknown tags, such as {some}')
+        count = (
+            '1 tag has no sensors and is' if len(bare) == 1 else f'{len(bare)} tags have no sensors and are'
+        )
+        warnings.append(f'{count} treated as unknown: {some}')
     if settings.speedup_factor > 0.0 and sim.sim_config['time']['debug_mode']:
         warnings.append('speedup_factor has no effect: debug mode freezes the simulated clock')
     return warnings

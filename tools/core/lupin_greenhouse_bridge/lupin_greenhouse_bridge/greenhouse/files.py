@@ -2,6 +2,7 @@
 
 import datetime
 import json
+import math
 import os
 import stat
 from collections import Counter
@@ -11,6 +12,7 @@ from lupin_greenhouse_bridge.settings import Settings
 
 LARGEST_TAG_FILE_BYTES = 64 * 2**20  # about 500,000 tags
 LARGEST_CONFIG_FILE_BYTES = 2**20  # PyYAML takes seconds for a megabyte
+LARGEST_CONFIG_VALUES = 100_000  # with each alias written out
 # No product of two such numbers overflows, so a finite config cannot give an infinite reading.
 LARGEST_NUMBER = 1e12
 SMALLEST_DIVISOR = 1e-12
@@ -53,7 +55,8 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
         raise StartUpError(f'{where}: sensors is empty: name at least one of {_listed(sensor_types)}')
     for name, components in sensors.items():
         if name not in sensor_types:
-            raise StartUpError(f'{where}: unknown sensor type {name!r}: known are {_listed(sensor_types)}')
+            shown = printable(repr(name), 60)
+            raise StartUpError(f'{where}: unknown sensor type {shown}: known are {_listed(sensor_types)}')
         if not isinstance(components, list) or not components:
             raise StartUpError(
                 f'{where}: sensor {name!r} is {_kind(components)}: must be a list with at least one component'
@@ -106,13 +109,15 @@ def _check_component(component, dynamics_types, where: str) -> None:
     # The simulator has a default for every key, so only the keys in the file are checked.
     dynamics = component.get('dynamics', 'uniform')
     if not isinstance(dynamics, str) or dynamics not in dynamics_types:
-        raise StartUpError(f'{where}: unknown dynamics {dynamics!r}: known are {_listed(dynamics_types)}')
+        shown = printable(repr(dynamics), 60)
+        raise StartUpError(f'{where}: unknown dynamics {shown}: known are {_listed(dynamics_types)}')
     for key, limits in _COMPONENT_NUMBERS.items():
         if key in component:
             _number(component, key, where, **limits)
     position = component.get('position', [0.0, 0.0])
     if not isinstance(position, list) or len(position) != 2:
-        raise StartUpError(f'{where}: position is {position!r}: must be [x, y] in metres')
+        shown = printable(repr(position), 60)
+        raise StartUpError(f'{where}: position is {shown}: must be [x, y] in metres')
     for axis, value in zip('xy', position, strict=True):
         _number({axis: value}, axis, f'{where}: position', unit='metres')
 
@@ -224,8 +229,43 @@ def _parse_yaml(text: str, where: str):
     import yaml  # mdp-greenhouse brings it; start-up reports a missing mdp-greenhouse first
 
     try:
-        return yaml.safe_load(text)
+        loader = yaml.SafeLoader(text)
+        document = loader.get_single_node()
+        if document is None:
+            return None
+        sizes: dict[int, float] = {}
+        if _written_out(document, sizes, where) > LARGEST_CONFIG_VALUES:
+            raise StartUpError(
+                f'{where}: holds more than {LARGEST_CONFIG_VALUES} values with each alias written out:'
+                ' use fewer aliases, and none inside its own anchor'
+            )
+        return loader.construct_document(document)
+    except StartUpError:
+        raise
     except RecursionError as error:
         raise StartUpError(f'{where}: is too deeply nested: a greenhouse config has 4 levels') from error
     except Exception as error:  # PyYAML's constructors leak KeyError, IndexError and others on bad scalars
         raise StartUpError(f'{where}: is not YAML: {type(error).__name__}: {error}') from error
+
+
+def _written_out(node, sizes: dict[int, float], where: str) -> float:
+    """
+    Return how many values a YAML node has with each alias written out; infinite if it holds itself.
+
+    Raises StartUpError for a key that appears twice in one mapping.
+    """
+    if id(node) not in sizes:
+        sizes[id(node)] = math.inf
+        children = node.value if isinstance(node.value, list) else []  # a scalar holds a string
+        if node.id == 'mapping':
+            keys = Counter(key.value for key, _ in children if key.id == 'scalar' and key.value != '<<')
+            for key, count in keys.items():
+                if count > 1:
+                    line = node.start_mark.line + 1
+                    raise StartUpError(
+                        f'{where}: {printable(repr(key), 60)} appears twice in the mapping of line {line}:'
+                        ' keep one of them'
+                    )
+            children = [part for pair in children for part in pair]
+        sizes[id(node)] = 1 + sum(_written_out(child, sizes, where) for child in children)
+    return sizes[id(node)]
