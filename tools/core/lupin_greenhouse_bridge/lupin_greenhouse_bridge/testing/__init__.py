@@ -64,13 +64,22 @@ def spinning_node(name: str):
     node = rclpy.create_node(name, context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
-    spinner = threading.Thread(target=executor.spin, daemon=True)
+    ended = threading.Event()
+
+    def spin():
+        while not ended.is_set():
+            executor.spin_once()
+
+    spinner = threading.Thread(target=spin, daemon=True)
     spinner.start()
     try:
         yield node
     finally:
-        executor.shutdown()
+        executor.create_task(
+            ended.set
+        )  # rclpy raises in a thread that spins an executor while another closes it
         spinner.join(PATIENCE_SECONDS)
+        executor.shutdown()
         node.destroy_node()
         rclpy.shutdown(context=context)
 
