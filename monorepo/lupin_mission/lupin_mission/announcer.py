@@ -10,7 +10,7 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from lupin_mission.messages import SEVERITIES, observation_message, state_message
+from lupin_mission.messages import observation_message, state_message
 from lupin_mission.mission import Mission, Severity
 from lupin_mission.progress import ProgressLine
 from lupin_mission.report import Observation, Outcome
@@ -38,10 +38,9 @@ class Announcer:
 
     def note(self, event: str, severity: Severity) -> None:
         """Keep an event for the state, and log it unless it is routine."""
-        if severity is Severity.INFO:
-            self._event, self._severity = printable(event, 1000), severity
-        else:
-            self.warn(event)
+        self._event, self._severity = printable(event, 1000), severity
+        if severity is not Severity.INFO:
+            self._log()
 
     def started(self, event: str) -> None:
         """Log the start of a mission, and clear the error of the one before."""
@@ -51,14 +50,22 @@ class Announcer:
     def inform(self, event: str) -> None:
         """Keep an event for the state, and log it."""
         self._event, self._severity = printable(event, 1000), Severity.INFO
-        self._progress.clear()
-        self._node.get_logger().info(self._event)
+        self._log()
 
     def warn(self, event: str) -> None:
         """Keep an event for the state, and log it as a warning."""
-        self._event, self._severity = printable(event, 1000), Severity.WARN
+        self.note(event, Severity.WARN)
+
+    def _log(self) -> None:
         self._progress.clear()
-        self._node.get_logger().warning(self._event)
+        # Each call in a line of its own: rclpy ties a severity to the line of the call.
+        logger = self._node.get_logger()
+        if self._severity is Severity.INFO:
+            logger.info(self._event)
+        elif self._severity is Severity.WARN:
+            logger.warning(self._event)
+        else:
+            logger.error(self._event)
 
     def closed(self, observation: Observation, mission_id: str, place_m: tuple[float, float] | None) -> None:
         """Publish the observation of a tag, and log its outcome."""
@@ -73,7 +80,9 @@ class Announcer:
             self.inform(f'{tag}: {observation.outcome.value}: {observation.detail}')
         else:
             reason = f'{observation.outcome.value}: {printable(observation.detail, 500)}'
-            self.warn(f'{tag}: scan failed after {observation.attempts} requests: {reason}')
+            is_scanned = observation.outcome is not Outcome.UNREACHABLE
+            scan = f'scan failed after {observation.attempts} requests: ' if is_scanned else ''
+            self.warn(f'{tag}: {scan}{reason}')
             self._last_error = self._event
 
     def moved(self, mission: Mission) -> None:
@@ -95,7 +104,7 @@ class Announcer:
         message.started_at = started_at or message.started_at
         message.last_error = self._last_error
         message.last_event = self._event
-        message.last_event_severity = SEVERITIES[self._severity]
+        message.last_event_severity = self._severity.value
         self._states.publish(message)
 
     def wait_for_subscribers(self) -> None:

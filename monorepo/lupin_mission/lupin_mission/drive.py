@@ -1,6 +1,13 @@
 """Drive to a tag: the interface that the mission needs, and a timed stand-in. Nav2 can implement it too."""
 
 from abc import ABC, abstractmethod
+from typing import NamedTuple
+
+
+class Arrival(NamedTuple):
+    """The end of a drive: the robot stands at the tag, or the drive has failed."""
+
+    failure: str = ''  # why the robot is not at the tag; empty if it is
 
 
 class Drive(ABC):
@@ -11,10 +18,13 @@ class Drive(ABC):
         """Set off for a tag."""
 
     @abstractmethod
-    def has_arrived(self, now_seconds: float) -> bool:
-        """Return whether the robot stands in front of the tag of the last start()."""
+    def arrival(self, now_seconds: float) -> Arrival | None:
+        """Return how the drive of the last start() ended; None while the robot drives."""
 
-    def pause(self) -> None:  # noqa: B027 - optional: a timed drive has nothing to stop
+    def stop(self) -> None:  # noqa: B027 - optional: a timed drive has nothing to stop
+        """Stand still, and give up the tag."""
+
+    def pause(self) -> None:  # noqa: B027
         """Stand still, until resume()."""
 
     def resume(self) -> None:  # noqa: B027
@@ -32,6 +42,6 @@ class TimedDrive(Drive):
         """Set off."""
         self._arrival_seconds = now_seconds + self._drive_seconds
 
-    def has_arrived(self, now_seconds):
-        """Return whether the time has passed."""
-        return now_seconds >= self._arrival_seconds
+    def arrival(self, now_seconds):
+        """Return the arrival once the time has passed."""
+        return Arrival() if now_seconds >= self._arrival_seconds else None

@@ -3,12 +3,16 @@
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
 
-from lupin_mission.mission import Mission, Severity, State
+from lupin_mission.mission import Mission, State
 from lupin_mission.report import Observation, Outcome, Reading
 
 MAP_FRAME = 'map'
 MISSION_TYPE = 'InspectionMission'
 LARGEST_COUNT = 2**16 - 1  # of a uint16
+STATUSES = {
+    Outcome.SKIPPED: ObservationMessage.STATUS_SKIPPED,
+    Outcome.UNREACHABLE: ObservationMessage.STATUS_UNREACHABLE,
+}  # of an outcome that is not a failed scan
 
 
 def reading_of(message: TagReading) -> Reading:
@@ -45,10 +49,7 @@ def observation_message(
         message.status = ObservationMessage.STATUS_OK
         _fill(message.tag_reading, observation.reading)
         return message
-    is_skipped = observation.outcome is Outcome.SKIPPED
-    message.status = (
-        ObservationMessage.STATUS_SKIPPED if is_skipped else ObservationMessage.STATUS_SCAN_FAILED
-    )
+    message.status = STATUSES.get(observation.outcome, ObservationMessage.STATUS_SCAN_FAILED)
     message.status_detail = f'{observation.outcome.value}: {observation.detail}'
     return message
 
@@ -68,17 +69,13 @@ def state_message(mission: Mission | None, mission_id: str, lifecycle_if_none: s
         message.lifecycle_state = 'DONE' if mission.state is State.DONE else 'INSPECTING'
         message.mission_phase = mission.phase
         message.current_target = mission.target or ''
-        read, skipped = mission.count(Outcome.OK), mission.count(Outcome.SKIPPED)
+        outcomes = (Outcome.OK, Outcome.SKIPPED, Outcome.UNREACHABLE)
+        read, skipped, unreachable = (mission.count(outcome) for outcome in outcomes)
         message.targets_total = min(len(mission.tag_ids), LARGEST_COUNT)
         message.targets_completed = min(read, LARGEST_COUNT)
         message.targets_skipped = min(skipped, LARGEST_COUNT)
-        message.targets_failed = min(len(mission.outcomes) - read - skipped, LARGEST_COUNT)
+        message.targets_unreachable = min(unreachable, LARGEST_COUNT)
+        failed = len(mission.outcomes) - read - skipped - unreachable
+        message.targets_failed = min(failed, LARGEST_COUNT)
         message.paused = mission.is_paused
     return message
-
-
-SEVERITIES = {
-    Severity.INFO: MissionState.SEVERITY_INFO,
-    Severity.WARN: MissionState.SEVERITY_WARN,
-    Severity.ERROR: MissionState.SEVERITY_ERROR,
-}

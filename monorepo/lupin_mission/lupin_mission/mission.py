@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Protocol
 
-from lupin_mission.drive import Drive
+from lupin_mission.drive import Arrival, Drive
 from lupin_mission.report import Observation, Outcome, Reading, fault_of
 
 LONGEST_RETRY_DELAY_SECONDS = 10.0
@@ -161,8 +161,8 @@ class Mission:
             if self._active_seconds < self._dwell_end:
                 return False
             self._drive_on()
-        elif self.state is State.DRIVING and self._drive.has_arrived(self._active_seconds):
-            self._inspect()
+        elif self.state is State.DRIVING and (arrival := self._drive.arrival(self._active_seconds)):
+            self._end_drive(arrival)
         elif (
             self.state is State.INSPECTING
             and not self._request
@@ -185,7 +185,11 @@ class Mission:
             self._surroundings.note(f'driving to tag {self._tag_id!r}', Severity.INFO)
             self._drive.start(self._tag_id, self._active_seconds)
 
-    def _inspect(self) -> None:
+    def _end_drive(self, arrival: Arrival) -> None:
+        if arrival.failure:
+            self._close(Outcome.UNREACHABLE, arrival.failure, None)
+            self._dwell_end = self._active_seconds
+            return
         self.state = State.INSPECTING
         self._dwell_end = self._active_seconds + self._limits.dwell_seconds
         self._turn_to(self._first_service)
@@ -204,8 +208,8 @@ class Mission:
         self._surroundings.send(self._request)
 
     def pause(self) -> bool:
-        """Stop driving, sending requests and dwelling; return False if already paused."""
-        if self.is_paused or self.state is State.DONE:
+        """Stop driving, sending requests and dwelling; return False if already paused, or not started."""
+        if self.is_paused or self.state in (State.READY, State.DONE):
             return False
         self.is_paused = True
         self._drive.pause()
@@ -239,16 +243,17 @@ class Mission:
         if not self.target:
             return False
         self._surroundings.note('aborted', Severity.WARN)
-        self._drive.pause()
         self._leave('aborted')
         for tag_id in self._to_visit:
-            self._tag_id, self._scan_reading_done, self._requests_before = tag_id, False, self._requests
-            self._leave('aborted')
+            self._tag_id, self._requests_before = tag_id, self._requests
+            self._close(Outcome.SKIPPED, 'aborted', None)
         self.is_paused = False
         self._drive_on()
         return True
 
     def _leave(self, detail: str) -> None:
+        if self.state is State.DRIVING:
+            self._drive.stop()
         if self._request:
             self._surroundings.abandon(self._request)
         if not self._scan_reading_done:

@@ -131,7 +131,7 @@ class MissionNode(Node):
         def ask():
             if self.known_tag_ids:
                 timer.cancel()
-            elif time.monotonic() >= deadline:
+            elif time.monotonic() >= deadline and not self._settings.wait_for_start:
                 raise StartUpError(
                     f'{parameters.srv_name} did not return the tags within'
                     f' {LONGEST_WAIT_FOR_TAGS_SECONDS:g} s:'
@@ -185,12 +185,11 @@ class MissionNode(Node):
         self._announcer.started(
             f'{len(to_visit)} tags to visit, {read_before} read before; report: {report.path}'
         )
+        self.mission.start(time.monotonic())
 
     def _step(self) -> None:
         if self.mission is None:
             return
-        if self.mission.state is State.READY:
-            self.mission.start(time.monotonic())
         self._send_when_ready()
         self.mission.step(time.monotonic())
         self._announcer.moved(self.mission)

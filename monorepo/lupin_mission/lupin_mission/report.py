@@ -1,5 +1,6 @@
 """The report of a mission: a JSON Lines file and a table. Does not import ROS."""
 
+import contextlib
 import errno
 import fcntl
 import json
@@ -30,6 +31,7 @@ class Outcome(str, Enum):
     BAD_READING = 'BAD_READING'  # the reading was empty, or had a value that is not a finite number
     TIMEOUT = 'TIMEOUT'  # no reply before the timeout
     NO_SERVICE = 'NO_SERVICE'  # the service was not available
+    UNREACHABLE = 'UNREACHABLE'  # the drive to the tag failed
     SKIPPED = 'SKIPPED'  # skipped by a person, or not visited before an abort
 
 
@@ -95,6 +97,9 @@ def fault_of(reading: Reading) -> str:
     return ''
 
 
+NO_OBSERVATION = (ValueError, KeyError, TypeError, AttributeError, RecursionError)  # of from_line()
+
+
 def read_report(path: Path | str) -> list[Observation]:
     """Return the observations of a report, without an incomplete last line."""
     try:
@@ -107,18 +112,25 @@ def read_report(path: Path | str) -> list[Observation]:
 
 
 def _parse(content: bytes, path) -> tuple[list[Observation], int]:
-    """Return the observations and their size in bytes; the rest is an incomplete line."""
+    """
+    Return the observations and their size in bytes; the rest is an incomplete line.
+
+    The last observation may lack its newline, which an editor can remove.
+    """
     whole, _, torn = content.rpartition(b'\n')
     size = len(content) - len(torn)
     observations = []
     for number, line in enumerate(whole.split(b'\n') if size else [], start=1):
         try:
             observations.append(Observation.from_line(line.decode('utf-8')))
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        except NO_OBSERVATION as error:
             raise ReportError(
                 f"report '{path}': line {number} is not an observation ({type(error).__name__}: {error}):"
                 ' name the report of a mission, or a new file'
             ) from error
+    with contextlib.suppress(*NO_OBSERVATION):
+        observations.append(Observation.from_line(torn.decode('utf-8')))
+        return observations, len(content)
     start = b'{"tag_id": '
     if torn[: len(start)] != start[: len(torn)]:
         raise ReportError(f"report '{path}' has a last line that is not an observation: name another file")
@@ -145,8 +157,11 @@ class Report:
             if not stat.S_ISREG(os.fstat(self._file).st_mode):  # /dev/zero is endless
                 raise ReportError(f"report_file '{path}' is not a regular file: name another file")
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            self.observations, self._size = _parse(self.path.read_bytes(), path)
+            content = self.path.read_bytes()
+            self.observations, self._size = _parse(content, path)
             os.ftruncate(self._file, self._size)
+            if self._size and content[self._size - 1 : self._size] != b'\n':
+                self._size += os.write(self._file, b'\n')
         except OSError as error:
             self.close()
             cause = 'another mission is writing it' if error.errno == errno.EWOULDBLOCK else error.strerror

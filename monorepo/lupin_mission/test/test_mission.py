@@ -8,7 +8,7 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
-from lupin_mission.drive import TimedDrive
+from lupin_mission.drive import Arrival, TimedDrive
 from lupin_mission.mission import Limits, Mission, Service, Severity, State
 from lupin_mission.report import Observation, Outcome, Reading, Report
 
@@ -161,8 +161,8 @@ def test_the_drive_is_told_of_a_pause_and_its_end():
 def test_the_robot_arrives_exactly_when_the_drive_is_over():
     drive = TimedDrive(2.0)
     drive.start('a', 10.0)
-    assert not drive.has_arrived(11.999)
-    assert drive.has_arrived(12.0)
+    assert drive.arrival(11.999) is None
+    assert drive.arrival(12.0) == Arrival()
 
 
 def test_attempts_do_not_leak_from_tag_to_tag():
@@ -404,16 +404,64 @@ def test_an_abort_while_the_camera_is_awaited_closes_every_tag_left(is_paused):
     assert not world.mission.pause()
 
 
-def test_an_abort_stops_the_robot():
-    class Motor(TimedDrive):
-        is_stopped = False
+class Motor(TimedDrive):
+    """A drive that fails for these reasons by tag, and records what it is told."""
 
-        def pause(self):
-            self.is_stopped = True
+    def __init__(self, drive_seconds=10.0, **failures):
+        super().__init__(drive_seconds)
+        self.told = []
+        self._failures = failures
 
-    motor = Motor(10.0)
-    World(drive=motor).mission.abort()
-    assert motor.is_stopped
+    def start(self, tag_id, now_seconds):
+        super().start(tag_id, now_seconds)
+        self.told.append(tag_id)
+        self._tag_id = tag_id
+
+    def arrival(self, now_seconds):
+        arrival = super().arrival(now_seconds)
+        return arrival and Arrival(self._failures.get(self._tag_id, ''))
+
+    def stop(self):
+        self.told.append('stop')
+
+
+def test_an_abort_stops_the_robot_once():
+    world = World('abc', drive=(motor := Motor()))
+    assert world.mission.abort()
+    assert motor.told == ['a', 'stop']
+
+
+def test_a_skip_stops_the_robot_on_its_way_even_to_the_last_tag():
+    world = World('ab', drive=(motor := Motor()))
+    for _ in 'ab':
+        assert world.mission.skip()
+        world.wait(0.0)
+    assert motor.told == ['a', 'stop', 'b', 'stop']
+    assert world.mission.state is State.DONE
+
+
+def test_a_skip_at_a_tag_has_no_drive_to_stop():
+    world = World('a', drive=(motor := Motor(0.0)))
+    assert world.mission.skip()
+    world.wait(0.0)
+    assert motor.told == ['a']
+
+
+def test_a_drive_that_fails_is_an_unreachable_tag_with_its_reason_and_the_mission_goes_on():
+    world = World('ab', drive=Motor(1.0, a='the aisle is blocked'))
+    world.wait(1.0)
+    assert world.recorded == [Observation('a', Outcome.UNREACHABLE, 'the aisle is blocked', 0)]
+    assert (world.mission.target, world.sent) == ('b', [])
+    world.wait(1.0)
+    assert world.mission.tag_at_hand == 'b'
+
+
+def test_a_mission_can_be_paused_and_aborted_from_its_start_on_and_not_before():
+    mission = Mission('a', World(''), TimedDrive(10.0), LIMITS)
+    assert not mission.pause()
+    mission.start(0.0)
+    assert mission.pause()
+    assert mission.abort()
 
 
 def test_a_mission_of_200_tags_ends_with_200_outcomes():

@@ -58,6 +58,22 @@ def test_without_tags_and_without_a_bridge_the_mission_is_refused_after_30_s(sta
     assert f'{reason}: start the bridge, or set tag_ids or tag_file' in mission.refusal(exit_code=2)
 
 
+def test_a_mission_that_waits_for_its_start_waits_for_its_bridge_too(start_mission, commanded, clock, node):
+    late = commanded(GetParameters, '/commanded/get_parameters')
+    mission = start_mission(**READER, wait_for_start=True)
+    late.wait_for_request()
+    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    clock.pass_seconds(3600.0)
+    for _ in range(2):  # it still asks
+        late.wait_for_request()
+    assert states.wait_for(lambda _state: True).lifecycle_state == 'BOOT'
+    late.answer()  # to the first request
+    late.answer(values=[ParameterValue(string_array_value=['7']), ParameterValue()])
+    assert states.wait_for(lambda state: state.lifecycle_state != 'BOOT').lifecycle_state == 'READY'
+    mission.stop()
+    assert len([line for line in mission.log if 'waiting for the tags of' in line]) == 1
+
+
 def test_a_node_that_does_not_know_the_tags_yet_is_asked_again(start_mission, commanded, reader):
     bridge = commanded(GetParameters, '/commanded/get_parameters')
     mission = start_mission(**READER)

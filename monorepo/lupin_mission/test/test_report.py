@@ -48,7 +48,7 @@ def test_a_report_is_continued(tmp_path):
     assert report.observations == read_report(path) == [OK, FAILED]
 
 
-@pytest.mark.parametrize('cut', range(1, len(FAILED.to_line()) + 1))
+@pytest.mark.parametrize('cut', range(1, len(FAILED.to_line())))
 def test_a_line_that_a_kill_cut_short_is_not_there(tmp_path, cut):
     path = tmp_path / 'report.jsonl'
     path.write_text(f'{OK.to_line()}\n{FAILED.to_line()[:cut]}', encoding='utf-8')
@@ -57,6 +57,17 @@ def test_a_line_that_a_kill_cut_short_is_not_there(tmp_path, cut):
     report.record(FAILED)
     report.close()
     assert path.read_text(encoding='utf-8') == f'{OK.to_line()}\n{FAILED.to_line()}\n'
+
+
+def test_a_last_line_that_lost_only_its_newline_is_kept(tmp_path):
+    path = tmp_path / 'report.jsonl'
+    path.write_text(f'{OK.to_line()}\n{FAILED.to_line()}', encoding='utf-8')
+    assert read_report(path) == [OK, FAILED]
+    report = Report(path)
+    report.record(OK)
+    report.close()
+    lines = [each.to_line() for each in (OK, FAILED, OK)]
+    assert path.read_text(encoding='utf-8') == '\n'.join([*lines, ''])
 
 
 @pytest.mark.parametrize(

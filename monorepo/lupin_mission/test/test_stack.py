@@ -5,6 +5,9 @@ import json
 
 import pytest
 from lupin_greenhouse_bridge.testing import wait_until
+from lupin_mission import mission_node
+from lupin_mission.announcer import Announcer
+from lupin_mission.mission import Severity
 from lupin_mission.report import Outcome
 from lupin_msgs.msg import MissionState, Observation, TagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Subscriber
@@ -307,6 +310,33 @@ def test_a_start_that_cannot_be_is_rejected_with_the_reason(start_mission, opera
     assert operator.rejection(**request_fields) == reason
     state = operator.wait_for(last_event=f'start rejected: {reason}')
     assert (state.lifecycle_state, state.last_event_severity) == ('READY', MissionState.SEVERITY_WARN)
+
+
+@pytest.mark.parametrize(('name', 'skipped'), [('abort', 2), ('skip_current', 1), ('pause', 0)])
+def test_what_was_started_can_be_aborted_skipped_and_paused_before_its_next_step(
+    start_mission, operate, monkeypatch, name, skipped
+):
+    monkeypatch.setattr(mission_node, 'STEP_SECONDS', HOUR)
+    mission = start_mission(**READER, tag_ids='1 2', wait_for_start=True, drive_seconds=HOUR)
+    operator = operate(mission)
+    operator.start()
+    assert operator.trigger(name)
+    operator.wait_for(targets_skipped=skipped, paused=name == 'pause')
+
+
+def test_an_error_is_published_and_logged_as_one(node, capfd):
+    states = Subscriber(node, MissionState, '/mission_test/state', WEB_QOS)
+    announcer = Announcer(node, '/observations')
+    announcer.note('the robot is stuck', Severity.ERROR)
+    wait_until(lambda: announcer.publish_state(None, '', 'READY', None) or states.heard)
+    state = states.heard[0]
+    assert (state.last_event, state.last_event_severity) == (
+        'the robot is stuck',
+        MissionState.SEVERITY_ERROR,
+    )
+    assert '[ERROR] ' in capfd.readouterr().err
+    severities = [MissionState.SEVERITY_INFO, MissionState.SEVERITY_WARN, MissionState.SEVERITY_ERROR]
+    assert [severity.value for severity in Severity] == severities
 
 
 def test_a_start_is_rejected_while_a_mission_runs(start_mission, reader, operate):
