@@ -17,6 +17,7 @@ from collections import Counter
 from pathlib import Path
 
 import rclpy
+from lupin_greenhouse_bridge.cli import client as blocking_client
 from lupin_greenhouse_bridge.cli.client import Client, NoAnswer
 from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE
 from lupin_greenhouse_bridge.interfaces import GetTagReading
@@ -25,6 +26,7 @@ from lupin_greenhouse_bridge.node.run import ros
 HERE = Path(__file__).resolve().parent
 TAG_IDS = [str(number) for number in range(1, 31) if number != 8]
 PATIENCE_SECONDS = 60.0
+blocking_client.REPEAT_AFTER_SECONDS = 3600.0  # a call is one request here, so that they can be counted
 
 
 class Bridge:
