@@ -262,7 +262,7 @@ def signalled_at_any_moment(_scale: int) -> Iterator[tuple[str, bool]]:
     cases = [
         ('bridge_node', repeat([executable('lupin_greenhouse_bridge', 'bridge_node')]), {0}),
         ('read_tag', repeat([read_tag, '1', *service]), {130}),
-        ('read_tag --watch', repeat([read_tag, '1', '--watch', '1', *service]), {0}),
+        ('read_tag --watch', repeat([read_tag, '1', '--watch', '1', *service]), {130}),
         ('read_on_sight', repeat([executable('lupin_greenhouse_bridge', 'read_on_sight')]), {0}),
     ]
     with tempfile.TemporaryDirectory() as folder:

@@ -1,6 +1,7 @@
 """read_tag on the command line: output and exit code."""
 
 import contextlib
+import itertools
 import json
 import os
 import re
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import domain_coordinator
 import pytest
@@ -20,9 +22,11 @@ from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, spinning_node
 from rcl_interfaces.srv import GetParameters
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
 READ_TAG = executable('lupin_greenhouse_bridge', 'read_tag')
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER = 0, 1, 2, 3
+CANNOT_BE_PARSED = 'read_tag: the ROS arguments cannot be parsed (put other arguments before --ros-args): '
 # Fast DDS prints this if another starting process has taken a port of shared memory.
 OF_FAST_DDS = re.compile(r'\x1b\[37;1m[^\n]*RTPS_TRANSPORT_SHM[^\n]*\n')
 
@@ -119,9 +123,12 @@ def test_json_is_one_object_per_line(read, noon_bridge, warm_tag_id):
         ([], 'read_tag: name one or more tag ids, or --all'),
         (['1', '--all'], 'read_tag: name one or more tag ids, or --all'),
         (['1', '--watch', '-1'], "argument --watch: '-1' is not a number of seconds above 0"),
+        (['1', '--count', '2'], 'read_tag: --count needs --watch SECONDS'),
+        (['1', '--watch', '1', '--count', '0'], "'0' is not a number of rounds above 0"),
+        (['1', '--ros-args', '-r', 'a:=b', '--timeout', '1'], CANNOT_BE_PARSED),
         (['--service', 'a b', '1'], "read_tag: 'a b' is not a service name: "),
-        (['1', '--ros-args', '-p', 'x:=[1'], 'read_tag: the ROS arguments cannot be parsed: '),
-        (['no UTF-8: \udcff'], 'read_tag: the ROS arguments cannot be parsed: '),
+        (['1', '--ros-args', '-p', 'x:=[1'], CANNOT_BE_PARSED),
+        (['no UTF-8: \udcff'], CANNOT_BE_PARSED),
         (['1', '--ros-args', '-r', '__node:=a b'], 'read_tag: the ROS arguments '),
         *(
             (['1', '--timeout', text], f"argument --timeout: '{text}' is not a number of seconds above 0")
@@ -133,6 +140,40 @@ def test_a_wrong_command_line_is_exit_code_2_and_says_why(read_tag_here, argumen
     ended = read_tag_here(*arguments)
     assert (ended.code, ended.out) == (USAGE, '')
     assert last_line in ended.said.splitlines()[-1]
+
+
+def test_a_mistyped_parameter_is_named(read, warm_tag_id):
+    ended = read(warm_tag_id, '--ros-args', '-p', 'time_out:=3', '--')
+    assert ended.code == ALL_READ
+    assert 'parameter time_out is unknown and ignored' in ended.err
+
+
+def test_a_client_that_ros_refuses_is_exit_code_2_and_names_the_security(read, monkeypatch):
+    """A node without the right to call a service cannot create its client."""
+
+    def refuse(*_arguments, **_keywords):
+        raise rclpy_implementation.RCLError('error creating client')
+
+    monkeypatch.setattr(rclpy.node.Node, 'create_client', refuse)
+    ended = read('1')
+    assert (ended.code, ended.said) == (
+        USAGE,
+        'read_tag: ROS cannot create the client: error creating client',
+    )
+    monkeypatch.setattr(client, 'security_problem', lambda: 'security is enabled')
+    assert read('1').said == 'read_tag: security is enabled: error creating client'
+
+
+def test_all_of_a_service_with_a_name_of_its_own_says_what_to_do(run_here, times_out_when):
+    times_out_when(lambda node: len(list(node.clients)) == 2)  # the second is that of the parameters
+    with empty_domain(), spinning_node('climate') as node:
+        node.create_service(GetTagReading, '/elsewhere/readings', lambda _request, response: response)
+        ended = run_here(read_tag.main, '--all', '--service', '/elsewhere/readings')
+    assert ended.code == NO_ANSWER
+    assert ended.said == (
+        'read_tag: no service /elsewhere/get_parameters within 5 s:'
+        ' --all asks the node that /elsewhere/readings is named after: name the tag ids instead'
+    )
 
 
 def test_a_service_that_does_not_answer_is_exit_code_3(run_here, times_out_when):
@@ -275,7 +316,7 @@ def test_watch_updates_the_table_in_place_on_a_terminal(noon_bridge, shipped_tag
             terminal.wait_for(sensors[-1], 3)
         finally:
             process.terminate()
-        assert process.wait(PATIENCE_SECONDS) == ALL_READ
+        assert process.wait(PATIENCE_SECONDS) == SOME_FAILED
     # A header, the readings and a failure: the number of lines to replace.
     assert terminal.text.count(f'\x1b[{1 + len(sensors) + 1}F\x1b[J') >= 2
     assert 'UNKNOWN_TAG' in terminal.text
@@ -286,6 +327,7 @@ def test_watch_updates_the_table_in_place_on_a_terminal(noon_bridge, shipped_tag
 @pytest.fixture
 def watch(read, monkeypatch):
     """Return a function that reads three times with these arguments, and is then asked to end."""
+    ticks = itertools.count(0.0, 30.0)  # a round takes 30 s
     slept = []
 
     def sleep(seconds):
@@ -295,15 +337,17 @@ def watch(read, monkeypatch):
 
     def watch(*arguments):
         ended = read(*arguments, '--watch', '100')
-        assert (ended.code, slept) == (ALL_READ, [100.0] * 3)
+        assert slept == [70.0] * 3  # from start to start
         return ended
 
     monkeypatch.setattr(process, 'sleep', sleep)
+    monkeypatch.setattr(read_tag, 'time', SimpleNamespace(monotonic=lambda: next(ticks)))
     return watch
 
 
 def test_watch_prints_plain_lines_under_one_header_into_a_pipe(watch, shipped_tags):
     ended = watch('6', '99')
+    assert ended.code == SOME_FAILED
     header, *rows = ended.out.splitlines()
     assert header.startswith('tag')
     assert [row.split()[0] for row in rows] == ['6'] * len(shipped_tags['6']['sensors']) * 3
@@ -311,7 +355,42 @@ def test_watch_prints_plain_lines_under_one_header_into_a_pipe(watch, shipped_ta
 
 
 def test_watch_reads_again_and_again_as_json(watch):
-    assert [json.loads(line)['tag_id'] for line in watch('6', '--json').out.splitlines()] == ['6', '6', '6']
+    ended = watch('6', '--json')
+    assert ended.code == ALL_READ
+    assert [json.loads(line)['tag_id'] for line in ended.out.splitlines()] == ['6', '6', '6']
+
+
+def test_a_watch_ends_after_its_count(read):
+    ended = read('6', '--json', '--watch', '0.001', '--count', '2')
+    assert (ended.code, len(ended.out.splitlines())) == (ALL_READ, 2)
+
+
+@pytest.mark.parametrize(('count', 'code'), [('3', NO_ANSWER), ('5', ALL_READ)])
+def test_a_watch_goes_on_while_the_bridge_is_away(run_here, times_out_when, monkeypatch, count, code):
+    """Away in the second and the third round; said once, and the exit code is that of the last round."""
+    is_there, rounds = threading.Event(), itertools.count(1)
+    is_there.set()
+
+    def reply(_request, response):
+        is_there.wait(PATIENCE_SECONDS)
+        return response
+
+    def sleep(_seconds):
+        number = next(rounds)
+        if number == 1:
+            is_there.clear()
+        if number == 3:
+            is_there.set()
+
+    monkeypatch.setattr(process, 'sleep', sleep)
+    times_out_when(lambda _node: not is_there.is_set())
+    with empty_domain(), spinning_node('away') as node:
+        node.create_service(GetTagReading, '~/get_tag_reading', reply)
+        service = '/away/get_tag_reading'
+        ended = run_here(read_tag.main, '1', '--service', service, '--watch', '1', '--count', count)
+        is_there.set()
+    assert ended.code == code
+    assert ended.said == f'read_tag: {service} did not answer within 5 s: still watching'
 
 
 @pytest.mark.parametrize(('typed', 'offered'), [('read_tag --wa', '--watch'), ('read_tag 2', '21')])

@@ -55,10 +55,15 @@ def declare_parameters(node, settings_type):
             description=each.metadata['description'], read_only=True, dynamic_typing=True
         )
         values[each.name] = node.declare_parameter(each.name, each.default, descriptor).value
+    warn_of_unknown_parameters(node)
+    return settings_type(**values)
+
+
+def warn_of_unknown_parameters(node) -> None:
+    """Log a warning for each parameter that was set and that the node does not have."""
     for name in getattr(node, '_parameter_overrides', ()):  # private to rclpy: it may disappear
         if not node.has_parameter(name):
             node.get_logger().warning(f'parameter {printable(name, 64)} is unknown and ignored')
-    return settings_type(**values)
 
 
 def launch_arguments(settings_type) -> list[tuple[str, str, type, str]]:

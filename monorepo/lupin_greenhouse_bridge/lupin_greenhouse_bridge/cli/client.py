@@ -3,10 +3,12 @@
 import time
 
 from rclpy.exceptions import InvalidServiceNameException
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.node.process import LONGEST_WAIT_SECONDS, is_asked_to_end
+from lupin_greenhouse_bridge.node.security import security_problem
 
 REPEAT_AFTER_SECONDS = 1.0
 
@@ -42,6 +44,14 @@ class Client:
             client = self._node.create_client(service_type, service_name, qos_profile=SERVICE_QOS)
         except InvalidServiceNameException as error:
             raise UsageError(f'{service_name!r} is not a service name: {error}') from error
+        except rclpy_implementation.RCLError as error:
+            problem = security_problem() or 'ROS cannot create the client'
+            raise UsageError(f'{problem}: {error}') from error
+        self.wait_for(client, show)
+        return client
+
+    def wait_for(self, client, show=lambda _text: None) -> None:
+        """Wait until the service of a client is available; raises NoAnswer and Interrupted."""
         deadline = time.monotonic() + self._timeout_seconds
         while not client.service_is_ready():
             left_seconds = _left_until(deadline)
@@ -49,7 +59,6 @@ class Client:
                 raise NoAnswer(f'no service {client.srv_name} within {self._timeout_seconds:g} s')
             show(f'waiting for {client.srv_name}, {left_seconds:.0f} s more')
             self._executor.spin_once(timeout_sec=min(left_seconds, 0.02))
-        return client
 
     def call(self, client, request):
         """

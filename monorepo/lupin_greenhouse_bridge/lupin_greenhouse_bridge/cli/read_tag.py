@@ -2,9 +2,11 @@
 
 import argparse
 import contextlib
+import itertools
 import math
 import os
 import sys
+import time
 
 import rclpy
 from rcl_interfaces.srv import GetParameters
@@ -24,11 +26,13 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.node.parameters import warn_of_unknown_parameters
 from lupin_greenhouse_bridge.node.run import node_creation, ros
 from lupin_greenhouse_bridge.node.security import security_problem
 
 SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
+COMPLETION_TIMEOUT_SECONDS = 0.3
 
 
 @contextlib.contextmanager
@@ -52,15 +56,17 @@ def main(args=None):
     options = argparse.Namespace(watch=None)
     try:
         with ros(args) as executor:
-            _parser().parse_args(remove_ros_args(sys.argv if args is None else args)[1:], options)
+            words = remove_ros_args(sys.argv if args is None else args)[1:]
+            _parser(executor).parse_args(words, options)
             if bool(options.tag_ids) == options.all:
                 raise client.UsageError('name one or more tag ids, or --all')
-            with node_creation():
-                node = rclpy.create_node('read_tag', start_parameter_services=False)
-            executor.add_node(node)
+            if options.count is not None and options.watch is None:
+                raise client.UsageError('--count needs --watch SECONDS')
+            node = _node_in(executor)
+            warn_of_unknown_parameters(node)
             return _read(node, client.Client(executor, node, options.timeout), options)
     except client.Interrupted:
-        return INTERRUPTED if options.watch is None else ALL_READ
+        return INTERRUPTED
     except client.NoAnswer as error:
         print(f'read_tag: {error}', file=sys.stderr)
         return NO_ANSWER
@@ -72,39 +78,72 @@ def main(args=None):
         return ALL_READ
 
 
+def _node_in(executor):
+    with node_creation():
+        node = rclpy.create_node('read_tag', start_parameter_services=False)
+    executor.add_node(node)
+    return node
+
+
 def _read(node, bridge: client.Client, options) -> int:
+    """Read once, or round after round, and return the exit code of the last round."""
+    get_tag_reading = _connect(node, bridge, options.service)
+    tag_ids = _all_tag_ids(bridge, get_tag_reading.srv_name) if options.all else options.tag_ids
+    rounds = 1 if options.watch is None else options.count
+    screen = Screen(options.watch is not None)
+    exit_code, started = INTERRUPTED, 0.0
+    for number in itertools.count() if rounds is None else range(rounds):
+        if number > 0:
+            process.sleep(started + options.watch - time.monotonic())
+        if process.is_asked_to_end():
+            break
+        started, responses = time.monotonic(), {}
+        try:
+            bridge.wait_for(get_tag_reading)
+            for tag_id in tag_ids:
+                responses[tag_id] = bridge.call(get_tag_reading, GetTagReading.Request(tag_id=tag_id))
+        except client.Interrupted:
+            break
+        except client.NoAnswer as error:
+            if options.watch is None:
+                raise
+            if exit_code != NO_ANSWER:
+                print(f'read_tag: {error}: still watching', file=sys.stderr)
+            exit_code = NO_ANSWER
+        else:
+            is_read = all(each.status == GetTagReading.Response.STATUS_OK for each in responses.values())
+            exit_code = ALL_READ if is_read else SOME_FAILED
+        _show(responses, screen, options)
+    return exit_code
+
+
+def _connect(node, bridge: client.Client, service: str):
     with _progress() as show:
         try:
-            get_tag_reading = bridge.connect(GetTagReading, options.service, show)
+            return bridge.connect(GetTagReading, service, show)
         except client.NoAnswer as error:
-            service_name = node.resolve_service_name(options.service)
             security = f'; {SECURED}' if security_problem() else ''
-            raise client.NoAnswer(f'{error}; {_likely_cause(node, service_name)}{security}') from error
-    tag_ids = _all_tag_ids(bridge, get_tag_reading.srv_name) if options.all else options.tag_ids
-    exit_code = ALL_READ
-    screen = Screen(options.watch is not None)
-    while True:
-        responses = {}
-        for tag_id in tag_ids:
-            responses[tag_id] = bridge.call(get_tag_reading, GetTagReading.Request(tag_id=tag_id))
-        if options.json:
-            lines = (json_line(tag_id, each, STATUS_NAMES) for tag_id, each in responses.items())
-            print(*lines, sep='\n', flush=True)
-        else:
-            screen.show(responses, STATUS_NAMES)
-        if any(response.status != GetTagReading.Response.STATUS_OK for response in responses.values()):
-            exit_code = SOME_FAILED
-        if options.watch is None:
-            return exit_code
-        process.sleep(options.watch)
-        if process.is_asked_to_end():
-            return ALL_READ
+            cause = _likely_cause(node, node.resolve_service_name(service))
+            raise client.NoAnswer(f'{error}; {cause}{security}') from error
+
+
+def _show(responses: dict, screen: Screen, options) -> None:
+    if options.json:
+        for tag_id, response in responses.items():
+            print(json_line(tag_id, response, STATUS_NAMES), flush=True)
+    elif responses:
+        screen.show(responses, STATUS_NAMES)
 
 
 def _all_tag_ids(bridge: client.Client, service_name: str) -> list[str]:
     """Return the ids that the bridge has loaded, in natural order; raises NoAnswer, UsageError."""
-    parameters = bridge.connect(GetParameters, parameter_service_of(service_name))
-    tag_ids = tag_ids_of(bridge.call(parameters, tag_ids_request()))
+    try:
+        parameters = bridge.connect(GetParameters, parameter_service_of(service_name))
+        tag_ids = tag_ids_of(bridge.call(parameters, tag_ids_request()))
+    except client.NoAnswer as error:
+        raise client.NoAnswer(
+            f'{error}: --all asks the node that {service_name} is named after: name the tag ids instead'
+        ) from error
     if not tag_ids:
         raise client.UsageError(
             f'the node of {service_name} has no parameter {TAG_IDS_PARAMETER}, so it is a bridge'
@@ -142,18 +181,29 @@ def _is_limited_to_this_machine() -> bool:
     )
 
 
-def _parser() -> argparse.ArgumentParser:
+def _ids_to_complete(executor) -> list[str]:
+    """Return the ids of the bridge that runs if it answers at once, otherwise the shipped ones."""
+    bridge = client.Client(executor, _node_in(executor), COMPLETION_TIMEOUT_SECONDS)
+    try:
+        return _all_tag_ids(bridge, DEFAULT_SERVICE)
+    except (client.NoAnswer, client.UsageError):
+        return simulation.served_tag_ids('')
+
+
+def _parser(executor) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='read_tag',
         description='Read the climate at greenhouse tags from a running greenhouse_bridge.',
-        epilog='Exit code: 0 all read, 1 a tag failed, 2 usage, 3 no service or no reply before the timeout.',
+        epilog='Exit code: 0 all read, 1 a tag failed, 2 usage, 3 no service or no reply before the timeout.'
+        ' With --watch, that of the last round.',
     )
     ids = parser.add_argument('tag_ids', nargs='*', metavar='ID', help='a tag id, such as 1')
-    ids.completer = lambda **_: simulation.served_tag_ids('')
+    ids.completer = lambda **_: _ids_to_complete(executor)
     parser.add_argument('--all', action='store_true', help='read every tag that the bridge has loaded')
     parser.add_argument(
-        '--watch', type=_seconds, metavar='SECONDS', help='repeat the readings at this interval'
+        '--watch', type=_seconds, metavar='SECONDS', help='start a round of readings every SECONDS'
     )
+    parser.add_argument('--count', type=_rounds, metavar='N', help='end --watch after N rounds')
     parser.add_argument('--json', action='store_true', help='print one JSON object per line and tag')
     parser.add_argument('--service', default=DEFAULT_SERVICE, metavar='NAME', help='default: %(default)s')
     parser.add_argument(
@@ -171,14 +221,20 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _seconds(text: str) -> float:
-    with_unit = f'{text!r} is not a number of seconds above 0'
+    problem = f'{text!r} is not a number of seconds above 0'
     try:
         seconds = float(text)
     except ValueError:
-        raise argparse.ArgumentTypeError(with_unit) from None
+        raise argparse.ArgumentTypeError(problem) from None
     if not 0.0 < seconds < math.inf:
-        raise argparse.ArgumentTypeError(with_unit)
+        raise argparse.ArgumentTypeError(problem)
     return seconds
+
+
+def _rounds(text: str) -> int:
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number of rounds above 0')
+    return int(text)
 
 
 if __name__ == '__main__':

@@ -28,7 +28,9 @@ def ros(args=None):
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except (RuntimeError, UnicodeEncodeError) as error:  # the latter: bytes that are not UTF-8
-        problem = security_problem() or 'the ROS arguments cannot be parsed'
+        problem = security_problem() or (
+            'the ROS arguments cannot be parsed (put other arguments before --ros-args)'
+        )
         raise StartUpError(f'{problem}: {error}') from error
     try:
         executor = SingleThreadedExecutor()
