@@ -193,6 +193,11 @@ def test_the_messages_are_built_for_the_python_of_the_active_environment(tmp_pat
     )
     cache = (tmp_path / 'build/CMakeCache.txt').read_text()
     assert f'Python3_EXECUTABLE:FILEPATH={environment}/bin/python3\n' in cache
+    assert f'PYTHON_EXECUTABLE:FILEPATH={environment}/bin/python3\n' in cache  # Humble's name
+    include_dir = re.search(r'^PYTHON_INCLUDE_DIR:PATH=(.*)$', cache, re.MULTILINE)[1]
+    assert Path(include_dir, 'Python.h').exists()
+    library = re.search(r'^PYTHON_LIBRARY:FILEPATH=(.*)$', cache, re.MULTILINE)
+    assert library is None or Path(library[1]).name.startswith('libpython3')
     numpy = re.search(r'^_?Python3_NumPy_INCLUDE_DIR:\w+=(.*)$', cache, re.MULTILINE)[1]
     assert Path(numpy).is_relative_to(environment)
 

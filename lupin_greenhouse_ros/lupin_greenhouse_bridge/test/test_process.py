@@ -12,6 +12,7 @@ from lupin_greenhouse_bridge.node.parameters import launch_arguments
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable
 from lupin_greenhouse_bridge.testing.signals import MOMENTS, SIGNALS, command
+from rclpy.executors import SingleThreadedExecutor
 
 NO_ANSWER, INTERRUPTED = 3, 130
 PACKAGE = 'lupin_greenhouse_bridge'
@@ -109,6 +110,20 @@ def test_the_process_of_read_tag_that_watches_ends_with_exit_code_0(noon_bridge)
         process.terminate()
         assert process.wait(PATIENCE_SECONDS) == 0
         assert 'Traceback' not in process.stderr.read()
+
+
+def test_a_node_ends_though_its_executor_would_wait_for_a_callback(bridge_here, monkeypatch):
+    """Humble's waits without a limit for a coroutine that is suspended."""
+    shutdown = SingleThreadedExecutor.shutdown
+    limits = []
+
+    def record(executor, timeout_sec=None):
+        limits.append(timeout_sec)
+        return shutdown(executor, timeout_sec)
+
+    monkeypatch.setattr(SingleThreadedExecutor, 'shutdown', record)
+    assert bridge_here().code == 0
+    assert limits == [0]
 
 
 class Time:

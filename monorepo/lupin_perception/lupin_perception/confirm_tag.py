@@ -37,7 +37,7 @@ class ConfirmTagNode(Node):
         self._confirmer = Confirmer(settings)
         self._news = Future()  # done when a new frame arrives; then replaced
         self._watchers = 0
-        self._shown = None
+        self._shown = (None, None)  # the number and the sight of the last picture
         # Best effort is compatible with every publisher.
         self.create_subscription(
             self._source.message_type, self._source.topic, self._on_message, qos_profile_sensor_data
@@ -104,10 +104,17 @@ class ConfirmTagNode(Node):
 
     def _show(self, verdict: Verdict, number: int) -> None:
         """Publish a picture of the verdict, once per image."""
-        if not verdict.sight or verdict.sight.picture is None or self._shown == (number, id(verdict.sight)):
+        if not verdict.sight or verdict.sight.picture is None:
             return
-        self._shown = (number, id(verdict.sight))
-        picture = draw(verdict, number, self._settings)
+        if self._shown[0] == number and self._shown[1] is verdict.sight:
+            return
+        self._shown = (number, verdict.sight)
+        try:
+            picture = draw(verdict, number, self._settings)
+        except Exception as error:  # a picture is worth less than the node
+            reason = printable(f'{type(error).__name__}: {error}', 200)
+            self.get_logger().error(f'cannot draw ~/seen: {reason}', throttle_duration_sec=LOG_EVERY_SECONDS)
+            return
         height, width, channels = picture.shape
         image = Image(height=height, width=width, encoding='rgb8', step=channels * width)
         image.header.stamp = self.get_clock().now().to_msg()

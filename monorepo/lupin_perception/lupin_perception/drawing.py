@@ -29,7 +29,8 @@ def draw(verdict: Verdict, tag_number: int, criteria: Criteria) -> np.ndarray:
         if each.hamming:
             label += f', hamming {each.hamming}'
         place = (left, bottom + 3)
-        pen.rectangle(pen.textbbox(place, label), fill=PAPER)
+        width, height = pen.getfont().getmask(label).size  # textbbox of Pillow 9.0 refuses its default font
+        pen.rectangle((*place, left + width + 1, bottom + height + 6), fill=PAPER)
         pen.text(place, label, fill=colour)
     pen.rectangle((0, 0, picture.width, BAR_PIXELS), fill=PAPER)
     colour = FLAWED if verdict.reason else GOOD

@@ -107,6 +107,25 @@ def test_bad_compressed_images_are_refused_and_the_node_lives(start, tag_7):
     wait_until(lambda: perception.confirm('7', good).detected)
 
 
+def test_a_picture_that_cannot_be_drawn_costs_only_the_picture(start, tag_7, monkeypatch, capfd):
+    def fail(*_arguments):
+        raise ValueError('Only supported for TrueType fonts')
+
+    monkeypatch.setattr(confirm_tag, 'draw', fail)
+    perception = start()
+    topic = '/perception/confirm_tag/seen'
+    perception.node.create_subscription(Image, topic, lambda _image: None, 10)
+    wait_until(lambda: perception.node.count_publishers(topic) == 1)
+    said = []
+
+    def is_said():
+        assert perception.confirm('7', image_of(tag_7)).detected
+        said.append(capfd.readouterr().err)
+        return 'cannot draw ~/seen: ValueError: Only supported for TrueType fonts' in ''.join(said)
+
+    wait_until(is_said)
+
+
 def test_what_was_judged_can_be_seen(start, tag_7):
     """The picture has the size of the image; the verdict and the outline of the tag are green."""
     perception = start()

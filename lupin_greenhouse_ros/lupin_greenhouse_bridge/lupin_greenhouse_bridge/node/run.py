@@ -38,7 +38,7 @@ def ros(args=None):
             yield executor
         finally:
             nodes = executor.get_nodes()
-            executor.shutdown()
+            executor.shutdown(timeout_sec=0)  # Humble would wait for callbacks that never end
             for node in nodes:
                 node.destroy_node()
             gc.collect()  # a node whose constructor raised must be destroyed before ROS shuts down

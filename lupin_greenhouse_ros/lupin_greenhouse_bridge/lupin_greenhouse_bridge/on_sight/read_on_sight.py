@@ -131,6 +131,8 @@ class ReadOnSightNode(Node):
             future.add_done_callback(lambda future, tag_id=tag_id: self._on_answer(tag_id, future))
 
     def _on_answer(self, tag_id: str, future) -> None:
+        if self._futures.get(tag_id) is not future:  # given up meanwhile, in a multi-threaded executor
+            return
         del self._futures[tag_id]
         self._sightings.answered(tag_id, time.monotonic())
         response = future.result()

@@ -391,6 +391,27 @@ def test_a_tag_without_any_reply_is_said_after_its_attempts(held_service, start_
 
 
 @needs_detections
+def test_a_reply_that_arrives_while_its_request_is_given_up_is_ignored(
+    held_service, start_reader, detector, log, monkeypatch
+):
+    """With several threads, a reply can be on its way to its callback when the request is removed."""
+    monkeypatch.setattr(rclpy.client.Client, 'remove_pending_request', lambda *_arguments: None)
+    reader = start_reader(bridge_service_name=held_service.name, max_attempts=1)
+    reader.meet_service()
+    readings = listen(detector, READINGS)
+    Camera(detector).look_at(7)
+    wait_until(lambda: held_service.requests == ['7'])
+    reader.clock.now += 2.0
+    wait_until(lambda: "tag '7': no reply" in log())
+    held_service.reply()
+    reader.clock.now += 2.0
+    wait_until(lambda: held_service.requests == ['7', '7'])
+    held_service.reply()
+    wait_until(lambda: readings)
+    assert [each.sim_time_of_day_seconds for each in readings] == [2.0]
+
+
+@needs_detections
 def test_a_tag_that_was_seen_long_before_the_bridge_came_is_not_read(start_reader, detector):
     reader = start_reader(bridge_service_name=HeldService.name)
     camera = Camera(detector)
