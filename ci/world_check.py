@@ -16,7 +16,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from lupin_mission.layout import find_layout
+from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_perception.detector import TagDetector
 from lupin_perception.settings import Criteria
 from lupin_world import generate_world

@@ -20,6 +20,8 @@ import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.greenhouse.files import shipped_file
+from lupin_greenhouse_bridge.greenhouse.layout import read_layout
 from lupin_greenhouse_bridge.greenhouse.simulation import load
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_mission import greenhouse_plot
@@ -31,7 +33,6 @@ from lupin_mission.greenhouse_plot import (
     place_labels,
     read_visualization,
 )
-from lupin_mission.layout import read_layout, shipped_file
 from matplotlib import pyplot
 from matplotlib.patches import Wedge
 from PIL import Image

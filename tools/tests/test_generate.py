@@ -270,3 +270,18 @@ def test_the_trees_differ_in_one_line_of_the_bridge_beyond_the_rename():
         pair for pair in zip(monorepo.splitlines(), mirror.splitlines(), strict=True) if pair[0] != pair[1]
     ]
     assert differing == [('    return Path(value) if value else None', '    return value or None')]
+
+
+def test_every_generated_file_and_no_other_is_marked_as_generated():
+    """Then a merge request on GitHub or GitLab shows an edit once."""
+    rendered = generate.render(ROOT / 'tools/core', generate.load_table(ROOT / 'tools/twins.toml'))
+    tracked = subprocess.run(['git', 'ls-files', '-z'], cwd=ROOT, capture_output=True, text=True, check=True)
+    paths = tracked.stdout.rstrip('\0').split('\0')
+    for attribute in ('linguist-generated', 'gitlab-generated'):
+        command = ['git', 'check-attr', '-z', '--stdin', attribute]
+        result = subprocess.run(
+            command, cwd=ROOT, input='\0'.join(paths), capture_output=True, text=True, check=True
+        )
+        cells = result.stdout.split('\0')
+        marked = {path for path, state in zip(cells[::3], cells[2::3], strict=False) if state == 'set'}
+        assert marked == rendered.keys()

@@ -3,10 +3,10 @@
 from typing import Any, NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse.files import shipped_file
+from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_greenhouse_bridge.units import unit_of
 from matplotlib.patches import Rectangle
-
-from lupin_mission.layout import Layout, shipped_file
 
 COLOURS = 'viridis'  # readable in black and white, and for colour-blind people
 MARGIN_M = 0.15

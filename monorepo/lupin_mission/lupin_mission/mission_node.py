@@ -15,6 +15,8 @@ from lupin_greenhouse_bridge.contract import (
     tag_ids_request,
 )
 from lupin_greenhouse_bridge.errors import StartUpError, printable
+from lupin_greenhouse_bridge.greenhouse.files import shipped_file
+from lupin_greenhouse_bridge.greenhouse.layout import read_tags_with_sensors
 from lupin_greenhouse_bridge.node.parameters import declare_parameters
 from lupin_greenhouse_bridge.node.run import run
 from lupin_msgs.srv import ConfirmTag, GetTagReading, StartMission
@@ -26,7 +28,6 @@ from std_srvs.srv import Trigger
 
 from lupin_mission.announcer import Announcer
 from lupin_mission.drive import TimedDrive
-from lupin_mission.layout import find_layout, read_layout
 from lupin_mission.messages import MISSION_TYPE, reading_of
 from lupin_mission.mission import Mission, Request, Service, Severity, State
 from lupin_mission.report import (
@@ -63,7 +64,7 @@ class MissionNode(Node):
         self._world = read_world(settings.world_file) if settings.world_file else {}
         tag_ids = settings.chosen_tag_ids or list(self._world)
         if not tag_ids and settings.tag_file:
-            tag_ids = list(read_layout(settings.tag_file).tags)
+            tag_ids = list(read_tags_with_sensors(settings.tag_file))
         self._service_clients = {
             Service.CONFIRM: self._client(ConfirmTag, settings.confirm_service_name),
             Service.READ: self._client(GetTagReading, settings.bridge_service_name),
@@ -154,9 +155,10 @@ class MissionNode(Node):
             self._places_m = self._world
         elif settings.has_poses_in_map:
             # The shipped positions are wrong for a bridge with a custom tag file.
-            layout = None if is_custom_file and not settings.tag_file else find_layout(settings.tag_file)
-            if layout:
-                self._places_m = {tag_id: tag[:2] for tag_id, tag in layout.tags.items()}
+            shipped = None if is_custom_file else shipped_file('tag_locations.json')
+            if tag_file := settings.tag_file or shipped:
+                tags = read_tags_with_sensors(tag_file)
+                self._places_m = {tag_id: tag[:2] for tag_id, tag in tags.items()}
             else:
                 self._announcer.warn("the positions of the tags are unknown: set tag_file to the bridge's")
         self.known_tag_ids = tag_ids

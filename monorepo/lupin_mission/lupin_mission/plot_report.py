@@ -6,8 +6,8 @@ import time
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 
-from lupin_mission.layout import find_layout
 from lupin_mission.report import Observation, Outcome, clock_time, last_of_each_tag, read_report
 
 DONE, USAGE = 0, 2

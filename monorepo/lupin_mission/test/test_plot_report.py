@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_mission.greenhouse_plot import read_visualization
-from lupin_mission.layout import find_layout
 from lupin_mission.plot_report import main
 from lupin_mission.report import Observation, Outcome, Reading, Report
 from matplotlib.figure import Figure
@@ -93,7 +93,7 @@ def test_a_custom_tag_file_places_the_tags(report, tmp_path):
     [
         (['/missing.jsonl'], '/missing.jsonl'),
         (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
-        (['REPORT', '--tag-file', 'REPORT'], 'is not a tag_locations.json'),
+        (['REPORT', '--tag-file', 'REPORT'], 'is not JSON'),
         (['REPORT', '--sim-config-file', 'TAGS'], 'has no walls'),
         (['REPORT', '--tag-file', 'TAGS'], "tag '1' has no position in the tag file"),
         (['REPORT', '--output', '/missing/picture.png'], '/missing/picture.png'),

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_mission.layout import find_layout
+from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 
 DONE, USAGE = 0, 2
 MANIFEST = '.generate_world'  # the files that this program writes

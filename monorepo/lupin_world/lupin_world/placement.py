@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError, printable
-from lupin_mission.layout import Layout
+from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_perception.confirmation import UnknownTagId, tag_number
 
 # The heights suit the camera of a small mobile robot, 0.3 m above the floor.

@@ -4,7 +4,7 @@ import io
 from collections.abc import Iterable
 
 import numpy as np
-from lupin_mission.layout import Layout
+from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_perception.scene import MODULES, printed_marker
 from PIL import Image
 

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from lupin_mission.layout import find_layout
+from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_mission.world import read_world
 from lupin_perception.detector import TagDetector
 from lupin_world import generate_world
@@ -119,7 +119,7 @@ def test_a_file_that_it_did_not_make_is_refused_and_nothing_is_written(tmp_path,
         (['--side', '0.1501'], '--side is 0.1501: must be between 0.01 and 0.15 m'),
         (['--side', '0.0099'], '--side is 0.0099: must be between 0.01 and 0.15 m'),
         (['--side', 'nan'], '--side is nan: must be between'),
-        (['--tag-file', '/missing.json'], "tag_file '/missing.json' cannot be read"),
+        (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
         (['--output', '/proc/nowhere'], "--output '/proc/nowhere'"),
     ],
 )

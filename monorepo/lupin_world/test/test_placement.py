@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_mission.layout import Layout, Tag, find_layout
+from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag, find_layout
 from lupin_world.placement import EAST, NORTH, SOUTH, WEST, Table, place
 
 LONG = (1.0, 1.0, 3.0, 1.5)  # x0, y0, x1, y1

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from lupin_mission.layout import Layout, Tag
+from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag
 from lupin_perception.detector import TagDetector
 from lupin_perception.scene import printed_marker
 from lupin_world.sdf import SDF_FILE, world_files

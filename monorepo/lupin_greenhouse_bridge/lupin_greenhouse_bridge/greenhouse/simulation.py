@@ -5,13 +5,12 @@ import importlib.metadata
 import math
 import numbers
 import random
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from packaging.version import InvalidVersion, Version
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
-from lupin_greenhouse_bridge.greenhouse.files import read_config, read_tags
+from lupin_greenhouse_bridge.greenhouse.files import read_config, read_tags, shipped_file
 from lupin_greenhouse_bridge.settings import SECONDS_PER_DAY, Settings
 
 OLDEST_SIMULATOR = '1.0.7'
@@ -85,13 +84,6 @@ def served_tag_ids(tag_file: str) -> list[str]:
     require_simulator()
     tags = read_tags(tag_file or shipped_file('tag_locations.json'))
     return [tag_id for tag_id, tag in tags.items() if tag['sensors']]
-
-
-def shipped_file(name: str) -> Path:
-    """Return the path of a file of the simulator's shipped configuration."""
-    from greenhouse_sim.tools.config_loader import CONFIG_DIR
-
-    return CONFIG_DIR / name
 
 
 def require_simulator() -> str:

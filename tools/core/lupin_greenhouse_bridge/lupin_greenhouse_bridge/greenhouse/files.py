@@ -1,11 +1,13 @@
 """Read and validate the simulator's two files, so that the simulator can serve everything in them."""
 
 import datetime
+import importlib.util
 import json
 import math
 import os
 import stat
 from collections import Counter
+from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import StartUpError, printable
 from lupin_greenhouse_bridge.settings import Settings
@@ -34,6 +36,35 @@ def read_tags(path) -> dict[str, dict]:
     for tag_id, tag in tags.items():
         _check_tag(tag_id, tag, where)
     return tags
+
+
+def read_tables(path) -> dict[str, tuple[float, float, float, float]]:
+    """
+    Return the tables of a tag file as name -> (x0, y0, x1, y1) in metres; only the nested format has any.
+
+    Raises StartUpError if the file or a table is malformed. The simulator itself does not read the tables.
+    """
+    where = f"tag_file '{path}'"
+    data = _parse_json(_read_text(path, where, LARGEST_TAG_FILE_BYTES), where)
+    tables = data.get('tables', {}) if isinstance(data, dict) and isinstance(data.get('tags'), dict) else {}
+    if not isinstance(tables, dict):
+        raise StartUpError(f'{where}: tables is {_kind(tables)}, not an object, {_TABLE_EXAMPLE}')
+    corners = {}
+    for name, table in tables.items():
+        here = f"{where}: table '{printable(name, 64)}'"
+        if not isinstance(table, dict):
+            raise StartUpError(f'{here} is {_kind(table)}, not an object, {_TABLE_EXAMPLE}')
+        corners[name] = tuple(
+            float(_number(table, key, here, unit='metres')) for key in ('x0', 'y0', 'x1', 'y1')
+        )
+    return corners
+
+
+def shipped_file(name: str) -> Path | None:
+    """Return the path of a file that mdp-greenhouse ships; None if it is not installed."""
+    spec = importlib.util.find_spec('greenhouse_sim')  # not imported
+    folders = spec.submodule_search_locations if spec else []
+    return next((path for each in folders if (path := Path(each, 'configs', name)).is_file()), None)
 
 
 def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
@@ -66,6 +97,7 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
     return config
 
 
+_TABLE_EXAMPLE = 'such as {"bench": {"x0": 0, "y0": 0, "x1": 2, "y1": 1}}'
 _TAG_EXAMPLE = 'such as {"1": {"x": 1.5, "y": 7.3, "sensors": ["co2"]}}'
 
 
