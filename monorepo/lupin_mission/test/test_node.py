@@ -19,7 +19,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 
 OK = Outcome.OK
-# One of each part of a run; the bridge's tests signal the same life cycle in many more.
+# One of each part of a run; the bridge's tests signal the same code in many more.
 MOMENTS = {
     'rclpy/__init__.py:<module>': 'signalled in',  # the import
     'rclpy/node.py:__init__': 'signalled in',  # the start

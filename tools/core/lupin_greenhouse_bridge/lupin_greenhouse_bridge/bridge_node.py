@@ -10,7 +10,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
-from lupin_greenhouse_bridge.contract import NODE_NAME, SERVICE_QOS
+from lupin_greenhouse_bridge.contract import NODE_NAME, SERVICE_QOS, TAG_IDS_PARAMETER
 from lupin_greenhouse_bridge.errors import printable
 from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.node.parameters import declare_parameters
@@ -44,7 +44,7 @@ class GreenhouseBridgeNode(Node):
         read_only = ParameterDescriptor(
             description='The ids of the tags that the bridge serves.', read_only=True
         )
-        self.declare_parameter('loaded_tag_ids', greenhouse.tag_ids, read_only, ignore_override=True)
+        self.declare_parameter(TAG_IDS_PARAMETER, greenhouse.tag_ids, read_only, ignore_override=True)
 
         # The simulator is not thread-safe: only one handler runs at a time, in any executor.
         self._cb_group = MutuallyExclusiveCallbackGroup()
