@@ -11,6 +11,9 @@ if [ -e "$VIRTUAL_ENV/local_setup.bash" ]; then  # ROS is in the environment its
     source "$VIRTUAL_ENV/local_setup.bash"
     # A trial on one machine must not reach other machines in the lab.
     export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+    # Jazzy's Fast DDS reads the second.
+    export FASTDDS_DEFAULT_PROFILES_FILE="${FASTDDS_DEFAULT_PROFILES_FILE:-$_root/ci/fast_dds.xml}"
+    export FASTRTPS_DEFAULT_PROFILES_FILE="${FASTRTPS_DEFAULT_PROFILES_FILE:-$_root/ci/fast_dds.xml}"
 fi
 export LUPIN_WORKSPACE="$VIRTUAL_ENV/workspace/${TREE:-monorepo}"
 export LUPIN_EXECUTABLES="$LUPIN_WORKSPACE/install/lupin_greenhouse_bridge/lib/lupin_greenhouse_bridge"

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import environment
 import pytest
@@ -185,6 +186,19 @@ def test_make_refuses_an_unknown_choice_in_one_line(assignment):
     assert result.returncode != 0
     assert assignment in result.stderr
     assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize('own', ['', '/my/profiles.xml'])
+def test_nodes_of_the_wheels_announce_themselves_often_unless_told_otherwise(own):
+    name = 'FASTDDS_DEFAULT_PROFILES_FILE'
+    bare = {key: value for key, value in os.environ.items() if key != name}
+    result = subprocess.run(
+        ['bash', '-c', f'source ci/ros_env.bash && echo ${name}'],
+        cwd=ROOT, env=bare | ({name: own} if own else {}), capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert result.stdout.strip() == (own or str(CI / 'fast_dds.xml'))
+    period = ElementTree.parse(CI / 'fast_dds.xml').find('.//{*}leaseAnnouncement/{*}nanosec')
+    assert 0 < int(period.text) < 10**9
 
 
 def test_the_cmake_repair_is_idempotent_and_leaves_other_paths_alone(tmp_path):
