@@ -11,9 +11,13 @@ if [ -e "$VIRTUAL_ENV/local_setup.bash" ]; then  # ROS is in the environment its
     source "$VIRTUAL_ENV/local_setup.bash"
     # A trial on one machine must not reach other machines in the lab.
     export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
-    # Jazzy's Fast DDS reads the second.
-    export FASTDDS_DEFAULT_PROFILES_FILE="${FASTDDS_DEFAULT_PROFILES_FILE:-$_root/ci/fast_dds.xml}"
-    export FASTRTPS_DEFAULT_PROFILES_FILE="${FASTRTPS_DEFAULT_PROFILES_FILE:-$_root/ci/fast_dds.xml}"
+    # Kilted warns of the variable that Jazzy needs.
+    for _name in FASTDDS_DEFAULT_PROFILES_FILE FASTRTPS_DEFAULT_PROFILES_FILE; do
+        [ "${!_name:-}" != "$_root/ci/fast_dds.xml" ] || unset "$_name"
+    done
+    [ "$ROS_DISTRO" = jazzy ] || _name=FASTDDS_DEFAULT_PROFILES_FILE
+    export "$_name=${!_name:-$_root/ci/fast_dds.xml}"
+    unset _name
 fi
 export LUPIN_WORKSPACE="$VIRTUAL_ENV/workspace/${TREE:-monorepo}"
 export LUPIN_EXECUTABLES="$LUPIN_WORKSPACE/install/lupin_greenhouse_bridge/lib/lupin_greenhouse_bridge"
