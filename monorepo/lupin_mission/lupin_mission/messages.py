@@ -1,9 +1,11 @@
 """Convert between the mission's objects and the team's messages."""
 
+from lupin_greenhouse_bridge.contract import STATUS_NAMES
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
+from lupin_msgs.srv import GetTagReading
 
-from lupin_mission.mission import Mission, State
+from lupin_mission.mission import Mission, Request, Service, State
 from lupin_mission.report import Observation, Outcome, Reading
 
 MAP_FRAME = 'map'
@@ -13,6 +15,7 @@ STATUSES = {
     Outcome.SKIPPED: ObservationMessage.STATUS_SKIPPED,
     Outcome.UNREACHABLE: ObservationMessage.STATUS_UNREACHABLE,
 }  # of an outcome that is not a failed scan
+REFUSALS = {outcome.value: outcome for outcome in (Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR)}
 
 
 def reading_of(message: TagReading) -> Reading:
@@ -23,6 +26,16 @@ def reading_of(message: TagReading) -> Reading:
         message.sim_time_of_day_seconds,
         {each.name: each.value for each in message.readings},
     )
+
+
+def accept_response(mission: Mission, request: Request, response) -> bool:
+    """Pass the response to a request on to its mission; return False if it no longer waits for it."""
+    if request.service is Service.CONFIRM:
+        return mission.on_confirmation(request.number, response.detected, response.error_message)
+    if response.status == GetTagReading.Response.STATUS_OK:
+        return mission.on_reading(request.number, reading_of(response.reading))
+    outcome = REFUSALS.get(STATUS_NAMES.get(response.status), Outcome.BAD_READING)
+    return mission.on_refusal(request.number, outcome, response.error_message)
 
 
 def observation_message(

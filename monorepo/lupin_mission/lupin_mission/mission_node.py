@@ -6,30 +6,18 @@ import uuid
 from functools import partial
 from pathlib import Path
 
-from lupin_greenhouse_bridge.contract import (
-    SERVICE_QOS,
-    STATUS_NAMES,
-    has_tag_file,
-    parameter_service_of,
-    tag_ids_of,
-    tag_ids_request,
-)
-from lupin_greenhouse_bridge.errors import StartUpError, printable
-from lupin_greenhouse_bridge.greenhouse.files import shipped_file
-from lupin_greenhouse_bridge.greenhouse.layout import read_tags_with_sensors
+from lupin_greenhouse_bridge.errors import printable
 from lupin_greenhouse_bridge.node.parameters import declare_parameters
 from lupin_greenhouse_bridge.node.run import run
-from lupin_msgs.srv import ConfirmTag, GetTagReading, StartMission
-from rcl_interfaces.srv import GetParameters
+from lupin_msgs.srv import StartMission
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from lupin_mission.announcer import Announcer
 from lupin_mission.drive import TimedDrive
-from lupin_mission.messages import MISSION_TYPE, reading_of
-from lupin_mission.mission import Mission, Request, Service, Severity, State
+from lupin_mission.messages import MISSION_TYPE, accept_response
+from lupin_mission.mission import Mission, Request, Severity, State
 from lupin_mission.report import (
     Observation,
     Outcome,
@@ -39,15 +27,13 @@ from lupin_mission.report import (
     summary_table,
 )
 from lupin_mission.settings import Settings
-from lupin_mission.world import read_world
+from lupin_mission.tags import Tags
+from lupin_mission.transport import Transport
 
 ALL_READ, SOME_NOT_READ, REFUSED = 0, 1, 2
 NODE_NAME = 'mission'
 STEP_SECONDS = 0.02
 STATE_EVERY_SECONDS = 0.2
-LONGEST_WAIT_FOR_TAGS_SECONDS = 30.0
-ASK_FOR_TAGS_EVERY_SECONDS = 0.5
-REFUSALS = {each.value: each for each in (Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR)}
 
 
 class MissionNode(Node):
@@ -61,48 +47,28 @@ class MissionNode(Node):
         """Open the report and start; raises StartUpError and ReportError."""
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
-        self._world = read_world(settings.world_file) if settings.world_file else {}
-        tag_ids = settings.chosen_tag_ids or list(self._world)
-        if not tag_ids and settings.tag_file:
-            tag_ids = list(read_tags_with_sensors(settings.tag_file))
-        self._service_clients = {
-            Service.CONFIRM: self._client(ConfirmTag, settings.confirm_service_name),
-            Service.READ: self._client(GetTagReading, settings.bridge_service_name),
-        }
-        self.known_tag_ids: list[str] = []  # empty until they are known
+        self._tags = Tags(settings)
+        self._transport = Transport(
+            self, confirm_service=settings.confirm_service_name, read_service=settings.bridge_service_name
+        )
         self.tag_ids: list[str] = []  # of the mission
         self.mission: Mission | None = None
         self.report: Report | None = None if settings.wait_for_start else self._open_report('')
         self._mission_id = ''
         self._started_at = None
-        self._places_m: dict[str, tuple[float, float]] = {}  # of the tags in the map
-        self._unsent: Request | None = None  # until its service is there
-        self._future = None  # of the pending request
         self._announcer = Announcer(self, settings.observations_topic)
         for name in ('pause', 'resume', 'skip_current', 'abort'):
             self.create_service(Trigger, f'~/{name}', partial(self._trigger, name.removesuffix('_current')))
         self.create_service(StartMission, '~/start', self._start)
-        self._timer(STATE_EVERY_SECONDS, self._publish_state)
-        self._timer(STEP_SECONDS, self._step)
-        if tag_ids:
-            self._set_tags(tag_ids, is_custom_file=False)
-        else:
-            self._ask_for_tags()
+        clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it
+        self.create_timer(STATE_EVERY_SECONDS, self._publish_state, clock=clock)
+        self.create_timer(STEP_SECONDS, self._step, clock=clock)
+        self._tags.find(self, self._on_tags)
 
     def is_done(self) -> bool:
         """Return True once every tag has its outcome, unless the node waits for ~/start."""
         is_over = bool(self.mission and self.mission.state is State.DONE)
         return is_over and not self._settings.wait_for_start
-
-    def _timer(self, seconds: float, callback):
-        # Monotonic: use_sim_time does not affect it.
-        return self.create_timer(seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def _client(self, service_type, name: str):
-        try:
-            return self.create_client(service_type, name, qos_profile=SERVICE_QOS)
-        except InvalidServiceNameException as error:
-            raise StartUpError(f'{name!r} is not a service name: {error}') from error
 
     def _open_report(self, mission_id: str) -> Report:
         path = Path(self._settings.report_file or time.strftime('mission-%Y%m%dT%H%M%S.jsonl'))
@@ -120,53 +86,15 @@ class MissionNode(Node):
             self.report = None
         super().destroy_node()
 
-    # The tags
-
-    def _ask_for_tags(self) -> None:
-        """Ask the bridge for its tags. Repeat the request, because DDS can drop an early one."""
-        parameters = self._client(
-            GetParameters, parameter_service_of(self._service_clients[Service.READ].srv_name)
-        )
-        deadline = time.monotonic() + LONGEST_WAIT_FOR_TAGS_SECONDS
-
-        def ask():
-            if self.known_tag_ids:
-                timer.cancel()
-            elif time.monotonic() >= deadline and not self._settings.wait_for_start:
-                raise StartUpError(
-                    f'{parameters.srv_name} did not return the tags within'
-                    f' {LONGEST_WAIT_FOR_TAGS_SECONDS:g} s:'
-                    ' start the bridge, or set tag_ids or tag_file'
-                )
-            elif parameters.service_is_ready():
-                parameters.call_async(tag_ids_request()).add_done_callback(on_reply)
-
-        def on_reply(future):
-            if not self.known_tag_ids and (tag_ids := tag_ids_of(future.result())):
-                self._set_tags(tag_ids, is_custom_file=has_tag_file(future.result()))
-
-        self.get_logger().info(f'waiting for the tags of {parameters.srv_name}')
-        timer = self._timer(ASK_FOR_TAGS_EVERY_SECONDS, ask)
-
-    def _set_tags(self, tag_ids: list[str], *, is_custom_file: bool) -> None:
-        """Set the tags that a mission may visit, and start it unless it waits for ~/start."""
-        settings = self._settings
-        if settings.has_poses_in_map and self._world:
-            self._places_m = self._world
-        elif settings.has_poses_in_map:
-            # The shipped positions are wrong for a bridge with a custom tag file.
-            shipped = None if is_custom_file else shipped_file('tag_locations.json')
-            if tag_file := settings.tag_file or shipped:
-                tags = read_tags_with_sensors(tag_file)
-                self._places_m = {tag_id: tag[:2] for tag_id, tag in tags.items()}
-            else:
-                self._announcer.warn("the positions of the tags are unknown: set tag_file to the bridge's")
-        self.known_tag_ids = tag_ids
-        self.note(f'{len(tag_ids)} tags known', Severity.INFO)
-        if not settings.wait_for_start:
-            self._begin(_new_mission_id(), tag_ids, self.report)
-
     # The mission
+
+    def _on_tags(self) -> None:
+        """Start the mission, unless it waits for ~/start."""
+        if self._settings.has_poses_in_map and not self._tags.places_m:
+            self._announcer.warn("the positions of the tags are unknown: set tag_file to the bridge's")
+        self.note(f'{len(self._tags.ids)} tags known', Severity.INFO)
+        if not self._settings.wait_for_start:
+            self._begin(_new_mission_id(), self._tags.ids, self.report)
 
     def _begin(self, mission_id: str, tag_ids: list[str], report: Report) -> None:
         """Start a mission to the tags that have no reading in the report."""
@@ -192,58 +120,33 @@ class MissionNode(Node):
     def _step(self) -> None:
         if self.mission is None:
             return
-        self._send_when_ready()
+        self._transport.send_when_ready()
         self.mission.step(time.monotonic())
         self._announcer.moved(self.mission)
 
     def _publish_state(self) -> None:
-        idle = 'READY' if self.known_tag_ids else 'BOOT'
+        idle = 'READY' if self._tags.ids else 'BOOT'
         self._announcer.publish_state(self.mission, self._mission_id, idle, self._started_at)
 
     # What the mission needs of the world
 
     def send(self, request: Request) -> None:
         """Send a request as soon as its service is available. The mission handles the timeout."""
-        self._unsent = request
-        self._send_when_ready()
-
-    def _send_when_ready(self) -> None:
-        request = self._unsent
-        if request is None or not self._service_clients[request.service].service_is_ready():
-            return
-        self._unsent = None
-        if request.service is Service.CONFIRM:
-            message = ConfirmTag.Request(expected_tag_id=request.tag_id)
-        else:
-            message = GetTagReading.Request(tag_id=request.tag_id)
-        self._future = self._service_clients[request.service].call_async(message)
-        self._future.add_done_callback(partial(self._on_reply, self.mission, request))
+        self._transport.send(request, partial(self._on_response, self.mission, request))
 
     def abandon(self, request: Request) -> Outcome:
         """Forget a request; a late reply is ignored."""
-        if self._unsent is request:
-            self._unsent = None
-            return Outcome.NO_SERVICE
-        self._service_clients[request.service].remove_pending_request(self._future)
-        return Outcome.TIMEOUT
+        return self._transport.abandon(request)
 
-    def _on_reply(self, mission: Mission, request: Request, future) -> None:
-        response = future.result()
-        if request.service is Service.CONFIRM:
-            is_awaited = mission.on_confirmation(request.number, response.detected, response.error_message)
-        elif response.status == GetTagReading.Response.STATUS_OK:
-            is_awaited = mission.on_reading(request.number, reading_of(response.reading))
-        else:
-            outcome = REFUSALS.get(STATUS_NAMES.get(response.status), Outcome.BAD_READING)
-            is_awaited = mission.on_refusal(request.number, outcome, response.error_message)
-        if not is_awaited:
+    def _on_response(self, mission: Mission, request: Request, response) -> None:
+        if not accept_response(mission, request, response):
             self.note(f'ignored a late reply for tag {request.tag_id!r}', Severity.WARN)
         self._step()
 
     def record(self, observation: Observation) -> None:
         """Write an observation to the report, publish it, and log it."""
         self.report.record(observation)
-        self._announcer.closed(observation, self._mission_id, self._places_m.get(observation.tag_id))
+        self._announcer.closed(observation, self._mission_id, self._tags.places_m.get(observation.tag_id))
 
     def note(self, event: str, severity: Severity) -> None:
         """Report an event."""
@@ -271,7 +174,7 @@ class MissionNode(Node):
             return response
         if self.report:
             self.report.close()
-        tag_ids = list(request.tag_sequence) or sorted(self.known_tag_ids, key=_numeric)
+        tag_ids = list(request.tag_sequence) or sorted(self._tags.ids, key=_numeric)
         self._begin(mission_id, tag_ids, report)
         response.accepted, response.mission_id = True, mission_id
         return response
@@ -281,12 +184,12 @@ class MissionNode(Node):
         sequence = list(request.tag_sequence)
         if self.mission and self.mission.state is not State.DONE:
             return f'mission {self._mission_id} is running: abort it, or wait for its end'
-        if not self.known_tag_ids:
+        if not self._tags.ids:
             return 'the tags are not known yet: start the bridge'
         if request.mission_type not in ('', MISSION_TYPE):
             shown = printable(request.mission_type, 40)
             return f"mission_type is '{shown}': must be {MISSION_TYPE} or empty"
-        known = set(self.known_tag_ids)
+        known = set(self._tags.ids)
         if unknown := [tag_id for tag_id in sequence if tag_id not in known]:
             shown = printable(unknown[0], 40)
             return f"tag '{shown}' is unknown: must be one of the {len(known)} tags of the greenhouse"

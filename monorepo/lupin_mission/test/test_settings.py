@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.node.parameters import launch_arguments
-from lupin_mission import announcer, mission, mission_node
+from lupin_mission import announcer, mission, tags
 from lupin_mission.mission import Limits
 from lupin_mission.settings import Settings
 
@@ -25,7 +25,7 @@ def test_the_times_that_are_no_parameters_are_those_of_the_documents():
     words = ' '.join(README.split())
     assert mission.LONGEST_RETRY_DELAY_SECONDS == 10.0
     assert 'doubles with each further attempt, up to 10' in words
-    assert mission_node.LONGEST_WAIT_FOR_TAGS_SECONDS == 30.0
+    assert tags.LONGEST_WAIT_SECONDS == 30.0
     assert '`loaded_tag_ids`, for up to 30 s' in words
     assert announcer.LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS == 5.0
     assert 'a mission waits up to 5 s until its subscribers' in words

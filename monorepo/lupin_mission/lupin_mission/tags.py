@@ -1,0 +1,82 @@
+"""Find the tags of the greenhouse and their places: from the settings, or from the bridge."""
+
+import time
+from collections.abc import Callable
+
+from lupin_greenhouse_bridge.contract import (
+    has_tag_file,
+    parameter_service_of,
+    tag_ids_of,
+    tag_ids_request,
+)
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse.files import shipped_file
+from lupin_greenhouse_bridge.greenhouse.layout import read_tags_with_sensors
+from rcl_interfaces.srv import GetParameters
+from rclpy.clock import Clock, ClockType
+
+from lupin_mission.settings import Settings
+from lupin_mission.transport import create_client
+from lupin_mission.world import read_world
+
+LONGEST_WAIT_SECONDS = 30.0
+ASK_EVERY_SECONDS = 0.5
+
+
+class Tags:
+    """The tags that a mission may visit, and their places in the map, once they are known."""
+
+    def __init__(self, settings: Settings):
+        """Read the files of the settings; raises StartUpError."""
+        self.ids: list[str] = []  # empty until they are known
+        self.places_m: dict[str, tuple[float, float]] = {}
+        self._settings = settings
+        self._world = read_world(settings.world_file) if settings.world_file else {}
+        self._given_ids = settings.chosen_tag_ids or list(self._world)
+        if not self._given_ids and settings.tag_file:
+            self._given_ids = list(read_tags_with_sensors(settings.tag_file))
+
+    def find(self, node, on_found: Callable[[], None]) -> None:
+        """Call on_found() once the tags are known: now, or when the bridge has replied."""
+        if self._given_ids:
+            self._set(self._given_ids, is_custom_file=False)
+            on_found()
+        else:
+            self._ask_the_bridge(node, on_found)
+
+    def _ask_the_bridge(self, node, on_found) -> None:
+        """Ask the bridge for its tags. Repeat the request, because DDS can drop an early one."""
+        service = parameter_service_of(node.resolve_service_name(self._settings.bridge_service_name))
+        client = create_client(node, GetParameters, service)
+        deadline = time.monotonic() + LONGEST_WAIT_SECONDS
+
+        def ask():
+            if self.ids:
+                timer.cancel()
+            elif time.monotonic() >= deadline and not self._settings.wait_for_start:
+                raise StartUpError(
+                    f'{client.srv_name} did not return the tags within {LONGEST_WAIT_SECONDS:g} s:'
+                    ' start the bridge, or set tag_ids or tag_file'
+                )
+            elif client.service_is_ready():
+                client.call_async(tag_ids_request()).add_done_callback(on_reply)
+
+        def on_reply(future):
+            if not self.ids and (tag_ids := tag_ids_of(future.result())):
+                self._set(tag_ids, is_custom_file=has_tag_file(future.result()))
+                on_found()
+
+        node.get_logger().info(f'waiting for the tags of {client.srv_name}')
+        # Monotonic: use_sim_time does not affect it.
+        timer = node.create_timer(ASK_EVERY_SECONDS, ask, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _set(self, tag_ids: list[str], *, is_custom_file: bool) -> None:
+        self.ids = tag_ids
+        if not self._settings.has_poses_in_map:
+            return
+        # The shipped positions are wrong for a bridge with a custom tag file.
+        shipped = None if is_custom_file else shipped_file('tag_locations.json')
+        if self._world:
+            self.places_m = self._world
+        elif tag_file := self._settings.tag_file or shipped:
+            self.places_m = {tag_id: tag[:2] for tag_id, tag in read_tags_with_sensors(tag_file).items()}

@@ -1,0 +1,57 @@
+"""Carry the mission's requests to its two services, and the replies back. No call waits."""
+
+from collections.abc import Callable
+
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_msgs.srv import ConfirmTag, GetTagReading
+from rclpy.exceptions import InvalidServiceNameException
+
+from lupin_mission.mission import Request, Service
+from lupin_mission.report import Outcome
+
+
+def create_client(node, service_type, name: str):
+    """Return a client for a service with many callers; raises StartUpError for an invalid name."""
+    try:
+        return node.create_client(service_type, name, qos_profile=SERVICE_QOS)
+    except InvalidServiceNameException as error:
+        raise StartUpError(f'{name!r} is not a service name: {error}') from error
+
+
+class Transport:
+    """Sends one request at a time."""
+
+    def __init__(self, node, *, confirm_service: str, read_service: str):
+        """Create the clients; raises StartUpError for an invalid name."""
+        self._clients = {
+            Service.CONFIRM: create_client(node, ConfirmTag, confirm_service),
+            Service.READ: create_client(node, GetTagReading, read_service),
+        }
+        self._unsent: tuple[Request, Callable] | None = None  # until its service is there
+        self._future = None  # of the pending request
+
+    def send(self, request: Request, on_response: Callable) -> None:
+        """Send a request as soon as its service is available. The mission handles the timeout."""
+        self._unsent = request, on_response
+        self.send_when_ready()
+
+    def send_when_ready(self) -> None:
+        """Send the waiting request if its service is available now."""
+        if not self._unsent or not self._clients[self._unsent[0].service].service_is_ready():
+            return
+        (request, on_response), self._unsent = self._unsent, None
+        if request.service is Service.CONFIRM:
+            message = ConfirmTag.Request(expected_tag_id=request.tag_id)
+        else:
+            message = GetTagReading.Request(tag_id=request.tag_id)
+        self._future = self._clients[request.service].call_async(message)
+        self._future.add_done_callback(lambda future: on_response(future.result()))
+
+    def abandon(self, request: Request) -> Outcome:
+        """Forget a request, so that its late reply is ignored."""
+        if self._unsent and self._unsent[0] is request:
+            self._unsent = None
+            return Outcome.NO_SERVICE
+        self._clients[request.service].remove_pending_request(self._future)
+        return Outcome.TIMEOUT
