@@ -11,6 +11,7 @@ setup(
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/security', ['security/policy.xml']),
         (f'share/{package_name}/launch', ['launch/greenhouse_bridge.launch.py']),
+        (f'share/{package_name}/config', ['config/greenhouse_bridge.yaml']),
     ],
     python_requires='>=3.10',
     # mdp-greenhouse is not in rosdistro: pip brings it. Before 1.0.7 its clock is wrong.

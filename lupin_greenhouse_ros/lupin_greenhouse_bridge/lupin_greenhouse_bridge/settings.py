@@ -1,12 +1,13 @@
 """The bridge's five parameters: names, defaults, limits and descriptions."""
 
-import math
+import sys
 from dataclasses import dataclass
 
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.node.parameters import check_parameters, parameter
+from lupin_greenhouse_bridge.node.parameters import check_parameters, invalid, parameter
 
 SECONDS_PER_DAY = 86400.0
+HOURS = 'between 0 and 24 hours, or -1.0 for the time of the config'
 
 
 @dataclass(frozen=True)
@@ -22,13 +23,26 @@ class Settings:
         '', 'Path of a greenhouse_config.yaml; empty: the one of mdp-greenhouse.'
     )
     debug_time_of_day: float = parameter(
-        -1.0, 'Hour in [0, 24] to freeze the simulated clock at, 24 is midnight; -1.0: as in the config.'
+        -1.0,
+        'Hour in [0, 24] to freeze the simulated clock at, 24 is midnight; -1.0: as in the config.',
+        smallest=-1.0,
+        largest=24.0,
+        accepted=HOURS,
     )
     speedup_factor: float = parameter(
-        0.0, 'Simulated seconds per real second, above 0; 0.0: as in the config.'
+        0.0,
+        'Simulated seconds per real second, above 0; 0.0: as in the config.',
+        smallest=0.0,
+        largest=sys.float_info.max / SECONDS_PER_DAY,
+        accepted='finite and above 0 (simulated seconds per real second),'
+        ' or 0.0 for the factor of the config',
     )
     debug_seed: int = parameter(
-        -1, 'Seed of the noise, 0 or above; freezes the clock (debug mode); -1: as in the config.'
+        -1,
+        'Seed of the noise, 0 or above; freezes the clock (debug mode); -1: as in the config.',
+        smallest=-1,
+        largest=2**63 - 1,
+        accepted='0 or above, or -1 for the seed of the config',
     )
 
     def __post_init__(self):
@@ -37,18 +51,5 @@ class Settings:
             raise StartUpError(
                 'parameter tag_file or sim_config_file holds a NUL character: set the path of a file'
             )
-        if not (self.debug_time_of_day == -1.0 or 0.0 <= self.debug_time_of_day <= 24.0):
-            raise StartUpError(
-                f'parameter debug_time_of_day is {self.debug_time_of_day}: must be between 0 and 24 hours,'
-                ' or -1.0 for the time of the config'
-            )
-        if not 0.0 <= self.speedup_factor * SECONDS_PER_DAY < math.inf:
-            raise StartUpError(
-                f'parameter speedup_factor is {self.speedup_factor}: must be finite and above 0'
-                ' (simulated seconds per real second), or 0.0 for the factor of the config'
-            )
-        if self.debug_seed < -1:
-            raise StartUpError(
-                f'parameter debug_seed is {self.debug_seed}: must be 0 or above,'
-                ' or -1 for the seed of the config'
-            )
+        if -1.0 < self.debug_time_of_day < 0.0:
+            raise invalid('debug_time_of_day', self.debug_time_of_day, HOURS)

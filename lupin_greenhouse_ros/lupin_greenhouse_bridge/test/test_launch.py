@@ -12,13 +12,21 @@ from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from lupin_greenhouse_bridge.settings import Settings
 
-LAUNCH_FILE = str(get_package_share_path('lupin_greenhouse_bridge') / 'launch/greenhouse_bridge.launch.py')
+SHARE = get_package_share_path('lupin_greenhouse_bridge')
+LAUNCH_FILE = str(SHARE / 'launch/greenhouse_bridge.launch.py')
 
 
 @pytest.mark.launch_test
 def generate_test_description():
-    """Launch with whole numbers, as people type them, for every numeric parameter."""
-    arguments = {'debug_time_of_day': '6', 'speedup_factor': '3600', 'debug_seed': '7'}
+    """Launch with whole numbers, as people type them, and with a parameter file that says otherwise."""
+    arguments = {
+        'debug_time_of_day': '6',
+        'speedup_factor': '3600',
+        'debug_seed': '7',
+        'params_file': str(SHARE / 'config/greenhouse_bridge.yaml'),
+        'namespace': 'robot1',
+        'log_level': 'debug',
+    }
     bridge = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(LAUNCH_FILE), launch_arguments=arguments.items()
     )
@@ -26,22 +34,23 @@ def generate_test_description():
 
 
 class WhileTheBridgeRuns(unittest.TestCase):
-    def test_it_gets_the_arguments_in_the_types_of_the_node(self, proc_output):
+    def test_an_argument_has_the_type_of_the_node_and_overrides_the_parameter_file(self, proc_output):
         proc_output.assertWaitFor('clock frozen at 6.0 h', timeout=30)
+        proc_output.assertWaitFor('[robot1.greenhouse_bridge]', timeout=30)
+        proc_output.assertWaitFor('[DEBUG]', timeout=30)
 
     def test_the_arguments_are_described_and_default_to_the_parameters(self):
         description = PythonLaunchDescriptionSource(LAUNCH_FILE).get_launch_description(
             launch.LaunchContext()
         )
         declared = {
-            each.name: (each.default_value[0].text if each.default_value else '', each.description)
-            for each in description.entities
-            if isinstance(each, DeclareLaunchArgument)
+            action.name: (action.default_value[0].text if action.default_value else '', action.description)
+            for action in description.entities
+            if isinstance(action, DeclareLaunchArgument)
         }
-        assert declared == {
-            name: (str(field.default), field.metadata['description'])
-            for name, field in Settings.__dataclass_fields__.items()
-        }
+        for name, field in Settings.__dataclass_fields__.items():
+            assert declared.pop(name) == (str(field.default), field.metadata['description'])
+        assert list(declared) == ['namespace', 'log_level', 'params_file', 'respawn']
 
 
 @launch_testing.post_shutdown_test()

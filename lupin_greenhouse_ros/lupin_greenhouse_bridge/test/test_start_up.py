@@ -1,15 +1,21 @@
 """Parameters and files that the bridge accepts, and those that it refuses."""
 
 import copy
+import dataclasses
 import importlib.metadata
 import json
 
 import pytest
+import yaml
+from ament_index_python.packages import get_package_share_path
 from conftest import TAKES_TAG_FILES
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse import simulation
+from lupin_greenhouse_bridge.on_sight import read_on_sight
 from lupin_greenhouse_bridge.settings import Settings
+
+PARAMETER_FILE = get_package_share_path('lupin_greenhouse_bridge') / 'config/greenhouse_bridge.yaml'
 
 
 def time_after_start_up(**arguments):
@@ -104,6 +110,22 @@ def test_a_bad_parameter_is_refused(bridge_here, parameter, value, fragment):
     fatal = bridge_here(**{parameter: value}).refusal
     assert parameter in fatal
     assert fragment in fatal
+
+
+def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
+    nodes = yaml.safe_load(PARAMETER_FILE.read_text(encoding='utf-8'))
+    assert {node: parameters['ros__parameters'] for node, parameters in nodes.items()} == {
+        '/**/greenhouse_bridge': dataclasses.asdict(Settings()),
+        '/**/read_on_sight': dataclasses.asdict(read_on_sight.Settings()),
+    }
+
+
+@pytest.mark.parametrize('namespace', ['/', '/robot1/left'])
+def test_a_parameter_file_sets_the_parameters(bridge_here, tmp_path, namespace):
+    changed = tmp_path / 'parameters.yaml'
+    changed.write_text(PARAMETER_FILE.read_text().replace('debug_time_of_day: -1.0', 'debug_time_of_day: 6'))
+    ended = bridge_here('--params-file', str(changed), '-r', f'__ns:={namespace}')
+    assert 'clock frozen at 6.0 h' in ended.err
 
 
 def test_a_bad_parameter_ends_the_process_with_one_line(start_bridge):

@@ -3,6 +3,7 @@
 import contextlib
 import threading
 
+import pytest
 import rclpy
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node
@@ -47,7 +48,7 @@ def test_the_node_offers_one_service_and_no_topic_of_its_own(noon_bridge):
     assert {name for name, _ in topics} == {'/parameter_events', '/rosout'}
 
 
-def test_every_parameter_is_described_and_read_only(noon_bridge):
+def test_every_parameter_is_described_and_read_only_and_a_number_has_a_range(noon_bridge):
     arguments = list(Settings.__dataclass_fields__)
     assert arguments == ['tag_file', 'sim_config_file', 'debug_time_of_day', 'speedup_factor', 'debug_seed']
     names = [*arguments, 'loaded_tag_ids']
@@ -55,6 +56,16 @@ def test_every_parameter_is_described_and_read_only(noon_bridge):
         noon_bridge, DescribeParameters, 'describe_parameters', DescribeParameters.Request(names=names)
     )
     assert [each.name for each in response.descriptors if each.read_only and each.description] == names
+    ranges = {
+        descriptor.name: (limits.from_value, limits.to_value)
+        for descriptor in response.descriptors
+        for limits in (*descriptor.floating_point_range, *descriptor.integer_range)
+    }
+    assert ranges == {
+        'debug_time_of_day': (-1.0, 24.0),
+        'speedup_factor': (0.0, pytest.approx(2.08e303, rel=0.01)),
+        'debug_seed': (-1, 2**63 - 1),
+    }
 
 
 def test_a_parameter_cannot_be_set_while_the_bridge_runs(noon_bridge):
