@@ -5,7 +5,6 @@ No test of a mission depends on how fast DDS or the machine is. A state that a t
 test ends it: a reply is withheld, a dwell of an hour is skipped, or the clock of the process is moved.
 """
 
-import contextlib
 import queue
 import threading
 import time
@@ -16,13 +15,12 @@ from pathlib import Path
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.node import process
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, has_found_a_client, wait_until
 from lupin_mission import mission_node
 from lupin_mission.report import Outcome, read_report
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.srv import StartMission
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.node import NodeNameNonExistentError
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import get_default_context
 from std_srvs.srv import Trigger
@@ -87,17 +85,8 @@ class Commanded:
                 return self._type.Response()
         self._arrived.put(tag_id)
         response = reply.result()
-        wait_until(lambda: self._is_closed or self._has_found_a_client())
+        wait_until(lambda: self._is_closed or has_found_a_client(self._node, self.name))
         return response
-
-    def _has_found_a_client(self) -> bool:
-        """Return whether DDS will deliver a reply: it drops one to a client that is not discovered yet."""
-        with contextlib.suppress(NodeNameNonExistentError):  # of a node that has just ended
-            return any(
-                self.name in dict(self._node.get_client_names_and_types_by_node(*each))
-                for each in self._node.get_node_names_and_namespaces()
-            )
-        return False
 
     def wait_for_request(self) -> str:
         """Return the tag id of the next request."""

@@ -33,6 +33,7 @@ import rclpy
 from ament_index_python.packages import get_package_prefix
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import NodeNameNonExistentError
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.greenhouse import simulation
@@ -102,6 +103,16 @@ def greet(client, request) -> None:
         assert time.monotonic() < deadline, f'{client.srv_name} did not answer'
         client.call_async(request).add_done_callback(lambda _future: answered.set())
         answered.wait(1.0)
+
+
+def has_found_a_client(node, service_name: str) -> bool:
+    """Return whether a service of this node has found a client: DDS drops a reply to any other."""
+    with contextlib.suppress(NodeNameNonExistentError):  # of a node that has just ended
+        return any(
+            service_name in dict(node.get_client_names_and_types_by_node(*name))
+            for name in node.get_node_names_and_namespaces()
+        )
+    return False
 
 
 def wait_until(is_so) -> None:
