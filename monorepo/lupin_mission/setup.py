@@ -10,7 +10,8 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/security', ['security/policy.xml']),
-        (f'share/{package_name}/launch', ['launch/mission.launch.py']),
+        (f'share/{package_name}/launch', ['launch/inspection.launch.py', 'launch/mission.launch.py']),
+        (f'share/{package_name}/config', ['config/mission_orchestrator.yaml']),
     ],
     python_requires='>=3.10',
     install_requires=['setuptools', 'matplotlib'],
@@ -22,7 +23,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'mission_node = lupin_mission.executables:mission_node',
+            'mission_orchestrator = lupin_mission.executables:mission_orchestrator',
+            'mission_node = lupin_mission.executables:mission_orchestrator',
             'plot_report = lupin_mission.plot_report:main',
         ],
     },

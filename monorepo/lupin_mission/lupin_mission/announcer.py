@@ -27,11 +27,12 @@ def latched(depth: int) -> QoSProfile:
 class Announcer:
     """Publishes and logs for a mission node."""
 
-    def __init__(self, node, observations_topic: str):
+    def __init__(self, node, observations_topic: str, frame_id: str = 'map'):
         self._node = node
-        self._at_tag = node.create_publisher(String, '~/at_tag', latched(1))
+        self._frame_id = frame_id
+        self._at_tag = node.create_publisher(String, 'mission/at_tag', latched(1))
         self._observations = node.create_publisher(ObservationMessage, observations_topic, latched(50))
-        self._states = node.create_publisher(MissionState, '~/state', latched(1))
+        self._states = node.create_publisher(MissionState, 'mission/state', latched(1))
         self._tag_at_hand = None
         self._progress = ProgressLine()
         self._event, self._severity, self._last_error = 'the node has started', Severity.INFO, ''
@@ -69,9 +70,9 @@ class Announcer:
 
     def closed(self, observation: Observation, mission_id: str, place_m: tuple[float, float] | None) -> None:
         """Publish the observation of a tag, and log its outcome."""
-        stamp = self._node.get_clock().now().to_msg()
-        source = self._node.get_fully_qualified_name()
-        self._observations.publish(observation_message(observation, mission_id, source, stamp, place_m))
+        message = observation_message(observation, mission_id, place_m)
+        self._stamp(message.header)
+        self._observations.publish(message)
         tag = f"tag '{printable(observation.tag_id, 64)}'"
         if observation.outcome is Outcome.OK:
             values = ', '.join(f'{name} {value:.3f}' for name, value in observation.reading.values.items())
@@ -97,15 +98,22 @@ class Announcer:
         else:
             self._progress.clear()
 
-    def publish_state(self, mission: Mission | None, mission_id: str, idle: str, started_at) -> None:
+    def publish_state(
+        self, mission: Mission | None, mission_id: str, idle: str, started_at, *, is_estop_engaged=False
+    ) -> None:
         """Publish the state; `idle` is the lifecycle state of a node without a mission."""
         message = state_message(mission, mission_id, idle)
-        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._stamp(message.header)
         message.started_at = started_at or message.started_at
+        message.estop_engaged = is_estop_engaged
         message.last_error = self._last_error
         message.last_event = self._event
         message.last_event_severity = self._severity.value
         self._states.publish(message)
+
+    def _stamp(self, header) -> None:
+        header.stamp = self._node.get_clock().now().to_msg()
+        header.frame_id = self._frame_id
 
     def wait_for_subscribers(self) -> None:
         """Wait until the current subscribers have received everything, with a timeout."""

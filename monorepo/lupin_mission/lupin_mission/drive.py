@@ -5,40 +5,52 @@ from typing import NamedTuple
 
 
 class Arrival(NamedTuple):
-    """The end of a drive: the robot stands at the tag, or the drive has failed."""
+    """The end of a drive: the robot stands at its goal, or the drive has failed."""
 
-    failure: str = ''  # why the robot is not at the tag; empty if it is
+    failure: str = ''  # why the robot is not at its goal; empty if it is
 
 
 class Drive(ABC):
-    """Brings the robot to one tag at a time. Times are seconds of a clock that stops during a pause."""
+    """
+    Brings the robot to one tag at a time, and to its dock.
+
+    Times are seconds of a clock that stops during a pause.
+    """
 
     @abstractmethod
     def start(self, tag_id: str, now_seconds: float) -> None:
         """Set off for a tag."""
 
     @abstractmethod
+    def start_return(self, now_seconds: float) -> None:
+        """Set off for the dock."""
+
+    @abstractmethod
     def arrival(self, now_seconds: float) -> Arrival | None:
-        """Return how the drive of the last start() ended; None while the robot drives."""
+        """Return how the last drive ended; None while the robot drives."""
 
     def stop(self) -> None:  # noqa: B027 - optional: a timed drive has nothing to stop
-        """Stand still, and give up the tag."""
+        """Stand still, and give up the goal."""
 
     def pause(self) -> None:  # noqa: B027
         """Stand still, until resume()."""
 
     def resume(self) -> None:  # noqa: B027
-        """Go on to the same tag."""
+        """Go on to the same goal."""
 
 
 class TimedDrive(Drive):
-    """Takes the same time to every tag; with 0 it arrives at once."""
+    """Takes the same time to every goal; with 0 it arrives at once."""
 
     def __init__(self, drive_seconds: float):
         self._drive_seconds = drive_seconds
         self._arrival_seconds = 0.0
 
     def start(self, tag_id, now_seconds):  # noqa: ARG002
+        """Set off."""
+        self.start_return(now_seconds)
+
+    def start_return(self, now_seconds):
         """Set off."""
         self._arrival_seconds = now_seconds + self._drive_seconds
 

@@ -5,6 +5,6 @@ from typing import NoReturn
 from lupin_greenhouse_bridge.node.process import start
 
 
-def mission_node() -> NoReturn:
-    """Run one mission, then exit."""
+def mission_orchestrator() -> NoReturn:
+    """Run one mission or wait for each start, until Ctrl-C or SIGTERM."""
     start('lupin_mission.mission_node')

@@ -8,8 +8,8 @@ from lupin_msgs.srv import GetTagReading
 from lupin_mission.mission import Mission, Request, Service, State
 from lupin_mission.report import Observation, Outcome, Reading
 
-MAP_FRAME = 'map'
 MISSION_TYPE = 'InspectionMission'
+LIFECYCLE_STATES = {State.READY: 'READY', State.RETURNING: 'RETURNING', State.DONE: 'DONE'}
 LARGEST_COUNT = 2**16 - 1  # of a uint16
 STATUSES = {
     Outcome.SKIPPED: ObservationMessage.STATUS_SKIPPED,
@@ -39,31 +39,30 @@ def accept_response(mission: Mission, request: Request, response) -> bool:
 
 
 def observation_message(
-    observation: Observation, mission_id: str, source: str, stamp, place_m: tuple[float, float] | None
+    observation: Observation, mission_id: str, place_m: tuple[float, float] | None
 ) -> ObservationMessage:
     """
-    Return the message for the observation of one tag.
+    Return the message for the observation of one tag, without its header.
 
     `place_m` is the tag's x and y in the map. If it is None, the pose is unset, which the team marks by
-    w = 0. The default pose of rosidl has w = 1.
+    w = 0. The default pose of rosidl has w = 1. Only a tag that was read has a reading and a pose: the team
+    takes every tag id that it finds in a reading for a tag that was inspected.
     """
     message = ObservationMessage(
-        kind=ObservationMessage.KIND_TAG_READING, mission_id=mission_id, source=source
+        kind=ObservationMessage.KIND_TAG_READING, mission_id=mission_id, source=MISSION_TYPE
     )
-    message.header.stamp = stamp
-    message.header.frame_id = MAP_FRAME
-    message.tag_reading.tag_id = observation.tag_id
     for pose in (message.tag_pose_in_map, message.flower.pose.pose, message.anomaly.pose.pose):
         pose.orientation.w = 0.0
+    if observation.outcome is not Outcome.OK:
+        message.status = STATUSES.get(observation.outcome, ObservationMessage.STATUS_SCAN_FAILED)
+        message.status_detail = f'tag {observation.tag_id}: {observation.outcome.value}: {observation.detail}'
+        return message
+    message.status = ObservationMessage.STATUS_OK
+    message.tag_reading.tag_id = observation.tag_id
+    _fill(message.tag_reading, observation.reading)
     if place_m:
         message.tag_pose_in_map.position.x, message.tag_pose_in_map.position.y = map(float, place_m)
         message.tag_pose_in_map.orientation.w = 1.0
-    if observation.outcome is Outcome.OK:
-        message.status = ObservationMessage.STATUS_OK
-        _fill(message.tag_reading, observation.reading)
-        return message
-    message.status = STATUSES.get(observation.outcome, ObservationMessage.STATUS_SCAN_FAILED)
-    message.status_detail = f'{observation.outcome.value}: {observation.detail}'
     return message
 
 
@@ -79,7 +78,7 @@ def state_message(mission: Mission | None, mission_id: str, lifecycle_if_none: s
     if mission:
         message.mission_id = mission_id
         message.mission_type = MISSION_TYPE
-        message.lifecycle_state = 'DONE' if mission.state is State.DONE else 'INSPECTING'
+        message.lifecycle_state = LIFECYCLE_STATES.get(mission.state, 'INSPECTING')
         message.mission_phase = mission.phase
         message.current_target = mission.target or ''
         outcomes = (Outcome.OK, Outcome.SKIPPED, Outcome.UNREACHABLE)

@@ -21,6 +21,7 @@ class State(Enum):
     READY = 'ready'
     DRIVING = 'driving'
     INSPECTING = 'inspecting'
+    RETURNING = 'returning'
     DONE = 'done'
 
 
@@ -52,8 +53,9 @@ class Request:
 class Limits:
     """Times, in seconds, and the number of attempts."""
 
-    dwell_seconds: float = 1.0  # the robot stays at a tag for at least this time
-    request_timeout_seconds: float = 2.0  # of one attempt
+    dwell_seconds: float = 0.0  # the robot stays at a tag for at least this time
+    confirm_timeout_seconds: float = 4.0  # of one attempt
+    read_timeout_seconds: float = 5.0  # of one attempt
     max_attempts: int = 3  # of each service, per tag
     retry_delay_seconds: float = 0.5  # before the second attempt; doubles each time, up to 10
 
@@ -89,6 +91,7 @@ class Mission:
         limits: Limits,
         *,
         require_visual_confirmation: bool = False,
+        returns_to_dock: bool = False,
     ):
         """Visit `tag_ids` in this order, each once; raises ValueError if one is repeated."""
         self.tag_ids = tuple(tag_ids)
@@ -96,16 +99,23 @@ class Mission:
             raise ValueError('a tag id is given twice')
         self.state = State.READY
         self.is_paused = False
+        self.is_estop_engaged = False
         self.outcomes: dict[str, Outcome] = {}
         self._surroundings = surroundings
         self._drive = drive
         self._limits = limits
+        self._timeouts = {
+            Service.CONFIRM: limits.confirm_timeout_seconds,
+            Service.READ: limits.read_timeout_seconds,
+        }
+        self._returns_to_dock = returns_to_dock
         self._first_service = Service.CONFIRM if require_visual_confirmation else Service.READ
         self._to_visit = iter(self.tag_ids)
         self._tag_id: str | None = None
         self._now = 0.0
         self._active_seconds = 0.0  # stops during a pause; drive, dwell and back-off use it
         self._dwell_end = 0.0
+        self._is_publishing = False
         self._scan_reading_done = False  # the latch: this visit has its outcome and sends no more requests
         self._requests = 0
         self._requests_before = 0  # of this visit
@@ -123,14 +133,19 @@ class Mission:
 
     @property
     def phase(self) -> str:
-        """NAVIGATING, CONFIRMING, SCANNING or PUBLISHING, as in MissionState; '' if no mission runs."""
+        """
+        NAVIGATING, CONFIRMING, SCANNING or PUBLISHING, as in MissionState; '' if no mission runs.
+
+        SCANNING lasts until the robot leaves the tag; PUBLISHING only while an observation is recorded.
+        """
+        if not self.target:
+            return ''
+        if self._is_publishing:
+            return 'PUBLISHING'
         if self.state is State.DRIVING:
             return 'NAVIGATING'
-        if self.state is not State.INSPECTING:
-            return ''
-        if self._scan_reading_done:
-            return 'PUBLISHING'
-        return 'CONFIRMING' if self._service is Service.CONFIRM else 'SCANNING'
+        is_confirming = self._service is Service.CONFIRM and not self._scan_reading_done
+        return 'CONFIRMING' if is_confirming else 'SCANNING'
 
     @property
     def tag_at_hand(self) -> str | None:
@@ -138,13 +153,12 @@ class Mission:
         return self._tag_id if self.state is State.INSPECTING else None
 
     def start(self, now_seconds: float) -> None:
-        """Drive to the first tag."""
+        """Drive to the first tag, unless the e-stop is engaged."""
         self._now = now_seconds
-        self._drive_on()
         self.step(now_seconds)
 
     def step(self, now_seconds: float) -> None:
-        """Do what is due at this time. Call it often, and after every reply."""
+        """Do what is due at this time, once started. Call it often, and after every reply."""
         if not self.is_paused:
             self._active_seconds += now_seconds - self._now
         self._now = now_seconds
@@ -157,7 +171,11 @@ class Mission:
 
     def _take_transition(self) -> bool:
         """Take the transition that is due; return whether there was one."""
-        if self.target and self._scan_reading_done:
+        if self.state is State.READY:
+            self._drive_on()
+        elif self.state is State.RETURNING and (arrival := self._drive.arrival(self._active_seconds)):
+            self._end_return(arrival)
+        elif self.target and self._scan_reading_done:
             if self._active_seconds < self._dwell_end:
                 return False
             self._drive_on()
@@ -177,13 +195,25 @@ class Mission:
         self._tag_id = next(self._to_visit, None)
         self._scan_reading_done = False
         self._requests_before = self._requests
-        if self._tag_id is None:
-            self.state = State.DONE
-            self._surroundings.note(f'done: {self.count(Outcome.OK)} tags read', Severity.INFO)
-        else:
+        if self._tag_id is not None:
             self.state = State.DRIVING
             self._surroundings.note(f'driving to tag {self._tag_id!r}', Severity.INFO)
             self._drive.start(self._tag_id, self._active_seconds)
+        elif self._returns_to_dock:
+            self.state = State.RETURNING
+            self._surroundings.note('driving to the dock', Severity.INFO)
+            self._drive.start_return(self._active_seconds)
+        else:
+            self._end()
+
+    def _end_return(self, arrival: Arrival) -> None:
+        if arrival.failure:
+            self._surroundings.note(f'the robot is not at the dock: {arrival.failure}', Severity.WARN)
+        self._end()
+
+    def _end(self) -> None:
+        self.state = State.DONE
+        self._surroundings.note(f'done: {self.count(Outcome.OK)} tags read', Severity.INFO)
 
     def _end_drive(self, arrival: Arrival) -> None:
         if arrival.failure:
@@ -204,7 +234,7 @@ class Mission:
         self._requests += 1
         self._attempts += 1
         self._request = Request(self._requests, self._service, self._tag_id)
-        self._deadline = self._now + self._limits.request_timeout_seconds
+        self._deadline = self._now + self._timeouts[self._service]
         self._surroundings.send(self._request)
 
     def pause(self) -> bool:
@@ -217,13 +247,25 @@ class Mission:
         return True
 
     def resume(self) -> bool:
-        """Continue where the pause began; return False if not paused."""
-        if not self.is_paused:
+        """Continue where the pause or the e-stop began; return False if not paused, or still stopped."""
+        if not self.is_paused or self.is_estop_engaged:
             return False
         self.is_paused = False
         self._drive.resume()
         self._surroundings.note('resumed', Severity.INFO)
         return True
+
+    def engage_estop(self) -> None:
+        """Pause in any state but DONE, until the e-stop is released and resume() is called."""
+        self.is_estop_engaged = True
+        if self.state is State.READY:
+            self.is_paused = True
+        else:
+            self.pause()
+
+    def release_estop(self) -> None:
+        """Allow resume(); nothing moves yet."""
+        self.is_estop_engaged = False
 
     def skip(self) -> bool:
         """
@@ -239,16 +281,26 @@ class Mission:
         return True
 
     def abort(self) -> bool:
-        """End the mission: the target and all unvisited tags are SKIPPED; return False if none is left."""
-        if not self.target:
+        """
+        End the mission: the target and all unvisited tags are SKIPPED; return False if it is done.
+
+        The robot returns to its dock if it has one. A return that is aborted ends where the robot is.
+        """
+        if self.state in (State.READY, State.DONE):
             return False
         self._surroundings.note('aborted', Severity.WARN)
+        if self.state is State.RETURNING:
+            self._drive.stop()
+            self.is_paused = False
+            self._end()
+            return True
         self._leave('aborted')
         for tag_id in self._to_visit:
             self._tag_id, self._requests_before = tag_id, self._requests
             self._close(Outcome.SKIPPED, 'aborted', None)
-        self.is_paused = False
-        self._drive_on()
+        self.is_paused = self.is_estop_engaged
+        if not (self.is_estop_engaged and self._returns_to_dock):  # then resume() lets the robot return
+            self._drive_on()
         return True
 
     def _leave(self, detail: str) -> None:
@@ -323,8 +375,10 @@ class Mission:
 
     def _close(self, outcome: Outcome, detail: str, reading: Reading | None) -> None:
         attempts = self._requests - self._requests_before
-        self._surroundings.record(Observation(self._tag_id, outcome, detail, attempts, reading))
         self.outcomes[self._tag_id] = outcome
+        self._is_publishing = True
+        self._surroundings.record(Observation(self._tag_id, outcome, detail, attempts, reading))
+        self._is_publishing = False
         self._request = None
         self._scan_reading_done = True
 

@@ -1,4 +1,4 @@
-"""ROS 2 node `mission`: visits the tags, reads each over ROS, and publishes what it finds."""
+"""ROS 2 node `mission_orchestrator`: visits the tags, reads each over ROS, and publishes what it finds."""
 
 import sys
 import time
@@ -12,6 +12,8 @@ from lupin_greenhouse_bridge.node.run import run
 from lupin_msgs.srv import StartMission
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from lupin_mission.announcer import Announcer
@@ -26,47 +28,52 @@ from lupin_mission.report import (
     last_of_each_tag,
     summary_table,
 )
-from lupin_mission.settings import Settings
+from lupin_mission.settings import WITHOUT_EFFECT, Settings
 from lupin_mission.tags import Tags
 from lupin_mission.transport import Transport
 
 ALL_READ, SOME_NOT_READ, REFUSED = 0, 1, 2
-NODE_NAME = 'mission'
+NODE_NAME = 'mission_orchestrator'
 STEP_SECONDS = 0.02
-STATE_EVERY_SECONDS = 0.2
+RELEASE_ESTOP = 'the e-stop is engaged: release it first'
 
 
 class MissionNode(Node):
     """
     The surroundings of a Mission: clock, services, report and publishers.
 
-    No callback waits. One mission runs at a time. It starts at once, or with wait_for_start at each ~/start.
+    No callback waits. One mission runs at a time. It starts when mission/start is called, or at once.
     """
 
     def __init__(self):
         """Open the report and start; raises StartUpError and ReportError."""
         super().__init__(NODE_NAME)
-        self._settings = settings = declare_parameters(self, Settings)
+        self._settings = settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
         self._tags = Tags(settings)
         self._transport = Transport(
-            self, confirm_service=settings.confirm_service_name, read_service=settings.bridge_service_name
+            self,
+            confirm_service=settings.visual_confirmation_service,
+            read_service=settings.bridge_service_name,
         )
         self.tag_ids: list[str] = []  # of the mission
         self.mission: Mission | None = None
         self.report: Report | None = None if settings.wait_for_start else self._open_report('')
         self._mission_id = ''
         self._started_at = None
-        self._announcer = Announcer(self, settings.observations_topic)
+        self._is_estop_engaged = False
+        self._announcer = Announcer(self, settings.observations_topic, settings.frame_id)
         for name in ('pause', 'resume', 'skip_current', 'abort'):
-            self.create_service(Trigger, f'~/{name}', partial(self._trigger, name.removesuffix('_current')))
-        self.create_service(StartMission, '~/start', self._start)
+            verb = name.removesuffix('_current')
+            self.create_service(Trigger, f'mission/{name}', partial(self._trigger, verb))
+        self.create_service(StartMission, 'mission/start', self._start)
+        self.create_subscription(Bool, settings.estop_topic, self._on_estop, QoSProfile(depth=10))
         clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it
-        self.create_timer(STATE_EVERY_SECONDS, self._publish_state, clock=clock)
+        self.create_timer(1.0 / settings.state_publish_rate_hz, self._publish_state, clock=clock)
         self.create_timer(STEP_SECONDS, self._step, clock=clock)
         self._tags.find(self, self._on_tags)
 
     def is_done(self) -> bool:
-        """Return True once every tag has its outcome, unless the node waits for ~/start."""
+        """Return True once every tag has its outcome, unless the node waits for mission/start."""
         is_over = bool(self.mission and self.mission.state is State.DONE)
         return is_over and not self._settings.wait_for_start
 
@@ -89,12 +96,15 @@ class MissionNode(Node):
     # The mission
 
     def _on_tags(self) -> None:
-        """Start the mission, unless it waits for ~/start."""
+        """Start the mission, unless it waits for mission/start."""
         if self._settings.has_poses_in_map and not self._tags.places_m:
-            self._announcer.warn("the positions of the tags are unknown: set tag_file to the bridge's")
+            self._announcer.warn(
+                "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file"
+            )
         self.note(f'{len(self._tags.ids)} tags known', Severity.INFO)
         if not self._settings.wait_for_start:
-            self._begin(_new_mission_id(), self._tags.ids, self.report)
+            tag_ids = self._settings.chosen_tag_ids or sorted(self._tags.ids, key=_numeric)
+            self._begin(self._new_mission_id(), tag_ids, self.report)
 
     def _begin(self, mission_id: str, tag_ids: list[str], report: Report) -> None:
         """Start a mission to the tags that have no reading in the report."""
@@ -110,11 +120,14 @@ class MissionNode(Node):
             TimedDrive(self._settings.drive_seconds),
             self._settings.limits,
             require_visual_confirmation=self._settings.require_visual_confirmation,
+            returns_to_dock=bool(self._settings.dock_pose),
         )
         read_before = len(tag_ids) - len(to_visit)
         self._announcer.started(
             f'{len(to_visit)} tags to visit, {read_before} read before; report: {report.path}'
         )
+        if self._is_estop_engaged:
+            self.mission.engage_estop()
         self.mission.start(time.monotonic())
 
     def _step(self) -> None:
@@ -126,7 +139,9 @@ class MissionNode(Node):
 
     def _publish_state(self) -> None:
         idle = 'READY' if self._tags.ids else 'BOOT'
-        self._announcer.publish_state(self.mission, self._mission_id, idle, self._started_at)
+        self._announcer.publish_state(
+            self.mission, self._mission_id, idle, self._started_at, is_estop_engaged=self._is_estop_engaged
+        )
 
     # What the mission needs of the world
 
@@ -144,9 +159,10 @@ class MissionNode(Node):
         self._step()
 
     def record(self, observation: Observation) -> None:
-        """Write an observation to the report, publish it, and log it."""
+        """Write an observation to the report, publish it and the state, and log it."""
         self.report.record(observation)
         self._announcer.closed(observation, self._mission_id, self._tags.places_m.get(observation.tag_id))
+        self._publish_state()
 
     def note(self, event: str, severity: Severity) -> None:
         """Report an event."""
@@ -154,14 +170,26 @@ class MissionNode(Node):
 
     # What people ask of the mission
 
+    def _on_estop(self, message) -> None:
+        """Stop the robot at once; a release alone moves nothing."""
+        if message.data == self._is_estop_engaged:
+            return
+        self._is_estop_engaged = message.data
+        event = 'engaged' if message.data else 'released: call mission/resume to go on'
+        self.note(f'e-stop {event}', Severity.WARN)
+        if self.mission:
+            (self.mission.engage_estop if message.data else self.mission.release_estop)()
+
     def _trigger(self, name: str, _request, response):
         response.success = bool(self.mission and getattr(self.mission, name)())
         response.message = f'{name}: done' if response.success else f'there is nothing to {name}'
+        if name == 'resume' and self._is_estop_engaged:
+            response.message = RELEASE_ESTOP
         self._step()
         return response
 
     def _start(self, request, response):
-        mission_id = _new_mission_id()
+        mission_id = self._new_mission_id()
         reason = self._reason_against(request)
         if not reason:
             try:
@@ -179,16 +207,24 @@ class MissionNode(Node):
         response.accepted, response.mission_id = True, mission_id
         return response
 
+    def _new_mission_id(self) -> str:
+        prefix = self._settings.mission_id_prefix
+        return f'{prefix}-{time.strftime("%Y%m%dT%H%M%S")}-{uuid.uuid4().hex[:6]}'
+
     def _reason_against(self, request) -> str:
         """Return why a mission cannot be started as requested; '' if it can."""
-        sequence = list(request.tag_sequence)
         if self.mission and self.mission.state is not State.DONE:
             return f'mission {self._mission_id} is running: abort it, or wait for its end'
+        if self._is_estop_engaged:
+            return RELEASE_ESTOP
         if not self._tags.ids:
             return 'the tags are not known yet: start the bridge'
         if request.mission_type not in ('', MISSION_TYPE):
             shown = printable(request.mission_type, 40)
             return f"mission_type is '{shown}': must be {MISSION_TYPE} or empty"
+        return self._fault_of(list(request.tag_sequence))
+
+    def _fault_of(self, sequence: list[str]) -> str:
         known = set(self._tags.ids)
         if unknown := [tag_id for tag_id in sequence if tag_id not in known]:
             shown = printable(unknown[0], 40)
@@ -196,10 +232,6 @@ class MissionNode(Node):
         if len(set(sequence)) != len(sequence):
             return 'tag_sequence names a tag twice: a mission visits a tag once'
         return ''
-
-
-def _new_mission_id() -> str:
-    return f'inspection-{time.strftime("%Y%m%dT%H%M%S")}-{uuid.uuid4().hex[:6]}'
 
 
 def _numeric(tag_id: str) -> tuple:

@@ -1,31 +1,64 @@
 """The mission's parameters: names, defaults, limits and descriptions. Does not import ROS."""
 
+import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from lupin_greenhouse_bridge.errors import StartUpError, printable
-from lupin_greenhouse_bridge.node.parameters import check_parameters, parameter
+from lupin_greenhouse_bridge.node.parameters import check_parameters, invalid, parameter
 
 from lupin_mission.mission import Limits
 
 LONGEST_SECONDS = 86400.0
+REPLY_SECONDS = 1.0  # the camera may reply this long after its time is over
+# Arguments of the team's orchestrator for what this mission does not do: it does not explore, localize, plan
+# its own way, or move an arm.
+WITHOUT_EFFECT = (
+    'approach_overrides_file',
+    'approach_standoff_m',
+    'approach_yaw',
+    'arm_inspect_preset',
+    'arm_patrol_enabled',
+    'arm_preset_service',
+    'arm_travel_preset',
+    'arm_travel_settle_s',
+    'base_frame',
+    'discovery_goal',
+    'dock_timeout_s',
+    'exploration_timeout_s',
+    'localization_covariance_threshold',
+    'localization_timeout_s',
+    'map_topic',
+    'map_yaml_path',
+    'nav_action_name',
+    'nav_localization_cov_threshold',
+    'nav_max_attempts',
+    'nav_timeout_s',
+)
 
 
 @dataclass(frozen=True)
 class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
-    tag_ids: str = parameter(  # or an array
+    tag_sequence: str = parameter(  # or an array
         '',
         'The tags to visit, in this order, as text ("6 21 29") or as an array; empty: all tags of world_file,'
-        ' of tag_file, or else of the bridge.',
+        ' of tag_locations_file, or else of the bridge, in numeric order.',
+        old_name='tag_ids',
     )
-    tag_file: str = parameter('', "The bridge's tag_locations.json; empty: ask the bridge for its tags.")
+    tag_locations_file: str = parameter(
+        '', "The bridge's tag_locations.json; empty: ask the bridge for its tags.", old_name='tag_file'
+    )
     world_file: str = parameter(
-        '', 'An SDF world: visit its models tag_<id> in numeric order, and take their positions from it.'
+        '', 'An SDF world: take the tags and their positions from its models tag_<id>.'
     )
     bridge_service_name: str = parameter('/greenhouse_bridge/get_tag_reading', 'The GetTagReading service.')
-    confirm_service_name: str = parameter('/perception/confirm_tag', 'The ConfirmTag service.')
+    visual_confirmation_service: str = parameter(
+        'perception/confirm_tag',
+        'The ConfirmTag service; a relative name is in the namespace of the node.',
+        old_name='confirm_service_name',
+    )
     require_visual_confirmation: bool = parameter(
         False,
         'Read a tag only if the camera confirms it (hardware); false: trust the ids (simulation).',
@@ -36,15 +69,26 @@ class Settings:
         smallest=0.0,
         largest=LONGEST_SECONDS,
     )
-    dwell_seconds: float = parameter(
+    dock_pose: str = parameter(  # or an array
+        '', 'x and y in metres and yaw in radians of the dock in the map; empty: the robot does not return.'
+    )
+    flower_scan_dwell_s: float = parameter(
         Limits.dwell_seconds,
-        'Seconds that the robot stays at a tag, at least.',
+        'Minimum time at each tag in seconds.',
         smallest=0.0,
         largest=LONGEST_SECONDS,
+        old_name='dwell_seconds',
     )
-    request_timeout_seconds: float = parameter(
-        Limits.request_timeout_seconds,
-        'Seconds to wait for each reply.',
+    scan_timeout_s: float = parameter(
+        Limits.read_timeout_seconds,
+        'Seconds to wait for each reply of the bridge.',
+        smallest=0.001,
+        largest=LONGEST_SECONDS,
+        old_name='request_timeout_seconds',
+    )
+    visual_confirmation_timeout_s: float = parameter(
+        Limits.confirm_timeout_seconds - REPLY_SECONDS,
+        'Seconds that the camera has to confirm a tag; its reply may take one more second.',
         smallest=0.001,
         largest=LONGEST_SECONDS,
     )
@@ -66,8 +110,23 @@ class Settings:
         ' With wait_for_start, each mission adds its id to the name.',
     )
     wait_for_start: bool = parameter(
-        False,
-        'Start each mission when ~/start is called; false: start one mission at once.',
+        True,
+        'Start each mission when mission/start is called; false: start one at once, and exit after it.',
+    )
+    dependency_timeout_s: float = parameter(
+        30.0,
+        'Seconds that a mission which does not wait for its start waits for the tags of the bridge.',
+        smallest=0.0,
+        largest=LONGEST_SECONDS,
+    )
+    mission_id_prefix: str = parameter('lupin', 'The first word of each mission id.')
+    frame_id: str = parameter('map', 'The frame of the poses, and of the headers of all messages.')
+    state_publish_rate_hz: float = parameter(
+        5.0, 'How often mission/state is published, per second.', smallest=0.1, largest=100.0
+    )
+    estop_topic: str = parameter('/e_stop_state', 'A std_msgs/Bool topic: true stops the robot.')
+    amcl_pose_topic: str = parameter(
+        'amcl_pose', 'The PoseWithCovarianceStamped topic of the robot, for tags of unknown position.'
     )
     observations_topic: str = parameter(
         '/floranova/observations', 'The topic for the observation of each tag.'
@@ -79,23 +138,26 @@ class Settings:
     )
 
     def __post_init__(self):
-        check_parameters(self, of_any_type=('tag_ids', 'tag_poses_in_map'))
+        check_parameters(self, of_any_type=('tag_sequence', 'tag_poses_in_map', 'dock_pose'))
         if self.tag_poses_in_map not in ('', True, False, 'true', 'false'):
-            shown = printable(repr(self.tag_poses_in_map), 100)
-            raise StartUpError(f'parameter tag_poses_in_map is {shown}: must be true, false or empty')
-        if self.world_file and self.tag_file:
-            raise StartUpError('parameters world_file and tag_file are both set: set one of them')
+            raise invalid('tag_poses_in_map', self.tag_poses_in_map, 'true, false or empty')
+        try:
+            numbers = [float(word) for word in _words(self.dock_pose)]
+        except ValueError:
+            numbers = [math.nan]
+        if len(numbers) not in (0, 3) or not all(map(math.isfinite, numbers)):
+            raise invalid('dock_pose', self.dock_pose, 'empty, or x, y and yaw: "1.0 0.5 3.14", or an array')
+        if self.world_file and self.tag_locations_file:
+            raise StartUpError('parameters world_file and tag_locations_file are both set: set one of them')
         ids = self.chosen_tag_ids
         if twice := sorted({tag_id for tag_id in ids if ids.count(tag_id) > 1}):
-            raise StartUpError(f'parameter tag_ids names {twice[0]!r} twice: a mission visits a tag once')
+            shown = printable(twice[0], 40)
+            raise StartUpError(f"parameter tag_sequence names '{shown}' twice: a mission visits a tag once")
 
     @property
     def chosen_tag_ids(self) -> list[str]:
-        """The ids in tag_ids; () if it is empty."""
-        if isinstance(self.tag_ids, str):
-            return self.tag_ids.replace(',', ' ').split()
-        is_array = isinstance(self.tag_ids, Iterable)
-        return [str(tag_id) for tag_id in (self.tag_ids if is_array else [self.tag_ids])]
+        """The ids in tag_sequence; [] if it is empty."""
+        return _words(self.tag_sequence)
 
     @property
     def has_poses_in_map(self) -> bool:
@@ -107,4 +169,17 @@ class Settings:
     @property
     def limits(self) -> Limits:
         """The settings of the state machine."""
-        return Limits(**{each.name: getattr(self, each.name) for each in fields(Limits)})
+        return Limits(
+            dwell_seconds=self.flower_scan_dwell_s,
+            confirm_timeout_seconds=self.visual_confirmation_timeout_s + REPLY_SECONDS,
+            read_timeout_seconds=self.scan_timeout_s,
+            max_attempts=self.max_attempts,
+            retry_delay_seconds=self.retry_delay_seconds,
+        )
+
+
+def _words(value) -> list[str]:
+    """Return the words of a text, or the items of an array."""
+    if isinstance(value, str):
+        return value.replace(',', ' ').split()
+    return [str(item) for item in (value if isinstance(value, Iterable) else [value])]

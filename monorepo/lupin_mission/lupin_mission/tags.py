@@ -19,7 +19,6 @@ from lupin_mission.settings import Settings
 from lupin_mission.transport import create_client
 from lupin_mission.world import read_world
 
-LONGEST_WAIT_SECONDS = 30.0
 ASK_EVERY_SECONDS = 0.5
 
 
@@ -33,8 +32,8 @@ class Tags:
         self._settings = settings
         self._world = read_world(settings.world_file) if settings.world_file else {}
         self._given_ids = settings.chosen_tag_ids or list(self._world)
-        if not self._given_ids and settings.tag_file:
-            self._given_ids = list(read_tags_with_sensors(settings.tag_file))
+        if not self._given_ids and settings.tag_locations_file:
+            self._given_ids = list(read_tags_with_sensors(settings.tag_locations_file))
 
     def find(self, node, on_found: Callable[[], None]) -> None:
         """Call on_found() once the tags are known: now, or when the bridge has replied."""
@@ -48,23 +47,34 @@ class Tags:
         """Ask the bridge for its tags. Repeat the request, because DDS can drop an early one."""
         service = parameter_service_of(node.resolve_service_name(self._settings.bridge_service_name))
         client = create_client(node, GetParameters, service)
-        deadline = time.monotonic() + LONGEST_WAIT_SECONDS
+        timeout_seconds = self._settings.dependency_timeout_s
+        deadline = time.monotonic() + timeout_seconds
 
         def ask():
             if self.ids:
                 timer.cancel()
             elif time.monotonic() >= deadline and not self._settings.wait_for_start:
                 raise StartUpError(
-                    f'{client.srv_name} did not return the tags within {LONGEST_WAIT_SECONDS:g} s:'
-                    ' start the bridge, or set tag_ids or tag_file'
+                    f'{client.srv_name} did not return the tags within {timeout_seconds:g} s:'
+                    ' start the bridge, or set tag_sequence or tag_locations_file'
                 )
             elif client.service_is_ready():
                 client.call_async(tag_ids_request()).add_done_callback(on_reply)
 
         def on_reply(future):
-            if not self.ids and (tag_ids := tag_ids_of(future.result())):
+            if self.ids:
+                return
+            if tag_ids := tag_ids_of(future.result()):
                 self._set(tag_ids, is_custom_file=has_tag_file(future.result()))
-                on_found()
+            elif shipped := shipped_file('tag_locations.json'):
+                service_name = self._settings.bridge_service_name
+                node.get_logger().info(
+                    f'the node of {service_name} does not tell its tags: taking those of {shipped}'
+                )
+                self._set(list(read_tags_with_sensors(shipped)), is_custom_file=False)
+            else:
+                return
+            on_found()
 
         node.get_logger().info(f'waiting for the tags of {client.srv_name}')
         # Monotonic: use_sim_time does not affect it.
@@ -78,5 +88,5 @@ class Tags:
         shipped = None if is_custom_file else shipped_file('tag_locations.json')
         if self._world:
             self.places_m = self._world
-        elif tag_file := self._settings.tag_file or shipped:
+        elif tag_file := self._settings.tag_locations_file or shipped:
             self.places_m = {tag_id: tag[:2] for tag_id, tag in read_tags_with_sensors(tag_file).items()}

@@ -21,9 +21,10 @@ def settings(tmp_path):
     from mission_helpers import HOUR
 
     return {
-        'dwell_seconds': 0.0,
         'retry_delay_seconds': 0.05,
-        'request_timeout_seconds': HOUR,
+        'scan_timeout_s': HOUR,
+        'visual_confirmation_timeout_s': HOUR,
+        'wait_for_start': False,
         'report_file': f'"{tmp_path / "report.jsonl"}"',
     }
 
@@ -61,7 +62,7 @@ def start_process(settings, start_node, tmp_path):
     from mission_helpers import RunningMission
 
     def start(command=None, environment=None, **parameters):
-        command = command or [executable('lupin_mission', 'mission_node')]
+        command = command or [executable('lupin_mission', 'mission_orchestrator')]
         process = start_node(command, environment=environment, **{**settings, **parameters})
         return RunningMission(process, tmp_path / 'report.jsonl')
 

@@ -27,9 +27,13 @@ from std_srvs.srv import Trigger
 
 HOUR = 3600.0  # of a state that only the test ends
 READER = {'bridge_service_name': '/commanded/get_tag_reading'}
-CAMERA = {**READER, 'confirm_service_name': '/commanded/confirm_tag', 'require_visual_confirmation': True}
+CAMERA = {
+    **READER,
+    'visual_confirmation_service': '/commanded/confirm_tag',
+    'require_visual_confirmation': True,
+}
 # DDS can drop a reply of the bridge while both discover each other: the mission asks until it has one.
-REAL = {'request_timeout_seconds': 1.0, 'retry_delay_seconds': 0.0, 'max_attempts': 1000}
+REAL = {'scan_timeout_s': 1.0, 'retry_delay_seconds': 0.0, 'max_attempts': 1000}
 TWIN_QOS = QoSProfile(
     depth=50, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
@@ -257,7 +261,7 @@ class RunningMission:
 
     def warnings(self) -> list[str]:
         """Return what the node of a mission that has ended logged above INFO."""
-        lines = [line for line in self.run.log if f'{self.run.namespace[1:]}.mission]' in line]
+        lines = [line for line in self.run.log if f'{self.run.namespace[1:]}.mission_orchestrator]' in line]
         assert lines, self.run.log
         return [line for line in lines if '[INFO]' not in line]
 

@@ -12,7 +12,13 @@ from lupin_mission.drive import Arrival, TimedDrive
 from lupin_mission.mission import Limits, Mission, Service, Severity, State
 from lupin_mission.report import Observation, Outcome, Reading, Report
 
-LIMITS = Limits(dwell_seconds=1.0, request_timeout_seconds=2.0, max_attempts=3, retry_delay_seconds=0.5)
+LIMITS = Limits(
+    dwell_seconds=1.0,
+    confirm_timeout_seconds=2.0,
+    read_timeout_seconds=2.0,
+    max_attempts=3,
+    retry_delay_seconds=0.5,
+)
 
 
 def reading(tag_id: str, value: float = 20.0) -> Reading:
@@ -369,7 +375,7 @@ def test_a_tag_that_is_skipped_while_it_is_scanned_awaits_no_reply():
 def test_a_skip_in_the_dwell_keeps_the_outcome_and_ends_the_dwell():
     world = World('ab')
     world.answer()
-    assert world.mission.phase == 'PUBLISHING'
+    assert world.mission.phase == 'SCANNING'
     assert world.mission.skip()
     world.wait(0.0)
     assert world.mission.tag_at_hand == 'b'

@@ -8,7 +8,7 @@ import pytest
 import rclpy
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
-from lupin_mission import mission_node
+from lupin_mission import mission_node, tags
 from lupin_mission.mission import State
 from lupin_mission.report import Outcome, read_report
 from lupin_msgs.msg import MissionState
@@ -31,19 +31,19 @@ MOMENTS = {
 def test_every_tag_that_the_bridge_has_loaded_is_read(start_process, start_bridge, shipped_tags):
     mission = start_process(bridge_service_name=start_bridge().service_name, **REAL)
     assert mission.end() == 0
-    assert mission.outcomes() == [(tag_id, OK) for tag_id in shipped_tags]
+    assert mission.outcomes() == [(tag_id, OK) for tag_id in sorted(shipped_tags, key=int)]
     assert mission.log[-1] == f'{len(shipped_tags)}/{len(shipped_tags)} tags read'
 
 
-def test_the_tags_of_a_tag_file_are_visited_in_its_order(start_mission, reader, tmp_path):
+def test_the_tags_of_a_tag_file_are_visited_in_numeric_order(start_mission, reader, tmp_path):
     tag_file = tmp_path / 'tags.json'
     tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
     tag_file.write_text(json.dumps({'tags': {'9': tag, '7': tag, '8': {**tag, 'sensors': []}}}))
-    mission = start_mission(**READER, tag_file=f'"{tag_file}"')
-    reader.answer_ok('9', co2=1.0)
+    mission = start_mission(**READER, tag_locations_file=f'"{tag_file}"')
     reader.answer_ok('7', co2=1.0)
+    reader.answer_ok('9', co2=1.0)
     assert mission.end() == 0
-    assert reader.tag_ids == ['9', '7']
+    assert reader.tag_ids == ['7', '9']
 
 
 def test_without_tags_and_without_a_bridge_the_mission_is_refused_after_30_s(start_mission, commanded, clock):
@@ -55,7 +55,9 @@ def test_without_tags_and_without_a_bridge_the_mission_is_refused_after_30_s(sta
         silent.wait_for_request()
     clock.pass_seconds(0.1)
     reason = '/commanded/get_parameters did not return the tags within 30 s'
-    assert f'{reason}: start the bridge, or set tag_ids or tag_file' in mission.refusal(exit_code=2)
+    assert f'{reason}: start the bridge, or set tag_sequence or tag_locations_file' in mission.refusal(
+        exit_code=2
+    )
 
 
 def test_a_mission_that_waits_for_its_start_waits_for_its_bridge_too(start_mission, commanded, clock, node):
@@ -74,15 +76,31 @@ def test_a_mission_that_waits_for_its_start_waits_for_its_bridge_too(start_missi
     assert len([line for line in mission.log if 'waiting for the tags of' in line]) == 1
 
 
-def test_a_node_that_does_not_know_the_tags_yet_is_asked_again(start_mission, commanded, reader):
+def test_without_a_shipped_file_a_node_that_does_not_tell_its_tags_is_asked_again(
+    start_mission, commanded, reader, monkeypatch
+):
+    monkeypatch.setattr(tags, 'shipped_file', lambda _name: None)
     bridge = commanded(GetParameters, '/commanded/get_parameters')
     mission = start_mission(**READER)
     bridge.answer()
-    bridge.answer(values=[ParameterValue(string_array_value=['7', '5']), ParameterValue()])
-    reader.answer_ok('7', co2=1.0)
+    bridge.answer(values=[ParameterValue(string_array_value=['5', '7']), ParameterValue()])
     reader.answer_ok('5', co2=1.0)
+    reader.answer_ok('7', co2=1.0)
     assert mission.end() == 0
-    assert reader.tag_ids == ['7', '5']
+    assert reader.tag_ids == ['5', '7']
+
+
+def test_a_bridge_that_does_not_tell_its_tags_is_asked_for_the_shipped_ones(
+    start_mission, commanded, reader, shipped_tags
+):
+    commanded(GetParameters, '/commanded/get_parameters').answer(values=[ParameterValue()] * 2)
+    mission = start_mission(**READER)
+    for tag_id in sorted(shipped_tags, key=int):
+        reader.answer_ok(tag_id, co2=1.0)
+    assert mission.end() == 0
+    assert reader.tag_ids == sorted(shipped_tags, key=int)
+    reason = 'the node of /commanded/get_tag_reading does not tell its tags: taking those of '
+    assert len([line for line in mission.log if reason in line]) == 1
 
 
 def test_the_tags_that_arrive_twice_start_one_mission(start_mission, commanded, reader):
@@ -118,7 +136,7 @@ def without_simulator(tmp_path):
 
 
 def test_the_mission_needs_no_simulator_on_its_machine(start_process, reader, without_simulator):
-    mission = start_process(**READER, tag_ids='1', environment=without_simulator)
+    mission = start_process(**READER, tag_sequence='1', environment=without_simulator)
     reader.answer_ok('1', co2=1.0)
     assert mission.end() == 0
     command = [sys.executable, '-c', 'import greenhouse_sim']  # shows that the check above can fail
@@ -129,7 +147,7 @@ def test_the_mission_needs_no_simulator_on_its_machine(start_process, reader, wi
 
 
 def test_a_service_that_starts_after_the_mission_is_waited_for(start_mission, commanded, node):
-    mission = start_mission(**READER, tag_ids='1')
+    mission = start_mission(**READER, tag_sequence='1')
     states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
     states.wait_for(lambda state: state.mission_phase == 'SCANNING')
     commanded(GetTagReading, READER['bridge_service_name']).answer_ok('1', co2=1.0)
@@ -144,30 +162,30 @@ def test_a_bridge_killed_and_started_again_costs_no_reading(start_mission, start
     mission = start_mission(
         **REAL,
         bridge_service_name='/real/get_tag_reading',
-        tag_ids='1 2',
-        dwell_seconds=HOUR,
+        tag_sequence='1 2',
+        flower_scan_dwell_s=HOUR,
         wait_for_start=True,
     )
     operator = operate(mission)
     started = operator.start()
-    operator.wait_for(mission_phase='PUBLISHING', current_target='1')
+    operator.wait_for(targets_completed=1, current_target='1')
     first.close()
     assert operator.trigger('skip_current')
     operator.states.wait_for(lambda state: state.last_event.endswith('trying again'))  # at tag 2
     start_bridge(run)
-    operator.wait_for(mission_phase='PUBLISHING', current_target='2')
+    operator.wait_for(targets_completed=2, current_target='2')
     assert operator.trigger('skip_current')
     assert mission.stop() == 0
     assert mission.outcomes(started) == [('1', OK), ('2', OK)]
 
 
 def test_a_mission_that_is_killed_goes_on_where_it_was(start_process, start_mission, reader, commanded):
-    killed = start_process(**READER, tag_ids='1 2 3')
+    killed = start_process(**READER, tag_sequence='1 2 3')
     reader.answer_ok('1', co2=1.0)
     assert [reader.wait_for_request(), reader.wait_for_request()] == ['1', '2']
     killed.close()
     other_reader = commanded(GetTagReading, '/other/get_tag_reading')
-    mission = start_mission(bridge_service_name=other_reader.name, tag_ids='1 2 3')
+    mission = start_mission(bridge_service_name=other_reader.name, tag_sequence='1 2 3')
     other_reader.answer_ok('2', co2=2.0)
     other_reader.answer_ok('3', co2=3.0)
     assert mission.end() == 0
@@ -180,7 +198,7 @@ def test_a_report_is_continued_with_the_tags_that_were_not_read(start_mission, r
     reader.answer_ok('2')
     reader.answer_ok('2', co2=2.0)
     for tags_left, exit_code in ((2, 1), (1, 0), (0, 0)):
-        mission = start_mission(**READER, tag_ids='1 2', max_attempts=1)
+        mission = start_mission(**READER, tag_sequence='1 2', max_attempts=1)
         assert mission.end() == exit_code
         start = f'{tags_left} tags to visit, {2 - tags_left} read before; report: {mission.report_file}'
         assert any(line.endswith(start) for line in mission.log), mission.log
@@ -190,14 +208,14 @@ def test_a_report_is_continued_with_the_tags_that_were_not_read(start_mission, r
 def test_a_report_without_a_name_lies_in_the_current_folder(start_mission, reader, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     reader.answer_ok('1', co2=1.0)
-    assert start_mission(**READER, tag_ids='1', report_file="''").end() == 0
+    assert start_mission(**READER, tag_sequence='1', report_file="''").end() == 0
     (report,) = tmp_path.glob('mission-*T*.jsonl')
     assert [each.tag_id for each in read_report(report)] == ['1']
 
 
 def test_a_bridge_that_never_comes_fails_every_scan_and_ends_the_mission(start_mission):
     mission = start_mission(
-        bridge_service_name='/nobody/get_tag_reading', tag_ids='1 2', request_timeout_seconds=0.1
+        bridge_service_name='/nobody/get_tag_reading', tag_sequence='1 2', scan_timeout_s=0.1
     )
     assert mission.end() == 1
     assert mission.outcomes() == [('1', Outcome.NO_SERVICE), ('2', Outcome.NO_SERVICE)]
@@ -205,7 +223,7 @@ def test_a_bridge_that_never_comes_fails_every_scan_and_ends_the_mission(start_m
 
 
 def test_a_reply_that_never_comes_fails_the_scan(start_mission, reader, clock):
-    mission = start_mission(**READER, tag_ids='1', max_attempts=1)
+    mission = start_mission(**READER, tag_sequence='1', max_attempts=1)
     assert reader.wait_for_request() == '1'
     clock.pass_seconds(HOUR)
     assert mission.end() == 1
@@ -213,7 +231,7 @@ def test_a_reply_that_never_comes_fails_the_scan(start_mission, reader, clock):
 
 
 def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader):
-    mission = start_mission(**READER, tag_ids='1 2 3 4 5', max_attempts=1)
+    mission = start_mission(**READER, tag_sequence='1 2 3 4 5', max_attempts=1)
     reader.answer(status=GetTagReading.Response.STATUS_UNKNOWN_TAG, error_message='who?')
     reader.answer(status=GetTagReading.Response.STATUS_SIMULATOR_ERROR, error_message='broken')
     reader.answer_ok('1', co2=600.0)
@@ -232,7 +250,7 @@ def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader):
 
 
 def test_a_late_answer_is_not_taken_for_the_next_ones(start_mission, reader, clock):
-    mission = start_mission(**READER, tag_ids='1', retry_delay_seconds=0.0)
+    mission = start_mission(**READER, tag_sequence='1', retry_delay_seconds=0.0)
     assert reader.wait_for_request() == '1'
     clock.pass_seconds(HOUR)
     assert reader.wait_for_request() == '1'
@@ -244,7 +262,7 @@ def test_a_late_answer_is_not_taken_for_the_next_ones(start_mission, reader, clo
 
 
 def test_a_tag_is_read_once_it_is_confirmed(start_mission, reader, confirmer):
-    mission = start_mission(**CAMERA, tag_ids='7')
+    mission = start_mission(**CAMERA, tag_sequence='7')
     assert confirmer.wait_for_request() == '7'
     confirmer.answer(detected=False, error_message='other tags in view: 8')
     assert confirmer.wait_for_request() == '7'
@@ -256,7 +274,7 @@ def test_a_tag_is_read_once_it_is_confirmed(start_mission, reader, confirmer):
 
 
 def test_a_mission_without_a_failure_logs_no_warning(start_mission, reader, confirmer):
-    mission = start_mission(**CAMERA, tag_ids='1 2')
+    mission = start_mission(**CAMERA, tag_sequence='1 2')
     for tag_id in '12':
         confirmer.answer(detected=True)
         reader.answer_ok(tag_id, co2=1.0)
@@ -265,27 +283,27 @@ def test_a_mission_without_a_failure_logs_no_warning(start_mission, reader, conf
 
 
 def test_a_pause_in_the_dwell_does_not_scan_the_tag_again(start_mission, reader, operate):
-    mission = start_mission(**READER, tag_ids='1 2', dwell_seconds=HOUR, wait_for_start=True)
+    mission = start_mission(**READER, tag_sequence='1 2', flower_scan_dwell_s=HOUR, wait_for_start=True)
     operator = operate(mission)
     operator.start()
     reader.answer_ok('1', co2=1.0)
-    operator.wait_for(mission_phase='PUBLISHING', current_target='1')
+    operator.wait_for(mission_phase='SCANNING', targets_completed=1)
     assert operator.trigger('pause')
     assert not operator.trigger('pause')
-    operator.wait_for(paused=True, mission_phase='PUBLISHING')
+    operator.wait_for(paused=True, mission_phase='SCANNING')
     assert operator.trigger('resume')
     assert not operator.trigger('resume')
-    operator.wait_for(paused=False, mission_phase='PUBLISHING', current_target='1')
+    operator.wait_for(paused=False, mission_phase='SCANNING', current_target='1')
     assert operator.trigger('skip_current')  # the rest of the dwell
     reader.answer_ok('2', co2=2.0)
-    operator.wait_for(mission_phase='PUBLISHING', current_target='2')
+    operator.wait_for(mission_phase='SCANNING', targets_completed=2)
     assert operator.trigger('skip_current')
     assert mission.stop() == 0
     assert reader.tag_ids == ['1', '2']
 
 
 def test_a_pause_is_answered_while_a_reply_is_withheld(start_mission, reader, operate):
-    mission = start_mission(**READER, tag_ids='1', wait_for_start=True)
+    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
     operator = operate(mission)
     operator.start()
     reader.wait_for_request()
@@ -297,7 +315,7 @@ def test_a_pause_is_answered_while_a_reply_is_withheld(start_mission, reader, op
 
 
 def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, settings, request):
-    parameters = {**settings, **READER, 'tag_ids': '"1"'}
+    parameters = {**settings, **READER, 'tag_sequence': '"1"'}
     rclpy.init(
         args=['--ros-args', *(w for item in parameters.items() for w in ('-p', '{}:={}'.format(*item)))]
     )
@@ -319,7 +337,7 @@ def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, setting
 
 @pytest.mark.parametrize('signals', ['Ctrl-C twice', 'SIGTERM'])
 def test_a_signal_ends_the_mission_with_the_table_so_far(start_process, reader, signals):
-    mission = start_process(**READER, tag_ids='1 2')
+    mission = start_process(**READER, tag_sequence='1 2')
     reader.answer_ok('1', co2=1.0)
     assert [reader.wait_for_request(), reader.wait_for_request()] == ['1', '2']
     mission.send(*SIGNALS[signals])
@@ -330,7 +348,7 @@ def test_a_signal_ends_the_mission_with_the_table_so_far(start_process, reader, 
 @pytest.mark.parametrize(('moment', 'sign'), MOMENTS.items())
 def test_a_signal_at_any_moment_ends_the_mission_with_a_table(start_process, moment, sign):
     """Even before the tags are known, and while the mission ends."""
-    run = command('lupin_mission', 'mission_node', moment, SIGNALS['Ctrl-C twice'])
+    run = command('lupin_mission', 'mission_orchestrator', moment, SIGNALS['Ctrl-C twice'])
     mission = start_process(run, bridge_service_name='/nobody/get_tag_reading')
     mission.wait_for_log(sign)
     mission.send(*SIGNALS['SIGTERM and Ctrl-C'])
@@ -342,17 +360,17 @@ def test_a_signal_at_any_moment_ends_the_mission_with_a_table(start_process, mom
 @pytest.mark.parametrize(
     ('name', 'value', 'fragment'),
     [
-        ('tag_ids', '1 2 1', "names '1' twice"),
+        ('tag_sequence', '1 2 1', "names '1' twice"),
         ('max_attempts', 0, 'must be a whole number from 1 to 1000'),
         ('max_attempts', 1.5, 'must be a whole number'),
-        ('request_timeout_seconds', 0, 'must be a number from 0.001 to 86400'),
-        ('request_timeout_seconds', '.inf', 'must be a number from 0.001'),
-        ('dwell_seconds', -1, 'must be a number from 0 to 86400'),
-        ('dwell_seconds', 'long', 'must be a number'),
+        ('scan_timeout_s', 0, 'must be a number from 0.001 to 86400'),
+        ('scan_timeout_s', '.inf', 'must be a number from 0.001'),
+        ('flower_scan_dwell_s', -1, 'must be a number from 0 to 86400'),
+        ('flower_scan_dwell_s', 'long', 'must be a number'),
         ('require_visual_confirmation', 1, 'must be true or false'),
         ('bridge_service_name', 'no such name', 'is not a service name'),
-        ('confirm_service_name', 'no such name', 'is not a service name'),
-        ('tag_file', '/missing/tags.json', '/missing/tags.json'),
+        ('visual_confirmation_service', 'no such name', 'is not a service name'),
+        ('tag_locations_file', '/missing/tags.json', '/missing/tags.json'),
         ('report_file', '/missing/report.jsonl', 'name a file that can be written'),
     ],
 )
@@ -366,19 +384,41 @@ def test_a_refusal_is_the_exit_code_of_the_process(start_process):
 
 @pytest.mark.parametrize('ids', ['5 7', '5,7', '[5, 7]', '["5", "7"]'])
 def test_tag_ids_may_be_text_or_an_array(start_mission, ids):
-    mission = start_mission(tag_ids=ids, max_attempts=1, request_timeout_seconds=0.01)
+    mission = start_mission(tag_sequence=ids, max_attempts=1, scan_timeout_s=0.01)
     assert mission.end() == 1
     assert [tag_id for tag_id, _ in mission.outcomes()] == ['5', '7']
 
 
 def test_one_whole_number_is_a_tag_id_too(start_mission):
-    mission = start_mission(tag_ids=5, max_attempts=1, request_timeout_seconds=0.01)
+    mission = start_mission(tag_sequence=5, max_attempts=1, scan_timeout_s=0.01)
     assert mission.end() == 1
     assert mission.outcomes() == [('5', Outcome.NO_SERVICE)]
 
 
+def test_a_parameter_may_be_set_by_its_old_name_with_a_warning(start_mission, reader):
+    mission = start_mission(**READER, tag_ids='7')
+    reader.answer_ok('7', co2=1.0)
+    assert mission.end() == 0
+    warnings = [line for line in mission.log if 'parameter tag_ids is now tag_sequence' in line]
+    assert len(warnings) == len([line for line in mission.log if '[WARN]' in line]) == 1
+
+
+def test_an_old_name_and_the_new_one_at_once_are_refused(start_mission):
+    refusal = start_mission(tag_ids='7', tag_sequence='8').refusal(exit_code=2)
+    assert 'parameters tag_ids and tag_sequence are both set: set tag_sequence alone' in refusal
+
+
+def test_the_arguments_of_the_team_that_have_no_effect_are_named_in_one_line(start_mission, reader):
+    mission = start_mission(**READER, tag_sequence='7', discovery_goal=5, map_topic='/map')
+    reader.answer_ok('7', co2=1.0)
+    assert mission.end() == 0
+    assert mission.warnings() == []
+    (line,) = [line for line in mission.log if 'without effect' in line]
+    assert line.endswith('without effect in this node: discovery_goal, map_topic')
+
+
 def test_a_mistyped_parameter_is_named_and_changes_nothing(start_mission):
-    mission = start_mission(tag_ids='1', tags='2', max_attempts=1, request_timeout_seconds=0.01)
+    mission = start_mission(tag_sequence='1', tags='2', max_attempts=1, scan_timeout_s=0.01)
     assert mission.end() == 1
     assert [tag_id for tag_id, _ in mission.outcomes()] == ['1']
     assert len([line for line in mission.log if 'parameter tags is unknown and ignored' in line]) == 1

@@ -44,11 +44,11 @@ def without_optional(rights: dict[str, set[str]]) -> dict[str, set[str]]:
 
 @pytest.mark.parametrize('enclave', ['/mission', '/mission_launch'])
 def test_the_mission_may_do_what_it_does_and_nothing_more(start_mission, node, enclave):
-    rights = without_optional(rights_of('mission', enclave))
+    rights = without_optional(rights_of('mission_orchestrator', enclave))
     namespace = start_mission().namespace
 
     def created():
-        found = without_optional(created_by(node, 'mission', namespace))
+        found = without_optional(created_by(node, 'mission_orchestrator', namespace))
         return {right: {each.removeprefix(namespace) for each in names} for right, names in found.items()}
 
     wait_until(lambda: created() == rights)

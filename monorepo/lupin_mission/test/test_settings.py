@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.node.parameters import launch_arguments
-from lupin_mission import announcer, mission, tags
+from lupin_mission import announcer, mission
 from lupin_mission.mission import Limits
 from lupin_mission.settings import Settings
 
@@ -25,20 +25,24 @@ def test_the_times_that_are_no_parameters_are_those_of_the_documents():
     words = ' '.join(README.split())
     assert mission.LONGEST_RETRY_DELAY_SECONDS == 10.0
     assert 'doubles with each further attempt, up to 10' in words
-    assert tags.LONGEST_WAIT_SECONDS == 30.0
-    assert '`loaded_tag_ids`, for up to 30 s' in words
     assert announcer.LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS == 5.0
     assert 'a mission waits up to 5 s until its subscribers' in words
 
 
 def test_the_limits_of_a_mission_are_its_parameters():
-    assert Settings().limits == Limits() == Limits(1.0, 2.0, 3, 0.5)
-    others = Limits(dwell_seconds=4.0, request_timeout_seconds=5.0, max_attempts=6, retry_delay_seconds=7.0)
-    assert Settings(**vars(others)).limits == others
+    assert Settings().limits == Limits() == Limits(0.0, 4.0, 5.0, 3, 0.5)
+    settings = Settings(
+        flower_scan_dwell_s=4.0,
+        visual_confirmation_timeout_s=5.0,
+        scan_timeout_s=6.0,
+        max_attempts=7,
+        retry_delay_seconds=8.0,
+    )
+    assert settings.limits == Limits(4.0, 6.0, 6.0, 7, 8.0)  # the camera's reply may take one more second
 
 
 @pytest.mark.parametrize(
-    ('tag_ids', 'ids'),
+    ('tag_sequence', 'ids'),
     [
         ('', []),
         (' 6,21  29, ', ['6', '21', '29']),
@@ -48,8 +52,8 @@ def test_the_limits_of_a_mission_are_its_parameters():
         (6, ['6']),
     ],
 )
-def test_the_ids_are_taken_from_text_and_arrays(tag_ids, ids):
-    assert Settings(tag_ids=tag_ids).chosen_tag_ids == ids
+def test_the_ids_are_taken_from_text_and_arrays(tag_sequence, ids):
+    assert Settings(tag_sequence=tag_sequence).chosen_tag_ids == ids
 
 
 @pytest.mark.parametrize(
@@ -79,8 +83,10 @@ def test_tag_poses_of_another_kind_are_refused(value):
     ('name', 'smallest', 'largest'),
     [
         ('drive_seconds', 0.0, 86400.0),
-        ('dwell_seconds', 0.0, 86400.0),
-        ('request_timeout_seconds', 0.001, 86400.0),
+        ('flower_scan_dwell_s', 0.0, 86400.0),
+        ('scan_timeout_s', 0.001, 86400.0),
+        ('visual_confirmation_timeout_s', 0.001, 86400.0),
+        ('dependency_timeout_s', 0.0, 86400.0),
         ('retry_delay_seconds', 0.0, 86400.0),
         ('max_attempts', 1, 1000),
     ],
@@ -95,10 +101,10 @@ def test_the_limits_of_a_number_are_inclusive(name, smallest, largest):
 
 
 def test_a_world_and_a_tag_file_exclude_each_other():
-    with pytest.raises(StartUpError, match='world_file and tag_file are both set: set one of them'):
-        Settings(world_file='/a.sdf', tag_file='/b.json')
+    with pytest.raises(StartUpError, match='world_file and tag_locations_file are both set: set one of them'):
+        Settings(world_file='/a.sdf', tag_locations_file='/b.json')
 
 
 def test_a_tag_is_not_named_twice():
-    with pytest.raises(StartUpError, match="tag_ids names '1' twice: a mission visits a tag once"):
-        Settings(tag_ids='2 1 1')
+    with pytest.raises(StartUpError, match="tag_sequence names '1' twice: a mission visits a tag once"):
+        Settings(tag_sequence='2 1 1')

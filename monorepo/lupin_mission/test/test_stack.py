@@ -24,7 +24,7 @@ def test_a_twin_that_joins_in_the_middle_has_heard_every_tag_at_the_end(
     start_mission, reader, twin, node, shipped_tags
 ):
     """The mission stands at its third tag until the twin has joined, and exits after its last."""
-    mission = start_mission(**READER, tag_ids='9 7 1 29')
+    mission = start_mission(**READER, tag_sequence='9 7 1 29')
     reader.answer_ok('9', co2=9.0)
     reader.answer_ok('7', co2=7.0, temperature=20.5)
     assert [reader.wait_for_request() for _ in range(3)] == ['9', '7', '1']
@@ -49,19 +49,22 @@ def test_a_twin_that_joins_in_the_middle_has_heard_every_tag_at_the_end(
         place, pose = shipped_tags[written.tag_id], heard.tag_pose_in_map
         assert (pose.position.x, pose.position.y, pose.orientation.w) == (place['x'], place['y'], 1.0)
     assert {each.mission_id for each in late.heard} == {done.mission_id}
-    assert {each.source for each in late.heard} == {f'{mission.namespace}/mission'}
+    assert {each.source for each in late.heard} == {'InspectionMission'}
 
 
-def test_a_tag_that_was_not_read_carries_its_id_its_reason_and_nothing_else(
+def test_an_observation_of_a_tag_that_was_not_read_names_it_in_its_detail_alone(
     start_mission, reader, operate, twin
 ):
     hearer = twin()
-    mission = start_mission(**READER, tag_ids='1', tag_poses_in_map='false', wait_for_start=True)
+    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
     operate(mission).start()
     reader.answer(status=1, error_message='who?')
     heard = hearer.wait_for(lambda _observation: True)
-    assert (heard.status, heard.status_detail) == (Observation.STATUS_SCAN_FAILED, 'UNKNOWN_TAG: who?')
-    assert heard.tag_reading == TagReading(tag_id='1')
+    assert (heard.status, heard.status_detail) == (
+        Observation.STATUS_SCAN_FAILED,
+        'tag 1: UNKNOWN_TAG: who?',
+    )
+    assert heard.tag_reading == TagReading()
     for pose in (heard.tag_pose_in_map, heard.flower.pose.pose, heard.anomaly.pose.pose):
         assert (pose.position.x, pose.orientation.w) == (0.0, 0.0)  # never populated
     assert mission.stop() == 1
@@ -82,7 +85,11 @@ def test_poses_are_published_where_the_ids_are_trusted_or_as_told(
 ):
     hearer = twin()
     mission = start_mission(
-        **READER, confirm_service_name=confirmer.name, tag_ids='1', wait_for_start=True, **parameters
+        **READER,
+        visual_confirmation_service=confirmer.name,
+        tag_sequence='1',
+        wait_for_start=True,
+        **parameters,
     )
     operate(mission).start()
     confirmer.answer(detected=True, detection_confidence=1.0)
@@ -112,11 +119,11 @@ def test_the_shipped_places_are_not_those_of_a_bridge_with_its_own_tag_file(
         return pose.position.x, pose.position.y
 
     assert position() == (0.0, 0.0)
-    assert position(tag_file=f'"{tag_file}"') == (9.0, 9.5)
+    assert position(tag_locations_file=f'"{tag_file}"') == (9.0, 9.5)
 
 
 def test_a_web_client_hears_every_state_that_lasts(start_mission, reader, confirmer, operate, node):
-    mission = start_mission(**CAMERA, tag_ids='1 2', dwell_seconds=HOUR, wait_for_start=True)
+    mission = start_mission(**CAMERA, tag_sequence='1 2', flower_scan_dwell_s=HOUR, wait_for_start=True)
     operator = operate(mission)
     started = operator.start()
     confirmer.wait_for_request()
@@ -139,14 +146,14 @@ def test_a_web_client_hears_every_state_that_lasts(start_mission, reader, confir
     reader.wait_for_request()
     operator.wait_for(mission_phase='SCANNING', current_target='1')
     reader.answer_ok('1', co2=1.0)
-    operator.wait_for(mission_phase='PUBLISHING', targets_completed=1, last_event="tag '1': co2 1.000")
+    operator.wait_for(mission_phase='SCANNING', targets_completed=1, last_event="tag '1': co2 1.000")
     assert operator.trigger('skip_current')
     confirmer.answer(detected=False, error_message='no tag in view')
     state = operator.wait_for(last_event="tag '2': NOT_CONFIRMED no tag in view: trying again")
     assert (state.last_event_severity, state.mission_phase) == (MissionState.SEVERITY_WARN, 'CONFIRMING')
     confirmer.answer(detected=True, detection_confidence=1.0)
     reader.answer_ok('2', co2=1.0)
-    operator.wait_for(mission_phase='PUBLISHING', targets_completed=2)
+    operator.wait_for(mission_phase='SCANNING', targets_completed=2)
     assert operator.trigger('skip_current')
     state = web.wait_for(lambda state: state.lifecycle_state == 'DONE')
     assert (state.targets_completed, state.mission_phase, state.current_target) == (2, '', '')
@@ -154,7 +161,7 @@ def test_a_web_client_hears_every_state_that_lasts(start_mission, reader, confir
 
 
 def test_the_state_comes_within_a_second_even_if_nothing_changes(start_mission, reader, node):
-    mission = start_mission(**READER, tag_ids='1')
+    mission = start_mission(**READER, tag_sequence='1')
     reader.wait_for_request()
     states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
 
@@ -170,7 +177,7 @@ def test_the_state_comes_within_a_second_even_if_nothing_changes(start_mission, 
 def test_abort_and_skip_over_ros(start_mission, confirmer, operate, twin):
     """Both arrive while the mission waits for the camera."""
     hearer = twin()
-    mission = start_mission(**CAMERA, tag_ids='1 2 3', wait_for_start=True)
+    mission = start_mission(**CAMERA, tag_sequence='1 2 3', wait_for_start=True)
     operator = operate(mission)
     started = operator.start()
     assert confirmer.wait_for_request() == '1'
@@ -180,9 +187,13 @@ def test_abort_and_skip_over_ros(start_mission, confirmer, operate, twin):
     assert operator.trigger('abort')
     confirmer.answer(detected=True, detection_confidence=1.0)
     wait_until(lambda: len(hearer.heard) == 3)
-    assert heard_tags(hearer) == ['1', '2', '3']
+    assert heard_tags(hearer) == ['', '', '']
     assert {each.status for each in hearer.heard} == {Observation.STATUS_SKIPPED}
-    assert [each.status_detail for each in hearer.heard] == ['SKIPPED: skipped', *['SKIPPED: aborted'] * 2]
+    assert [each.status_detail for each in hearer.heard] == [
+        'tag 1: SKIPPED: skipped',
+        'tag 2: SKIPPED: aborted',
+        'tag 3: SKIPPED: aborted',
+    ]
     state = operator.wait_for(lifecycle_state='DONE')
     assert (state.targets_skipped, state.targets_failed, state.targets_completed) == (3, 0, 0)
     assert not operator.trigger('abort')
@@ -192,7 +203,7 @@ def test_abort_and_skip_over_ros(start_mission, confirmer, operate, twin):
 
 
 def test_at_tag_names_the_tag_that_the_robot_stands_at(start_mission, reader, node, clock):
-    mission = start_mission(**READER, tag_ids='1 2', drive_seconds=HOUR)
+    mission = start_mission(**READER, tag_sequence='1 2', drive_seconds=HOUR)
     at_tag = Subscriber(node, String, f'{mission.namespace}/mission/at_tag', TWIN_QOS)
     for tag_id in '12':
         at_tag.wait_for(lambda message: message.data == '')
@@ -205,7 +216,7 @@ def test_at_tag_names_the_tag_that_the_robot_stands_at(start_mission, reader, no
 
 
 def test_without_a_sequence_the_tags_are_visited_in_numeric_order(start_mission, reader, operate):
-    mission = start_mission(**READER, tag_ids='b 10 9 a', wait_for_start=True)
+    mission = start_mission(**READER, tag_sequence='b 10 9 a', wait_for_start=True)
     operator = operate(mission)
     for tag_id in ('9', '10', 'a', 'b'):
         reader.answer_ok(tag_id, co2=1.0)
@@ -264,19 +275,19 @@ def test_the_tags_and_their_places_come_from_the_world(start_mission, reader, op
     reader.answer_ok('7', co2=1.0)
     reader.answer(status=1, error_message='who?')
     wait_until(lambda: len(hearer.heard) == 3)
-    assert heard_tags(hearer) == ['1', '7', '400']
+    assert heard_tags(hearer) == ['1', '7', '']
     assert [each.status for each in hearer.heard] == [
         Observation.STATUS_OK,
         Observation.STATUS_OK,
         Observation.STATUS_SCAN_FAILED,
     ]
     places = [each.tag_pose_in_map.position for each in hearer.heard]
-    assert [(place.x, place.y) for place in places] == [(1.5, 8.5), (2.5, 8.5), (3.0, 8.5)]
+    assert [(place.x, place.y) for place in places] == [(1.5, 8.5), (2.5, 8.5), (0.0, 0.0)]
 
 
 def test_a_world_and_a_tag_file_at_once_are_refused(start_mission):
-    refusal = start_mission(world_file='/a.sdf', tag_file='/b.json').refusal(2)
-    assert 'parameters world_file and tag_file are both set: set one of them' in refusal
+    refusal = start_mission(world_file='/a.sdf', tag_locations_file='/b.json').refusal(2)
+    assert 'parameters world_file and tag_locations_file are both set: set one of them' in refusal
 
 
 def test_a_world_that_cannot_be_read_is_refused_in_one_line(start_mission):
@@ -284,7 +295,7 @@ def test_a_world_that_cannot_be_read_is_refused_in_one_line(start_mission):
 
 
 def test_the_error_of_one_mission_is_not_that_of_the_next(start_mission, reader, operate):
-    mission = start_mission(**READER, tag_ids='"1 99"', wait_for_start=True)
+    mission = start_mission(**READER, tag_sequence='"1 99"', wait_for_start=True)
     operator = operate(mission)
     reader.answer(status=1, error_message='who?')
     reader.answer_ok('1', co2=1.0)
@@ -305,7 +316,7 @@ def test_the_error_of_one_mission_is_not_that_of_the_next(start_mission, reader,
     ],
 )
 def test_a_start_that_cannot_be_is_rejected_with_the_reason(start_mission, operate, request_fields, reason):
-    mission = start_mission(**READER, tag_ids='1 2', wait_for_start=True)
+    mission = start_mission(**READER, tag_sequence='1 2', wait_for_start=True)
     operator = operate(mission)
     assert operator.rejection(**request_fields) == reason
     state = operator.wait_for(last_event=f'start rejected: {reason}')
@@ -317,7 +328,7 @@ def test_what_was_started_can_be_aborted_skipped_and_paused_before_its_next_step
     start_mission, operate, monkeypatch, name, skipped
 ):
     monkeypatch.setattr(mission_node, 'STEP_SECONDS', HOUR)
-    mission = start_mission(**READER, tag_ids='1 2', wait_for_start=True, drive_seconds=HOUR)
+    mission = start_mission(**READER, tag_sequence='1 2', wait_for_start=True, drive_seconds=HOUR)
     operator = operate(mission)
     operator.start()
     assert operator.trigger(name)
@@ -325,7 +336,7 @@ def test_what_was_started_can_be_aborted_skipped_and_paused_before_its_next_step
 
 
 def test_an_error_is_published_and_logged_as_one(node, capfd):
-    states = Subscriber(node, MissionState, '/mission_test/state', WEB_QOS)
+    states = Subscriber(node, MissionState, '/mission/state', WEB_QOS)
     announcer = Announcer(node, '/observations')
     announcer.note('the robot is stuck', Severity.ERROR)
     wait_until(lambda: announcer.publish_state(None, '', 'READY', None) or states.heard)
@@ -340,7 +351,7 @@ def test_an_error_is_published_and_logged_as_one(node, capfd):
 
 
 def test_a_start_is_rejected_while_a_mission_runs(start_mission, reader, operate):
-    mission = start_mission(**READER, tag_ids='1', wait_for_start=True)
+    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
     operator = operate(mission)
     first = operator.start()
     reader.wait_for_request()
@@ -357,12 +368,14 @@ def test_a_start_is_rejected_before_the_tags_are_known(start_mission, operate):
 
 
 def test_a_report_that_cannot_be_written_rejects_the_start(start_mission, operate):
-    mission = start_mission(**READER, tag_ids='1', wait_for_start=True, report_file='/missing/report.jsonl')
+    mission = start_mission(
+        **READER, tag_sequence='1', wait_for_start=True, report_file='/missing/report.jsonl'
+    )
     assert 'name a file that can be written' in operate(mission).rejection()
     assert mission.stop() == 1
 
 
 def test_a_mission_that_nobody_hears_ends_all_the_same(start_mission, reader):
-    mission = start_mission(**READER, tag_ids='1')
+    mission = start_mission(**READER, tag_sequence='1')
     reader.answer_ok('1', co2=1.0)
     assert mission.end() == 0
