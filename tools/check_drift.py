@@ -40,6 +40,12 @@ MIRROR_ALONE = {
     'lupin_msgs/package.xml', 'rosdep.yaml',
 }  # fmt: skip
 
+# Files that git, Python and its tools, and colcon leave in a checkout or a package.
+LEFT_BY_TOOLS = re.compile(
+    r'\.git(/.*)?|(lupin_\w+/)?(build|install|log)/.*|.*\.pyc'
+    r'|(.*/)?(__pycache__|\.pytest_cache|\.hypothesis|\.ruff_cache|[^/]+\.egg-info)/.*'
+)
+
 WHAT_TO_DO = """\
 Both trees are generated. Make the change once, in tools/core of the monorepo's repository, run
 `make generate`, and commit the core with both trees. A patch to the mirror goes the same way."""
@@ -58,13 +64,6 @@ class Finding:
     line: int  # from 1; 1 also stands for the whole file
     message: str
     diff: str = ''
-
-
-def is_source(parts: tuple[str, ...]) -> bool:
-    """Return whether a path belongs to a package or repository, and was not left there by a tool."""
-    caches = {'.git', '__pycache__', '.pytest_cache', '.hypothesis', '.ruff_cache'}
-    is_built = parts[0] in ('build', 'install', 'log') or any(part.endswith('.egg-info') for part in parts)
-    return not (caches.intersection(parts) or is_built or parts[-1].endswith('.pyc'))
 
 
 class Tree:
@@ -93,10 +92,9 @@ class Tree:
     def _listed(self) -> Iterator[Path]:
         """Yield all paths of the mirror; in the monorepo, those of the bridge and the three interfaces."""
         if self.name == 'monorepo':
-            yield from (self.root / MSGS['monorepo'] / each for each in INTERFACES)
+            yield from (self.root / MSGS['monorepo'] / interface for interface in INTERFACES)
         for path in sorted((self.root if self.name == 'mirror' else self.root / BRIDGE).rglob('*')):
-            parts = path.relative_to(self.root).parts
-            if is_source(parts[1:] if parts[0] in (BRIDGE, MSGS[self.name]) and parts[1:] else parts):
+            if not LEFT_BY_TOOLS.fullmatch(path.relative_to(self.root).as_posix()):
                 yield path
 
     def undone(self, name: str) -> bytes:

@@ -11,12 +11,11 @@ table or the core is wrong, or a package that the core owns holds a file that is
 
 import argparse
 import difflib
+import os
 import stat
 import subprocess
 import sys
 from pathlib import Path
-
-from check_drift import is_source
 
 try:
     import tomllib
@@ -27,6 +26,7 @@ except ModuleNotFoundError:  # Python 3.10
         sys.exit('generate: Python 3.10 needs tomli: sudo apt install python3-tomli, or run `make generate`')
 
 ROOT = Path(__file__).resolve().parent.parent
+CORE = 'tools/core'
 Rendered = dict[str, tuple[bytes, int]]  # path below the root, with /: content, and mode as git keeps it
 
 
@@ -42,9 +42,9 @@ def load_table(path: Path) -> dict:
         raise GenerationError(f'{path}: {error}') from error
 
 
-def render(core: Path, table: dict) -> Rendered:
-    """Return every generated file of both trees; reads the core, writes nothing."""
-    files = _read_tree(core)
+def render(root: Path, table: dict) -> Rendered:
+    """Return every generated file of both trees; reads the core below root, writes nothing."""
+    files = _read_core(root)
     rendered: Rendered = {}
     for name, tree in table['trees'].items():
         rendered.update(_render_tree(name, tree, files))
@@ -87,18 +87,27 @@ def _substituted(name: str, tree: dict, files: Rendered) -> Rendered:
     return files
 
 
-def _read_tree(folder: Path) -> Rendered:
+def _read_core(root: Path) -> Rendered:
     files = {}
-    for path in sorted(folder.glob('*/**/*')):  # a file at the top, such as a README, describes the core
-        if not is_source(path.relative_to(folder).parts[1:]):
-            continue
+    for name in _listed(root, CORE):
+        path, core_path = root / name, name.removeprefix(f'{CORE}/')
+        if '/' not in core_path:
+            continue  # a file at the top, such as a README, describes the core
         if path.is_symlink():
             raise GenerationError(f'{path}: is a symlink: generated trees hold plain files')
-        if path.is_file():
-            files[path.relative_to(folder).as_posix()] = (path.read_bytes(), _mode(path))
+        files[core_path] = (path.read_bytes(), _mode(path))
     if not files:
-        raise GenerationError(f'{folder}: holds no files')
+        raise GenerationError(f'{root / CORE}: holds no files')
     return files
+
+
+def _listed(root: Path, *folders: str) -> list[str]:
+    """Return the files below folders of the checkout, without those that git ignores."""
+    command = ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard', '--', *folders]
+    listed = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    if listed.returncode:
+        raise GenerationError(f'{root}: {listed.stderr.strip()}')
+    return sorted(path for path in set(listed.stdout.split('\0')[:-1]) if os.path.lexists(root / path))
 
 
 def _mode(path: Path) -> int:
@@ -128,23 +137,9 @@ def compare(root: Path, rendered: Rendered, table: dict) -> list[str]:
 
 
 def extras(root: Path, rendered: Rendered, table: dict) -> list[str]:
-    """Return the files of the owned packages that are neither rendered nor ignored."""
-    found = []
-    for tree in table['trees'].values():
-        for package in (root / tree['root'] / name for name in table['owned']):
-            found += [
-                path.relative_to(root).as_posix()
-                for path in sorted(package.rglob('*'))
-                if (path.is_file() or path.is_symlink()) and is_source(path.relative_to(package).parts)
-            ]
-    found = [path for path in found if path not in rendered]
-    # Exit code 128: the checkout is not a git repository, so git ignores nothing.
-    listed = subprocess.run(
-        ['git', '-C', str(root), 'check-ignore', '--stdin', '-z'],
-        input='\0'.join(found), capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    ignored = set(listed.stdout.split('\0'))
-    return [path for path in found if path not in ignored]
+    """Return the files of the owned packages that are neither rendered nor ignored by git."""
+    packages = [f'{tree["root"]}/{name}' for tree in table['trees'].values() for name in table['owned']]
+    return [path for path in _listed(root, *packages) if path not in rendered]
 
 
 def _diff(path: str, have: bytes, want: bytes) -> str:
@@ -185,7 +180,7 @@ def main(arguments: list[str] | None = None) -> int:
     root = options.root
     try:
         table = load_table(root / 'tools/twins.toml')
-        rendered = render(root / 'tools/core', table)
+        rendered = render(root, table)
         if options.check:
             return _report(compare(root, rendered, table), rendered)
         unknown = extras(root, rendered, table)

@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 
+import check_drift
 import generate
 import pytest
 
@@ -16,7 +17,9 @@ def checkout(tmp_path):
     ignore = shutil.ignore_patterns('__pycache__', '.pytest_cache', '.hypothesis')
     for folder in ('tools/core', 'monorepo', 'lupin_greenhouse_ros'):
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=ignore)
-    shutil.copy(ROOT / 'tools/twins.toml', tmp_path / 'tools/twins.toml')
+    for file in ('.gitignore', 'tools/twins.toml'):
+        shutil.copy(ROOT / file, tmp_path / file)
+    subprocess.run(['git', 'init', '--quiet', str(tmp_path)], check=True)
     return tmp_path
 
 
@@ -28,6 +31,20 @@ def replace(path, old, new, count=1):
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, count))
+
+
+def write(path, text):
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(text)
+
+
+def add_to_gitignore(checkout, pattern):
+    with (checkout / '.gitignore').open('a') as file:
+        file.write(f'{pattern}\n')
+
+
+def sides(checkout):
+    return ['--monorepo', str(checkout / 'monorepo'), '--mirror', str(checkout / 'lupin_greenhouse_ros')]
 
 
 def snapshot(folder):
@@ -135,17 +152,47 @@ def test_a_teammates_unsaved_file_survives_and_nothing_is_written(checkout, tree
     assert check(checkout) == 0
 
 
-def test_what_git_or_a_tool_ignores_is_no_file_of_a_package(checkout):
-    subprocess.run(['git', 'init', '--quiet', str(checkout)], check=True)
-    (checkout / '.gitignore').write_text('*.swp\n')
-    package = checkout / 'monorepo/lupin_greenhouse_bridge'
-    for name in ('setup.py.swp', 'build/x', 'log/x', 'install/x', 'a.egg-info/x', 'test/__pycache__/x.pyc'):
-        (package / name).parent.mkdir(exist_ok=True)
-        (package / name).write_text('lupin_greenhouse_msgs')
+def test_a_file_that_git_ignores_is_none_of_a_package(checkout):
+    add_to_gitignore(checkout, '*.swp')
+    for folder in ('monorepo', 'lupin_greenhouse_ros', 'tools/core'):
+        for name in ('setup.py.swp', '__pycache__/settings.pyc'):
+            write(checkout / folder / BRIDGE / name, 'lupin_msgs lupin_greenhouse_msgs')
     before = snapshot(checkout)
     assert check(checkout) == 0
     assert generate.main(['--root', str(checkout)]) == 0
     assert snapshot(checkout) == before
+
+
+def test_the_generator_sees_what_the_drift_checker_takes_for_build_output(checkout, capsys):
+    names = ['build/more.py', 'log/more.py', 'more.egg-info/more.py', 'more.pyc']
+    for name in names:
+        write(checkout / 'monorepo/lupin_greenhouse_bridge' / name, '')
+    assert check_drift.main(sides(checkout)) == 0
+    assert check(checkout) == 1
+    output = capsys.readouterr().out
+    assert all(f'{name}: not generated from the core' in output for name in names)
+
+
+def test_the_drift_checker_sees_what_git_ignores(checkout, capsys):
+    add_to_gitignore(checkout, 'more.py')
+    write(checkout / 'monorepo' / BRIDGE / 'more.py', '')
+    assert check(checkout) == 0
+    assert check_drift.main(sides(checkout)) == 1
+    assert 'more.py:1: [only one side]' in capsys.readouterr().out
+
+
+def test_a_tracked_file_is_generated_even_if_git_ignores_its_name(checkout):
+    add_to_gitignore(checkout, 'more.py')
+    write(checkout / 'tools/core' / BRIDGE / 'more.py', '')
+    subprocess.run(['git', 'add', '--force', 'tools/core'], cwd=checkout, check=True)
+    assert generate.main(['--root', str(checkout)]) == 0
+    assert (checkout / 'monorepo' / BRIDGE / 'more.py').exists()
+
+
+def test_a_folder_without_git_is_refused(checkout, capsys):
+    shutil.rmtree(checkout / '.git')
+    assert generate.main(['--root', str(checkout)]) == 2
+    assert 'not a git repository' in capsys.readouterr().err
 
 
 def test_the_teams_own_interfaces_are_none_of_the_generators_business(checkout):
@@ -252,14 +299,6 @@ def test_a_table_that_does_not_fit_the_core_writes_nothing(checkout, mutate, mes
     assert snapshot(checkout) == before
 
 
-def test_caches_of_running_in_place_are_no_findings(checkout):
-    for tree in ('monorepo', 'lupin_greenhouse_ros', 'tools/core'):
-        cache = checkout / tree / BRIDGE / '__pycache__'
-        cache.mkdir()
-        (cache / 'settings.pyc').write_bytes(b'lupin_msgs')
-    assert check(checkout) == 0
-
-
 def test_the_trees_differ_in_one_line_of_the_bridge_beyond_the_rename():
     """Describes the mirror again, independently of the table."""
     monorepo, mirror = (
@@ -274,7 +313,7 @@ def test_the_trees_differ_in_one_line_of_the_bridge_beyond_the_rename():
 
 def test_every_generated_file_and_no_other_is_marked_as_generated():
     """Then a merge request on GitHub or GitLab shows an edit once."""
-    rendered = generate.render(ROOT / 'tools/core', generate.load_table(ROOT / 'tools/twins.toml'))
+    rendered = generate.render(ROOT, generate.load_table(ROOT / 'tools/twins.toml'))
     tracked = subprocess.run(['git', 'ls-files', '-z'], cwd=ROOT, capture_output=True, text=True, check=True)
     paths = tracked.stdout.rstrip('\0').split('\0')
     for attribute in ('linguist-generated', 'gitlab-generated'):
