@@ -15,7 +15,6 @@ import json
 import re
 import stat
 import sys
-import unicodedata
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -160,68 +159,29 @@ def _modes(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
 
 def _contents(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
     """Compare a file. In bridge_node.py, each tree must have its own form of the one line."""
-    left, right = monorepo.undone(name), mirror.undone(name)
-    heading = 'package file'
+    contents = monorepo.undone(name), mirror.undone(name)
+    heading, meaning = 'package file', ''
     if name == NODE_FILE:
         heading = 'bridge_node.py'
-        left, right = (
+        contents = tuple(
             content.replace(f'{DIVERGENT_LINE[side]}\n'.encode(), b'    return <the allowed divergence>\n')
-            for side, content in (('monorepo', left), ('mirror', right))
+            for side, content in zip(MSGS, contents, strict=True)
         )
-    is_interface = name.endswith(('.msg', '.srv'))
-    heading = 'interface' if is_interface else heading
-    meaning = _difference_in_meaning(name, monorepo, mirror) if is_interface else ''
-    if left == right:
+    elif name.endswith(('.msg', '.srv')):
+        heading, meaning = 'interface', _difference_in_meaning(name, monorepo, mirror)
+    if contents[0] == contents[1]:
         return
     path = str(mirror.files[name])
-    texts = left.decode(errors='backslashreplace'), right.decode(errors='backslashreplace')
-    reason = _invisible_difference(*texts)
-    lines = [text.splitlines(keepends=True) for text in texts]
-    same = [a == b for a, b in zip(*lines, strict=False)]
-    line = same.index(False) + 1 if False in same else len(same) + 1
-    diff = difflib.unified_diff(*lines, str(monorepo.files[name]), path)
-    yield Finding(
-        'invisible difference' if reason else heading,
-        path,
-        line,
-        f'differs {f"in {reason}" if reason else "beyond the rename"}{meaning}',
-        ''.join(map(_visible, diff)),
-    )
-
-
-def _invisible_difference(left: str, right: str) -> str:
-    """Name the kind of an invisible difference, or return ''."""
-    has_tabs = '\t' in left + right
-    steps = (
-        ('a byte order mark', lambda text: text.removeprefix('\ufeff')),
-        ('line endings', lambda text: text.replace('\r\n', '\n').replace('\r', '\n')),
-        ('trailing space', lambda text: '\n'.join(line.rstrip() for line in text.split('\n'))),
-        ('the end of the last line', lambda text: text.rstrip('\n')),
-        ('tabs', lambda text: re.sub(r'[ \t]+', ' ', text) if has_tabs else text),
-        ('invisible characters', lambda text: ''.join(c for c in text if unicodedata.category(c) != 'Cf')),
-    )
-    reasons = []
-    for reason, normalise in steps:
-        before = left, right
-        left, right = normalise(left), normalise(right)
-        if before != (left, right):
-            reasons.append(reason)
-        if left == right:
-            return ' and '.join(reasons)
-    pairs = [(a, b) for a, b in zip(left, right, strict=False) if a != b]
-    if len(left) != len(right) or any(a.isascii() and b.isascii() for a, b in pairs):
-        return ''
-    names = (unicodedata.name(each, f'U+{ord(each):04X}') for pair in pairs for each in pair)
-    return f'look-alike characters: {", ".join(dict.fromkeys(names))}'
-
-
-def _visible(line: str) -> str:
-    """Return a diff line with invisible characters made visible."""
-    body = line.removesuffix('\n')
-    stripped = body[:1] + body[1:].rstrip(' ')
-    shown = (c if c.isascii() and c.isprintable() else ascii(c)[1:-1] for c in stripped)
-    spaces = '\\x20' * (len(body) - len(stripped)) if body[:1] in '+-' and stripped[1:] else ''
-    return ''.join(shown) + spaces + ('\n' if line.endswith('\n') else '\n\\ No newline at end of file\n')
+    # ascii() shows what a person cannot see: trailing spaces, line endings, look-alike letters.
+    lines = [
+        [ascii(line) for line in content.decode(errors='surrogateescape').splitlines(keepends=True)]
+        for content in contents
+    ]
+    same = [ours == theirs for ours, theirs in zip(*lines, strict=False)]
+    first = same.index(False) + 1 if False in same else len(same) + 1
+    diff = difflib.unified_diff(*lines, str(monorepo.files[name]), path, lineterm='')
+    message = f'differs beyond the rename{meaning}'
+    yield Finding(heading, path, first, message, ''.join(f'{line}\n' for line in diff))
 
 
 def _divergence(tree: Tree) -> Iterator[Finding]:
@@ -242,7 +202,7 @@ def _divergence(tree: Tree) -> Iterator[Finding]:
     except (SyntaxError, ValueError) as error:
         raise CannotCompareError(f'{path}: is not Python: {error}') from error
     bodies = [
-        [each.lineno for each in node.body if not isinstance(each, ast.Expr)]  # a docstring is an Expr
+        [part.lineno for part in node.body if not isinstance(part, ast.Expr)]  # a docstring is an Expr
         for node in ast.walk(module)
         if isinstance(node, ast.FunctionDef) and node.name == DIVERGENT_FUNCTION
     ]
@@ -256,8 +216,8 @@ def _divergence(tree: Tree) -> Iterator[Finding]:
 def _difference_in_meaning(name: str, monorepo: Tree, mirror: Tree) -> str:
     """Say which fields and constants differ, or return ''."""
     ours, theirs = _meaning(monorepo, name), _meaning(mirror, name)
-    words = [f'the monorepo has {each}' for each in ours if each not in theirs]
-    words += [f'the mirror has {each}' for each in theirs if each not in ours]
+    words = [f'the monorepo has {field}' for field in ours if field not in theirs]
+    words += [f'the mirror has {field}' for field in theirs if field not in ours]
     if ours != theirs and not words:
         words = ['the same fields are in another order']
     return f': {"; ".join(words)}' if words else ''
@@ -287,18 +247,20 @@ def _meaning(tree: Tree, name: str) -> list[str]:
 def report(findings: list[Finding], compared: int, form: str) -> str:
     """Return the findings as text for people, annotations for GitHub, or JSON for tools."""
     if form == 'json':
-        counted = {'files_compared': compared, 'findings': [asdict(each) for each in findings]}
+        counted = {'files_compared': compared, 'findings': [asdict(finding) for finding in findings]}
         return json.dumps(counted, indent=2)
     if form == 'github':
         return '\n'.join(
-            f'::error file={_escaped(each.path, ",:")},line={each.line}'
-            f',title=drift%3A {_escaped(each.heading, ",:")}'
-            f'::{_escaped(each.message)}{_escaped(chr(10) + each.diff if each.diff else "")}'
-            for each in findings
+            f'::error file={_escaped(found.path, ",:")},line={found.line}'
+            f',title=drift%3A {_escaped(found.heading, ",:")}'
+            f'::{_escaped(found.message)}{_escaped(chr(10) + found.diff if found.diff else "")}'
+            for found in findings
         )
     if not findings:
         return f'{compared} files compared: only the allowed divergence'
-    blocks = [f'{each.path}:{each.line}: [{each.heading}] {each.message}\n{each.diff}' for each in findings]
+    blocks = [
+        f'{found.path}:{found.line}: [{found.heading}] {found.message}\n{found.diff}' for found in findings
+    ]
     return '\n'.join([*blocks, f'{len(findings)} findings in {compared} files compared.', WHAT_TO_DO])
 
 

@@ -20,10 +20,8 @@ SRV, READING = 'MSGS/srv/GetTagReading.srv', 'MSGS/msg/TagReading.msg'
 SENSOR = 'MSGS/msg/SensorReading.msg'
 WRAP, PLAIN = 'return Path(value) if value else None', 'return value or None'
 NODE_DIFFERS, PACKAGE_DIFFERS, INTERFACE = 'bridge_node.py', 'package file', 'interface'
-DIVERGENCE, INVISIBLE = 'allowed divergence', 'invisible difference'
-LEFT_OVER, ONE_SIDE, IGNORE, MODE, LINK = (
-    'left-over name', 'only one side', 'COLCON_IGNORE', 'file mode', 'symlink',
-)  # fmt: skip
+DIVERGENCE, LEFT_OVER, ONE_SIDE = 'allowed divergence', 'left-over name', 'only one side'
+IGNORE, MODE, LINK = 'COLCON_IGNORE', 'file mode', 'symlink'
 
 
 class Trees:
@@ -115,15 +113,15 @@ EDITS = [
     (LEFT_OVER, 'mirror', 'README.md', '# lupin_greenhouse_ros', '# lupin-msgs'),
     (LEFT_OVER, 'mirror', 'MSGS/package.xml', '<name>lupin_greenhouse_msgs', '<name>lupin_msgs'),
     # invisible differences
-    (INVISIBLE, 'mirror', NODE, 'import sys\n', 'import sys \n'),
-    (INVISIBLE, 'mirror', NODE, 'import sys\n', 'import sys\r\n'),
-    (INVISIBLE, 'mirror', SIMULATION, '"""Load, v', '\ufeff"""Load, v'),
-    (INVISIBLE, 'monorepo', READING, 'string tag_id    ', 'string tag_id\t'),
-    (INVISIBLE, 'mirror', SENSOR, 'float64 value', 'float64 v\u0430lue'),
-    (INVISIBLE, 'mirror', LAUNCH, "'screen'", "'scre\u0435n'"),
-    (INVISIBLE, 'mirror', SIMULATION, 'tags have no sensors', 'tags have\u200b no sensors'),
-    (INVISIBLE, 'monorepo', NODE, 'sys.exit(main())\n', 'sys.exit(main())'),
-    (INVISIBLE, 'monorepo', f'{BRIDGE}/setup.cfg', 'lupin_greenhouse_bridge\n', 'lupin_greenhouse_bridge  \n'),
+    (NODE_DIFFERS, 'mirror', NODE, 'import sys\n', 'import sys \n'),
+    (NODE_DIFFERS, 'mirror', NODE, 'import sys\n', 'import sys\r\n'),
+    (PACKAGE_DIFFERS, 'mirror', SIMULATION, '"""Load, v', '\ufeff"""Load, v'),
+    (INTERFACE, 'monorepo', READING, 'string tag_id    ', 'string tag_id\t'),
+    (INTERFACE, 'mirror', SENSOR, 'float64 value', 'float64 v\u0430lue'),
+    (PACKAGE_DIFFERS, 'mirror', LAUNCH, "'screen'", "'scre\u0435n'"),
+    (PACKAGE_DIFFERS, 'mirror', SIMULATION, 'tags have no sensors', 'tags have\u200b no sensors'),
+    (NODE_DIFFERS, 'monorepo', NODE, 'sys.exit(main())\n', 'sys.exit(main())'),
+    (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/setup.cfg', 'lupin_greenhouse_bridge\n', 'lupin_greenhouse_bridge  \n'),
 ]  # fmt: skip
 
 
@@ -201,6 +199,8 @@ CHANGES = [
     (ONE_SIDE, 'a message only there', touch('mirror', 'MSGS/msg/Extra.msg', 'bool extra\n')),
     (ONE_SIDE, 'ConfirmTag in the mirror', touch('mirror', 'MSGS/srv/ConfirmTag.srv', 'string a\n---\n')),
     (ONE_SIDE, 'an unlisted repository file', touch('mirror', 'NOTES.md')),
+    (ONE_SIDE, 'a file named like build output', touch('mirror', f'{BRIDGE}/log')),
+    (ONE_SIDE, 'a module named like build output', touch('mirror', f'{BRIDGE}/{BRIDGE}/build/__init__.py')),
     (ONE_SIDE, 'a third package in the mirror', touch('mirror', 'lupin_extra/package.xml')),
     (ONE_SIDE, 'a deleted test', delete('mirror', f'{BRIDGE}/test/test_node.py')),
     (ONE_SIDE, 'a deleted resource marker', delete('mirror', f'{BRIDGE}/resource/{BRIDGE}')),
@@ -216,8 +216,8 @@ CHANGES = [
     (LINK, 'a symlink out of the tree', link('mirror', SIMULATION, '/etc/hostname')),
     (LINK, 'a symlink to the other tree', link('mirror', NODE.replace('bridge_node', 'errors'), '../../../monorepo/x')),
     (LINK, 'a new symlink', link('monorepo', f'{BRIDGE}/extra', '/')),
-    (INVISIBLE, 'CRLF in a whole file', crlf('mirror', LAUNCH)),
-    (INVISIBLE, 'CRLF in a message', crlf('monorepo', SENSOR)),
+    (PACKAGE_DIFFERS, 'CRLF in a whole file', crlf('mirror', LAUNCH)),
+    (INTERFACE, 'CRLF in a message', crlf('monorepo', SENSOR)),
     (PACKAGE_DIFFERS, 'a binary resource marker', lambda t: t.path('mirror', f'{BRIDGE}/resource/{BRIDGE}').write_bytes(b'\xff')),
 ]  # fmt: skip
 
@@ -248,8 +248,8 @@ def test_mutant(trees, heading, mutate, capsys):
     mutate(trees)
     assert trees.check('json') == 1
     findings = json.loads(capsys.readouterr().out)['findings']
-    assert heading in [each['heading'] for each in findings]
-    assert all(each['message'] and each['line'] >= 1 for each in findings)
+    assert heading in [finding['heading'] for finding in findings]
+    assert all(finding['message'] and finding['line'] >= 1 for finding in findings)
 
 
 def both(name, old, new):
@@ -325,17 +325,12 @@ def test_what_cannot_be_compared_is_exit_code_2_and_one_line(trees, mutate, reas
 
 
 def test_swapped_trees_are_not_compared(trees, capsys):
-    swapped = [
-        '--monorepo',
-        str(trees.base / TREES['mirror']),
-        '--mirror',
-        str(trees.base / TREES['monorepo']),
-    ]
-    assert check_drift.main(swapped) == 2
+    monorepo, mirror = (str(trees.base / folder) for folder in TREES.values())
+    assert check_drift.main(['--monorepo', mirror, '--mirror', monorepo]) == 2
     assert 'is it the monorepo?' in capsys.readouterr().err
 
 
-def test_a_person_reads_the_place_the_sentence_the_diff_and_what_to_do(trees, capsys):
+def test_text_has_place_message_diff_and_remedy(trees, capsys):
     trees.edit('mirror', LAUNCH, "output='screen'", "output='log'")
     assert trees.check() == 1
     first, *rest = capsys.readouterr().out.splitlines()
@@ -345,6 +340,22 @@ def test_a_person_reads_the_place_the_sentence_the_diff_and_what_to_do(trees, ca
     assert any(re.match(r"-.*output='screen'", line) for line in rest)
     assert any(re.match(r"\+.*output='log'", line) for line in rest)
     assert any('make generate' in line for line in rest)
+
+
+@pytest.mark.parametrize(
+    ('new', 'shown'),
+    [
+        ('import sys \n', r"+'import sys \n'"),
+        ('import sys\r\n', r"+'import sys\r\n'"),
+        ('import\tsys\n', r"+'import\tsys\n'"),
+        ('import s\u0443s\n', r"+'import s\u0443s\n'"),
+        ('import sys  # \u200b\n', r"+'import sys  # \u200b\n'"),
+    ],
+)
+def test_the_diff_shows_what_is_invisible(trees, new, shown, capsys):
+    trees.edit('mirror', NODE, 'import sys\n', new)
+    assert trees.check() == 1
+    assert shown in capsys.readouterr().out.splitlines()
 
 
 def test_github_gets_one_annotation_per_finding_on_one_line(trees, capsys):
@@ -358,18 +369,9 @@ def test_github_gets_one_annotation_per_finding_on_one_line(trees, capsys):
 
 def test_it_runs_alone_on_any_two_checkouts(trees):
     """With the standard library only, from any folder, without the rest of this repository."""
-    alone = trees.base / 'check_drift.py'
-    shutil.copy(ROOT / 'tools/check_drift.py', alone)
-    command = [
-        sys.executable,
-        '-I',
-        '-S',
-        str(alone),
-        '--monorepo',
-        'monorepo',
-        '--mirror',
-        'lupin_greenhouse_ros',
-    ]
+    shutil.copy(ROOT / 'tools/check_drift.py', trees.base)
+    sides = ['--monorepo', 'monorepo', '--mirror', 'lupin_greenhouse_ros']
+    command = [sys.executable, '-I', '-S', 'check_drift.py', *sides]
     result = subprocess.run(command, cwd=trees.base, env={}, capture_output=True, text=True, check=False)
     assert (result.returncode, result.stderr) == (0, '')
 
