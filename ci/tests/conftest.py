@@ -1,19 +1,10 @@
-"""Make the scripts of ci/ importable, and name the environments of both trees."""
+"""The environments of both trees, and the mark of the tests that need Drake."""
 
 import os
 import platform
-import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-
-def pytest_configure(config):
-    """Register the marker of the tests that only ci/test_heavy runs."""
-    config.addinivalue_line('markers', 'heavy: takes a minute or more')
-
 
 ENVIRONMENTS = {
     'monorepo': Path(os.environ['VIRTUAL_ENV']),

@@ -1,14 +1,12 @@
-"""Make the tools importable."""
+"""Copies of this repository and of the mirror, and the score of the drift checker."""
 
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
 from commits import git
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / 'tools'))
 
 
 def pytest_terminal_summary(terminalreporter):
@@ -18,7 +16,7 @@ def pytest_terminal_summary(terminalreporter):
         ('test_mutant', 'mutants of the trees reported'),
         ('test_harmless', 'harmless changes let pass'),
     ):
-        good, bad = (sum(f'::{test}[' in each.nodeid for each in results[outcome]) for outcome in results)
+        good, bad = (sum(f'::{test}[' in report.nodeid for report in results[outcome]) for outcome in results)
         if good + bad:
             terminalreporter.write_line(f'check_drift: {good} of {good + bad} {text}')
 
