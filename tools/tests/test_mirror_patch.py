@@ -3,9 +3,12 @@
 import subprocess
 
 import generate
+import pytest
 from commits import git
 
 BRIDGE = 'lupin_greenhouse_bridge/lupin_greenhouse_bridge'
+NEW_TITLE = ('README.md', '## Install', '## How to install')
+LOG_MORE = (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0')
 
 
 def commit_in(mirror, *edits):
@@ -21,9 +24,28 @@ def commit_in(mirror, *edits):
 def import_patch(monorepo, patch):
     file = monorepo.parent / 'N.patch'
     file.write_text(patch)
+    # A shell in the background ignores Ctrl-C; so would this.
+    command = ['env', '--default-signal=INT', monorepo / 'tools/mirror_import', file]
     return subprocess.run(
-        [monorepo / 'tools/mirror_import', file], cwd=monorepo, capture_output=True, text=True, check=False
+        command, cwd=monorepo, capture_output=True, text=True, check=False, start_new_session=True
     )
+
+
+def add_hook(monorepo, name, script):
+    hook = monorepo / '.git/hooks' / name
+    hook.write_text(f'#!/bin/sh\n{script}\n')
+    hook.chmod(0o755)
+
+
+def state(monorepo):
+    """Return all of a repository that an import may change, with the files that git ignores."""
+    commands = (
+        ['symbolic-ref', 'HEAD'], ['for-each-ref'], ['ls-files', '--stage'], ['status', '--porcelain'],
+        ['worktree', 'list'],
+    )  # fmt: skip
+    paths = [path for path in monorepo.rglob('*') if '.git' not in path.parts and path.is_file()]
+    files = {path: (path.stat().st_mode, path.read_bytes()) for path in paths}
+    return files, [git(monorepo, *command) for command in commands]
 
 
 def checks_pass(monorepo):
@@ -36,12 +58,12 @@ def test_a_patch_beside_the_divergent_line_and_over_the_renamed_package(reposito
     monorepo, mirror = repositories
     patch = commit_in(
         mirror,
-        (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0'),
+        LOG_MORE,
         (f'{BRIDGE}/bridge_node.py', 'Turn a path parameter', 'Turn the path parameter'),
         (f'{BRIDGE}/bridge_node.py', 'from lupin_greenhouse_msgs.msg', '# a\nfrom lupin_greenhouse_msgs.msg'),
         ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One simulated', 'A simulated'),
-        ('README.md', '## Install', '## How to install'),
-    )  # fmt: skip
+        NEW_TITLE,
+    )
     result = import_patch(monorepo, patch)
     assert result.returncode == 0, result.stderr
     assert 'Another Team: Mend it' in result.stdout
@@ -73,7 +95,7 @@ def test_a_new_file_in_a_package_arrives_in_both_trees(repositories):
     assert checks_pass(monorepo)
 
 
-def test_a_file_without_a_place_here_is_one_line_and_changes_nothing(repositories):
+def test_a_file_without_a_place_here_is_refused(repositories):
     monorepo, mirror = repositories
     (mirror / 'NOTES.md').write_text('x\n')
     result = import_patch(monorepo, commit_in(mirror))
@@ -85,11 +107,46 @@ def test_a_file_without_a_place_here_is_one_line_and_changes_nothing(repositorie
     assert git(monorepo, 'status', '--porcelain') == ''
 
 
+@pytest.mark.parametrize(
+    ('hook', 'script', 'message'),
+    [
+        ('pre-commit', 'exit 1', 'cannot be committed'),
+        ('commit-msg', 'exit 1', 'cannot be committed'),
+        ('pre-commit', 'rm -r tools/core; exit 1', 'cannot be committed'),
+        ('pre-applypatch', 'exit 1', 'does not apply to tools/core'),
+        ('post-applypatch', 'rm tools/twins.toml', 'cannot be generated'),
+        ('pre-commit', 'kill -INT 0', None),
+    ],
+    ids=['pre-commit', 'commit-msg', 'spoiling', 'pre-applypatch', 'generation', 'Ctrl-C'],
+)
+def test_a_failure_leaves_the_repository_as_it_was(repositories, hook, script, message):
+    """It fails at the second commit of a series."""
+    monorepo, mirror = repositories
+    series = commit_in(mirror, LOG_MORE) + commit_in(mirror, NEW_TITLE)
+    ignored = monorepo / 'monorepo' / BRIDGE / '__pycache__/own.pyc'
+    ignored.parent.mkdir(exist_ok=True)
+    ignored.touch()
+    first = monorepo.parent / 'first'
+    add_hook(monorepo, hook, f'[ -e "{first}" ] || exec touch "{first}"\n{script}')
+    before = state(monorepo)
+    result = import_patch(monorepo, series)
+    assert result.returncode != 0
+    assert first.exists()
+    if message:
+        assert result.stderr.splitlines()[-1] == f"mirror-import: 'Mend it' {message}: nothing was changed"
+    assert state(monorepo) == before
+
+
+def test_a_hook_finds_both_trees_generated(repositories):
+    monorepo, mirror = repositories
+    add_hook(monorepo, 'pre-commit', 'exec python tools/generate.py --check')
+    result = import_patch(monorepo, commit_in(mirror, LOG_MORE))
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
 def test_a_patch_that_does_not_apply_changes_nothing(repositories):
     monorepo, mirror = repositories
-    patch = commit_in(
-        mirror, (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0')
-    )
+    patch = commit_in(mirror, LOG_MORE)
     result = import_patch(monorepo, patch.replace('LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0'))
     assert result.returncode == 1
     assert 'does not apply to tools/core: nothing was changed' in result.stderr
@@ -99,10 +156,8 @@ def test_a_patch_that_does_not_apply_changes_nothing(repositories):
 
 def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
     monorepo, mirror = repositories
-    first = commit_in(
-        mirror, (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0')
-    )
-    second = commit_in(mirror, ('README.md', '## Install', '## How to install'))
+    first = commit_in(mirror, LOG_MORE)
+    second = commit_in(mirror, NEW_TITLE)
     good = import_patch(monorepo, first + second)
     assert good.returncode == 0, good.stderr
     assert git(monorepo, 'log', '--format=%an %s', '-2').splitlines() == ['Another Team Mend it'] * 2
@@ -144,7 +199,7 @@ def test_a_file_that_is_no_patch_is_one_line(repositories):
 
 def test_own_uncommitted_changes_are_not_mixed_in(repositories):
     monorepo, mirror = repositories
-    patch = commit_in(mirror, ('README.md', '## Install', '## How to install'))
+    patch = commit_in(mirror, NEW_TITLE)
     (monorepo / 'README.md').write_text('changed')
     result = import_patch(monorepo, patch)
     assert (result.returncode, result.stderr) == (

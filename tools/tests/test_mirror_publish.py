@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 import mirror_publish
 import pytest
 from commits import git
-from test_mirror_patch import BRIDGE, commit_in, import_patch
+from test_mirror_patch import BRIDGE, LOG_MORE, NEW_TITLE, commit_in, import_patch
 
 README = 'lupin_greenhouse_ros/README.md'
 VERSION = ElementTree.parse(
@@ -174,10 +174,10 @@ def test_a_contributors_series_comes_back_as_it_was(repositories, remote, publis
     contributor = remote.parent / 'contributor'
     git(remote.parent, 'clone', '--quiet', str(remote), str(contributor))
     base = git(contributor, 'rev-parse', 'HEAD').strip()
-    commit_in(contributor, (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0'))
+    commit_in(contributor, LOG_MORE)
     commit_in(contributor, ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One simulated', 'A simulated'))
     (contributor / 'lupin_greenhouse_bridge/test/test_more.py').write_text('"""More."""\n')
-    commit_in(contributor, ('README.md', '## Install', '## How to install'))
+    commit_in(contributor, NEW_TITLE)
     series = git(contributor, 'format-patch', '--stdout', base)
     result = import_patch(repositories[0], series)
     assert result.returncode == 0, result.stderr
