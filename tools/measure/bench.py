@@ -21,6 +21,7 @@ import statistics
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import domain_coordinator
@@ -178,11 +179,11 @@ class Asker:
                 started = time.perf_counter_ns()
                 self._call(*calls_to[side])
                 durations[side].append((time.perf_counter_ns() - started) / 1000)
-        return [sorted(each) for each in durations]
+        return [sorted(of_side) for of_side in durations]
 
     def medians(self, sides: list[tuple[str, str]], calls: int) -> tuple[float, ...]:
         """Return the median duration of a call to each side in microseconds."""
-        return tuple(percentile(each, 0.5) for each in self.latencies(sides, calls))
+        return tuple(percentile(of_side, 0.5) for of_side in self.latencies(sides, calls))
 
     def calls_within(self, service: str, seconds: float) -> tuple[int, int]:
         """Return how many calls, one after the other, were answered, and how many were lost."""
@@ -258,7 +259,7 @@ class Bench:
     def __init__(self, options):
         self.options = options
         self.rows = []
-        self.handler_shares = {}  # of the time that the bridge takes for a reply, in microseconds
+        self.lines = []  # printed below the table
 
     def ratio(self, figure: str, unit: str, pairs: list[tuple[float, float]], note: str = '') -> None:
         """Keep a figure: (subject, baseline) of each round."""
@@ -306,7 +307,7 @@ class Bench:
         """Time the round trips of one client to each server, and to one that only sends canned replies."""
         calls = 200 if self.options.short else 1000
         with Server(CANNED, 'canned') as canned, contextlib.closing(Asker()) as asker:
-            sides = [(each.service, '1') for each in (self.subject, self.baseline, canned)]
+            sides = [(server.service, '1') for server in (self.subject, self.baseline, canned)]
             for service, _ in sides:
                 asker.connect(service)
             asker.latencies(sides, 500)  # the first calls are slower
@@ -353,15 +354,15 @@ class Bench:
             def measure(service, pipes=pipes, seconds=seconds):
                 for pipe in pipes:
                     pipe.send((service, seconds))
-                calls, lost = (sum(each) for each in zip(*(pipe.recv() for pipe in pipes), strict=True))
+                calls, lost = map(sum, zip(*(pipe.recv() for pipe in pipes), strict=True))
                 return calls / seconds, lost
 
             measure(self.subject.service)
             results = self.rounds(measure, *services, rounds=max(4, self.options.rounds // 2))
             name = f'{count} client{"s" * (count > 1)}'
             self.ratio(f'throughput, {name}', 'calls/s', [(ours[0], theirs[0]) for ours, theirs in results])
-            lost = (sum(each[side][1] for each in results) for side in (0, 1))
-            self.texts(f'{name}: no reply within {LOST_AFTER_SECONDS:g} s', *map(str, lost))
+            lost = [str(sum(count for _, count in side)) for side in zip(*results, strict=True)]
+            self.texts(f'{name}: no reply within {LOST_AFTER_SECONDS:g} s', *lost)
             for pipe, worker in zip(pipes, workers, strict=True):
                 pipe.send(None)
                 worker.join(PATIENCE_SECONDS)
@@ -385,7 +386,7 @@ class Bench:
         self.ratio(
             'resident memory',
             'kB',
-            [tuple(status_of(each.process.pid, 'VmRSS') for each in (self.subject, self.baseline))],
+            [tuple(status_of(server.process.pid, 'VmRSS') for server in (self.subject, self.baseline))],
         )
         seconds = 1.0 if self.options.short else 3.0
 
@@ -403,31 +404,28 @@ class Bench:
     def growth(self) -> None:
         """Compare large with small bridges: tags, sensors at a tag, components of a sensor, calls."""
         calls = 200 if self.options.short else 500
-        folder = self.options.output
         with contextlib.ExitStack() as stack:
-
-            def serve(name: str, files: dict[str, str]) -> Server:
-                return stack.enter_context(Server(self.options.subject, name, **files))
-
-            small, large, huge = (serve(f'tags{n}', grown_greenhouse(folder, n)) for n in (29, 1000, 100_000))
-            composed = serve('composed', composed_greenhouse(folder))
-            comparisons = [
-                ('1,000 tags to 29: p50', (large, 'n2'), (small, 'n2')),
-                ('100,000 tags to 29: p50', (huge, 'n2'), (small, 'n2')),
-                *(
-                    (f'{n} sensors at the tag to 1: p50', (small, f'n{n}'), (small, 'n1'))
-                    for n in (2, 3, 4, 5)
-                ),
-                *((f'{n} components to 1: p50', (composed, f'c{n}'), (composed, 'c1')) for n in (2, 4, 8)),
-            ]
+            small, large, huge = (
+                stack.enter_context(Server(self.options.subject, f'tags{count}', **files)).service
+                for count, files in grown_greenhouses(self.options.output, (29, 1000, 100_000))
+            )
             asker = stack.enter_context(contextlib.closing(Asker()))
-            for server in (small, large, huge, composed):
-                asker.connect(server.service)
-            for figure, *compared in comparisons:
-                sides = [(server.service, tag_id) for server, tag_id in compared]
+            for service in (small, large, huge):
+                asker.connect(service)
+
+            def medians(*sides: tuple[str, str]) -> list[tuple[float, ...]]:
                 asker.latencies(sides, 100)  # the first calls are slower
-                pairs = [asker.medians(sides, calls) for _ in range(self.options.rounds)]
-                self.ratio(figure, 'us', pairs)
+                return [asker.medians(sides, calls) for _ in range(self.options.rounds)]
+
+            self.ratio('1,000 tags to 29: p50', 'us', medians((large, 'one'), (small, 'one')))
+            self.ratio('100,000 tags to 29: p50', 'us', medians((huge, 'one'), (small, 'one')))
+            sides = [(small, tag_id) for tag_id in ('one', 'sensors', 'components')]
+            rounds = [(one, sensors - one, components - one) for one, sensors, components in medians(*sides)]
+            one, sensors, components = map(statistics.median, zip(*rounds, strict=True))
+            self.lines.append(
+                f'a call for one sensor of one component {one:.1f} us, for 4 sensors {sensors:+.1f} us,'
+                f' for 8 components {components:+.1f} us'
+            )
         with Server(self.options.subject, 'many') as server, contextlib.closing(Asker()) as asker:
             asker.connect(server.service)
             calls = 7000 if self.options.short else 200_000
@@ -469,33 +467,30 @@ class Bench:
             asker.connect(profiled.service)
             asker.latencies([(profiled.service, '1')], 300 if self.options.short else 3000)
             profiled.process.terminate()
-            self.handler_shares = json.loads(profiled.process.stdout.read().splitlines()[-1])
+            shares = json.loads(profiled.process.stdout.read().splitlines()[-1])
+        calls = shares.pop('calls')
+        parts = ', '.join(f'{share} {us:.1f} us' for share, us in shares.items())
+        self.lines.append(f'in the bridge (medians of {calls} calls): {parts}')
 
 
-def grown_greenhouse(folder: Path, tag_count: int) -> dict[str, str]:
-    """Write a greenhouse of that many tags; n1 to n5 have so many sensors."""
-    tags = {f't{number}': SENSORS[:2] for number in range(tag_count - 5)}
-    tags |= {f'n{count}': SENSORS[:count] for count in range(1, 6)}
-    return _written(folder, f'{tag_count}', tags, dict.fromkeys(SENSORS, 2))
-
-
-def composed_greenhouse(folder: Path) -> dict[str, str]:
-    """Write a greenhouse where each sensor has another number of components; tag cN has the one of N."""
-    counts = dict(zip(SENSORS, (1, 2, 4, 8), strict=False))
-    return _written(folder, 'composed', {f'c{count}': [name] for name, count in counts.items()}, counts)
-
-
-def _written(folder: Path, name: str, tags: dict[str, list], components: dict[str, int]) -> dict[str, str]:
+def grown_greenhouses(folder: Path, tag_counts: tuple[int, ...]) -> Iterator[tuple[int, dict[str, str]]]:
+    """Write a greenhouse of each number of tags; yield the number and the bridge's parameters."""
     component = {'value_at_midnight': 18.0, 'value_at_noon': 26.0, 'noise_sigma': 1.0, 'dynamics': 'radial'}
     component |= {'decay_distance': 10.0, 'position': [2.0, 0.0]}
+    *simple, composed = SENSORS
     config = {
         'time': {'speedup_factor': 1800, 'debug_mode': False, 'debug_time_of_day': 12.0, 'debug_seed': 42},
-        'sensors': {sensor: [component] * count for sensor, count in components.items()},
+        'sensors': {name: [component] * (8 if name == composed else 1) for name in SENSORS},
     }
-    tag_file, config_file = folder / f'{name}.json', folder / f'{name}.yaml'
-    tag_file.write_text(json.dumps({tag: {'x': 1.0, 'y': 1.0, 'sensors': has} for tag, has in tags.items()}))
+    config_file = folder / 'greenhouse.yaml'
     config_file.write_text(json.dumps(config))  # JSON is YAML
-    return {'tag_file': f'"{tag_file}"', 'sim_config_file': f'"{config_file}"'}
+    for count in tag_counts:
+        tags = {'one': simple[:1], 'sensors': simple, 'components': [composed]}
+        tags |= {f't{number}': simple[:2] for number in range(count - len(tags))}
+        tag_file = folder / f'{count}.json'
+        places = {tag_id: {'x': 1.0, 'y': 1.0, 'sensors': sensors} for tag_id, sensors in tags.items()}
+        tag_file.write_text(json.dumps(places))
+        yield count, {'tag_file': f'"{tag_file}"', 'sim_config_file': f'"{config_file}"'}
 
 
 def main() -> int:
@@ -529,13 +524,13 @@ def main() -> int:
         'short': options.short,
     }
     result = options.output / 'bench.json'
-    figures = {'conditions': conditions, 'figures': bench.rows, 'shares': bench.handler_shares}
+    figures = {'conditions': conditions, 'figures': bench.rows, 'lines': bench.lines}
     result.write_text(json.dumps(figures, indent=2) + '\n')
-    print(f'\n{conditions["seconds"]} s on {conditions["processors"]} processors; {result}')
-    if bench.handler_shares:
-        calls = bench.handler_shares.pop('calls')
-        parts = ', '.join(f'{share} {us:.1f} us' for share, us in bench.handler_shares.items())
-        print(f'in the bridge (medians of {calls} calls): {parts}')
+    print(
+        f'\n{conditions["seconds"]} s on {conditions["processors"]} processors; {result}',
+        *bench.lines,
+        sep='\n',
+    )
     if missed := [row['figure'] for row in bench.rows if row.get('verdict') == 'MISSED']:
         print(f'missed: {", ".join(missed)}')
     if 'felt' in options.only and not options.short:

@@ -1,9 +1,8 @@
 """
 Servers that send replies made beforehand, without a simulator: the least time that a rclpy service takes.
 
-`tag_reading [SECONDS_LATE]` serves the bridge's service type. A reply has the size of the bridge's: two
-readings for every tag id, or N for an id such as `n5`. `trigger` serves std_srvs/Trigger with a reading as
-JSON in its message, which needs no message package.
+`tag_reading [SECONDS_LATE]` serves the bridge's service type. A reply has two readings.
+`trigger` serves std_srvs/Trigger with a reading as JSON in its message, which needs no message package.
 """
 
 import json
@@ -15,16 +14,7 @@ from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import GetTagReading
 
-NAMES = ('temperature', 'co2', 'humidity', 'light', 'soil_moisture')
 NAME = '~/get_tag_reading'
-
-
-def canned(tag_id: str, count: int) -> GetTagReading.Response:
-    """Return a reply of `count` readings."""
-    readings = [SensorReading(name=name, value=21.5) for name in NAMES[:count]]
-    reading = TagReading(tag_id=tag_id, sim_time_of_day_seconds=43200.0, readings=readings)
-    reading.stamp.sec = 1795189973
-    return GetTagReading.Response(reading=reading)
 
 
 def serve_trigger(node) -> None:
@@ -39,13 +29,15 @@ def serve_trigger(node) -> None:
 def serve_tag_reading(node) -> None:
     """Serve GetTagReading."""
     seconds_late = float(sys.argv[2]) if len(sys.argv) > 2 and sys.argv[2][0].isdecimal() else 0.0
-    answers = {f'n{count}': canned(f'n{count}', count) for count in range(1, 6)}
-    usual = canned('1', 2)
+    readings = [SensorReading(name=name, value=21.5) for name in ('temperature', 'co2')]
+    reading = TagReading(tag_id='1', sim_time_of_day_seconds=43200.0, readings=readings)
+    reading.stamp.sec = 1795189973
+    answer = GetTagReading.Response(reading=reading)
 
-    def handle(request, _response):
+    def handle(_request, _response):
         if seconds_late:
             time.sleep(seconds_late)
-        return answers.get(request.tag_id, usual)
+        return answer
 
     node.create_service(GetTagReading, NAME, handle, qos_profile=SERVICE_QOS)
 
