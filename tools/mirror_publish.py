@@ -64,8 +64,8 @@ class Repository:
     def tree_without_ignore(self, commit: str) -> str:
         """Return the tree of a commit without COLCON_IGNORE."""
         entries = self.git('ls-tree', commit).splitlines()
-        kept = [each for each in entries if not each.endswith('\tCOLCON_IGNORE')]
-        return self.git('mktree', text=''.join(f'{each}\n' for each in kept))
+        kept = [f'{entry}\n' for entry in entries if not entry.endswith('\tCOLCON_IGNORE')]
+        return self.git('mktree', text=''.join(kept))
 
 
 def check_this_checkout(here: Repository) -> None:
@@ -132,7 +132,7 @@ def move_ready(published: Repository, main: str) -> None:
         for who in ('AUTHOR', 'COMMITTER')
         for what, value in (('DATE', date), ('NAME', name), ('EMAIL', email))
     }
-    parents = [argument for each in filter(None, (ready, main)) for argument in ('-p', each)]
+    parents = [argument for parent in (ready, main) if parent for argument in ('-p', parent)]
     message = (
         'Merge main, without COLCON_IGNORE\n\nFor vcs import: colcon finds the packages of this branch.\n'
     )

@@ -86,7 +86,7 @@ def draw_tag(axes, tag_number: int, side_mm: float, corner: tuple[float, float])
 
 def draw_page(tag_numbers: list[int], side_mm: float):
     """Return one page; its coordinates are millimetres from the lower left corner."""
-    figure = pyplot.figure(figsize=[each / 25.4 for each in PAGE_MM])
+    figure = pyplot.figure(figsize=[side_mm / 25.4 for side_mm in PAGE_MM])
     axes = figure.add_axes((0, 0, 1, 1), xlim=(0, PAGE_MM[0]), ylim=(0, PAGE_MM[1]))
     axes.axis('off')
     for tag_number, corner in zip(tag_numbers, cells(side_mm), strict=False):
@@ -127,9 +127,11 @@ def main(arguments: list[str] | None = None) -> int:
             )
         tag_ids = served_tag_ids(options.tag_file)
         numbers = [
-            int(each) for each in tag_ids if each.isascii() and each.isdecimal() and int(each) < TAG_COUNT
+            int(tag_id)
+            for tag_id in tag_ids
+            if tag_id.isascii() and tag_id.isdecimal() and int(tag_id) < TAG_COUNT
         ]
-        if left_out := [each for each in tag_ids if str(each) not in map(str, numbers)]:
+        if left_out := [tag_id for tag_id in tag_ids if tag_id not in map(str, numbers)]:
             raise StartUpError(
                 f'tag {left_out[0]!r} is not in tag36h11: ids are 0 to {TAG_COUNT - 1} in decimal'
             )

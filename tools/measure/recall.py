@@ -65,7 +65,7 @@ def apriltag_detector():
     criteria = Criteria()
     detector = TagDetector(criteria.max_hamming)
     return lambda picture: [
-        each.tag_number for each in detector.detect(picture) if not criteria.flaw_of(each)
+        seen.tag_number for seen in detector.detect(picture) if not criteria.flaw_of(seen)
     ]
 
 
@@ -92,7 +92,7 @@ def one_row(task):
                 times_ms[index].append(1e3 * (time.perf_counter() - before))
                 found[index] += tag_number in numbers
         counts.append(found)
-    return counts, [statistics.median(each) for each in times_ms]
+    return counts, list(map(statistics.median, times_ms))
 
 
 def false_positives(first: int) -> tuple[int, int]:
@@ -116,7 +116,7 @@ def print_table(pool, ids: int) -> bool:
     print(f'| tag | distance | side | angle | {" | ".join(CONDITIONS)} | AprilTag 3 | OpenCV |')
     print('|---|---|---|---|' + '---|' * (len(CONDITIONS) + 2))
     met = True
-    tasks = [(*each, ids) for each in itertools.product(SIDES_M, DISTANCES_M, ANGLES_DEGREES)]
+    tasks = list(itertools.product(SIDES_M, DISTANCES_M, ANGLES_DEGREES, [ids]))
     for (side_m, distance_m, angle_degrees, _), (counts, medians) in zip(
         tasks, pool.map(one_row, tasks), strict=True
     ):
@@ -154,7 +154,7 @@ def print_cost() -> None:
             before = time.perf_counter()
             call()
             times_ms[name].append(1e3 * (time.perf_counter() - before))
-    medians = {name: statistics.median(each) for name, each in times_ms.items()}
+    medians = {name: statistics.median(times) for name, times in times_ms.items()}
     print(f'one picture of {width} x {height}: ' + ', '.join(f'{k} {v:.1f} ms' for k, v in medians.items()))
 
 

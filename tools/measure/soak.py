@@ -68,10 +68,10 @@ def bridge_killed_and_restarted(scale: int) -> Iterator[tuple[str, bool]]:
         time.sleep(2.0)
     results = [client.result() for client in clients]
     answered, timed_out, wrong = (
-        sum(each[key] for each in results) for key in ('answered', 'timed_out', 'wrong')
+        sum(result[key] for result in results) for key in ('answered', 'timed_out', 'wrong')
     )
     # After a kill, sending itself may take a second: Fast DDS then checks the queues in shared memory.
-    slowest = max(each['slowest_seconds'] for each in results)
+    slowest = max(result['slowest_seconds'] for result in results)
     yield (
         f'{2 * scale} kills, {answered} calls answered, {wrong} swapped, {timed_out} timed out after 2 s'
         f' (slowest {slowest} s)',
@@ -96,12 +96,12 @@ def sixteen_clients(scale: int) -> Iterator[tuple[str, bool]]:
     for client in clients:
         client.go()
     results = [client.result() for client in clients]
-    answered, wrong = (sum(each[key] for each in results) for key in ('answered', 'wrong'))
+    answered, wrong = (sum(result[key] for result in results) for key in ('answered', 'wrong'))
     yield (
         f'{16 * calls} calls, {16 * calls - answered} lost, {wrong} swapped',
         (answered, wrong) == (16 * calls, 0),
     )
-    greetings = sum(each['greetings'] for each in results)
+    greetings = sum(result['greetings'] for result in results)
     exit_code, handled = bridge.stop()
     yield (
         (f'{handled} requests handled of {greetings} greetings and {16 * calls} calls, exit {exit_code}'),
@@ -326,7 +326,7 @@ def main() -> int:
     """Run every scenario on a domain of its own; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--short', action='store_true', help='a tenth of everything')
-    names = [each.__name__ for each in SCENARIOS]
+    names = [scenario.__name__ for scenario in SCENARIOS]
     parser.add_argument(
         '--only', nargs='+', choices=names, default=names, metavar='NAME', help=', '.join(names)
     )
@@ -336,7 +336,7 @@ def main() -> int:
     share = 10 if options.short else 1
     options.refusals = options.refusals or 200 // share
     options.signals = options.signals or 100 // share
-    scenarios = [each for each in SCENARIOS if each.__name__ in options.only]
+    scenarios = [scenario for scenario in SCENARIOS if scenario.__name__ in options.only]
     with domain_coordinator.domain_id() as domain_id:
         os.environ |= {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
         return 1 if run(scenarios, 1 if options.short else 10) else 0

@@ -315,7 +315,7 @@ def empty_mirror(trees):
         (edit('both', SRV, 'string tag_id ', '?'), 'is not a field, constant or ---'),
     ],
 )
-def test_what_cannot_be_compared_is_exit_code_2_and_one_line(trees, mutate, reason, capsys):
+def test_trees_that_cannot_be_compared_are_exit_code_2(trees, mutate, reason, capsys):
     mutate(trees)
     assert trees.check() == 2
     output = capsys.readouterr()

@@ -122,7 +122,7 @@ def make_a_file_binary(tree):
     ],
     ids=lambda value: getattr(value, '__name__', ''),
 )
-def test_a_changed_tree_is_found_left_alone_and_mended_by_generate(checkout, tree, mutate, finding, capsys):
+def test_check_finds_and_generate_mends_a_changed_tree(checkout, tree, mutate, finding, capsys):
     mutate(checkout / tree)
     before = snapshot(checkout)
     assert check(checkout) == 1
@@ -136,7 +136,7 @@ def test_a_changed_tree_is_found_left_alone_and_mended_by_generate(checkout, tre
 
 
 @pytest.mark.parametrize('tree', ['monorepo', 'lupin_greenhouse_ros'])
-def test_a_teammates_unsaved_file_survives_and_nothing_is_written(checkout, tree, capsys):
+def test_an_unknown_file_is_kept_and_nothing_is_written(checkout, tree, capsys):
     own = checkout / tree / BRIDGE / 'own_experiment.py'
     own.write_text('a day of work')
     change_a_byte(checkout / 'tools/core')  # there is something to write
@@ -195,7 +195,7 @@ def test_a_folder_without_git_is_refused(checkout, capsys):
     assert 'not a git repository' in capsys.readouterr().err
 
 
-def test_the_teams_own_interfaces_are_none_of_the_generators_business(checkout):
+def test_another_interface_of_the_team_is_left_alone(checkout):
     before = snapshot(checkout / 'monorepo/lupin_msgs')
     (checkout / 'monorepo/lupin_msgs/msg/New.msg').write_text('bool new\n')
     assert check(checkout) == 0

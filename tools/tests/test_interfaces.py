@@ -25,4 +25,4 @@ def test_every_package_that_an_interface_uses_is_declared(package):
     used = set(re.findall(r'^([a-z_]+)/\w+', fields, re.MULTILINE))
     declared = re.search(r'DEPENDENCIES ([a-z_ ]+)', (folder / 'CMakeLists.txt').read_text())[1].split()
     assert used == set(declared)
-    assert all(f'<depend>{each}</depend>' in (folder / 'package.xml').read_text() for each in used)
+    assert all(f'<depend>{package}</depend>' in (folder / 'package.xml').read_text() for package in used)

@@ -54,7 +54,7 @@ def checks_pass(monorepo):
     return generation == 0 and subprocess.run(command, cwd=monorepo, check=False).returncode == 0
 
 
-def test_a_patch_beside_the_divergent_line_and_over_the_renamed_package(repositories):
+def test_a_patch_changes_the_core_and_both_trees(repositories):
     monorepo, mirror = repositories
     patch = commit_in(
         mirror,
@@ -86,7 +86,7 @@ def test_a_patch_beside_the_divergent_line_and_over_the_renamed_package(reposito
     assert checks_pass(monorepo)
 
 
-def test_a_new_file_in_a_package_arrives_in_both_trees(repositories):
+def test_a_new_file_is_added_to_both_trees(repositories):
     monorepo, mirror = repositories
     (mirror / 'lupin_greenhouse_bridge/test/test_more.py').write_text('"""More."""\n')
     result = import_patch(monorepo, commit_in(mirror))
@@ -174,7 +174,7 @@ def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
     assert git(monorepo, 'status', '--porcelain') == ''
 
 
-def test_a_file_that_goes_goes_in_both_trees(repositories):
+def test_a_deleted_file_is_deleted_in_both_trees(repositories):
     monorepo, mirror = repositories
     (mirror / f'{BRIDGE}/interfaces.py').rename(mirror / f'{BRIDGE}/messages.py')
     result = import_patch(monorepo, commit_in(mirror))
@@ -189,7 +189,7 @@ def test_a_file_that_goes_goes_in_both_trees(repositories):
     assert checks_pass(monorepo)
 
 
-def test_a_file_that_is_no_patch_is_one_line(repositories):
+def test_a_file_without_a_patch_is_refused_in_one_line(repositories):
     monorepo, _ = repositories
     result = import_patch(monorepo, '<html>sign in</html>\n')
     assert result.returncode == 1
@@ -197,7 +197,7 @@ def test_a_file_that_is_no_patch_is_one_line(repositories):
     assert len(result.stderr.splitlines()) == 1
 
 
-def test_own_uncommitted_changes_are_not_mixed_in(repositories):
+def test_uncommitted_changes_are_refused(repositories):
     monorepo, mirror = repositories
     patch = commit_in(mirror, NEW_TITLE)
     (monorepo / 'README.md').write_text('changed')

@@ -58,7 +58,7 @@ def test_main_is_the_mirror_and_ready_is_main_without_colcon_ignore(repositories
     files = {
         name: git(remote, 'ls-tree', '-r', '--name-only', name).splitlines() for name in ('main', 'ready')
     }
-    assert [each for each in files['main'] if each != 'COLCON_IGNORE'] == files['ready']
+    assert [name for name in files['main'] if name != 'COLCON_IGNORE'] == files['ready']
     assert git(remote, 'rev-parse', f'{VERSION}^{{commit}}') == git(remote, 'rev-parse', 'main')
     assert publish('--release', VERSION) == (0, 'nothing to publish\n')
 
@@ -68,11 +68,12 @@ def test_each_published_commit_names_its_source(repositories, remote, publish):
     change(repositories[0], message='Change it again')
     assert publish()[0] == 0
     published = git(remote, 'rev-list', 'main').split()
-    notes = [git(remote, 'notes', 'show', each).strip() for each in published]
-    assert notes == [f'source: {each}' for each in git(repositories[0], 'rev-list', 'HEAD').split()]
+    notes = [git(remote, 'notes', 'show', commit).strip() for commit in published]
+    sources = git(repositories[0], 'rev-list', 'HEAD').split()
+    assert notes == [f'source: {commit}' for commit in sources]
 
 
-def test_a_dry_run_says_what_would_be_pushed_and_pushes_nothing(remote, publish):
+def test_a_dry_run_pushes_nothing(remote, publish):
     code, printed = publish('--dry-run')
     assert code == 0
     assert [line.split()[2] for line in printed.splitlines()] == REFS
@@ -80,7 +81,7 @@ def test_a_dry_run_says_what_would_be_pushed_and_pushes_nothing(remote, publish)
     assert refs(remote) == {}
 
 
-def test_ready_follows_main_and_does_not_move_without_it(repositories, remote, publish):
+def test_ready_moves_with_main_only(repositories, remote, publish):
     publish()
     first = refs(remote)
     change(repositories[0], 'README.md')  # of this repository, not of the mirror
@@ -110,7 +111,7 @@ def commit_on(remote, branch):
         ('ready', 'the branch ready has changes of its own: move them to main by a patch'),
     ],
 )
-def test_what_others_have_pushed_is_not_overwritten(repositories, remote, publish, branch, reason):
+def test_commits_of_others_are_not_overwritten(repositories, remote, publish, branch, reason):
     publish()
     commit_on(remote, branch)
     before = refs(remote)
@@ -137,7 +138,7 @@ def leave_uncommitted(folder):
     ],
     ids=['not generated', 'uncommitted', 'another version'],
 )
-def test_what_is_not_in_order_is_not_published(repositories, remote, publish, spoil, arguments, reason):
+def test_a_spoiled_checkout_is_not_published(repositories, remote, publish, spoil, arguments, reason):
     if spoil:
         spoil(repositories[0])
     code, printed = publish(*arguments)
@@ -145,7 +146,7 @@ def test_what_is_not_in_order_is_not_published(repositories, remote, publish, sp
     assert refs(remote) == {}
 
 
-def test_a_release_stays_what_it_is(repositories, remote, publish):
+def test_a_release_is_not_moved(repositories, remote, publish):
     publish('--release', VERSION)
     before = refs(remote)
     change(repositories[0])
@@ -154,7 +155,7 @@ def test_a_release_stays_what_it_is(repositories, remote, publish):
     assert refs(remote) == before
 
 
-def test_a_part_of_the_history_is_not_published(repositories, remote, capsys):
+def test_a_shallow_clone_is_not_published(repositories, remote, capsys):
     change(repositories[0])
     shallow = remote.parent / 'shallow'
     git(remote.parent, 'clone', '--quiet', '--depth=1', f'file://{repositories[0]}', str(shallow))
@@ -162,13 +163,13 @@ def test_a_part_of_the_history_is_not_published(repositories, remote, capsys):
     assert 'git fetch --unshallow' in capsys.readouterr().err
 
 
-def test_a_remote_that_is_none_is_one_line(repositories, capsys):
+def test_a_wrong_remote_is_refused_in_one_line(repositories, capsys):
     for name in ('', 'nobody', '/nowhere/at/all'):
         assert mirror_publish.main([name, '--root', str(repositories[0])]) == 1
         assert capsys.readouterr().err.startswith('mirror-publish: ')
 
 
-def test_a_contributors_series_comes_back_as_it_was(repositories, remote, publish):
+def test_an_imported_series_is_published_unchanged(repositories, remote, publish):
     """From a clone of the published mirror into the core by patches, and back."""
     publish()
     contributor = remote.parent / 'contributor'

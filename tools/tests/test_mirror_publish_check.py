@@ -10,7 +10,7 @@ README = (mirror_publish_check.ROOT / mirror_publish_check.MIRROR / 'README.md')
 PLACES = Path('/srv/mirror.git'), Path('/srv/setup.bash')
 
 
-def test_its_commands_are_the_readmes_with_the_two_places_filled_in():
+def test_address_and_ros_are_filled_into_the_commands():
     commands = ''.join(mirror_publish_check.readme_commands(README, *PLACES))
     assert 'git clone /srv/mirror.git src/lupin_greenhouse_ros && rm src' in commands
     assert 'python3 -m colcon build' in commands
@@ -33,7 +33,7 @@ def test_only_marked_blocks_are_left_out():
         ('colcon test --', 'colcon build --', 'or none that tests'),
     ],
 )
-def test_a_readme_that_leaves_the_user_alone_fails(old, new, reason):
+def test_a_readme_without_a_needed_command_fails(old, new, reason):
     assert old in README
     with pytest.raises(mirror_publish_check.CheckFailedError, match=reason):
         mirror_publish_check.readme_commands(README.replace(old, new), *PLACES)

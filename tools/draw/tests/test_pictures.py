@@ -24,7 +24,7 @@ def test_the_committed_figures_are_up_to_date(capsys):
 
 def test_a_figure_of_another_greenhouse_is_not_up_to_date(tmp_path, capsys):
     assert figure.main(['--output', str(tmp_path), '--sensor', 'co2']) == 0
-    assert sorted(each.name for each in tmp_path.iterdir()) == NAMES
+    assert sorted(path.name for path in tmp_path.iterdir()) == NAMES
     capsys.readouterr()
     assert figure.main(['--output', str(tmp_path), '--sensor', 'co2', '--check']) == 0
     assert figure.main(['--output', str(tmp_path), '--sensor', 'light', '--check']) == 1
@@ -33,7 +33,7 @@ def test_a_figure_of_another_greenhouse_is_not_up_to_date(tmp_path, capsys):
 
 def texts(drawing) -> list[str]:
     """Return each text of a figure."""
-    return [each.get_text() for each in drawing.findobj(Text)]
+    return [text.get_text() for text in drawing.findobj(Text)]
 
 
 def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path, monkeypatch):
@@ -77,17 +77,21 @@ def test_the_figure_reads_in_black_and_white():
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'fragment'),
+    ('main', 'arguments', 'fragment'),
     [
-        (['--sensor', 'ph'], 'figure: --sensor ph: there is temperature'),
-        (['--tag', '99'], 'figure: --tag 99: no such tag'),
-        (['--hour', '24.5'], 'figure: --hour 24.5: must be between 0 and 24 hours'),
-        (['--output', '/missing'], 'figure: --output /missing: must be a folder'),
-        (['--tag-file', '/missing.json'], "figure: tag_file '/missing.json'"),
+        (figure.main, ['--sensor', 'ph'], 'figure: --sensor ph: there is temperature'),
+        (figure.main, ['--tag', '99'], 'figure: --tag 99: no such tag'),
+        (figure.main, ['--hour', '24.5'], 'figure: --hour 24.5: must be between 0 and 24 hours'),
+        (figure.main, ['--output', '/missing'], 'figure: --output /missing: must be a folder'),
+        (figure.main, ['--tag-file', '/missing.json'], "figure: tag_file '/missing.json'"),
+        (tag_sheet.main, ['--side', '200'], 'tags: --side 200: must be between 8 and 152 mm'),
+        (tag_sheet.main, ['--side', 'nan'], 'tags: --side nan'),
+        (tag_sheet.main, ['--tag-file', '/missing.json'], "tags: tag_file '/missing.json'"),
+        (tag_sheet.main, ['--output', '/proc/nowhere'], 'tags: '),
     ],
 )
-def test_what_cannot_be_drawn_is_said_in_one_line(arguments, fragment, capsys):
-    assert figure.main(arguments) == 2
+def test_a_wrong_argument_is_refused_in_one_line(main, arguments, fragment, capsys):
+    assert main(arguments) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(fragment)
 
@@ -110,16 +114,16 @@ def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path, side_mm, on_a_pag
     assert len(document) == -(-len(numbers) // on_a_page)
     for index, page in enumerate(document):
         expected = numbers[index * on_a_page : (index + 1) * on_a_page]
-        assert [round(each * 25.4 / 72) for each in page.get_size()] == [210, 297]
+        assert [round(points * 25.4 / 72) for points in page.get_size()] == [210, 297]
         text = page.get_textpage().get_text_range()
-        assert [int(each) for each in re.findall(r'id (\d+)', text)] == expected
+        assert list(map(int, re.findall(r'id (\d+)', text))) == expected
         assert f'black square {side_mm} mm' in text
         assert '100 mm long if printed at 100 %' in text
         picture = np.array(page.render(scale=2, grayscale=True).to_pil())
         detections = TagDetector().detect(picture)
-        assert sorted(each.tag_number for each in detections) == expected
-        for each in detections:
-            sides = np.linalg.norm(each.corners - np.roll(each.corners, 1, axis=0), axis=1)
+        assert sorted(detection.tag_number for detection in detections) == expected
+        for corners in (detection.corners for detection in detections):
+            sides = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1)
             assert sides == pytest.approx(side_mm / 25.4 * 72 * 2, abs=1.5)
 
 
@@ -127,21 +131,6 @@ def test_a_tag_is_the_right_way_up():
     """Tag 0 is 0xd5d628584, row by row, where 1 is white (AprilTag 2, tag36h11.c)."""
     inside = ~tag_sheet.modules_of(0)[1:-1, 1:-1]
     assert int(''.join(str(int(bit)) for bit in inside.ravel()), 2) == 0xD5D628584
-
-
-@pytest.mark.parametrize(
-    ('arguments', 'fragment'),
-    [
-        (['--side', '200'], 'tags: --side 200: must be between 8 and 152 mm'),
-        (['--side', 'nan'], 'tags: --side nan'),
-        (['--tag-file', '/missing.json'], "tags: tag_file '/missing.json'"),
-        (['--output', '/proc/nowhere'], 'tags: '),
-    ],
-)
-def test_tags_that_cannot_be_printed_are_refused_in_one_line(arguments, fragment, capsys):
-    assert tag_sheet.main(arguments) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(fragment)
 
 
 def test_an_id_that_is_no_number_is_refused(tmp_path, capsys):
@@ -156,7 +145,7 @@ def test_the_png_carries_its_fingerprint():
         assert len(image.info['Description']) == 64
 
 
-def test_what_the_camera_saw_is_drawn_as_committed():
+def test_the_committed_camera_picture_is_up_to_date():
     assert seen.main(['--check']) == 0
     with Image.open(seen.COMMITTED) as committed:
         assert committed.size == seen.draw().size

@@ -44,7 +44,7 @@ def test_no_promise_is_broken(runs, name):
     assert output.endswith('\n0 promises broken\n')
     assert runs[name].returncode == 0
     kept = re.findall(r'^kept +(\w+): ', output, re.MULTILINE)
-    assert list(dict.fromkeys(kept)) == [each.__name__ for each in SCENARIOS[name]]
+    assert list(dict.fromkeys(kept)) == [scenario.__name__ for scenario in SCENARIOS[name]]
 
 
 def test_the_network_test_does_not_pass_where_it_cannot_run(monkeypatch, capsys):
