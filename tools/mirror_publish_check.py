@@ -16,10 +16,9 @@ import tempfile
 from pathlib import Path
 from xml.etree import ElementTree
 
-import mirror_publish
+from mirror_publish import MIRROR, PACKAGES, ROOT, PublishError, Repository, publish
 
-ROOT = Path(__file__).resolve().parents[1]
-MIRROR = 'lupin_greenhouse_ros'
+HERE = Repository(ROOT)
 BRIDGE = 'lupin_greenhouse_bridge'
 BASH_BLOCK = re.compile(r'(?P<mark><!-- needs [^>]*-->\n)?```bash\n(?P<commands>.*?)```', re.DOTALL)
 TIMEOUT_SECONDS = 900
@@ -57,11 +56,8 @@ def run(script: str, log: Path, environment: dict, folder: Path) -> str:
 def publish_mirror(folder: Path) -> Path:
     """Return a fresh bare repository with the published mirror."""
     repository = folder / 'published.git'
-    git('init', '--quiet', '--bare', '--initial-branch=main', str(repository))
-    try:
-        mirror_publish.publish(mirror_publish.Repository(ROOT), str(repository), '', is_dry_run=False)
-    except mirror_publish.PublishError as error:
-        raise CheckFailedError(str(error)) from error
+    HERE.git('init', '--quiet', '--bare', '--initial-branch=main', str(repository))
+    publish(HERE, str(repository), '', is_dry_run=False)
     return repository
 
 
@@ -72,14 +68,6 @@ def import_with_vcs(readme: str, repository: Path, folder: Path) -> dict[str, st
     (folder / 'my.repos').write_text(repos.replace('URL_OF_THIS_REPOSITORY', str(repository)))
     run('vcs import src < my.repos', folder / 'vcs.log', dict(os.environ), folder)
     return packages_seen(folder)
-
-
-def git(*arguments: str) -> str:
-    """Run git in this checkout and return its output."""
-    result = subprocess.run(['git', *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
-    if result.returncode:
-        raise CheckFailedError(f'git {" ".join(arguments)}: {result.stderr}')
-    return result.stdout.strip()
 
 
 def ros_setup(folder: Path) -> Path:
@@ -161,7 +149,7 @@ def main() -> int:
         folder = Path(name)
         try:
             repository = publish_mirror(folder)
-            readme = git('show', f'HEAD:{MIRROR}/README.md')
+            readme = HERE.git('show', f'HEAD:{MIRROR}/README.md')
             blocks = readme_commands(readme, repository, ros_setup(folder))
             print(f'published {MIRROR}; following {len(blocks)} blocks of its README', flush=True)
 
@@ -179,12 +167,12 @@ def main() -> int:
                 print(f'layout {layout}: {built[1]} packages built, {tested[1]} tests passed', flush=True)
 
             imported = import_with_vcs(readme, repository, folder / 'imported')
-            if set(imported) != {BRIDGE, 'lupin_greenhouse_msgs'}:
+            if set(imported) != set(PACKAGES):
                 raise CheckFailedError(f'after vcs import of the branch ready colcon sees {imported}')
             print('after vcs import of the branch ready colcon sees both packages')
 
             trap = folder / 'trap/src'
-            git('clone', '--quiet', str(repository), str(trap / MIRROR))
+            HERE.git('clone', '--quiet', str(repository), str(trap / MIRROR))
             if packages_seen(trap.parent):
                 raise CheckFailedError('COLCON_IGNORE does not hide a fresh clone')
             print('a fresh clone is hidden by COLCON_IGNORE')
@@ -193,7 +181,7 @@ def main() -> int:
             if seen.get(BRIDGE) != f'src/monorepo/{BRIDGE}' or 'lupin_greenhouse_msgs' in seen:
                 raise CheckFailedError(f'beside the monorepo colcon sees {seen}')
             print(f'beside the monorepo colcon sees one {BRIDGE}, the one of the monorepo')
-        except (CheckFailedError, subprocess.TimeoutExpired) as error:
+        except (CheckFailedError, PublishError, subprocess.TimeoutExpired) as error:
             print(f'publish check failed: {error}', file=sys.stderr)
             return 1
     return 0

@@ -299,18 +299,6 @@ def test_a_table_that_does_not_fit_the_core_writes_nothing(checkout, mutate, mes
     assert snapshot(checkout) == before
 
 
-def test_the_trees_differ_in_one_line_of_the_bridge_beyond_the_rename():
-    """Describes the mirror again, independently of the table."""
-    monorepo, mirror = (
-        (ROOT / tree / BRIDGE / 'bridge_node.py').read_text().replace('lupin_greenhouse_msgs', 'lupin_msgs')
-        for tree in ('monorepo', 'lupin_greenhouse_ros')
-    )
-    differing = [
-        pair for pair in zip(monorepo.splitlines(), mirror.splitlines(), strict=True) if pair[0] != pair[1]
-    ]
-    assert differing == [('    return Path(value) if value else None', '    return value or None')]
-
-
 def test_every_generated_file_and_no_other_is_marked_as_generated():
     """Then a merge request on GitHub or GitLab shows an edit once."""
     rendered = generate.render(ROOT, generate.load_table(ROOT / 'tools/twins.toml'))

@@ -202,7 +202,5 @@ def test_uncommitted_changes_are_refused(repositories):
     patch = commit_in(mirror, NEW_TITLE)
     (monorepo / 'README.md').write_text('changed')
     result = import_patch(monorepo, patch)
-    assert (result.returncode, result.stderr) == (
-        2,
-        'mirror-import: commit or stash your own changes first\n',
-    )
+    assert result.returncode == 2
+    assert result.stderr == 'mirror-import: commit or stash your own changes first\n'

@@ -15,19 +15,9 @@ CANNED = f'{sys.executable} {ROOT / "tools/measure/canned_replies.py"} tag_readi
 
 def figures(output: Path, part: str, *arguments: str) -> dict[str, dict]:
     script = 'source ci/ros_env.bash && exec "$0" tools/measure/bench.py "$@"'
+    options = ['--short', '--only', part, '--output', str(output), *arguments]
     result = subprocess.run(
-        [
-            'bash',
-            '-c',
-            script,
-            sys.executable,
-            '--short',
-            '--only',
-            part,
-            '--output',
-            str(output),
-            *arguments,
-        ],
+        ['bash', '-c', script, sys.executable, *options],
         cwd=ROOT,
         env={**os.environ, 'TREE': 'monorepo'},
         capture_output=True,

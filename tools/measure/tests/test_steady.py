@@ -32,18 +32,12 @@ def run(tmp_path, *arguments):
 
 
 def test_a_test_that_fails_once_in_three_runs_is_named(tmp_path):
-    (tmp_path / 'test_it.py').write_text(TESTS)
+    tests = tmp_path / 'test_it.py'
+    tests.write_text(TESTS)
     results = tmp_path / 'env/workspace/monorepo/build/package/pytest.xml'
-    command = [
-        sys.executable,
-        '-m',
-        'pytest',
-        '-p',
-        'no:cacheprovider',
-        f'--rootdir={tmp_path}',
-        f'--junit-xml={results}',
-    ]
-    result = run(tmp_path, '--runs', '3', '--load', '1', '--', *command, str(tmp_path / 'test_it.py'))
+    options = ['-p', 'no:cacheprovider', f'--rootdir={tmp_path}', f'--junit-xml={results}']
+    command = [sys.executable, '-m', 'pytest', *options, str(tests)]
+    result = run(tmp_path, '--runs', '3', '--load', '1', '--', *command)
     assert result.returncode == 1
     lines = result.stdout.splitlines()
     assert lines[0].startswith('run 1/3: 2 tests, 0 failed')
