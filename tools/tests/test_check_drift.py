@@ -94,7 +94,7 @@ EDITS = [
     (INTERFACE, 'mirror', READING, 'builtin_interfaces/Time stamp', 'builtin_interfaces/Duration stamp'),
     # the rest of both packages
     (PACKAGE_DIFFERS, 'mirror', LAUNCH, "name='greenhouse_bridge'", "name='bridge'"),
-    (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/{BRIDGE}/settings.py', '-1, ', '-2, '),
+    (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/{BRIDGE}/settings.py', '86400.0', '86401.0'),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/{BRIDGE}/contract.py', 'depth=1000', 'depth=10'),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/setup.py', 'mdp-greenhouse>=1.0.7', 'mdp-greenhouse>=1.0.6'),
     (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/setup.py', "version='1.", "version='2."),
