@@ -68,9 +68,9 @@ class CameraStandIn(Node):
         self._tag_id = message.data
 
     def _publish(self) -> None:
-        is_tag = self._tag_id.isdecimal() and int(self._tag_id) < TAG_COUNT
+        has_tag = self._tag_id.isdecimal() and int(self._tag_id) < TAG_COUNT
         picture = self._camera.look_at(
-            scene.marker(int(self._tag_id), module_pixels=30) if is_tag else None,
+            scene.marker(int(self._tag_id), module_pixels=30) if has_tag else None,
             self._random,
             distance_m=self._random.uniform(0.3, 1.0),
             angle_degrees=self._random.uniform(0.0, 40.0),
@@ -104,16 +104,16 @@ def detections_source():
 
     def detections_of(picture):
         array = messages.AprilTagDetectionArray()
-        for each in detect(picture):
-            x, y = np.mean(each.corners, axis=0)
+        for tag in detect(picture):
+            x, y = np.mean(tag.corners, axis=0)
             array.detections.append(
                 messages.AprilTagDetection(
                     family=FAMILY,
-                    id=each.tag_number,
-                    hamming=each.hamming,
-                    decision_margin=each.decision_margin,
+                    id=tag.tag_number,
+                    hamming=tag.hamming,
+                    decision_margin=tag.decision_margin,
                     centre=messages.Point(x=x, y=y),
-                    corners=[messages.Point(x=float(x), y=float(y)) for x, y in each.corners],
+                    corners=[messages.Point(x=float(x), y=float(y)) for x, y in tag.corners],
                 )
             )
         return array

@@ -24,6 +24,6 @@ class TagDetector:
     def detect(self, picture: np.ndarray) -> list[Detection]:
         """Return the tags in a uint8 picture of the shape (height, width), both at least 3."""
         return [
-            Detection(each['id'], each['hamming'], each['margin'], each['lb-rb-rt-lt'])
-            for each in self._detector.detect(picture)
+            Detection(tag['id'], tag['hamming'], tag['margin'], tag['lb-rb-rt-lt'])
+            for tag in self._detector.detect(picture)
         ]

@@ -59,19 +59,17 @@ def detections_of(message) -> Sight:
     return Sight(
         [
             Detection(
-                each.id, each.hamming, each.decision_margin, [(corner.x, corner.y) for corner in each.corners]
+                tag.id, tag.hamming, tag.decision_margin, [(corner.x, corner.y) for corner in tag.corners]
             )
-            for each in message.detections
-            if each.family in FAMILIES
+            for tag in message.detections
+            if tag.family in FAMILIES
         ]
     )
 
 
 def _detector(settings: Settings):
     try:
-        from lupin_perception.detector import (
-            TagDetector,
-        )  # imported here: a missing library is a one-line error
+        from lupin_perception.detector import TagDetector  # here: a missing library is a one-line error
     except ImportError as error:
         raise StartUpError(
             f'the AprilTag library is missing ({error}): sudo apt install python3-apriltag'

@@ -54,7 +54,7 @@ def test_a_compressed_image_has_the_tag_of_the_picture(tag_7):
     assert message.format == 'mono8; jpeg compressed '
     assert len(message.data) < tag_7.size / 2
     sight = sight_of('compressed_image_topic', message)
-    assert [each.tag_number for each in sight.detections] == [7]
+    assert [tag.tag_number for tag in sight.detections] == [7]
     assert np.abs(sight.picture.astype(int) - tag_7).mean() < 5
 
 
@@ -67,7 +67,7 @@ def test_detections_are_those_of_the_picture(tag_7):
     assert found[:2] == expected[:2]
     assert found.decision_margin == pytest.approx(expected.decision_margin)
     assert np.allclose(found.corners, expected.corners)
-    (centre,) = [(each.centre.x, each.centre.y) for each in message.detections]
+    (centre,) = [(tag.centre.x, tag.centre.y) for tag in message.detections]
     assert centre == pytest.approx(expected.corners.mean(axis=0), abs=0.01)
     assert not detections_of(WALL).detections
 

@@ -15,9 +15,7 @@ SHARP, NOISY, BLURRED = {}, {'noise_levels': 15.0}, {'blur_pixels': 1.0}
 def found_in():
     """Return a function that returns the numbers of the tags in a picture, by the default criteria."""
     detector, criteria = TagDetector(), Criteria()
-    return lambda picture: {
-        each.tag_number for each in detector.detect(picture) if not criteria.flaw_of(each)
-    }
+    return lambda picture: {tag.tag_number for tag in detector.detect(picture) if not criteria.flaw_of(tag)}
 
 
 @pytest.mark.parametrize(

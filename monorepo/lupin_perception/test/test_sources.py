@@ -93,8 +93,8 @@ def test_detections_of_another_node_are_judged(message, reason):
 
 def test_detections_keep_their_corners_and_have_no_picture():
     corners = [Point(x=float(n), y=10.0 + n) for n in range(4)]
-    each = AprilTagDetection(family='tag36h11', id=7, decision_margin=50.0, corners=corners)
-    sight = open_with('detections_topic').sight_of(AprilTagDetectionArray(detections=[each]))
+    tag = AprilTagDetection(family='tag36h11', id=7, decision_margin=50.0, corners=corners)
+    sight = open_with('detections_topic').sight_of(AprilTagDetectionArray(detections=[tag]))
     assert sight.detections[0].corners == [(0.0, 10.0), (1.0, 11.0), (2.0, 12.0), (3.0, 13.0)]
     assert sight.picture is None
 
