@@ -3,6 +3,8 @@
 import re
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -42,16 +44,21 @@ class Sight(NamedTuple):
     picture: np.ndarray | None = None
 
 
-class Frame(NamedTuple):
-    """
-    One message of a camera or a detector.
+@dataclass(frozen=True)
+class Frame:
+    """One message of a camera or a detector. Its two times are seconds of different clocks."""
 
-    The two times are seconds of different clocks. `look` decodes and searches, and raises UnusableImage.
-    """
-
-    look: Callable[[], Sight]
+    look: Callable[[], Sight]  # decodes and searches; raises UnusableImage
     stamp_seconds: float
     arrival_seconds: float
+
+    @cached_property
+    def sight(self) -> Sight | UnusableImage:
+        """What `look` returns or raises. It is called once."""
+        try:
+            return self.look()
+        except UnusableImage as error:
+            return error
 
 
 class Verdict(NamedTuple):
@@ -69,20 +76,17 @@ class Confirmer:
         self._criteria = criteria
         # Twice as many as must show the tag: some may be blurred.
         self._frames: deque[Frame] = deque(maxlen=2 * criteria.min_frames)
-        self._seen: dict[int, Sight | UnusableImage] = {}  # by id() of a kept frame
 
     def add(self, frame: Frame) -> None:
         """Keep a frame in place of the oldest."""
         self._frames.append(frame)
-        kept = set(map(id, self._frames))
-        self._seen = {key: sight for key, sight in self._seen.items() if key in kept}
 
     def confirm(self, tag_id: str, stamp_now_seconds: float, arrival_now_seconds: float) -> Verdict:
         """Return whether the camera sees this tag now. Raises UnknownTagId."""
         number = tag_number(tag_id)
-        faults = [self._fault_of_age(each, stamp_now_seconds, arrival_now_seconds) for each in self._frames]
+        faults = [self._fault_of_age(frame, stamp_now_seconds, arrival_now_seconds) for frame in self._frames]
         recent = [frame for frame, fault in zip(self._frames, faults, strict=True) if not fault]
-        sights = [self._sight_of(frame) for frame in reversed(recent)]
+        sights = [frame.sight for frame in reversed(recent)]
         usable = [sight for sight in sights if isinstance(sight, Sight)]
         if not usable:
             reason = str(sights[0]) if sights else faults[-1] if faults else 'no image yet'
@@ -103,22 +107,14 @@ class Confirmer:
             return f'the last image is stamped {abs(age):.1f} s {where}: not within {longest:g} s'
         return ''
 
-    def _sight_of(self, frame: Frame) -> Sight | UnusableImage:
-        if id(frame) not in self._seen:
-            try:
-                self._seen[id(frame)] = frame.look()
-            except UnusableImage as error:
-                self._seen[id(frame)] = error
-        return self._seen[id(frame)]
-
     def _judge(self, number: int, sights: list[Sight]) -> tuple[int, str]:
         """Return how many of the sights, newest first, show the tag, and why the others do not."""
         sightings = 0
         flaws: list[str] = []
         others: set[int] = set()
         for sight in sights:
-            others.update({each.tag_number for each in sight.detections} - {number})
-            found = [self._criteria.flaw_of(each) for each in sight.detections if each.tag_number == number]
+            others.update({tag.tag_number for tag in sight.detections} - {number})
+            found = [self._criteria.flaw_of(tag) for tag in sight.detections if tag.tag_number == number]
             flaws += filter(None, found)
             sightings += '' in found
         if flaws:

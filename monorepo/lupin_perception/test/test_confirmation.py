@@ -136,14 +136,6 @@ def test_each_frame_is_looked_into_once_and_only_when_asked():
     assert sorted(looked) == [2, 3, 4, 5, 6]
 
 
-def test_a_new_frame_is_never_taken_for_one_that_is_gone():
-    """Python gives a new object the memory, and so the id(), of one that is gone."""
-    seen = confirmer(min_frames=1)
-    for number in range(100):
-        seen.add(frame_of([tag(number)]))
-        assert answer(seen, str(number)) == (1.0, '')
-
-
 @pytest.mark.parametrize(('min_frames', 'confidence'), [(1, 1.0), (2, 0.5)])
 def test_the_verdict_comes_with_the_newest_usable_sight(min_frames, confidence):
     old, new = Sight([GOOD]), Sight([])
