@@ -1,7 +1,7 @@
 """
 A camera for tests and simulations: publishes rendered images of the tag that the mission stands at.
 
-Subscribes to `/mission/at_tag`. Between two tags, and for an id outside tag36h11, it shows a bare wall.
+Subscribes to `mission/at_tag`. Between two tags, and for an id outside tag36h11, it shows a bare wall.
 """
 
 import sys
@@ -26,7 +26,8 @@ NODE_NAME = 'camera'
 FRAMES_PER_SECOND = 8
 JPEG_QUALITY = 80
 COMPRESSED_TOPIC = f'{DEFAULT_IMAGE_TOPIC}/compressed'
-DETECTIONS_TOPIC = '/detections'
+DETECTIONS_TOPIC = 'detections'
+AT_TAG_TOPIC = 'mission/at_tag'
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class CameraStandIn(Node):
         }[publishes]()
         self._publisher = self.create_publisher(message_type, topic, qos_profile_sensor_data)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(String, '/mission/at_tag', self._on_tag, latched)
+        self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched)
         self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
 
     def _on_tag(self, message) -> None:

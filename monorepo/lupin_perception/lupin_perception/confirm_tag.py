@@ -1,4 +1,4 @@
-"""ROS 2 node `/perception/confirm_tag`: confirms that the camera sees the tag that the robot expects."""
+"""ROS 2 node `confirm_tag`: confirms that the camera sees the tag that the robot expects."""
 
 import sys
 import time
@@ -22,6 +22,7 @@ from lupin_perception.settings import Settings
 from lupin_perception.sources import open_source
 
 NODE_NAME = 'confirm_tag'
+SERVICE = 'perception/confirm_tag'
 LOOK_EVERY_SECONDS = 0.05
 LOG_EVERY_SECONDS = 5.0  # a stream of unusable images must not flood the log
 
@@ -31,7 +32,7 @@ class ConfirmTagNode(Node):
 
     def __init__(self):
         """Offer the service; raises StartUpError."""
-        super().__init__(NODE_NAME, namespace='perception')
+        super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
         self._source = open_source(settings)
         self._confirmer = Confirmer(settings)
@@ -42,10 +43,10 @@ class ConfirmTagNode(Node):
         self.create_subscription(
             self._source.message_type, self._source.topic, self._on_message, qos_profile_sensor_data
         )
-        self._seen = self.create_publisher(Image, '~/seen', 1)
+        self._pictures = self.create_publisher(Image, f'{SERVICE}/seen', 1)
         self.create_service(
             ConfirmTag,
-            'confirm_tag',
+            SERVICE,
             self._confirm,
             qos_profile=SERVICE_QOS,
             callback_group=ReentrantCallbackGroup(),  # several callers can wait at once
@@ -99,7 +100,7 @@ class ConfirmTagNode(Node):
         verdict = self._confirmer.confirm(tag_id, stamp_now_seconds, time.monotonic())
         response.detection_confidence, response.error_message = verdict.confidence, verdict.reason
         response.detected = not verdict.reason
-        if self._seen.get_subscription_count():
+        if self._pictures.get_subscription_count():
             self._show(verdict, tag_number(tag_id))
 
     def _show(self, verdict: Verdict, number: int) -> None:
@@ -113,13 +114,15 @@ class ConfirmTagNode(Node):
             picture = draw(verdict, number, self._settings)
         except Exception as error:  # a picture is worth less than the node
             reason = printable(f'{type(error).__name__}: {error}', 200)
-            self.get_logger().error(f'cannot draw ~/seen: {reason}', throttle_duration_sec=LOG_EVERY_SECONDS)
+            self.get_logger().error(
+                f'cannot draw {self._pictures.topic_name}: {reason}', throttle_duration_sec=LOG_EVERY_SECONDS
+            )
             return
         height, width, channels = picture.shape
         image = Image(height=height, width=width, encoding='rgb8', step=channels * width)
         image.header.stamp = self.get_clock().now().to_msg()
         image.data = picture.tobytes()
-        self._seen.publish(image)
+        self._pictures.publish(image)
 
 
 def main(args=None):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.node.parameters import check_parameters, parameter
 
-DEFAULT_IMAGE_TOPIC = '/camera/color/image_raw'
+DEFAULT_IMAGE_TOPIC = 'camera/color/image_raw'
 SOURCES = ('image_topic', 'compressed_image_topic', 'detections_topic')
 
 

@@ -27,12 +27,13 @@ CAMERA = Camera(width=320, height=240, focal_length_pixels=300.0)
 class Perception:
     """A camera and a client of a confirm_tag that runs."""
 
-    def __init__(self, node, message_type=Image, topic=TOPIC, namespace='/perception'):
+    def __init__(self, node, message_type=Image, topic=TOPIC, namespace=''):
         from lupin_greenhouse_bridge.testing import greet, wait_until
 
         self.node = node
         self._images = node.create_publisher(message_type, topic, qos_profile_sensor_data)
-        self._client = node.create_client(ConfirmTag, f'{namespace}/confirm_tag', qos_profile=SERVICE_QOS)
+        service = f'{namespace}/perception/confirm_tag'
+        self._client = node.create_client(ConfirmTag, service, qos_profile=SERVICE_QOS)
         assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
         wait_until(lambda: self._images.get_subscription_count() == 1)
         greet(self._client, ConfirmTag.Request())  # an empty id is refused at once
@@ -79,12 +80,18 @@ class Perception:
 
 @pytest.fixture
 def run_nodes():
-    """Return a function that runs nodes with these parameters, and returns a node of the test beside them."""
+    """
+    Return a function that runs nodes with these ROS arguments and parameters.
+
+    It returns them, and a node of the test beside them.
+    """
     with contextlib.ExitStack() as stack:
 
-        def run(*node_types, **parameters):
+        def run(*node_types, arguments=(), **parameters):
             overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-            rclpy.init(args=['--ros-args', *overrides], signal_handler_options=SignalHandlerOptions.NO)
+            rclpy.init(
+                args=['--ros-args', *arguments, *overrides], signal_handler_options=SignalHandlerOptions.NO
+            )
             stack.callback(rclpy.try_shutdown)
             executor = SingleThreadedExecutor()
             # One participant for all: its endpoints find each other at once.
@@ -99,16 +106,15 @@ def run_nodes():
                     executor.spin_once()
 
             def end():
-                executor.create_task(
-                    ended.set
-                )  # rclpy raises if another thread shuts down a spinning executor
+                # rclpy raises if another thread shuts down a spinning executor.
+                executor.create_task(ended.set)
                 spinner.join(PATIENCE_SECONDS)
                 executor.shutdown()
 
             spinner = threading.Thread(target=spin, daemon=True)
             spinner.start()
             stack.callback(end)
-            return nodes[-1]
+            return nodes
 
         yield run
 
@@ -123,7 +129,8 @@ def start(run_nodes):
 
     def start_perception(message_type=Image, source='image_topic', **parameters):
         defaults = {source: TOPIC, 'max_image_age_seconds': 3600.0, 'timeout_seconds': 2 * PATIENCE_SECONDS}
-        return Perception(run_nodes(ConfirmTagNode, **{**defaults, **parameters}), message_type)
+        _, node = run_nodes(ConfirmTagNode, **{**defaults, **parameters})
+        return Perception(node, message_type)
 
     return start_perception
 

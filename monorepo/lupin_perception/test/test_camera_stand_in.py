@@ -7,6 +7,7 @@ from conftest import CAMERA, Perception
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.testing import spinning_node, wait_until
 from lupin_perception.camera_stand_in import (
+    AT_TAG_TOPIC,
     COMPRESSED_TOPIC,
     DETECTIONS_TOPIC,
     CameraStandIn,
@@ -24,6 +25,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+AT_TAG = f'/{AT_TAG_TOPIC}'
 WALL = CAMERA.look_at(None, np.random.default_rng(0))
 
 
@@ -84,9 +86,9 @@ def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(
     run_nodes, publishes, source, topic, message_type
 ):
     parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0, source: topic}
-    node = run_nodes(CameraStandIn, ConfirmTagNode, publishes=publishes, **parameters)
-    at_tag = node.create_publisher(String, '/mission/at_tag', LATCHED)
-    perception = Perception(node, message_type, topic)
+    *_, node = run_nodes(CameraStandIn, ConfirmTagNode, publishes=publishes, **parameters)
+    at_tag = node.create_publisher(String, AT_TAG, LATCHED)
+    perception = Perception(node, message_type, f'/{topic}')
     for tag_id in ('7', '587', 'seven', '586', ''):
         at_tag.publish(String(data=tag_id))
         if tag_id in ('7', '586'):
@@ -97,10 +99,9 @@ def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(
 
 def test_a_mission_that_is_older_than_the_camera_is_heard(run_nodes):
     with spinning_node('mission') as mission:
-        at_tag = mission.create_publisher(String, '/mission/at_tag', LATCHED)
+        at_tag = mission.create_publisher(String, AT_TAG, LATCHED)
         at_tag.publish(String(data='7'))
         parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0}
-        perception = Perception(
-            run_nodes(CameraStandIn, ConfirmTagNode, **parameters), Image, DEFAULT_IMAGE_TOPIC
-        )
+        *_, node = run_nodes(CameraStandIn, ConfirmTagNode, **parameters)
+        perception = Perception(node, Image, f'/{DEFAULT_IMAGE_TOPIC}')
         wait_until(lambda: perception.confirm('7').detected)

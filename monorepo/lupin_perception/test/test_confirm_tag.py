@@ -1,6 +1,7 @@
 """The real node, with images and requests over ROS."""
 
 import os
+import re
 import signal
 
 import numpy as np
@@ -12,8 +13,12 @@ from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
 from lupin_perception import confirm_tag
+from lupin_perception.camera_stand_in import CameraStandIn
+from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
 from messages import compressed, detections, image_of
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage, Image
+from std_msgs.msg import String
 
 
 def test_one_call_confirms_the_expected_tag(start, tag_7):
@@ -121,7 +126,7 @@ def test_a_picture_that_cannot_be_drawn_costs_only_the_picture(start, tag_7, mon
     def is_said():
         assert perception.confirm('7', image_of(tag_7)).detected
         said.append(capfd.readouterr().err)
-        return 'cannot draw ~/seen: ValueError: Only supported for TrueType fonts' in ''.join(said)
+        return f'cannot draw {topic}: ValueError: Only supported for TrueType fonts' in ''.join(said)
 
     wait_until(is_said)
 
@@ -185,6 +190,47 @@ def test_a_mistyped_parameter_is_named_and_changes_nothing(start, capfd):
     log = capfd.readouterr().err
     assert 'parameter min_frame is unknown and ignored' in log
     assert f'ready: images from {TOPIC}' in log
+
+
+@pytest.mark.parametrize('namespace', ['', '/robot1'])
+def test_all_names_move_with_the_namespace(run_nodes, namespace):
+    arguments = ['-r', f'__ns:={namespace}'] if namespace else []
+    *_, node = run_nodes(confirm_tag.ConfirmTagNode, CameraStandIn, arguments=arguments)
+
+    def names(of):
+        """Return the names that the two nodes have created, but for those of each ROS node."""
+        found = [of('confirm_tag', namespace or '/'), of('camera', namespace or '/')]
+        return sorted(
+            name
+            for names in found
+            for name, _ in names
+            if not re.search(r'/rosout$|/parameter_events$|/(get|set|list|describe)_\w+$', name)
+        )
+
+    image, seen = f'{namespace}/camera/color/image_raw', f'{namespace}/perception/confirm_tag/seen'
+    wait_until(lambda: names(node.get_publisher_names_and_types_by_node) == [image, seen])
+    assert names(node.get_subscriber_names_and_types_by_node) == [image, f'{namespace}/mission/at_tag']
+    assert names(node.get_service_names_and_types_by_node) == [f'{namespace}/perception/confirm_tag']
+
+
+def test_two_robots_on_one_domain_do_not_hear_each_other(start_node):
+    """Robot 1 stands at tag 7, and robot 2 at tag 8."""
+    with spinning_node('perception_test') as node:
+        robots = {}
+        for tag_id in ('7', '8'):
+            options = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0}
+            confirming = start_node([executable('lupin_perception', 'confirm_tag')], **options)
+            namespace = ['--ros-args', '-r', f'__ns:={confirming.namespace}']
+            start_node([executable('lupin_perception', 'camera_stand_in'), *namespace])
+            latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            at_tag = node.create_publisher(String, f'{confirming.namespace}/mission/at_tag', latched)
+            at_tag.publish(String(data=tag_id))
+            topic = f'{confirming.namespace}/{DEFAULT_IMAGE_TOPIC}'
+            robots[tag_id] = Perception(node, topic=topic, namespace=confirming.namespace)
+        for tag_id, other in ('78', '87'):
+            wait_until(lambda tag_id=tag_id: robots[tag_id].confirm(tag_id).detected)
+            reason = robots[tag_id].confirm_until('other tags in view', tag_id=other)
+            assert reason == f'tag {other}: other tags in view: {tag_id}'
 
 
 @pytest.fixture
