@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.node.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.node.run import run
 from lupin_greenhouse_bridge.on_sight.detections import detection_messages
@@ -20,13 +19,11 @@ from std_msgs.msg import String
 
 from lupin_perception import scene
 from lupin_perception.confirmation import TAG_COUNT
-from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
+from lupin_perception.settings import TOPICS, check_source
 
 NODE_NAME = 'camera'
 FRAMES_PER_SECOND = 8
 JPEG_QUALITY = 80
-COMPRESSED_TOPIC = f'{DEFAULT_IMAGE_TOPIC}/compressed'
-DETECTIONS_TOPIC = 'detections'
 AT_TAG_TOPIC = 'mission/at_tag'
 
 
@@ -40,10 +37,7 @@ class Settings:
 
     def __post_init__(self):
         check_parameters(self)
-        if self.publishes not in ('image', 'compressed', 'detections'):
-            raise StartUpError(
-                f'parameter publishes is {self.publishes!r}: must be image, compressed or detections'
-            )
+        check_source('publishes', self.publishes)
 
 
 class CameraStandIn(Node):
@@ -55,12 +49,12 @@ class CameraStandIn(Node):
         self._random = np.random.default_rng(0)
         self._camera = scene.Camera()
         self._tag_id = ''
-        message_type, topic, self._message_of = {
-            'image': lambda: (Image, DEFAULT_IMAGE_TOPIC, image_of),
-            'compressed': lambda: (CompressedImage, COMPRESSED_TOPIC, compressed_image_of),
-            'detections': detections_source,
+        message_type, self._message_of = {
+            'image': lambda: (Image, image_of),
+            'compressed': lambda: (CompressedImage, compressed_image_of),
+            'detections': detections,
         }[publishes]()
-        self._publisher = self.create_publisher(message_type, topic, qos_profile_sensor_data)
+        self._publisher = self.create_publisher(message_type, TOPICS[publishes], qos_profile_sensor_data)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched)
         self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
@@ -96,8 +90,8 @@ def compressed_image_of(picture: np.ndarray) -> CompressedImage:
     return CompressedImage(format='mono8; jpeg compressed ', data=data.tobytes())
 
 
-def detections_source():
-    """Return the message type, the topic, and the function that makes detections of a picture."""
+def detections():
+    """Return the message type, and the function that makes a message of the tags in a grey picture."""
     messages = detection_messages()
     from lupin_perception.detector import FAMILY, TagDetector
 
@@ -119,7 +113,7 @@ def detections_source():
             )
         return array
 
-    return messages.AprilTagDetectionArray, DETECTIONS_TOPIC, detections_of
+    return messages.AprilTagDetectionArray, detections_of
 
 
 def main(args=None) -> int:

@@ -6,7 +6,24 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.node.parameters import check_parameters, parameter
 
 DEFAULT_IMAGE_TOPIC = 'camera/color/image_raw'
-SOURCES = ('image_topic', 'compressed_image_topic', 'detections_topic')
+TOPICS = {
+    'image': DEFAULT_IMAGE_TOPIC,
+    'compressed': f'{DEFAULT_IMAGE_TOPIC}/compressed',
+    'detections': 'detections',
+}
+# The source that each deprecated parameter stands for.
+DEPRECATED = {
+    'image_topic': 'image',
+    'compressed_image_topic': 'compressed',
+    'detections_topic': 'detections',
+}
+SOURCES = ('source', *DEPRECATED)
+
+
+def check_source(name: str, value: str) -> None:
+    """Raise StartUpError if a parameter does not name a source."""
+    if value not in TOPICS:
+        raise StartUpError(f'parameter {name} is {value!r}: must be image, compressed or detections')
 
 
 @dataclass(frozen=True)
@@ -53,27 +70,41 @@ class Settings(Criteria):
         smallest=0.0,
         largest=60.0,
     )
-    image_topic: str = parameter(
-        DEFAULT_IMAGE_TOPIC,
-        "The camera's sensor_msgs/Image topic; ignored by default if another source is set.",
+    source: str = parameter(
+        'image', 'image, compressed (JPEG or PNG), or detections (of a detector that runs already).'
     )
-    compressed_image_topic: str = parameter('', 'Instead: a sensor_msgs/CompressedImage topic, JPEG or PNG.')
+    image_topic: str = parameter('', f'Deprecated: remap {TOPICS["image"]}.')
+    compressed_image_topic: str = parameter(
+        '', f'Deprecated: set source to compressed, and remap {TOPICS["compressed"]}.'
+    )
     detections_topic: str = parameter(
-        '', 'Instead: the apriltag_msgs/AprilTagDetectionArray topic of a running detector.'
+        '', f'Deprecated: set source to detections, and remap {TOPICS["detections"]}.'
     )
 
     def __post_init__(self):
         super().__post_init__()
-        self.source()
+        check_source('source', self.source)
+        given = [('source', self.source)] if self.source != 'image' else []
+        given += self._deprecated()
+        if len({DEPRECATED.get(name, value) for name, value in given}) > 1:
+            shown = ' and '.join(f'{name} is {value}' for name, value in given)
+            raise StartUpError(f'{shown}: set source alone, and remap its topic')
 
-    def source(self) -> tuple[str, str]:
-        """Return the name and the value of the parameter that selects the source."""
-        chosen = [(name, getattr(self, name)) for name in SOURCES if getattr(self, name)]
-        if len(chosen) > 1 and chosen[0] == ('image_topic', DEFAULT_IMAGE_TOPIC):
-            del chosen[0]
-        if len(chosen) != 1:
-            problem = (
-                ' and '.join(f'{each} is {topic}' for each, topic in chosen) or 'no source of images is set'
-            )
-            raise StartUpError(f'{problem}: set exactly one of {", ".join(SOURCES)}')
-        return chosen[0]
+    def _deprecated(self) -> list[tuple[str, str]]:
+        return [(name, topic) for name in DEPRECATED if (topic := getattr(self, name))]
+
+    @property
+    def source_and_topic(self) -> tuple[str, str]:
+        """The source, and the name of its topic before remapping."""
+        for name, topic in self._deprecated():
+            return DEPRECATED[name], topic
+        return self.source, TOPICS[self.source]
+
+    @property
+    def deprecations(self) -> list[str]:
+        """A warning for each deprecated parameter that is set."""
+        return [
+            f'parameter {name} is deprecated: write -p source:={DEPRECATED[name]}'
+            f' -r {TOPICS[DEPRECATED[name]]}:={topic}'
+            for name, topic in self._deprecated()
+        ]

@@ -21,8 +21,8 @@ class Source(NamedTuple):
 
 def open_source(settings: Settings) -> Source:
     """Return the source of the settings; raises StartUpError if a package that it needs is missing."""
-    name, topic = settings.source()
-    message_type, sight_of = _OPEN[name](settings)
+    source, topic = settings.source_and_topic
+    message_type, sight_of = _OPEN[source](settings)
     return Source(message_type, topic, sight_of)
 
 
@@ -78,7 +78,7 @@ def _detector(settings: Settings):
 
 
 _OPEN = {
-    'image_topic': _images,
-    'compressed_image_topic': _compressed_images,
-    'detections_topic': _detections,
+    'image': _images,
+    'compressed': _compressed_images,
+    'detections': _detections,
 }

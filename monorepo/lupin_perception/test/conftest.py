@@ -11,6 +11,7 @@ from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_msgs.srv import ConfirmTag
 from lupin_perception.confirm_tag import ConfirmTagNode
 from lupin_perception.scene import Camera, marker
+from lupin_perception.settings import TOPICS
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
@@ -127,9 +128,14 @@ def start(run_nodes):
     By default no image gets too old, and a call waits for the tag longer than a test does.
     """
 
-    def start_perception(message_type=Image, source='image_topic', **parameters):
-        defaults = {source: TOPIC, 'max_image_age_seconds': 3600.0, 'timeout_seconds': 2 * PATIENCE_SECONDS}
-        _, node = run_nodes(ConfirmTagNode, **{**defaults, **parameters})
+    def start_perception(message_type=Image, source='image', **parameters):
+        defaults = {
+            'source': source,
+            'max_image_age_seconds': 3600.0,
+            'timeout_seconds': 2 * PATIENCE_SECONDS,
+        }
+        remap = ['-r', f'{TOPICS[source]}:={TOPIC}']
+        _, node = run_nodes(ConfirmTagNode, arguments=remap, **{**defaults, **parameters})
         return Perception(node, message_type)
 
     return start_perception

@@ -8,16 +8,14 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.testing import spinning_node, wait_until
 from lupin_perception.camera_stand_in import (
     AT_TAG_TOPIC,
-    COMPRESSED_TOPIC,
-    DETECTIONS_TOPIC,
     CameraStandIn,
     Settings,
     compressed_image_of,
-    detections_source,
+    detections,
     image_of,
 )
 from lupin_perception.confirm_tag import ConfirmTagNode
-from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
+from lupin_perception.settings import TOPICS
 from lupin_perception.settings import Settings as ConfirmTagSettings
 from lupin_perception.sources import open_source
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -30,7 +28,7 @@ WALL = CAMERA.look_at(None, np.random.default_rng(0))
 
 
 def sight_of(source: str, message):
-    return open_source(ConfirmTagSettings(**{source: '/tested'})).sight_of(message)
+    return open_source(ConfirmTagSettings(source=source)).sight_of(message)
 
 
 @pytest.mark.parametrize('publishes', ['image', 'compressed', 'detections'])
@@ -48,24 +46,24 @@ def test_another_kind_is_refused(publishes):
 
 
 def test_an_image_has_the_pixels_of_the_picture(tag_7):
-    assert (sight_of('image_topic', image_of(tag_7)).picture == tag_7).all()
+    assert (sight_of('image', image_of(tag_7)).picture == tag_7).all()
 
 
 def test_a_compressed_image_has_the_tag_of_the_picture(tag_7):
     message = compressed_image_of(tag_7)
     assert message.format == 'mono8; jpeg compressed '
     assert len(message.data) < tag_7.size / 2
-    sight = sight_of('compressed_image_topic', message)
+    sight = sight_of('compressed', message)
     assert [tag.tag_number for tag in sight.detections] == [7]
     assert np.abs(sight.picture.astype(int) - tag_7).mean() < 5
 
 
 def test_detections_are_those_of_the_picture(tag_7):
-    message_type, topic, detections_of = detections_source()
-    (expected,) = sight_of('image_topic', image_of(tag_7)).detections
+    message_type, detections_of = detections()
+    (expected,) = sight_of('image', image_of(tag_7)).detections
     message = detections_of(tag_7)
-    assert (type(message), topic) == (message_type, DETECTIONS_TOPIC)
-    (found,) = sight_of('detections_topic', message).detections
+    assert type(message) is message_type
+    (found,) = sight_of('detections', message).detections
     assert found[:2] == expected[:2]
     assert found.decision_margin == pytest.approx(expected.decision_margin)
     assert np.allclose(found.corners, expected.corners)
@@ -75,20 +73,14 @@ def test_detections_are_those_of_the_picture(tag_7):
 
 
 @pytest.mark.parametrize(
-    ('publishes', 'source', 'topic', 'message_type'),
-    [
-        ('image', 'image_topic', DEFAULT_IMAGE_TOPIC, Image),
-        ('compressed', 'compressed_image_topic', COMPRESSED_TOPIC, CompressedImage),
-        ('detections', 'detections_topic', DETECTIONS_TOPIC, AprilTagDetectionArray),
-    ],
+    ('source', 'message_type'),
+    [('image', Image), ('compressed', CompressedImage), ('detections', AprilTagDetectionArray)],
 )
-def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(
-    run_nodes, publishes, source, topic, message_type
-):
-    parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0, source: topic}
-    *_, node = run_nodes(CameraStandIn, ConfirmTagNode, publishes=publishes, **parameters)
+def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(run_nodes, source, message_type):
+    parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0}
+    *_, node = run_nodes(CameraStandIn, ConfirmTagNode, publishes=source, source=source, **parameters)
     at_tag = node.create_publisher(String, AT_TAG, LATCHED)
-    perception = Perception(node, message_type, f'/{topic}')
+    perception = Perception(node, message_type, f'/{TOPICS[source]}')
     for tag_id in ('7', '587', 'seven', '586', ''):
         at_tag.publish(String(data=tag_id))
         if tag_id in ('7', '586'):
@@ -103,5 +95,5 @@ def test_a_mission_that_is_older_than_the_camera_is_heard(run_nodes):
         at_tag.publish(String(data='7'))
         parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0}
         *_, node = run_nodes(CameraStandIn, ConfirmTagNode, **parameters)
-        perception = Perception(node, Image, f'/{DEFAULT_IMAGE_TOPIC}')
+        perception = Perception(node, Image, f'/{TOPICS["image"]}')
         wait_until(lambda: perception.confirm('7').detected)

@@ -14,7 +14,7 @@ from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_unti
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
 from lupin_perception import confirm_tag
 from lupin_perception.camera_stand_in import CameraStandIn
-from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
+from lupin_perception.settings import TOPICS
 from messages import compressed, detections, image_of
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage, Image
@@ -27,12 +27,12 @@ def test_one_call_confirms_the_expected_tag(start, tag_7):
 
 
 def test_one_call_confirms_the_tag_of_a_compressed_image(start, tag_7):
-    perception = start(CompressedImage, 'compressed_image_topic')
+    perception = start(CompressedImage, 'compressed')
     assert perception.confirm('7', compressed(tag_7, 'JPEG')).detected
 
 
 def test_one_call_confirms_the_tag_of_a_detector(start):
-    perception = start(AprilTagDetectionArray, 'detections_topic')
+    perception = start(AprilTagDetectionArray, 'detections')
     assert perception.confirm('7', detections((9, 0, 50.0), (7, 0, 50.0))).detected
 
 
@@ -101,7 +101,7 @@ def test_bad_images_are_refused_and_the_node_lives(start, tag_7, monkeypatch, ca
 
 
 def test_bad_compressed_images_are_refused_and_the_node_lives(start, tag_7):
-    perception = start(CompressedImage, 'compressed_image_topic', timeout_seconds=0.0, min_frames=1)
+    perception = start(CompressedImage, 'compressed', timeout_seconds=0.0, min_frames=1)
     good = compressed(tag_7, 'JPEG')
     for image, fault in (
         (CompressedImage(), 'the 0 bytes are not'),
@@ -172,10 +172,11 @@ def run_main(monkeypatch, capfd):
             "parameter min_decision_margin is 'high': must be a number from 0 to 255",
         ),
         ({'image_topic': '"no such name"'}, 'no such name'),
+        ({'source': 'video'}, "parameter source is 'video': must be image, compressed or detections"),
         ({'image_topic': 5}, 'parameter image_topic is 5: must be text'),
         (
             {'image_topic': '/a', 'compressed_image_topic': '/b'},
-            'image_topic is /a and compressed_image_topic is /b: set exactly one of',
+            'image_topic is /a and compressed_image_topic is /b: set source alone, and remap its topic',
         ),
     ],
 )
@@ -183,6 +184,14 @@ def test_what_cannot_be_is_refused_in_one_line(run_main, parameters, fragment):
     code, log = run_main(**parameters)
     (line,) = [line for line in log.splitlines() if '[FATAL]' in line]
     assert (code, fragment in line, 'Traceback' in log) == (1, True, False), log
+
+
+def test_a_deprecated_parameter_works_and_is_warned_of(run_nodes, tag_7, capfd):
+    _, node = run_nodes(confirm_tag.ConfirmTagNode, image_topic=TOPIC)
+    assert Perception(node).confirm('7', image_of(tag_7)).detected
+    log = capfd.readouterr().err
+    advice = f'parameter image_topic is deprecated: write -p source:=image -r camera/color/image_raw:={TOPIC}'
+    assert log.count('deprecated') == log.count(advice) == 1, log
 
 
 def test_a_mistyped_parameter_is_named_and_changes_nothing(start, capfd):
@@ -225,7 +234,7 @@ def test_two_robots_on_one_domain_do_not_hear_each_other(start_node):
             latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
             at_tag = node.create_publisher(String, f'{confirming.namespace}/mission/at_tag', latched)
             at_tag.publish(String(data=tag_id))
-            topic = f'{confirming.namespace}/{DEFAULT_IMAGE_TOPIC}'
+            topic = f'{confirming.namespace}/{TOPICS["image"]}'
             robots[tag_id] = Perception(node, topic=topic, namespace=confirming.namespace)
         for tag_id, other in ('78', '87'):
             wait_until(lambda tag_id=tag_id: robots[tag_id].confirm(tag_id).detected)
@@ -244,7 +253,7 @@ def test_without_apriltag_msgs_the_executable_refuses_detections(start_confirm_t
     hidden.mkdir()
     (hidden / '__init__.py').write_text("raise ImportError('hidden')")
     monkeypatch.setenv('PYTHONPATH', f'{tmp_path}:{os.environ["PYTHONPATH"]}')
-    refusal = start_confirm_tag(detections_topic='/detections').refusal()
+    refusal = start_confirm_tag(source='detections').refusal()
     assert 'package apriltag_msgs' in refusal
     assert 'sudo apt install ros-$ROS_DISTRO-apriltag-msgs' in refusal
 

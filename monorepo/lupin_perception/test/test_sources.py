@@ -14,16 +14,14 @@ from lupin_perception.sources import open_source
 from messages import COLOURS, compressed, detections, image_of
 from sensor_msgs.msg import CompressedImage, Image
 
-TOPIC = '/tested'
-
 
 def open_with(source: str, **parameters):
-    return open_source(Settings(**{source: TOPIC}, **parameters))
+    return open_source(Settings(source=source, **parameters))
 
 
 def judge(source: str, message, **parameters) -> str:
     """Return why tag 7 is not confirmed by one current message of this source; '' if it is."""
-    settings = Settings(**{source: TOPIC}, min_frames=1, **parameters)
+    settings = Settings(source=source, min_frames=1, **parameters)
     confirmer = Confirmer(settings)
     sight_of = open_source(settings).sight_of
     confirmer.add(Frame(lambda: sight_of(message), 0.0, 0.0))
@@ -31,34 +29,34 @@ def judge(source: str, message, **parameters) -> str:
 
 
 @pytest.mark.parametrize(
-    ('source', 'message_type'),
+    ('source', 'message_type', 'topic'),
     [
-        ('image_topic', Image),
-        ('compressed_image_topic', CompressedImage),
-        ('detections_topic', AprilTagDetectionArray),
+        ('image', Image, 'camera/color/image_raw'),
+        ('compressed', CompressedImage, 'camera/color/image_raw/compressed'),
+        ('detections', AprilTagDetectionArray, 'detections'),
     ],
 )
-def test_each_source_has_its_topic_and_message_type(source, message_type):
-    assert open_with(source)[:2] == (message_type, TOPIC)
+def test_each_source_has_its_topic_and_message_type(source, message_type, topic):
+    assert open_with(source)[:2] == (message_type, topic)
 
 
 @pytest.mark.parametrize('is_bigendian', [0, 1])
 @pytest.mark.parametrize('encoding', COLOURS)
 def test_the_tag_is_confirmed_in_every_encoding(tag_7, encoding, is_bigendian):
     message = image_of(tag_7, encoding, padding=5, is_bigendian=is_bigendian)
-    assert judge('image_topic', message) == ''
-    picture = open_with('image_topic').sight_of(message).picture
+    assert judge('image', message) == ''
+    picture = open_with('image').sight_of(message).picture
     assert np.abs(picture.astype(int) - tag_7).max() <= 1
 
 
 @pytest.mark.parametrize('kind', ['JPEG', 'PNG'])
 def test_the_tag_is_confirmed_in_a_compressed_image(tag_7, kind):
-    assert judge('compressed_image_topic', compressed(tag_7, kind)) == ''
+    assert judge('compressed', compressed(tag_7, kind)) == ''
 
 
 @pytest.mark.parametrize(
     ('source', 'message_of'),
-    [('image_topic', image_of), ('compressed_image_topic', lambda picture: compressed(picture, 'PNG'))],
+    [('image', image_of), ('compressed', lambda picture: compressed(picture, 'PNG'))],
 )
 def test_max_hamming_reaches_the_detector(tag_with_a_wrong_bit, source, message_of):
     message = message_of(tag_with_a_wrong_bit)
@@ -88,13 +86,13 @@ def tag_with_a_wrong_bit():
     ],
 )
 def test_detections_of_another_node_are_judged(message, reason):
-    assert judge('detections_topic', message) == (f'tag 7: {reason}' if reason else '')
+    assert judge('detections', message) == (f'tag 7: {reason}' if reason else '')
 
 
 def test_detections_keep_their_corners_and_have_no_picture():
     corners = [Point(x=float(n), y=10.0 + n) for n in range(4)]
     tag = AprilTagDetection(family='tag36h11', id=7, decision_margin=50.0, corners=corners)
-    sight = open_with('detections_topic').sight_of(AprilTagDetectionArray(detections=[tag]))
+    sight = open_with('detections').sight_of(AprilTagDetectionArray(detections=[tag]))
     assert sight.detections[0].corners == [(0.0, 10.0), (1.0, 11.0), (2.0, 12.0), (3.0, 13.0)]
     assert sight.picture is None
 
@@ -102,9 +100,9 @@ def test_detections_keep_their_corners_and_have_no_picture():
 @pytest.mark.parametrize(
     ('source', 'message', 'fragment'),
     [
-        ('image_topic', Image(), "encoding '' is not one of"),
-        ('compressed_image_topic', CompressedImage(), 'the 0 bytes are not a JPEG or PNG image'),
-        ('compressed_image_topic', CompressedImage(data=bytes(500_000)), 'the 500000 bytes are not'),
+        ('image', Image(), "encoding '' is not one of"),
+        ('compressed', CompressedImage(), 'the 0 bytes are not a JPEG or PNG image'),
+        ('compressed', CompressedImage(data=bytes(500_000)), 'the 500000 bytes are not'),
     ],
 )
 def test_a_message_that_cannot_be_read_is_refused(source, message, fragment):
@@ -112,7 +110,7 @@ def test_a_message_that_cannot_be_read_is_refused(source, message, fragment):
         open_with(source).sight_of(message)
 
 
-@pytest.mark.parametrize('source', ['image_topic', 'compressed_image_topic'])
+@pytest.mark.parametrize('source', ['image', 'compressed'])
 def test_a_missing_apriltag_library_is_refused_with_its_package(source, monkeypatch):
     monkeypatch.delitem(sys.modules, 'lupin_perception.detector', raising=False)
     monkeypatch.setitem(sys.modules, 'apriltag', None)  # as if it was not installed
@@ -125,4 +123,4 @@ def test_a_missing_apriltag_library_is_refused_with_its_package(source, monkeypa
 def test_detections_need_no_apriltag_library(monkeypatch):
     monkeypatch.delitem(sys.modules, 'lupin_perception.detector', raising=False)
     monkeypatch.setitem(sys.modules, 'apriltag', None)
-    assert open_with('detections_topic').topic == TOPIC
+    assert open_with('detections').topic == 'detections'
