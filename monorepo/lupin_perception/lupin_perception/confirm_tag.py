@@ -15,7 +15,7 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.task import Future
 from sensor_msgs.msg import Image
 
-from lupin_perception.confirmation import Confirmer, Frame, UnknownTagId, Verdict, tag_number
+from lupin_perception.confirmation import Confirmer, Frame, Moment, UnknownTagId, Verdict, tag_number
 from lupin_perception.drawing import draw
 from lupin_perception.images import UnusableImage
 from lupin_perception.settings import Settings
@@ -42,7 +42,7 @@ class ConfirmTagNode(Node):
         self._watchers = 0
         self._shown = (None, None)  # the number and the sight of the last picture
         # Best effort is compatible with every publisher.
-        self.create_subscription(
+        self._camera = self.create_subscription(
             self._source.message_type, self._source.topic, self._on_message, qos_profile_sensor_data
         )
         self._pictures = self.create_publisher(Image, f'{SERVICE}/seen', 1)
@@ -57,7 +57,7 @@ class ConfirmTagNode(Node):
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(LOOK_EVERY_SECONDS, self._tell_news, clock=clock)
         self._timer.cancel()
-        self.get_logger().info(f'ready: images from {self.resolve_topic_name(self._source.topic)}')
+        self.get_logger().info(f'ready: images from {self._camera.topic_name}')
 
     def _on_message(self, message) -> None:
         """Keep the message. It is decoded and searched only on request."""
@@ -83,23 +83,38 @@ class ConfirmTagNode(Node):
     async def _confirm(self, request, response):
         """Reply as soon as the camera shows the tag. The executor continues while this waits."""
         response.tag_pose_in_map.orientation.w = 0.0  # marks the pose as unset; ROS's default is 1
-        deadline = time.monotonic() + self._settings.timeout_seconds
+        asked_at = self._now()
+        deadline = asked_at.arrival_seconds + self._settings.timeout_seconds
         self._watchers += 1
         self._timer.reset()
         try:
-            self._look(request.expected_tag_id, response)
+            self._look(request.expected_tag_id, asked_at, response)
             while not response.detected and time.monotonic() < deadline:
                 await self._news
-                self._look(request.expected_tag_id, response)
+                self._look(request.expected_tag_id, asked_at, response)
+            for message in [] if response.detected else self._take_waiting():
+                self._on_message(message)
+                self._look(request.expected_tag_id, asked_at, response)
         except UnknownTagId as error:
             response.error_message = str(error)
         finally:
             self._watchers -= 1
         return response
 
-    def _look(self, tag_id: str, response) -> None:
-        stamp_now_seconds = self.get_clock().now().nanoseconds * 1e-9
-        verdict = self._confirmer.confirm(tag_id, stamp_now_seconds, time.monotonic())
+    def _take_waiting(self) -> list:
+        """Take the messages that arrived while this node was busy: rclpy takes one per callback."""
+        messages = []
+        handle = self._camera.handle
+        with handle:
+            while taken := handle.take_message(self._source.message_type, False):
+                messages.append(taken[0])
+        return messages
+
+    def _now(self) -> Moment:
+        return Moment(self.get_clock().now().nanoseconds * 1e-9, time.monotonic())
+
+    def _look(self, tag_id: str, asked_at: Moment, response) -> None:
+        verdict = self._confirmer.confirm(tag_id, *self._now(), asked_at)
         response.detection_confidence, response.error_message = verdict.confidence, verdict.reason
         response.detected = not verdict.reason
         if self._pictures.get_subscription_count():

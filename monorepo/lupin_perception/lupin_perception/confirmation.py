@@ -61,6 +61,13 @@ class Frame:
             return error
 
 
+class Moment(NamedTuple):
+    """A moment on the clock of the stamps and on the clock of the arrivals, in seconds."""
+
+    stamp_seconds: float
+    arrival_seconds: float
+
+
 class Verdict(NamedTuple):
     """The answer to one request, and the newest sight that it is based on."""
 
@@ -81,10 +88,21 @@ class Confirmer:
         """Keep a frame in place of the oldest."""
         self._frames.append(frame)
 
-    def confirm(self, tag_id: str, stamp_now_seconds: float, arrival_now_seconds: float) -> Verdict:
-        """Return whether the camera sees this tag now. Raises UnknownTagId."""
+    def confirm(
+        self,
+        tag_id: str,
+        stamp_now_seconds: float,
+        arrival_now_seconds: float,
+        asked_at: Moment | None = None,
+    ) -> Verdict:
+        """
+        Return whether the camera sees this tag now. Raises UnknownTagId.
+
+        `asked_at` is when the request came, which may have waited for frames since; None: now.
+        """
         number = tag_number(tag_id)
-        faults = [self._fault_of_age(frame, stamp_now_seconds, arrival_now_seconds) for frame in self._frames]
+        now = Moment(stamp_now_seconds, arrival_now_seconds)
+        faults = [self._fault_of_age(frame, now, asked_at or now) for frame in self._frames]
         recent = [frame for frame, fault in zip(self._frames, faults, strict=True) if not fault]
         sights = [frame.sight for frame in reversed(recent)]
         usable = [sight for sight in sights if isinstance(sight, Sight)]
@@ -92,19 +110,25 @@ class Confirmer:
             reason = str(sights[0]) if sights else faults[-1] if faults else 'no image yet'
             return Verdict(0.0, f'tag {number}: {reason}', None)
         sightings, reason = self._judge(number, usable)
-        if sightings >= self._criteria.min_frames:
+        needed = self._criteria.min_frames
+        if sightings >= needed:
             return Verdict(1.0, '', usable[0])
-        return Verdict(sightings / self._criteria.min_frames, f'tag {number}: {reason}', usable[0])
+        if len(recent) < needed:
+            seconds = self._criteria.timeout_seconds or self._criteria.max_image_age_seconds
+            reason = f'{_images(len(recent))} in {seconds:g} s: {needed} are needed'
+        return Verdict(sightings / needed, f'tag {number}: {reason}', usable[0])
 
-    def _fault_of_age(self, frame: Frame, stamp_now_seconds: float, arrival_now_seconds: float) -> str:
+    def _fault_of_age(self, frame: Frame, now: Moment, asked_at: Moment) -> str:
+        """Return why a frame does not count: it was too old when the request came, or lies in the future."""
         longest = self._criteria.max_image_age_seconds
-        age = arrival_now_seconds - frame.arrival_seconds
-        if age > longest:
+        if asked_at.arrival_seconds - frame.arrival_seconds > longest:
+            age = now.arrival_seconds - frame.arrival_seconds
             return f'the last image came {age:.1f} s ago: older than {longest:g} s'
-        age = stamp_now_seconds - frame.stamp_seconds
-        if abs(age) > longest:
-            where = 'ago' if age > 0.0 else 'ahead'
-            return f'the last image is stamped {abs(age):.1f} s {where}: not within {longest:g} s'
+        age = now.stamp_seconds - frame.stamp_seconds
+        if asked_at.stamp_seconds - frame.stamp_seconds > longest:
+            return f'the last image is stamped {age:.1f} s ago: not within {longest:g} s'
+        if -age > longest:
+            return f'the last image is stamped {-age:.1f} s ahead: not within {longest:g} s'
         return ''
 
     def _judge(self, number: int, sights: list[Sight]) -> tuple[int, str]:
@@ -123,4 +147,8 @@ class Confirmer:
             return sightings, f'seen in {sightings} of the {self._criteria.min_frames} images needed'
         if others:
             return 0, f'other tags in view: {", ".join(map(str, sorted(others)))}'
-        return 0, f'no tag in view in {len(sights)} images'
+        return 0, f'no tag in view in {_images(len(sights))}'
+
+
+def _images(number: int) -> str:
+    return f'{number} image' + 's' * (number != 1)

@@ -42,9 +42,15 @@ class Criteria:
     min_frames: int = parameter(2, 'Recent images that must show the tag.', smallest=1, largest=100)
     max_image_age_seconds: float = parameter(
         1.0,
-        'Age of an image in seconds, at most, by its stamp and by its arrival.',
+        'Age of an image in seconds when the call comes, at most, by its stamp and by its arrival.',
         smallest=0.001,
         largest=3600.0,
+    )
+    timeout_seconds: float = parameter(
+        3.0,
+        'Seconds to look for the tag before the answer is no; 0.0: answer at once.',
+        smallest=0.0,
+        largest=60.0,
     )
 
     def __post_init__(self):
@@ -64,12 +70,6 @@ class Criteria:
 class Settings(Criteria):
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
-    timeout_seconds: float = parameter(
-        1.0,
-        'Seconds to look for the tag before the answer is no; 0.0: answer at once.',
-        smallest=0.0,
-        largest=60.0,
-    )
     source: str = parameter(
         'image', 'image, compressed (JPEG or PNG), or detections (of a detector that runs already).'
     )

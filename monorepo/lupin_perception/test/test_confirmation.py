@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_perception.confirmation import Confirmer, Detection, Frame, Sight, UnknownTagId
+from lupin_perception.confirmation import Confirmer, Detection, Frame, Moment, Sight, UnknownTagId
 from lupin_perception.images import UnusableImage
 from lupin_perception.settings import Criteria
 
@@ -53,7 +53,7 @@ def test_one_frame_without_the_tag_among_enough_with_it_does_no_harm():
     [
         ([], 'no image yet'),
         ([[], []], 'no tag in view in 2 images'),
-        ([[GOOD]], 'seen in 1 of the 2 images needed'),
+        ([[GOOD], []], 'seen in 1 of the 2 images needed'),
         ([[tag(9), tag(8)]] * 2, 'other tags in view: 8, 9'),
         ([[tag(7, hamming=1)]] * 2, 'in view, but 1 bits were corrected, at most 0 are allowed'),
         ([[tag(7, margin=19.9)]] * 2, 'in view, but unclear: decision margin 20, 20 needed'),
@@ -61,15 +61,45 @@ def test_one_frame_without_the_tag_among_enough_with_it_does_no_harm():
         ([frame_of([GOOD], NOW - 2.0)] * 2, 'the last image is stamped 2.0 s ago: not within 1 s'),
         ([frame_of([GOOD], NOW + 2.0)] * 2, 'the last image is stamped 2.0 s ahead: not within 1 s'),
         ([frame_of([GOOD], 0.0)] * 2, 'the last image is stamped 1000.0 s ago: not within 1 s'),
-        ([frame_of([GOOD], NOW - 2.0, NOW - 2.0), [GOOD]], 'seen in 1 of the 2 images needed'),
         ([refused('first'), refused('last')], 'last'),
         ([refused(), [GOOD]], 'seen in 1 of the 2 images needed'),
-        ([[GOOD], refused(stamp=NOW + 9.0)], 'seen in 1 of the 2 images needed'),
     ],
 )
 def test_why_a_tag_is_not_confirmed(frames, message):
     confidence = 0.5 if message.startswith('seen in 1 of the 2') else 0.0
     assert answer(confirmer(*frames)) == (confidence, f'tag 7: {message}')
+
+
+@pytest.mark.parametrize(
+    ('frames', 'criteria', 'message'),
+    [
+        ([[GOOD]], {}, '1 image in 3 s: 2 are needed'),
+        ([[tag(7, margin=5.0)]], {}, '1 image in 3 s: 2 are needed'),
+        ([[tag(9)], [tag(9)]], {'min_frames': 3}, '2 images in 3 s: 3 are needed'),
+        ([[GOOD]], {'timeout_seconds': 0.5}, '1 image in 0.5 s: 2 are needed'),
+        ([[GOOD]], {'timeout_seconds': 0.0}, '1 image in 1 s: 2 are needed'),  # of the last second
+        ([frame_of([GOOD], NOW - 2.0, NOW - 2.0), [GOOD]], {}, '1 image in 3 s: 2 are needed'),
+        ([[GOOD], refused(stamp=NOW + 9.0)], {}, '1 image in 3 s: 2 are needed'),
+    ],
+)
+def test_too_few_images_are_said_before_what_is_in_them(frames, criteria, message):
+    assert answer(confirmer(*frames, **criteria))[1] == f'tag 7: {message}'
+
+
+def test_each_image_since_shortly_before_the_request_counts_however_late_it_comes():
+    """It was taken within the longest age before the request, and comes 2.3 s later."""
+    asked_at = Moment(NOW, NOW)
+    for taken, confidence in ((NOW - 0.9, 1.0), (NOW + 0.2, 1.0), (NOW - 1.1, 0.0)):
+        frames = [frame_of([GOOD], taken, taken + 2.3)] * 2
+        verdict = confirmer(*frames).confirm('7', NOW + 2.5, NOW + 2.5, asked_at)
+        assert verdict.confidence == confidence, taken
+    assert verdict.reason == 'tag 7: the last image is stamped 3.6 s ago: not within 1 s'
+
+
+def test_an_image_from_the_future_does_not_count_for_a_request_that_waits():
+    frames = [frame_of([GOOD], NOW + 4.0, NOW + 2.0)] * 2
+    verdict = confirmer(*frames).confirm('7', NOW + 2.0, NOW + 2.0, Moment(NOW, NOW))
+    assert verdict.reason == 'tag 7: the last image is stamped 2.0 s ahead: not within 1 s'
 
 
 @pytest.mark.parametrize(
@@ -106,8 +136,7 @@ def test_the_age_that_is_told_is_that_of_the_last_frame():
 
 def test_the_tag_before_is_not_confirmed_for_the_next():
     """On arrival at the next tag, frames of the last one are still recent."""
-    seen = confirmer([tag(6)], [tag(6)], [GOOD])
-    assert answer(seen) == (0.5, 'tag 7: seen in 1 of the 2 images needed')
+    assert answer(confirmer([tag(6)], [tag(6)], [GOOD])) == (0.5, 'tag 7: seen in 1 of the 2 images needed')
 
 
 @pytest.mark.parametrize(

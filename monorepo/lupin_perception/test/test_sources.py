@@ -60,7 +60,7 @@ def test_the_tag_is_confirmed_in_a_compressed_image(tag_7, kind):
 )
 def test_max_hamming_reaches_the_detector(tag_with_a_wrong_bit, source, message_of):
     message = message_of(tag_with_a_wrong_bit)
-    assert judge(source, message) == 'tag 7: no tag in view in 1 images'
+    assert judge(source, message) == 'tag 7: no tag in view in 1 image'
     assert judge(source, message, max_hamming=1) == ''
 
 
@@ -79,10 +79,10 @@ def tag_with_a_wrong_bit():
         (detections((7, 0, 0.0)), ''),
         (detections((7, 1, 50.0)), 'in view, but 1 bits were corrected, at most 0 are allowed'),
         (detections((7, 0, 5.0)), 'in view, but unclear: decision margin 5, 20 needed'),
-        (detections((7, 0, 50.0), family='tag25h9'), 'no tag in view in 1 images'),
+        (detections((7, 0, 50.0), family='tag25h9'), 'no tag in view in 1 image'),
         (detections((-7, 0, 50.0), (2**31 - 1, 0, 50.0)), 'other tags in view: -7, 2147483647'),
         (detections((7, -1, float('nan'))), 'in view, but unclear: decision margin nan, 20 needed'),
-        (detections(), 'no tag in view in 1 images'),
+        (detections(), 'no tag in view in 1 image'),
     ],
 )
 def test_detections_of_another_node_are_judged(message, reason):
