@@ -1,14 +1,18 @@
 """The real node, with images and requests over ROS."""
 
+import dataclasses
 import os
 import re
 import signal
 import threading
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import rclpy
+import yaml
+from ament_index_python.packages import get_package_share_directory
 from apriltag_msgs.msg import AprilTagDetectionArray
 from conftest import PATIENCE_SECONDS, TOPIC, Perception
 from lupin_greenhouse_bridge.node import process
@@ -17,7 +21,7 @@ from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
 from lupin_perception import confirm_tag
 from lupin_perception.camera_stand_in import CameraStandIn
 from lupin_perception.detector import TagDetector
-from lupin_perception.settings import TOPICS
+from lupin_perception.settings import TOPICS, Settings
 from messages import compressed, detections, image_of
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -126,6 +130,7 @@ def test_an_image_of_a_wrong_clock_is_no_proof(start, tag_7):
     wait_until(lambda: perception.confirm('7', image_of(tag_7)).detected)
 
 
+PARAMETER_FILE = Path(get_package_share_directory('lupin_perception'), 'config/confirm_tag.yaml')
 BAD_IMAGES = [
     ({'encoding': '16UC1'}, "encoding '16UC1' is not one of"),
     ({'encoding': '\x1b[31mred\n'}, "encoding '\\x1b[31mred\\n' is not one of"),
@@ -250,6 +255,25 @@ def test_a_mistyped_parameter_is_named_and_changes_nothing(start, capfd):
     log = capfd.readouterr().err
     assert 'parameter min_frame is unknown and ignored' in log
     assert f'ready: images from {TOPIC}' in log
+
+
+def test_the_parameter_file_has_each_parameter_with_its_default():
+    parameters = yaml.safe_load(PARAMETER_FILE.read_text(encoding='utf-8'))['/**']['ros__parameters']
+    defaults = {field.name: field.default for field in dataclasses.fields(Settings)}
+    assert {name: (value, type(value)) for name, value in parameters.items()} == {
+        name: (value, type(value)) for name, value in defaults.items()
+    }
+
+
+def test_the_parameter_file_applies_in_any_namespace(run_nodes, tmp_path):
+    file = tmp_path / 'confirm_tag.yaml'
+    text = PARAMETER_FILE.read_text(encoding='utf-8')
+    file.write_text(text.replace('min_frames: 2', 'min_frames: 5'), encoding='utf-8')
+    node, _ = run_nodes(
+        confirm_tag.ConfirmTagNode, arguments=['--params-file', str(file), '-r', '__ns:=/robot1']
+    )
+    expected = dataclasses.asdict(Settings(min_frames=5))
+    assert {name: node.get_parameter(name).value for name in expected} == expected
 
 
 @pytest.mark.parametrize('namespace', ['', '/robot1'])
