@@ -14,6 +14,7 @@ import rclpy
 import yaml
 from ament_index_python.packages import get_package_share_directory
 from apriltag_msgs.msg import AprilTagDetectionArray
+from builtin_interfaces.msg import Time
 from conftest import PATIENCE_SECONDS, TOPIC, Perception
 from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
@@ -25,6 +26,7 @@ from lupin_perception.settings import TOPICS, Settings
 from messages import compressed, detections, image_of
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
 
@@ -121,6 +123,21 @@ def is_ready(subscription) -> bool:
     wait_set.add_subscription(subscription.handle)
     wait_set.wait(0)
     return bool(wait_set.get_ready_entities('subscription'))
+
+
+def test_with_sim_time_the_age_of_an_image_is_that_of_the_simulators_clock(start, tag_7):
+    perception = start(use_sim_time=True, max_image_age_seconds=1.0, timeout_seconds=0.0)
+    simulator = perception.node.create_publisher(Clock, '/clock', 1)
+
+    def reason(stamp_seconds):
+        simulator.publish(Clock(clock=Time(sec=100)))
+        image = image_of(tag_7)
+        image.header.stamp.sec = stamp_seconds
+        return perception.confirm('7', image, is_stamped=False).error_message
+
+    wait_until(lambda: reason(100) == '')
+    wait_until(lambda: 'is stamped 2.0 s ago' in reason(98))
+    wait_until(lambda: 'is stamped 2.0 s ahead' in reason(102))
 
 
 def test_an_image_of_a_wrong_clock_is_no_proof(start, tag_7):
