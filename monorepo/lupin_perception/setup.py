@@ -24,6 +24,7 @@ setup(
         'console_scripts': [
             'confirm_tag = lupin_perception.executables:confirm_tag',
             'camera_stand_in = lupin_perception.executables:camera_stand_in',
+            'passive_observer = lupin_perception.executables:passive_observer',
         ],
     },
 )

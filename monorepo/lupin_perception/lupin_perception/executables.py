@@ -13,3 +13,8 @@ def confirm_tag() -> NoReturn:
 def camera_stand_in() -> NoReturn:
     """Publish images until Ctrl-C or SIGTERM, then exit."""
     start('lupin_perception.camera_stand_in')
+
+
+def passive_observer() -> NoReturn:
+    """Publish observations until Ctrl-C or SIGTERM, then exit."""
+    start('lupin_perception.passive_observer')
