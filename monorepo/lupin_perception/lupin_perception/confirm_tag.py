@@ -40,7 +40,7 @@ class ConfirmTagNode(Node):
         self._confirmer = Confirmer(settings)
         self._news = Future()  # done when a new frame arrives; then replaced
         self._watchers = 0
-        self._shown = (None, None)  # the number and the sight of the last picture
+        self._shown = (None, None, None)  # the number, the reason and the sight of the last picture
         # Best effort is compatible with every publisher.
         self._camera = self.create_subscription(
             self._source.message_type, self._source.topic, self._on_message, qos_profile_sensor_data
@@ -88,45 +88,52 @@ class ConfirmTagNode(Node):
         self._watchers += 1
         self._timer.reset()
         try:
-            self._look(request.expected_tag_id, asked_at, response)
-            while not response.detected and time.monotonic() < deadline:
+            number = tag_number(request.expected_tag_id)
+            while time.monotonic() < deadline:
+                self._receive()
+                has_searched = self._look(number, asked_at, response)
+                if response.detected:
+                    return response
+                if has_searched:
+                    self.executor.create_task(self._tell_news)  # there may be more to search
                 await self._news
-                self._look(request.expected_tag_id, asked_at, response)
-            for message in [] if response.detected else self._take_waiting():
-                self._on_message(message)
-                self._look(request.expected_tag_id, asked_at, response)
+            self._receive()
+            while self._look(number, asked_at, response) and not response.detected:
+                pass
         except UnknownTagId as error:
             response.error_message = str(error)
         finally:
             self._watchers -= 1
         return response
 
-    def _take_waiting(self) -> list:
-        """Take the messages that arrived while this node was busy: rclpy takes one per callback."""
-        messages = []
+    def _receive(self) -> None:
+        """Take all messages that have arrived: rclpy takes one per callback, and searching takes longer."""
         handle = self._camera.handle
         with handle:
             while taken := handle.take_message(self._source.message_type, False):
-                messages.append(taken[0])
-        return messages
+                self._on_message(taken[0])
 
     def _now(self) -> Moment:
         return Moment(self.get_clock().now().nanoseconds * 1e-9, time.monotonic())
 
-    def _look(self, tag_id: str, asked_at: Moment, response) -> None:
-        verdict = self._confirmer.confirm(tag_id, *self._now(), asked_at)
+    def _look(self, number: int, asked_at: Moment, response) -> bool:
+        """Search one frame, the newest, and judge; return whether there was a frame to search."""
+        now = self._now()
+        has_searched = self._confirmer.choose(now, asked_at)
+        verdict = self._confirmer.judge(number, now, asked_at)
         response.detection_confidence, response.error_message = verdict.confidence, verdict.reason
         response.detected = not verdict.reason
         if self._pictures.get_subscription_count():
-            self._show(verdict, tag_number(tag_id))
+            self._show(verdict, number)
+        return has_searched
 
     def _show(self, verdict: Verdict, number: int) -> None:
-        """Publish a picture of the verdict, once per image."""
+        """Publish a picture of the verdict, once."""
         if not verdict.sight or verdict.sight.picture is None:
             return
-        if self._shown[0] == number and self._shown[1] is verdict.sight:
+        if self._shown[:2] == (number, verdict.reason) and self._shown[2] is verdict.sight:
             return
-        self._shown = (number, verdict.sight)
+        self._shown = (number, verdict.reason, verdict.sight)
         try:
             picture = draw(verdict, number, self._settings)
         except Exception as error:  # a picture is worth less than the node

@@ -44,7 +44,7 @@ class Sight(NamedTuple):
     picture: np.ndarray | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Frame:
     """One message of a camera or a detector. Its two times are seconds of different clocks."""
 
@@ -82,34 +82,40 @@ class Confirmer:
     def __init__(self, criteria: Criteria):
         self._criteria = criteria
         # Twice as many as must show the tag: some may be blurred.
-        self._frames: deque[Frame] = deque(maxlen=2 * criteria.min_frames)
+        self._most = 2 * criteria.min_frames
+        self._waiting: deque[Frame] = deque(maxlen=self._most)
+        self._chosen: list[Frame] = []  # to be searched, or searched
 
     def add(self, frame: Frame) -> None:
-        """Keep a frame in place of the oldest."""
-        self._frames.append(frame)
+        """Keep a frame in place of the oldest that waits."""
+        self._waiting.append(frame)
 
-    def confirm(
-        self,
-        tag_id: str,
-        stamp_now_seconds: float,
-        arrival_now_seconds: float,
-        asked_at: Moment | None = None,
-    ) -> Verdict:
-        """
-        Return whether the camera sees this tag now. Raises UnknownTagId.
+    def confirm(self, tag_id: str, stamp_now_seconds: float, arrival_now_seconds: float) -> Verdict:
+        """Search all frames, and return whether the camera sees this tag now. Raises UnknownTagId."""
+        number, now = tag_number(tag_id), Moment(stamp_now_seconds, arrival_now_seconds)
+        while self.choose(now, now):
+            pass
+        return self.judge(number, now, now)
 
-        `asked_at` is when the request came, which may have waited for frames since; None: now.
-        """
-        number = tag_number(tag_id)
-        now = Moment(stamp_now_seconds, arrival_now_seconds)
-        faults = [self._fault_of_age(frame, now, asked_at or now) for frame in self._frames]
-        recent = [frame for frame, fault in zip(self._frames, faults, strict=True) if not fault]
+    def choose(self, now: Moment, asked_at: Moment) -> bool:
+        """Choose the newest waiting frame that counts for a request; return whether there was one."""
+        for frame in reversed(self._waiting):
+            if not self._fault_of_age(frame, now, asked_at):
+                self._waiting.remove(frame)
+                self._chosen = _by_arrival(frame, *self._chosen)[-self._most :]
+                return True
+        return False
+
+    def judge(self, number: int, now: Moment, asked_at: Moment) -> Verdict:
+        """Search the chosen frames, and return whether they confirm the tag of this number."""
+        recent = [frame for frame in self._chosen if not self._fault_of_age(frame, now, asked_at)]
         sights = [frame.sight for frame in reversed(recent)]
         usable = [sight for sight in sights if isinstance(sight, Sight)]
         if not usable:
-            reason = str(sights[0]) if sights else faults[-1] if faults else 'no image yet'
-            return Verdict(0.0, f'tag {number}: {reason}', None)
-        sightings, reason = self._judge(number, usable)
+            frames = _by_arrival(*self._chosen, *self._waiting)
+            fault = self._fault_of_age(frames[-1], now, asked_at) if frames else 'no image yet'
+            return Verdict(0.0, f'tag {number}: {sights[0] if sights else fault}', None)
+        sightings, reason = self._count(number, usable)
         needed = self._criteria.min_frames
         if sightings >= needed:
             return Verdict(1.0, '', usable[0])
@@ -131,7 +137,7 @@ class Confirmer:
             return f'the last image is stamped {-age:.1f} s ahead: not within {longest:g} s'
         return ''
 
-    def _judge(self, number: int, sights: list[Sight]) -> tuple[int, str]:
+    def _count(self, number: int, sights: list[Sight]) -> tuple[int, str]:
         """Return how many of the sights, newest first, show the tag, and why the others do not."""
         sightings = 0
         flaws: list[str] = []
@@ -148,6 +154,10 @@ class Confirmer:
         if others:
             return 0, f'other tags in view: {", ".join(map(str, sorted(others)))}'
         return 0, f'no tag in view in {_images(len(sights))}'
+
+
+def _by_arrival(*frames: Frame) -> list[Frame]:
+    return sorted(frames, key=lambda frame: frame.arrival_seconds)
 
 
 def _images(number: int) -> str:

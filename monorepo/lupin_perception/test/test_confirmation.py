@@ -86,20 +86,39 @@ def test_too_few_images_are_said_before_what_is_in_them(frames, criteria, messag
     assert answer(confirmer(*frames, **criteria))[1] == f'tag 7: {message}'
 
 
+def judge_at(now: float, *frames) -> str:
+    """Return the reason of a request that came at NOW, and that has waited for these frames."""
+    waited, moments = confirmer(*frames), (Moment(now, now), Moment(NOW, NOW))
+    while waited.choose(*moments):
+        pass
+    return waited.judge(7, *moments).reason
+
+
 def test_each_image_since_shortly_before_the_request_counts_however_late_it_comes():
-    """It was taken within the longest age before the request, and comes 2.3 s later."""
-    asked_at = Moment(NOW, NOW)
-    for taken, confidence in ((NOW - 0.9, 1.0), (NOW + 0.2, 1.0), (NOW - 1.1, 0.0)):
-        frames = [frame_of([GOOD], taken, taken + 2.3)] * 2
-        verdict = confirmer(*frames).confirm('7', NOW + 2.5, NOW + 2.5, asked_at)
-        assert verdict.confidence == confidence, taken
-    assert verdict.reason == 'tag 7: the last image is stamped 3.6 s ago: not within 1 s'
+    """It was taken up to the longest age before the request, and comes 2.3 s later."""
+    for taken in (NOW - 0.9, NOW + 0.2):
+        assert judge_at(NOW + 2.5, *[frame_of([GOOD], taken, taken + 2.3)] * 2) == ''
+    early = frame_of([GOOD], NOW - 1.1, NOW + 1.2)
+    assert judge_at(NOW + 2.5, early) == 'tag 7: the last image is stamped 3.6 s ago: not within 1 s'
 
 
 def test_an_image_from_the_future_does_not_count_for_a_request_that_waits():
-    frames = [frame_of([GOOD], NOW + 4.0, NOW + 2.0)] * 2
-    verdict = confirmer(*frames).confirm('7', NOW + 2.0, NOW + 2.0, Moment(NOW, NOW))
-    assert verdict.reason == 'tag 7: the last image is stamped 2.0 s ahead: not within 1 s'
+    ahead = frame_of([GOOD], NOW + 4.0, NOW + 2.0)
+    assert judge_at(NOW + 2.0, ahead) == 'tag 7: the last image is stamped 2.0 s ahead: not within 1 s'
+
+
+def test_the_newest_image_is_searched_first_and_one_at_a_time():
+    """A slow computer searches what the camera shows now, before what it showed on the way."""
+    looked = []
+    waiting, now = confirmer(), Moment(NOW, NOW)
+    for number in range(3):
+        look = lambda number=number: looked.append(number) or Sight([])  # noqa: E731
+        waiting.add(Frame(look, NOW, NOW + number))
+    for expected in ([2], [2, 1], [2, 1, 0]):
+        assert waiting.choose(now, now)
+        waiting.judge(7, now, now)
+        assert looked == expected
+    assert not waiting.choose(now, now)
 
 
 @pytest.mark.parametrize(
@@ -154,7 +173,7 @@ def test_each_frame_is_looked_into_once_and_only_when_asked():
     seen = confirmer()
     for number in range(6):
         look = lambda number=number: looked.append(number) or Sight([GOOD])  # noqa: E731
-        seen.add(Frame(look, NOW, NOW))
+        seen.add(Frame(look, NOW, NOW - 0.1 + 0.01 * number))
     assert looked == []
     for _ in range(3):
         assert answer(seen) == (1.0, '')
