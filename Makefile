@@ -22,6 +22,8 @@ SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 MAKEFLAGS += --no-print-directory
 IN_ENV := source ci/ros_env.bash &&
+# Of a package that is built: $(call EXECUTABLE,package,name)
+EXECUTABLE = "$$LUPIN_WORKSPACE/install/$(1)/lib/$(1)/$(2)"
 # Ctrl-C ends all that it has started.
 CONTAINED := python ci/contained.py
 
@@ -49,10 +51,10 @@ mission: build  ## visit and read every tag; CAMERA=1 (compressed, detections) c
 	    python ci/mission.py $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(ARGS)
 
 world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"
-	@$(IN_ENV) "$$LUPIN_WORKSPACE/install/lupin_world/lib/lupin_world/generate_world" $(ARGS)
+	@$(IN_ENV) $(call EXECUTABLE,lupin_world,generate_world) $(ARGS)
 
 world-check: build  ## check with Drake that each tag of that world is in its place and legible
-	@ci/with_drake python ci/world_check.py $(ARGS)
+	@$(IN_ENV) ci/with_drake $(call EXECUTABLE,lupin_world,check_world) $(ARGS)
 
 tags: build  ## make a PDF of the tags to print, SIDE millimetres each: make tags SIDE=40
 	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(SIDE) $(ARGS)

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import domain_coordinator
 
-HERE = Path(__file__).resolve().parent
-ROOT = HERE.parent
+ROOT = Path(__file__).resolve().parent.parent
 INSTALLED = Path(os.environ['LUPIN_WORKSPACE'], 'install')
 LONGEST_MISSION_SECONDS = 900
 PATIENCE_SECONDS = 10.0
@@ -97,7 +96,7 @@ def main() -> int:
                     f'request_timeout_seconds:={PATIENCE_SECONDS + 1.0}',
                 ]
                 listening = [f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']
-                camera = [sys.executable, str(HERE / 'world_camera.py')]
+                camera = [executable('lupin_world', 'world_camera')]
                 publishing = [f'world_file:="{world_file}"']
             else:
                 listening = SOURCES[options.camera]

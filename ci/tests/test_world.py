@@ -12,11 +12,10 @@ ROOT = Path(__file__).resolve().parents[2]
 WRONG = """
 import sys
 import math
-from lupin_world import sdf
-import world_check
+from lupin_world import check_world, sdf
 place = sdf.place
 sdf.place = lambda layout: {number: each._replace({change}) for number, each in place(layout).items()}
-sys.exit(world_check.main(sys.argv[1:]))
+sys.exit(check_world.main(sys.argv[1:]))
 """
 TABLES = {
     'a': {'x0': 1.0, 'y0': 1.0, 'x1': 2.0, 'y1': 1.5},
@@ -29,7 +28,7 @@ TAGS = {
 }
 
 
-def check_world(folder, layout, command=('ci/world_check.py',)):
+def check_world(folder, layout, command=('-m', 'lupin_world.check_world')):
     """Run the check on a layout."""
     tag_file = folder / 'tags.json'
     tag_file.write_text(json.dumps(layout), encoding='utf-8')

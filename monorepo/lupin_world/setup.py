@@ -18,5 +18,11 @@ setup(
     maintainer_email='lupin.team@example.org',
     description='An SDF world of the greenhouse, with the AprilTags of its layout.',
     license='Apache-2.0',
-    entry_points={'console_scripts': ['generate_world = lupin_world.generate_world:main']},
+    entry_points={
+        'console_scripts': [
+            'check_world = lupin_world.check_world:main',
+            'generate_world = lupin_world.generate_world:main',
+            'world_camera = lupin_world.executables:world_camera',
+        ],
+    },
 )

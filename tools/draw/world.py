@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 from lupin_world import generate_world
+from lupin_world.renderer import World, viewpoint
 from lupin_world.sdf import SDF_FILE
 from PIL import Image
-from world_renderer import World, viewpoint
 
 COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_world/doc'
 TAG = 7

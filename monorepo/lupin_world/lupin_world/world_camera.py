@@ -1,18 +1,18 @@
 """
-A camera in the SDF world: publishes rendered images of the tag that the mission stands at.
+`ros2 run lupin_world world_camera`: publishes images of the tag that the mission stands at, in the SDF world.
 
 Subscribes to `/mission/at_tag`. Between two tags it shows the sky. The position, angle and distance vary from
 image to image.
 """
 
 import math
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.node.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.node.run import run
 from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
@@ -20,7 +20,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
-from world_renderer import World, viewpoint
+
+from lupin_world.renderer import World, viewpoint
 
 NODE_NAME = 'camera'
 FRAMES_PER_SECOND = 5
@@ -92,5 +93,4 @@ def main(args=None) -> int:
 
 
 if __name__ == '__main__':
-    process.take_signals()
-    process.end(main())
+    sys.exit(main())

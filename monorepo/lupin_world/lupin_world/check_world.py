@@ -1,5 +1,5 @@
 """
-Check with Drake that the SDF world matches the layout, and that each tag can be read.
+`ros2 run lupin_world check_world`: check that the SDF world matches the layout, and that each tag is legible.
 
     make world-check                              the shipped layout, 4 and 5 cm tags
     make world-check ARGS="--tag-file tags.json"
@@ -19,10 +19,11 @@ import numpy as np
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_perception.detector import TagDetector
 from lupin_perception.settings import Criteria
+
 from lupin_world import generate_world
 from lupin_world.placement import tables_of
+from lupin_world.renderer import Tag, World, viewpoint
 from lupin_world.sdf import MARGIN_M, SDF_FILE
-from world_renderer import Tag, World, viewpoint
 
 SIDES_M = (0.04, 0.05)
 DISTANCES_M = (0.3, 0.5, 1.0)
@@ -115,7 +116,7 @@ def check(tag_file: str, side_m: float, folder: Path) -> bool:
 
 def main(arguments: list[str] | None = None) -> int:
     """Check the world with both sizes of tags."""
-    parser = argparse.ArgumentParser(prog='world-check', description=__doc__.strip().splitlines()[0])
+    parser = argparse.ArgumentParser(prog='check_world', description='Check the SDF world with Drake.')
     parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix='world-check-') as folder:
