@@ -4,16 +4,13 @@ Draw the SDF world for the page of lupin_world: from above, and from a robot in 
     make figure WORLD=1
 """
 
-import contextlib
-import io
 import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
-from lupin_world import generate_world
+from lupin_world.generate_world import make_world
 from lupin_world.renderer import World, viewpoint
-from lupin_world.sdf import SDF_FILE
 from PIL import Image
 
 COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_world/doc'
@@ -24,10 +21,9 @@ def main() -> int:
     """Write both pictures."""
     COMMITTED.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
-        with contextlib.redirect_stdout(io.StringIO()):
-            generate_world.main(['--output', folder])
-        above = World(Path(folder, SDF_FILE), width=400, height=560, focal_length_pixels=700.0)
-        eye = World(Path(folder, SDF_FILE), width=640, height=360)
+        sdf_file, _ = make_world(Path(folder))
+        above = World(sdf_file, width=400, height=560, focal_length_pixels=700.0)
+        eye = World(sdf_file, width=640, height=360)
         centres = np.array([tag.centre for tag in above.tags.values()])
         middle = (centres.min(axis=0) + centres.max(axis=0)) / 2
         pictures = {

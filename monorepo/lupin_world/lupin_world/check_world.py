@@ -4,26 +4,24 @@
     make world-check                              the shipped layout, 4 and 5 cm tags
     make world-check ARGS="--tag-file tags.json"
 
-Exit code: 0 the world is right, 1 it is wrong.
+Exit code: 0 the world is right, 1 it is wrong, 2 it cannot be checked.
 """
 
 import argparse
-import contextlib
-import io
 import sys
 import tempfile
 from pathlib import Path
 
 import cv2
 import numpy as np
-from lupin_greenhouse_bridge.greenhouse.layout import find_layout
+from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_perception.detector import TagDetector
 from lupin_perception.settings import Criteria
 
-from lupin_world import generate_world
+from lupin_world.generate_world import make_world
 from lupin_world.placement import tables_of
 from lupin_world.renderer import Tag, World, viewpoint
-from lupin_world.sdf import MARGIN_M, SDF_FILE
+from lupin_world.sdf import MARGIN_M
 
 SIDES_M = (0.04, 0.05)
 DISTANCES_M = (0.3, 0.5, 1.0)
@@ -59,13 +57,8 @@ def faces_outwards(tag: Tag, tables: list, middle: np.ndarray) -> bool:
 
 def check(tag_file: str, side_m: float, folder: Path) -> bool:
     """Make a world and check it; print a line for each setting; return whether it is right."""
-    output = folder / f'{side_m:g}'
-    with contextlib.redirect_stdout(io.StringIO()):
-        code = generate_world.main(['--tag-file', tag_file, '--side', str(side_m), '--output', str(output)])
-    if code:
-        return False
-    layout = find_layout(tag_file)
-    world = World(output / SDF_FILE)
+    sdf_file, layout = make_world(folder / f'{side_m:g}', tag_file, side_m)
+    world = World(sdf_file)
     places = {number: tuple(tag.centre[:2]) for number, tag in world.tags.items()}
     is_right = places == {int(tag_id): (tag.x, tag.y) for tag_id, tag in layout.tags.items()}
     tables = tables_of(layout)
@@ -119,8 +112,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog='check_world', description='Check the SDF world with Drake.')
     parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
     options = parser.parse_args(arguments)
-    with tempfile.TemporaryDirectory(prefix='world-check-') as folder:
-        results = [check(options.tag_file, side_m, Path(folder)) for side_m in SIDES_M]
+    try:
+        with tempfile.TemporaryDirectory(prefix='check_world-') as folder:
+            results = [check(options.tag_file, side_m, Path(folder)) for side_m in SIDES_M]
+    except OneLineError as error:
+        print(f'check_world: {error}', file=sys.stderr)
+        return 2
     print('the world is right' if all(results) else 'the world is WRONG')
     return 0 if all(results) else 1
 

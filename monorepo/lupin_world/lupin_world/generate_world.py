@@ -5,10 +5,11 @@ import sys
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.greenhouse.layout import find_layout
+from lupin_greenhouse_bridge.greenhouse.layout import Layout, find_layout
 
 DONE, USAGE = 0, 2
 MANIFEST = '.generate_world'  # the files that this program writes
+SIDE_M = 0.05
 SMALLEST_SIDE_M, LARGEST_SIDE_M = 0.01, 0.15  # a larger tag would reach below the tops of the tables
 
 
@@ -19,22 +20,12 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
     parser.add_argument(
-        '--side', type=float, default=0.05, metavar='M', help='of the black square (default: %(default)g)'
+        '--side', type=float, default=SIDE_M, metavar='M', help='of the black square (default: %(default)g)'
     )
     parser.add_argument('--output', type=Path, default=Path('.world'), metavar='FOLDER', help='%(default)s')
     options = parser.parse_args(arguments)
     try:
-        if not SMALLEST_SIDE_M <= options.side <= LARGEST_SIDE_M:
-            limits = f'{SMALLEST_SIDE_M:g} and {LARGEST_SIDE_M:g} m'
-            raise StartUpError(f'--side is {options.side:g}: must be between {limits}')
-        layout = find_layout(options.tag_file)
-        if layout is None:
-            raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
-        # Imported here, so that a missing library is a one-line error.
-        from lupin_world.sdf import SDF_FILE, world_files
-
-        files = world_files(layout, options.side)
-        write(options.output, files)
+        sdf_file, layout = make_world(options.output, options.tag_file, options.side)
     except ImportError as error:
         print(
             f'generate_world: {error}: sudo apt install python3-opencv python3-pil python3-numpy',
@@ -49,8 +40,27 @@ def main(arguments: list[str] | None = None) -> int:
         return USAGE
     if not layout.tables:
         print('generate_world: the layout has no tables: the tags face its middle', file=sys.stderr)
-    print(f'{options.output / SDF_FILE}: {len(layout.tags)} tags, {len(layout.tables)} tables')
+    print(f'{sdf_file}: {len(layout.tags)} tags, {len(layout.tables)} tables')
     return DONE
+
+
+def make_world(folder: Path, tag_file: str = '', side_m: float = SIDE_M) -> tuple[Path, Layout]:
+    """
+    Write the world of a tag file ('': the simulator's own); return its SDF file and its layout.
+
+    Raises StartUpError, OSError, and ImportError if a library is missing.
+    """
+    if not SMALLEST_SIDE_M <= side_m <= LARGEST_SIDE_M:
+        limits = f'{SMALLEST_SIDE_M:g} and {LARGEST_SIDE_M:g} m'
+        raise StartUpError(f'--side is {side_m:g}: must be between {limits}')
+    layout = find_layout(tag_file)
+    if layout is None:
+        raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
+    # Imported here, so that a missing library is a one-line error.
+    from lupin_world.sdf import SDF_FILE, world_files
+
+    write(folder, world_files(layout, side_m))
+    return folder / SDF_FILE, layout
 
 
 def write(folder: Path, files: dict[str, bytes]) -> None:
