@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from lupin_world.generate_world import make_world
-from lupin_world.renderer import World, viewpoint
+from lupin_world.renderer import World
+from lupin_world.view import viewpoint
 from PIL import Image
 
 COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_world/doc'

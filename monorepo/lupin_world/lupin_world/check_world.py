@@ -20,8 +20,8 @@ from lupin_perception.settings import Criteria
 
 from lupin_world.generate_world import make_world
 from lupin_world.placement import tables_of
-from lupin_world.renderer import Tag, World, viewpoint
 from lupin_world.sdf import MARGIN_M
+from lupin_world.view import Tag, open_world, viewpoint
 
 SIDES_M = (0.04, 0.05)
 DISTANCES_M = (0.3, 0.5, 1.0)
@@ -31,14 +31,14 @@ SAME_M = 1e-9
 STEP_M = 0.02
 
 
-def seen_from(world: World, detector: TagDetector, eye: np.ndarray, at: np.ndarray) -> set[int]:
+def seen_from(world, detector: TagDetector, eye: np.ndarray, at: np.ndarray) -> set[int]:
     """Return the ids that confirm_tag would accept in a picture from this viewpoint."""
     picture = cv2.cvtColor(world.look(eye, at), cv2.COLOR_RGB2GRAY)
     criteria = Criteria()
     return {each.tag_number for each in detector.detect(picture) if not criteria.flaw_of(each)}
 
 
-def corners_of(world: World) -> tuple[np.ndarray, np.ndarray]:
+def corners_of(world) -> tuple[np.ndarray, np.ndarray]:
     """Return the lowest and the highest x and y of the tags and tables."""
     points = [tag.centre[:2] for tag in world.tags.values()]
     points += [corner for x0, y0, x1, y1 in world.tables for corner in ((x0, y0), (x1, y1))]
@@ -58,7 +58,7 @@ def faces_outwards(tag: Tag, tables: list, middle: np.ndarray) -> bool:
 def check(tag_file: str, side_m: float, folder: Path) -> bool:
     """Make a world and check it; print a line for each setting; return whether it is right."""
     sdf_file, layout = make_world(folder / f'{side_m:g}', tag_file, side_m)
-    world = World(sdf_file)
+    world = open_world(sdf_file)
     places = {number: tuple(tag.centre[:2]) for number, tag in world.tags.items()}
     is_right = places == {int(tag_id): (tag.x, tag.y) for tag_id, tag in layout.tags.items()}
     tables = tables_of(layout)

@@ -1,8 +1,6 @@
 """Render the SDF world with Drake, without a display."""
 
 import logging
-import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,26 +18,20 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
 
+from lupin_world.view import Tag
+
 # Drake ignores the lights of the SDF.
 LIGHTS = ((1, 0, -0.15), (-1, 0, -0.15), (0, 1, -0.15), (0, -1, -0.15))
 NEAREST_M, FARTHEST_M = 0.01, 50.0
 SUPERSAMPLING = 2  # a camera's pixel averages the light of its area
 
 
-@dataclass(frozen=True)
-class Tag:
-    """A tag of the world: its centre in metres, and the axes of its model's frame."""
-
-    centre: np.ndarray
-    to_right: np.ndarray  # of the viewer
-    up: np.ndarray
-    out: np.ndarray  # of its face
-
-
 class World:
     """The world of an SDF file."""
 
-    def __init__(self, sdf: Path, width: int = 640, height: int = 480, focal_length_pixels: float = 600.0):
+    def __init__(
+        self, sdf: str | Path, width: int = 640, height: int = 480, focal_length_pixels: float = 600.0
+    ):
         """Read the world; raises RuntimeError if the file is not a world."""
         logging.getLogger('drake').setLevel(logging.ERROR)  # it warns of the lights
         builder = DiagramBuilder()
@@ -89,9 +81,3 @@ class World:
         height, width = (side // SUPERSAMPLING for side in picture.shape[:2])
         blocks = picture[..., :3].reshape(height, SUPERSAMPLING, width, SUPERSAMPLING, 3)
         return blocks.mean(axis=(1, 3), dtype=np.float32).astype(np.uint8)
-
-
-def viewpoint(tag: Tag, distance_m: float, angle_degrees: float) -> np.ndarray:
-    """Return a point at this distance from a tag and at its height, turned from its normal to its right."""
-    angle = math.radians(angle_degrees)
-    return tag.centre + distance_m * (math.cos(angle) * tag.out + math.sin(angle) * tag.to_right)

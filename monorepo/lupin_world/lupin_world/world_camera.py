@@ -8,7 +8,6 @@ image to image.
 import math
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -21,7 +20,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-from lupin_world.renderer import World, viewpoint
+from lupin_world.view import open_world, viewpoint
 
 NODE_NAME = 'camera'
 FRAMES_PER_SECOND = 5
@@ -52,7 +51,7 @@ class WorldCamera(Node):
     def __init__(self):
         super().__init__(NODE_NAME)
         self._settings = declare_parameters(self, Settings)
-        self._world = World(Path(self._settings.world_file))
+        self._world = open_world(self._settings.world_file)
         self._random = np.random.default_rng(0)
         self._tag_id = ''
         self._images = self.create_publisher(Image, DEFAULT_IMAGE_TOPIC, qos_profile_sensor_data)
