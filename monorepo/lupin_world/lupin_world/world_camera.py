@@ -1,7 +1,7 @@
 """
 `ros2 run lupin_world world_camera`: publishes images of the tag that the mission stands at, in the SDF world.
 
-Subscribes to `/mission/at_tag`. Between two tags it shows the sky. The position, angle and distance vary from
+Subscribes to `mission/at_tag`. Between two tags it shows the sky. The position, angle and distance vary from
 image to image.
 """
 
@@ -14,15 +14,16 @@ import numpy as np
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.node.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.node.run import run
-from lupin_perception.settings import DEFAULT_IMAGE_TOPIC
+from lupin_perception.camera_stand_in import image_of
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-from lupin_world.view import open_world, viewpoint
+from lupin_world.view import Tag, open_world, viewpoint
 
 NODE_NAME = 'camera'
+IMAGE_TOPIC, AT_TAG_TOPIC = 'camera/color/image_raw', 'mission/at_tag'  # relative: a namespace moves them
 FRAMES_PER_SECOND = 5
 LARGEST_ANGLE_DEGREES = 30.0
 LARGEST_OFFSET_M = 0.03
@@ -52,38 +53,36 @@ class WorldCamera(Node):
         super().__init__(NODE_NAME)
         self._settings = declare_parameters(self, Settings)
         self._world = open_world(self._settings.world_file)
+        self._tags = {str(number): tag for number, tag in self._world.tags.items()}
         self._random = np.random.default_rng(0)
         self._tag_id = ''
-        self._images = self.create_publisher(Image, DEFAULT_IMAGE_TOPIC, qos_profile_sensor_data)
+        self._images = self.create_publisher(Image, IMAGE_TOPIC, qos_profile_sensor_data)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(String, '/mission/at_tag', self._on_tag, latched)
+        self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched)
         self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
-        self.get_logger().info(f'ready: {len(self._world.tags)} tags in the world')
+        self.get_logger().info(f'ready: {len(self._tags)} tags in the world')
 
     def _on_tag(self, message) -> None:
         self._tag_id = message.data
 
     def _publish(self) -> None:
+        picture = self._world.look(*approach(self._tags.get(self._tag_id), self._settings, self._random))
         # Grey: on a busy machine, best effort loses images of 900 kB.
-        picture = cv2.cvtColor(self._world.look(*self._approach()), cv2.COLOR_RGB2GRAY)
-        height, width = picture.shape
-        image = Image(height=height, width=width, encoding='mono8', step=width)
+        image = image_of(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY))
         image.header.stamp = self.get_clock().now().to_msg()
         image.header.frame_id = NODE_NAME
-        image.data = picture.tobytes()
         self._images.publish(image)
 
-    def _approach(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the position of the camera, and the point that it looks at."""
-        tag = self._world.tags.get(int(self._tag_id)) if self._tag_id.isdecimal() else None
-        if tag is None:
-            return np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 2.0])
-        settings, random = self._settings, self._random
-        distance_m = random.uniform(settings.min_standoff_m, settings.max_standoff_m)
-        angle = random.uniform(-LARGEST_ANGLE_DEGREES, LARGEST_ANGLE_DEGREES)
-        offset = random.uniform(-LARGEST_OFFSET_M, LARGEST_OFFSET_M) * tag.to_right
-        yaw = math.tan(random.uniform(-LARGEST_YAW, LARGEST_YAW)) * distance_m * tag.to_right
-        return viewpoint(tag, distance_m, angle) + offset, tag.centre + offset + yaw
+
+def approach(tag: Tag | None, settings: Settings, random) -> tuple[np.ndarray, np.ndarray]:
+    """Return the position of the camera, and the point that it looks at: in the sky without a tag."""
+    if tag is None:
+        return np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 2.0])
+    distance_m = random.uniform(settings.min_standoff_m, settings.max_standoff_m)
+    angle = random.uniform(-LARGEST_ANGLE_DEGREES, LARGEST_ANGLE_DEGREES)
+    offset = random.uniform(-LARGEST_OFFSET_M, LARGEST_OFFSET_M) * tag.to_right
+    yaw = math.tan(random.uniform(-LARGEST_YAW, LARGEST_YAW)) * distance_m * tag.to_right
+    return viewpoint(tag, distance_m, angle) + offset, tag.centre + offset + yaw
 
 
 def main(args=None) -> int:

@@ -1,0 +1,103 @@
+"""The camera in the world: its viewpoints, and its topics. The world is a stand-in: there may be no Drake."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import rclpy
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.testing import executable, wait_until
+from lupin_world import world_camera
+from lupin_world.view import Tag
+from lupin_world.world_camera import Settings, WorldCamera
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import Image
+from std_msgs.msg import String
+
+TAG = Tag(np.array([2.0, 1.0, 0.3]), *np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+WHITE, BLACK = 255, 0
+
+
+def look(_eye, at) -> np.ndarray:
+    """Return a white picture of the tag, and a black one of anything else."""
+    return np.full((24, 32, 3), WHITE if np.linalg.norm(at - TAG.centre) < 0.2 else BLACK, np.uint8)
+
+
+@pytest.mark.parametrize(
+    ('values', 'fragment'),
+    [
+        ({'min_standoff_m': 0.1}, 'min_standoff_m is 0.1: must be a number from 0.2 to 1.5'),
+        ({'max_standoff_m': 1.6}, 'max_standoff_m is 1.6: must be a number from 0.2 to 1.5'),
+        (
+            {'min_standoff_m': 0.9, 'max_standoff_m': 0.8},
+            'min_standoff_m is 0.9: must not exceed max_standoff_m',
+        ),
+        ({'world_file': 7}, 'world_file is 7: must be text'),
+    ],
+)
+def test_a_parameter_outside_its_limits_is_refused(values, fragment):
+    with pytest.raises(StartUpError) as refusal:
+        Settings(**values)
+    assert fragment in str(refusal.value)
+
+
+def test_the_camera_stands_in_front_of_the_tag_and_looks_at_it():
+    random = np.random.default_rng(1)
+    settings = Settings(min_standoff_m=0.4, max_standoff_m=0.8)
+    for _ in range(200):
+        eye, at = world_camera.approach(TAG, settings, random)
+        right, up, out = (axis @ (eye - TAG.centre) for axis in (TAG.to_right, TAG.up, TAG.out))
+        assert up == 0.0
+        assert out > abs(right)  # less than 45 degrees from the normal
+        assert 0.4 - 0.03 < np.hypot(right, out) < 0.8 + 0.03
+        assert np.linalg.norm(at - TAG.centre) < 0.03 + 0.8 * np.tan(world_camera.LARGEST_YAW)
+
+
+def test_without_a_tag_the_camera_looks_at_the_sky():
+    eye, at = world_camera.approach(None, Settings(), np.random.default_rng(1))
+    assert at[2] > eye[2] > 0.0
+
+
+@pytest.mark.parametrize('namespace', ['', '/robot1'])
+def test_it_shows_the_tag_of_the_mission_in_its_namespace(monkeypatch, namespace):
+    monkeypatch.setattr(world_camera, 'open_world', lambda _file: SimpleNamespace(tags={7: TAG}, look=look))
+    remapped = ['--ros-args', '-r', f'__ns:={namespace}'] if namespace else []
+    rclpy.init(args=remapped, signal_handler_options=SignalHandlerOptions.NO)
+    executor = SingleThreadedExecutor()
+    images = []
+    try:
+        robot = rclpy.create_node('robot')
+        executor.add_node(robot)
+        at_tag = robot.create_publisher(String, f'{namespace}/mission/at_tag', LATCHED)
+        at_tag.publish(String(data='7'))  # the camera is younger than the mission
+        topic = f'{namespace}/camera/color/image_raw'
+        robot.create_subscription(Image, topic, images.append, qos_profile_sensor_data)
+        executor.add_node(WorldCamera())
+
+        def shows(level: int) -> bool:
+            executor.spin_once(timeout_sec=0.1)
+            return bool(images) and images[-1].data[0] == level
+
+        wait_until(lambda: shows(WHITE))
+        for other in ('', '8', 'seven', '9' * 5000):
+            at_tag.publish(String(data=other))
+            wait_until(lambda: shows(BLACK))
+            at_tag.publish(String(data='7'))
+            wait_until(lambda: shows(WHITE))
+        assert (images[-1].encoding, images[-1].height, images[-1].width) == ('mono8', 24, 32)
+        assert images[-1].header.frame_id == 'camera'
+    finally:
+        nodes = executor.get_nodes()
+        executor.shutdown()
+        for node in nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+@pytest.mark.usefixtures('without_drake')
+def test_a_missing_drake_is_one_fatal_line_that_names_the_command(start_node):
+    camera = start_node([executable('lupin_world', 'world_camera')], world_file='greenhouse.sdf')
+    assert camera.refusal().endswith('Drake is missing (No Drake in this test): pip install drake')
