@@ -46,9 +46,11 @@ smoke: bridge  ## start the bridge on a private domain and read every tag
 read: bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TAG=--all
 	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(ARGS)
 
-mission: build  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world
-	@$(if $(WORLD),ci/with_drake,$(if $(filter detections,$(CAMERA)),ci/with_stand_ins,$(IN_ENV))) \
-	    python ci/mission.py $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(ARGS)
+mission: $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world
+	@[ $(TREE) = monorepo ] || { echo 'mission: it is in the monorepo only: make mission TREE=monorepo' >&2; exit 2; }
+	@$(IN_ENV) $(if $(WORLD),ci/with_drake,$(if $(filter detections,$(CAMERA)),ci/with_stand_ins)) \
+	    $(call EXECUTABLE,lupin_mission,inspection) --output '$(CURDIR)/.mission' \
+	    $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(ARGS)
 
 world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"
 	@$(IN_ENV) $(call EXECUTABLE,lupin_world,generate_world) $(ARGS)

@@ -23,6 +23,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'inspection = lupin_mission.inspection:main',
             'mission_orchestrator = lupin_mission.executables:mission_orchestrator',
             'mission_node = lupin_mission.executables:mission_orchestrator',
             'plot_report = lupin_mission.plot_report:main',

@@ -1,7 +1,8 @@
 """
-Run a whole mission on its own domain: bridge, mission and, with --camera, a camera that confirms tags.
+`ros2 run lupin_mission inspection`: run a whole mission on its own ROS domain.
 
-Writes the report and its picture into the folder .mission. Exit code: the mission's, 0 if all tags were read.
+Starts the bridge, the mission and, with --camera, a camera that confirms tags. Writes a report and its
+picture. Exit code: the mission's, 0 if all tags were read; 2 if it cannot start.
 """
 
 import argparse
@@ -12,9 +13,8 @@ import sys
 from pathlib import Path
 
 import domain_coordinator
+from ament_index_python.packages import get_package_prefix
 
-ROOT = Path(__file__).resolve().parent.parent
-INSTALLED = Path(os.environ['LUPIN_WORKSPACE'], 'install')
 LONGEST_MISSION_SECONDS = 900
 PATIENCE_SECONDS = 10.0
 # What the camera publishes, and the matching parameters of confirm_tag.
@@ -27,7 +27,7 @@ SOURCES = {
 
 def executable(package: str, name: str) -> str:
     """Return the path of the executable that `ros2 run` starts."""
-    return str(INSTALLED / package / 'lib' / package / name)
+    return str(Path(get_package_prefix(package), 'lib', package, name))
 
 
 def parameters(assignments: list[str]) -> list[str]:
@@ -57,23 +57,24 @@ def running(command: list[str], environment: dict[str, str]):
             process.wait()
 
 
-def main() -> int:
+def main(arguments: list[str] | None = None) -> int:
     """Run it and return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser = argparse.ArgumentParser(
+        prog='inspection', description='Run a whole mission on its own ROS domain.'
+    )
     parser.add_argument(
         '--camera', choices=SOURCES, help='confirm each tag, from images, compressed images or detections'
     )
-    parser.add_argument('--world', action='store_true', help='the camera is in the SDF world of make world')
-    parser.add_argument('--output', type=Path, default=ROOT / '.mission', metavar='FOLDER')
+    parser.add_argument('--world', action='store_true', help='the camera is in the SDF world of lupin_world')
+    parser.add_argument(
+        '--output', type=Path, default=Path('.mission'), metavar='FOLDER', help='default: %(default)s'
+    )
     parser.add_argument('arguments', nargs='*', metavar='name:=value', help='parameters of the mission')
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     if options.world and options.camera != 'image':
         print('mission: WORLD=1 needs CAMERA=1, and publishes images only', file=sys.stderr)
         return 2
     mission_node = executable('lupin_mission', 'mission_node')
-    if not Path(mission_node).exists():
-        print('mission: it is in the monorepo only: make mission TREE=monorepo', file=sys.stderr)
-        return 2
     options.output.mkdir(parents=True, exist_ok=True)
     name = 'world' if options.world else 'camera' if options.camera else 'simulation'
     report = options.output / f'{name}.jsonl'
@@ -86,12 +87,12 @@ def main() -> int:
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         }
         stack.enter_context(running([executable('lupin_greenhouse_bridge', 'bridge_node')], environment))
-        arguments = [f'report_file:="{report}"']
+        suitable = [f'report_file:="{report}"']
         if options.camera:
             if options.world:
                 world_file = make_world(options.output / 'world')
                 # Rendering an image takes a while.
-                arguments += [
+                suitable += [
                     f'world_file:="{world_file}"',
                     f'request_timeout_seconds:={PATIENCE_SECONDS + 1.0}',
                 ]
@@ -108,12 +109,12 @@ def main() -> int:
             ):
                 stack.enter_context(running(command, environment))
             # One call is enough: confirm_tag looks until the tag appears.
-            arguments += ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=1']
+            suitable += ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=1']
         else:
-            arguments += ['dwell_seconds:=0.1']
+            suitable += ['dwell_seconds:=0.1']
         try:
             mission = subprocess.run(
-                [mission_node, *parameters([*arguments, *options.arguments])],
+                [mission_node, *parameters([*suitable, *options.arguments])],
                 env=environment,
                 timeout=LONGEST_MISSION_SECONDS,
                 check=False,

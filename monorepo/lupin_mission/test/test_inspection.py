@@ -1,0 +1,47 @@
+"""A whole inspection, in simulation and with a camera: the report and the picture that it writes."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import pytest
+from lupin_greenhouse_bridge.testing import executable
+from lupin_mission import inspection
+
+
+def run_inspection(output: Path, *arguments: str, attempts: int = 1000) -> subprocess.CompletedProcess:
+    """Run an inspection whose mission waits longer than by default: a node of it may start late."""
+    command = [executable('lupin_mission', 'inspection'), '--output', str(output), *arguments]
+    patience = ['request_timeout_seconds:=10', 'retry_delay_seconds:=0.1', f'max_attempts:={attempts}']
+    return subprocess.run([*command, *patience], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'name', 'tag_ids'),
+    [([], 'simulation', None), (['--camera', 'image', 'tag_ids:="1 5 7"'], 'camera', ['1', '5', '7'])],
+    ids=['simulation', 'images'],
+)
+def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path, arguments, name, tag_ids):
+    result = run_inspection(tmp_path, *arguments)
+    assert result.returncode == 0, result.stdout + result.stderr
+    lines = [
+        json.loads(line) for line in (tmp_path / f'{name}.jsonl').read_text(encoding='utf-8').splitlines()
+    ]
+    assert {line['outcome'] for line in lines} == {'OK'}
+    assert len(lines) == len({line['tag_id'] for line in lines})
+    assert tag_ids in (None, [line['tag_id'] for line in lines])
+    assert f'{len(lines)}/{len(lines)} tags read' in result.stdout
+    assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
+    assert 'Traceback' not in result.stderr
+
+
+def test_a_tag_that_the_camera_never_sees_is_not_read(tmp_path):
+    result = run_inspection(tmp_path, '--camera', 'image', 'tag_ids:="600"', attempts=5)
+    assert result.returncode == 1
+    (line,) = (tmp_path / 'camera.jsonl').read_text(encoding='utf-8').splitlines()
+    assert json.loads(line)['outcome'] == 'NOT_CONFIRMED'
+
+
+def test_a_world_without_its_camera_is_refused_in_one_line(tmp_path, capsys):
+    assert inspection.main(['--camera', 'detections', '--world', '--output', str(tmp_path)]) == 2
+    assert capsys.readouterr().err == 'mission: WORLD=1 needs CAMERA=1, and publishes images only\n'
