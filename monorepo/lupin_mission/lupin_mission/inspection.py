@@ -13,8 +13,10 @@ import sys
 from pathlib import Path
 
 import domain_coordinator
-from ament_index_python.packages import get_package_prefix
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 
+USAGE = 2
 LONGEST_MISSION_SECONDS = 900
 PATIENCE_SECONDS = 10.0
 # What the camera publishes, and the matching parameters of confirm_tag.
@@ -26,8 +28,13 @@ SOURCES = {
 
 
 def executable(package: str, name: str) -> str:
-    """Return the path of the executable that `ros2 run` starts."""
-    return str(Path(get_package_prefix(package), 'lib', package, name))
+    """Return the path of the executable that `ros2 run` starts; raises StartUpError without the package."""
+    try:
+        return str(Path(get_package_prefix(package), 'lib', package, name))
+    except PackageNotFoundError as error:
+        raise StartUpError(
+            f'the package {package} is not found: build it and source its setup file'
+        ) from error
 
 
 def parameters(assignments: list[str]) -> list[str]:
@@ -36,10 +43,32 @@ def parameters(assignments: list[str]) -> list[str]:
 
 
 def make_world(folder: Path) -> Path:
-    """Make the SDF world of the shipped layout, with 4 cm tags, and return its file."""
+    """Make the SDF world of the shipped layout, with 4 cm tags, and return its file; raises StartUpError."""
     command = [executable('lupin_world', 'generate_world'), '--side', '0.04', '--output', str(folder)]
-    subprocess.run(command, check=True)
+    if subprocess.run(command, check=False).returncode:
+        raise StartUpError('the world cannot be made')
     return folder / 'greenhouse.sdf'
+
+
+def nodes_of(options) -> tuple[list[list[str]], list[str]]:
+    """Return the commands of the nodes around the mission, and the mission's parameters that suit them."""
+    nodes = [[executable('lupin_greenhouse_bridge', 'bridge_node')]]
+    if not options.camera:
+        return nodes, ['dwell_seconds:=0.1']
+    # One call is enough: confirm_tag looks until the tag appears.
+    mission = ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=1']
+    if options.world:
+        world_file = f'world_file:="{make_world(options.output / "world")}"'
+        # Rendering an image takes a while.
+        mission += [world_file, f'request_timeout_seconds:={PATIENCE_SECONDS + 1.0}']
+        listening = [f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']
+        camera = [executable('lupin_world', 'world_camera'), *parameters([world_file])]
+    else:
+        listening = SOURCES[options.camera]
+        publishing = [f'publishes:={options.camera}']
+        camera = [executable('lupin_perception', 'camera_stand_in'), *parameters(publishing)]
+    confirm_tag = [executable('lupin_perception', 'confirm_tag'), *parameters(listening)]
+    return [*nodes, confirm_tag, camera], mission
 
 
 @contextlib.contextmanager
@@ -57,6 +86,37 @@ def running(command: list[str], environment: dict[str, str]):
             process.wait()
 
 
+def run_mission(options) -> int:
+    """Run the nodes and the mission, and draw its report; return the exit code. Raises StartUpError."""
+    if options.world and options.camera != 'image':
+        raise StartUpError('WORLD=1 needs CAMERA=1, and publishes images only')
+    mission_node = executable('lupin_mission', 'mission_node')
+    nodes, suitable = nodes_of(options)
+    options.output.mkdir(parents=True, exist_ok=True)
+    name = 'world' if options.world else 'camera' if options.camera else 'simulation'
+    report = options.output / f'{name}.jsonl'
+    report.unlink(missing_ok=True)
+    with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
+        environment = {
+            **os.environ,
+            'ROS_DOMAIN_ID': str(domain_id),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        }
+        for command in nodes:
+            stack.enter_context(running(command, environment))
+        mission = subprocess.run(
+            [mission_node, *parameters([f'report_file:="{report}"', *suitable, *options.arguments])],
+            env=environment,
+            timeout=LONGEST_MISSION_SECONDS,
+            check=False,
+        )
+    if mission.returncode == USAGE:
+        return USAGE
+    plotting = subprocess.run([executable('lupin_mission', 'plot_report'), str(report)], check=False)
+    print(f'report: {report}')
+    return mission.returncode or plotting.returncode
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run it and return the exit code."""
     parser = argparse.ArgumentParser(
@@ -70,65 +130,16 @@ def main(arguments: list[str] | None = None) -> int:
         '--output', type=Path, default=Path('.mission'), metavar='FOLDER', help='default: %(default)s'
     )
     parser.add_argument('arguments', nargs='*', metavar='name:=value', help='parameters of the mission')
-    options = parser.parse_args(arguments)
-    if options.world and options.camera != 'image':
-        print('mission: WORLD=1 needs CAMERA=1, and publishes images only', file=sys.stderr)
-        return 2
-    mission_node = executable('lupin_mission', 'mission_node')
-    options.output.mkdir(parents=True, exist_ok=True)
-    name = 'world' if options.world else 'camera' if options.camera else 'simulation'
-    report = options.output / f'{name}.jsonl'
-    report.unlink(missing_ok=True)
-
-    with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
-        environment = {
-            **os.environ,
-            'ROS_DOMAIN_ID': str(domain_id),
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        }
-        stack.enter_context(running([executable('lupin_greenhouse_bridge', 'bridge_node')], environment))
-        suitable = [f'report_file:="{report}"']
-        if options.camera:
-            if options.world:
-                world_file = make_world(options.output / 'world')
-                # Rendering an image takes a while.
-                suitable += [
-                    f'world_file:="{world_file}"',
-                    f'request_timeout_seconds:={PATIENCE_SECONDS + 1.0}',
-                ]
-                listening = [f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']
-                camera = [executable('lupin_world', 'world_camera')]
-                publishing = [f'world_file:="{world_file}"']
-            else:
-                listening = SOURCES[options.camera]
-                camera = [executable('lupin_perception', 'camera_stand_in')]
-                publishing = [f'publishes:={options.camera}']
-            for command in (
-                [executable('lupin_perception', 'confirm_tag'), *parameters(listening)],
-                [*camera, *parameters(publishing)],
-            ):
-                stack.enter_context(running(command, environment))
-            # One call is enough: confirm_tag looks until the tag appears.
-            suitable += ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=1']
-        else:
-            suitable += ['dwell_seconds:=0.1']
-        try:
-            mission = subprocess.run(
-                [mission_node, *parameters([*suitable, *options.arguments])],
-                env=environment,
-                timeout=LONGEST_MISSION_SECONDS,
-                check=False,
-            )
-        except subprocess.TimeoutExpired as error:
-            print(f'mission: {error}', file=sys.stderr)
-            return 1
-        except KeyboardInterrupt:
-            return 130
-    if mission.returncode == 2:
-        return 2
-    plotting = subprocess.run([executable('lupin_mission', 'plot_report'), str(report)], check=False)
-    print(f'report: {report}')
-    return mission.returncode or plotting.returncode
+    try:
+        return run_mission(parser.parse_args(arguments))
+    except OneLineError as error:
+        print(f'mission: {error}', file=sys.stderr)
+        return USAGE
+    except subprocess.TimeoutExpired as error:
+        print(f'mission: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
 
 
 if __name__ == '__main__':

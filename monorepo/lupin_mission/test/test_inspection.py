@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from argparse import Namespace
 from pathlib import Path
 
 import pytest
@@ -45,3 +46,18 @@ def test_a_tag_that_the_camera_never_sees_is_not_read(tmp_path):
 def test_a_world_without_its_camera_is_refused_in_one_line(tmp_path, capsys):
     assert inspection.main(['--camera', 'detections', '--world', '--output', str(tmp_path)]) == 2
     assert capsys.readouterr().err == 'mission: WORLD=1 needs CAMERA=1, and publishes images only\n'
+
+
+@pytest.mark.parametrize('camera', [None, *inspection.SOURCES])
+def test_the_world_package_is_needed_for_a_world_only(tmp_path, monkeypatch, capsys, camera):
+    index = tmp_path / 'share/ament_index/resource_index/packages'
+    index.mkdir(parents=True)
+    for package in ('lupin_greenhouse_bridge', 'lupin_mission', 'lupin_perception'):
+        (index / package).touch()
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
+    nodes, _ = inspection.nodes_of(Namespace(camera=camera, world=False))
+    assert all(command[0].startswith(str(tmp_path / 'lib')) for command in nodes)
+    assert inspection.main(['--camera', 'image', '--world', '--output', str(tmp_path)]) == 2
+    assert capsys.readouterr().err == (
+        'mission: the package lupin_world is not found: build it and source its setup file\n'
+    )
