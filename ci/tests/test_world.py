@@ -28,17 +28,17 @@ TAGS = {
 }
 
 
+def with_drake(*arguments: str) -> subprocess.CompletedProcess:
+    """Run Python with Drake."""
+    command = ['ci/with_drake', sys.executable, *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
 def check_world(folder, layout, command=('-m', 'lupin_world.check_world')):
     """Run the check on a layout."""
     tag_file = folder / 'tags.json'
     tag_file.write_text(json.dumps(layout), encoding='utf-8')
-    return subprocess.run(
-        ['ci/with_drake', sys.executable, *command, '--tag-file', str(tag_file)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return with_drake(*command, '--tag-file', str(tag_file))
 
 
 @needs_drake
@@ -67,3 +67,16 @@ def test_a_wrong_world_is_noticed(tmp_path, change, finding):
     assert result.returncode == 1
     assert finding in result.stdout
     assert result.stdout.endswith('the world is WRONG\n')
+
+
+@needs_drake
+@pytest.mark.heavy
+@pytest.mark.parametrize('name', ['', 'missing.sdf', 'broken.sdf'])
+def test_the_camera_refuses_a_file_that_is_no_world_in_one_line(tmp_path, name):
+    (tmp_path / 'broken.sdf').write_text('<sdf version="1.6"><world>', encoding='utf-8')
+    world_file = name and str(tmp_path / name)
+    result = with_drake('-m', 'lupin_world.world_camera', '--ros-args', '-p', f'world_file:="{world_file}"')
+    assert result.returncode == 1
+    (fatal,) = result.stderr.splitlines()
+    assert '[FATAL]' in fatal
+    assert f"'{world_file}' is not an SDF world: use one of generate_world: " in fatal
