@@ -26,17 +26,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         sdf_file, layout = make_world(options.output, options.tag_file, options.side)
-    except ImportError as error:
-        print(
-            f'generate_world: {error}: sudo apt install python3-opencv python3-pil python3-numpy',
-            file=sys.stderr,
-        )
-        return USAGE
     except OneLineError as error:
         print(f'generate_world: {error}', file=sys.stderr)
-        return USAGE
-    except OSError as error:
-        print(f"generate_world: --output '{options.output}': {error.strerror}", file=sys.stderr)
         return USAGE
     if not layout.tables:
         print('generate_world: the layout has no tables: the tags face its middle', file=sys.stderr)
@@ -45,21 +36,24 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def make_world(folder: Path, tag_file: str = '', side_m: float = SIDE_M) -> tuple[Path, Layout]:
-    """
-    Write the world of a tag file ('': the simulator's own); return its SDF file and its layout.
-
-    Raises StartUpError, OSError, and ImportError if a library is missing.
-    """
+    """Write the world of a tag file; return its SDF file and its layout; raises StartUpError."""
     if not SMALLEST_SIDE_M <= side_m <= LARGEST_SIDE_M:
         limits = f'{SMALLEST_SIDE_M:g} and {LARGEST_SIDE_M:g} m'
         raise StartUpError(f'--side is {side_m:g}: must be between {limits}')
     layout = find_layout(tag_file)
     if layout is None:
         raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
-    # Imported here, so that a missing library is a one-line error.
-    from lupin_world.sdf import SDF_FILE, world_files
+    try:
+        from lupin_world.sdf import (
+            SDF_FILE,
+            world_files,
+        )  # imported here: a missing library is a one-line error
 
-    write(folder, world_files(layout, side_m))
+        write(folder, world_files(layout, side_m))
+    except ImportError as error:
+        raise StartUpError(f'{error}: sudo apt install python3-opencv python3-pil python3-numpy') from error
+    except OSError as error:
+        raise StartUpError(f"--output '{folder}': {error.strerror}") from error
     return folder / SDF_FILE, layout
 
 

@@ -38,10 +38,7 @@ class World:
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
         models = Parser(plant).AddModels(str(sdf))
-        lights = [
-            LightParameter(type='directional', frame='world', direction=each, intensity=1.0)
-            for each in LIGHTS
-        ]
+        lights = [LightParameter(type='directional', frame='world', direction=each) for each in LIGHTS]
         scene_graph.AddRenderer('vtk', MakeRenderEngineVtk(RenderEngineVtkParams(lights=lights)))
         plant.Finalize()
         self._diagram = builder.Build()
@@ -65,11 +62,8 @@ class World:
                 self.tags[int(name.removeprefix('tag_'))] = Tag(pose.translation(), *axes)
             elif name.startswith('table_'):
                 (geometry,) = plant.GetCollisionGeometriesForBody(body)
-                (x, y, _), (dx, dy, _) = (
-                    pose.translation(),
-                    scene_graph.model_inspector().GetShape(geometry).size() / 2,
-                )
-                self.tables.append((x - dx, y - dy, x + dx, y + dy))
+                centre, size = pose.translation(), scene_graph.model_inspector().GetShape(geometry).size()
+                self.tables.append((*(centre - size / 2)[:2], *(centre + size / 2)[:2]))
 
     def look(self, eye: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Return the picture from one point towards another, RGB, uint8 of the shape (height, width, 3)."""
