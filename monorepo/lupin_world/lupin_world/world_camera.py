@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.node.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.node.run import run
 from lupin_perception.camera_stand_in import image_of
@@ -25,6 +24,7 @@ from lupin_world.view import Tag, open_world, viewpoint
 NODE_NAME = 'camera'
 IMAGE_TOPIC, AT_TAG_TOPIC = 'camera/color/image_raw', 'mission/at_tag'  # relative: a namespace moves them
 FRAMES_PER_SECOND = 5
+STANDOFF_M = (0.3, 1.0)  # from, to
 LARGEST_ANGLE_DEGREES = 30.0
 LARGEST_OFFSET_M = 0.03
 LARGEST_YAW = math.radians(4.0)
@@ -35,15 +35,9 @@ class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     world_file: str = parameter('', 'The SDF world.')
-    min_standoff_m: float = parameter(0.3, 'Smallest distance to a tag.', smallest=0.2, largest=1.5)
-    max_standoff_m: float = parameter(1.0, 'Largest distance to a tag.', smallest=0.2, largest=1.5)
 
     def __post_init__(self):
         check_parameters(self)
-        if self.min_standoff_m > self.max_standoff_m:
-            raise StartUpError(
-                f'parameter min_standoff_m is {self.min_standoff_m:g}: must not exceed max_standoff_m'
-            )
 
 
 class WorldCamera(Node):
@@ -51,8 +45,7 @@ class WorldCamera(Node):
 
     def __init__(self):
         super().__init__(NODE_NAME)
-        self._settings = declare_parameters(self, Settings)
-        self._world = open_world(self._settings.world_file)
+        self._world = open_world(declare_parameters(self, Settings).world_file)
         self._tags = {str(number): tag for number, tag in self._world.tags.items()}
         self._random = np.random.default_rng(0)
         self._tag_id = ''
@@ -66,7 +59,7 @@ class WorldCamera(Node):
         self._tag_id = message.data
 
     def _publish(self) -> None:
-        picture = self._world.look(*approach(self._tags.get(self._tag_id), self._settings, self._random))
+        picture = self._world.look(*approach(self._tags.get(self._tag_id), self._random))
         # Grey: on a busy machine, best effort loses images of 900 kB.
         image = image_of(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY))
         image.header.stamp = self.get_clock().now().to_msg()
@@ -74,11 +67,11 @@ class WorldCamera(Node):
         self._images.publish(image)
 
 
-def approach(tag: Tag | None, settings: Settings, random) -> tuple[np.ndarray, np.ndarray]:
+def approach(tag: Tag | None, random) -> tuple[np.ndarray, np.ndarray]:
     """Return the position of the camera, and the point that it looks at: in the sky without a tag."""
     if tag is None:
         return np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 2.0])
-    distance_m = random.uniform(settings.min_standoff_m, settings.max_standoff_m)
+    distance_m = random.uniform(*STANDOFF_M)
     angle = random.uniform(-LARGEST_ANGLE_DEGREES, LARGEST_ANGLE_DEGREES)
     offset = random.uniform(-LARGEST_OFFSET_M, LARGEST_OFFSET_M) * tag.to_right
     yaw = math.tan(random.uniform(-LARGEST_YAW, LARGEST_YAW)) * distance_m * tag.to_right
