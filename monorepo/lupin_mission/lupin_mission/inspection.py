@@ -32,22 +32,12 @@ def executable(package: str, name: str) -> str:
     try:
         return str(Path(get_package_prefix(package), 'lib', package, name))
     except PackageNotFoundError as error:
-        raise StartUpError(
-            f'the package {package} is not found: build it and source its setup file'
-        ) from error
+        raise StartUpError(f'the package {package} is not found: build it and source its setup') from error
 
 
 def parameters(assignments: list[str]) -> list[str]:
     """Turn name:=value of `ros2 launch` into arguments of a node."""
     return ['--ros-args', *(word for each in assignments for word in ('-p', each))]
-
-
-def make_world(folder: Path) -> Path:
-    """Make the SDF world of the shipped layout, with 4 cm tags, and return its file; raises StartUpError."""
-    command = [executable('lupin_world', 'generate_world'), '--side', '0.04', '--output', str(folder)]
-    if subprocess.run(command, check=False).returncode:
-        raise StartUpError('the world cannot be made')
-    return folder / 'greenhouse.sdf'
 
 
 def nodes_of(options) -> tuple[list[list[str]], list[str]]:
@@ -58,32 +48,31 @@ def nodes_of(options) -> tuple[list[list[str]], list[str]]:
     # One call is enough: confirm_tag looks until the tag appears.
     mission = ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=1']
     if options.world:
-        world_file = f'world_file:="{make_world(options.output / "world")}"'
+        folder = options.output / 'world'
+        command = [executable('lupin_world', 'generate_world'), '--side', '0.04', '--output', str(folder)]
+        if subprocess.run(command, check=False).returncode:
+            raise StartUpError('the world cannot be made')
+        world_file = f'world_file:="{folder / "greenhouse.sdf"}"'
         # Rendering an image takes a while.
         mission += [world_file, f'request_timeout_seconds:={PATIENCE_SECONDS + 1.0}']
         listening = [f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']
         camera = [executable('lupin_world', 'world_camera'), *parameters([world_file])]
     else:
         listening = SOURCES[options.camera]
-        publishing = [f'publishes:={options.camera}']
-        camera = [executable('lupin_perception', 'camera_stand_in'), *parameters(publishing)]
+        stand_in = executable('lupin_perception', 'camera_stand_in')
+        camera = [stand_in, *parameters([f'publishes:={options.camera}'])]
     confirm_tag = [executable('lupin_perception', 'confirm_tag'), *parameters(listening)]
     return [*nodes, confirm_tag, camera], mission
 
 
-@contextlib.contextmanager
-def running(command: list[str], environment: dict[str, str]):
-    """Run a command in the background until the block ends."""
-    process = subprocess.Popen(command, env=environment)
+def stop(process: subprocess.Popen) -> None:
+    """End a node."""
+    process.terminate()
     try:
-        yield
-    finally:
-        process.terminate()
-        try:
-            process.wait(10)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+        process.wait(10)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def run_mission(options) -> int:
@@ -97,19 +86,12 @@ def run_mission(options) -> int:
     report = options.output / f'{name}.jsonl'
     report.unlink(missing_ok=True)
     with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
-        environment = {
-            **os.environ,
-            'ROS_DOMAIN_ID': str(domain_id),
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        }
+        own = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+        environment = os.environ | own
         for command in nodes:
-            stack.enter_context(running(command, environment))
-        mission = subprocess.run(
-            [mission_node, *parameters([f'report_file:="{report}"', *suitable, *options.arguments])],
-            env=environment,
-            timeout=LONGEST_MISSION_SECONDS,
-            check=False,
-        )
+            stack.callback(stop, subprocess.Popen(command, env=environment))
+        command = [mission_node, *parameters([f'report_file:="{report}"', *suitable, *options.arguments])]
+        mission = subprocess.run(command, env=environment, timeout=LONGEST_MISSION_SECONDS, check=False)
     if mission.returncode == USAGE:
         return USAGE
     plotting = subprocess.run([executable('lupin_mission', 'plot_report'), str(report)], check=False)

@@ -59,5 +59,5 @@ def test_the_world_package_is_needed_for_a_world_only(tmp_path, monkeypatch, cap
     assert all(command[0].startswith(str(tmp_path / 'lib')) for command in nodes)
     assert inspection.main(['--camera', 'image', '--world', '--output', str(tmp_path)]) == 2
     assert capsys.readouterr().err == (
-        'mission: the package lupin_world is not found: build it and source its setup file\n'
+        'mission: the package lupin_world is not found: build it and source its setup\n'
     )
