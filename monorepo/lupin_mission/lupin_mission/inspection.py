@@ -101,16 +101,12 @@ def run_mission(options) -> int:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run it and return the exit code."""
-    parser = argparse.ArgumentParser(
-        prog='inspection', description='Run a whole mission on its own ROS domain.'
-    )
+    parser = argparse.ArgumentParser(prog='inspection', description='Run a mission and all that it needs.')
     parser.add_argument(
         '--camera', choices=SOURCES, help='confirm each tag, from images, compressed images or detections'
     )
     parser.add_argument('--world', action='store_true', help='the camera is in the SDF world of lupin_world')
-    parser.add_argument(
-        '--output', type=Path, default=Path('.mission'), metavar='FOLDER', help='default: %(default)s'
-    )
+    parser.add_argument('--output', type=Path, default=Path('.mission'), metavar='FOLDER', help='%(default)s')
     parser.add_argument('arguments', nargs='*', metavar='name:=value', help='parameters of the mission')
     try:
         return run_mission(parser.parse_args(arguments))

@@ -1,9 +1,6 @@
 """
 `ros2 run lupin_world check_world`: check that the SDF world matches the layout, and that each tag is legible.
 
-    make world-check                              the shipped layout, 4 and 5 cm tags
-    make world-check ARGS="--tag-file tags.json"
-
 Exit code: 0 the world is right, 1 it is wrong, 2 it cannot be checked.
 """
 
@@ -63,15 +60,13 @@ def check(tag_file: str, side_m: float, folder: Path) -> bool:
     is_right = places == {int(tag_id): (tag.x, tag.y) for tag_id, tag in layout.tags.items()}
     tables = tables_of(layout)
     is_right &= len(tables) == len(world.tables) and np.allclose(tables, world.tables, rtol=0, atol=SAME_M)
-    is_right &= all(
-        faces_outwards(tag, tables, np.add(*corners_of(world)) / 2) for tag in world.tags.values()
-    )
+    low, high = corners_of(world)
+    is_right &= all(faces_outwards(tag, tables, (low + high) / 2) for tag in world.tags.values())
     print(
         f'{100 * side_m:g} cm: {len(places)} tags and {len(world.tables)} tables,'
         f' {"where" if is_right else "NOT where"} the layout has them'
     )
     detector = TagDetector()
-    low, high = corners_of(world)
     low, high = low - MARGIN_M, high + MARGIN_M
 
     def can_stand(eye) -> bool:
