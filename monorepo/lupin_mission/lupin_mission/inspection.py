@@ -7,6 +7,7 @@ picture. Exit code: the mission's, 0 if all tags were read; 2 if it cannot start
 
 import argparse
 import contextlib
+import importlib.util
 import os
 import subprocess
 import sys
@@ -50,6 +51,8 @@ def nodes_of(options) -> tuple[list[list[str]], list[str]]:
     if options.world:
         folder = options.output / 'world'
         command = [executable('lupin_world', 'generate_world'), '--side', '0.04', '--output', str(folder)]
+        if not importlib.util.find_spec('pydrake'):
+            raise StartUpError('Drake is missing, which renders the world: pip install drake')
         if subprocess.run(command, check=False).returncode:
             raise StartUpError('the world cannot be made')
         world_file = f'world_file:="{folder / "greenhouse.sdf"}"'

@@ -1,5 +1,6 @@
 """A whole inspection, in simulation and with a camera: the report and the picture that it writes."""
 
+import importlib.util
 import json
 import subprocess
 from argparse import Namespace
@@ -60,4 +61,13 @@ def test_the_world_package_is_needed_for_a_world_only(tmp_path, monkeypatch, cap
     assert inspection.main(['--camera', 'image', '--world', '--output', str(tmp_path)]) == 2
     assert capsys.readouterr().err == (
         'mission: the package lupin_world is not found: build it and source its setup\n'
+    )
+
+
+def test_a_world_without_drake_is_refused_before_anything_starts(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(inspection, 'executable', lambda *names: str(tmp_path.joinpath(*names)))
+    monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
+    assert inspection.main(['--camera', 'image', '--world', '--output', str(tmp_path)]) == 2
+    assert capsys.readouterr().err == (
+        'mission: Drake is missing, which renders the world: pip install drake\n'
     )
