@@ -35,8 +35,10 @@ def make_mission(*options: str) -> subprocess.CompletedProcess:
 )
 def test_the_mission_reads_the_tags_that_its_camera_sees(tmp_path, options, name):
     # A busy machine may not see a tag within a second.
-    patience = 'max_attempts:=1000 request_timeout_seconds:=20 retry_delay_seconds:=0.1'
-    arguments = f'ARGS=--output {tmp_path} tag_ids:="1 13 30" {patience}'
+    patience = (
+        'max_attempts:=1000 scan_timeout_s:=20 visual_confirmation_timeout_s:=20 retry_delay_seconds:=0.1'
+    )
+    arguments = f'ARGS=--output {tmp_path} tag_sequence:="1 13 30" {patience}'
     result = make_mission('TREE=monorepo', *options, arguments)
     assert result.returncode == 0, result.stdout + result.stderr
     lines = (tmp_path / f'{name}.jsonl').read_text(encoding='utf-8').splitlines()

@@ -10,6 +10,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
         (f'share/{package_name}/config', ['config/confirm_tag.yaml']),
+        (f'share/{package_name}/launch', ['launch/confirm_tag.launch.py']),
     ],
     python_requires='>=3.10',
     # AprilTag 3 comes from apt (python3-apriltag) or pip (apriltag-python), not from both. So does OpenCV.

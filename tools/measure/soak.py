@@ -267,7 +267,8 @@ def signalled_at_any_moment(_scale: int) -> Iterator[tuple[str, bool]]:
     ]
     with tempfile.TemporaryDirectory() as folder:
         if os.environ.get('TREE', 'monorepo') == 'monorepo':
-            mission = [executable('lupin_mission', 'mission_node'), '--ros-args', '-p']
+            mission = [executable('lupin_mission', 'mission_node'), '--ros-args']
+            mission += ['-p', 'wait_for_start:=false', '-p']
             reports = (f'report_file:={folder}/{number}.jsonl' for number in count())
             cases += [
                 ('mission_node', ([*mission, report] for report in reports), {0, 1}),

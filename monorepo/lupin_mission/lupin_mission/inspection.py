@@ -20,12 +20,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 USAGE = 2
 LONGEST_MISSION_SECONDS = 900
 PATIENCE_SECONDS = 10.0
-# What the camera publishes, and the matching parameters of confirm_tag.
-SOURCES = {
-    'image': [],
-    'compressed': ['compressed_image_topic:=/camera/color/image_raw/compressed'],
-    'detections': ['detections_topic:=/detections'],
-}
+SOURCES = ('image', 'compressed', 'detections')
 
 
 def executable(package: str, name: str) -> str:
@@ -45,9 +40,8 @@ def nodes_of(options) -> tuple[list[list[str]], list[str]]:
     """Return the commands of the nodes around the mission, and the mission's parameters that suit them."""
     nodes = [[executable('lupin_greenhouse_bridge', 'bridge_node')]]
     if not options.camera:
-        return nodes, ['dwell_seconds:=0.1']
-    # One call is enough: confirm_tag looks until the tag appears.
-    mission = ['require_visual_confirmation:=true', 'drive_seconds:=0.2', 'max_attempts:=1']
+        return nodes, []
+    mission = ['require_visual_confirmation:=true', 'drive_seconds:=0.2']
     if options.world:
         folder = options.output / 'world'
         command = [executable('lupin_world', 'generate_world'), '--side', '0.04', '--output', str(folder)]
@@ -57,11 +51,11 @@ def nodes_of(options) -> tuple[list[list[str]], list[str]]:
             raise StartUpError('the world cannot be made')
         world_file = f'world_file:="{folder / "greenhouse.sdf"}"'
         # Rendering an image takes a while.
-        mission += [world_file, f'request_timeout_seconds:={PATIENCE_SECONDS + 1.0}']
+        mission += [world_file, f'visual_confirmation_timeout_s:={PATIENCE_SECONDS}']
         listening = [f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']
         camera = [executable('lupin_world', 'world_camera'), *parameters([world_file])]
     else:
-        listening = SOURCES[options.camera]
+        listening = [f'source:={options.camera}']
         stand_in = executable('lupin_perception', 'camera_stand_in')
         camera = [stand_in, *parameters([f'publishes:={options.camera}'])]
     confirm_tag = [executable('lupin_perception', 'confirm_tag'), *parameters(listening)]
@@ -82,18 +76,19 @@ def run_mission(options) -> int:
     """Run the nodes and the mission, and draw its report; return the exit code. Raises StartUpError."""
     if options.world and options.camera != 'image':
         raise StartUpError('WORLD=1 needs CAMERA=1, and publishes images only')
-    mission_node = executable('lupin_mission', 'mission_node')
+    mission_node = executable('lupin_mission', 'mission_orchestrator')
     nodes, suitable = nodes_of(options)
     options.output.mkdir(parents=True, exist_ok=True)
     name = 'world' if options.world else 'camera' if options.camera else 'simulation'
     report = options.output / f'{name}.jsonl'
     report.unlink(missing_ok=True)
     with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
-        own = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-        environment = os.environ | own
+        alone = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+        environment = os.environ | alone
         for command in nodes:
             stack.callback(stop, subprocess.Popen(command, env=environment))
-        command = [mission_node, *parameters([f'report_file:="{report}"', *suitable, *options.arguments])]
+        own = [f'report_file:="{report}"', 'wait_for_start:=false']
+        command = [mission_node, *parameters([*own, *suitable, *options.arguments])]
         mission = subprocess.run(command, env=environment, timeout=LONGEST_MISSION_SECONDS, check=False)
     if mission.returncode == USAGE:
         return USAGE

@@ -54,7 +54,7 @@ class Limits:
     """Times, in seconds, and the number of attempts."""
 
     dwell_seconds: float = 0.0  # the robot stays at a tag for at least this time
-    confirm_timeout_seconds: float = 4.0  # of one attempt
+    confirm_timeout_seconds: float = 6.0  # of one attempt
     read_timeout_seconds: float = 5.0  # of one attempt
     max_attempts: int = 3  # of each service, per tag
     retry_delay_seconds: float = 0.5  # before the second attempt; doubles each time, up to 10

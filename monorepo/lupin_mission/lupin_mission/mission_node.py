@@ -10,6 +10,7 @@ from lupin_greenhouse_bridge.errors import printable
 from lupin_greenhouse_bridge.node.parameters import declare_parameters
 from lupin_greenhouse_bridge.node.run import run
 from lupin_msgs.srv import StartMission
+from lupin_perception.map_places import MapPlaces
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -50,6 +51,7 @@ class MissionNode(Node):
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
         self._tags = Tags(settings)
+        self._places = MapPlaces(self, frame_id=settings.frame_id, amcl_pose_topic=settings.amcl_pose_topic)
         self._transport = Transport(
             self,
             confirm_service=settings.visual_confirmation_service,
@@ -161,8 +163,15 @@ class MissionNode(Node):
     def record(self, observation: Observation) -> None:
         """Write an observation to the report, publish it and the state, and log it."""
         self.report.record(observation)
-        self._announcer.closed(observation, self._mission_id, self._tags.places_m.get(observation.tag_id))
+        self._announcer.closed(observation, self._mission_id, self._place_of(observation.tag_id))
         self._publish_state()
+
+    def _place_of(self, tag_id: str) -> tuple[float, float] | None:
+        """Return x and y of a tag in the map: by the layout, as discovered, or where the robot stands."""
+        if tag_id in self._tags.places_m:
+            return self._tags.places_m[tag_id]
+        place = self._places.at(tag_id)
+        return (place.x, place.y) if place else None
 
     def note(self, event: str, severity: Severity) -> None:
         """Report an event."""

@@ -10,7 +10,7 @@ from lupin_greenhouse_bridge.node.parameters import check_parameters, invalid, p
 from lupin_mission.mission import Limits
 
 LONGEST_SECONDS = 86400.0
-REPLY_SECONDS = 1.0  # the camera may reply this long after its time is over
+REPLY_SECONDS = 3.0  # a camera on a busy machine replies this long after its time is over
 # Arguments of the team's orchestrator for what this mission does not do: it does not explore, localize, plan
 # its own way, or move an arm.
 WITHOUT_EFFECT = (
@@ -88,7 +88,7 @@ class Settings:
     )
     visual_confirmation_timeout_s: float = parameter(
         Limits.confirm_timeout_seconds - REPLY_SECONDS,
-        'Seconds that the camera has to confirm a tag; its reply may take one more second.',
+        'Seconds that the camera has to confirm a tag; the mission waits 3 more for its reply.',
         smallest=0.001,
         largest=LONGEST_SECONDS,
     )

@@ -14,13 +14,13 @@ from lupin_mission import inspection
 def run_inspection(output: Path, *arguments: str, attempts: int = 1000) -> subprocess.CompletedProcess:
     """Run an inspection whose mission waits longer than by default: a node of it may start late."""
     command = [executable('lupin_mission', 'inspection'), '--output', str(output), *arguments]
-    patience = ['request_timeout_seconds:=10', 'retry_delay_seconds:=0.1', f'max_attempts:={attempts}']
+    patience = ['scan_timeout_s:=10', 'retry_delay_seconds:=0.1', f'max_attempts:={attempts}']
     return subprocess.run([*command, *patience], capture_output=True, text=True, check=False)
 
 
 @pytest.mark.parametrize(
     ('arguments', 'name', 'tag_ids'),
-    [([], 'simulation', None), (['--camera', 'image', 'tag_ids:="1 5 7"'], 'camera', ['1', '5', '7'])],
+    [([], 'simulation', None), (['--camera', 'image', 'tag_sequence:="1 5 7"'], 'camera', ['1', '5', '7'])],
     ids=['simulation', 'images'],
 )
 def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path, arguments, name, tag_ids):
@@ -38,7 +38,7 @@ def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path,
 
 
 def test_a_tag_that_the_camera_never_sees_is_not_read(tmp_path):
-    result = run_inspection(tmp_path, '--camera', 'image', 'tag_ids:="600"', attempts=5)
+    result = run_inspection(tmp_path, '--camera', 'image', 'tag_sequence:="600"', attempts=5)
     assert result.returncode == 1
     (line,) = (tmp_path / 'camera.jsonl').read_text(encoding='utf-8').splitlines()
     assert json.loads(line)['outcome'] == 'NOT_CONFIRMED'

@@ -419,9 +419,17 @@ class Motor(TimedDrive):
         self._failures = failures
 
     def start(self, tag_id, now_seconds):
-        super().start(tag_id, now_seconds)
+        TimedDrive.start_return(self, now_seconds)
         self.told.append(tag_id)
         self._tag_id = tag_id
+
+    def start_return(self, now_seconds):
+        super().start_return(now_seconds)
+        self.told.append('return')
+        self._tag_id = 'dock'
+
+    def pause(self):
+        self.told.append('pause')
 
     def arrival(self, now_seconds):
         arrival = super().arrival(now_seconds)
@@ -460,6 +468,105 @@ def test_a_drive_that_fails_is_an_unreachable_tag_with_its_reason_and_the_missio
     assert (world.mission.target, world.sent) == ('b', [])
     world.wait(1.0)
     assert world.mission.tag_at_hand == 'b'
+
+
+def test_the_phase_is_publishing_only_while_an_observation_is_recorded():
+    world = World('a')
+    phases = []
+    world.record = lambda _observation: phases.append(world.mission.phase)
+    world.answer()
+    assert phases == ['PUBLISHING']
+    assert world.mission.phase == 'SCANNING'
+
+
+def test_the_robot_returns_to_its_dock_after_the_last_tag():
+    world = World('a', drive=(motor := Motor(1.0)), returns_to_dock=True)
+    world.wait(1.0)
+    world.answer()
+    world.wait(1.0)
+    assert (world.mission.state, world.mission.target, world.mission.phase) == (State.RETURNING, None, '')
+    assert not world.mission.skip()
+    world.wait(1.0)
+    assert world.mission.state is State.DONE
+    assert motor.told == ['a', 'return']
+
+
+def test_an_abort_returns_too_and_an_abort_on_the_return_ends_it():
+    world = World('ab', drive=(motor := Motor()), returns_to_dock=True)
+    assert world.mission.abort()
+    assert world.mission.state is State.RETURNING
+    assert world.mission.abort()
+    assert world.mission.state is State.DONE
+    assert motor.told == ['a', 'stop', 'return', 'stop']
+    assert world.outcomes == [(tag, Outcome.SKIPPED) for tag in 'ab']
+
+
+def test_a_return_that_fails_is_a_warning():
+    world = World('', drive=Motor(1.0, dock='the door is shut'), returns_to_dock=True)
+    world.wait(1.0)
+    assert world.mission.state is State.DONE
+    assert ('the robot is not at the dock: the door is shut', Severity.WARN) in world.events
+
+
+def to_driving(world):
+    pass
+
+
+def to_inspecting(world):
+    world.wait(1.0)
+
+
+def to_dwelling(world):
+    world.wait(1.0)
+    world.answer()
+
+
+def to_returning(world):
+    world.mission.abort()
+
+
+@pytest.mark.parametrize('go', [to_driving, to_inspecting, to_dwelling, to_returning])
+def test_the_estop_holds_every_state_until_it_is_released_and_resumed(go):
+    world = World('ab', drive=(motor := Motor(1.0)), returns_to_dock=True)
+    go(world)
+    before = (world.mission.state, world.mission.target, len(world.sent))
+    world.mission.engage_estop()
+    assert motor.told[-1] == 'pause'
+    assert not world.mission.resume()
+    world.wait(1.9)
+    world.mission.release_estop()
+    world.wait(0.05)
+    assert (world.mission.state, world.mission.target, len(world.sent)) == before
+    assert world.mission.resume()
+    world.wait(100.0)
+    world.wait(100.0)
+    assert (world.mission.state, world.mission.target, len(world.sent)) != before
+
+
+def test_a_mission_that_starts_under_the_estop_sets_off_after_the_resume():
+    motor = Motor()
+    mission = Mission('a', World(''), motor, LIMITS)
+    mission.engage_estop()
+    mission.start(0.0)
+    mission.step(10.0)
+    assert (mission.state, motor.told) == (State.READY, [])
+    mission.release_estop()
+    assert mission.resume()
+    mission.step(20.0)
+    assert (mission.state, motor.told) == (State.DRIVING, ['a'])
+
+
+def test_an_abort_under_the_estop_moves_nothing():
+    world = World('ab', drive=(motor := Motor()), returns_to_dock=True)
+    world.mission.engage_estop()
+    assert world.mission.abort()
+    world.wait(100.0)
+    assert motor.told == ['a', 'pause', 'stop']
+    assert world.outcomes == [(tag, Outcome.SKIPPED) for tag in 'ab']
+    world.mission.release_estop()
+    assert world.mission.resume()
+    world.wait(0.0)
+    assert world.mission.state is State.RETURNING
 
 
 def test_a_mission_can_be_paused_and_aborted_from_its_start_on_and_not_before():

@@ -57,15 +57,11 @@ def test_the_mission_may_do_what_it_does_and_nothing_more(start_mission, node, e
 def test_the_camera_of_the_launch_may_do_what_it_does_and_nothing_more(start_node, node):
     rights = without_optional(rights_of('confirm_tag', '/mission_launch'))
     process = start_node([executable('lupin_perception', 'confirm_tag')])
-    # The test replaces the namespace of the node.
     namespace = process.namespace
 
     def created():
         found = without_optional(created_by(node, 'confirm_tag', namespace))
-        return {
-            right: {each.replace(namespace, '/perception') for each in names}
-            for right, names in found.items()
-        }
+        return {right: {each.removeprefix(namespace) for each in names} for right, names in found.items()}
 
     wait_until(lambda: created() == rights)
 

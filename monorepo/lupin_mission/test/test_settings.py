@@ -1,28 +1,22 @@
 """The parameters: their defaults, as documented, and what they mean."""
 
+import dataclasses
 import re
 from pathlib import Path
 
 import pytest
+import yaml
+from ament_index_python.packages import get_package_share_path
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.node.parameters import launch_arguments
 from lupin_mission import announcer, mission
 from lupin_mission.mission import Limits
 from lupin_mission.settings import Settings
 
-README = (Path(__file__).resolve().parent.parent / 'README.md').read_text(encoding='utf-8')
-
-
-def test_the_defaults_are_those_of_the_documents():
-    table = README.partition('## Parameters')[2].partition('\n## ')[0]
-    documented = dict(re.findall(r'^\| `(\w+)` \| `(.*?)` \|', table, re.MULTILINE))
-    assert {
-        name: default or "''" for name, default, _type, _description in launch_arguments(Settings)
-    } == documented
+DOCUMENTS = Path(__file__).resolve().parent.parent / 'doc'
 
 
 def test_the_times_that_are_no_parameters_are_those_of_the_documents():
-    words = ' '.join(README.split())
+    words = ' '.join(' '.join(page.read_text(encoding='utf-8') for page in DOCUMENTS.glob('*.md')).split())
     assert mission.LONGEST_RETRY_DELAY_SECONDS == 10.0
     assert 'doubles with each further attempt, up to 10' in words
     assert announcer.LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS == 5.0
@@ -30,7 +24,7 @@ def test_the_times_that_are_no_parameters_are_those_of_the_documents():
 
 
 def test_the_limits_of_a_mission_are_its_parameters():
-    assert Settings().limits == Limits() == Limits(0.0, 4.0, 5.0, 3, 0.5)
+    assert Settings().limits == Limits() == Limits(0.0, 6.0, 5.0, 3, 0.5)
     settings = Settings(
         flower_scan_dwell_s=4.0,
         visual_confirmation_timeout_s=5.0,
@@ -38,7 +32,7 @@ def test_the_limits_of_a_mission_are_its_parameters():
         max_attempts=7,
         retry_delay_seconds=8.0,
     )
-    assert settings.limits == Limits(4.0, 6.0, 6.0, 7, 8.0)  # the camera's reply may take one more second
+    assert settings.limits == Limits(4.0, 8.0, 6.0, 7, 8.0)  # the camera's reply may take 3 more
 
 
 @pytest.mark.parametrize(
@@ -108,3 +102,20 @@ def test_a_world_and_a_tag_file_exclude_each_other():
 def test_a_tag_is_not_named_twice():
     with pytest.raises(StartUpError, match="tag_sequence names '1' twice: a mission visits a tag once"):
         Settings(tag_sequence='2 1 1')
+
+
+def test_the_parameter_file_has_every_parameter_and_its_default():
+    share = get_package_share_path('lupin_mission')
+    nodes = yaml.safe_load((share / 'config/mission_orchestrator.yaml').read_text(encoding='utf-8'))
+    assert nodes == {'/**/mission_orchestrator': {'ros__parameters': dataclasses.asdict(Settings())}}
+
+
+@pytest.mark.parametrize('dock_pose', ['', [], '1.0, 0.5, 3.14', '1 0.5 -3', [1.0, 0.5, 3.14]])
+def test_a_dock_pose_is_empty_or_three_numbers(dock_pose):
+    assert Settings(dock_pose=dock_pose).dock_pose == dock_pose
+
+
+@pytest.mark.parametrize('dock_pose', ['1 2', [1.0, 2.0, float('nan')], 'a b c', True, 1.0])
+def test_another_dock_pose_is_refused(dock_pose):
+    with pytest.raises(StartUpError, match=r'parameter dock_pose is .*: must be empty, or x, y and yaw'):
+        Settings(dock_pose=dock_pose)

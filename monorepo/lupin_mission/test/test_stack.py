@@ -4,14 +4,19 @@ import itertools
 import json
 
 import pytest
-from lupin_greenhouse_bridge.testing import wait_until
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
 from lupin_mission import mission_node
 from lupin_mission.announcer import Announcer
 from lupin_mission.mission import Severity
 from lupin_mission.report import Outcome
-from lupin_msgs.msg import MissionState, Observation, TagReading
-from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Subscriber
-from std_msgs.msg import String
+from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState, Observation, TagReading
+from lupin_msgs.srv import GetTagReading
+from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Operator, Subscriber
+from rclpy.duration import Duration
+from rosgraph_msgs.msg import Clock as ClockMessage
+from std_msgs.msg import Bool, String
 
 OK = Outcome.OK
 
@@ -321,6 +326,120 @@ def test_a_start_that_cannot_be_is_rejected_with_the_reason(start_mission, opera
     assert operator.rejection(**request_fields) == reason
     state = operator.wait_for(last_event=f'start rejected: {reason}')
     assert (state.lifecycle_state, state.last_event_severity) == ('READY', MissionState.SEVERITY_WARN)
+
+
+def test_the_estop_stops_a_mission_and_rejects_a_start(start_mission, operate, node, reader):
+    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True, flower_scan_dwell_s=HOUR)
+    operator = operate(mission)
+    estop = node.create_publisher(Bool, '/e_stop_state', 10)
+    wait_until(lambda: estop.get_subscription_count() == 1)
+    estop.publish(Bool(data=True))
+    state = operator.wait_for(estop_engaged=True)
+    assert (state.lifecycle_state, state.last_event) == ('READY', 'e-stop engaged')
+    assert operator.rejection() == 'the e-stop is engaged: release it first'
+    estop.publish(Bool(data=False))
+    operator.wait_for(estop_engaged=False)
+    operator.start()
+    reader.answer_ok('1', co2=1.0)
+    operator.wait_for(targets_completed=1)
+    estop.publish(Bool(data=True))
+    state = operator.wait_for(estop_engaged=True, paused=True)
+    assert (state.lifecycle_state, state.mission_phase) == ('INSPECTING', 'SCANNING')
+    estop.publish(Bool(data=False))
+    operator.wait_for(estop_engaged=False, paused=True)
+    assert operator.trigger('resume')
+    operator.wait_for(paused=False)
+    assert operator.trigger('skip_current')
+    assert mission.stop() == 0
+
+
+def test_the_robot_returns_with_a_state_of_its_own(start_mission, operate, clock):
+    mission = start_mission(
+        tag_sequence='1', wait_for_start=True, dock_pose='[1.0, 0.5, 3.14]', drive_seconds=HOUR
+    )
+    operator = operate(mission)
+    operator.start()
+    assert operator.trigger('abort')
+    operator.wait_for(lifecycle_state='RETURNING', mission_phase='', current_target='')
+    clock.pass_seconds(HOUR)
+    operator.wait_for(lifecycle_state='DONE')
+    assert mission.stop() == 1
+
+
+def test_a_tag_of_unknown_place_has_the_one_that_was_discovered_or_the_robots(
+    start_mission, reader, confirmer, operate, twin, node
+):
+    hearer = twin()
+    mission = start_mission(**CAMERA, tag_sequence='1 2 3', wait_for_start=True)
+    robot = node.create_publisher(PoseWithCovarianceStamped, f'{mission.namespace}/amcl_pose', TWIN_QOS)
+    discovered = node.create_publisher(
+        DiscoveredTags, f'{mission.namespace}/perception/discovered_tags', TWIN_QOS
+    )
+    wait_until(lambda: robot.get_subscription_count() and discovered.get_subscription_count())
+    operate(mission).start()
+
+    def place_of_next():
+        confirmer.answer(detected=True)
+        reader.answer_ok(reader.wait_for_request(), co2=1.0)
+        pose = hearer.wait_for(lambda _observation: True).tag_pose_in_map
+        return pose.position.x, pose.position.y, pose.orientation.w
+
+    assert place_of_next() == (0.0, 0.0, 0.0)
+    pose = PoseWithCovarianceStamped()
+    pose.header.frame_id = 'map'
+    pose.pose.pose.position.x = 5.0
+    robot.publish(pose)
+    tag = DiscoveredTag(tag_id='3')
+    tag.pose_in_map.position.x = 7.0
+    tags = DiscoveredTags(tags=[tag])
+    tags.header.frame_id = 'map'
+    assert confirmer.wait_for_request() == '1'
+    assert confirmer.wait_for_request() == '2'
+    assert robot.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+    assert place_of_next() == (5.0, 0.0, 1.0)
+    assert confirmer.wait_for_request() == '3'
+    discovered.publish(tags)
+    assert discovered.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+    assert place_of_next() == (7.0, 0.0, 1.0)
+    assert mission.stop() == 0
+
+
+def test_two_robots_have_missions_of_their_own(start_process, node, reader, commanded, tmp_path):
+    """Each with its namespace: neither hears the camera, the services or the state of the other."""
+    other_reader = commanded(GetTagReading, '/other/get_tag_reading')
+    missions = [
+        start_process(
+            bridge_service_name=service.name,
+            tag_sequence='1',
+            wait_for_start=True,
+            report_file=f'"{tmp_path / name}"',
+        )
+        for service, name in ((reader, 'a.jsonl'), (other_reader, 'b.jsonl'))
+    ]
+    operators = [Operator(node, mission.namespace) for mission in missions]
+    operators[0].start()
+    assert reader.wait_for_request() == '1'
+    assert operators[1].wait_for(lifecycle_state='READY')
+    assert not operators[1].trigger('abort')
+    assert operators[0].trigger('abort')
+    assert other_reader.tag_ids == []
+
+
+def test_simulated_time_reaches_the_stamps_and_delays_nothing(start_mission, operate, node, reader):
+    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True, use_sim_time=True)
+    clock = node.create_publisher(ClockMessage, '/clock', 10)
+    wait_until(lambda: clock.get_subscription_count() >= 1)
+    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+
+    def is_simulated(state):
+        clock.publish(ClockMessage(clock=Time(sec=1234)))
+        return state.header.stamp.sec == 1234
+
+    states.wait_for(is_simulated)
+    operate(mission).start()
+    reader.answer_ok('1', co2=1.0)
+    assert states.wait_for(lambda state: state.lifecycle_state == 'DONE').header.stamp.sec == 1234
+    assert mission.stop() == 0
 
 
 @pytest.mark.parametrize(('name', 'skipped'), [('abort', 2), ('skip_current', 1), ('pause', 0)])

@@ -6,18 +6,20 @@ It is silent while a mission runs, which publishes observations of its own.
 
 import sys
 
-from geometry_msgs.msg import Point, Pose, PoseWithCovarianceStamped, Quaternion
+from geometry_msgs.msg import Point, Pose, Quaternion
 from lupin_greenhouse_bridge.node.parameters import warn_of_unknown_parameters
 from lupin_greenhouse_bridge.node.run import run
-from lupin_msgs.msg import DiscoveredTags, MissionState, Observation, TagReading
+from lupin_msgs.msg import MissionState, Observation, TagReading
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from lupin_perception.map_places import MapPlaces
 
 NODE_NAME = 'passive_observer'
 SOURCE = 'PassiveObserver'
 MAP_FRAME = 'map'
 BUSY_STATES = ('PREPARE', 'EXPLORING', 'INSPECTING', 'MONITORING', 'RETURNING')
-VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
+LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
 
 
 def pose_at(place: Point | None) -> Pose:
@@ -32,15 +34,9 @@ class PassiveObserver(Node):
         super().__init__(NODE_NAME)
         warn_of_unknown_parameters(self)
         self._lifecycle_state = ''
-        self._tag_places: dict[str, Point] = {}  # in the map, by tag id
-        self._robot_place: Point | None = None  # in the map
+        self._places = MapPlaces(self, frame_id=MAP_FRAME)
         latched = QoSProfile(depth=1, durability=LATCHED)
         self._states = self.create_subscription(MissionState, 'mission/state', self._on_state, latched)
-        self.create_subscription(DiscoveredTags, 'perception/discovered_tags', self._on_tags, latched)
-        # AMCL latches its pose, other localisers do not. Either subscription alone would miss something.
-        for durability in (LATCHED, VOLATILE):
-            qos = QoSProfile(depth=1, durability=durability)
-            self.create_subscription(PoseWithCovarianceStamped, 'amcl_pose', self._on_pose, qos)
         # Not latched: the robot has left the place of an old reading.
         readings = self.create_subscription(
             TagReading, 'read_on_sight/readings', self._on_reading, QoSProfile(depth=50)
@@ -55,18 +51,6 @@ class PassiveObserver(Node):
     def _on_state(self, message) -> None:
         self._lifecycle_state = message.lifecycle_state
 
-    def _on_tags(self, message) -> None:
-        if message.header.frame_id == MAP_FRAME:
-            self._tag_places = {
-                tag.tag_id: tag.pose_in_map.position
-                for tag in message.tags
-                if tag.pose_in_map.orientation.w != 0.0  # 0: never populated
-            }
-
-    def _on_pose(self, message) -> None:
-        if message.header.frame_id == MAP_FRAME:
-            self._robot_place = message.pose.pose.position
-
     def _on_reading(self, reading) -> None:
         if self._lifecycle_state in BUSY_STATES and self._has_mission():
             return
@@ -78,8 +62,7 @@ class PassiveObserver(Node):
         )
         observation.header.stamp = self.get_clock().now().to_msg()
         observation.header.frame_id = MAP_FRAME
-        place = self._tag_places.get(reading.tag_id, self._robot_place)
-        observation.tag_pose_in_map = pose_at(place)
+        observation.tag_pose_in_map = pose_at(self._places.at(reading.tag_id))
         observation.flower.pose.pose = observation.anomaly.pose.pose = pose_at(None)
         self._observations.publish(observation)
 
