@@ -13,6 +13,7 @@ import pytest
 import rclpy
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import TagReading
+from lupin_greenhouse_bridge.node.graph import servers_of
 from lupin_greenhouse_bridge.on_sight import read_on_sight
 from lupin_greenhouse_bridge.on_sight.read_on_sight import GetTagReading, ReadOnSightNode, Settings
 from lupin_greenhouse_bridge.on_sight.sightings import Limits, Sightings
@@ -74,14 +75,14 @@ def test_an_unanswered_request_is_tried_again_so_many_times_and_then_left_for_as
         assert asked(sightings, now) == ['7']
         assert sightings.overdue(now + 1.9) == []
         assert sightings.overdue(now + 2.0) == ['7']
-        assert sightings.lost('7', now + 2.0) == (attempts < 3)
+        assert sightings.timed_out('7', now + 2.0) == (attempts < 3)
     sightings.see('7', 6.0)
     assert asked(sightings, 6.0) == []
     sightings.see('7', 11.9)
     assert asked(sightings, 11.9) == []
     sightings.see('7', 12.0)  # three times two seconds later, before the cooldown of a reading
     assert asked(sightings, 12.0) == ['7']
-    assert sightings.lost('7', 14.0)  # the attempts start again
+    assert sightings.timed_out('7', 14.0)  # the attempts start again
 
 
 def test_a_tag_that_has_been_out_of_view_for_longer_than_a_timeout_is_not_asked_for():
@@ -96,13 +97,13 @@ def test_the_attempts_start_again_for_a_tag_that_comes_back_into_view():
     sightings = Sightings(LIMITS)
     sightings.see('7', 0.0)
     asked(sightings, 0.0)
-    assert sightings.lost('7', 2.0)
+    assert sightings.timed_out('7', 2.0)
     sightings.forget(4.5)
     sightings.see('7', 5.0)
     waits = []
     for now in (5.0, 7.0, 9.0):
         assert asked(sightings, now) == ['7']
-        waits.append(sightings.lost('7', now + 2.0))
+        waits.append(sightings.timed_out('7', now + 2.0))
     assert waits == [True, True, False]
 
 
@@ -354,6 +355,21 @@ def test_a_failure_of_the_simulator_is_said_and_not_published(held_service, star
     camera.look_at(8)
     wait_until(lambda: readings)
     assert [each.tag_id for each in readings] == ['8']
+
+
+@needs_detections
+def test_two_servers_of_the_service_are_named_once(held_service, start_reader, detector, log):
+    with spinning_node('other') as other:
+        other.create_service(GetTagReading, held_service.name, lambda _request, response: response)
+        reader = start_reader(bridge_service_name=held_service.name)
+        reader.meet_service()
+        wait_until(lambda: servers_of(reader.node, held_service.name) == {'/held', '/other'})
+        camera = Camera(detector)
+        camera.look_at(7, 8)
+        wait_until(lambda: 'is offered by /held and /other: the first reply counts' in log())
+        looks = len(reader.looks)
+        wait_until(lambda: len(reader.looks) > looks + 2)
+        assert log().count('is offered by') == 1
 
 
 @needs_detections

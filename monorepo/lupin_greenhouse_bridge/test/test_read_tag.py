@@ -20,6 +20,7 @@ from conftest import Terminal
 from lupin_greenhouse_bridge.cli import client, read_tag
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.node.graph import servers_of
 from lupin_greenhouse_bridge.testing import (
     PATIENCE_SECONDS,
     executable,
@@ -400,6 +401,23 @@ def test_a_watch_goes_on_while_the_bridge_is_away(run_here, times_out_when, monk
         is_there.set()
     assert ended.code == code
     assert ended.said == f'read_tag: {service} did not answer within 5 s: still watching'
+
+
+def test_two_servers_of_the_service_are_named(run_here):
+    service = '/shared/get_tag_reading'
+    with empty_domain(), spinning_node('first') as first, spinning_node('second') as second:
+        for node in (first, second):
+            node.create_service(GetTagReading, service, lambda _request, response: response)
+        with spinning_node('observer') as observer:
+            wait_until(lambda: servers_of(observer, service) == {'/first', '/second'})
+        # read_tag may read before it has found both nodes.
+        wait_until(
+            lambda: (
+                run_here(read_tag.main, '1', '--service', service).said
+                == f'read_tag: {service} is offered by /first and /second: the first reply counts;'
+                ' stop one, or give it another name'
+            )
+        )
 
 
 @pytest.mark.parametrize(('typed', 'offered'), [('read_tag --wa', '--watch'), ('read_tag 2', '21')])

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.node.graph import doubt_about
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 from rclpy.exceptions import InvalidServiceNameException
 
@@ -24,6 +25,8 @@ class Transport:
 
     def __init__(self, node, *, confirm_service: str, read_service: str):
         """Create the clients; raises StartUpError for an invalid name."""
+        self._node = node
+        self._doubts: set[str] = set()  # logged
         self._clients = {
             Service.CONFIRM: create_client(node, ConfirmTag, confirm_service),
             Service.READ: create_client(node, GetTagReading, read_service),
@@ -45,8 +48,15 @@ class Transport:
             message = ConfirmTag.Request(expected_tag_id=request.tag_id)
         else:
             message = GetTagReading.Request(tag_id=request.tag_id)
+        self._warn_of_two_servers(self._clients[request.service].srv_name)
         self._future = self._clients[request.service].call_async(message)
         self._future.add_done_callback(lambda future: on_response(future.result()))
+
+    def _warn_of_two_servers(self, service_name: str) -> None:
+        doubt = doubt_about(self._node, service_name)
+        if doubt and doubt not in self._doubts:
+            self._doubts.add(doubt)
+            self._node.get_logger().warning(doubt)
 
     def abandon(self, request: Request) -> Outcome:
         """Forget a request, so that its late reply is ignored."""

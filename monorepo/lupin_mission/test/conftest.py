@@ -87,14 +87,14 @@ def node():
 
 
 @pytest.fixture
-def commanded(node):
+def held_service(node):
     """Return a function that makes a service which the test controls."""
-    from mission_helpers import Commanded
+    from mission_helpers import HeldService
 
     with contextlib.ExitStack() as stack:
 
         def make(service_type, name):
-            service = Commanded(node, service_type, name)
+            service = HeldService(node, service_type, name)
             stack.callback(service.close)
             return service
 
@@ -102,15 +102,15 @@ def commanded(node):
 
 
 @pytest.fixture
-def reader(commanded):
+def reader(held_service):
     """Return a GetTagReading service that the test controls."""
-    return commanded(GetTagReading, '/commanded/get_tag_reading')
+    return held_service(GetTagReading, '/held/get_tag_reading')
 
 
 @pytest.fixture
-def confirmer(commanded):
+def confirmer(held_service):
     """Return a ConfirmTag service that the test controls."""
-    return commanded(ConfirmTag, '/commanded/confirm_tag')
+    return held_service(ConfirmTag, '/held/confirm_tag')
 
 
 @pytest.fixture

@@ -26,10 +26,10 @@ from rclpy.utilities import get_default_context
 from std_srvs.srv import Trigger
 
 HOUR = 3600.0  # of a state that only the test ends
-READER = {'bridge_service_name': '/commanded/get_tag_reading'}
+READER = {'bridge_service_name': '/held/get_tag_reading'}
 CAMERA = {
     **READER,
-    'visual_confirmation_service': '/commanded/confirm_tag',
+    'visual_confirmation_service': '/held/confirm_tag',
     'require_visual_confirmation': True,
 }
 # DDS can drop a reply of the bridge while both discover each other: the mission asks until it has one.
@@ -58,7 +58,7 @@ class Clock:
         self._seconds += seconds
 
 
-class Commanded:
+class HeldService:
     """A service that holds every request until the test replies to it."""
 
     def __init__(self, node, service_type, name: str):

@@ -46,22 +46,26 @@ def test_the_tags_of_a_tag_file_are_visited_in_numeric_order(start_mission, read
     assert reader.tag_ids == ['7', '9']
 
 
-def test_without_tags_and_without_a_bridge_the_mission_is_refused_after_30_s(start_mission, commanded, clock):
-    silent = commanded(GetParameters, '/commanded/get_parameters')
+def test_without_tags_and_without_a_bridge_the_mission_is_refused_after_30_s(
+    start_mission, held_service, clock
+):
+    silent = held_service(GetParameters, '/held/get_parameters')
     mission = start_mission(**READER)
     silent.wait_for_request()
     clock.pass_seconds(29.9)
     for _ in range(3):  # it still asks
         silent.wait_for_request()
     clock.pass_seconds(0.1)
-    reason = '/commanded/get_parameters did not return the tags within 30 s'
+    reason = '/held/get_parameters did not return the tags within 30 s'
     assert f'{reason}: start the bridge, or set tag_sequence or tag_locations_file' in mission.refusal(
         exit_code=2
     )
 
 
-def test_a_mission_that_waits_for_its_start_waits_for_its_bridge_too(start_mission, commanded, clock, node):
-    late = commanded(GetParameters, '/commanded/get_parameters')
+def test_a_mission_that_waits_for_its_start_waits_for_its_bridge_too(
+    start_mission, held_service, clock, node
+):
+    late = held_service(GetParameters, '/held/get_parameters')
     mission = start_mission(**READER, wait_for_start=True)
     late.wait_for_request()
     states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
@@ -77,10 +81,10 @@ def test_a_mission_that_waits_for_its_start_waits_for_its_bridge_too(start_missi
 
 
 def test_without_a_shipped_file_a_node_that_does_not_tell_its_tags_is_asked_again(
-    start_mission, commanded, reader, monkeypatch
+    start_mission, held_service, reader, monkeypatch
 ):
     monkeypatch.setattr(tags, 'shipped_file', lambda _name: None)
-    bridge = commanded(GetParameters, '/commanded/get_parameters')
+    bridge = held_service(GetParameters, '/held/get_parameters')
     mission = start_mission(**READER)
     bridge.answer()
     bridge.answer(values=[ParameterValue(string_array_value=['5', '7']), ParameterValue()])
@@ -91,20 +95,20 @@ def test_without_a_shipped_file_a_node_that_does_not_tell_its_tags_is_asked_agai
 
 
 def test_a_bridge_that_does_not_tell_its_tags_is_asked_for_the_shipped_ones(
-    start_mission, commanded, reader, shipped_tags
+    start_mission, held_service, reader, shipped_tags
 ):
-    commanded(GetParameters, '/commanded/get_parameters').answer(values=[ParameterValue()] * 2)
+    held_service(GetParameters, '/held/get_parameters').answer(values=[ParameterValue()] * 2)
     mission = start_mission(**READER)
     for tag_id in sorted(shipped_tags, key=int):
         reader.answer_ok(tag_id, co2=1.0)
     assert mission.end() == 0
     assert reader.tag_ids == sorted(shipped_tags, key=int)
-    reason = 'the node of /commanded/get_tag_reading does not tell its tags: taking those of '
+    reason = 'the node of /held/get_tag_reading does not tell its tags: taking those of '
     assert len([line for line in mission.log if reason in line]) == 1
 
 
-def test_the_tags_that_arrive_twice_start_one_mission(start_mission, commanded, reader):
-    bridge = commanded(GetParameters, '/commanded/get_parameters')
+def test_the_tags_that_arrive_twice_start_one_mission(start_mission, held_service, reader):
+    bridge = held_service(GetParameters, '/held/get_parameters')
     mission = start_mission(**READER)
     for _ in range(2):
         bridge.wait_for_request()
@@ -146,11 +150,11 @@ def test_the_mission_needs_no_simulator_on_its_machine(start_process, reader, wi
     )
 
 
-def test_a_service_that_starts_after_the_mission_is_waited_for(start_mission, commanded, node):
+def test_a_service_that_starts_after_the_mission_is_waited_for(start_mission, held_service, node):
     mission = start_mission(**READER, tag_sequence='1')
     states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
     states.wait_for(lambda state: state.mission_phase == 'SCANNING')
-    commanded(GetTagReading, READER['bridge_service_name']).answer_ok('1', co2=1.0)
+    held_service(GetTagReading, READER['bridge_service_name']).answer_ok('1', co2=1.0)
     assert mission.end() == 0
     assert mission.outcomes() == [('1', OK)]
 
@@ -179,12 +183,12 @@ def test_a_bridge_killed_and_started_again_costs_no_reading(start_mission, start
     assert mission.outcomes(started) == [('1', OK), ('2', OK)]
 
 
-def test_a_mission_that_is_killed_goes_on_where_it_was(start_process, start_mission, reader, commanded):
+def test_a_mission_that_is_killed_goes_on_where_it_was(start_process, start_mission, reader, held_service):
     killed = start_process(**READER, tag_sequence='1 2 3')
     reader.answer_ok('1', co2=1.0)
     assert [reader.wait_for_request(), reader.wait_for_request()] == ['1', '2']
     killed.close()
-    other_reader = commanded(GetTagReading, '/other/get_tag_reading')
+    other_reader = held_service(GetTagReading, '/other/get_tag_reading')
     mission = start_mission(bridge_service_name=other_reader.name, tag_sequence='1 2 3')
     other_reader.answer_ok('2', co2=2.0)
     other_reader.answer_ok('3', co2=3.0)

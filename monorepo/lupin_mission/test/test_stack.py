@@ -6,13 +6,15 @@ import json
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.node.graph import servers_of
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, spinning_node, wait_until
 from lupin_mission import mission_node
 from lupin_mission.announcer import Announcer
 from lupin_mission.mission import Severity
 from lupin_mission.report import Outcome
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState, Observation, TagReading
-from lupin_msgs.srv import GetTagReading
+from lupin_msgs.srv import ConfirmTag, GetTagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Operator, Subscriber
 from rclpy.duration import Duration
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -404,9 +406,28 @@ def test_a_tag_of_unknown_place_has_the_one_that_was_discovered_or_the_robots(
     assert mission.stop() == 0
 
 
-def test_two_robots_have_missions_of_their_own(start_process, node, reader, commanded, tmp_path):
+def test_two_servers_of_a_service_are_named_once(start_mission, confirmer, reader, operate, node):
+    mission = start_mission(**CAMERA, tag_sequence='1 2', wait_for_start=True)
+    operator = operate(mission)
+    with spinning_node('aggregator') as aggregator, spinning_node('observer') as observer:
+        answer = ConfirmTag.Response(detected=True)
+        aggregator.create_service(ConfirmTag, confirmer.name, lambda *_: answer, qos_profile=SERVICE_QOS)
+        names = {'/aggregator', '/mission_test'}
+        wait_until(lambda: servers_of(observer, confirmer.name) == names)
+        wait_until(lambda: servers_of(node, confirmer.name) == names)
+        operator.start()
+        warning = f'{confirmer.name} is offered by /aggregator and /mission_test: the first reply counts'
+        for _ in '12':
+            confirmer.answer(detected=True)
+            reader.answer_ok(reader.wait_for_request(), co2=1.0)
+        operator.wait_for(lifecycle_state='DONE')
+    mission.stop()
+    assert len([line for line in mission.log if warning in line]) == 1
+
+
+def test_two_robots_have_missions_of_their_own(start_process, node, reader, held_service, tmp_path):
     """Each with its namespace: neither hears the camera, the services or the state of the other."""
-    other_reader = commanded(GetTagReading, '/other/get_tag_reading')
+    other_reader = held_service(GetTagReading, '/other/get_tag_reading')
     missions = [
         start_process(
             bridge_service_name=service.name,

@@ -54,8 +54,8 @@ class Sightings:
         del self._attempts[tag_id]
         self._cool_at[tag_id] = now + self._limits.cooldown_seconds
 
-    def lost(self, tag_id: str, now: float) -> bool:
-        """Give up a request, and return whether the tag waits for another attempt."""
+    def timed_out(self, tag_id: str, now: float) -> bool:
+        """Give up a request without a reply; return whether the tag will be requested again."""
         limits = self._limits
         if self._attempts[tag_id] >= limits.max_attempts:
             self.answered(tag_id, now)

@@ -26,6 +26,7 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.node.graph import doubt_about
 from lupin_greenhouse_bridge.node.parameters import warn_of_unknown_parameters
 from lupin_greenhouse_bridge.node.run import node_creation, ros
 from lupin_greenhouse_bridge.node.security import security_problem
@@ -120,11 +121,14 @@ def _read(node, bridge: client.Client, options) -> int:
 def _connect(node, bridge: client.Client, service: str):
     with _progress() as show:
         try:
-            return bridge.connect(GetTagReading, service, show)
+            get_tag_reading = bridge.connect(GetTagReading, service, show)
         except client.NoAnswer as error:
             security = f'; {SECURED}' if security_problem() else ''
             cause = _likely_cause(node, node.resolve_service_name(service))
             raise client.NoAnswer(f'{error}; {cause}{security}') from error
+    if doubt := doubt_about(node, get_tag_reading.srv_name):
+        print(f'read_tag: {doubt}', file=sys.stderr)
+    return get_tag_reading
 
 
 def _show(responses: dict, screen: Screen, options) -> None:

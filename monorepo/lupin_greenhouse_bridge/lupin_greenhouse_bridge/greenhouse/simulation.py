@@ -21,7 +21,7 @@ class ReadingError(OneLineError):
     """The simulator returned no usable reading for a tag that it has loaded."""
 
 
-class Greenhouse(NamedTuple):
+class LoadedGreenhouse(NamedTuple):
     """A loaded simulator and what start-up learned about it."""
 
     sim: Any  # greenhouse_sim.simulator.GreenhouseSimulator
@@ -30,7 +30,7 @@ class Greenhouse(NamedTuple):
     summary: str  # one line: tags, sensors, clock
 
 
-def load(settings: Settings, tag_file, sim_config_file) -> Greenhouse:
+def load(settings: Settings, tag_file, sim_config_file) -> LoadedGreenhouse:
     """
     Return a simulator that can be read at every tag of `tag_ids` at any hour.
 
@@ -76,7 +76,7 @@ def load(settings: Settings, tag_file, sim_config_file) -> Greenhouse:
         )
     _apply_overrides(sim, settings)
     _prove_readable(sim, tag_ids)
-    return Greenhouse(sim, tag_ids, _warnings(sim, tags, settings), _summary(sim, tag_ids, version))
+    return LoadedGreenhouse(sim, tag_ids, _warnings(sim, tags, settings), _summary(sim, tag_ids, version))
 
 
 def served_tag_ids(tag_file: str) -> list[str]:

@@ -17,6 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, SERVICE_QOS, STATUS_NAMES
 from lupin_greenhouse_bridge.errors import StartUpError, printable
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
+from lupin_greenhouse_bridge.node.graph import doubt_about
 from lupin_greenhouse_bridge.node.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.node.run import run
 from lupin_greenhouse_bridge.on_sight.detections import FAMILIES, detection_messages
@@ -24,6 +25,7 @@ from lupin_greenhouse_bridge.on_sight.sightings import Limits, Sightings
 
 NODE_NAME = 'read_on_sight'
 LOOK_EVERY_SECONDS = 0.1
+DOUBT_EVERY_SECONDS = 10.0
 NOW_AND_THEN = {'throttle_duration_sec': 5.0}  # each call of the logger for itself
 MOST_UNKNOWN_IDS_LOGGED = 1000  # a detector that reports random ids must not fill the memory
 
@@ -79,6 +81,7 @@ class ReadOnSightNode(Node):
         )
         self._futures = {}  # by tag id
         self._unknown_ids = set()
+        self._next_doubt = 0.0  # when to look for a second server of the service
         latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._readings = self.create_publisher(TagReading, '~/readings', latched)
         try:
@@ -111,7 +114,7 @@ class ReadOnSightNode(Node):
         self._sightings.forget(time.monotonic())
         for tag_id in self._sightings.overdue(time.monotonic()):
             self._client.remove_pending_request(self._futures.pop(tag_id))
-            if not self._sightings.lost(tag_id, time.monotonic()):
+            if not self._sightings.timed_out(tag_id, time.monotonic()):
                 self.get_logger().warning(
                     f"tag '{printable(tag_id, 64)}': no reply from {self._client.srv_name}", **NOW_AND_THEN
                 )
@@ -124,11 +127,19 @@ class ReadOnSightNode(Node):
                 **NOW_AND_THEN,
             )
             return
+        self._warn_of_two_servers()
         while (tag_id := self._sightings.next()) is not None:
             self._sightings.asked(tag_id, time.monotonic())
             future = self._client.call_async(GetTagReading.Request(tag_id=tag_id))
             self._futures[tag_id] = future
             future.add_done_callback(lambda future, tag_id=tag_id: self._on_answer(tag_id, future))
+
+    def _warn_of_two_servers(self) -> None:
+        """Look once in a while: the second server may be found late."""
+        if self._sightings.next() is not None and time.monotonic() >= self._next_doubt:
+            self._next_doubt = time.monotonic() + DOUBT_EVERY_SECONDS
+            if doubt := doubt_about(self, self._client.srv_name):
+                self.get_logger().warning(doubt)
 
     def _on_answer(self, tag_id: str, future) -> None:
         if self._futures.get(tag_id) is not future:  # given up meanwhile, in a multi-threaded executor

@@ -123,7 +123,9 @@ def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
 @pytest.mark.parametrize('namespace', ['/', '/robot1/left'])
 def test_a_parameter_file_sets_the_parameters(bridge_here, tmp_path, namespace):
     changed = tmp_path / 'parameters.yaml'
-    changed.write_text(PARAMETER_FILE.read_text().replace('debug_time_of_day: -1.0', 'debug_time_of_day: 6'))
+    changed.write_text(
+        PARAMETER_FILE.read_text().replace('debug_time_of_day: -1.0', 'debug_time_of_day: 6.0')
+    )
     ended = bridge_here('--params-file', str(changed), '-r', f'__ns:={namespace}')
     assert 'clock frozen at 6.0 h' in ended.err
 

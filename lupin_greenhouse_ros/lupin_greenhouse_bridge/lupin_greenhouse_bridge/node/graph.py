@@ -1,0 +1,28 @@
+"""Look at the ROS graph from a node."""
+
+import contextlib
+
+from rclpy.node import NodeNameNonExistentError
+
+
+def servers_of(node, service_name: str) -> set[str]:
+    """Return the full names of the nodes that offer a service."""
+    servers = set()
+    for name, namespace in node.get_node_names_and_namespaces():
+        with contextlib.suppress(NodeNameNonExistentError):  # of a node that has just ended
+            if service_name in dict(node.get_service_names_and_types_by_node(name, namespace)):
+                servers.add(f'{namespace.rstrip("/")}/{name}')
+    return servers
+
+
+def doubt_about(node, service_name: str) -> str:
+    """
+    Return a warning if nodes of different names offer a service; '' otherwise.
+
+    Of two nodes with one name, the second may be the first one, started again after it was killed.
+    """
+    servers = servers_of(node, service_name)
+    if len(servers) < 2:
+        return ''
+    names = ' and '.join(sorted(servers))
+    return f'{service_name} is offered by {names}: the first reply counts; stop one, or give it another name'
