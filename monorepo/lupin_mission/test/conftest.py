@@ -77,11 +77,18 @@ def node():
     node = rclpy.create_node('mission_test', context=context)
     executor = MultiThreadedExecutor(16, context=context)
     executor.add_node(node)
-    spinner = threading.Thread(target=executor.spin, daemon=True)
+    ended = threading.Event()
+
+    def spin():
+        while not ended.is_set():
+            executor.spin_once(timeout_sec=0.1)
+
+    spinner = threading.Thread(target=spin, daemon=True)
     spinner.start()
     yield node
-    executor.shutdown()
+    ended.set()  # rclpy raises in a thread that spins an executor while another closes it
     spinner.join()
+    executor.shutdown()
     node.destroy_node()
     rclpy.shutdown(context=context)
 
