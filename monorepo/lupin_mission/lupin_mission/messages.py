@@ -55,7 +55,9 @@ def observation_message(
         pose.orientation.w = 0.0
     if observation.outcome is not Outcome.OK:
         message.status = STATUSES.get(observation.outcome, ObservationMessage.STATUS_SCAN_FAILED)
-        message.status_detail = f'tag {observation.tag_id}: {observation.outcome.value}: {observation.detail}'
+        tag = f'tag {observation.tag_id}: '
+        detail = observation.detail.removeprefix(tag)  # the camera begins with it too
+        message.status_detail = f'{tag}{observation.outcome.value}: {detail}'
         return message
     message.status = ObservationMessage.STATUS_OK
     message.tag_reading.tag_id = observation.tag_id

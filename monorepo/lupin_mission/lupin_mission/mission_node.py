@@ -79,6 +79,10 @@ class MissionNode(Node):
         is_over = bool(self.mission and self.mission.state is State.DONE)
         return is_over and not self._settings.wait_for_start
 
+    def is_idle(self) -> bool:
+        """Return True if the node still waits for its first mission/start."""
+        return self._settings.wait_for_start and self.mission is None
+
     def _open_report(self, mission_id: str) -> Report:
         path = Path(self._settings.report_file or time.strftime('mission-%Y%m%dT%H%M%S.jsonl'))
         return Report(path.with_name(f'{path.stem}-{mission_id}{path.suffix}') if mission_id else path)
@@ -255,6 +259,8 @@ def main(args=None):
 def _conclude(node: MissionNode) -> int:
     """Print the table, even of an interrupted mission; return the exit code."""
     node.farewell()
+    if node.is_idle():
+        return ALL_READ
     observations = node.report.observations if node.report else []
     print(summary_table(observations, node.tag_ids), flush=True)
     found = last_of_each_tag(observations)

@@ -65,11 +65,11 @@ def test_an_observation_of_a_tag_that_was_not_read_names_it_in_its_detail_alone(
     hearer = twin()
     mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
     operate(mission).start()
-    reader.answer(status=1, error_message='who?')
+    reader.answer(status=1, error_message='tag 1: who?')
     heard = hearer.wait_for(lambda _observation: True)
     assert (heard.status, heard.status_detail) == (
         Observation.STATUS_SCAN_FAILED,
-        'tag 1: UNKNOWN_TAG: who?',
+        'tag 1: UNKNOWN_TAG: who?',  # named once, though the reply names it too
     )
     assert heard.tag_reading == TagReading()
     for pose in (heard.tag_pose_in_map, heard.flower.pose.pose, heard.anomaly.pose.pose):
@@ -512,7 +512,8 @@ def test_a_report_that_cannot_be_written_rejects_the_start(start_mission, operat
         **READER, tag_sequence='1', wait_for_start=True, report_file='/missing/report.jsonl'
     )
     assert 'name a file that can be written' in operate(mission).rejection()
-    assert mission.stop() == 1
+    assert mission.stop() == 0
+    assert not any('tags read' in line for line in mission.log)
 
 
 def test_a_mission_that_nobody_hears_ends_all_the_same(start_mission, reader):
