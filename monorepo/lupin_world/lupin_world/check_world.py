@@ -16,9 +16,10 @@ from lupin_perception.detector import TagDetector
 from lupin_perception.settings import Criteria
 
 from lupin_world.generate_world import make_world
+from lupin_world.opening import open_world
 from lupin_world.placement import tables_of
 from lupin_world.sdf import MARGIN_M
-from lupin_world.view import Tag, open_world, viewpoint
+from lupin_world.view import Tag, viewpoint
 
 SIDES_M = (0.04, 0.05)
 DISTANCES_M = (0.3, 0.5, 1.0)

@@ -2,10 +2,8 @@
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-from lupin_greenhouse_bridge.errors import StartUpError
 
 
 @dataclass(frozen=True)
@@ -22,15 +20,3 @@ def viewpoint(tag: Tag, distance_m: float, angle_degrees: float) -> np.ndarray:
     """Return a point at this distance from a tag and at its height, turned from its normal to its right."""
     angle = math.radians(angle_degrees)
     return tag.centre + distance_m * (math.cos(angle) * tag.out + math.sin(angle) * tag.to_right)
-
-
-def open_world(sdf_file: str | Path):
-    """Return the renderer.World of an SDF file; raises StartUpError without Drake, or for another file."""
-    try:
-        from lupin_world.renderer import World  # imported here: a missing library is a one-line error
-    except ImportError as error:
-        raise StartUpError(f'Drake is missing ({error}): pip install drake') from error
-    try:
-        return World(sdf_file)
-    except RuntimeError as error:
-        raise StartUpError(f"'{sdf_file}' is not an SDF world: use one of generate_world: {error}") from error

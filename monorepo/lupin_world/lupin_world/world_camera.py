@@ -19,7 +19,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-from lupin_world.view import Tag, open_world, viewpoint
+from lupin_world.opening import open_world
+from lupin_world.view import Tag, viewpoint
 
 NODE_NAME = 'camera'
 IMAGE_TOPIC, AT_TAG_TOPIC = 'camera/color/image_raw', 'mission/at_tag'  # relative: a namespace moves them
