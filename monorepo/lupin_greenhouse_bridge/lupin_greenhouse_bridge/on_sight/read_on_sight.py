@@ -50,7 +50,7 @@ class Settings:
     )
     max_attempts: int = parameter(
         3,
-        'Requests for a tag before a pause as long as these requests took.',
+        'Failed requests for a tag in a row before the node pauses for as long as they took.',
         smallest=1,
         largest=1000,
     )

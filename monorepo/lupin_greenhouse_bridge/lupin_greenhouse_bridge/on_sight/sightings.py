@@ -19,8 +19,9 @@ class Sightings:
     Keeps the tags in view and the pending requests.
 
     A tag is requested once per cooldown, which starts with the reply. Only a few requests are pending at any
-    time. A request that times out is repeated, up to the number of attempts. The tag then pauses for as long
-    as these attempts took. A tag that has been out of view for longer than a timeout is not requested.
+    time. A request that times out is repeated, up to the number of attempts. After the last one the tag is
+    left alone for as long as these attempts took. A tag that has been out of view for longer than a timeout
+    is not requested.
     """
 
     def __init__(self, limits: Limits):
