@@ -123,7 +123,7 @@ matrix:  ## run the contract tests on every Python, distro and simulator availab
 test-apriltag: env  ## run the detector's tests with apt's python3-apriltag (Debian 12, Ubuntu 22.04 and newer)
 	@ci/test_apriltag
 
-test-22-04: env  ## run the mirror's tests with Python 3.10 and the versions of Ubuntu 22.04
+test-22-04: env  ## run the tests of the bridge and of the monorepo's nodes with the versions of Ubuntu 22.04
 	@ci/test_22_04
 
 steady: env  ## repeat the contract tests of both trees RUNS=20 times beside LOAD=3 busy loops, and count failures
