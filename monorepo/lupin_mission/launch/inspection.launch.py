@@ -6,47 +6,40 @@ from launch.actions import (
     GroupAction,
     IncludeLaunchDescription,
     OpaqueFunction,
-    SetLaunchConfiguration,
+    RegisterEventHandler,
     Shutdown,
 )
 from launch.conditions import IfCondition
+from launch.event_handlers import OnProcessExit
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackageShare
-from lupin_greenhouse_bridge.node.launching import node_with_arguments
-from lupin_mission.settings import WITHOUT_EFFECT, Settings
 
 CAMERA = 'require_visual_confirmation'
 
 
 def generate_launch_description():
-    """Include the bridge and the camera with their own arguments; the end of the mission ends all nodes."""
-    mission = node_with_arguments(
-        Settings,
-        has_sim_time=True,
-        without_effect=WITHOUT_EFFECT,
-        package='lupin_mission',
-        executable='mission_orchestrator',
-        name='mission_orchestrator',
-        output='screen',
-        on_exit=Shutdown(reason='the mission has ended'),
-    )
+    """Include each node with its own arguments; the end of one, of the mission above all, ends them all."""
     return LaunchDescription(
         [
+            RegisterEventHandler(
+                OnProcessExit(on_exit=Shutdown(reason='a node of the inspection has ended'))
+            ),
             _included('lupin_greenhouse_bridge', 'greenhouse_bridge.launch.py'),
             DeclareLaunchArgument(CAMERA, default_value='false'),
             _included('lupin_perception', 'confirm_tag.launch.py', IfCondition(LaunchConfiguration(CAMERA))),
             OpaqueFunction(function=_hand_tag_file_on),
-            SetLaunchConfiguration('wait_for_start', 'false'),
-            *mission,
+            _included('lupin_mission', 'mission.launch.py', wait_for_start='false'),
         ]
     )
 
 
-def _included(package: str, launch_file: str, condition=None) -> GroupAction:
+def _included(package: str, launch_file: str, condition=None, **arguments: str) -> GroupAction:
     """Return a launch file whose defaults are its own: they do not reach the nodes that follow."""
     path = PathJoinSubstitution([FindPackageShare(package), 'launch', launch_file])
-    return GroupAction([IncludeLaunchDescription(PythonLaunchDescriptionSource(path))], condition=condition)
+    source = PythonLaunchDescriptionSource(path)
+    included = IncludeLaunchDescription(source, launch_arguments=arguments.items())
+    return GroupAction([included], condition=condition)
 
 
 def _hand_tag_file_on(context) -> None:

@@ -126,7 +126,7 @@ class MissionNode(Node):
             TimedDrive(self._settings.drive_seconds),
             self._settings.limits,
             require_visual_confirmation=self._settings.require_visual_confirmation,
-            returns_to_dock=bool(self._settings.dock_pose),
+            returns_to_dock=self._settings.has_dock,
         )
         read_before = len(tag_ids) - len(to_visit)
         self._announcer.started(

@@ -160,6 +160,11 @@ class Settings:
         return _words(self.tag_sequence)
 
     @property
+    def has_dock(self) -> bool:
+        """Whether the robot returns to a dock."""
+        return bool(_words(self.dock_pose))
+
+    @property
     def has_poses_in_map(self) -> bool:
         """Whether a tag's position in the tag file is its position in the map."""
         if self.tag_poses_in_map == '':

@@ -110,9 +110,12 @@ def test_the_parameter_file_has_every_parameter_and_its_default():
     assert nodes == {'/**/mission_orchestrator': {'ros__parameters': dataclasses.asdict(Settings())}}
 
 
-@pytest.mark.parametrize('dock_pose', ['', [], '1.0, 0.5, 3.14', '1 0.5 -3', [1.0, 0.5, 3.14]])
-def test_a_dock_pose_is_empty_or_three_numbers(dock_pose):
-    assert Settings(dock_pose=dock_pose).dock_pose == dock_pose
+@pytest.mark.parametrize(
+    ('dock_pose', 'has_dock'),
+    [('', False), (' ', False), ([], False), ('1.0, 0.5, 3.14', True), ([0.0, 0.0, 0.0], True)],
+)
+def test_a_dock_pose_is_empty_or_three_numbers(dock_pose, has_dock):
+    assert Settings(dock_pose=dock_pose).has_dock == has_dock
 
 
 @pytest.mark.parametrize('dock_pose', ['1 2', [1.0, 2.0, float('nan')], 'a b c', True, 1.0])
