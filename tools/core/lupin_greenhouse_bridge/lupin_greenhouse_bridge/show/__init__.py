@@ -1,0 +1,1 @@
+"""Show readings: in RViz and Foxglove, and on a page."""
