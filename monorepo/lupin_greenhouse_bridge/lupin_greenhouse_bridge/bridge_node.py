@@ -70,7 +70,7 @@ class GreenhouseBridgeNode(Node):
             self.get_logger().warning(response.error_message, throttle_duration_sec=LOG_EVERY_SECONDS)
             return response
         try:
-            stamp = self.get_clock().now().to_msg()
+            now = self.get_clock().now()
             sim_time, values = simulation.read(self._sim, tag_id)
         except simulation.ReadingError as error:
             response.status = GetTagReading.Response.STATUS_SIMULATOR_ERROR
@@ -80,7 +80,7 @@ class GreenhouseBridgeNode(Node):
         response.status = GetTagReading.Response.STATUS_OK
         reading = response.reading
         reading.tag_id = tag_id
-        reading.stamp = stamp
+        reading.stamp.sec, reading.stamp.nanosec = now.seconds_nanoseconds()
         reading.sim_time_of_day_seconds = sim_time
         reading.readings = [SensorReading(name=name, value=value) for name, value in values.items()]
         return response
