@@ -55,7 +55,7 @@ def read_tables(path) -> dict[str, tuple[float, float, float, float]]:
         if not isinstance(table, dict):
             raise StartUpError(f'{here} is {_kind(table)}, not an object, {_TABLE_EXAMPLE}')
         corners[name] = tuple(
-            float(_number(table, key, here, unit='metres')) for key in ('x0', 'y0', 'x1', 'y1')
+            float(number(table, key, here, unit='metres')) for key in ('x0', 'y0', 'x1', 'y1')
         )
     return corners
 
@@ -75,7 +75,7 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
     Raises StartUpError if the simulator could not serve the config at every hour of the day.
     """
     where = f"sim_config_file '{path}'"
-    config = _parse_yaml(_read_text(path, where, LARGEST_CONFIG_FILE_BYTES), where)
+    config = read_yaml(path, where, 'a greenhouse config has 4 levels')
     if not isinstance(config, dict):
         raise StartUpError(
             f'{where}: holds {_kind(config)} at its top level, not a mapping with time and sensors'
@@ -97,6 +97,15 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
     return config
 
 
+def read_yaml(path, where: str, levels: str):
+    """
+    Return what a YAML or JSON file holds; `levels` says how deep it may be nested.
+
+    Raises StartUpError, which begins with `where`, if the file is unreadable or malformed.
+    """
+    return _parse_yaml(_read_text(path, where, LARGEST_CONFIG_FILE_BYTES), where, levels)
+
+
 _TABLE_EXAMPLE = 'such as {"bench": {"x0": 0, "y0": 0, "x1": 2, "y1": 1}}'
 _TAG_EXAMPLE = 'such as {"1": {"x": 1.5, "y": 7.3, "sensors": ["co2"]}}'
 
@@ -111,7 +120,7 @@ def _check_tag(tag_id: str, tag, where: str) -> None:
         if key not in tag:
             raise StartUpError(f'{where} has no {key!r}: a tag needs x, y and sensors, {_TAG_EXAMPLE}')
     for key in ('x', 'y'):
-        _number(tag, key, where, unit='metres')
+        number(tag, key, where, unit='metres')
     sensors = tag['sensors']
     if not isinstance(sensors, list):
         raise StartUpError(f'{where}: sensors is {_kind(sensors)}: must be a list of names, such as ["co2"]')
@@ -124,9 +133,9 @@ def _check_time(time: dict, settings: Settings, where: str) -> None:
         raise StartUpError(f'{where}: debug_mode is {_shown(time, "debug_mode")}: must be true or false')
     is_frozen = time['debug_mode'] or settings.debug_time_of_day >= 0.0 or settings.debug_seed >= 0
     if 'debug_time_of_day' in time or (is_frozen and settings.debug_time_of_day < 0.0):
-        _number(time, 'debug_time_of_day', where, unit='hours', smallest=0.0, largest=24.0)
+        number(time, 'debug_time_of_day', where, unit='hours', smallest=0.0, largest=24.0)
     if 'speedup_factor' in time or not (is_frozen or settings.speedup_factor > 0.0):
-        _number(time, 'speedup_factor', where, unit='simulated seconds per second', smallest=SMALLEST_DIVISOR)
+        number(time, 'speedup_factor', where, unit='simulated seconds per second', smallest=SMALLEST_DIVISOR)
     if time['debug_mode'] or 'debug_seed' in time:
         seed = time.get('debug_seed')
         if isinstance(seed, bool) or not isinstance(seed, int):
@@ -145,13 +154,13 @@ def _check_component(component, dynamics_types, where: str) -> None:
         raise StartUpError(f'{where}: unknown dynamics {shown}: known are {_listed(dynamics_types)}')
     for key, limits in _COMPONENT_NUMBERS.items():
         if key in component:
-            _number(component, key, where, **limits)
+            number(component, key, where, **limits)
     position = component.get('position', [0.0, 0.0])
     if not isinstance(position, list) or len(position) != 2:
         shown = printable(repr(position), 60)
         raise StartUpError(f'{where}: position is {shown}: must be [x, y] in metres')
     for axis, value in zip('xy', position, strict=True):
-        _number({axis: value}, axis, f'{where}: position', unit='metres')
+        number({axis: value}, axis, f'{where}: position', unit='metres')
 
 
 _COMPONENT_NUMBERS = {
@@ -163,7 +172,7 @@ _COMPONENT_NUMBERS = {
 }
 
 
-def _number(
+def number(
     mapping: dict,
     key: str,
     where: str,
@@ -171,6 +180,7 @@ def _number(
     smallest=-LARGEST_NUMBER,
     largest=LARGEST_NUMBER,
 ) -> float:
+    """Return the number of a key; raises StartUpError, which begins with `where`, for anything else."""
     value = mapping.get(key)
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if not is_number or not smallest <= value <= largest:  # also rejects NaN
@@ -257,7 +267,7 @@ def _parse_json(text: str, where: str):
         raise StartUpError(f'{where}: is not JSON: {error}') from error
 
 
-def _parse_yaml(text: str, where: str):
+def _parse_yaml(text: str, where: str, levels: str):
     import yaml  # mdp-greenhouse brings it; start-up reports a missing mdp-greenhouse first
 
     try:
@@ -275,7 +285,7 @@ def _parse_yaml(text: str, where: str):
     except StartUpError:
         raise
     except RecursionError as error:
-        raise StartUpError(f'{where}: is too deeply nested: a greenhouse config has 4 levels') from error
+        raise StartUpError(f'{where}: is too deeply nested: {levels}') from error
     except Exception as error:  # PyYAML's constructors leak KeyError, IndexError and others on bad scalars
         raise StartUpError(f'{where}: is not YAML: {type(error).__name__}: {error}') from error
 
