@@ -131,10 +131,15 @@ class Settings:
     observations_topic: str = parameter(
         '/floranova/observations', 'The topic for the observation of each tag.'
     )
+    layout_in_map: str = parameter(
+        '',
+        'A file of register_layout: where the layout of the tag file or world lies in the map; empty: the map'
+        ' has the frame of the layout.',
+    )
     tag_poses_in_map: str = parameter(  # or a bool
         '',
-        'Publish the position of a tag in the tag file or world as its pose in the map: true if the map has'
-        ' the frame of the layout (simulation); empty: the opposite of require_visual_confirmation.',
+        'Publish the position of a tag in the tag file or world, moved by layout_in_map, as its pose in the'
+        ' map; empty: true with layout_in_map, otherwise the opposite of require_visual_confirmation.',
     )
 
     def __post_init__(self):
@@ -166,9 +171,9 @@ class Settings:
 
     @property
     def has_poses_in_map(self) -> bool:
-        """Whether a tag's position in the tag file is its position in the map."""
+        """Whether the layout gives the position of a tag in the map."""
         if self.tag_poses_in_map == '':
-            return not self.require_visual_confirmation
+            return bool(self.layout_in_map) or not self.require_visual_confirmation
         return self.tag_poses_in_map in (True, 'true')
 
     @property

@@ -12,6 +12,7 @@ from lupin_greenhouse_bridge.contract import (
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse.files import shipped_file
 from lupin_greenhouse_bridge.greenhouse.layout import read_tags_with_sensors
+from lupin_greenhouse_bridge.greenhouse.registration import Transform, read_transform
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
 
@@ -28,7 +29,10 @@ class Tags:
     def __init__(self, settings: Settings):
         """Read the files of the settings; raises StartUpError."""
         self.ids: list[str] = []  # empty until they are known
-        self.places_m: dict[str, tuple[float, float]] = {}
+        self.places_m: dict[str, tuple[float, float]] = {}  # in the map
+        self.layout_in_map = Transform()
+        if settings.layout_in_map:
+            self.layout_in_map = read_transform(settings.layout_in_map, settings.frame_id)
         self._settings = settings
         self._world = read_world(settings.world_file) if settings.world_file else {}
         self._given_ids = settings.chosen_tag_ids or list(self._world)
@@ -86,7 +90,7 @@ class Tags:
             return
         # The shipped positions are wrong for a bridge with a custom tag file.
         shipped = None if is_custom_file else shipped_file('tag_locations.json')
-        if self._world:
-            self.places_m = self._world
-        elif tag_file := self._settings.tag_locations_file or shipped:
-            self.places_m = {tag_id: tag[:2] for tag_id, tag in read_tags_with_sensors(tag_file).items()}
+        layout = self._world
+        if not layout and (tag_file := self._settings.tag_locations_file or shipped):
+            layout = read_tags_with_sensors(tag_file)
+        self.places_m = {tag_id: self.layout_in_map.point(*tag[:2]) for tag_id, tag in layout.items()}
