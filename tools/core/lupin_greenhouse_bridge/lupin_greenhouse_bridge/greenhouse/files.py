@@ -99,11 +99,14 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
 
 def read_yaml(path, where: str, levels: str):
     """
-    Return what a YAML or JSON file holds; `levels` says how deep it may be nested.
+    Return what a YAML file, or a JSON file named *.json, holds; `levels` says how deep it may be nested.
 
     Raises StartUpError, which begins with `where`, if the file is unreadable or malformed.
     """
-    return _parse_yaml(_read_text(path, where, LARGEST_CONFIG_FILE_BYTES), where, levels)
+    text = _read_text(path, where, LARGEST_CONFIG_FILE_BYTES)
+    if str(path).endswith('.json'):  # 1e3 is a number in JSON, and text in YAML 1.1
+        return _parse_json(text, where)
+    return _parse_yaml(text, where, levels)
 
 
 _TABLE_EXAMPLE = 'such as {"bench": {"x0": 0, "y0": 0, "x1": 2, "y1": 1}}'

@@ -1,0 +1,231 @@
+"""Where the layout lies in the map: what is fitted, left out and refused, and the file that keeps it."""
+
+import math
+import random
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse.files import shipped_file
+from lupin_greenhouse_bridge.greenhouse.layout import read_tags_with_sensors
+from lupin_greenhouse_bridge.greenhouse.registration import (
+    CannotFit,
+    Transform,
+    fit,
+    read_places,
+    read_registration,
+    read_transform,
+    write_transform,
+)
+
+SHIPPED_M = {
+    tag_id: tag[:2] for tag_id, tag in read_tags_with_sensors(shipped_file('tag_locations.json')).items()
+}
+SQUARE_M = {'a': (0.0, 0.0), 'b': (4.0, 0.0), 'c': (4.0, 3.0), 'd': (0.0, 3.0)}
+METRES, YAWS = st.floats(-1000.0, 1000.0), st.floats(-math.pi, math.pi)
+TRANSFORMS = st.builds(Transform, METRES, METRES, YAWS)
+
+
+def moved(layout_m: dict, transform: Transform) -> dict:
+    """Return the layout in the map."""
+    return {tag_id: transform.point(*place) for tag_id, place in layout_m.items()}
+
+
+def shifted(places_m: dict, tag_id: str, metres: float, direction: float = 0.0) -> dict:
+    """Return the places with one tag this far off."""
+    x, y = places_m[tag_id]
+    return {**places_m, tag_id: (x + metres * math.cos(direction), y + metres * math.sin(direction))}
+
+
+def distance_m(one: Transform, other: Transform, layout_m: dict) -> float:
+    """Return how far two transforms take a tag apart, at most."""
+    return max(math.dist(one.point(*place), other.point(*place)) for place in layout_m.values())
+
+
+@given(TRANSFORMS)
+def test_any_rotation_and_shift_is_found_again(transform):
+    fitted = fit(SHIPPED_M, moved(SHIPPED_M, transform))
+    assert fitted.left_out == []
+    assert max(fitted.residuals_m.values()) < 1e-9
+    assert distance_m(fitted.transform, transform, SHIPPED_M) < 1e-9
+    turn = math.remainder(fitted.transform.yaw - transform.yaw, 2 * math.pi)
+    assert abs(turn) < 1e-9
+
+
+@given(TRANSFORMS, st.integers(0, 2**32))
+def test_a_noise_of_2_cm_stays_in_the_residuals(transform, seed):
+    noise = random.Random(seed)
+    places_m = {
+        tag_id: (x + noise.gauss(0.0, 0.02), y + noise.gauss(0.0, 0.02))
+        for tag_id, (x, y) in moved(SHIPPED_M, transform).items()
+    }
+    fitted = fit(SHIPPED_M, places_m, tolerance_m=0.15)
+    assert fitted.left_out == []
+    assert 0.01 < max(fitted.residuals_m.values()) < 0.15
+    assert distance_m(fitted.transform, transform, SHIPPED_M) < 0.05
+
+
+@given(TRANSFORMS, st.sampled_from(sorted(SHIPPED_M)), YAWS)
+def test_a_tag_that_is_1_m_off_is_left_out_and_named(transform, tag_id, direction):
+    fitted = fit(SHIPPED_M, shifted(moved(SHIPPED_M, transform), tag_id, 1.0, direction))
+    assert fitted.left_out == [tag_id]
+    assert fitted.residuals_m[tag_id] == pytest.approx(1.0)
+    assert distance_m(fitted.transform, transform, SHIPPED_M) < 1e-9
+
+
+@given(TRANSFORMS, st.sets(st.sampled_from(sorted(SHIPPED_M)), max_size=14), st.integers(0, 2**32))
+def test_scattered_outliers_are_left_out_while_they_are_a_minority(transform, tag_ids, seed):
+    chance = random.Random(seed)
+    places_m = moved(SHIPPED_M, transform)
+    for tag_id in tag_ids:
+        places_m = shifted(places_m, tag_id, chance.uniform(0.5, 5.0), chance.uniform(-math.pi, math.pi))
+    try:
+        fitted = fit(SHIPPED_M, places_m)
+    except CannotFit:
+        assert len(tag_ids) > 7  # never with a quarter of the tags
+    else:
+        assert distance_m(fitted.transform, transform, SHIPPED_M) < 0.2
+        assert set(fitted.left_out) >= tag_ids
+
+
+def test_two_tags_are_enough():
+    layout_m = {tag_id: SQUARE_M[tag_id] for tag_id in 'ac'}
+    fitted = fit(layout_m, {'a': (1.0, 1.0), 'c': (-2.0, 5.0)})
+    assert fitted.transform == pytest.approx(Transform(1.0, 1.0, math.pi / 2))
+
+
+def test_three_tags_never_leave_one_out():
+    """Two tags that agree would not tell which of the three is wrong."""
+    layout_m = {tag_id: SQUARE_M[tag_id] for tag_id in 'abc'}
+    with pytest.raises(CannotFit, match='does not fit the map: the largest residual is'):
+        fit(layout_m, shifted(layout_m, 'c', 1.0))
+    assert fit(SQUARE_M, shifted(SQUARE_M, 'c', 1.0)).left_out == ['c']
+
+
+@pytest.mark.parametrize('places_m', [{}, {'a': (1.0, 2.0)}])
+def test_fewer_than_two_tags_are_refused(places_m):
+    with pytest.raises(CannotFit, match=f'{len(places_m)} tags have a position.*: at least 2 are needed'):
+        fit(SQUARE_M, places_m)
+
+
+@pytest.mark.parametrize('width_m', [0.0, 0.05])
+def test_tags_in_one_spot_are_refused(width_m):
+    layout_m = {'a': (1.0, 1.0), 'b': (1.0 + width_m, 1.0), 'c': (1.0, 1.0 + width_m)}
+    with pytest.raises(CannotFit, match='the 3 tags that fit lie in one spot of the layout'):
+        fit(layout_m, layout_m)
+
+
+def test_tags_in_one_spot_of_the_map_are_refused():
+    with pytest.raises(CannotFit, match='the largest residual is'):
+        fit(SQUARE_M, dict.fromkeys(SQUARE_M, (1.0, 2.0)))
+
+
+@given(TRANSFORMS, st.sampled_from([SHIPPED_M, SQUARE_M, {each: SQUARE_M[each] for each in 'abc'}]))
+def test_a_mirrored_map_is_refused(transform, layout_m):
+    mirrored_m = {tag_id: (-x, y) for tag_id, (x, y) in layout_m.items()}
+    with pytest.raises(CannotFit, match='are a mirror image of the layout: x and y are swapped'):
+        fit(layout_m, moved(mirrored_m, transform))
+
+
+def test_a_mirrored_map_with_an_outlier_is_refused_as_mirrored():
+    mirrored_m = {tag_id: (y, x) for tag_id, (x, y) in SHIPPED_M.items()}
+    with pytest.raises(CannotFit, match='mirror image'):
+        fit(SHIPPED_M, shifted(mirrored_m, '7', 1.0))
+
+
+def test_a_residual_above_the_tolerance_is_refused_with_its_tag():
+    layout_m = {tag_id: SQUARE_M[tag_id] for tag_id in 'ab'}
+    places_m = shifted(layout_m, 'b', 0.3)
+    assert fit(layout_m, places_m, tolerance_m=0.16).left_out == []
+    with pytest.raises(CannotFit, match=r"residual is 0\.15 m, of tag '.', and the tolerance is 0\.14 m"):
+        fit(layout_m, places_m, tolerance_m=0.14)
+
+
+def test_a_large_map_that_does_not_fit_is_refused_soon():
+    """The rule takes one pass for each tag that is left out."""
+    chance = random.Random(1)
+    layout_m, places_m = (
+        {str(number): (chance.uniform(0, 50), chance.uniform(0, 50)) for number in range(500)}
+        for _ in range(2)
+    )
+    with pytest.raises(CannotFit):
+        fit(layout_m, places_m)
+
+
+@given(TRANSFORMS, st.sampled_from(['map', 'robot1/map', '7', 'Gewächshaus']))
+def test_a_written_transform_is_read_again(tmp_path_factory, transform, frame_id):
+    path = tmp_path_factory.getbasetemp() / 'layout_in_map.yaml'
+    write_transform(path, transform, frame_id)
+    assert read_registration(path) == (frame_id, transform)
+    assert read_transform(path) == read_transform(path, frame_id) == transform
+
+
+GOOD = 'frame_id: map\nx: 1.5\ny: 2\nyaw: 0.3\n'
+
+
+@pytest.mark.parametrize(
+    ('text', 'fault'),
+    [
+        (GOOD.replace('x: 1.5', 'x: one'), "x is 'one': must be a number from .* (metres)"),
+        (GOOD.replace('x: 1.5\n', ''), 'x is missing: must be a number'),
+        (GOOD.replace('yaw: 0.3', 'yaw: .nan'), 'yaw is nan: must be a number from .* (radians)'),
+        (GOOD.replace('y: 2', 'y: true'), 'y is True: must be a number'),
+        (GOOD.replace('map', ''), 'frame_id is missing or no text'),
+        (GOOD + 'z: 0.1', "unknown key 'z': the keys are frame_id, x, y and yaw"),
+        (GOOD + 'x: 0.1', "'x' appears twice in the mapping of line 1"),
+        ('[1, 2]', 'is not a mapping, such as'),
+        ('{', 'is not YAML'),
+        ('', 'is not a mapping'),
+    ],
+)
+def test_a_malformed_file_is_refused_with_its_key(tmp_path, text, fault):
+    path = tmp_path / 'layout_in_map.yaml'
+    path.write_text(text, encoding='utf-8')
+    pattern = re.escape(f"registration '{path}': {fault}").replace(r'\.\*', '.*')
+    with pytest.raises(StartUpError, match=pattern):
+        read_transform(path)
+
+
+def test_a_registration_in_another_frame_is_refused(tmp_path):
+    path = tmp_path / 'layout_in_map.yaml'
+    path.write_text(GOOD, encoding='utf-8')
+    with pytest.raises(StartUpError, match="frame_id is 'map', but the map's frame is 'robot1/map'"):
+        read_transform(path, 'robot1/map')
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(StartUpError, match=r'none/a\.yaml.* cannot be written .*: name another file'):
+        write_transform(tmp_path / 'none' / 'a.yaml', Transform())
+
+
+@pytest.mark.parametrize(
+    ('name', 'text'),
+    [
+        ('pairs.json', '{"7": [1.5, 2], "8": [0, -1e3]}'),
+        ('pairs.yaml', '{"7": [1.5, 2], "8": [0, -1000]}'),
+        ('pairs.yaml', '"7": [1.5, 2]\n"8": [0, -1000]'),
+    ],
+)
+def test_positions_are_read_from_json_and_yaml(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text, encoding='utf-8')
+    assert read_places(path) == {'7': (1.5, 2.0), '8': (0.0, -1000.0)}
+
+
+@pytest.mark.parametrize(
+    ('text', 'fault'),
+    [
+        ('7: [1.5, 2]', "tag '7' is not text: put quotes around the id"),
+        ('"7": [1.5]', "tag '7': must be a list of x and y"),
+        ('"7": [1.5, .inf]', "tag '7': y is inf: must be a number"),
+        ('"7": [1, 2]\n"7": [1, 2]', "'7' appears twice"),
+        ('[1, 2]', 'must hold positions in the map by tag id'),
+    ],
+)
+def test_malformed_positions_are_refused_with_their_tag(tmp_path, text, fault):
+    path = tmp_path / 'pairs.yaml'
+    path.write_text(text, encoding='utf-8')
+    with pytest.raises(StartUpError, match=re.escape(f"pairs '{path}': {fault}")):
+        read_places(path)
