@@ -16,6 +16,11 @@ def read_tag() -> NoReturn:
     start('lupin_greenhouse_bridge.cli.read_tag')
 
 
+def register_layout() -> NoReturn:
+    """Find where the layout lies in the map, or publish it until Ctrl-C or SIGTERM, then exit."""
+    start('lupin_greenhouse_bridge.cli.register_layout')
+
+
 def read_on_sight() -> NoReturn:
     """Publish the readings of the tags in view until Ctrl-C or SIGTERM, then exit."""
     start('lupin_greenhouse_bridge.on_sight.read_on_sight')

@@ -26,6 +26,7 @@ setup(
         'console_scripts': [
             'bridge_node = lupin_greenhouse_bridge.executables:bridge_node',
             'read_tag = lupin_greenhouse_bridge.executables:read_tag',
+            'register_layout = lupin_greenhouse_bridge.executables:register_layout',
             'read_on_sight = lupin_greenhouse_bridge.executables:read_on_sight',
         ],
     },

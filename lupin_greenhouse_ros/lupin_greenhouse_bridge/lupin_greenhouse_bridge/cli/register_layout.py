@@ -1,0 +1,244 @@
+"""`ros2 run lupin_greenhouse_bridge register_layout`: find where the layout lies in the robot's map."""
+
+import argparse
+import importlib
+import math
+import sys
+from pathlib import Path
+
+import rclpy
+from geometry_msgs.msg import PointStamped, TransformStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.utilities import remove_ros_args
+
+from lupin_greenhouse_bridge.cli.client import Interrupted, UsageError
+from lupin_greenhouse_bridge.errors import StartUpError, printable
+from lupin_greenhouse_bridge.greenhouse.layout import Layout, find_layout
+from lupin_greenhouse_bridge.greenhouse.registration import (
+    DEFAULT_TOLERANCE_M,
+    LAYOUT_FRAME,
+    MAP_FRAME,
+    CannotFit,
+    fit,
+    read_places,
+    read_registration,
+    write_transform,
+)
+from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.node.run import node_creation, ros
+
+NAME = 'register_layout'
+WRITTEN, NO_FIT, USAGE, INTERRUPTED = 0, 1, 2, 130
+CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
+
+
+def main(args=None) -> int:
+    """Fit and write, or publish, as the command line asks; return the exit code."""
+    try:
+        with ros(args) as executor:
+            options = _parser().parse_args(remove_ros_args(sys.argv if args is None else args)[1:])
+            if options.publish:
+                return _publish(executor, options.publish)
+            if not options.output:
+                raise UsageError('-o FILE is missing: name the file to write')
+            layout = layout_of(options.tag_file)
+            if options.pairs:
+                places, frame_id = read_places(options.pairs), MAP_FRAME
+            else:
+                places, frame_id = _take_clicks(executor, layout, list(dict.fromkeys(options.click)))
+            register(layout, places, frame_id, options.tolerance, options.output)
+            return WRITTEN
+    except Interrupted:
+        print(f'{NAME}: interrupted: no click is kept, and nothing is written', file=sys.stderr)
+        return INTERRUPTED
+    except CannotFit as error:
+        print(f'{NAME}: {error}', file=sys.stderr)
+        return NO_FIT
+    except (UsageError, StartUpError) as error:
+        print(f'{NAME}: {error}', file=sys.stderr)
+        return USAGE
+
+
+def layout_of(tag_file: str) -> Layout:
+    """Return the layout of a tag file, or the shipped one; raises StartUpError."""
+    if layout := find_layout(tag_file):
+        return layout
+    raise StartUpError('mdp-greenhouse is not installed: name the tag file of the bridge')
+
+
+def register(layout: Layout, places: dict, frame_id: str, tolerance_m: float, path: str) -> None:
+    """
+    Fit the layout to places (x, y in metres by tag id) in a frame, print each residual, and write the file.
+
+    Raises CannotFit, and StartUpError for a tag that the layout lacks and for a file that cannot be written.
+    """
+    _check_known(layout, places)
+    fitted = fit({tag_id: layout.tags[tag_id][:2] for tag_id in places}, places, tolerance_m)
+    print(f'{"tag":<8}  {"x in map (m)":>12}  {"y in map (m)":>12}  {"residual (m)":>12}')
+    for tag_id, (x, y) in places.items():
+        note = '  left out' if tag_id in fitted.left_out else ''
+        print(f'{printable(tag_id, 40):<8}  {x:12.3f}  {y:12.3f}  {fitted.residuals_m[tag_id]:12.3f}{note}')
+    write_transform(path, fitted.transform, frame_id)
+    x, y, yaw = fitted.transform
+    print(
+        f'{len(places) - len(fitted.left_out)} of {len(places)} tags fit within {tolerance_m:g} m. The layout'
+        f' lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame_id}. Written to {path}',
+        flush=True,
+    )
+
+
+def _check_known(layout: Layout, tag_ids) -> None:
+    if unknown := [tag_id for tag_id in tag_ids if tag_id not in layout.tags]:
+        raise StartUpError(
+            f"tag '{printable(unknown[0], 64)}' is not one of the {len(layout.tags)} tags of the layout:"
+            " correct its id, or name the bridge's tag file"
+        )
+
+
+def _node_in(executor):
+    with node_creation():
+        node = rclpy.create_node(NAME, start_parameter_services=False)
+    executor.add_node(node)
+    return node
+
+
+class Clicks:
+    """Takes a click of RViz for each tag in turn, all in the frame of the first."""
+
+    def __init__(self, node, layout: Layout, tag_ids: list[str]):
+        self.places: dict[str, tuple[float, float]] = {}
+        self.frame_id = ''
+        self._layout = layout
+        self._left = tag_ids
+        node.create_subscription(PointStamped, CLICK_TOPIC, self._on_click, QoSProfile(depth=10))
+        self._ask()
+
+    def is_done(self) -> bool:
+        """Return whether each tag has its click."""
+        return not self._left
+
+    def _ask(self) -> None:
+        x, y, *_ = self._layout.tags[self._left[0]]
+        print(
+            f'click tag {printable(self._left[0], 40)} with Publish Point in RViz, {len(self._left)} to go'
+            f' (in the layout it is at x {x:g} m, y {y:g} m)',
+            flush=True,
+        )
+
+    def _on_click(self, message) -> None:
+        if self.is_done():
+            return
+        frame_id, x, y = message.header.frame_id, message.point.x, message.point.y
+        if frame_id != (self.frame_id or frame_id):
+            fault = (
+                f"in the frame '{printable(frame_id, 64)}': the first was in '{self.frame_id}',"
+                " so set RViz's Fixed Frame to it"
+            )
+        elif not (frame_id.strip() and frame_id.isprintable() and math.isfinite(x) and math.isfinite(y)):
+            fault = 'without a frame or a position: click on the map'
+        else:
+            self.frame_id = frame_id
+            self.places[self._left.pop(0)] = (x, y)
+            if self._left:
+                self._ask()
+            return
+        print(f'{NAME}: ignored a click {fault}', file=sys.stderr, flush=True)
+
+
+def _take_clicks(executor, layout: Layout, tag_ids: list[str]) -> tuple[dict, str]:
+    """Return the clicked places by tag id, and their frame; raises Interrupted."""
+    _check_known(layout, tag_ids)
+    if len(tag_ids) < 2:
+        raise UsageError('--click needs at least 2 tags')
+    clicks = Clicks(_node_in(executor), layout, tag_ids)
+    _spin(executor, clicks.is_done)
+    if not clicks.is_done():
+        raise Interrupted
+    return clicks.places, clicks.frame_id
+
+
+def _spin(executor, is_done) -> None:
+    """Spin until it is done, or until Ctrl-C or SIGTERM."""
+    while not (is_done() or process.is_asked_to_end()):
+        executor.spin_once(timeout_sec=process.LONGEST_WAIT_SECONDS)
+
+
+def tf_messages():
+    """Return the module tf2_msgs.msg; raises StartUpError if that package is missing."""
+    try:
+        return importlib.import_module('tf2_msgs.msg')
+    except ImportError as error:
+        raise StartUpError(
+            f'--publish needs the package tf2_msgs ({error}): sudo apt install ros-$ROS_DISTRO-tf2-msgs'
+        ) from error
+
+
+def _publish(executor, path: str) -> int:
+    """Keep the layout's frame on /tf_static until Ctrl-C or SIGTERM."""
+    frame_id, transform = read_registration(path)
+    messages = tf_messages()
+    node = _node_in(executor)
+    message = TransformStamped(child_frame_id=LAYOUT_FRAME)
+    message.header.frame_id = frame_id
+    message.header.stamp = node.get_clock().now().to_msg()
+    message.transform.translation.x, message.transform.translation.y = transform.x, transform.y
+    message.transform.rotation.z = math.sin(transform.yaw / 2)
+    message.transform.rotation.w = math.cos(transform.yaw / 2)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    publisher = node.create_publisher(messages.TFMessage, '/tf_static', latched)
+    publisher.publish(messages.TFMessage(transforms=[message]))
+    node.get_logger().info(f'{frame_id} -> {LAYOUT_FRAME} is on {publisher.topic_name}')
+    _spin(executor, lambda: False)
+    return WRITTEN
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=NAME,
+        description="Find where the layout of the greenhouse lies in the robot's map.",
+        epilog='Exit code: 0 written, 1 the layout does not fit the map, 2 usage.',
+    )
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument(
+        '--pairs', metavar='FILE', help='YAML or JSON: positions in the map, such as {"7": [1.5, 7.3]}'
+    )
+    source.add_argument(
+        '--click', nargs='+', metavar='ID', help='take a click of RViz (Publish Point) for each tag in turn'
+    )
+    source.add_argument(
+        '--publish', metavar='FILE', help=f'keep the frame {LAYOUT_FRAME} of a written file on /tf_static'
+    )
+    parser.add_argument('-o', '--output', type=_new_file, metavar='FILE', help='the YAML file to write')
+    parser.add_argument(
+        '--tag-file', default='', metavar='FILE', help="the bridge's tag_file; default: the shipped one"
+    )
+    parser.add_argument(
+        '--tolerance',
+        type=_metres,
+        default=DEFAULT_TOLERANCE_M,
+        metavar='M',
+        help='largest residual in metres of a tag that is not left out; default: %(default)s',
+    )
+    return parser
+
+
+def _metres(text: str) -> float:
+    problem = f'{text!r} is not a number of metres above 0'
+    try:
+        metres = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(problem) from None
+    if not 0.0 < metres < math.inf:
+        raise argparse.ArgumentTypeError(problem)
+    return metres
+
+
+def _new_file(text: str) -> str:
+    """Return a path in a folder that exists: a click must not be lost for a wrong path."""
+    if not Path(text).parent.is_dir():
+        raise argparse.ArgumentTypeError(f'there is no folder {str(Path(text).parent)!r}')
+    return text
+
+
+if __name__ == '__main__':
+    sys.exit(main())

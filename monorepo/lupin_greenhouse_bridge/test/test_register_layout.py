@@ -1,0 +1,197 @@
+"""register_layout: what it writes, what it prints, what it refuses, and the clicks and the frame over ROS."""
+
+import contextlib
+import importlib.util
+import json
+import math
+import signal
+import threading
+
+import pytest
+from conftest import SPINS
+from geometry_msgs.msg import PointStamped
+from lupin_greenhouse_bridge.cli import register_layout
+from lupin_greenhouse_bridge.greenhouse.registration import Transform, read_registration, write_transform
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+TRANSFORM = Transform(2.0, -1.0, math.pi / 2)
+needs_tf2 = pytest.mark.skipif(
+    not importlib.util.find_spec('tf2_msgs'),
+    reason='tf2_msgs is missing: sudo apt install ros-$ROS_DISTRO-tf2-msgs',
+)
+
+
+@pytest.fixture
+def places(shipped_tags):
+    """Return the shipped tags in the map."""
+    return {tag_id: list(TRANSFORM.point(tag['x'], tag['y'])) for tag_id, tag in shipped_tags.items()}
+
+
+@pytest.fixture
+def register(run_here, tmp_path):
+    """Return a function that runs register_layout with these positions, to write layout.yaml."""
+
+    def run(places, *arguments):
+        (tmp_path / 'pairs.json').write_text(json.dumps(places), encoding='utf-8')
+        pairs = ('--pairs', str(tmp_path / 'pairs.json'), '-o', str(tmp_path / 'layout.yaml'))
+        return run_here(register_layout.main, *pairs, *arguments)
+
+    return run
+
+
+def refusal(ended) -> str:
+    """Return the one line of a register_layout that refuses."""
+    (line,) = [line for line in ended.err.splitlines() if line.startswith('register_layout: ')]
+    return line.removeprefix('register_layout: ')
+
+
+def test_pairs_of_a_file_are_fitted_and_written(register, places, tmp_path):
+    places['7'][0] += 1.0
+    ended = register(places)
+    assert ended.code == 0, ended
+    rows = {line.split()[0]: line.split()[1:] for line in ended.out.splitlines()}
+    assert set(places) < set(rows)
+    assert rows['7'][2:] == ['1.000', 'left', 'out']
+    assert rows['1'] == [f'{places["1"][0]:.3f}', f'{places["1"][1]:.3f}', '0.000']
+    assert f'{len(places) - 1} of {len(places)} tags fit within 0.1 m.' in ended.out
+    assert 'x 2.000 m, y -1.000 m, yaw 1.5708 rad in map.' in ended.out
+    frame_id, transform = read_registration(tmp_path / 'layout.yaml')
+    assert (frame_id, transform) == ('map', pytest.approx(TRANSFORM))
+
+
+def test_a_layout_that_does_not_fit_is_not_written(register, places, tmp_path):
+    ended = register({'1': places['1'], '2': [100.0, 0.0]}, '--tolerance', '0.2')
+    assert (ended.code, ended.out) == (1, '')
+    assert 'the layout does not fit the map' in refusal(ended)
+    assert 'the tolerance is 0.2 m' in refusal(ended)
+    assert not (tmp_path / 'layout.yaml').exists()
+
+
+def test_a_tag_that_the_layout_lacks_is_refused(register, places, tmp_path):
+    ended = register({**places, '99': [0.0, 0.0]})
+    assert ended.code == 2
+    assert refusal(ended).startswith(f"tag '99' is not one of the {len(places)} tags of the layout")
+    tag_file = tmp_path / 'tags.json'
+    tags = {tag_id: {'x': x, 'y': 2.0, 'sensors': ['co2']} for tag_id, x in (('99', 0.0), ('100', 3.0))}
+    tag_file.write_text(json.dumps(tags), encoding='utf-8')
+    assert register({'99': [0.0, 0.0], '100': [3.0, 0.0]}, '--tag-file', str(tag_file)).code == 0
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'fault'),
+    [
+        ([], 'one of the arguments --pairs --click --publish is required'),
+        (['--pairs', 'none.json'], '-o FILE is missing'),
+        (['--pairs', 'none.json', '-o', 'a.yaml'], "pairs 'none.json': cannot be read"),
+        (['--pairs', 'none.json', '-o', 'none/a.yaml'], "there is no folder 'none'"),
+        (
+            ['--pairs', 'none.json', '-o', 'a.yaml', '--tolerance', '0'],
+            "'0' is not a number of metres above 0",
+        ),
+        (['--click', '1', '1', '-o', 'a.yaml'], '--click needs at least 2 tags'),
+        (['--click', '1', '99', '-o', 'a.yaml'], "tag '99' is not one of the"),
+        (['--publish', 'none.yaml'], "registration 'none.yaml': cannot be read"),
+    ],
+)
+def test_wrong_usage_is_refused_in_one_line(run_here, tmp_path, monkeypatch, arguments, fault):
+    monkeypatch.chdir(tmp_path)
+    ended = run_here(register_layout.main, *arguments)
+    assert (ended.code, ended.out) == (2, '')
+    assert fault in ended.err
+    assert not (tmp_path / 'a.yaml').exists()
+
+
+@contextlib.contextmanager
+def person(act):
+    """Act in a thread, on a node, while the test runs a main() in its own."""
+    from lupin_greenhouse_bridge.testing import spinning_node
+
+    with spinning_node('person') as node:
+        thread = threading.Thread(target=act, args=[node])
+        thread.start()
+        yield
+        thread.join()
+
+
+def clicks(*points):
+    """Return a function that clicks at these (frame, x, y)."""
+    from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
+
+    def act(node):
+        publisher = node.create_publisher(PointStamped, '/clicked_point', QoSProfile(depth=10))
+        wait_until(lambda: publisher.get_subscription_count() == 1)
+        for frame_id, x, y in points:
+            message = PointStamped()
+            message.header.frame_id = frame_id
+            message.point.x, message.point.y = x, y
+            publisher.publish(message)
+        publisher.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+
+    return act
+
+
+def test_each_tag_is_clicked_in_turn(run_here, places, tmp_path):
+    output = tmp_path / 'layout.yaml'
+    points = [('robot1/map', *places[tag_id]) for tag_id in ('1', '20', '7')]
+    points.insert(1, ('odom', 0.0, 0.0))
+    points.insert(1, ('robot1/map', math.nan, 0.0))
+    with person(clicks(('', 0.0, 0.0), *points)):
+        ended = run_here(register_layout.main, '--click', '1', '20', '7', '-o', str(output))
+    assert ended.code == 0, ended
+    asked = [line.split()[2] for line in ended.out.splitlines() if line.startswith('click tag')]
+    assert asked == ['1', '20', '7']
+    ignored = [line for line in ended.err.splitlines() if 'ignored a click' in line]
+    assert [line.split('a click ')[1].split(':')[0] for line in ignored] == [
+        'without a frame or a position',
+        'without a frame or a position',
+        "in the frame 'odom'",
+    ]
+    assert "the first was in 'robot1/map'" in ignored[-1]
+    frame_id, transform = read_registration(output)
+    assert (frame_id, transform) == ('robot1/map', pytest.approx(TRANSFORM))
+
+
+def test_ctrl_c_keeps_nothing_and_says_so(run_here, tmp_path):
+    ended = run_here(
+        register_layout.main,
+        *('--click', '1', '2', '-o', str(tmp_path / 'layout.yaml')),
+        signals_at={SPINS: (signal.SIGINT,)},
+    )
+    assert ended.code == 130
+    assert refusal(ended) == 'interrupted: no click is kept, and nothing is written'
+    assert not (tmp_path / 'layout.yaml').exists()
+
+
+@needs_tf2
+def test_the_frame_of_the_layout_is_latched_on_tf_static(run_here, tmp_path):
+    from lupin_greenhouse_bridge.testing import wait_until
+    from tf2_msgs.msg import TFMessage
+
+    write_transform(tmp_path / 'layout.yaml', TRANSFORM, 'robot1/map')
+    heard = []
+
+    def listen(node):
+        wait_until(lambda: node.count_publishers('/tf_static') == 1)
+        node.create_subscription(TFMessage, '/tf_static', heard.append, LATCHED)
+        wait_until(lambda: heard)
+        signal.raise_signal(signal.SIGTERM)
+
+    with person(listen):
+        ended = run_here(register_layout.main, '--publish', str(tmp_path / 'layout.yaml'))
+    assert ended.code == 0, ended
+    (transform,) = heard[0].transforms
+    assert (transform.header.frame_id, transform.child_frame_id) == ('robot1/map', 'greenhouse')
+    assert transform.header.stamp.sec > 0
+    shift, rotation = transform.transform.translation, transform.transform.rotation
+    assert (shift.x, shift.y, shift.z, rotation.x, rotation.y) == (2.0, -1.0, 0.0, 0.0, 0.0)
+    assert 2 * math.atan2(rotation.z, rotation.w) == pytest.approx(math.pi / 2)
+
+
+def test_without_tf2_msgs_one_line_names_the_package(run_here, tmp_path, monkeypatch):
+    monkeypatch.setitem(register_layout.sys.modules, 'tf2_msgs.msg', None)
+    write_transform(tmp_path / 'layout.yaml', TRANSFORM)
+    ended = run_here(register_layout.main, '--publish', str(tmp_path / 'layout.yaml'))
+    assert ended.code == 2
+    assert refusal(ended).endswith('sudo apt install ros-$ROS_DISTRO-tf2-msgs')
