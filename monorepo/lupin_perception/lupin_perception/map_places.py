@@ -1,4 +1,4 @@
-"""The places of tags in the map, as the team's stack knows them: as discovered, or where the robot stands."""
+"""The places of tags in the map: by the layout, as discovered by perception, or where the robot stands."""
 
 from geometry_msgs.msg import Point, PoseWithCovarianceStamped
 from lupin_msgs.msg import DiscoveredTags
@@ -10,9 +10,12 @@ VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
 class MapPlaces:
     """Listens to `perception/discovered_tags` and to the pose of the robot."""
 
-    def __init__(self, node, *, frame_id: str = 'map', amcl_pose_topic: str = 'amcl_pose'):
-        """Subscribe; messages of another frame are ignored."""
+    def __init__(
+        self, node, *, frame_id: str = 'map', amcl_pose_topic: str = 'amcl_pose', layout_places=None
+    ):
+        """Subscribe; messages of another frame are ignored. The layout's places in the map come first."""
         self._frame_id = frame_id
+        self._layout_places: dict[str, Point] = layout_places or {}  # by tag id
         self._tag_places: dict[str, Point] = {}  # by tag id
         self._robot_place: Point | None = None
         node.create_subscription(
@@ -28,7 +31,7 @@ class MapPlaces:
 
     def at(self, tag_id: str) -> Point | None:
         """Return the place of a tag, else of the robot that stands at it; None if neither is known."""
-        return self._tag_places.get(tag_id, self._robot_place)
+        return self._layout_places.get(tag_id) or self._tag_places.get(tag_id, self._robot_place)
 
     def _on_tags(self, message) -> None:
         if message.header.frame_id == self._frame_id:

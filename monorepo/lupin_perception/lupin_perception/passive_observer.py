@@ -5,9 +5,13 @@ It is silent while a mission runs, which publishes observations of its own.
 """
 
 import sys
+from dataclasses import dataclass
 
 from geometry_msgs.msg import Point, Pose, Quaternion
-from lupin_greenhouse_bridge.node.parameters import warn_of_unknown_parameters
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse.layout import find_layout
+from lupin_greenhouse_bridge.greenhouse.registration import read_transform
+from lupin_greenhouse_bridge.node.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.node.run import run
 from lupin_msgs.msg import MissionState, Observation, TagReading
 from rclpy.node import Node
@@ -22,6 +26,39 @@ BUSY_STATES = ('PREPARE', 'EXPLORING', 'INSPECTING', 'MONITORING', 'RETURNING')
 LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
 
 
+@dataclass(frozen=True)
+class Settings:
+    """The validated parameters of one run. Raises StartUpError for an invalid value."""
+
+    layout_in_map: str = parameter(
+        '',
+        'A file of register_layout: where the layout lies in the map; empty: the places of tags come from'
+        ' perception, or from the robot.',
+    )
+    tag_locations_file: str = parameter(
+        '', "The bridge's tag_locations.json for layout_in_map; empty: the one of mdp-greenhouse."
+    )
+
+    def __post_init__(self):
+        check_parameters(self)
+        if self.tag_locations_file and not self.layout_in_map:
+            raise StartUpError('parameter tag_locations_file has no effect without layout_in_map: set both')
+
+    def layout_places(self, frame_id: str) -> dict[str, Point]:
+        """Return the layout's places in the map by tag id; {} without layout_in_map. Raises StartUpError."""
+        if not self.layout_in_map:
+            return {}
+        transform = read_transform(self.layout_in_map, frame_id)
+        layout = find_layout(self.tag_locations_file)
+        if layout is None:
+            raise StartUpError(
+                'layout_in_map needs the positions of the tags, but mdp-greenhouse is not installed:'
+                ' set tag_locations_file'
+            )
+        places = {tag_id: transform.point(tag.x, tag.y) for tag_id, tag in layout.tags.items()}
+        return {tag_id: Point(x=x, y=y) for tag_id, (x, y) in places.items()}
+
+
 def pose_at(place: Point | None) -> Pose:
     """Return the pose at a place, without a direction; w = 0 marks it as unset."""
     return Pose(position=place or Point(), orientation=Quaternion(w=float(place is not None)))
@@ -31,10 +68,11 @@ class PassiveObserver(Node):
     """Publishes an observation of each reading, with the place of the tag or of the robot."""
 
     def __init__(self):
+        """Read the layout and subscribe; raises StartUpError."""
         super().__init__(NODE_NAME)
-        warn_of_unknown_parameters(self)
+        settings = declare_parameters(self, Settings)
         self._lifecycle_state = ''
-        self._places = MapPlaces(self, frame_id=MAP_FRAME)
+        self._places = MapPlaces(self, frame_id=MAP_FRAME, layout_places=settings.layout_places(MAP_FRAME))
         latched = QoSProfile(depth=1, durability=LATCHED)
         self._states = self.create_subscription(MissionState, 'mission/state', self._on_state, latched)
         # Not latched: the robot has left the place of an old reading.

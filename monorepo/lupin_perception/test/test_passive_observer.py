@@ -1,9 +1,13 @@
 """Readings become observations, with the place of the tag or of the robot, but not while a mission runs."""
 
+import json
+import math
 import threading
 
 import pytest
 from geometry_msgs.msg import Pose, PoseWithCovarianceStamped
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse.registration import Transform, write_transform
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, spinning_node, wait_until
 from lupin_msgs.msg import (
     DiscoveredTag,
@@ -13,7 +17,7 @@ from lupin_msgs.msg import (
     SensorReading,
     TagReading,
 )
-from lupin_perception.passive_observer import PassiveObserver
+from lupin_perception.passive_observer import PassiveObserver, Settings
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -133,6 +137,39 @@ def test_the_place_is_the_tags_or_else_the_robots(stack):
     stack.discover('7', 3.0, 4.0)
     assert stack.place_of('7') == (3.0, 4.0)
     assert stack.place_of('8') == (5.0, 6.0)
+
+
+def test_the_place_in_a_registered_layout_comes_first(run_nodes, tmp_path, shipped_tags):
+    transform = Transform(10.0, 20.0, math.pi / 2)
+    write_transform(tmp_path / 'layout.yaml', transform)
+    *_, node = run_nodes(PassiveObserver, layout_in_map=tmp_path / 'layout.yaml')
+    stack = Stack(node)
+    stack.stand(5.0, 6.0)
+    for tag_id in ('7', '999'):
+        stack.discover(tag_id, 3.0, 4.0)
+    tag = shipped_tags['7']
+    assert stack.place_of('7') == pytest.approx((10.0 - tag['y'], 20.0 + tag['x']))
+    assert stack.place_of('999') == (3.0, 4.0)
+    assert stack.place_of('888') == (5.0, 6.0)
+
+
+def test_the_layout_is_that_of_the_tag_file(tmp_path):
+    tag_file = tmp_path / 'tags.json'
+    tag_file.write_text(json.dumps({'7': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}}), encoding='utf-8')
+    write_transform(tmp_path / 'layout.yaml', Transform(x=10.0))
+    settings = Settings(layout_in_map=str(tmp_path / 'layout.yaml'), tag_locations_file=str(tag_file))
+    (place,) = settings.layout_places('map').values()
+    assert (place.x, place.y) == (11.0, 2.0)
+
+
+def test_a_layout_that_cannot_be_used_is_refused(tmp_path):
+    with pytest.raises(
+        StartUpError, match='tag_locations_file has no effect without layout_in_map: set both'
+    ):
+        Settings(tag_locations_file='/tags.json')
+    write_transform(tmp_path / 'layout.yaml', Transform(), 'odom')
+    with pytest.raises(StartUpError, match="frame_id is 'odom', but the map's frame is 'map'"):
+        Settings(layout_in_map=str(tmp_path / 'layout.yaml')).layout_places('map')
 
 
 def test_a_localiser_that_does_not_latch_is_heard(run_nodes):
