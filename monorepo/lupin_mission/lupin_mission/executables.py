@@ -8,3 +8,8 @@ from lupin_greenhouse_bridge.node.process import start
 def mission_orchestrator() -> NoReturn:
     """Run one mission or wait for each start, until Ctrl-C or SIGTERM."""
     start('lupin_mission.mission_node')
+
+
+def register_discovered_tags() -> NoReturn:
+    """Find where the layout lies in the map, by the discovered tags, then exit."""
+    start('lupin_mission.register_discovered_tags')

@@ -1,7 +1,7 @@
 """`ros2 run lupin_greenhouse_bridge register_layout`: find where the layout lies in the robot's map."""
 
 import argparse
-import importlib
+import contextlib
 import math
 import sys
 from pathlib import Path
@@ -29,75 +29,89 @@ from lupin_greenhouse_bridge.node.run import node_creation, ros
 
 NAME = 'register_layout'
 WRITTEN, NO_FIT, USAGE, INTERRUPTED = 0, 1, 2, 130
+DEFAULT_OUTPUT = 'layout_in_map.yaml'
 CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
 
 
 def main(args=None) -> int:
     """Fit and write, or publish, as the command line asks; return the exit code."""
+    return run(_parser(), _register_or_publish, args)
+
+
+def run(parser, work, args=None) -> int:
+    """Run work(executor, options), which raises what it refuses; return the exit code."""
     try:
         with ros(args) as executor:
-            options = _parser().parse_args(remove_ros_args(sys.argv if args is None else args)[1:])
-            if options.publish:
-                return _publish(executor, options.publish)
-            if not options.output:
-                raise UsageError('-o FILE is missing: name the file to write')
-            layout = layout_of(options.tag_file)
-            if options.pairs:
-                places, frame_id = read_places(options.pairs), MAP_FRAME
-            else:
-                places, frame_id = _take_clicks(executor, layout, list(dict.fromkeys(options.click)))
-            register(layout, places, frame_id, options.tolerance, options.output)
+            work(executor, parser.parse_args(remove_ros_args(sys.argv if args is None else args)[1:]))
             return WRITTEN
     except Interrupted:
-        print(f'{NAME}: interrupted: no click is kept, and nothing is written', file=sys.stderr)
-        return INTERRUPTED
+        problem, exit_code = 'interrupted: nothing is kept, and nothing is written', INTERRUPTED
     except CannotFit as error:
-        print(f'{NAME}: {error}', file=sys.stderr)
-        return NO_FIT
+        problem, exit_code = error, NO_FIT
     except (UsageError, StartUpError) as error:
-        print(f'{NAME}: {error}', file=sys.stderr)
-        return USAGE
+        problem, exit_code = error, USAGE
+    print(f'{parser.prog}: {problem}', file=sys.stderr)
+    return exit_code
 
 
-def layout_of(tag_file: str) -> Layout:
-    """Return the layout of a tag file, or the shipped one; raises StartUpError."""
-    if layout := find_layout(tag_file):
+def _register_or_publish(executor, options) -> None:
+    if options.publish:
+        _publish(executor, options.publish)
+        return
+    layout = layout_of(options)
+    if options.pairs:
+        places, frame_id = read_places(options.pairs), MAP_FRAME
+    else:
+        places, frame_id = _take_clicks(executor, layout, list(dict.fromkeys(options.click)))
+    register(layout, places, frame_id, options)
+
+
+def layout_of(options) -> Layout:
+    """Return the layout that the options name; raises what is wrong with them before anybody clicks."""
+    if not options.tolerance > 0.0:  # NaN neither
+        raise UsageError(f'--tolerance is {options.tolerance:g}: must be a number of metres above 0')
+    if not (folder := Path(options.output).parent).is_dir():
+        raise UsageError(f"--output: there is no folder '{folder}': name a file in a folder that exists")
+    if layout := find_layout(options.tag_file):
         return layout
-    raise StartUpError('mdp-greenhouse is not installed: name the tag file of the bridge')
+    raise UsageError('mdp-greenhouse is not installed: name the tag file of the bridge with --tag-file')
 
 
-def register(layout: Layout, places: dict, frame_id: str, tolerance_m: float, path: str) -> None:
+def register(layout: Layout, places: dict, frame_id: str, options) -> None:
     """
     Fit the layout to places (x, y in metres by tag id) in a frame, print each residual, and write the file.
 
-    Raises CannotFit, and StartUpError for a tag that the layout lacks and for a file that cannot be written.
+    Takes the options of add_arguments(). Raises CannotFit, UsageError for a tag that the layout lacks, and
+    StartUpError for a file that cannot be written.
     """
     _check_known(layout, places)
-    fitted = fit({tag_id: layout.tags[tag_id][:2] for tag_id in places}, places, tolerance_m)
+    fitted = fit({tag_id: layout.tags[tag_id][:2] for tag_id in places}, places, options.tolerance)
     print(f'{"tag":<8}  {"x in map (m)":>12}  {"y in map (m)":>12}  {"residual (m)":>12}')
     for tag_id, (x, y) in places.items():
         note = '  left out' if tag_id in fitted.left_out else ''
         print(f'{printable(tag_id, 40):<8}  {x:12.3f}  {y:12.3f}  {fitted.residuals_m[tag_id]:12.3f}{note}')
-    write_transform(path, fitted.transform, frame_id)
+    write_transform(options.output, fitted.transform, frame_id)
     x, y, yaw = fitted.transform
     print(
-        f'{len(places) - len(fitted.left_out)} of {len(places)} tags fit within {tolerance_m:g} m. The layout'
-        f' lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame_id}. Written to {path}',
+        f'{len(places) - len(fitted.left_out)} of {len(places)} tags fit within {options.tolerance:g} m.'
+        f' The layout lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame_id}.'
+        f' Written to {options.output}',
         flush=True,
     )
 
 
 def _check_known(layout: Layout, tag_ids) -> None:
     if unknown := [tag_id for tag_id in tag_ids if tag_id not in layout.tags]:
-        raise StartUpError(
+        raise UsageError(
             f"tag '{printable(unknown[0], 64)}' is not one of the {len(layout.tags)} tags of the layout:"
             " correct its id, or name the bridge's tag file"
         )
 
 
-def _node_in(executor):
+def node_in(executor, name: str):
+    """Return a new node, which the executor spins."""
     with node_creation():
-        node = rclpy.create_node(NAME, start_parameter_services=False)
+        node = rclpy.create_node(name, start_parameter_services=False)
     executor.add_node(node)
     return node
 
@@ -150,34 +164,29 @@ def _take_clicks(executor, layout: Layout, tag_ids: list[str]) -> tuple[dict, st
     _check_known(layout, tag_ids)
     if len(tag_ids) < 2:
         raise UsageError('--click needs at least 2 tags')
-    clicks = Clicks(_node_in(executor), layout, tag_ids)
-    _spin(executor, clicks.is_done)
-    if not clicks.is_done():
-        raise Interrupted
+    clicks = Clicks(node_in(executor, NAME), layout, tag_ids)
+    spin(executor, clicks.is_done)
     return clicks.places, clicks.frame_id
 
 
-def _spin(executor, is_done) -> None:
-    """Spin until it is done, or until Ctrl-C or SIGTERM."""
-    while not (is_done() or process.is_asked_to_end()):
+def spin(executor, is_done) -> None:
+    """Spin until it is done; raises Interrupted at Ctrl-C or SIGTERM."""
+    while not is_done():
+        if process.is_asked_to_end():
+            raise Interrupted
         executor.spin_once(timeout_sec=process.LONGEST_WAIT_SECONDS)
 
 
-def tf_messages():
-    """Return the module tf2_msgs.msg; raises StartUpError if that package is missing."""
-    try:
-        return importlib.import_module('tf2_msgs.msg')
-    except ImportError as error:
-        raise StartUpError(
-            f'--publish needs the package tf2_msgs ({error}): sudo apt install ros-$ROS_DISTRO-tf2-msgs'
-        ) from error
-
-
-def _publish(executor, path: str) -> int:
+def _publish(executor, path: str) -> None:
     """Keep the layout's frame on /tf_static until Ctrl-C or SIGTERM."""
     frame_id, transform = read_registration(path)
-    messages = tf_messages()
-    node = _node_in(executor)
+    try:
+        from tf2_msgs.msg import TFMessage  # only --publish needs it
+    except ImportError as error:
+        raise UsageError(
+            f'--publish needs the package tf2_msgs ({error}): sudo apt install ros-$ROS_DISTRO-tf2-msgs'
+        ) from error
+    node = node_in(executor, NAME)
     message = TransformStamped(child_frame_id=LAYOUT_FRAME)
     message.header.frame_id = frame_id
     message.header.stamp = node.get_clock().now().to_msg()
@@ -185,11 +194,11 @@ def _publish(executor, path: str) -> int:
     message.transform.rotation.z = math.sin(transform.yaw / 2)
     message.transform.rotation.w = math.cos(transform.yaw / 2)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    publisher = node.create_publisher(messages.TFMessage, '/tf_static', latched)
-    publisher.publish(messages.TFMessage(transforms=[message]))
+    publisher = node.create_publisher(TFMessage, '/tf_static', latched)
+    publisher.publish(TFMessage(transforms=[message]))
     node.get_logger().info(f'{frame_id} -> {LAYOUT_FRAME} is on {publisher.topic_name}')
-    _spin(executor, lambda: False)
-    return WRITTEN
+    with contextlib.suppress(Interrupted):
+        spin(executor, lambda: False)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -208,36 +217,25 @@ def _parser() -> argparse.ArgumentParser:
     source.add_argument(
         '--publish', metavar='FILE', help=f'keep the frame {LAYOUT_FRAME} of a written file on /tf_static'
     )
-    parser.add_argument('-o', '--output', type=_new_file, metavar='FILE', help='the YAML file to write')
+    add_arguments(parser)
+    return parser
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of layout_of() and register()."""
+    parser.add_argument(
+        '-o', '--output', default=DEFAULT_OUTPUT, metavar='FILE', help='file to write; default: %(default)s'
+    )
     parser.add_argument(
         '--tag-file', default='', metavar='FILE', help="the bridge's tag_file; default: the shipped one"
     )
     parser.add_argument(
         '--tolerance',
-        type=_metres,
+        type=float,
         default=DEFAULT_TOLERANCE_M,
         metavar='M',
         help='largest residual in metres of a tag that is not left out; default: %(default)s',
     )
-    return parser
-
-
-def _metres(text: str) -> float:
-    problem = f'{text!r} is not a number of metres above 0'
-    try:
-        metres = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(problem) from None
-    if not 0.0 < metres < math.inf:
-        raise argparse.ArgumentTypeError(problem)
-    return metres
-
-
-def _new_file(text: str) -> str:
-    """Return a path in a folder that exists: a click must not be lost for a wrong path."""
-    if not Path(text).parent.is_dir():
-        raise argparse.ArgumentTypeError(f'there is no folder {str(Path(text).parent)!r}')
-    return text
 
 
 if __name__ == '__main__':

@@ -1,0 +1,94 @@
+"""register_discovered_tags: the tags that perception discovered are what the layout is fitted to."""
+
+import math
+import signal
+import threading
+
+import pytest
+from lupin_greenhouse_bridge.greenhouse.registration import Transform, read_registration
+from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.testing import wait_until
+from lupin_mission import register_discovered_tags
+from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
+from mission_helpers import TWIN_QOS
+from rclpy.utilities import get_default_context
+
+TRANSFORM = Transform(2.0, -1.0, math.pi / 2)
+TOPIC = '/perception/discovered_tags'
+
+
+@pytest.fixture
+def publish(node, shipped_tags):
+    """Return a function that publishes these tags as perception discovers them, latched."""
+    publisher = node.create_publisher(DiscoveredTags, TOPIC, TWIN_QOS)
+
+    def publish(tag_ids, frame_id='map', *, unset=(), off=()):
+        message = DiscoveredTags()
+        message.header.frame_id = frame_id
+        for tag_id in tag_ids:
+            tag, discovered = shipped_tags.get(tag_id, {'x': 0.0, 'y': 0.0}), DiscoveredTag(tag_id=tag_id)
+            at = discovered.pose_in_map.position
+            at.x, at.y = TRANSFORM.point(tag['x'], tag['y'])
+            at.x += 1.0 * (tag_id in off)
+            discovered.pose_in_map.orientation.w = float(tag_id not in unset)
+            message.tags.append(discovered)
+        publisher.publish(message)
+
+    return publish
+
+
+@pytest.fixture
+def register(monkeypatch, tmp_path, capfd):
+    """Return a function that runs register_discovered_tags; it returns the exit code and the output."""
+    monkeypatch.setattr(process, '_is_asked_to_end', False)
+    before = {number: signal.getsignal(number) for number in process.SIGNALS}
+
+    def run(*arguments):
+        code = register_discovered_tags.main(['', '-o', str(tmp_path / 'layout.yaml'), *arguments])
+        get_default_context(shutting_down=True)  # what follows needs a new one
+        return code, *capfd.readouterr()
+
+    yield run
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_the_layout_is_fitted_to_the_discovered_tags(publish, register, tmp_path):
+    """A tag that the layout lacks and a tag without a pose do not count; an outlier is left out."""
+    publish(['1', '99', '7', '20', '5', '12', '3'], 'robot1/map', unset=['5'], off=['7'])
+    code, out, _ = register('--tags', '5')
+    assert code == 0
+    assert [line.split()[0] for line in out.splitlines()[1:-1]] == ['1', '7', '20', '12', '3']
+    assert [line.split()[0] for line in out.splitlines() if line.endswith('left out')] == ['7']
+    frame_id, transform = read_registration(tmp_path / 'layout.yaml')
+    assert (frame_id, transform) == ('robot1/map', pytest.approx(TRANSFORM))
+
+
+def test_it_waits_until_enough_tags_are_discovered(node, publish, register):
+    def discover():
+        publish(['1', '7', '20'])
+        wait_until(lambda: node.count_subscribers(TOPIC) == 1)
+        publish(['1', '7', '20', '12'])
+
+    perception = threading.Thread(target=discover)
+    perception.start()
+    code, out, _ = register()
+    perception.join()
+    assert code == 0
+    assert '4 of 4 tags fit within 0.1 m.' in out
+
+
+def test_tags_that_do_not_fit_are_refused(publish, register, tmp_path):
+    publish(['1', '7'], off=['7'])
+    code, out, err = register('--tags', '2')
+    assert (code, out) == (1, '')
+    assert 'register_discovered_tags: the layout does not fit the map' in err
+    assert not (tmp_path / 'layout.yaml').exists()
+
+
+def test_ctrl_c_writes_nothing_and_says_so(register, tmp_path, monkeypatch):
+    monkeypatch.setattr(process, 'is_asked_to_end', lambda: True)
+    code, _, err = register()
+    assert code == 130
+    assert 'register_discovered_tags: interrupted: nothing is kept, and nothing is written' in err
+    assert not (tmp_path / 'layout.yaml').exists()
