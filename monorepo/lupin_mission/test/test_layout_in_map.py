@@ -1,0 +1,115 @@
+"""The pose of a tag in its observation: by the registered layout, as discovered, or that of the robot."""
+
+import json
+import math
+
+import pytest
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from lupin_greenhouse_bridge.greenhouse.registration import Transform, write_transform
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
+from lupin_mission.settings import Settings
+from lupin_mission.tags import Tags
+from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
+from mission_helpers import CAMERA, TWIN_QOS
+from rclpy.duration import Duration
+
+TRANSFORM = Transform(10.0, 20.0, math.pi / 2)
+WORLD = '<sdf version="1.6"><world name="w"><model name="tag_7"><pose>1 2 0</pose></model></world></sdf>'
+
+
+@pytest.fixture
+def layout_file(tmp_path):
+    """Return the path of a registration in the frame map."""
+    write_transform(tmp_path / 'layout.yaml', TRANSFORM)
+    return str(tmp_path / 'layout.yaml')
+
+
+@pytest.fixture
+def poses(start_mission, reader, confirmer, operate, twin, node):
+    """
+    Return a function that runs a mission to the tags 1, 777 and 888, and returns x, y and w of each pose.
+
+    The layout has tag 1. Perception has discovered 1 and 777. The robot stands at x = 5.
+    """
+
+    def run(**parameters):
+        hearer = twin()
+        mission = start_mission(**CAMERA, tag_sequence='1 777 888', wait_for_start=True, **parameters)
+        pose, tags = PoseWithCovarianceStamped(), DiscoveredTags()
+        pose.header.frame_id = tags.header.frame_id = parameters.get('frame_id', 'map')
+        pose.pose.pose.position.x = 5.0
+        for tag_id in ('1', '777'):
+            tag = DiscoveredTag(tag_id=tag_id)
+            tag.pose_in_map.position.x, tag.pose_in_map.orientation.w = 7.0, 1.0
+            tags.tags.append(tag)
+        publishers = []
+        for name, message in (('amcl_pose', pose), ('perception/discovered_tags', tags)):
+            publisher = node.create_publisher(type(message), f'{mission.namespace}/{name}', TWIN_QOS)
+            wait_until(publisher.get_subscription_count)
+            publisher.publish(message)
+            publishers.append(publisher)
+        assert all(each.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS)) for each in publishers)
+        operate(mission).start()
+        for tag_id in ('1', '777', '888'):
+            confirmer.answer(detected=True)
+            reader.answer_ok(tag_id, co2=1.0)
+        wait_until(lambda: len(hearer.heard) == 3)
+        assert mission.stop() == 0
+        found = [each.tag_pose_in_map for each in hearer.heard]
+        return [(pose.position.x, pose.position.y, pose.orientation.w) for pose in found]
+
+    return run
+
+
+def test_the_registered_layout_comes_first_then_perception_then_the_robot(poses, layout_file, shipped_tags):
+    place = TRANSFORM.point(shipped_tags['1']['x'], shipped_tags['1']['y'])
+    found = poses(layout_in_map=layout_file)
+    assert found[0] == pytest.approx((*place, 1.0))
+    assert found[1:] == [(7.0, 0.0, 1.0), (5.0, 0.0, 1.0)]
+
+
+def test_the_poses_are_in_the_frame_of_the_registration(poses, tmp_path, shipped_tags):
+    write_transform(tmp_path / 'layout.yaml', TRANSFORM, 'robot1/map')
+    place = TRANSFORM.point(shipped_tags['1']['x'], shipped_tags['1']['y'])
+    found = poses(layout_in_map=tmp_path / 'layout.yaml', frame_id='robot1/map')
+    assert found[0] == pytest.approx((*place, 1.0))
+
+
+@pytest.mark.parametrize('parameters', [{}, {'tag_poses_in_map': False}])
+def test_without_a_layout_in_the_map_perception_comes_first(poses, layout_file, parameters):
+    """With tag_poses_in_map set to false, a registered layout gives no pose."""
+    if parameters:
+        parameters = {**parameters, 'layout_in_map': layout_file}
+    assert poses(**parameters) == [(7.0, 0.0, 1.0), (7.0, 0.0, 1.0), (5.0, 0.0, 1.0)]
+
+
+@pytest.mark.parametrize('camera', [False, True])
+@pytest.mark.parametrize(('value', 'has_poses'), [('', True), (False, False), ('false', False)])
+def test_a_registered_layout_gives_the_poses_unless_told_otherwise(camera, value, has_poses):
+    settings = Settings(layout_in_map='/a', tag_poses_in_map=value, require_visual_confirmation=camera)
+    assert settings.has_poses_in_map == has_poses
+
+
+def test_a_registration_in_another_frame_is_refused(start_mission, layout_file):
+    fatal = start_mission(layout_in_map=layout_file, frame_id='robot1/map').refusal(exit_code=2)
+    assert "frame_id is 'map', but the map's frame is 'robot1/map'" in fatal
+
+
+def test_a_registration_that_is_missing_is_refused(start_mission):
+    fatal = start_mission(layout_in_map='/none.yaml').refusal(exit_code=2)
+    assert "registration '/none.yaml': cannot be read" in fatal
+
+
+@pytest.mark.parametrize(
+    ('parameter', 'text'),
+    [
+        ('world_file', WORLD),
+        ('tag_locations_file', json.dumps({'7': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}})),
+    ],
+)
+def test_the_tags_of_a_file_are_moved_to_the_map(tmp_path, layout_file, parameter, text):
+    path = tmp_path / 'tags'
+    path.write_text(text, encoding='utf-8')
+    tags = Tags(Settings(**{parameter: str(path)}, layout_in_map=layout_file))
+    tags.find(None, lambda: None)
+    assert tags.places_m == {'7': pytest.approx((8.0, 21.0))}
