@@ -173,10 +173,12 @@ def test_the_frame_of_the_layout_is_latched_on_tf_static(run_here, tmp_path):
     heard = []
 
     def listen(node):
-        wait_until(lambda: node.count_publishers('/tf_static') == 1)
-        node.create_subscription(TFMessage, '/tf_static', heard.append, LATCHED)
-        wait_until(lambda: heard)
-        signal.raise_signal(signal.SIGTERM)
+        try:
+            wait_until(lambda: node.count_publishers('/tf_static') == 1)
+            node.create_subscription(TFMessage, '/tf_static', heard.append, LATCHED)
+            wait_until(lambda: heard)
+        finally:
+            signal.raise_signal(signal.SIGTERM)
 
     with person(listen):
         ended = run_here(register_layout.main, '--publish', str(tmp_path / 'layout.yaml'))

@@ -90,6 +90,26 @@ def test_scattered_outliers_are_left_out_while_they_are_a_minority(transform, ta
         assert set(fitted.left_out) >= tag_ids
 
 
+def test_the_tag_is_left_out_without_which_the_others_fit_best():
+    """Not the one with the largest residual: 'e' lies far out, and turns the fit of all towards itself."""
+    layout_m = {**SQUARE_M, 'e': (30.0, 1.0)}
+    places_m = shifted(layout_m, 'e', 3.0, direction=math.pi / 2)
+    fitted = fit(layout_m, places_m)
+    assert fitted.left_out == ['e']
+    assert fitted.transform == pytest.approx(Transform(), abs=1e-9)
+
+
+def test_half_of_the_tags_do_not_overrule_the_other_half():
+    layout_m = {**SQUARE_M, 'e': (2.0, 5.0), 'f': (6.0, 1.0)}
+    places_m = layout_m
+    for direction, tag_id in enumerate('bdf'):
+        places_m = shifted(places_m, tag_id, 2.0, float(direction))
+    with pytest.raises(CannotFit, match='the largest residual is'):
+        fit(layout_m, places_m)
+    places_m['b'] = layout_m['b']
+    assert fit(layout_m, places_m).left_out == ['d', 'f']
+
+
 def test_two_tags_are_enough():
     layout_m = {tag_id: SQUARE_M[tag_id] for tag_id in 'ac'}
     fitted = fit(layout_m, {'a': (1.0, 1.0), 'c': (-2.0, 5.0)})
