@@ -145,10 +145,10 @@ def test_the_place_in_a_registered_layout_comes_first(run_nodes, tmp_path, shipp
     *_, node = run_nodes(PassiveObserver, layout_in_map=tmp_path / 'layout.yaml')
     stack = Stack(node)
     stack.stand(5.0, 6.0)
-    for tag_id in ('7', '999'):
-        stack.discover(tag_id, 3.0, 4.0)
+    stack.discover('7', 3.0, 4.0)
     tag = shipped_tags['7']
     assert stack.place_of('7') == pytest.approx((10.0 - tag['y'], 20.0 + tag['x']))
+    stack.discover('999', 3.0, 4.0)
     assert stack.place_of('999') == (3.0, 4.0)
     assert stack.place_of('888') == (5.0, 6.0)
 
