@@ -5,6 +5,7 @@ import math
 import sys
 
 from lupin_greenhouse_bridge.cli.register_layout import (
+    EPILOG,
     add_arguments,
     layout_of,
     node_in,
@@ -24,7 +25,7 @@ def main(args=None) -> int:
     parser = argparse.ArgumentParser(
         prog=NAME,
         description='Find where the layout of the greenhouse lies in the map, by the discovered tags.',
-        epilog='Exit code: 0 written, 1 the layout does not fit the map, 2 usage.',
+        epilog=EPILOG,
     )
     add_arguments(parser)
     parser.add_argument(

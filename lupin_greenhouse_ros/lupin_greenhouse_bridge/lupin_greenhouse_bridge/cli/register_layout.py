@@ -30,6 +30,11 @@ from lupin_greenhouse_bridge.node.run import node_creation, ros
 NAME = 'register_layout'
 WRITTEN, NO_FIT, USAGE, INTERRUPTED = 0, 1, 2, 130
 DEFAULT_OUTPUT = 'layout_in_map.yaml'
+EPILOG = (
+    'While a residual is above the tolerance, the tag is left out without which the others fit best.'
+    ' At least 3 tags remain, and more than half of them.'
+    ' Exit code: 0 written, 1 the layout does not fit the map, 2 usage.'
+)
 CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
 
 
@@ -205,7 +210,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=NAME,
         description="Find where the layout of the greenhouse lies in the robot's map.",
-        epilog='Exit code: 0 written, 1 the layout does not fit the map, 2 usage.',
+        epilog=EPILOG,
     )
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument(
