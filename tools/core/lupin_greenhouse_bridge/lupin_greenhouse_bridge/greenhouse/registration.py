@@ -140,7 +140,7 @@ def _worst(pairs: dict) -> str:
 def read_places(path: str | Path) -> dict[str, tuple[float, float]]:
     """Return x and y in metres by tag id of a YAML or JSON file; raises StartUpError if it is malformed."""
     where = f"pairs '{printable(str(path), 500)}'"
-    data = read_yaml(path, where, 'it has two levels')
+    data = read_yaml(path, where, 'the file has two levels')
     example = 'such as {"7": [1.5, 7.3]}'
     if not isinstance(data, dict):
         raise StartUpError(f'{where}: must hold positions in the map by tag id, {example}')
