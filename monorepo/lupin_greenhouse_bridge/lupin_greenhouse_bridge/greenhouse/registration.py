@@ -38,7 +38,7 @@ class Transform(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """The transform that fits best, and what the positions in the map differ from it."""
+    """The transform that fits best, and how far each position in the map is from it."""
 
     transform: Transform
     residuals_m: dict[str, float]  # of every tag, by id
@@ -62,7 +62,7 @@ def fit(
     """
     pairs = {tag_id: (complex(*layout_m[tag_id]), complex(*place)) for tag_id, place in map_m.items()}
     if len(pairs) < 2:
-        raise CannotFit(f'{len(pairs)} tags have a position in the map: at least 2 are needed')
+        raise CannotFit(f'tags with a position in the map: {len(pairs)}: at least 2 are needed')
     kept = _agreeing(pairs, tolerance_m)
     if len(kept) < len(pairs):
         mirrored = {tag_id: (place.conjugate(), other) for tag_id, (place, other) in pairs.items()}
