@@ -1,0 +1,319 @@
+"""The files of readings: what is kept, what is refused, and what can be read again. Without ROS."""
+
+import contextlib
+import itertools
+import json
+import os
+import resource
+import signal
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.keep.csv_rows import HEADER, csv_text, parse_csv
+from lupin_greenhouse_bridge.keep.reading_files import ReadingFileError, Visit, read_file, read_rows
+from lupin_greenhouse_bridge.keep.rows import Row, utc_of
+from lupin_greenhouse_bridge.keep.store import StoreError, open_store
+
+STAMP_NS = 1_795_189_976_000_000_513
+FILES = ['readings.sqlite', 'readings.csv']
+
+
+def row(number=0, tag_id='7', sensor='co2', value=468.63, place_m=(1.5, 7.25)) -> Row:
+    """Return a row whose stamp has this number."""
+    stamp_ns = STAMP_NS + number
+    return Row(
+        stamp_ns, utc_of(stamp_ns), tag_id, sensor, value, 'ppm', *place_m, 14400.0, '/mission/readings'
+    )
+
+
+@pytest.fixture
+def opened(tmp_path):
+    """Return a function that opens a store in the test's folder; each one is closed at the end."""
+    with contextlib.ExitStack() as stack:
+
+        def open_it(name):
+            store = open_store(str(tmp_path / name))
+            stack.callback(store.close)
+            return store
+
+        yield open_it
+
+
+@pytest.mark.parametrize('name', [*FILES, 'readings.db', 'READINGS.CSV'])
+def test_what_was_kept_is_read_again_value_by_value(opened, tmp_path, name):
+    rows = [
+        row(0, value=0.1 + 0.2),
+        row(1, tag_id='a "b", c\r\nd\u2028e\x85', sensor='ünits'),
+        row(2, place_m=(None, None), tag_id='nowhere'),
+        row(2, place_m=(-1.0, 1e-300), sensor='light'),
+    ]
+    assert opened(name).keep(rows) == 4
+    assert read_rows(tmp_path / name) == rows
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_a_repeated_row_is_not_kept_twice_also_after_a_restart(opened, tmp_path, name):
+    first, second = row(), row(tag_id='8')
+    store = opened(name)
+    assert [store.keep([first, first]), store.keep([first])] == [1, 0]
+    store.close()
+    assert open_store(str(tmp_path / name)).keep([first, second]) == 1
+    assert read_rows(tmp_path / name) == [first, second]
+
+
+def test_the_table_of_a_database_has_the_columns_of_the_csv(opened, tmp_path):
+    opened('a.sqlite').keep([row()])
+    opened('a.csv').keep([row()])
+    database = sqlite3.connect(tmp_path / 'a.sqlite')
+    cursor = database.execute('SELECT * FROM readings')
+    assert ','.join(column for column, *_ in cursor.description) == HEADER
+    assert (tmp_path / 'a.csv').read_text().splitlines()[0] == HEADER
+    assert cursor.fetchall() == [row()]
+    database.close()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ['a.csv', 'a.sqlite']  # one file to copy
+
+
+def test_two_recorders_share_a_database(opened, tmp_path):
+    stores = [opened('readings.sqlite') for _ in range(2)]
+    for number in range(4):
+        assert stores[number % 2].keep([row(number), row(0)]) == 1
+    assert [each.stamp_ns - STAMP_NS for each in read_rows(tmp_path / 'readings.sqlite')] == [0, 1, 2, 3]
+
+
+def test_a_database_that_another_program_locks_is_written_after_it(opened, tmp_path, monkeypatch):
+    monkeypatch.setattr('lupin_greenhouse_bridge.keep.store.LOCKED_FOR_SECONDS', 0.0)
+    store = opened('readings.sqlite')
+    with contextlib.closing(sqlite3.connect(tmp_path / 'readings.sqlite', isolation_level=None)) as other:
+        other.execute('BEGIN IMMEDIATE')
+        with pytest.raises(StoreError, match='database is locked'):
+            store.keep([row()])
+    assert store.keep([row()]) == 1
+
+
+def test_a_second_recorder_of_a_csv_file_is_refused(opened):
+    opened('readings.csv').keep([row()])
+    with pytest.raises(StartUpError, match='another recorder is writing it'):
+        opened('readings.csv')
+
+
+@pytest.fixture
+def full_disk():
+    """Return a function that lets no file of this process grow beyond so many bytes, until the block ends."""
+
+    @contextlib.contextmanager
+    def limit(size):
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    return limit
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_a_full_disk_keeps_all_of_some_rows_or_none_and_can_be_written_afterwards(
+    opened, tmp_path, full_disk, name
+):
+    store = opened(name)
+    store.keep([row()])
+    many = [row(number) for number in range(1, 2000)]
+    before = (tmp_path / name).read_bytes()
+    with full_disk(len(before) + 100), pytest.raises(StoreError, match=name):
+        store.keep(many)
+    assert (tmp_path / name).read_bytes() == before
+    assert store.keep(many) == len(many)
+    assert read_rows(tmp_path / name) == [row(), *many]
+
+
+def test_a_csv_file_that_was_deleted_takes_no_more_rows(opened, tmp_path):
+    store = opened('readings.csv')
+    (tmp_path / 'readings.csv').unlink()
+    with pytest.raises(StoreError, match='it was deleted'):
+        store.keep([row()])
+
+
+def test_a_database_that_was_deleted_takes_no_more_rows(opened, tmp_path):
+    store = opened('readings.sqlite')
+    (tmp_path / 'readings.sqlite').unlink()
+    with pytest.raises(StoreError):
+        store.keep([row()])
+
+
+KILLED = """
+import sys
+from lupin_greenhouse_bridge.keep.store import open_store
+from test_store import row
+store = open_store(sys.argv[1])
+for number in range(0, 10**9, 50):
+    store.keep([row(each) for each in range(number, number + 50)])
+    print(number + 50, flush=True)
+"""
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_a_kill_at_any_moment_loses_no_row_that_was_acknowledged(tmp_path, name):
+    """The moments are wherever the writer is when the test has read so many acknowledgements."""
+    for acknowledgements in range(1, 6):
+        path = tmp_path / f'{acknowledgements}{name}'
+        writer = subprocess.Popen(
+            [sys.executable, '-c', KILLED, str(path)],
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=Path(__file__).parent,
+        )
+        acknowledged = [int(line) for line in itertools.islice(writer.stdout, acknowledgements)]
+        writer.send_signal(signal.SIGKILL)
+        acknowledged += map(int, writer.communicate()[0].split())
+        kept = read_rows(path)
+        assert kept[: acknowledged[-1]] == [row(number) for number in range(acknowledged[-1])]
+        open_store(str(path)).close()
+
+
+def test_a_database_killed_in_a_commit_is_restored_by_its_reader(opened, tmp_path):
+    """The file and its journal are those of a commit that has written some of its pages."""
+    store = opened('readings.sqlite')
+    store.keep([row(number) for number in range(1000)])
+    store._connection.execute('PRAGMA cache_size = 2')  # too small for a transaction: pages go to the file
+    store._connection.execute('BEGIN IMMEDIATE')
+    store._connection.execute('UPDATE readings SET value = 0.0')
+    killed = tmp_path / 'killed'
+    killed.mkdir()
+    for name in ('readings.sqlite', 'readings.sqlite-journal'):
+        (killed / name).write_bytes((tmp_path / name).read_bytes())
+    connection = sqlite3.connect(
+        f'file:{killed}/readings.sqlite?immutable=1', uri=True
+    )  # without its journal
+    with contextlib.closing(connection):
+        assert connection.execute('SELECT min(value) FROM readings').fetchone() == (0.0,)
+    assert read_rows(killed / 'readings.sqlite') == [row(number) for number in range(1000)]
+
+
+@pytest.mark.parametrize('torn', range(1, 96, 7))
+def test_the_torn_last_row_of_a_csv_file_is_removed(opened, tmp_path, torn):
+    path = tmp_path / 'readings.csv'
+    kept, last = row(0), row(1, tag_id='ä\n"b"')
+    whole = f'{HEADER}\n{csv_text([kept])}'.encode()
+    path.write_bytes(whole + csv_text([last]).encode()[:torn])
+    assert read_rows(path) == [kept]
+    store = opened('readings.csv')
+    assert 'removed an incomplete last row' in store.mended
+    assert path.read_bytes() == whole
+    assert store.keep([kept, last]) == 1
+    assert read_rows(path) == [kept, last]
+
+
+@pytest.mark.parametrize('size', [0, 1, len(HEADER), len(HEADER) + 1])
+def test_a_csv_file_torn_in_its_header_is_a_new_one(opened, tmp_path, size):
+    (tmp_path / 'readings.csv').write_text(f'{HEADER}\n'[:size])
+    assert opened('readings.csv').keep([row()]) == 1
+    assert read_rows(tmp_path / 'readings.csv') == [row()]
+
+
+def other_database(path):
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute('CREATE TABLE readings (stamp, value)')
+
+
+REPORT = (
+    '{"tag_id": "7", "outcome": "OK", "detail": "", "attempts": 2,'
+    ' "stamp": {"sec": 1795189976, "nanosec": 513}, "sim_time_of_day_seconds": 14400.0,'
+    ' "readings": {"co2": 468.63, "radon": 2}}\n'
+    '{"tag_id": "99", "outcome": "UNKNOWN_TAG", "detail": "Tag \'99\' is not", "attempts": 1, "stamp": null,'
+    ' "sim_time_of_day_seconds": null, "readings": null}\n'
+)
+
+
+@pytest.mark.parametrize('name', FILES)
+@pytest.mark.parametrize(
+    'make',
+    [
+        lambda path: path.write_text('dear diary\n'),
+        lambda path: path.write_text('x' * 5000),
+        lambda path: path.write_text(REPORT),
+        other_database,
+        Path.mkdir,
+        os.mkfifo,
+        lambda path: path.write_text(f'{HEADER}\n1,2,3\n{csv_text([row()])}'),
+        lambda path: path.write_text(f'{HEADER}\n{csv_text([row()]).replace("468.63", "nan")}'),
+    ],
+)
+def test_a_file_that_is_something_else_is_refused_and_unchanged(tmp_path, name, make):
+    path = tmp_path / name
+    make(path)
+    before = path.read_bytes() if path.is_file() else None
+    with pytest.raises(StartUpError, match=f"file '{path}': .*: name another file"):
+        open_store(str(path))
+    assert (path.read_bytes() if path.is_file() else None) == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize('name', ['readings', 'readings.txt', '', '.csv', 'no folder/readings.csv'])
+def test_a_name_that_cannot_be_a_file_of_readings_is_refused(tmp_path, name, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(StartUpError, match=f"file '{name}'"):
+        open_store(name)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_report_gives_its_rows_with_positions_and_its_visits(tmp_path):
+    report, tag_file = tmp_path / 'mission.jsonl', tmp_path / 'tags.json'
+    report.write_text(REPORT + REPORT[:30])
+    tag_file.write_text(json.dumps({'7': {'x': 1.5, 'y': 7.25, 'sensors': ['co2']}}))
+    rows, visits = read_file(report, str(tag_file))
+    assert rows == [
+        row()._replace(source='mission report'),
+        row(sensor='radon', value=2.0)._replace(source='mission report', unit=''),
+    ]
+    assert visits == [
+        Visit('7', 'OK', '', 2, STAMP_NS),
+        Visit('99', 'UNKNOWN_TAG', "Tag '99' is not", 1, None),
+    ]
+
+
+def test_a_row_without_a_position_gets_that_of_the_layout(opened, tmp_path, shipped_tags):
+    opened('readings.csv').keep([row(place_m=(None, None)), row(1, tag_id='nowhere', place_m=(None, None))])
+    known, unknown = read_rows(tmp_path / 'readings.csv')
+    assert (known.x_m, known.y_m) == (shipped_tags['7']['x'], shipped_tags['7']['y'])
+    assert (unknown.x_m, unknown.y_m) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ('content', 'reason'),
+    [
+        (None, 'No such file'),
+        (b'', 'empty'),
+        (b'dear diary\n', 'not a file of readings'),
+        (b'\xff' * 5000, 'not a file of readings'),
+        (f'{HEADER}\n1,2,3\n{HEADER}\n'.encode(), 'line 2: 3 values in place of 10'),
+        (f'{HEADER}\n'.encode() + b'\xff\n', "can't decode byte"),
+        (REPORT.replace('"OK"', '"OK').encode(), 'line 1 is not an observation'),
+        (b'{"tag_id": "7"}\n', "line 1 is not an observation (KeyError: 'outcome')"),
+        (b'{"tag_id": 7, ' + b'[' * 100_000 + b'\n', 'line 1 is not an observation'),
+        (b'SQLite format 3\0' + bytes(5000), 'not a file of readings'),
+        (b'SQLite format 3\0' + bytes(52) + b'LuRP' + bytes(5000), 'file is not a database'),
+    ],
+)
+def test_any_other_file_is_one_line_of_error(tmp_path, content, reason):
+    path = tmp_path / 'readings.csv'
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ReadingFileError) as raised:
+        read_file(path)
+    assert str(raised.value).startswith(f"'{path}': ")
+    assert reason in str(raised.value)
+
+
+def test_a_folder_is_no_file_of_readings(tmp_path):
+    with pytest.raises(ReadingFileError, match='not a regular file'):
+        read_file(tmp_path)
+
+
+def test_a_csv_file_that_a_spreadsheet_saved_is_read():
+    text = f'{HEADER}\n{csv_text([row()])}'.replace('\n', '\r\n')
+    assert parse_csv(b'\xef\xbb\xbf' + text.encode())[0] == [row()]
