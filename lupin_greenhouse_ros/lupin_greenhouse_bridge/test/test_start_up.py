@@ -12,6 +12,7 @@ from conftest import TAKES_TAG_FILES
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse import simulation
+from lupin_greenhouse_bridge.keep import record_readings
 from lupin_greenhouse_bridge.on_sight import read_on_sight
 from lupin_greenhouse_bridge.settings import Settings
 
@@ -117,6 +118,7 @@ def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
     assert {node: parameters['ros__parameters'] for node, parameters in nodes.items()} == {
         '/**/greenhouse_bridge': dataclasses.asdict(Settings()),
         '/**/read_on_sight': dataclasses.asdict(read_on_sight.Settings()),
+        '/**/record_readings': dataclasses.asdict(record_readings.Settings()),
     }
 
 

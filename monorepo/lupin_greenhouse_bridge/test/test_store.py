@@ -5,7 +5,6 @@ import itertools
 import json
 import os
 import resource
-import signal
 import sqlite3
 import subprocess
 import sys
@@ -145,34 +144,34 @@ def test_a_database_that_was_deleted_takes_no_more_rows(opened, tmp_path):
         store.keep([row()])
 
 
-KILLED = """
+WRITER = """
 import sys
+from lupin_greenhouse_bridge.keep.rows import Row
 from lupin_greenhouse_bridge.keep.store import open_store
-from test_store import row
-store = open_store(sys.argv[1])
+store, first = open_store(sys.argv[1]), Row(*eval(sys.argv[2]))
 for number in range(0, 10**9, 50):
-    store.keep([row(each) for each in range(number, number + 50)])
+    store.keep([first._replace(stamp_ns=first.stamp_ns + each) for each in range(number, number + 50)])
     print(number + 50, flush=True)
 """
 
 
 @pytest.mark.parametrize('name', FILES)
-def test_a_kill_at_any_moment_loses_no_row_that_was_acknowledged(tmp_path, name):
-    """The moments are wherever the writer is when the test has read so many acknowledgements."""
-    for acknowledgements in range(1, 6):
-        path = tmp_path / f'{acknowledgements}{name}'
-        writer = subprocess.Popen(
-            [sys.executable, '-c', KILLED, str(path)],
-            stdout=subprocess.PIPE,
-            text=True,
-            cwd=Path(__file__).parent,
-        )
-        acknowledged = [int(line) for line in itertools.islice(writer.stdout, acknowledgements)]
-        writer.send_signal(signal.SIGKILL)
-        acknowledged += map(int, writer.communicate()[0].split())
-        kept = read_rows(path)
-        assert kept[: acknowledged[-1]] == [row(number) for number in range(acknowledged[-1])]
-        open_store(str(path)).close()
+@pytest.mark.parametrize('acknowledgements', [1, 7])
+def test_a_kill_at_any_moment_loses_no_row_that_was_acknowledged(tmp_path, name, acknowledgements):
+    """The moment is wherever the writer is when the test has read so many acknowledgements."""
+    path = str(tmp_path / name)
+    command = [sys.executable, '-c', WRITER, path, repr(tuple(row()))]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
+        acknowledged = list(itertools.islice(writer.stdout, acknowledgements))
+        writer.kill()
+        acknowledged += writer.stdout
+    count = int(acknowledged[-1])
+    kept = read_rows(path)
+    assert [each.stamp_ns for each in kept[:count]] == [STAMP_NS + number for number in range(count)]
+    assert len(kept) in (count, count + 50)
+    store = open_store(path)
+    assert store.keep(kept) == 0
+    store.close()
 
 
 def test_a_database_killed_in_a_commit_is_restored_by_its_reader(opened, tmp_path):

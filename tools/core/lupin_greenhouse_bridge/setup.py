@@ -28,6 +28,7 @@ setup(
             'read_tag = lupin_greenhouse_bridge.executables:read_tag',
             'register_layout = lupin_greenhouse_bridge.executables:register_layout',
             'read_on_sight = lupin_greenhouse_bridge.executables:read_on_sight',
+            'record_readings = lupin_greenhouse_bridge.executables:record_readings',
         ],
     },
 )

@@ -94,7 +94,9 @@ class SqliteStore:
         if head and not is_sqlite_of_readings(head):
             raise ValueError('not a file of record_readings')
         self._path = path
-        self._connection = sqlite3.connect(path, timeout=LOCKED_FOR_SECONDS, isolation_level=None)
+        self._connection = sqlite3.connect(
+            path, timeout=LOCKED_FOR_SECONDS, isolation_level=None, check_same_thread=False
+        )
         with self._transaction():
             self._connection.execute(f'PRAGMA application_id = {APPLICATION_ID}')
             self._connection.execute(_TABLE)

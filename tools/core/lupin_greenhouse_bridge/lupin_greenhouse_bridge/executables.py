@@ -24,3 +24,8 @@ def register_layout() -> NoReturn:
 def read_on_sight() -> NoReturn:
     """Publish the readings of the tags in view until Ctrl-C or SIGTERM, then exit."""
     start('lupin_greenhouse_bridge.on_sight.read_on_sight')
+
+
+def record_readings() -> NoReturn:
+    """Keep readings in a file until Ctrl-C or SIGTERM, then exit."""
+    start('lupin_greenhouse_bridge.keep.record_readings')

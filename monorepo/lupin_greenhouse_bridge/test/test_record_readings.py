@@ -1,0 +1,324 @@
+"""record_readings: what it hears, what it keeps, and what it says when it cannot."""
+
+import contextlib
+import sqlite3
+import threading
+from types import SimpleNamespace
+
+import pytest
+import rclpy
+from conftest import SPINS
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
+from lupin_greenhouse_bridge.keep import record_readings
+from lupin_greenhouse_bridge.keep.hearing import hear, topics_of
+from lupin_greenhouse_bridge.keep.keeper import ERROR_EVERY_SECONDS, MOST_WAITING, Keeper
+from lupin_greenhouse_bridge.keep.reading_files import read_rows
+from lupin_greenhouse_bridge.keep.rows import rows_of
+from lupin_greenhouse_bridge.keep.store import StoreError, open_store
+from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing.signals import SIGNALS
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from test_store import row
+
+LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
+TOPIC = '/tested/readings'
+RECORD_READINGS = [executable('lupin_greenhouse_bridge', 'record_readings')]
+
+
+class Log:
+    """A logger that keeps its lines by severity."""
+
+    def __init__(self):
+        self.infos, self.warnings, self.errors = [], [], []
+        self.info, self.error = self.infos.append, self.errors.append
+
+    def warning(self, line, **_throttle):
+        self.warnings.append(line)
+
+
+class Disk:
+    """A store in memory whose disk is full while the test says so."""
+
+    def __init__(self):
+        self.rows, self.is_full = [], False
+
+    def keep(self, rows):
+        if self.is_full:
+            raise StoreError("file 'x.csv': No space left on device")
+        self.rows += rows
+        return len(rows)
+
+    def close(self):
+        pass
+
+
+def test_rows_that_arrive_while_the_disk_is_full_are_written_afterwards():
+    disk, log = Disk(), Log()
+    keeper = Keeper(disk, log)
+    disk.is_full = True
+    for number in range(5):
+        keeper.add([row(number)], 0.0)
+        keeper.write(0.0)
+    disk.is_full = False
+    keeper.write(1.0)
+    assert disk.rows == [row(number) for number in range(5)]
+    assert (log.infos, log.warnings, len(log.errors)) == (['5 rows kept'], [], 1)
+
+
+def test_a_full_disk_is_one_error_every_ten_seconds():
+    disk, log = Disk(), Log()
+    keeper = Keeper(disk, log)
+    disk.is_full = True
+    said = []
+    for now in (100.0, 100.5, 109.9, 110.0, 119.9, 120.0):
+        keeper.add([row(int(now * 10))], now)
+        keeper.write(now)
+        said.append(len(log.errors))
+    assert said == [1, 1, 1, 2, 2, 3]
+    assert log.errors[-1] == "file 'x.csv': No space left on device: 6 rows wait in memory, 0 dropped"
+    assert ERROR_EVERY_SECONDS == 10.0
+
+
+def test_ten_thousand_rows_wait_and_what_is_dropped_is_counted_and_said():
+    disk, log = Disk(), Log()
+    keeper = Keeper(disk, log)
+    disk.is_full = True
+    keeper.add([row(number) for number in range(10_003)], 0.0)
+    keeper.add([row(0)], 0.0)  # waits already
+    keeper.write(10.0)
+    assert '10000 rows wait in memory, 3 dropped' in log.errors[-1]
+    disk.is_full = False
+    keeper.write(20.0)
+    keeper.add([row(10_003)], 20.0)
+    keeper.write(20.5)
+    assert len(disk.rows) == 10_001
+    assert log.infos == ['10000 rows kept', '10001 rows kept']
+    assert log.warnings == ['3 rows were dropped: the file could not be written for too long']
+    assert keeper.end() == 0
+
+
+def test_more_rows_at_once_than_can_wait_are_all_written():
+    disk = Disk()
+    keeper = Keeper(disk, Log())
+    rows = [row(number) for number in range(3 * MOST_WAITING + 1)]
+    keeper.add(rows, 0.0)
+    assert keeper.end() == 0
+    assert disk.rows == rows
+
+
+def test_rows_that_cannot_be_written_at_the_end_are_lost_and_counted():
+    disk, log = Disk(), Log()
+    keeper = Keeper(disk, log)
+    keeper.add([row()], 0.0)
+    disk.is_full = True
+    keeper.write(0.0)
+    assert keeper.end() == 1
+    assert len(log.errors) == 2  # also within the ten seconds
+
+
+@pytest.mark.parametrize('bad', [{'value': float('nan')}, {'sim_time_of_day_seconds': float('inf')}])
+def test_a_value_that_is_no_number_is_not_kept_and_said(bad):
+    disk, log = Disk(), Log()
+    keeper = Keeper(disk, log)
+    keeper.add([row()._replace(**bad), row(1)], 0.0)
+    keeper.write(0.0)
+    assert disk.rows == [row(1)]
+    assert "tag '7': co2 is" in log.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ('value', 'topics'),
+    [('/a b', ['/a', 'b']), ('/a, /b /a', ['/a', '/b']), (['/a', '/b'], ['/a', '/b'])],
+)
+def test_topics_are_a_text_or_an_array(value, topics):
+    assert topics_of(value) == topics
+
+
+@pytest.mark.parametrize('value', ['', ' ', [], 7, [1, 2]])
+def test_no_topic_is_refused(value):
+    with pytest.raises(StartUpError, match='parameter readings_topics is'):
+        topics_of(value)
+
+
+def reading(number, tag_id='7') -> TagReading:
+    """Return a reading of two values with this number of nanoseconds."""
+    message = TagReading(tag_id=tag_id, sim_time_of_day_seconds=14400.0)
+    message.stamp.sec, message.stamp.nanosec = 1_795_189_976, number
+    message.readings = [
+        SensorReading(name='co2', value=float(number)),
+        SensorReading(name='light', value=0.5),
+    ]
+    return message
+
+
+@pytest.fixture
+def robot():
+    """Return the node that publishes readings."""
+    with spinning_node('robot') as node:
+        yield node
+
+
+def publisher_on(node, durability, topic=TOPIC, depth=2000):
+    return node.create_publisher(TagReading, topic, QoSProfile(depth=depth, durability=durability))
+
+
+@pytest.fixture
+def hearer():
+    """Return a node with the numbers of the readings that were `delivered` to its subscriptions."""
+    with spinning_node('hearer') as node:
+        create, delivered = node.create_subscription, []
+
+        def create_subscription(kind, topic, callback, *arguments, **keywords):
+            return create(
+                kind,
+                topic,
+                lambda each: (callback(each), delivered.append(each.stamp.nanosec)),
+                *arguments,
+                **keywords,
+            )
+
+        node.create_subscription = create_subscription
+        yield SimpleNamespace(node=node, delivered=delivered)
+
+
+def test_each_reading_is_heard_once_from_latched_and_volatile_publishers(robot, hearer, capfd):
+    heard, more = [], '/tested/more'
+    latched, volatile = publisher_on(robot, LATCHED), publisher_on(robot, VOLATILE, more)
+    latched.publish(reading(1))
+    names = hear(hearer.node, [TOPIC, more], lambda each, topic: heard.append((each.stamp.nanosec, topic)))
+    assert names == [TOPIC, more]
+    wait_until(lambda: 1 in hearer.delivered)  # published before it was subscribed to
+    wait_until(lambda: latched.get_subscription_count() == 2)
+    latched.publish(reading(2))
+    wait_until(lambda: hearer.delivered.count(2) == 2)
+    wait_until(lambda: volatile.publish(reading(3)) or 3 in hearer.delivered)
+    assert heard == [(1, TOPIC), (2, TOPIC), (3, more)]
+    assert '[hearer]' not in capfd.readouterr().err  # no warning of rclpy
+
+
+@pytest.fixture
+def start_recorder(tmp_path, monkeypatch):
+    """Return a function that starts the node in the test's process, with a file in the test's folder."""
+    monkeypatch.chdir(tmp_path)
+    with contextlib.ExitStack() as stack:
+
+        def start(**parameters):
+            parameters = {'readings_topics': TOPIC, **parameters}
+            overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+            rclpy.init(args=['--ros-args', *overrides])
+            stack.callback(rclpy.shutdown)
+            node = record_readings.RecordReadingsNode()
+            stack.callback(node.destroy_node)
+            executor = rclpy.executors.SingleThreadedExecutor()
+            executor.add_node(node)
+            spinner = threading.Thread(target=executor.spin, daemon=True)
+            spinner.start()
+            stack.callback(spinner.join)
+            stack.callback(executor.shutdown)
+            return SimpleNamespace(node=node, file=tmp_path / parameters.get('file', 'readings.sqlite'))
+
+        yield start
+
+
+@pytest.mark.parametrize('file', ['readings.sqlite', 'readings.csv'])
+def test_a_thousand_readings_at_once_are_all_kept(start_recorder, robot, shipped_tags, file):
+    recorder = start_recorder(file=file)
+    readings = publisher_on(robot, LATCHED)
+    for number in range(1000):
+        readings.publish(reading(number))
+    wait_until(lambda: len(read_rows(recorder.file)) >= 2000)
+    place_m = shipped_tags['7']['x'], shipped_tags['7']['y']
+    assert read_rows(recorder.file) == [
+        each for number in range(1000) for each in rows_of(reading(number), TOPIC, place_m)
+    ]
+
+
+def test_positions_come_from_the_tag_file(start_recorder, robot, tmp_path):
+    (tmp_path / 'tags.json').write_text('{"7": {"x": 9.0, "y": 9.5, "sensors": ["co2"]}}')
+    recorder = start_recorder(tag_locations_file=tmp_path / 'tags.json')
+    readings = publisher_on(robot, LATCHED)
+    for tag_id in ('7', '8'):
+        readings.publish(reading(1, tag_id))
+    with contextlib.closing(sqlite3.connect(recorder.file)) as database:
+        ask = 'SELECT DISTINCT tag_id, x_m, y_m, source FROM readings'
+        wait_until(lambda: len(database.execute(ask).fetchall()) == 2)
+        assert database.execute(ask).fetchall() == [('7', 9.0, 9.5, TOPIC), ('8', None, None, TOPIC)]
+
+
+def test_a_recorder_that_was_killed_goes_on_and_keeps_nothing_twice(start_node, robot, tmp_path):
+    """The latched readings are delivered again to the second recorder."""
+    file = tmp_path / 'readings.sqlite'
+    parameters = {'readings_topics': TOPIC, 'file': file}
+    readings = publisher_on(robot, LATCHED)
+    for number in range(10):
+        readings.publish(reading(number))
+    first = start_node(RECORD_READINGS, **parameters)
+    while (acknowledged := int(first.wait_for_log('rows kept').split()[-3])) < 20:
+        pass
+    first.close()
+    assert len(read_rows(file)) == acknowledged == 20
+    second = start_node(RECORD_READINGS, **parameters)
+    second.wait_for_log(f'ready: readings from {TOPIC} into {file}')
+    readings.publish(reading(10))
+    second.wait_for_log('2 rows kept')
+    assert second.stop() == 0
+    assert [row.value for row in read_rows(file) if row.sensor == 'co2'] == list(range(11))
+
+
+@pytest.mark.parametrize('signals', ['Ctrl-C', 'SIGTERM and Ctrl-C'])
+def test_a_signal_writes_the_last_rows_and_ends_with_exit_code_0(run_here, tmp_path, monkeypatch, signals):
+    create = record_readings.hear
+
+    def hear_at_once(node, topics, on_reading):
+        on_reading(reading(1), topics[0])
+        return create(node, topics, on_reading)
+
+    monkeypatch.setattr(record_readings, 'hear', hear_at_once)
+    file = tmp_path / 'readings.sqlite'
+    ended = run_here(
+        record_readings.main, '--ros-args', '-p', f'file:={file}', signals_at={SPINS: SIGNALS[signals]}
+    )
+    assert ended.code == 0
+    assert '2 rows kept' in ended.err
+    assert len(read_rows(file)) == 2
+
+
+def test_rows_lost_at_the_end_are_exit_code_1(run_here, tmp_path, monkeypatch):
+    monkeypatch.setattr(Keeper, 'end', lambda _keeper: 3)
+    arguments = ['--ros-args', '-p', f'file:={tmp_path / "readings.csv"}']
+    ended = run_here(record_readings.main, *arguments, signals_at={SPINS: SIGNALS['SIGTERM']})
+    assert ended.code == 1
+    assert '3 rows are lost' in ended.err
+
+
+def test_a_torn_row_is_said(run_here, tmp_path):
+    file = tmp_path / 'readings.csv'
+    open_store(str(file)).close()
+    with file.open('a') as end:
+        end.write('1795')
+    arguments = ['--ros-args', '-p', f'file:={file}']
+    ended = run_here(record_readings.main, *arguments, signals_at={SPINS: SIGNALS['SIGTERM']})
+    assert f"file '{file}': removed an incomplete last row" in ended.err
+
+
+@pytest.mark.parametrize(
+    ('parameter', 'value', 'fragment'),
+    [
+        ('file', 'readings.txt', "file 'readings.txt' ends in none of .sqlite, .db, .csv: name it"),
+        ('file', 'held.csv', "file 'held.csv': another recorder is writing it"),
+        ('file', 'folder.db', "file 'folder.db': Is a directory: name another file"),
+        ('file', '7', 'parameter file is 7: must be text'),
+        ('tag_locations_file', '/no/tags.json', "tag_file '/no/tags.json': cannot be read"),
+        ('readings_topics', '/a no-name', 'parameter readings_topics: Invalid topic name: '),
+        ('readings_topics', '[7]', 'parameter readings_topics is'),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused_in_one_line(
+    run_here, tmp_path, monkeypatch, parameter, value, fragment
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'folder.db').mkdir()
+    with contextlib.closing(open_store('held.csv')):
+        ended = run_here(record_readings.main, '--ros-args', '-p', f'{parameter}:={value}')
+    assert fragment in ended.refusal
