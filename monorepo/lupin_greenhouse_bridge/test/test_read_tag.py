@@ -18,7 +18,8 @@ import pytest
 import rclpy
 from conftest import Terminal
 from lupin_greenhouse_bridge.cli import client, read_tag
-from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading
+from lupin_greenhouse_bridge.keep.csv_rows import parse_csv
 from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.node.graph import servers_of
 from lupin_greenhouse_bridge.testing import (
@@ -122,12 +123,48 @@ def test_json_is_one_object_per_line(read, noon_bridge, warm_tag_id):
     assert (bad['tag_id'], bad['status'], bad['readings']) == ('99', 'UNKNOWN_TAG', {})
 
 
+def test_csv_has_the_columns_of_the_recorder_and_one_header(read, noon_bridge, shipped_tags, monkeypatch):
+    monkeypatch.setattr(process, 'sleep', lambda _seconds: None)
+    ended = read('--all', '--csv', '--watch', '10', '--count', '2')
+    rows, size = parse_csv(ended.out.encode())
+    assert (ended.code, size) == (ALL_READ, len(ended.out.encode()))
+    values = {(tag_id, name) for tag_id in shipped_tags for name in noon_bridge.values(tag_id)}
+    assert {(row.tag_id, row.sensor) for row in rows} == values
+    assert len(rows) == 2 * len(values)
+    for row in rows:
+        assert (row.x_m, row.y_m) == (shipped_tags[row.tag_id]['x'], shipped_tags[row.tag_id]['y'])
+        assert (row.sim_time_of_day_seconds, row.source) == (43200.0, 'read_tag')
+        assert row.unit
+
+
+def test_csv_keeps_the_failures_apart(read):
+    ended = read('--csv', '99', '6')
+    assert ended.code == SOME_FAILED
+    assert "read_tag: UNKNOWN_TAG: Tag '99'" in ended.said
+    assert [row.tag_id for row in parse_csv(ended.out.encode())[0]] == ['6']
+
+
+def test_csv_of_a_bridge_that_does_not_tell_its_tag_file_has_no_positions(read_tag_here):
+    with spinning_node('climate') as node:
+
+        def reply(request, response):
+            response.reading.tag_id = request.tag_id
+            response.reading.readings = [SensorReading(name='co2', value=1.5)]
+            return response
+
+        node.create_service(GetTagReading, '/climate/get_tag_reading', reply)
+        ended = read_tag_here('1', '--csv', '--service', '/climate/get_tag_reading')
+    ((row,), _) = parse_csv(ended.out.encode())
+    assert (row.value, row.unit, row.x_m, row.y_m) == (1.5, 'ppm', None, None)
+
+
 @pytest.mark.parametrize(
     ('arguments', 'last_line'),
     [
         ([], 'read_tag: name one or more tag ids, or --all'),
         (['1', '--all'], 'read_tag: name one or more tag ids, or --all'),
         (['1', '--watch', '-1'], "argument --watch: '-1' is not a number of seconds above 0"),
+        (['1', '--json', '--csv'], 'argument --csv: not allowed with argument --json'),
         (['1', '--count', '2'], 'read_tag: --count needs --watch SECONDS'),
         (['1', '--watch', '1', '--count', '0'], "'0' is not a number of rounds above 0"),
         (['1', '--ros-args', '-r', 'a:=b', '--timeout', '1'], CANNOT_BE_PARSED),

@@ -13,7 +13,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.utilities import remove_ros_args
 
 from lupin_greenhouse_bridge.cli import client
-from lupin_greenhouse_bridge.cli.table import Screen, json_line, terminal_size
+from lupin_greenhouse_bridge.cli.table import Screen, Sheet, json_line, terminal_size
 from lupin_greenhouse_bridge.contract import (
     DEFAULT_SERVICE,
     STATUS_NAMES,
@@ -24,6 +24,7 @@ from lupin_greenhouse_bridge.contract import (
 )
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse import simulation
+from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.node.graph import doubt_about
@@ -89,9 +90,10 @@ def _node_in(executor):
 def _read(node, bridge: client.Client, options) -> int:
     """Read once, or round after round, and return the exit code of the last round."""
     get_tag_reading = _connect(node, bridge, options.service)
-    tag_ids = _all_tag_ids(bridge, get_tag_reading.srv_name) if options.all else options.tag_ids
+    service_name = get_tag_reading.srv_name
+    tag_ids = _all_tag_ids(bridge, service_name) if options.all else options.tag_ids
     rounds = 1 if options.watch is None else options.count
-    screen = Screen(options.watch is not None)
+    screen = Sheet(_places(bridge, service_name)) if options.csv else Screen(options.watch is not None)
     exit_code, started = INTERRUPTED, 0.0
     for number in itertools.count() if rounds is None else range(rounds):
         if number > 0:
@@ -131,7 +133,7 @@ def _connect(node, bridge: client.Client, service: str):
     return get_tag_reading
 
 
-def _show(responses: dict, screen: Screen, options) -> None:
+def _show(responses: dict, screen: Screen | Sheet, options) -> None:
     if options.json:
         for tag_id, response in responses.items():
             print(json_line(tag_id, response, STATUS_NAMES), flush=True)
@@ -154,6 +156,17 @@ def _all_tag_ids(bridge: client.Client, service_name: str) -> list[str]:
             ' older than 1.1: name the tag ids instead of --all'
         )
     return sorted(tag_ids, key=lambda tag_id: (len(tag_id), tag_id))
+
+
+def _places(bridge: client.Client, service_name: str) -> dict[str, tuple[float, float]]:
+    """Return the positions of the tags in metres by id, from the bridge's tag file; {} if it is unknown."""
+    try:
+        parameters = bridge.connect(GetParameters, parameter_service_of(service_name))
+        values = bridge.call(parameters, tag_ids_request()).values
+        layout = find_layout(values[-1].string_value) if values else None
+    except (client.NoAnswer, StartUpError):
+        return {}
+    return {tag_id: (tag.x, tag.y) for tag_id, tag in layout.tags.items()} if layout else {}
 
 
 def _likely_cause(node, service_name: str) -> str:
@@ -208,7 +221,11 @@ def _parser(executor) -> argparse.ArgumentParser:
         '--watch', type=_seconds, metavar='SECONDS', help='start a round of readings every SECONDS'
     )
     parser.add_argument('--count', type=_rounds, metavar='N', help='end --watch after N rounds')
-    parser.add_argument('--json', action='store_true', help='print one JSON object per line and tag')
+    formats = parser.add_mutually_exclusive_group()
+    formats.add_argument('--json', action='store_true', help='print one JSON object per line and tag')
+    formats.add_argument(
+        '--csv', action='store_true', help='print one line per value, with the columns of record_readings'
+    )
     parser.add_argument('--service', default=DEFAULT_SERVICE, metavar='NAME', help='default: %(default)s')
     parser.add_argument(
         '--timeout',

@@ -1,10 +1,13 @@
-"""Print readings as a table or as JSON. Does not import ROS."""
+"""Print readings as a table, as CSV or as JSON. Does not import ROS."""
 
 import json
 import os
 import sys
 
 from lupin_greenhouse_bridge.errors import printable
+from lupin_greenhouse_bridge.keep.csv_rows import HEADER as CSV_HEADER
+from lupin_greenhouse_bridge.keep.csv_rows import csv_text
+from lupin_greenhouse_bridge.keep.rows import rows_of
 from lupin_greenhouse_bridge.units import unit_of
 
 HEADER = ('tag', 'sim time', 'sensor', 'value', 'unit')
@@ -21,13 +24,8 @@ class Screen:
 
     def show(self, responses: dict, status_names: dict[int, str]) -> None:
         """Print readings by tag id. Failures go to standard error, or into a table that replaces another."""
-        rows, failures = [], []
-        for tag_id, response in responses.items():
-            status = status_names.get(response.status, response.status)
-            if status == 'OK':
-                rows += _rows(tag_id, response.reading)
-            else:
-                failures.append(f'read_tag: {status}: {printable(response.error_message, 1000)}')
+        good, failures = _sorted_out(responses, status_names)
+        rows = [row for tag_id, reading in good.items() for row in _rows(tag_id, reading)]
         lines = self._aligned(rows, is_first=not self._lines_shown or self._updates_in_place)
         if len(responses) > 1 and not self._is_watched:
             lines.append(f'{len(responses) - len(failures)}/{len(responses)} tags read')
@@ -36,7 +34,7 @@ class Screen:
         else:
             self._lines_shown += len(lines)
             print(*lines, sep='\n', end='\n' if lines else '', flush=True)
-            print(*failures, sep='\n', end='\n' if failures else '', file=sys.stderr, flush=True)
+            _print_failures(failures)
 
     def _aligned(self, rows: list[tuple], *, is_first: bool) -> list[str]:
         """Return the rows under one header, in columns that never get narrower."""
@@ -64,6 +62,42 @@ class Screen:
         up = f'\x1b[{self._lines_shown}F' if self._lines_shown else ''
         print(up + '\x1b[J' + '\n'.join(line[: columns - 1] for line in lines), flush=True)
         self._lines_shown = len(lines)
+
+
+class Sheet:
+    """Prints the rows that record_readings keeps as CSV, under one header."""
+
+    def __init__(self, places_m: dict[str, tuple[float, float]]):
+        self._places_m = places_m
+        self._header = f'{CSV_HEADER}\n'
+
+    def show(self, responses: dict, status_names: dict[int, str]) -> None:
+        """Print readings by tag id. Failures go to standard error."""
+        good, failures = _sorted_out(responses, status_names)
+        rows = [
+            row
+            for each in good.values()
+            for row in rows_of(each, 'read_tag', self._places_m.get(each.tag_id))
+        ]
+        print(self._header + csv_text(rows), end='', flush=True)
+        self._header = ''
+        _print_failures(failures)
+
+
+def _sorted_out(responses: dict, status_names: dict[int, str]) -> tuple[dict, list[str]]:
+    """Return the readings by tag id, and a line for each response that has none."""
+    good, failures = {}, []
+    for tag_id, response in responses.items():
+        status = status_names.get(response.status, response.status)
+        if status == 'OK':
+            good[tag_id] = response.reading
+        else:
+            failures.append(f'read_tag: {status}: {printable(response.error_message, 1000)}')
+    return good, failures
+
+
+def _print_failures(failures: list[str]) -> None:
+    print(*failures, sep='\n', end='\n' if failures else '', file=sys.stderr, flush=True)
 
 
 def terminal_size(stream) -> tuple[int, int]:
