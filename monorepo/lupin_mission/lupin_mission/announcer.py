@@ -4,7 +4,7 @@ import time
 
 from lupin_greenhouse_bridge.errors import printable
 from lupin_greenhouse_bridge.node import process
-from lupin_msgs.msg import MissionState
+from lupin_msgs.msg import MissionState, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -32,6 +32,7 @@ class Announcer:
         self._frame_id = frame_id
         self._at_tag = node.create_publisher(String, 'mission/at_tag', latched(1))
         self._observations = node.create_publisher(ObservationMessage, observations_topic, latched(50))
+        self._readings = node.create_publisher(TagReading, 'mission/readings', latched(50))
         self._states = node.create_publisher(MissionState, 'mission/state', latched(1))
         self._tag_at_hand = None
         self._progress = ProgressLine()
@@ -69,12 +70,13 @@ class Announcer:
             logger.error(self._event)
 
     def closed(self, observation: Observation, mission_id: str, place_m: tuple[float, float] | None) -> None:
-        """Publish the observation of a tag, and log its outcome."""
+        """Publish the observation of a tag, and its reading if it was read, and log its outcome."""
         message = observation_message(observation, mission_id, place_m)
         self._stamp(message.header)
         self._observations.publish(message)
         tag = f"tag '{printable(observation.tag_id, 64)}'"
         if observation.outcome is Outcome.OK:
+            self._readings.publish(message.tag_reading)
             values = ', '.join(f'{name} {value:.3f}' for name, value in observation.reading.values.items())
             self.inform(f'{tag}: {values}')
         elif observation.outcome is Outcome.SKIPPED:
@@ -119,7 +121,7 @@ class Announcer:
         """Wait until the current subscribers have received everything, with a timeout."""
         self._progress.clear()
         deadline = time.monotonic() + LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS
-        for publisher in (self._observations, self._states):
+        for publisher in (self._observations, self._readings, self._states):
             while not publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGED_WITHIN_SECONDS)):
                 if process.is_asked_to_end() or time.monotonic() >= deadline:
                     return
