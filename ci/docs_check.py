@@ -1,5 +1,5 @@
 """
-Check the links, the shell blocks and the parameter tables of the documents.
+Check the links, the shell blocks, the parameter tables and the ranges of the sensors in the documents.
 
     make docs-check
 
@@ -13,11 +13,17 @@ A table with a column `default` is preceded by the class with these parameters:
 
     <!-- parameters of MODULE.CLASS -->      the table has exactly its parameters, with their defaults
 
+A table of `sensor` and `lowest` has the ranges of the installed mdp-greenhouse, of the version that it names:
+
+    <!-- ranges of mdp-greenhouse VERSION -->
+
 `make mirror-publish-check` runs the unmarked bash blocks of the mirror's README. Indented code blocks have no
 language, so they are refused. Exit code: 0 no findings, 1 findings, one line each.
 """
 
+import functools
 import importlib
+import importlib.metadata
 import re
 import subprocess
 import sys
@@ -25,7 +31,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
+from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.node.parameters import launch_arguments
+from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.units import unit_of
 
 ROOT = Path(__file__).resolve().parent.parent
 FENCED = re.compile(
@@ -37,6 +46,11 @@ PUBLISHED = Path('lupin_greenhouse_ros/README.md')
 LONGEST_RUN_SECONDS = 300
 PARAMETERS = re.compile(
     r'(?:^<!-- parameters of (?P<settings>\S+) -->\n)?^\| \w+ \| default \|.*\n'
+    r'^\|[-|]+\n(?P<rows>(?:^\|.*\n)+)',
+    re.MULTILINE,
+)
+RANGES = re.compile(
+    r'(?:^<!-- ranges of mdp-greenhouse (?P<version>\S+) -->\n)?^\| sensor \| lowest \|.*\n'
     r'^\|[-|]+\n(?P<rows>(?:^\|.*\n)+)',
     re.MULTILINE,
 )
@@ -132,7 +146,44 @@ def wrong_defaults(root: Path, path: Path) -> Iterator[str]:
                 )
 
 
-CHECKS = (broken_links, unproved_blocks, wrong_defaults, failing_blocks)
+@functools.cache
+def sensor_ranges() -> list[str]:
+    """Return a row for each sensor: the range at all tags and half hours without noise, unit and noise."""
+    greenhouse = simulation.load(Settings(debug_time_of_day=0.0), tag_file=None, sim_config_file=None)
+    config = greenhouse.sim.sim_config
+    noises = {}
+    for name, components in config['sensors'].items():
+        noises[name] = max(component['noise_sigma'] for component in components)
+        for component in components:
+            component['noise_sigma'] = 0.0
+    values = {name: [] for name in noises}
+    for half_hours in range(48):
+        config['time']['debug_time_of_day'] = half_hours / 2
+        for tag_id in greenhouse.tag_ids:
+            for name, value in simulation.read(greenhouse.sim, tag_id)[1].items():
+                values[name].append(value)
+    return [
+        f'| {name} | {min(found):.3g} | {max(found):.3g} | {unit_of(name)} | {noises[name]:g} |'
+        for name, found in values.items()
+    ]
+
+
+def wrong_ranges(root: Path, path: Path) -> Iterator[str]:
+    """Yield a line for each row that differs from the installed simulator, and for another version of it."""
+    for table in RANGES.finditer((root / path).read_text(encoding='utf-8')):
+        installed = importlib.metadata.version('mdp-greenhouse')
+        if table['version'] != installed:
+            yield f'{path}: mark the ranges with `ranges of mdp-greenhouse {installed}`, which is installed'
+        written = table['rows'].splitlines()
+        for row in sensor_ranges():
+            if row not in written:
+                yield f'{path}: the ranges lack the row {row}'
+        for row in written:
+            if row not in sensor_ranges():
+                yield f'{path}: the simulator does not have the range {row}'
+
+
+CHECKS = (broken_links, unproved_blocks, wrong_defaults, wrong_ranges, failing_blocks)
 
 
 def main(root: Path = ROOT) -> int:

@@ -100,6 +100,15 @@ $ anything
 | `debug_time_of_day` | `-1.0` | hours |
 | `speedup_factor` | `0.0` | simulated seconds per second |
 | `debug_seed` | `-1` | a seed |
+
+<!-- ranges of mdp-greenhouse 1.0.8 -->
+| sensor | lowest | highest | unit | noise |
+|---|---|---|---|---|
+| temperature | 5.66 | 27 | °C | 0 |
+| humidity | 35.5 | 74.7 | % | 1 |
+| co2 | 400 | 610 | ppm | 30 |
+| soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |
+| light | 755 | 989 | lx | 10 |
 """
 
 
@@ -131,6 +140,9 @@ def test_a_good_document_has_no_findings(documents):
             '',
             'mark this table with `parameters of`',
         ),
+        ('0.737', '0.6', 'the ranges lack the row | soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |'),
+        ('0.737', '73.7', 'the simulator does not have the range | soil_moisture | 0.3 | 73.7 |'),
+        ('<!-- ranges of mdp-greenhouse 1.0.8 -->\n', '', 'mark the ranges with `ranges of mdp-greenhouse'),
         ('[here]', '    make run\n\n[here]', 'fence this block and set its language: make run'),
     ],
 )
