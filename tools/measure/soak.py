@@ -1,8 +1,8 @@
 """
 Check what the bridge promises under faults and load on one machine, and count.
 
-    make soak                    takes about ten minutes
-    make soak SHORT=1            takes about one and a half
+    make soak                    takes about a quarter of an hour
+    make soak SHORT=1            takes about two minutes
     make soak REFUSALS=12000     this many refused starts instead of 200
     make soak SIGNALS=500        this many signals to each executable instead of 100
     make soak ARGS="--only NAME" one scenario
@@ -27,8 +27,10 @@ from pathlib import Path
 from queue import SimpleQueue
 
 import domain_coordinator
+from lupin_greenhouse_bridge.keep.reading_files import read_rows
+from lupin_greenhouse_bridge.keep.store import key_of
 from lupin_greenhouse_bridge.testing import executable
-from lupin_msgs.msg import TagReading
+from lupin_msgs.msg import SensorReading, TagReading
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from traffic import PATIENCE_SECONDS, TAG_IDS, Bridge, ClientProcess
 
@@ -199,6 +201,42 @@ def tags_in_view(_scale: int) -> Iterator[tuple[str, bool]]:
     yield f'exit codes {codes}', codes == [0, 0]
 
 
+def recorder_killed(scale: int) -> Iterator[tuple[str, bool]]:
+    """Kill recorders at any moment under 200 values a second; no row that they have acknowledged is lost."""
+    from lupin_greenhouse_bridge.testing import NodeProcess, spinning_node
+
+    command, topic = [executable('lupin_greenhouse_bridge', 'record_readings')], '/soak/readings'
+    acknowledged = lost = twice = 0
+    with tempfile.TemporaryDirectory() as folder, spinning_node('robot') as node:
+        files = [Path(folder, name) for name in ('readings.sqlite', 'readings.csv')]
+        rows = {file: [] for file in files}
+        readings = node.create_publisher(TagReading, topic, LATCHED)
+
+        def publish() -> None:
+            values = [SensorReading(name=name, value=1.0) for name in ('co2', 'light')]
+            readings.publish(TagReading(tag_id='7', stamp=node.get_clock().now().to_msg(), readings=values))
+
+        node.create_timer(0.01, publish)
+        for _ in range(10 * scale):
+            recorders = [NodeProcess(command, readings_topics=topic, file=file) for file in files]
+            for recorder in recorders:
+                recorder.wait_for_log('rows kept')
+            time.sleep(random.uniform(0.0, 1.0))  # noqa: S311 (any moment will do)
+            for recorder, file in zip(recorders, files, strict=True):
+                recorder.close()
+                kept = [line for line in recorder.rest_of_log() if line.endswith('rows kept')]
+                count, before = int(kept[-1].split()[-3]), len(rows[file])
+                rows[file] = read_rows(file)
+                acknowledged += count
+                lost += max(before + count - len(rows[file]), 0)
+        for each in rows.values():
+            twice += len(each) - len(set(map(key_of, each)))
+    yield (
+        f'{20 * scale} kills, {acknowledged} rows acknowledged, {lost} of them lost, {twice} kept twice',
+        lost == twice == 0 < acknowledged,
+    )
+
+
 def results_of(commands: Iterator[list[str]], signals: tuple = ()) -> Iterator[tuple[int, str]]:
     """
     Run commands, two at a time; yield exit code and output of each.
@@ -266,6 +304,9 @@ def signalled_at_any_moment(_scale: int) -> Iterator[tuple[str, bool]]:
         ('read_on_sight', repeat([executable('lupin_greenhouse_bridge', 'read_on_sight')]), {0}),
     ]
     with tempfile.TemporaryDirectory() as folder:
+        record = [executable('lupin_greenhouse_bridge', 'record_readings'), '--ros-args', '-p']
+        files = (f'file:={folder}/{number}.sqlite' for number in count())
+        cases.append(('record_readings', ([*record, file] for file in files), {0}))
         if os.environ.get('TREE', 'monorepo') == 'monorepo':
             mission = [executable('lupin_mission', 'mission_node'), '--ros-args']
             mission += ['-p', 'wait_for_start:=false', '-p']
@@ -297,6 +338,7 @@ SCENARIOS: list[Callable[[int], Iterator[tuple[str, bool]]]] = [
     terminated_during_calls,
     two_bridges,
     tags_in_view,
+    recorder_killed,
     refused_starts,
     signalled_at_any_moment,
 ]
