@@ -236,7 +236,7 @@ def test_a_thousand_readings_at_once_are_all_kept(start_recorder, robot, shipped
 
 def test_positions_come_from_the_tag_file(start_recorder, robot, tmp_path):
     (tmp_path / 'tags.json').write_text('{"7": {"x": 9.0, "y": 9.5, "sensors": ["co2"]}}')
-    recorder = start_recorder(tag_locations_file=tmp_path / 'tags.json')
+    recorder = start_recorder(tag_locations_file=tmp_path / 'tags.json', readings_topics=f'["{TOPIC}"]')
     readings = publisher_on(robot, LATCHED)
     for tag_id in ('7', '8'):
         readings.publish(reading(1, tag_id))

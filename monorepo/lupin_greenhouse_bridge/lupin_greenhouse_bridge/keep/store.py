@@ -87,10 +87,9 @@ class SqliteStore:
 
     def __init__(self, path: str):
         """Open or make the database; raises OSError, ValueError and sqlite3.Error."""
-        with contextlib.ExitStack() as stack:
-            file = _open(path)
-            stack.callback(os.close, file)
-            head = os.pread(file, HEAD_BYTES, 0)
+        file = _open(path)
+        head = os.pread(file, HEAD_BYTES, 0)
+        os.close(file)
         if head and not is_sqlite_of_readings(head):
             raise ValueError('not a file of record_readings')
         self._path = path
@@ -103,9 +102,8 @@ class SqliteStore:
 
     @contextlib.contextmanager
     def _transaction(self):
-        self._connection.execute(
-            'BEGIN IMMEDIATE'
-        )  # a later wish to write could deadlock with another program
+        # Not a plain BEGIN: two programs that read before they write can wait for each other.
+        self._connection.execute('BEGIN IMMEDIATE')
         try:
             yield
             self._connection.execute('COMMIT')
@@ -152,9 +150,8 @@ class CsvStore:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise ValueError(
-                'another recorder is writing it; only SQLite files take more than one'
-            ) from error
+            reason = 'another recorder is writing it (a SQLite file takes more than one)'
+            raise ValueError(reason) from error
 
     def keep(self, rows: Sequence[Row]) -> int:
         """Write the rows that are not in the file yet, all or none; return how many. Raises StoreError."""
