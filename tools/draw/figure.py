@@ -20,19 +20,14 @@ import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.greenhouse import visualization
 from lupin_greenhouse_bridge.greenhouse.files import shipped_file
 from lupin_greenhouse_bridge.greenhouse.layout import read_layout
 from lupin_greenhouse_bridge.greenhouse.simulation import load
 from lupin_greenhouse_bridge.settings import Settings
-from lupin_mission import greenhouse_plot
-from lupin_mission.greenhouse_plot import (
-    COLOURS,
-    Box,
-    draw_footprint,
-    label_of,
-    place_labels,
-    read_visualization,
-)
+from lupin_greenhouse_bridge.show import greenhouse_plot
+from lupin_greenhouse_bridge.show.greenhouse_plot import COLOURS, Box, draw_footprint, place_labels
+from lupin_greenhouse_bridge.units import label_of
 from matplotlib import pyplot
 from matplotlib.patches import Wedge
 from PIL import Image
@@ -62,7 +57,7 @@ class Greenhouse:
         paths = Path(self.tag_file), Path(self.sim_config_file)
         load(Settings(), *paths)  # validated like the bridge's
         self.layout = read_layout(self.tag_file)
-        self.footprint = read_visualization(self.layout, self.sim_config_file).footprint
+        self.footprint = visualization.read_visualization(self.layout, self.sim_config_file).footprint
         self._noisy, self._silent = (GreenhouseSimulator(*paths) for _ in range(2))
         for components in self._silent.sim_config['sensors'].values():
             for component in components:
@@ -83,6 +78,7 @@ class Greenhouse:
             Path(self.sim_config_file),
             Path(__file__),
             Path(greenhouse_plot.__file__),
+            Path(visualization.__file__),
             Path(units.__file__),
         ]
         choices = f'{options.sensor} {options.hour} {options.tag}'.encode()

@@ -12,3 +12,9 @@ UNITS = {
 def unit_of(sensor: str) -> str:
     """Return the unit of a sensor's values; '' for a sensor that is not one of the simulator's five."""
     return UNITS.get(sensor, '')
+
+
+def label_of(sensor: str) -> str:
+    """Return a sensor's name with its unit, such as `co2 (ppm)`."""
+    unit = unit_of(sensor)
+    return f'{sensor.replace("_", " ")} ({unit})' if unit else sensor.replace('_', ' ')

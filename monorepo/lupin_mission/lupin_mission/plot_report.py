@@ -7,6 +7,8 @@ from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
+from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
+from lupin_greenhouse_bridge.units import label_of
 
 from lupin_mission.report import Observation, Outcome, clock_time, last_of_each_tag, read_report
 
@@ -50,9 +52,8 @@ def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Pa
     import matplotlib  # imported late: a missing library is a one-line error
 
     matplotlib.use('Agg')
+    from lupin_greenhouse_bridge.show.greenhouse_plot import draw_footprint
     from matplotlib import pyplot
-
-    from lupin_mission.greenhouse_plot import draw_footprint, label_of, read_visualization
 
     layout = find_layout(options.tag_file)
     if layout is None:
@@ -83,7 +84,7 @@ def _draw(found: dict[str, Observation], options: argparse.Namespace, output: Pa
 
 
 def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None:
-    from lupin_mission.greenhouse_plot import COLOURS, Box, place_labels
+    from lupin_greenhouse_bridge.show.greenhouse_plot import COLOURS, Box, place_labels
 
     measured = {tag_id: values[sensor] for tag_id, values in readings.items() if sensor in values}
     others = [tag for tag_id, tag in layout.tags.items() if tag_id not in measured]

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
-from lupin_mission.greenhouse_plot import read_visualization
+from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
 from lupin_mission.plot_report import main
 from lupin_mission.report import Observation, Outcome, Reading, Report
 from matplotlib.figure import Figure

@@ -1,8 +1,8 @@
-"""What is drawn of the greenhouse."""
+"""What the greenhouse config says about drawings."""
 
 from lupin_greenhouse_bridge.greenhouse.files import shipped_file
 from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag
-from lupin_mission.greenhouse_plot import read_visualization
+from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
 
 
 def test_the_walls_are_those_of_the_config_or_go_around_everything(monkeypatch):
