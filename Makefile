@@ -29,7 +29,7 @@ CONTAINED := python ci/contained.py
 
 figure tags recall world world-check: override TREE := monorepo
 
-.PHONY: help bridge run smoke read mission world world-check tags env build generate generate-check drift test lint docs-check figure clean bench soak steady test-network recall test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
+.PHONY: help bridge run smoke read mission page world world-check tags env build generate generate-check drift test lint docs-check figure clean bench soak steady test-network recall test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -51,6 +51,11 @@ mission: $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CA
 	@$(IN_ENV) $(if $(WORLD),ci/with_drake,$(if $(filter detections,$(CAMERA)),ci/with_stand_ins)) \
 	    $(call EXECUTABLE,lupin_mission,inspection) --output '$(CURDIR)/.mission' \
 	    $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(ARGS)
+
+page: bridge  ## make a page of the readings of the last mission, or of FILE=readings.sqlite (or .csv, .jsonl)
+	@file='$(FILE)'; file=$${file:-$$(ls -t .mission/*.jsonl 2>/dev/null | head -1 || true)}; \
+	    [ "$$file" ] || { echo 'page: .mission holds no report: make mission, or make page FILE=readings.sqlite' >&2; exit 2; }; \
+	    $(IN_ENV) "$$LUPIN_EXECUTABLES/readings_page" "$$file" $(ARGS)
 
 world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"
 	@$(IN_ENV) $(call EXECUTABLE,lupin_world,generate_world) $(ARGS)

@@ -6,6 +6,7 @@ setup(
     name=package_name,
     version='1.1.0',
     packages=find_packages(include=[package_name, f'{package_name}.*']),
+    package_data={f'{package_name}.show': ['*.html']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -16,7 +17,7 @@ setup(
     python_requires='>=3.10',
     # mdp-greenhouse is not in rosdistro: pip brings it. Before 1.0.7 its clock is wrong.
     install_requires=['setuptools', 'mdp-greenhouse>=1.0.7', 'packaging', 'PyYAML'],
-    extras_require={'test': ['argcomplete', 'hypothesis', 'numpy', 'pytest']},
+    extras_require={'page': ['plotly'], 'test': ['argcomplete', 'hypothesis', 'numpy', 'plotly', 'pytest']},
     zip_safe=True,
     maintainer='Lupin team',
     maintainer_email='lupin.team@example.org',
@@ -29,6 +30,7 @@ setup(
             'register_layout = lupin_greenhouse_bridge.executables:register_layout',
             'read_on_sight = lupin_greenhouse_bridge.executables:read_on_sight',
             'record_readings = lupin_greenhouse_bridge.executables:record_readings',
+            'readings_page = lupin_greenhouse_bridge.executables:readings_page',
         ],
     },
 )

@@ -29,3 +29,8 @@ def read_on_sight() -> NoReturn:
 def record_readings() -> NoReturn:
     """Keep readings in a file until Ctrl-C or SIGTERM, then exit."""
     start('lupin_greenhouse_bridge.keep.record_readings')
+
+
+def readings_page() -> NoReturn:
+    """Make a page of the readings in a file, then exit."""
+    start('lupin_greenhouse_bridge.show.readings_page')

@@ -1,8 +1,8 @@
 """
 `ros2 run lupin_mission inspection`: run a whole mission on its own ROS domain.
 
-Starts the bridge, the mission and, with --camera, a camera that confirms tags. Writes a report and its
-picture. Exit code: the mission's, 0 if all tags were read; 2 if it cannot start.
+Starts the bridge, the mission and, with --camera, a camera that confirms tags. Writes a report, its
+picture and its page. Exit code: the mission's, 0 if all tags were read; 2 if it cannot start.
 """
 
 import argparse
@@ -93,6 +93,8 @@ def run_mission(options) -> int:
     if mission.returncode == USAGE:
         return USAGE
     plotting = subprocess.run([executable('lupin_mission', 'plot_report'), str(report)], check=False)
+    # Plotly is optional: without it, this prints how to install it.
+    subprocess.run([executable('lupin_greenhouse_bridge', 'readings_page'), str(report)], check=False)
     print(f'report: {report}')
     return mission.returncode or plotting.returncode
 

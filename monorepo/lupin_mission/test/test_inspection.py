@@ -34,6 +34,7 @@ def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path,
     assert tag_ids in (None, [line['tag_id'] for line in lines])
     assert f'{len(lines)}/{len(lines)} tags read' in result.stdout
     assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
+    assert (tmp_path / f'{name}.html').exists()
     assert 'Traceback' not in result.stderr
 
 

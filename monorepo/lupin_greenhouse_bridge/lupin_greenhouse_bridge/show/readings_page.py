@@ -1,0 +1,172 @@
+"""
+`ros2 run lupin_greenhouse_bridge readings_page FILE`: make a page of the readings in a file.
+
+The page is one HTML file that needs no server and no network. Does not import ROS.
+"""
+
+import argparse
+import json
+import math
+import re
+import sys
+from pathlib import Path
+
+from lupin_greenhouse_bridge.errors import OneLineError, printable
+from lupin_greenhouse_bridge.greenhouse.layout import Layout, find_layout
+from lupin_greenhouse_bridge.greenhouse.visualization import Visualization, read_visualization
+from lupin_greenhouse_bridge.keep.reading_files import ReadingFile, read_file
+from lupin_greenhouse_bridge.keep.rows import Row
+from lupin_greenhouse_bridge.units import label_of, unit_of
+
+DONE, USAGE = 0, 2
+MOST_POINTS = 2000  # in a chart: a browser draws them in a moment
+MOST_TAGS = 1000
+LONGEST_NAME = 64  # characters
+NS_PER_MS = 1_000_000
+TEMPLATE = Path(__file__).with_suffix('.html')
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write the page beside the file, or to --output; return the exit code."""
+    parser = argparse.ArgumentParser(prog='readings_page', description='Make a page of readings.')
+    parser.add_argument(
+        'file',
+        metavar='FILE',
+        type=Path,
+        help="a mission's report, or a file of record_readings or read_tag --csv",
+    )
+    parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='default: FILE.html')
+    parser.add_argument('--tag-file', default='', metavar='FILE', help="the bridge's tag_file, if it had one")
+    parser.add_argument('--sim-config-file', default='', metavar='FILE', help="the bridge's, if it had one")
+    options = parser.parse_args(arguments)
+    output = options.output or options.file.with_suffix('.html')
+    try:
+        from plotly.offline import get_plotlyjs  # imported late: only this command needs it
+
+        layout = find_layout(options.tag_file) or Layout({}, {})
+        file = read_file(options.file, options.tag_file)
+        data = data_of(file, layout, read_visualization(layout, options.sim_config_file))
+        page = fill(
+            TEMPLATE.read_text(encoding='utf-8'), {'title': options.file.name, **data}, get_plotlyjs()
+        )
+        output.write_text(page, encoding='utf-8')
+    except ImportError as error:
+        print(f'readings_page: {error}: pip install plotly', file=sys.stderr)
+        return USAGE
+    except OneLineError as error:
+        print(f'readings_page: {error}', file=sys.stderr)
+        return USAGE
+    except ValueError as error:  # of json: a file can hold NaN
+        print(f"readings_page: '{options.file}': {error}", file=sys.stderr)
+        return USAGE
+    except OSError as error:
+        print(f"readings_page: --output '{output}': {error.strerror}", file=sys.stderr)
+        return USAGE
+    print(f'page: {output}')
+    return DONE
+
+
+def fill(template: str, data: dict, script: str) -> str:
+    """Return the page. No text of a file can end the element that holds the data."""
+    text = json.dumps(data, allow_nan=False, ensure_ascii=False).replace('<', '\\u003c')
+    return template.replace('PLOTLY', script, 1).replace('DATA', text, 1)
+
+
+def data_of(file: ReadingFile, layout: Layout, visualization: Visualization) -> dict:
+    """Return what the page shows. Stamps are in milliseconds, everything else is as in Row."""
+    sensors = list(dict.fromkeys(row.sensor for row in file.rows))
+    tags = tags_of(file, layout, sensors)
+    shown_tags = list(tags.values())[:MOST_TAGS]
+    charts, thin = [], []
+    for sensor in sensors:
+        rows = [row for row in file.rows if row.sensor == sensor]
+        points = thinned(rows)
+        name = printable(label_of(sensor), LONGEST_NAME)
+        if len(points) < len(rows):
+            thin.append(f'{len(points):,} of {len(rows):,} values of {name}')
+        charts.append(
+            {
+                'name': name,
+                'unit': unit_of(sensor),
+                'range': visualization.colour_ranges.get(sensor),
+                'points': [
+                    (
+                        row.stamp_ns // NS_PER_MS,
+                        row.sim_time_of_day_seconds,
+                        row.value,
+                        printable(row.tag_id, LONGEST_NAME),
+                    )
+                    for row in points
+                ],
+            }
+        )
+    notes = []
+    if thin:
+        notes.append(f'The charts show {", ".join(thin)}: the lowest and the highest of each few in a row.')
+    if len(tags) > MOST_TAGS:
+        notes.append(f'The map and the table show {MOST_TAGS:,} of {len(tags):,} tags.')
+    if lost := [tag['id'] for tag in shown_tags if tag['x'] is None]:
+        notes.append(
+            f'Tags without a position: {len(lost):,}, such as {lost[0]}. Name the layout with --tag-file.'
+        )
+    return {
+        'sensors': charts,
+        'tags': shown_tags,
+        'span_ms': [row.stamp_ns // NS_PER_MS for row in (*file.rows[:1], *file.rows[-1:])],
+        'is_report': bool(file.visits),
+        'walls': visualization.footprint,
+        'tables': list(layout.tables.values()),
+        'route': [
+            (tag['x'], tag['y']) for visit in file.visits if (tag := tags[visit.tag_id])['x'] is not None
+        ],
+        'notes': notes,
+    }
+
+
+def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, dict]:
+    """Return the last reading and the last visit of each tag, failures first, then what was not read."""
+    tags = {tag_id: _tag(tag_id, tag.x, tag.y) for tag_id, tag in layout.tags.items()}
+    last: dict[str, dict[str, float]] = {}
+    for row in file.rows:
+        tag = tags.setdefault(row.tag_id, _tag(row.tag_id, row.x_m, row.y_m))
+        if tag['stamp_ms'] != row.stamp_ns // NS_PER_MS:
+            last[row.tag_id] = {}
+        last[row.tag_id][row.sensor] = row.value
+        tag |= {'stamp_ms': row.stamp_ns // NS_PER_MS, 'time_of_day': row.sim_time_of_day_seconds}
+        if row.x_m is not None:
+            tag |= {'x': row.x_m, 'y': row.y_m}
+    for visit in file.visits:
+        tag = tags.setdefault(visit.tag_id, _tag(visit.tag_id, None, None))
+        tag |= {'outcome': visit.outcome, 'detail': printable(visit.detail, 300), 'attempts': visit.attempts}
+    for tag_id, tag in tags.items():
+        tag['values'] = [last.get(tag_id, {}).get(sensor) for sensor in sensors]
+    return dict(sorted(tags.items(), key=_urgency))
+
+
+def _tag(tag_id: str, x_m: float | None, y_m: float | None) -> dict:
+    return {'id': printable(tag_id, LONGEST_NAME), 'x': x_m, 'y': y_m, 'stamp_ms': None, 'outcome': ''}
+
+
+def _urgency(item: tuple[str, dict]) -> tuple:
+    """Return what sorts tags: failures first, then those without a reading, then by number."""
+    tag_id, tag = item
+    return (
+        tag['outcome'] in ('', 'OK'),
+        tag['stamp_ms'] is not None,
+        [int(part) if part.isdecimal() else 0 for part in re.split(r'(\d+)', tag_id)],
+        tag_id,
+    )
+
+
+def thinned(rows: list[Row]) -> list[Row]:
+    """Return the rows with the lowest and the highest value of each few in a row, at most MOST_POINTS."""
+    if len(rows) <= MOST_POINTS:
+        return rows
+    size = math.ceil(2 * len(rows) / MOST_POINTS)
+    groups = (range(start, min(start + size, len(rows))) for start in range(0, len(rows), size))
+    kept = ({pick(group, key=lambda n: rows[n].value) for pick in (min, max)} for group in groups)
+    return [rows[n] for each in kept for n in sorted(each)]
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,109 @@
+"""Open a page in a headless Chromium, which is told what to do by the DevTools protocol."""
+
+import base64
+import json
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+LONGEST_LIFE_SECONDS = 120
+CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'chromium-browser', 'google-chrome'))), None)
+NO_CHROMIUM = 'Chromium is missing, which opens the page of readings: sudo apt install chromium'
+
+
+class BrowserError(Exception):
+    """Chromium has ended, or refused a command."""
+
+
+class Page:
+    """
+    One page in a browser of its own.
+
+    `complaints` holds each error of the page and its console, `requests` each address that it asked for.
+    """
+
+    def __init__(self, path: Path, *, width: int = 1280, height: int = 900):
+        """Open a file, and wait until it has loaded."""
+        self.complaints: list[str] = []
+        self.requests: list[str] = []
+        self._last_id = 0
+        self._session = {}
+        self._profile = tempfile.TemporaryDirectory(prefix='chromium-')
+        # With --remote-debugging-pipe it reads file 3 and writes file 4, with a NUL after each message.
+        as_pipes = ('sh', '-c', 'exec "$0" "$@" 3<&0 4>&1 </dev/null >/dev/null 2>&1')
+        command = [
+            *('timeout', str(LONGEST_LIFE_SECONDS), *as_pipes),
+            *(CHROMIUM, '--headless', '--no-sandbox', '--disable-gpu', '--hide-scrollbars'),
+            *('--remote-debugging-pipe', f'--user-data-dir={self._profile.name}'),
+        ]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._messages = self._read()
+        target = self._call('Target.createTarget', url='about:blank')['targetId']
+        session = self._call('Target.attachToTarget', targetId=target, flatten=True)['sessionId']
+        self._session = {'sessionId': session}
+        for domain in ('Page', 'Runtime', 'Log', 'Network'):
+            self._call(f'{domain}.enable')
+        self._call(
+            'Emulation.setDeviceMetricsOverride',
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=width < 600,
+        )
+        self._call('Page.navigate', url=path.resolve().as_uri())
+        while next(self._messages).get('method') != 'Page.loadEventFired':
+            pass
+
+    def prefer(self, scheme: str) -> None:
+        """Let the reader prefer `light` or `dark`."""
+        feature = {'name': 'prefers-color-scheme', 'value': scheme}
+        self._call('Emulation.setEmulatedMedia', features=[feature])
+
+    def evaluate(self, expression: str):
+        """Return the value of a JavaScript expression; a promise is awaited."""
+        reply = self._call('Runtime.evaluate', expression=expression, returnByValue=True, awaitPromise=True)
+        if 'exceptionDetails' in reply:
+            raise BrowserError(reply)
+        return reply['result'].get('value')
+
+    def picture(self, *, is_whole: bool = False) -> bytes:
+        """Return the view as PNG, or the whole page."""
+        reply = self._call('Page.captureScreenshot', format='png', captureBeyondViewport=is_whole)
+        return base64.b64decode(reply['data'])
+
+    def _call(self, method: str, **parameters) -> dict:
+        self._last_id += 1
+        message = {'id': self._last_id, 'method': method, 'params': parameters, **self._session}
+        self._process.stdin.write(json.dumps(message).encode() + b'\0')
+        self._process.stdin.flush()
+        reply = next(each for each in self._messages if each.get('id') == self._last_id)
+        if 'error' in reply:
+            raise BrowserError(reply)
+        return reply['result']
+
+    def _read(self):
+        """Yield each message of the browser, and note what the page complains of and asks for."""
+        rest = b''
+        while part := self._process.stdout.read1():
+            *messages, rest = (rest + part).split(b'\0')
+            for message in map(json.loads, messages):
+                parameters = message.get('params', {})
+                if message.get('method') in (
+                    'Runtime.exceptionThrown',
+                    'Runtime.consoleAPICalled',
+                    'Log.entryAdded',
+                ):
+                    self.complaints.append(json.dumps(parameters))
+                elif message.get('method') == 'Network.requestWillBeSent':
+                    self.requests.append(parameters['request']['url'])
+                yield message
+        raise BrowserError('Chromium has ended')
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._process.terminate()
+        self._process.communicate()
+        self._profile.cleanup()
