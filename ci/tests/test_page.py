@@ -87,14 +87,14 @@ def test_the_page_shows_each_tag_and_asks_no_host_for_anything(report, open_page
 
 def test_the_hover_text_of_a_tag_has_its_values_outcome_attempts_and_times(report, open_page):
     page = open_page(report)
-    page.evaluate(f'{SHOW_HOVER}(2, 0)')
+    page.evaluate(f'{SHOW_HOVER}(3, 0)')
     tags = find_layout('').tags
     value = 20 + list(tags).index('1')
     lines = [f'{label_of(sensor)}: {value}' for sensor in tags['1'].sensors]
     hover = page.evaluate(HOVER)
     for fragment in ('tag 1: OK', *lines, '2026-11-2', 'greenhouse time', 'attempts: 1'):
         assert fragment in hover
-    assert 'TIMEOUT' in page.evaluate("document.getElementById('map').data[3].hovertext[0]")
+    assert 'TIMEOUT' in page.evaluate("document.getElementById('map').data[4].hovertext[0]")
 
 
 def test_the_page_fits_a_phone_and_follows_its_colour_scheme(report, open_page):
@@ -114,7 +114,7 @@ def test_what_a_file_holds_is_shown_as_text_and_never_run(tmp_path, open_page):
     path.write_text(visit(0, EVIL, [EVIL]) + '\n', encoding='utf-8')
     tag_file.write_text(json.dumps({EVIL: {'x': 1, 'y': 2, 'sensors': ['co2']}}), encoding='utf-8')
     page = open_page(path, '--tag-file', str(tag_file))
-    page.evaluate(f'{SHOW_HOVER}(2, 0)')
+    page.evaluate(f'{SHOW_HOVER}(3, 0)')
     for texts in (CELLS, TEXTS, OPTIONS, HOVER):
         assert EVIL in page.evaluate(texts)
     assert page.complaints == []

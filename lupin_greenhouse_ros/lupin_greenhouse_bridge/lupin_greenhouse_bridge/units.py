@@ -1,4 +1,4 @@
-"""The units that the team uses for the sensors. The simulator itself has no units."""
+"""The units of the sensors, and how values are written. The simulator itself has no units."""
 
 UNITS = {
     'temperature': '°C',
@@ -18,3 +18,9 @@ def label_of(sensor: str) -> str:
     """Return a sensor's name with its unit, such as `co2 (ppm)`."""
     unit = unit_of(sensor)
     return f'{sensor.replace("_", " ")} ({unit})' if unit else sensor.replace('_', ' ')
+
+
+def clock_time(time_of_day_seconds: float) -> str:
+    """Return hours and minutes of a time of day, such as 13:30."""
+    minutes = int(time_of_day_seconds) // 60
+    return f'{minutes // 60:02}:{minutes % 60:02}'

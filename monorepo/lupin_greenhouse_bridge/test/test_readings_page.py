@@ -1,5 +1,6 @@
 """The page of readings: what it holds, and what it refuses. A browser opens it in the monorepo's ci/tests."""
 
+import importlib.util
 import json
 import re
 import sys
@@ -84,7 +85,7 @@ def test_the_table_has_failures_first_and_the_last_reading_of_each_tag(report, s
     assert len(data['tags']) == len(shipped_tags)
 
 
-def test_the_route_of_a_report_is_the_order_of_its_visits(report, recording):
+def test_a_report_shows_its_order_of_visits_and_a_recording_has_none(report, recording):
     tags = find_layout('').tags
     visits = [
         visit('5', co2=1.0),
@@ -92,8 +93,27 @@ def test_the_route_of_a_report_is_the_order_of_its_visits(report, recording):
         visit('nowhere', 'UNKNOWN_TAG'),
         visit('1', co2=1.0),
     ]
-    assert shown(report(*visits))['route'] == [[tags[tag_id].x, tags[tag_id].y] for tag_id in ('5', '2', '1')]
-    assert shown(recording('day.csv', [7.0]))['route'] == []
+    assert shown(report(*visits))['visits'] == [
+        [tags[tag_id].x, tags[tag_id].y] for tag_id in ('5', '2', '1')
+    ]
+    assert shown(recording('day.csv', [7.0]))['visits'] == []
+
+
+def test_the_route_that_a_robot_drove_is_shown(report, tmp_path):
+    route = tmp_path / 'route.csv'
+    route.write_text('x,y\n0.5,0.5\n0.5,3.5\n', encoding='utf-8')
+    assert shown(report(visit('1', co2=1.0)), '--route', str(route))['route'] == [[0.5, 0.5], [0.5, 3.5]]
+
+
+def test_without_the_simulator_a_recording_shows_its_own_places(recording, report, monkeypatch, capsys):
+    path, report_path = recording('day.csv', [7.0]), report(visit('1', co2=1.0))
+    find_spec = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util, 'find_spec', lambda name: name != 'greenhouse_sim' and find_spec(name)
+    )
+    assert [tag['id'] for tag in shown(path)['tags']] == ['a1']
+    assert readings_page.main([str(report_path)]) == 2
+    assert 'mdp-greenhouse is not installed here: name the layout' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('name', ['day.sqlite', 'day.csv'])
@@ -136,6 +156,7 @@ def test_a_tag_without_a_position_is_named(report):
         (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
         (['REPORT', '--sim-config-file', 'REPORT'], 'has no walls'),
         (['REPORT', '-o', '/missing/page.html'], "--output '/missing/page.html': No such file"),
+        (['REPORT', '--route', 'REPORT'], 'is not a CSV file of x,y in metres'),
         (['NAN'], 'nan'),
     ],
 )

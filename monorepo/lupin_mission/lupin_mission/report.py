@@ -13,7 +13,7 @@ from enum import Enum
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, printable
-from lupin_greenhouse_bridge.units import unit_of
+from lupin_greenhouse_bridge.units import clock_time, unit_of
 
 
 class ReportError(OneLineError):
@@ -228,9 +228,3 @@ def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -
     ]
     read = sum(tag_id in found and found[tag_id].outcome is Outcome.OK for tag_id in tag_ids)
     return '\n'.join([*lines, f'{read}/{len(tag_ids)} tags read'])
-
-
-def clock_time(time_of_day_seconds: float) -> str:
-    """Return hours and minutes of a time of day, such as 13:30."""
-    minutes = int(time_of_day_seconds) // 60
-    return f'{minutes // 60:02}:{minutes % 60:02}'

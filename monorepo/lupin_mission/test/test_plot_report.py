@@ -9,6 +9,8 @@ import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
+from lupin_greenhouse_bridge.keep.reading_files import read_file
+from lupin_greenhouse_bridge.keep.store import open_store
 from lupin_mission.plot_report import main
 from lupin_mission.report import Observation, Outcome, Reading, Report
 from matplotlib.figure import Figure
@@ -37,6 +39,18 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, tmp_pa
     for text in ('temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615', 'y (m)'):
         assert f'<!-- {text} -->' in drawn
     assert f'2 of {len(shipped_tags)} tags read, 2 failed (x)' in drawn
+
+
+@pytest.mark.parametrize('name', ['day.sqlite', 'day.csv'])
+def test_a_recording_is_drawn_like_a_report(report, tmp_path, name):
+    store = open_store(str(tmp_path / name))
+    store.keep(read_file(report).rows)
+    store.close()
+    output = tmp_path / 'picture.svg'
+    assert main([str(tmp_path / name), '--output', str(output)]) == 0
+    drawn = output.read_text(encoding='utf-8')
+    for text in ('temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615'):
+        assert f'<!-- {text} -->' in drawn
 
 
 def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, monkeypatch):
@@ -104,7 +118,7 @@ def test_a_custom_tag_file_places_the_tags(report, tmp_path):
 def test_what_cannot_be_drawn_is_said_in_one_line(report, tmp_path, capsys, arguments, fragment):
     tags, empty = tmp_path / 'tags.json', tmp_path / 'empty.jsonl'
     tags.write_text('{"x": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}', encoding='utf-8')
-    empty.touch()
+    Report(empty).record(Observation('1', Outcome.TIMEOUT, 'no reply', 1))
     known = {'REPORT': str(report), 'TAGS': str(tags), 'EMPTY': str(empty)}
     assert main([known.get(each, each) for each in arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()

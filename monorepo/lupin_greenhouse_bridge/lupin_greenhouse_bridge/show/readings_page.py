@@ -12,10 +12,11 @@ import sys
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, printable
-from lupin_greenhouse_bridge.greenhouse.layout import Layout, find_layout
+from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_greenhouse_bridge.greenhouse.visualization import Visualization, read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import ReadingFile, read_file
-from lupin_greenhouse_bridge.keep.rows import Row
+from lupin_greenhouse_bridge.keep.rows import Row, last_of_each_tag
+from lupin_greenhouse_bridge.show.places import layout_of, read_route
 from lupin_greenhouse_bridge.units import label_of, unit_of
 
 DONE, USAGE = 0, 2
@@ -37,18 +38,18 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='default: FILE.html')
     parser.add_argument('--tag-file', default='', metavar='FILE', help="the bridge's tag_file, if it had one")
+    parser.add_argument('--route', type=Path, metavar='FILE', help='a CSV file of x and y along a way')
     parser.add_argument('--sim-config-file', default='', metavar='FILE', help="the bridge's, if it had one")
     options = parser.parse_args(arguments)
     output = options.output or options.file.with_suffix('.html')
     try:
         from plotly.offline import get_plotlyjs  # imported late: only this command needs it
 
-        layout = find_layout(options.tag_file) or Layout({}, {})
         file = read_file(options.file, options.tag_file)
+        layout = layout_of(file.rows, options.tag_file)
         data = data_of(file, layout, read_visualization(layout, options.sim_config_file))
-        page = fill(
-            TEMPLATE.read_text(encoding='utf-8'), {'title': options.file.name, **data}, get_plotlyjs()
-        )
+        data |= {'title': options.file.name, 'route': read_route(options.route) if options.route else []}
+        page = fill(TEMPLATE.read_text(encoding='utf-8'), data, get_plotlyjs())
         output.write_text(page, encoding='utf-8')
     except ImportError as error:
         print(f'readings_page: {error}: pip install plotly', file=sys.stderr)
@@ -116,7 +117,7 @@ def data_of(file: ReadingFile, layout: Layout, visualization: Visualization) -> 
         'is_report': bool(file.visits),
         'walls': visualization.footprint,
         'tables': list(layout.tables.values()),
-        'route': [
+        'visits': [
             (tag['x'], tag['y']) for visit in file.visits if (tag := tags[visit.tag_id])['x'] is not None
         ],
         'notes': notes,
@@ -126,20 +127,17 @@ def data_of(file: ReadingFile, layout: Layout, visualization: Visualization) -> 
 def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, dict]:
     """Return the last reading and the last visit of each tag, failures first, then what was not read."""
     tags = {tag_id: _tag(tag_id, tag.x, tag.y) for tag_id, tag in layout.tags.items()}
-    last: dict[str, dict[str, float]] = {}
-    for row in file.rows:
-        tag = tags.setdefault(row.tag_id, _tag(row.tag_id, row.x_m, row.y_m))
-        if tag['stamp_ms'] != row.stamp_ns // NS_PER_MS:
-            last[row.tag_id] = {}
-        last[row.tag_id][row.sensor] = row.value
+    last = last_of_each_tag(file.rows)
+    for tag_id, reading in last.items():
+        tag = tags.setdefault(tag_id, _tag(tag_id, None, None))
+        row = next(iter(reading.values()))
         tag |= {'stamp_ms': row.stamp_ns // NS_PER_MS, 'time_of_day': row.sim_time_of_day_seconds}
-        if row.x_m is not None:
-            tag |= {'x': row.x_m, 'y': row.y_m}
     for visit in file.visits:
         tag = tags.setdefault(visit.tag_id, _tag(visit.tag_id, None, None))
         tag |= {'outcome': visit.outcome, 'detail': printable(visit.detail, 300), 'attempts': visit.attempts}
     for tag_id, tag in tags.items():
-        tag['values'] = [last.get(tag_id, {}).get(sensor) for sensor in sensors]
+        reading = last.get(tag_id, {})
+        tag['values'] = [reading[sensor].value if sensor in reading else None for sensor in sensors]
     return dict(sorted(tags.items(), key=_urgency))
 
 

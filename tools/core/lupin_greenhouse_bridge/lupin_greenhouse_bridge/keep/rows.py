@@ -1,6 +1,7 @@
 """The rows in which readings are kept: one value each. Does not import ROS."""
 
 import datetime
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from lupin_greenhouse_bridge.units import unit_of
@@ -47,3 +48,14 @@ def utc_of(stamp_ns: int) -> str:
     seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
     moment = datetime.datetime.fromtimestamp(seconds, tz=datetime.timezone.utc)
     return f'{moment:%Y-%m-%dT%H:%M:%S}.{nanoseconds:09}Z'
+
+
+def last_of_each_tag(rows: Iterable[Row]) -> dict[str, dict[str, Row]]:
+    """Return the last reading of each tag as its rows by sensor; rows come in the order of their stamps."""
+    last: dict[str, dict[str, Row]] = {}
+    for row in rows:
+        reading = last.setdefault(row.tag_id, {})
+        if any(each.stamp_ns != row.stamp_ns for each in reading.values()):
+            reading.clear()
+        reading[row.sensor] = row
+    return last

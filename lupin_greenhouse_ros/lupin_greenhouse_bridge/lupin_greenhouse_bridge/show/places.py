@@ -1,0 +1,38 @@
+"""Where the tags of a file of readings and the route of a robot lie. Does not import ROS."""
+
+import csv
+import itertools
+import math
+from collections.abc import Iterable
+from pathlib import Path
+
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag, find_layout
+from lupin_greenhouse_bridge.keep.rows import Row
+
+
+def layout_of(rows: Iterable[Row], tag_file: str) -> Layout:
+    """
+    Return the layout of tag_file, or the shipped one for '', with the tags where the rows have them.
+
+    Raises StartUpError for a bad tag_file, and if no position is known at all.
+    """
+    layout = find_layout(tag_file) or Layout({}, {})
+    placed = {row.tag_id: Tag(row.x_m, row.y_m, []) for row in rows if row.x_m is not None}
+    if not (layout.tags or placed):
+        raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
+    return layout._replace(tags=layout.tags | placed)
+
+
+def read_route(path: Path) -> list[tuple[float, float]]:
+    """Return x and y in metres of each point of a CSV file with a header; raises StartUpError."""
+    try:
+        with path.open(encoding='utf-8', newline='') as file:
+            route = [(float(row['x']), float(row['y'])) for row in csv.DictReader(file)]
+    except OSError as error:
+        raise StartUpError(f"--route '{path}': {error.strerror}: name another") from error
+    except (KeyError, TypeError, ValueError):
+        route = []
+    if not (route and all(map(math.isfinite, itertools.chain(*route)))):
+        raise StartUpError(f"--route '{path}': is not a CSV file of x,y in metres: name another")
+    return route
