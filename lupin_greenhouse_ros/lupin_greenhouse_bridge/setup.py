@@ -17,7 +17,10 @@ setup(
     python_requires='>=3.10',
     # mdp-greenhouse is not in rosdistro: pip brings it. Before 1.0.7 its clock is wrong.
     install_requires=['setuptools', 'mdp-greenhouse>=1.0.7', 'packaging', 'PyYAML'],
-    extras_require={'page': ['plotly'], 'test': ['argcomplete', 'hypothesis', 'numpy', 'plotly', 'pytest']},
+    extras_require={
+        'page': ['plotly'],
+        'test': ['argcomplete', 'hypothesis', 'matplotlib', 'numpy', 'plotly', 'pytest'],
+    },
     zip_safe=True,
     maintainer='Lupin team',
     maintainer_email='lupin.team@example.org',
@@ -30,6 +33,7 @@ setup(
             'register_layout = lupin_greenhouse_bridge.executables:register_layout',
             'read_on_sight = lupin_greenhouse_bridge.executables:read_on_sight',
             'record_readings = lupin_greenhouse_bridge.executables:record_readings',
+            'plot_report = lupin_greenhouse_bridge.executables:plot_report',
             'readings_page = lupin_greenhouse_bridge.executables:readings_page',
         ],
     },

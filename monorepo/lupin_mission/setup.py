@@ -27,7 +27,7 @@ setup(
             'mission_orchestrator = lupin_mission.executables:mission_orchestrator',
             'mission_node = lupin_mission.executables:mission_orchestrator',
             'register_discovered_tags = lupin_mission.executables:register_discovered_tags',
-            'plot_report = lupin_mission.plot_report:main',
+            'plot_report = lupin_greenhouse_bridge.executables:plot_report',
         ],
     },
 )

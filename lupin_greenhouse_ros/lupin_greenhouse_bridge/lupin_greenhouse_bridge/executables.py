@@ -31,6 +31,11 @@ def record_readings() -> NoReturn:
     start('lupin_greenhouse_bridge.keep.record_readings')
 
 
+def plot_report() -> NoReturn:
+    """Draw the last readings of a file, then exit."""
+    start('lupin_greenhouse_bridge.show.plot_report')
+
+
 def readings_page() -> NoReturn:
     """Make a page of the readings in a file, then exit."""
     start('lupin_greenhouse_bridge.show.readings_page')

@@ -10,36 +10,16 @@ from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.keep.rows import Row, utc_of
 from lupin_greenhouse_bridge.keep.store import open_store
 from lupin_greenhouse_bridge.show import readings_page
+from reading_helpers import START_S, visit, write_report
 
 pytest.importorskip('plotly', reason='plotly, which draws the page, is missing: pip install plotly')
 EVIL = '</script><script>alert(1)</script>'
-START_S = 1795190000
-
-
-def visit(tag_id, outcome='OK', detail='', second=0, **values):
-    """Return a line of a mission's report."""
-    is_read = outcome == 'OK'
-    return {
-        'tag_id': tag_id,
-        'outcome': outcome,
-        'detail': detail,
-        'attempts': 1 if is_read else 3,
-        'stamp': {'sec': START_S + second, 'nanosec': 0} if is_read else None,
-        'sim_time_of_day_seconds': 43200.0 if is_read else None,
-        'readings': values if is_read else None,
-    }
 
 
 @pytest.fixture
 def report(tmp_path):
     """Return a function that writes a report of these visits and returns its path."""
-
-    def write(*visits):
-        path = tmp_path / 'report.jsonl'
-        path.write_text(''.join(f'{json.dumps(each)}\n' for each in visits), encoding='utf-8')
-        return path
-
-    return write
+    return lambda *visits: write_report(tmp_path / 'report.jsonl', *visits)
 
 
 @pytest.fixture

@@ -52,8 +52,9 @@ def _draw(options: argparse.Namespace, output: Path) -> None:
     import matplotlib  # imported late: a missing library is a one-line error
 
     matplotlib.use('Agg')
-    from lupin_greenhouse_bridge.show.greenhouse_plot import draw_footprint
     from matplotlib import pyplot
+
+    from lupin_greenhouse_bridge.show.greenhouse_plot import draw_footprint
 
     rows, visits = read_file(options.file, options.tag_file)
     layout = layout_of(rows, options.tag_file)

@@ -1,4 +1,4 @@
-"""The picture of a report."""
+"""The picture of the readings in a file."""
 
 import itertools
 import json
@@ -11,23 +11,25 @@ from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import read_file
 from lupin_greenhouse_bridge.keep.store import open_store
-from lupin_mission.plot_report import main
-from lupin_mission.report import Observation, Outcome, Reading, Report
-from matplotlib.figure import Figure
+from lupin_greenhouse_bridge.show.plot_report import main
+from reading_helpers import visit, write_report
+
+Figure = pytest.importorskip(
+    'matplotlib.figure',
+    reason='matplotlib, which draws the picture, is missing: sudo apt install python3-matplotlib',
+).Figure
 
 
 @pytest.fixture
 def report(tmp_path):
     """Return the path of a report of two tags that were read and two that were not."""
-    report = Report(tmp_path / 'report.jsonl')
-    for tag_id, values in (('1', {'temperature': 22.61}), ('5', {'temperature': 24.02, 'co2': 615.2})):
-        report.record(
-            Observation(tag_id, Outcome.OK, '', 1, Reading(tag_id, (1795190000, 0), 43200.0, values))
-        )
-    report.record(Observation('7', Outcome.TIMEOUT, 'no reply before the timeout', 3))
-    report.record(Observation('unknown', Outcome.UNKNOWN_TAG, 'no such tag', 1))
-    report.close()
-    return report.path
+    return write_report(
+        tmp_path / 'report.jsonl',
+        visit('1', temperature=22.61),
+        visit('5', temperature=24.02, co2=615.2),
+        visit('7', 'TIMEOUT', 'no reply before the timeout'),
+        visit('unknown', 'UNKNOWN_TAG', 'no such tag'),
+    )
 
 
 def test_the_picture_names_sensors_units_tags_values_and_failures(report, tmp_path, shipped_tags):
@@ -55,16 +57,13 @@ def test_a_recording_is_drawn_like_a_report(report, tmp_path, name):
 
 def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, monkeypatch):
     """In the shipped greenhouse, with a value of every sensor of every tag."""
-    report = Report(tmp_path / 'report.jsonl')
-    for tag_id, tag in shipped_tags.items():
-        values = dict.fromkeys(tag['sensors'], 1234.5)  # the widest value
-        reading = Reading(tag_id, (1795190000, 0), 43200.0, values)
-        report.record(Observation(tag_id, Outcome.OK, '', 1, reading))
-    report.close()
+    widest = 1234.5
+    visits = [visit(tag_id, **dict.fromkeys(tag['sensors'], widest)) for tag_id, tag in shipped_tags.items()]
+    report = write_report(tmp_path / 'report.jsonl', *visits)
     drawn = []
     monkeypatch.setattr(Figure, 'savefig', lambda figure, *_arguments, **_options: drawn.append(figure))
     monkeypatch.setattr('matplotlib.pyplot.close', lambda _figure: None)
-    assert main([str(report.path)]) == 0
+    assert main([str(report)]) == 0
     (figure,) = drawn
     figure.canvas.draw()
     for axes in (axes for axes in figure.axes if axes.texts):
@@ -118,7 +117,7 @@ def test_a_custom_tag_file_places_the_tags(report, tmp_path):
 def test_what_cannot_be_drawn_is_said_in_one_line(report, tmp_path, capsys, arguments, fragment):
     tags, empty = tmp_path / 'tags.json', tmp_path / 'empty.jsonl'
     tags.write_text('{"x": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}', encoding='utf-8')
-    Report(empty).record(Observation('1', Outcome.TIMEOUT, 'no reply', 1))
+    write_report(empty, visit('1', 'TIMEOUT'))
     known = {'REPORT': str(report), 'TAGS': str(tags), 'EMPTY': str(empty)}
     assert main([known.get(each, each) for each in arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()

@@ -1,0 +1,138 @@
+"""The picture of the readings in a file."""
+
+import itertools
+import json
+import sys
+from xml.etree import ElementTree
+
+import pytest
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse.layout import find_layout
+from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
+from lupin_greenhouse_bridge.keep.reading_files import read_file
+from lupin_greenhouse_bridge.keep.store import open_store
+from lupin_greenhouse_bridge.show.plot_report import main
+from reading_helpers import visit, write_report
+
+Figure = pytest.importorskip(
+    'matplotlib.figure',
+    reason='matplotlib, which draws the picture, is missing: sudo apt install python3-matplotlib',
+).Figure
+
+
+@pytest.fixture
+def report(tmp_path):
+    """Return the path of a report of two tags that were read and two that were not."""
+    return write_report(
+        tmp_path / 'report.jsonl',
+        visit('1', temperature=22.61),
+        visit('5', temperature=24.02, co2=615.2),
+        visit('7', 'TIMEOUT', 'no reply before the timeout'),
+        visit('unknown', 'UNKNOWN_TAG', 'no such tag'),
+    )
+
+
+def test_the_picture_names_sensors_units_tags_values_and_failures(report, tmp_path, shipped_tags):
+    output = tmp_path / 'picture.svg'
+    assert main([str(report), '--output', str(output)]) == 0
+    drawn = output.read_text(encoding='utf-8')
+    ElementTree.fromstring(drawn)
+    # Text is drawn as outlines, with a comment beside each.
+    for text in ('temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615', 'y (m)'):
+        assert f'<!-- {text} -->' in drawn
+    assert f'2 of {len(shipped_tags)} tags read, 2 failed (x)' in drawn
+
+
+@pytest.mark.parametrize('name', ['day.sqlite', 'day.csv'])
+def test_a_recording_is_drawn_like_a_report(report, tmp_path, name):
+    store = open_store(str(tmp_path / name))
+    store.keep(read_file(report).rows)
+    store.close()
+    output = tmp_path / 'picture.svg'
+    assert main([str(tmp_path / name), '--output', str(output)]) == 0
+    drawn = output.read_text(encoding='utf-8')
+    for text in ('temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615'):
+        assert f'<!-- {text} -->' in drawn
+
+
+def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, monkeypatch):
+    """In the shipped greenhouse, with a value of every sensor of every tag."""
+    widest = 1234.5
+    visits = [visit(tag_id, **dict.fromkeys(tag['sensors'], widest)) for tag_id, tag in shipped_tags.items()]
+    report = write_report(tmp_path / 'report.jsonl', *visits)
+    drawn = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_arguments, **_options: drawn.append(figure))
+    monkeypatch.setattr('matplotlib.pyplot.close', lambda _figure: None)
+    assert main([str(report)]) == 0
+    (figure,) = drawn
+    figure.canvas.draw()
+    for axes in (axes for axes in figure.axes if axes.texts):
+        boxes = [text.get_window_extent() for text in axes.texts]
+        assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+        dots = axes.transData.transform([(tag['x'], tag['y']) for tag in shipped_tags.values()])
+        assert not any(box.contains(*dot) for box in boxes for dot in dots)
+
+
+def test_the_colours_of_a_sensor_are_those_of_the_config(tmp_path):
+    layout = find_layout('')
+    assert read_visualization(layout).colour_ranges['temperature'] == (0.0, 30.0)
+    config = tmp_path / 'config.yaml'
+    walls = 'greenhouse_width_m: 4, greenhouse_height_m: 8'
+    config.write_text(f'visualization: {{{walls}, colorbar_ranges: {{co2: {{min: 1, max: 2}}}}}}')
+    assert read_visualization(layout, str(config)).colour_ranges == {'co2': (1.0, 2.0)}
+    config.write_text(f'visualization: {{{walls}}}')
+    assert read_visualization(layout, str(config)) == ((4.0, 8.0), {})
+    config.write_text(f'visualization: {{{walls}, colorbar_ranges: {{co2: 5}}}}')
+    with pytest.raises(StartUpError, match=r'invalid colour ranges .*: name the greenhouse_config\.yaml'):
+        read_visualization(layout, str(config))
+
+
+def test_the_picture_lies_beside_the_report(report, capsys):
+    assert main([str(report)]) == 0
+    picture = report.with_suffix('.png')
+    assert capsys.readouterr().out == f'picture: {picture}\n'
+    assert picture.read_bytes().startswith(b'\x89PNG')
+
+
+def test_a_custom_tag_file_places_the_tags(report, tmp_path):
+    tags = {tag_id: {'x': 1.0, 'y': 2.0, 'sensors': ['co2']} for tag_id in ('1', '5', '7')}
+    tag_file = tmp_path / 'tags.json'
+    tag_file.write_text(json.dumps(tags), encoding='utf-8')
+    assert main([str(report), '--tag-file', str(tag_file)]) == 0
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'fragment'),
+    [
+        (['/missing.jsonl'], '/missing.jsonl'),
+        (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
+        (['REPORT', '--tag-file', 'REPORT'], 'is not JSON'),
+        (['REPORT', '--sim-config-file', 'TAGS'], 'has no walls'),
+        (['REPORT', '--tag-file', 'TAGS'], "tag '1' has no position in the tag file"),
+        (['REPORT', '--output', '/missing/picture.png'], '/missing/picture.png'),
+        (['REPORT', '--output', 'picture.docx'], 'picture.docx'),
+        (['EMPTY'], 'no tag was read'),
+    ],
+)
+def test_what_cannot_be_drawn_is_said_in_one_line(report, tmp_path, capsys, arguments, fragment):
+    tags, empty = tmp_path / 'tags.json', tmp_path / 'empty.jsonl'
+    tags.write_text('{"x": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}', encoding='utf-8')
+    write_report(empty, visit('1', 'TIMEOUT'))
+    known = {'REPORT': str(report), 'TAGS': str(tags), 'EMPTY': str(empty)}
+    assert main([known.get(each, each) for each in arguments]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith('plot_report: ')
+    assert fragment in line
+
+
+def test_without_matplotlib_the_package_to_install_is_named(report, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'matplotlib', None)
+    assert main([str(report)]) == 2
+    assert capsys.readouterr().err.endswith(': sudo apt install python3-matplotlib\n')
+
+
+def test_without_the_simulator_a_layout_has_to_be_named(report, monkeypatch, capsys):
+    monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
+    assert main([str(report)]) == 2
+    message = 'plot_report: mdp-greenhouse is not installed here: name the layout with --tag-file\n'
+    assert capsys.readouterr().err == message
