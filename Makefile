@@ -101,6 +101,7 @@ figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
 	@$(if $(ARGS),,$(IN_ENV) python tools/draw/seen.py)
 	@$(if $(WORLD),ci/with_drake python tools/draw/world.py)
+	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
 
 clean:  ## remove what was built (not the environment .venv)
 	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .mission .bench .steady .tags .world

@@ -22,6 +22,9 @@ PICK_NEXT = """
     select.selectedIndex += 1;
     select.dispatchEvent(new Event('change'));
 """
+# Charts that are drawn wider than their place, and so cover the one beside them.
+OVERLAPS = """[...document.querySelectorAll('.chart')].filter(
+    each => each.querySelector('.main-svg').getBoundingClientRect().width > each.clientWidth).length"""
 OPTIONS = "[...document.querySelectorAll('option')].map(each => each.textContent)"
 SHOW_HOVER = "((curveNumber, pointNumber) => Plotly.Fx.hover('map', [{ curveNumber, pointNumber }]))"
 HOVER = "document.querySelector('#map .hoverlayer').textContent"
@@ -82,6 +85,7 @@ def test_the_page_shows_each_tag_and_asks_no_host_for_anything(report, open_page
     page.evaluate(PICK_NEXT)
     assert page.evaluate(POINTS) == len(find_layout('').tags)
     assert page.evaluate(COLOURS) != before
+    assert page.evaluate(OVERLAPS) == 0
     assert page.complaints == []
 
 

@@ -1,0 +1,41 @@
+"""
+Take a picture of the page of readings for the documents.
+
+    make mission ARGS=drive_seconds:=0.5 && make figure PAGE=1
+"""
+
+import io
+import sys
+import tempfile
+from pathlib import Path
+
+from browser import CHROMIUM, NO_CHROMIUM, Page
+from lupin_greenhouse_bridge.show import readings_page
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[2]
+REPORT = ROOT / '.mission/simulation.jsonl'
+COMMITTED = ROOT / 'tools/core/lupin_greenhouse_bridge/doc/page.png'
+
+
+def main() -> int:
+    """Write the picture of the page of the last mission."""
+    if not (CHROMIUM and REPORT.exists()):
+        print(
+            f'page: {"make mission first, whose report it shows" if CHROMIUM else NO_CHROMIUM}',
+            file=sys.stderr,
+        )
+        return 2
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, 'page.html')
+        if exit_code := readings_page.main([str(REPORT), '-o', str(path)]):
+            return exit_code
+        with Page(path, width=1180, height=1168) as page:
+            picture = Image.open(io.BytesIO(page.picture())).convert('RGB')
+    picture.quantize(256).save(COMMITTED, optimize=True)
+    print(COMMITTED)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
