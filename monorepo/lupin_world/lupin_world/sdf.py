@@ -4,11 +4,12 @@ import io
 from collections.abc import Iterable
 
 import numpy as np
+from lupin_greenhouse_bridge.greenhouse.facing import Placement, Table, tables_of
 from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_perception.scene import MODULES, printed_marker
 from PIL import Image
 
-from lupin_world.placement import TABLE_HEIGHT_M, TAG_HEIGHT_M, Placement, Table, place, tables_of
+from lupin_world.placement import TABLE_HEIGHT_M, TAG_HEIGHT_M, place_by_number, roll_pitch_yaw
 
 SDF_FILE = 'greenhouse.sdf'
 MARGIN_M = 1.6  # between the layout and the walls: a robot can stand 1.5 m in front of every tag
@@ -26,7 +27,7 @@ def world_files(layout: Layout, side_m: float) -> dict[str, bytes]:
 
     `side_m` is the length of the black square of each tag. Raises StartUpError.
     """
-    tables, placements = tables_of(layout), place(layout)
+    tables, placements = tables_of(layout), place_by_number(layout)
     files = {SDF_FILE: _sdf(tables, placements, side_m, layout).encode()}
     for number in placements:
         for path, content in _model_files(number, side_m).items():
@@ -123,7 +124,7 @@ def _box(name: str, footprint: Table, bottom_m: float, top_m: float, colour: str
 
 def _tag(number: int, placement: Placement, side_m: float) -> str:
     """Return the model of a tag: its origin is the centre of the tag, z points out of its face, y up."""
-    angles = ' '.join(map(repr, placement.roll_pitch_yaw))
+    angles = ' '.join(map(repr, roll_pitch_yaw(placement)))
     behind = -GAP_M - PLATE_THICKNESS_M / 2
     width = paper_m(side_m)
     mesh = (

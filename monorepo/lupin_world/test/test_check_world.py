@@ -4,9 +4,9 @@ import subprocess
 
 import numpy as np
 import pytest
+from lupin_greenhouse_bridge.greenhouse.facing import Table
 from lupin_greenhouse_bridge.testing import executable
 from lupin_world import check_world
-from lupin_world.placement import Table
 from lupin_world.view import Tag, viewpoint
 
 TABLES = [Table(1.0, 1.0, 3.0, 1.5), Table(1.0, 4.0, 3.0, 4.5)]

@@ -1,4 +1,4 @@
-"""Where a tag stands, and which way it faces."""
+"""The pose of each tag in the world."""
 
 import math
 
@@ -6,121 +6,15 @@ import numpy as np
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag, find_layout
-from lupin_world.placement import EAST, NORTH, SOUTH, WEST, Table, place
+from lupin_world.placement import place_by_number, roll_pitch_yaw
 
 LONG = (1.0, 1.0, 3.0, 1.5)  # x0, y0, x1, y1
 
 
-def facing(x, y, **tables):
-    layout = Layout({'7': Tag(x, y, ['co2'])}, tables or {'table': LONG})
-    return place(layout)[7].facing
-
-
-@pytest.mark.parametrize(
-    ('x', 'y', 'expected'),
-    [
-        (2.0, 1.0, SOUTH),
-        (2.0, 1.5, NORTH),
-        (1.0, 1.2, WEST),
-        (3.0, 1.2, EAST),
-        (2.0, 1.4, NORTH),  # on the table
-        (2.0, 0.2, SOUTH),  # beside it
-        (5.0, 1.2, EAST),
-        (1.0, 1.0, SOUTH),  # on a corner, with room on both sides
-        (3.0, 1.5, NORTH),
-    ],
-)
-def test_a_tag_faces_away_from_the_nearest_edge_of_its_table(x, y, expected):
-    assert facing(x, y) == expected
-
-
-def test_on_a_corner_a_tag_faces_the_side_with_more_room():
-    before_south = (1.0, 0.0, 3.0, 0.5)
-    assert facing(1.0, 1.0, table=LONG, south=before_south) == WEST
-    assert facing(1.0, 1.0, table=LONG, south=before_south, west=(0.0, 0.8, 0.9, 1.2)) == SOUTH
-
-
-@pytest.mark.parametrize(
-    ('x', 'y', 'room'),
-    [
-        # to the south, the west, the north and the east of the table
-        (2.0, 0.4, {NORTH: 0.6, SOUTH: math.inf, EAST: math.inf, WEST: math.inf}),
-        (0.3, 1.2, {NORTH: math.inf, SOUTH: math.inf, EAST: 0.7, WEST: math.inf}),
-        (2.0, 1.8, {NORTH: math.inf, SOUTH: 0.3, EAST: math.inf, WEST: math.inf}),
-        (3.4, 1.2, {NORTH: math.inf, SOUTH: math.inf, EAST: math.inf, WEST: 0.4}),
-        # on an edge: no room inwards and endless room outwards
-        (2.0, 1.0, {NORTH: 0.0, SOUTH: math.inf}),
-        (3.0, 1.2, {WEST: 0.0, EAST: math.inf}),
-    ],
-)
-def test_the_room_before_a_tag_ends_at_a_table(x, y, room):
-    table = Table(*LONG)
-    assert {angle: table.room_before(x, y, angle) for angle in room} == pytest.approx(room)
-
-
-@pytest.mark.parametrize(('beside_m', 'room'), [(0.09, 0.5), (0.11, math.inf)])
-@pytest.mark.parametrize(
-    ('place_beside', 'angle'),
-    [
-        (lambda beside: (1.0 - beside, 0.5), NORTH),
-        (lambda beside: (3.0 + beside, 0.5), NORTH),
-        (lambda beside: (1.0 - beside, 2.0), SOUTH),
-        (lambda beside: (0.5, 1.0 - beside), EAST),
-        (lambda beside: (0.5, 1.5 + beside), EAST),
-        (lambda beside: (3.5, 1.5 + beside), WEST),
-    ],
-)
-def test_a_table_further_than_10_cm_beside_is_not_in_the_way(beside_m, room, place_beside, angle):
-    assert Table(*LONG).room_before(*place_beside(beside_m), angle) == room
-
-
-def test_on_a_corner_a_table_that_is_beside_or_behind_takes_no_room():
-    beside = (1.5, 0.0, 3.0, 0.5)  # half a metre to the east of the line to the south
-    assert facing(1.0, 1.0, table=LONG, beside=beside) == SOUTH
-    behind = (0.5, 2.0, 3.0, 2.5)  # to the north
-    assert facing(1.0, 1.0, table=LONG, behind=behind) == SOUTH
-
-
-@pytest.mark.parametrize(
-    ('x', 'y', 'distance_m'),
-    [
-        (2.0, 1.2, 0.0),
-        (1.0, 1.5, 0.0),
-        (0.4, 1.2, 0.6),
-        (3.5, 1.2, 0.5),
-        (2.0, 0.8, 0.2),
-        (2.0, 1.9, 0.4),
-        (0.7, 0.6, 0.5),
-        (3.3, 1.9, 0.5),
-    ],
-)
-def test_the_distance_of_a_table_is_that_of_its_nearest_point(x, y, distance_m):
-    assert Table(*LONG).distance_m(x, y) == pytest.approx(distance_m)
-
-
-def test_the_nearest_table_counts_and_of_two_the_first():
-    assert facing(2.0, 2.0, near=(1.0, 1.0, 3.0, 1.9), far=(1.0, 2.5, 3.0, 3.0)) == NORTH
-    assert facing(2.0, 2.0, south=(1.0, 1.0, 3.0, 1.9), north=(1.0, 2.1, 3.0, 3.0)) == NORTH
-    assert facing(2.0, 2.0, north=(1.0, 2.1, 3.0, 3.0), south=(1.0, 1.0, 3.0, 1.9)) == SOUTH
-
-
-def test_the_order_of_a_tables_corners_does_not_matter():
-    for table in ((3.0, 1.5, 1.0, 1.0), (3.0, 1.0, 1.0, 1.5), (1.0, 1.5, 3.0, 1.0)):
-        assert facing(2.0, 1.0, table=table) == SOUTH
-        assert facing(3.0, 1.2, table=table) == EAST
-
-
-def test_without_tables_tags_face_the_middle():
-    places = {'0': (0.0, 0.0), '1': (2.0, 6.0), '2': (1.0, 3.0), '3': (0.0, 3.0), '4': (1.0, 6.0)}
-    placements = place(Layout({tag_id: Tag(*each, ['co2']) for tag_id, each in places.items()}, {}))
-    to_middle = [math.atan2(3.0, 1.0), math.atan2(-3.0, -1.0), SOUTH, EAST, SOUTH]
-    assert [placements[number].facing for number in range(5)] == pytest.approx(to_middle)
-
-
 def test_the_frame_has_z_out_of_the_face_x_to_the_viewers_right_and_y_up():
     for x, y, out in ((2.0, 1.0, (0, -1, 0)), (3.0, 1.2, (1, 0, 0))):
-        placement = place(Layout({'7': Tag(x, y, ['co2'])}, {'table': LONG}))[7]
-        roll, _, yaw = placement.roll_pitch_yaw
+        placement = place_by_number(Layout({'7': Tag(x, y, ['co2'])}, {'table': LONG}))[7]
+        roll, _, yaw = roll_pitch_yaw(placement)
         about_x = np.array(
             [[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]]
         )
@@ -133,7 +27,7 @@ def test_the_frame_has_z_out_of_the_face_x_to_the_viewers_right_and_y_up():
 
 def test_the_tags_come_in_numeric_order_at_exactly_their_places():
     layout = find_layout('')
-    placements = place(layout)
+    placements = place_by_number(layout)
     assert list(placements) == sorted(map(int, layout.tags))
     assert {str(number): each[:2] for number, each in placements.items()} == {
         tag_id: tag[:2] for tag_id, tag in layout.tags.items()
@@ -143,10 +37,4 @@ def test_the_tags_come_in_numeric_order_at_exactly_their_places():
 @pytest.mark.parametrize('tag_id', ['A7', '587', '07', '-1'])
 def test_an_id_that_is_no_tag36h11_is_refused(tag_id):
     with pytest.raises(StartUpError, match='is not an id of tag36h11: must be 0 to 586'):
-        place(Layout({tag_id: Tag(0.0, 0.0, ['co2'])}, {}))
-
-
-@pytest.mark.parametrize('edges', [(1.0, 1.0, 1.0, 2.0), (1.0, 2.0, 3.0, 2.0), (1.0, 1.0, 1.0, 1.0)])
-def test_a_table_without_an_area_is_refused(edges):
-    with pytest.raises(StartUpError, match="table 't' has no area"):
-        place(Layout({'7': Tag(0.0, 0.0, ['co2'])}, {'t': edges}))
+        place_by_number(Layout({tag_id: Tag(0.0, 0.0, ['co2'])}, {}))
