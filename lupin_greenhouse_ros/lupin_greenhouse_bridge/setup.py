@@ -16,10 +16,10 @@ setup(
     ],
     python_requires='>=3.10',
     # mdp-greenhouse is not in rosdistro: pip brings it. Before 1.0.7 its clock is wrong.
-    install_requires=['setuptools', 'mdp-greenhouse>=1.0.7', 'packaging', 'PyYAML'],
+    install_requires=['setuptools', 'mdp-greenhouse>=1.0.7', 'numpy', 'packaging', 'PyYAML'],
     extras_require={
         'page': ['plotly'],
-        'test': ['argcomplete', 'hypothesis', 'matplotlib', 'numpy', 'plotly', 'pytest'],
+        'test': ['argcomplete', 'hypothesis', 'matplotlib', 'plotly', 'pytest'],
     },
     zip_safe=True,
     maintainer='Lupin team',

@@ -13,12 +13,12 @@ import cv2
 import numpy as np
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.greenhouse.facing import tables_of
+from lupin_greenhouse_bridge.greenhouse.floor import MARGIN_M
 from lupin_perception.detector import TagDetector
 from lupin_perception.settings import Criteria
 
 from lupin_world.generate_world import make_world
 from lupin_world.opening import open_world
-from lupin_world.sdf import MARGIN_M
 from lupin_world.view import Tag, viewpoint
 
 SIDES_M = (0.04, 0.05)

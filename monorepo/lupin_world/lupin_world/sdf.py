@@ -5,6 +5,7 @@ from collections.abc import Iterable
 
 import numpy as np
 from lupin_greenhouse_bridge.greenhouse.facing import Placement, Table, tables_of
+from lupin_greenhouse_bridge.greenhouse.floor import room_of
 from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_perception.scene import MODULES, printed_marker
 from PIL import Image
@@ -12,7 +13,6 @@ from PIL import Image
 from lupin_world.placement import TABLE_HEIGHT_M, TAG_HEIGHT_M, place_by_number, roll_pitch_yaw
 
 SDF_FILE = 'greenhouse.sdf'
-MARGIN_M = 1.6  # between the layout and the walls: a robot can stand 1.5 m in front of every tag
 WALL_HEIGHT_M = 0.2  # below the camera, so that no wall hides a tag
 THICKNESS_M = 0.1  # of floor and walls
 PLATE_THICKNESS_M = 0.004
@@ -60,10 +60,7 @@ def paper_m(side_m: float) -> float:
 
 
 def _sdf(tables: list[Table], placements: dict[int, Placement], side_m: float, layout: Layout) -> str:
-    xs = [tag.x for tag in layout.tags.values()] + [x for each in tables for x in (each.x0, each.x1)]
-    ys = [tag.y for tag in layout.tags.values()] + [y for each in tables for y in (each.y0, each.y1)]
-    room = Table(min(xs) - MARGIN_M, min(ys) - MARGIN_M, max(xs) + MARGIN_M, max(ys) + MARGIN_M)
-    models = [*_room(room)]
+    models = [*_room(room_of(layout))]
     for number, table in enumerate(tables, 1):
         models.append(_box(f'table_{number}', table, 0.0, TABLE_HEIGHT_M, BROWN))
     models += [_tag(number, each, side_m) for number, each in placements.items()]
