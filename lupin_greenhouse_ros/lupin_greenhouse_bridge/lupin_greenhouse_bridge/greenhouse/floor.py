@@ -87,23 +87,14 @@ class Floor:
         """
         starts, ends = (np.asarray(each, dtype=float).reshape(-1, 2) @ AXES for each in (start, ends))
         starts = np.broadcast_to(starts, ends.shape)
-        is_free = np.ones(len(starts), dtype=bool)
-        left = np.arange(len(starts))
+        is_free = np.ones(len(ends), dtype=bool)
+        if len(ends) < len(self._low):
+            for number, way in enumerate(zip(starts, ends, strict=True)):
+                is_free[number] = not len(_crossing(*way, self._low, self._high))
+            return is_free
         for low, high in zip(self._low, self._high, strict=True):
-            near = left
-            for axis in range(4):  # leave out those that lie on one side of the octagon
-                a, b = starts[near, axis], ends[near, axis]
-                near = near[(np.maximum(a, b) > low[axis]) & (np.minimum(a, b) < high[axis])]
-            if not len(near):
-                continue
-            a, along = starts[near], ends[near] - starts[near]
-            with np.errstate(divide='ignore', invalid='ignore'):
-                crossings = np.sort([(low - a) / along, (high - a) / along], axis=0)  # of each pair of limits
-            first, last = np.fmax(crossings[0], 0.0).max(axis=1), np.fmin(crossings[1], 1.0).min(axis=1)
-            hit = near[first < last]
-            if len(hit):
-                is_free[hit] = False
-                left = left[is_free[left]]
+            left = np.flatnonzero(is_free)
+            is_free[left[_crossing(starts[left], ends[left], low, high)]] = False
         return is_free
 
     def outermost(self) -> tuple[float, float]:
@@ -137,10 +128,8 @@ class Floor:
         count = len(self._corners)
         nodes = np.concatenate([self._corners, points])
         links = [list(each) for each in self._between] + [[] for _ in points]
-        new = np.arange(count, len(nodes))
-        to_corners = np.stack(np.meshgrid(np.arange(count), new, indexing='ij'), axis=-1).reshape(-1, 2)
-        to_points = np.array(list(itertools.combinations(new, 2)), dtype=int).reshape(-1, 2)
-        self._link(links, nodes, np.concatenate([to_corners, to_points]))
+        to_corners = np.indices((count, len(points))).reshape(2, -1).T + np.array([0, count])
+        self._link(links, nodes, np.concatenate([to_corners, _pairs(len(points)) + count]))
         return links
 
     def _link(self, links, nodes: np.ndarray, pairs: np.ndarray) -> None:
@@ -180,6 +169,11 @@ class Ways:
             if node >= self._first:
                 yield node - self._first, length_m
 
+    def corners_from(self, start: int) -> np.ndarray:
+        """Return the corners that can be reached from a point, in an array (corners, 2)."""
+        nodes = [node for node, _, _ in self._search(start) if node < self._first]
+        return np.array([self._nodes[node] for node in nodes]).reshape(-1, 2)
+
     def way(self, start: int, goal: int) -> list[tuple[float, float]] | None:
         """Return the points of the shortest way; None if there is none."""
         if start == goal:
@@ -211,6 +205,29 @@ class Ways:
                     distances_m[other] = distance_m + length_m
                     before[other] = node
                     heapq.heappush(heap, (distance_m + length_m, other))
+
+
+def _crossing(start, end, low, high) -> np.ndarray:
+    """
+    Return the numbers of the straight ways that enter an octagon.
+
+    Takes each along the AXES: many ways and the limits of one octagon, or one way and many octagons.
+    """
+    start, end, low, high = np.broadcast_arrays(start, end, low, high)
+    near = np.arange(len(start))
+    for axis in range(4):  # leave out what lies on one side
+        a, b = start[near, axis], end[near, axis]
+        near = near[(np.maximum(a, b) > low[near, axis]) & (np.minimum(a, b) < high[near, axis])]
+    start, end, low, high = (each[near] for each in (start, end, low, high))
+    with np.errstate(divide='ignore', invalid='ignore'):
+        meets = np.sort([(limit - start) / (end - start) for limit in (low, high)], axis=0)
+    first, last = np.fmax(meets[0], 0.0).max(axis=1), np.fmin(meets[1], 1.0).min(axis=1)
+    return near[first < last]
+
+
+def _pairs(count: int) -> np.ndarray:
+    """Return the numbers of each pair of things, in an array (pairs, 2)."""
+    return np.stack(np.triu_indices(count, 1), axis=1)
 
 
 def _corners(table: Table) -> np.ndarray:

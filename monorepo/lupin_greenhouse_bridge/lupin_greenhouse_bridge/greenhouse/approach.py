@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from lupin_greenhouse_bridge.errors import StartUpError, printable
 from lupin_greenhouse_bridge.greenhouse.facing import Placement, place
 from lupin_greenhouse_bridge.greenhouse.files import number, read_yaml
-from lupin_greenhouse_bridge.greenhouse.floor import Floor
+from lupin_greenhouse_bridge.greenhouse.floor import Floor, Ways
 from lupin_greenhouse_bridge.greenhouse.layout import Layout
 
 STEP_M = 0.02
@@ -131,8 +133,10 @@ def _candidates(tag: Placement, reach: Reach, override: Override):
         angles = [override.yaw + math.pi - tag.facing]
     if override.goal_x is not None or override.goal_y is not None:
         distances_m, angles = distances_m[:1], angles[:1]
-    for distance_m in distances_m:
-        yield [_pose(tag, distance_m, tag.facing + angle, override) for angle in angles]
+    for some_m in (distances_m[:1], distances_m[1:]):  # most tags need no more than the first
+        yield [
+            _pose(tag, distance_m, tag.facing + angle, override) for distance_m in some_m for angle in angles
+        ]
 
 
 def _steps(start: float, end: float, step: float) -> list[float]:
@@ -156,31 +160,30 @@ def _pose(tag: Placement, distance_m: float, direction: float, override: Overrid
 
 
 class _Region:
-    """The part of the floor that the robot can drive to from a point. Remembers what it has found."""
+    """The part of the floor that the robot can drive to from a point."""
 
     def __init__(self, floor: Floor, start_m: tuple[float, float]):
-        self._floor, self._start_m = floor, start_m
-        self._inside, self._outside = [start_m], []
+        start = np.array([start_m], dtype=float)
+        self._floor = floor
+        self._marks = np.concatenate([start, Ways(floor, start).corners_from(0)])  # any other point sees one
 
     def first(self, poses: list[ApproachPose]) -> ApproachPose | None:
         """Return the first of some free poses that the robot can drive to; None if it cannot to any."""
         left = poses
-        for known in self._outside:
-            left = self._not_in_sight(left, known)
         while left:
             point = left[0][:2]
-            if self._floor.are_in_sight(point, self._inside).any():
+            if self._holds(point):
                 return left[0]
-            if self._floor.way(self._start_m, point) is not None:
-                self._inside.append(point)
-                return left[0]
-            self._outside.append(point)
-            left = self._not_in_sight(left[1:], point)
+            in_sight = self._floor.are_in_sight(point, [each[:2] for each in left])  # itself too
+            left = list(itertools.compress(left, ~in_sight))
         return None
 
-    def _not_in_sight(self, poses: list[ApproachPose], point) -> list[ApproachPose]:
-        in_sight = self._floor.are_in_sight(point, [each[:2] for each in poses])
-        return list(itertools.compress(poses, ~in_sight))
+    def _holds(self, point) -> bool:
+        nearest_first = np.argsort(np.linalg.norm(self._marks - point, axis=1), kind='stable')
+        some, others = np.split(self._marks[nearest_first], [8])
+        return bool(
+            self._floor.are_in_sight(point, some).any() or self._floor.are_in_sight(point, others).any()
+        )
 
 
 _EXAMPLE = 'such as {overrides: {"7": {yaw: 1.57, standoff: 0.4}}}'
