@@ -25,8 +25,9 @@ from lupin_greenhouse_bridge.greenhouse.files import shipped_file
 from lupin_greenhouse_bridge.greenhouse.layout import read_layout
 from lupin_greenhouse_bridge.greenhouse.simulation import load
 from lupin_greenhouse_bridge.settings import Settings
-from lupin_greenhouse_bridge.show import greenhouse_plot
-from lupin_greenhouse_bridge.show.greenhouse_plot import COLOURS, Box, draw_footprint, place_labels
+from lupin_greenhouse_bridge.show import greenhouse_plot, labelling
+from lupin_greenhouse_bridge.show.greenhouse_plot import COLOURS, draw_footprint
+from lupin_greenhouse_bridge.show.labelling import Box, place_labels
 from lupin_greenhouse_bridge.units import label_of
 from matplotlib import pyplot
 from matplotlib.patches import Wedge
@@ -78,6 +79,7 @@ class Greenhouse:
             Path(self.sim_config_file),
             Path(__file__),
             Path(greenhouse_plot.__file__),
+            Path(labelling.__file__),
             Path(visualization.__file__),
             Path(units.__file__),
         ]
