@@ -13,6 +13,8 @@ setup(
         (f'share/{package_name}/security', ['security/policy.xml']),
         (f'share/{package_name}/launch', ['launch/greenhouse_bridge.launch.py']),
         (f'share/{package_name}/config', ['config/greenhouse_bridge.yaml']),
+        (f'share/{package_name}/rviz', ['rviz/greenhouse.rviz']),
+        (f'share/{package_name}/foxglove', ['foxglove/greenhouse.json']),
     ],
     python_requires='>=3.10',
     # mdp-greenhouse is not in rosdistro: pip brings it. Before 1.0.7 its clock is wrong.
@@ -35,6 +37,7 @@ setup(
             'record_readings = lupin_greenhouse_bridge.executables:record_readings',
             'plot_report = lupin_greenhouse_bridge.executables:plot_report',
             'readings_page = lupin_greenhouse_bridge.executables:readings_page',
+            'show_readings = lupin_greenhouse_bridge.executables:show_readings',
         ],
     },
 )

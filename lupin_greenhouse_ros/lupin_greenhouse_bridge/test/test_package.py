@@ -2,10 +2,19 @@
 
 import ast
 import re
+import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import pytest
+
 PACKAGE = Path(__file__).resolve().parent.parent
+KEYS = {
+    name: f'python3-{name}'
+    for name in ('argcomplete', 'hypothesis', 'matplotlib', 'numpy', 'packaging', 'pytest', 'yaml')
+}  # of rosdep, for each module with another name
+NOT_IN_ROSDEP = {'greenhouse_sim'}
+OPTIONAL = {'argcomplete'}  # of the shell; the fixtures of testing/ need what their users name
 
 
 def keywords_of_setup():
@@ -37,3 +46,33 @@ def test_the_version_is_the_same_everywhere():
 def test_the_simulator_is_pinned_for_pip_and_named_for_rosdep_users():
     assert 'mdp-greenhouse>=1.0.7' in keywords_of_setup()['install_requires']
     assert 'python3-pip' in [each.text for each in package_xml().findall('exec_depend')]
+
+
+def imports(file: Path) -> set[str]:
+    """Return the packages that a file imports, wherever in it."""
+    names = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding='utf-8'))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names.add(node.module)
+    return {name.partition('.')[0] for name in names}
+
+
+@pytest.mark.parametrize(
+    ('files', 'kinds', 'besides'),
+    [
+        (
+            [*PACKAGE.glob('lupin*/**/*.py'), *PACKAGE.glob('launch/*.py')],
+            ('depend', 'exec_depend'),
+            OPTIONAL,
+        ),
+        ([*PACKAGE.glob('test/*.py')], ('depend', 'exec_depend', 'test_depend'), set()),
+    ],
+    ids=['package', 'test'],
+)
+def test_every_import_is_a_dependency(files, kinds, besides):
+    declared = {depend.text for kind in kinds for depend in package_xml().iter(kind)}
+    imported = {name for file in files if file.parent.name != 'testing' for name in imports(file)}
+    own = {PACKAGE.name, *(file.stem for file in files)} | sys.stdlib_module_names
+    assert {KEYS.get(name, name) for name in imported - own - besides - NOT_IN_ROSDEP} <= declared

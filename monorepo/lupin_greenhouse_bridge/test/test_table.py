@@ -8,6 +8,7 @@ from conftest import Terminal
 from lupin_greenhouse_bridge.cli.table import Screen, json_line, terminal_size
 from lupin_greenhouse_bridge.contract import STATUS_NAMES
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading
+from lupin_greenhouse_bridge.keep.rows import rows_of
 
 OK, UNKNOWN_TAG = 0, 1
 
@@ -34,6 +35,13 @@ def test_the_columns_are_aligned_values_to_the_right_and_the_failures_apart(caps
         '2/3 tags read\n',
         'read_tag: 9: new\\n\n',
     )
+
+
+def test_a_sensor_that_is_not_one_of_the_simulators_has_no_unit(capsys):
+    response = answer(ozone=0.5)
+    assert [row.unit for row in rows_of(response.reading, 'read_tag')] == ['']
+    Screen(is_watched=False).show({'7': response}, STATUS_NAMES)
+    assert capsys.readouterr().out.splitlines()[1] == '7    00:00:00  ozone   0.500'
 
 
 def test_one_tag_is_not_counted(capsys):

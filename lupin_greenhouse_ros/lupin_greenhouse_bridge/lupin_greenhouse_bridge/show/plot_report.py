@@ -86,8 +86,7 @@ def _draw(options: argparse.Namespace, output: Path) -> None:
 
 
 def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None:
-    from lupin_greenhouse_bridge.show.greenhouse_plot import COLOURS
-    from lupin_greenhouse_bridge.show.labelling import Box, place_labels
+    from lupin_greenhouse_bridge.show.greenhouse_plot import COLOURS, Box, place_labels
 
     measured = {tag_id: each[sensor].value for tag_id, each in readings.items() if sensor in each}
     others = [tag for tag_id, tag in layout.tags.items() if tag_id not in measured]

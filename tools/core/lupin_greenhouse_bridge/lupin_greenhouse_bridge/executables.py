@@ -39,3 +39,8 @@ def plot_report() -> NoReturn:
 def readings_page() -> NoReturn:
     """Make a page of the readings in a file, then exit."""
     start('lupin_greenhouse_bridge.show.readings_page')
+
+
+def show_readings() -> NoReturn:
+    """Publish received readings as markers and as a field until Ctrl-C or SIGTERM, then exit."""
+    start('lupin_greenhouse_bridge.show.show_readings')

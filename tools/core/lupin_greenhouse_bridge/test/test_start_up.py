@@ -15,6 +15,7 @@ from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.keep import record_readings
 from lupin_greenhouse_bridge.on_sight import read_on_sight
 from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.show import show_readings
 
 PARAMETER_FILE = get_package_share_path('lupin_greenhouse_bridge') / 'config/greenhouse_bridge.yaml'
 
@@ -119,6 +120,7 @@ def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
         '/**/greenhouse_bridge': dataclasses.asdict(Settings()),
         '/**/read_on_sight': dataclasses.asdict(read_on_sight.Settings()),
         '/**/record_readings': dataclasses.asdict(record_readings.Settings()),
+        '/**/show_readings': dataclasses.asdict(show_readings.Settings()),
     }
 
 

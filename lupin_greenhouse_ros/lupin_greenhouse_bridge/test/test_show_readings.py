@@ -1,0 +1,449 @@
+"""show_readings: what it publishes of the readings that it hears."""
+
+import contextlib
+import json
+import math
+import threading
+
+import numpy as np
+import pytest
+import rclpy
+import yaml
+from ament_index_python.packages import get_package_share_path
+from geometry_msgs.msg import PoseArray
+from hypothesis import given
+from hypothesis import strategies as st
+from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag, find_layout
+from lupin_greenhouse_bridge.greenhouse.registration import Transform, write_transform
+from lupin_greenhouse_bridge.greenhouse.visualization import Footprint, read_visualization
+from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
+from lupin_greenhouse_bridge.show import show_readings
+from lupin_greenhouse_bridge.show.field import Grid, grid_over, interpolate, scaled
+from lupin_greenhouse_bridge.show.markers import FIELD_NAMESPACE, STALE_ALPHA, Scene
+from lupin_greenhouse_bridge.show.show_readings import ShowReadingsNode
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, spinning_node, wait_until
+from nav_msgs.msg import OccupancyGrid
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rendering import render
+from std_msgs.msg import Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+SHOW_READINGS = [executable('lupin_greenhouse_bridge', 'show_readings')]
+SHARE = get_package_share_path('lupin_greenhouse_bridge')
+TOPIC = '/tested/readings'
+LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
+BENCH = Layout(
+    {'7': Tag(1.0, 1.0, ['co2']), '8': Tag(3.0, 1.0, ['co2', 'light'])}, {'bench': (1.0, 1.0, 3.0, 1.5)}
+)
+
+
+def reading_of(tag_id, seconds=100, **values):
+    reading = TagReading(tag_id=tag_id, readings=[SensorReading(name=k, value=v) for k, v in values.items()])
+    reading.stamp.sec = seconds
+    return reading
+
+
+def header_at(seconds):
+    header = Header(frame_id='map')
+    header.stamp.sec = seconds
+    return header
+
+
+def of_namespace(markers, namespace) -> list[Marker]:
+    return [each for each in markers.markers if each.ns == namespace]
+
+
+def texts(markers) -> list[str]:
+    return [each.text for each in of_namespace(markers, 'readings')]
+
+
+def markers_of(layout, *readings, at_seconds, stale_seconds=60.0, layout_in_map=None):
+    """Return the markers of these readings at a time."""
+    return Scene(layout, layout_in_map or Transform()).markers(
+        header_at(at_seconds), {each.tag_id: each for each in readings}, stale_seconds, 'a caption'
+    )
+
+
+def cell(field, x, y) -> int:
+    """Return the value of a field at a point of the map."""
+    origin, info = field.info.origin, field.info
+    yaw = 2 * math.atan2(origin.orientation.z, origin.orientation.w)
+    dx, dy = x - origin.position.x, y - origin.position.y
+    column = math.floor((math.cos(yaw) * dx + math.sin(yaw) * dy) / info.resolution)
+    row = math.floor((math.cos(yaw) * dy - math.sin(yaw) * dx) / info.resolution)
+    return field.data[row * info.width + column]
+
+
+# The field
+
+
+def test_a_cell_at_a_tag_has_its_value_and_one_far_away_has_none():
+    grid = Grid(0.0, 0.0, 0.1, 40, 20)
+    values = interpolate(grid, [(1.0, 1.0, 20.0), (1.32, 1.0, 10.0), (3.0, 1.0, 5.0)], radius_m=0.5)
+    assert values[10, 10] == pytest.approx(20.0, abs=1e-3)
+    assert values[10, 13] == pytest.approx(10.0, abs=1e-3)
+    assert 10.0 < values[10, 11] < 20.0
+    assert values[10, 34] == 5.0
+    assert [math.isnan(values[10, column]) for column in (20, 23, 36)] == [True, True, True]
+
+
+def test_the_field_has_no_step_where_the_reach_of_a_reading_ends():
+    grid = Grid(0.0, 0.0, 0.01, 300, 1)
+    values = interpolate(grid, [(0.0, 0.005, 0.0), (2.0, 0.005, 100.0)], radius_m=1.5)[0]
+    assert np.nanmax(np.abs(np.diff(values))) < 3.0
+
+
+@given(
+    st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-1e6, 1e6)), max_size=5),
+    st.floats(0.05, 1.0),
+    st.floats(0.01, 10.0),
+)
+def test_every_cell_lies_between_the_readings_or_has_no_value(samples, resolution_m, radius_m):
+    layout = Layout({str(n): Tag(x, y, ['co2']) for n, (x, y, _) in enumerate(samples)}, {})
+    grid = grid_over(layout, Footprint(1.0, 1.0), resolution_m)
+    values = interpolate(grid, samples, radius_m)
+    assert values.shape == (grid.rows, grid.columns)
+    known = values[~np.isnan(values)]
+    heard = [value for *_, value in samples]
+    assert known.size == 0 or min(heard) - 1e-3 <= known.min() <= known.max() <= max(heard) + 1e-3
+    for x, y, _ in samples:
+        row, column = ((each - low) / resolution_m for each, low in ((y, grid.y), (x, grid.x)))
+        assert 0 <= column <= grid.columns
+        assert 0 <= row <= grid.rows
+
+
+def test_values_are_scaled_over_the_range_of_the_sensor():
+    values = np.array([-5.0, 10.0, 14.8, 20.0, 30.0, 99.0, math.nan])
+    assert scaled(values, 10.0, 30.0).tolist() == [0, 0, 24, 50, 100, 100, -1]
+
+
+# The markers
+
+
+@pytest.mark.parametrize(
+    ('age_seconds', 'text'),
+    [(-5, '0 s ago'), (0, '0 s ago'), (59, '59 s ago'), (61, '1 min ago'), (7300, '2 h ago')],
+)
+def test_a_label_has_the_values_with_their_units_and_the_age(age_seconds, text):
+    reading = reading_of('8', 10_000, co2=612.345, light=899.0)
+    assert texts(markers_of(BENCH, reading, at_seconds=10_000 + age_seconds)) == [
+        f'co2 612.3 ppm\nlight 899 lx\n{text}'
+    ]
+
+
+def test_units_are_written_in_the_letters_that_rviz_has():
+    reading = reading_of('7', temperature=21.5, soil_moisture=0.25, größe=1.0)
+    (text,) = texts(markers_of(BENCH, reading, at_seconds=100))
+    assert text.split('\n')[:3] == ['temperature 21.5 deg C', 'soil_moisture 0.25 m3/m3', 'gr\\xf6\\xdfe 1']
+
+
+def test_a_stale_reading_is_faded_and_an_unread_tag_is_not():
+    reading = reading_of('7', co2=500.0)
+    for seconds, alpha in ((160, 1.0), (161, STALE_ALPHA)):
+        markers = markers_of(BENCH, reading, at_seconds=seconds, stale_seconds=60.0)
+        assert [each.color.a for each in of_namespace(markers, 'tags')] == pytest.approx([alpha, 1.0])
+        assert [each.color.a for each in of_namespace(markers, 'readings')] == pytest.approx([alpha])
+    read, unread = of_namespace(markers, 'tags')
+    assert read.color.r != unread.color.r
+
+
+def test_tables_plates_and_ids_lie_where_the_layout_lies_in_the_map():
+    """Turned by a quarter to the left: the tags on the southern edge of the bench face east."""
+    turn = math.pi / 2
+    markers = markers_of(BENCH, at_seconds=0, layout_in_map=Transform(10.0, 20.0, turn))
+    (table,) = of_namespace(markers, 'tables')
+    assert (table.pose.position.x, table.pose.position.y) == pytest.approx((8.75, 22.0))
+    assert (table.scale.x, table.scale.y) == pytest.approx((2.0, 0.5))
+    yaws = [2 * math.atan2(each.pose.orientation.z, each.pose.orientation.w) for each in markers.markers[:1]]
+    assert yaws == pytest.approx([turn])
+    for namespace in ('tags', 'ids'):
+        places = [(each.pose.position.x, each.pose.position.y) for each in of_namespace(markers, namespace)]
+        assert places == [pytest.approx((9.0, 21.0)), pytest.approx((9.0, 23.0))]
+    assert [each.text for each in of_namespace(markers, 'ids')] == ['7', '8']
+    for plate in of_namespace(markers, 'tags'):
+        assert 2 * math.atan2(plate.pose.orientation.z, plate.pose.orientation.w) == pytest.approx(0.0)
+    assert {each.header.frame_id for each in markers.markers} == {'map'}
+
+
+def test_no_label_covers_another_one_in_the_picture_of_the_messages(tmp_path, shipped_tags):
+    """Rendered as RViz does, with a reading of every sensor at every tag."""
+    layout = find_layout('')
+    visualization = read_visualization(layout)
+    readings = [
+        reading_of(
+            tag_id,
+            100 + 5 * n,
+            **{each: 0.98765 * visualization.colour_ranges[each][1] for each in tag.sensors},
+        )
+        for n, (tag_id, tag) in enumerate(layout.tags.items())
+    ]
+    markers = markers_of(layout, *readings, at_seconds=260, stale_seconds=60.0)
+    grid = grid_over(layout, visualization.footprint, 0.1)
+    field = OccupancyGrid(data=[-1] * (grid.columns * grid.rows))
+    field.info.resolution, field.info.width, field.info.height = 0.1, grid.columns, grid.rows
+    boxes = render(tmp_path / 'markers.png', markers, field)
+    assert len(boxes) == 2 * len(shipped_tags) + 1
+    seen = list(boxes.items())
+    covered = [
+        (name, other)
+        for n, (name, box) in enumerate(seen)
+        for other, other_box in seen[:n]
+        if (both := type(box).intersection(box, other_box)) and both.width * both.height > 1e-4
+    ]
+    assert covered == []
+
+
+# The node
+
+
+class Publisher:
+    """A publisher that keeps publishing its `readings`, until it is closed."""
+
+    def __init__(self, node, durability=LATCHED, topic=TOPIC):
+        def publish():
+            for each in self.readings:
+                publisher.publish(each)
+
+        self.readings = []
+        publisher = node.create_publisher(TagReading, topic, QoSProfile(depth=50, durability=durability))
+        timer = node.create_timer(0.02, publish)
+        self.close = lambda: (node.destroy_timer(timer), node.destroy_publisher(publisher))
+
+
+class Viewer:
+    """What a node with displays of both topics has received last."""
+
+    def __init__(self, node, durability=LATCHED):
+        self.markers, self.fields = [], []
+        qos = QoSProfile(depth=10, durability=durability)
+        node.create_subscription(MarkerArray, '/show_readings/markers', self.markers.append, qos)
+        node.create_subscription(OccupancyGrid, '/show_readings/field', self.fields.append, qos)
+
+    @property
+    def texts(self) -> list[str]:
+        """The labels of the last markers, without their ages."""
+        return [text.rpartition('\n')[0] for text in texts(self.markers[-1])] if self.markers else []
+
+    def wait_for(self, *wanted) -> None:
+        wait_until(lambda: set(wanted) <= set(self.texts))
+
+
+@pytest.fixture
+def room():
+    """Return a node for publishers and viewers."""
+    with spinning_node('room') as node:
+        yield node
+
+
+@pytest.fixture
+def start_here(monkeypatch):
+    """Return a function that starts the node in the test's process."""
+    with contextlib.ExitStack() as stack:
+
+        def start(*arguments, publish_every_seconds=0.1, **parameters):
+            monkeypatch.setattr(show_readings, 'PUBLISH_EVERY_SECONDS', publish_every_seconds)
+            parameters = {'readings_topics': TOPIC, **parameters}
+            overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+            rclpy.init(args=['--ros-args', *overrides, *arguments])
+            stack.callback(rclpy.shutdown)
+            node = ShowReadingsNode()
+            stack.callback(node.destroy_node)
+            executor = SingleThreadedExecutor()
+            executor.add_node(node)
+            spinner = threading.Thread(target=executor.spin, daemon=True)
+            spinner.start()
+            stack.callback(spinner.join, PATIENCE_SECONDS)
+            stack.callback(executor.shutdown)
+            return node
+
+        yield start
+
+
+@pytest.mark.parametrize('durability', [LATCHED, VOLATILE])
+def test_a_published_reading_appears_among_the_markers_and_in_the_field(
+    start_here, room, shipped_tags, warm_tag_id, durability
+):
+    start_here(radius_m=0.5)
+    publisher, viewer = Publisher(room, durability), Viewer(room)
+    publisher.readings = [reading_of(warm_tag_id, temperature=7.5)]
+    viewer.wait_for('temperature 7.5 deg C')
+    tag = shipped_tags[warm_tag_id]
+    wait_until(lambda: cell(viewer.fields[-1], tag['x'], tag['y']) == 25)  # of 0 to 30 degrees
+    assert cell(viewer.fields[-1], tag['x'], tag['y'] + 0.7) == -1
+    (caption,) = of_namespace(viewer.markers[-1], FIELD_NAMESPACE)
+    assert 'field of temperature: 0 is 0 deg C, 100 is 30 deg C,' in caption.text
+    assert 'received readings, not from the model of the simulator' in caption.text
+
+
+def test_a_late_viewer_sees_the_latched_messages(start_here, room, shipped_tags):
+    start_here(publish_every_seconds=3600.0)
+    viewer = Viewer(room)
+    wait_until(lambda: viewer.markers and viewer.fields)
+    assert len(of_namespace(viewer.markers[-1], 'ids')) == len(shipped_tags)
+    assert set(viewer.fields[-1].data) == {-1}
+
+
+def test_a_web_client_without_qos_sees_them_again_and_again(start_here, room):
+    start_here()
+    viewer = Viewer(room, VOLATILE)
+    wait_until(lambda: len(viewer.markers) >= 3 and len(viewer.fields) >= 3)
+
+
+def test_the_newest_reading_of_a_tag_counts_though_an_older_one_arrives_later(start_here, room):
+    start_here()
+    publisher, viewer = Publisher(room), Viewer(room)
+    publisher.readings = [
+        reading_of('1', 200, co2=600.0),
+        reading_of('1', 100, co2=500.0),
+        reading_of('2', 100, temperature=20.0),
+    ]
+    viewer.wait_for('temperature 20 deg C')
+    assert 'co2 600 ppm' in viewer.texts
+    publisher.readings = [reading_of('1', 201, co2=700.0)]
+    viewer.wait_for('co2 700 ppm')
+
+
+def test_the_readings_of_a_publisher_that_was_started_again_are_shown(start_here, room):
+    start_here()
+    viewer, publisher = Viewer(room), Publisher(room)
+    publisher.readings = [reading_of('1', 100, co2=500.0)]
+    viewer.wait_for('co2 500 ppm')
+    publisher.close()
+    Publisher(room).readings = [reading_of('1', 200, co2=600.0)]
+    viewer.wait_for('co2 600 ppm')
+
+
+def test_an_unknown_tag_is_left_out_with_one_warning(start_here, room, capfd):
+    start_here()
+    viewer = Viewer(room)
+    Publisher(room).readings = [
+        reading_of('x\n1', 100, co2=500.0),
+        reading_of('x\n1', 200, co2=501.0),
+        reading_of('1', 100, co2=600.0),
+    ]
+    viewer.wait_for('co2 600 ppm')
+    assert viewer.texts == ['co2 600 ppm']
+    warning = "tag 'x\\n1' is not in the layout: its readings are not shown"
+    assert capfd.readouterr().err.count(warning) == 1
+
+
+def test_an_infinite_value_leaves_the_rest_of_the_field_as_it_is(start_here, room, shipped_tags):
+    start_here(radius_m=0.01)
+    viewer = Viewer(room)
+    first, second = [tag_id for tag_id, tag in shipped_tags.items() if 'temperature' in tag['sensors']][:2]
+    Publisher(room).readings = [
+        reading_of(first, temperature=math.inf),
+        reading_of(second, temperature=7.5),
+    ]
+    viewer.wait_for('temperature inf deg C', 'temperature 7.5 deg C')
+    wait_until(lambda: set(viewer.fields[-1].data) == {-1, 25})
+
+
+def test_the_field_lies_where_the_layout_lies_in_the_map(
+    start_here, room, tmp_path, shipped_tags, warm_tag_id
+):
+    transform = Transform(10.0, -5.0, 2.0)
+    write_transform(tmp_path / 'layout_in_map.yaml', transform, 'site')
+    start_here(frame='site', layout_in_map=tmp_path / 'layout_in_map.yaml', radius_m=0.5)
+    viewer = Viewer(room)
+    Publisher(room).readings = [reading_of(warm_tag_id, temperature=7.5)]
+    viewer.wait_for('temperature 7.5 deg C')
+    tag = shipped_tags[warm_tag_id]
+    wait_until(lambda: cell(viewer.fields[-1], *transform.point(tag['x'], tag['y'])) == 25)
+    assert cell(viewer.fields[-1], *transform.point(tag['x'], tag['y'] + 0.7)) == -1
+    assert viewer.fields[-1].header.frame_id == 'site'
+    assert {each.header.frame_id for each in viewer.markers[-1].markers} == {'site'}
+
+
+def test_a_custom_layout_and_config_are_shown(start_here, room, tmp_path):
+    (tmp_path / 'tags.json').write_text('{"A7": {"x": 1.0, "y": 2.0, "sensors": ["ozone"]}}')
+    ranges = {'ozone': {'min': 0, 'max': 10}}
+    (tmp_path / 'greenhouse.yaml').write_text(
+        yaml.safe_dump(
+            {'visualization': {'greenhouse_width_m': 2, 'greenhouse_height_m': 3, 'colorbar_ranges': ranges}}
+        )
+    )
+    start_here(
+        tag_locations_file=tmp_path / 'tags.json',
+        sim_config_file=tmp_path / 'greenhouse.yaml',
+        sensor='ozone',
+    )
+    viewer = Viewer(room)
+    Publisher(room).readings = [reading_of('A7', ozone=3.0)]
+    viewer.wait_for('ozone 3')  # a sensor that is not the simulator's has no unit
+    wait_until(lambda: cell(viewer.fields[-1], 1.0, 2.0) == 30)
+    (caption,) = of_namespace(viewer.markers[-1], FIELD_NAMESPACE)
+    assert 'field of ozone: 0 is 0, 100 is 10,' in caption.text
+
+
+def displays_of_rviz():
+    """Return topic, type and durability of each display, and the fixed frame."""
+    types = {'Map': OccupancyGrid, 'MarkerArray': MarkerArray, 'PoseArray': PoseArray}
+    config = yaml.safe_load((SHARE / 'rviz/greenhouse.rviz').read_text(encoding='utf-8'))
+    manager = config['Visualization Manager']
+    displays = {}
+    for each in manager['Displays']:
+        if topic := each.get('Topic'):
+            assert each['Enabled']
+            assert topic['Durability Policy'] == 'Transient Local'
+            displays[topic['Value']] = types[each['Class'].removeprefix('rviz_default_plugins/')]
+    return displays, manager['Global Options']['Fixed Frame']
+
+
+def test_the_displays_of_rviz_and_foxglove_are_of_topics_that_are_published(start_here, room):
+    node = start_here()
+    displays, frame = displays_of_rviz()
+    viewer = Viewer(room)
+    wait_until(lambda: viewer.markers)
+    assert viewer.markers[-1].markers[0].header.frame_id == frame
+    published = dict(node.get_publisher_names_and_types_by_node('show_readings', '/'))
+    for topic in ('/show_readings/markers', '/show_readings/field'):
+        kind = displays.pop(topic)
+        assert published[topic] == [f'{kind.__module__.partition(".")[0]}/msg/{kind.__name__}']
+    assert displays == {'/approach_poses/poses': PoseArray}
+
+    layout = json.loads((SHARE / 'foxglove/greenhouse.json').read_text(encoding='utf-8'))
+    panel = layout['configById'][layout['layout']]
+    assert panel['followTf'] == frame
+    shown = {topic for topic, settings in panel['topics'].items() if settings['visible']}
+    assert shown == {'/show_readings/markers', '/show_readings/field', '/approach_poses/poses'}
+
+
+def test_the_process_ends_with_exit_code_0(start_node):
+    process = start_node(SHOW_READINGS)
+    process.wait_for_log('field of temperature, readings from /read_on_sight/readings and /mission/readings')
+    assert process.stop() == 0
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'fragment'),
+    [
+        ('sensor', 'ozone', "parameter sensor is 'ozone': the greenhouse config has no"),
+        ('sensor', 'ozone', 'it has temperature, humidity, co2, light, soil_moisture'),
+        ('resolution_m', 0.001, 'parameter resolution_m is 0.001: must be a number from 0.01 to 10'),
+        ('radius_m', 0, 'parameter radius_m is 0: must be a number from 0.01 to 100'),
+        ('stale_seconds', -1.0, 'parameter stale_seconds is -1.0: must be a number from 0'),
+        ('frame', "' '", "parameter frame is ' ': must be the name of a frame, such as map"),
+        ('readings_topics', "''", "parameter readings_topics is '': must be the name of a topic"),
+        ('readings_topics', 'no-name', 'no-name'),
+        ('layout_in_map', '/nowhere.yaml', "'/nowhere.yaml'"),
+        ('tag_locations_file', '/nowhere.json', "'/nowhere.json'"),
+        ('sim_config_file', '/nowhere.yaml', "'/nowhere.yaml'"),
+    ],
+)
+def test_a_wrong_parameter_is_refused_in_one_line(run_here, name, value, fragment):
+    assert fragment in run_here(show_readings.main, '--ros-args', '-p', f'{name}:={value}').refusal
+
+
+def test_a_layout_too_large_for_the_resolution_is_refused(run_here, tmp_path):
+    (tmp_path / 'tags.json').write_text('{"1": {"x": 1e9, "y": 0.0, "sensors": ["co2"]}}')
+    parameters = ['-p', f'tag_locations_file:={tmp_path / "tags.json"}']
+    refusal = run_here(show_readings.main, '--ros-args', *parameters).refusal
+    assert 'parameter resolution_m is 0.1: the field would have 10000000000 x 80 cells' in refusal
+
+
+def test_without_a_layout_it_is_refused_in_one_line(run_here, monkeypatch):
+    monkeypatch.setattr(show_readings, 'find_layout', lambda _path: None)
+    refusal = run_here(show_readings.main).refusal
+    assert "set tag_locations_file to the bridge's tag_locations.json" in refusal

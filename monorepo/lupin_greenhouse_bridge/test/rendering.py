@@ -1,0 +1,86 @@
+"""Draw a MarkerArray and an OccupancyGrid from above, as RViz does: from the messages alone."""
+
+import math
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch, Rectangle
+from matplotlib.textpath import TextPath
+from matplotlib.transforms import Affine2D, Bbox
+from visualization_msgs.msg import Marker
+
+PIXELS_PER_M = 160
+MARGIN_M = 0.2
+ASCENT = 0.75  # of a letter, as a part of the line
+BACKGROUND = '#303030'
+
+
+def turned(pose) -> Affine2D:
+    """Return the transform of a pose that lies in the plane."""
+    yaw = 2 * math.atan2(pose.orientation.z, pose.orientation.w)
+    return Affine2D().rotate(yaw).translate(pose.position.x, pose.position.y)
+
+
+def colour_of(marker):
+    return marker.color.r, marker.color.g, marker.color.b, marker.color.a
+
+
+def render(path, markers, field) -> dict[tuple[str, int], Bbox]:
+    """Write a picture, and return the box of each text in metres by its namespace and number."""
+    axes = Figure(facecolor=BACKGROUND).add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    boxes = {}
+    draw_field(axes, field)
+    for marker in sorted(markers.markers, key=lambda each: each.pose.position.z):
+        if marker.type == Marker.CUBE:
+            size = marker.scale
+            corner = (-size.x / 2, -size.y / 2)
+            axes.add_patch(
+                Rectangle(
+                    corner,
+                    size.x,
+                    size.y,
+                    facecolor=colour_of(marker),
+                    transform=turned(marker.pose) + axes.transData,
+                )
+            )
+        else:
+            assert marker.type == Marker.TEXT_VIEW_FACING
+            boxes[marker.ns, marker.id] = draw_text(axes, marker)
+    around = Bbox.union([*boxes.values(), Bbox(axes.dataLim)])
+    axes.set_xlim(around.x0 - MARGIN_M, around.x1 + MARGIN_M)
+    axes.set_ylim(around.y0 - MARGIN_M, around.y1 + MARGIN_M)
+    axes.figure.set_size_inches((around.width + 2 * MARGIN_M), (around.height + 2 * MARGIN_M))
+    FigureCanvasAgg(axes.figure).print_figure(path, dpi=PIXELS_PER_M, facecolor=BACKGROUND)
+    return boxes
+
+
+def draw_field(axes, field) -> None:
+    """Draw the grid in RViz's colour scheme `costmap`, half transparent."""
+    info = field.info
+    cells = np.array(field.data).reshape(info.height, info.width)
+    shares = cells[..., np.newaxis] / 100
+    colours = np.concatenate([shares, 0 * shares, 1 - shares], axis=2)
+    colours[cells == -1] = (0.44, 0.54, 0.53)
+    axes.imshow(
+        np.dstack([colours, np.full(cells.shape, 0.5)]),
+        origin='lower',
+        extent=(0, info.width * info.resolution, 0, info.height * info.resolution),
+        interpolation='nearest',
+        transform=turned(info.origin) + axes.transData,
+    )
+
+
+def draw_text(axes, marker) -> Bbox:
+    """Draw the lines of a text below each other, from the left, around the position."""
+    size, position = marker.scale.z, marker.pose.position
+    assert marker.text.isascii(), 'RViz draws nothing else'
+    lines = [TextPath((0, 0), line, size=0.87 * size) for line in marker.text.split('\n')]
+    width = max(line.get_extents().x1 for line in lines)
+    height = len(lines) * size
+    for number, line in enumerate(lines):
+        base = position.y + height / 2 - (number + ASCENT) * size
+        placed = line.transformed(Affine2D().translate(position.x - width / 2, base))
+        axes.add_patch(PathPatch(placed, color=colour_of(marker), linewidth=0))
+    return Bbox.from_bounds(position.x - width / 2, position.y - height / 2, width, height)
