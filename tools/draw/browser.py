@@ -59,6 +59,7 @@ class Page:
         """Let the reader prefer `light` or `dark`."""
         feature = {'name': 'prefers-color-scheme', 'value': scheme}
         self._call('Emulation.setEmulatedMedia', features=[feature])
+        self.evaluate('new Promise(requestAnimationFrame)')  # the page hears of it before its next frame
 
     def evaluate(self, expression: str):
         """Return the value of a JavaScript expression; a promise is awaited."""
