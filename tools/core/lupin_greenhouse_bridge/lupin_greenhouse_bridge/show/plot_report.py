@@ -9,6 +9,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
 from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import read_file
 from lupin_greenhouse_bridge.keep.rows import Row, last_of_each_tag
+from lupin_greenhouse_bridge.show.labelling import Box, place_labels
 from lupin_greenhouse_bridge.show.places import layout_of
 from lupin_greenhouse_bridge.units import clock_time, label_of
 
@@ -86,7 +87,7 @@ def _draw(options: argparse.Namespace, output: Path) -> None:
 
 
 def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None:
-    from lupin_greenhouse_bridge.show.greenhouse_plot import COLOURS, Box, place_labels
+    from lupin_greenhouse_bridge.show.greenhouse_plot import COLOURS
 
     measured = {tag_id: each[sensor].value for tag_id, each in readings.items() if sensor in each}
     others = [tag for tag_id, tag in layout.tags.items() if tag_id not in measured]
