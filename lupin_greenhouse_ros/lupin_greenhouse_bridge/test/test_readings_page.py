@@ -7,8 +7,8 @@ import sys
 
 import pytest
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
-from lupin_greenhouse_bridge.keep.rows import Row, utc_of
 from lupin_greenhouse_bridge.keep.store import open_store
+from lupin_greenhouse_bridge.rows import Row, utc_of
 from lupin_greenhouse_bridge.show import readings_page
 from reading_helpers import START_S, visit, write_report
 

@@ -14,8 +14,8 @@ from lupin_greenhouse_bridge.keep import record_readings
 from lupin_greenhouse_bridge.keep.hearing import hear, topics_of
 from lupin_greenhouse_bridge.keep.keeper import ERROR_EVERY_SECONDS, MOST_WAITING, Keeper
 from lupin_greenhouse_bridge.keep.reading_files import read_rows
-from lupin_greenhouse_bridge.keep.rows import rows_of
 from lupin_greenhouse_bridge.keep.store import StoreError, open_store
+from lupin_greenhouse_bridge.rows import rows_of
 from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS
 from rclpy.qos import DurabilityPolicy, QoSProfile

@@ -11,11 +11,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from lupin_greenhouse_bridge.csv_rows import HEADER, csv_text, parse_csv
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.keep.csv_rows import HEADER, csv_text, parse_csv
 from lupin_greenhouse_bridge.keep.reading_files import ReadingFileError, Visit, read_file, read_rows
-from lupin_greenhouse_bridge.keep.rows import Row, utc_of
 from lupin_greenhouse_bridge.keep.store import StoreError, open_store
+from lupin_greenhouse_bridge.rows import Row, utc_of
 
 STAMP_NS = 1_795_189_976_000_000_513
 FILES = ['readings.sqlite', 'readings.csv']
@@ -146,7 +146,7 @@ def test_a_database_that_was_deleted_takes_no_more_rows(opened, tmp_path):
 
 WRITER = """
 import sys
-from lupin_greenhouse_bridge.keep.rows import Row
+from lupin_greenhouse_bridge.rows import Row
 from lupin_greenhouse_bridge.keep.store import open_store
 store, first = open_store(sys.argv[1]), Row(*eval(sys.argv[2]))
 for number in range(0, 10**9, 50):

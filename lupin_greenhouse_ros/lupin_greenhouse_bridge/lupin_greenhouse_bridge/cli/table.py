@@ -4,10 +4,10 @@ import json
 import os
 import sys
 
+from lupin_greenhouse_bridge.csv_rows import HEADER as CSV_HEADER
+from lupin_greenhouse_bridge.csv_rows import csv_text
 from lupin_greenhouse_bridge.errors import printable
-from lupin_greenhouse_bridge.keep.csv_rows import HEADER as CSV_HEADER
-from lupin_greenhouse_bridge.keep.csv_rows import csv_text
-from lupin_greenhouse_bridge.keep.rows import rows_of
+from lupin_greenhouse_bridge.rows import rows_of
 from lupin_greenhouse_bridge.units import unit_of
 
 HEADER = ('tag', 'sim time', 'sensor', 'value', 'unit')

@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterable
 
 from lupin_greenhouse_bridge.errors import printable
-from lupin_greenhouse_bridge.keep.rows import Row
 from lupin_greenhouse_bridge.keep.store import StoreError, key_of
+from lupin_greenhouse_bridge.rows import Row
 
 MOST_WAITING = 10_000
 ERROR_EVERY_SECONDS = 10.0

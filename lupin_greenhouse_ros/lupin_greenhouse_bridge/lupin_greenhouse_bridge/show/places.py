@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag, find_layout
-from lupin_greenhouse_bridge.keep.rows import Row
+from lupin_greenhouse_bridge.rows import Row
 
 
 def layout_of(rows: Iterable[Row], tag_file: str) -> Layout:

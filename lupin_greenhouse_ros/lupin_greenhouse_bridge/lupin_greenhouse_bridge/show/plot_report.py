@@ -8,7 +8,7 @@ from pathlib import Path
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
 from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import read_file
-from lupin_greenhouse_bridge.keep.rows import Row, last_of_each_tag
+from lupin_greenhouse_bridge.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.show.labelling import Box, place_labels
 from lupin_greenhouse_bridge.show.places import layout_of
 from lupin_greenhouse_bridge.units import clock_time, label_of

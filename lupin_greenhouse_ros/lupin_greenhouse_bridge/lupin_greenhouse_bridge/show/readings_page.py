@@ -15,7 +15,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, printable
 from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_greenhouse_bridge.greenhouse.visualization import Visualization, read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import ReadingFile, read_file
-from lupin_greenhouse_bridge.keep.rows import Row, last_of_each_tag
+from lupin_greenhouse_bridge.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.show.places import layout_of, read_route
 from lupin_greenhouse_bridge.units import label_of, unit_of
 

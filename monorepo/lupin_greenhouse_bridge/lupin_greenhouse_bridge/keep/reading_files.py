@@ -11,11 +11,11 @@ from operator import attrgetter
 from pathlib import Path
 from typing import NamedTuple
 
+from lupin_greenhouse_bridge.csv_rows import HEADER, parse_csv
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
-from lupin_greenhouse_bridge.keep.csv_rows import HEADER, parse_csv
-from lupin_greenhouse_bridge.keep.rows import Row, utc_of
 from lupin_greenhouse_bridge.keep.store import HEAD_BYTES, is_sqlite_of_readings
+from lupin_greenhouse_bridge.rows import Row, utc_of
 from lupin_greenhouse_bridge.units import unit_of
 
 REPORT_SOURCE = 'mission report'

@@ -11,10 +11,10 @@ from rclpy.node import Node
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.keep.hearing import hear, topics_of, topics_parameter
 from lupin_greenhouse_bridge.keep.keeper import Keeper
-from lupin_greenhouse_bridge.keep.rows import rows_of
 from lupin_greenhouse_bridge.keep.store import open_store
 from lupin_greenhouse_bridge.node.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.node.run import run
+from lupin_greenhouse_bridge.rows import rows_of
 
 NODE_NAME = 'record_readings'
 WRITE_EVERY_SECONDS = 0.5

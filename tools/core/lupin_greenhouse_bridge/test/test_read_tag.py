@@ -18,8 +18,8 @@ import pytest
 import rclpy
 from conftest import Terminal
 from lupin_greenhouse_bridge.cli import client, read_tag
+from lupin_greenhouse_bridge.csv_rows import parse_csv
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading
-from lupin_greenhouse_bridge.keep.csv_rows import parse_csv
 from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.node.graph import servers_of
 from lupin_greenhouse_bridge.testing import (

@@ -14,9 +14,9 @@ import stat
 from collections.abc import Sequence
 from pathlib import Path
 
+from lupin_greenhouse_bridge.csv_rows import HEADER, csv_text, parse_csv
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.keep.csv_rows import HEADER, csv_text, parse_csv
-from lupin_greenhouse_bridge.keep.rows import Row
+from lupin_greenhouse_bridge.rows import Row
 
 APPLICATION_ID = 0x4C755250  # marks our SQLite files, in big-endian order at byte 68
 HEAD_BYTES = 72

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from types import SimpleNamespace
 
-from lupin_greenhouse_bridge.keep.rows import Row
+from lupin_greenhouse_bridge.rows import Row
 
 HEADER = ','.join(Row._fields)
 
