@@ -1,10 +1,13 @@
 """The rows in which readings are kept: one value each. Does not import ROS."""
 
 import datetime
+import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
 from lupin_greenhouse_bridge.units import unit_of
+
+LATEST_STAMP_NS = 2**63 - 1  # the year 2262
 
 
 class Row(NamedTuple):
@@ -41,6 +44,17 @@ def rows_of(reading, source: str, place_m: tuple[float, float] | None = None) ->
         )
         for each in reading.readings
     ]
+
+
+def fault_of(row: Row) -> str:
+    """Return which number of a row from a file cannot be right; '' if all can."""
+    if not 0 <= row.stamp_ns <= LATEST_STAMP_NS:
+        return f'stamp_ns is {row.stamp_ns}'
+    for name in ('value', 'x_m', 'y_m', 'sim_time_of_day_seconds'):
+        number = getattr(row, name)
+        if number is not None and not math.isfinite(number):
+            return f'{name} of {row.sensor} is {number}'
+    return ''
 
 
 def utc_of(stamp_ns: int) -> str:

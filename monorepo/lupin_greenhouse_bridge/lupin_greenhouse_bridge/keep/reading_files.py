@@ -15,7 +15,7 @@ from lupin_greenhouse_bridge.csv_rows import HEADER, parse_csv
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.keep.store import HEAD_BYTES, is_sqlite_of_readings
-from lupin_greenhouse_bridge.rows import Row, utc_of
+from lupin_greenhouse_bridge.rows import Row, fault_of, utc_of
 from lupin_greenhouse_bridge.units import unit_of
 
 REPORT_SOURCE = 'mission report'
@@ -98,15 +98,16 @@ def _rows_of_sqlite(path: Path) -> list[Row]:
 def _parse_report(content: bytes) -> tuple[list[Row], list[Visit]]:
     rows, visits = [], []
     *lines, last = content.split(b'\n')
+    with contextlib.suppress(ValueError, RecursionError):  # of a mission that was killed in this line
+        json.loads(last)
+        lines.append(last)
     for number, line in enumerate(lines, start=1):
         try:
             _add_visit(json.loads(line), rows, visits)
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
             raise ValueError(
                 f'line {number} is not an observation ({type(error).__name__}: {error})'
             ) from error
-    with contextlib.suppress(ValueError):  # of a mission that was killed
-        _add_visit(json.loads(last), rows, visits)
     return rows, visits
 
 
@@ -116,7 +117,7 @@ def _add_visit(data: dict, rows: list[Row], visits: list[Visit]) -> None:
     if data['outcome'] == 'OK':
         stamp_ns = int(data['stamp']['sec']) * 1_000_000_000 + int(data['stamp']['nanosec'])
         stamp_utc, sim_time = utc_of(stamp_ns), float(data['sim_time_of_day_seconds'])
-        rows += [
+        found = [
             Row(
                 stamp_ns,
                 stamp_utc,
@@ -131,4 +132,7 @@ def _add_visit(data: dict, rows: list[Row], visits: list[Visit]) -> None:
             )
             for name, value in data['readings'].items()
         ]
+        if faults := list(filter(None, map(fault_of, found))):
+            raise ValueError(faults[0])
+        rows += found
     visits.append(Visit(tag_id, str(data['outcome']), str(data['detail']), int(data['attempts']), stamp_ns))

@@ -57,9 +57,6 @@ def main(arguments: list[str] | None = None) -> int:
     except OneLineError as error:
         print(f'readings_page: {error}', file=sys.stderr)
         return USAGE
-    except ValueError as error:  # of json: a file can hold NaN
-        print(f"readings_page: '{options.file}': {error}", file=sys.stderr)
-        return USAGE
     except OSError as error:
         print(f"readings_page: --output '{output}': {error.strerror}", file=sys.stderr)
         return USAGE

@@ -2,11 +2,10 @@
 
 import csv
 import io
-import math
 from collections.abc import Iterable
 from types import SimpleNamespace
 
-from lupin_greenhouse_bridge.rows import Row
+from lupin_greenhouse_bridge.rows import Row, fault_of
 
 HEADER = ','.join(Row._fields)
 
@@ -58,6 +57,6 @@ def _row_of(record: list[str]) -> Row:
         float(sim_time),
         source,
     )
-    if not math.isfinite(row.value):
-        raise ValueError(f'{sensor} is {value}')
+    if fault := fault_of(row):
+        raise ValueError(fault)
     return row

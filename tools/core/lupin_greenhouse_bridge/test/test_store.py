@@ -3,6 +3,7 @@
 import contextlib
 import itertools
 import json
+import math
 import os
 import resource
 import sqlite3
@@ -294,6 +295,11 @@ def test_a_row_without_a_position_gets_that_of_the_layout(opened, tmp_path, ship
         (REPORT.replace('"OK"', '"OK').encode(), 'line 1 is not an observation'),
         (b'{"tag_id": "7"}\n', "line 1 is not an observation (KeyError: 'outcome')"),
         (b'{"tag_id": 7, ' + b'[' * 100_000 + b'\n', 'line 1 is not an observation'),
+        (REPORT.replace('468.63', 'NaN').encode(), 'value of co2 is nan'),
+        (REPORT.replace('14400.0', 'Infinity').encode(), 'sim_time_of_day_seconds of co2 is inf'),
+        (REPORT.replace('1795189976', '9' * 20).encode(), 'line 1 is not an observation (OverflowError'),
+        (f'{HEADER}\n{csv_text([row(place_m=(math.nan, 1.0))])}'.encode(), 'x_m of co2 is nan'),
+        (f'{HEADER}\n{csv_text([row()._replace(stamp_ns=-1)])}'.encode(), 'stamp_ns is -1'),
         (b'SQLite format 3\0' + bytes(5000), 'not a file of readings'),
         (b'SQLite format 3\0' + bytes(52) + b'LuRP' + bytes(5000), 'file is not a database'),
     ],
