@@ -30,6 +30,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
+            'approach_poses = lupin_greenhouse_bridge.executables:approach_poses',
             'bridge_node = lupin_greenhouse_bridge.executables:bridge_node',
             'read_tag = lupin_greenhouse_bridge.executables:read_tag',
             'register_layout = lupin_greenhouse_bridge.executables:register_layout',

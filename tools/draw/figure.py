@@ -1,5 +1,5 @@
 """
-Draw two figures of the simulated greenhouse: its layout over one sensor's field, and a day at a tag.
+Draw the simulated greenhouse: its layout over one sensor's field, a day at a tag, and a robot's route.
 
     make figure                      the shipped greenhouse, into the documents of both trees
     make figure ARGS=--check         checks that those are up to date
@@ -20,12 +20,12 @@ import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.greenhouse import visualization
+from lupin_greenhouse_bridge.greenhouse import approach, facing, floor, order, visualization
 from lupin_greenhouse_bridge.greenhouse.files import shipped_file
 from lupin_greenhouse_bridge.greenhouse.layout import read_layout
 from lupin_greenhouse_bridge.greenhouse.simulation import load
 from lupin_greenhouse_bridge.settings import Settings
-from lupin_greenhouse_bridge.show import greenhouse_plot, labelling
+from lupin_greenhouse_bridge.show import greenhouse_plot, labelling, route_plot
 from lupin_greenhouse_bridge.show.greenhouse_plot import COLOURS, draw_footprint
 from lupin_greenhouse_bridge.show.labelling import Box, place_labels
 from lupin_greenhouse_bridge.units import label_of
@@ -78,8 +78,8 @@ class Greenhouse:
             Path(self.tag_file),
             Path(self.sim_config_file),
             Path(__file__),
-            Path(greenhouse_plot.__file__),
-            Path(labelling.__file__),
+            *(Path(each.__file__) for each in (approach, facing, floor, order)),
+            *(Path(each.__file__) for each in (greenhouse_plot, labelling, route_plot)),
             Path(visualization.__file__),
             Path(units.__file__),
         ]
@@ -193,6 +193,15 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
     return figure
 
 
+def draw_route(greenhouse: Greenhouse):
+    """Return the figure of the approach poses and the shortest route of a robot of the default size."""
+    reach = approach.Reach()
+    approaches = approach.find_approaches(greenhouse.layout, reach)
+    way = floor.Floor(greenhouse.layout, reach.robot_radius_m + reach.clearance_m)
+    route = order.plan_route(way, approaches.poses, None, 'shortest')
+    return route_plot.draw_route(greenhouse.layout, *approaches, route)
+
+
 def save(figure, path: Path, fingerprint: str) -> None:
     """Write a figure as PNG with its fingerprint."""
     figure.savefig(path, metadata={'Software': None, 'Description': fingerprint}, dpi=110)
@@ -237,7 +246,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f'figure: {error}', file=sys.stderr)
         return 2
     fingerprint = greenhouse.fingerprint(options)
-    paths = {name: options.output / f'{name}.png' for name in ('greenhouse', 'day')}
+    paths = {name: options.output / f'{name}.png' for name in ('greenhouse', 'day', 'route')}
     if options.check:
         stale = [str(path) for path in paths.values() if fingerprint_of(path) != fingerprint]
         lines = [f'figure: {each} is not up to date: make figure' for each in stale]
@@ -245,6 +254,7 @@ def main(arguments: list[str] | None = None) -> int:
         return int(bool(stale))
     save(draw_layout(greenhouse, options.sensor, options.hour), paths['greenhouse'], fingerprint)
     save(draw_day(greenhouse, options.tag), paths['day'], fingerprint)
+    save(draw_route(greenhouse), paths['route'], fingerprint)
     print(*paths.values(), sep='\n')
     return 0
 

@@ -5,6 +5,7 @@ Exit code: 0 the world is right, 1 it is wrong, 2 it cannot be checked.
 """
 
 import argparse
+import math
 import sys
 import tempfile
 from pathlib import Path
@@ -12,6 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from lupin_greenhouse_bridge.errors import OneLineError
+from lupin_greenhouse_bridge.greenhouse.approach import Reach, find_approaches
 from lupin_greenhouse_bridge.greenhouse.facing import tables_of
 from lupin_greenhouse_bridge.greenhouse.floor import MARGIN_M
 from lupin_perception.detector import TagDetector
@@ -19,12 +21,14 @@ from lupin_perception.settings import Criteria
 
 from lupin_world.generate_world import make_world
 from lupin_world.opening import open_world
+from lupin_world.placement import TAG_HEIGHT_M
 from lupin_world.view import Tag, viewpoint
 
 SIDES_M = (0.04, 0.05)
 DISTANCES_M = (0.3, 0.5, 1.0)
 ANGLES_DEGREES = (0, 30, 45)
 ROBOT_RADIUS_M = 0.15
+RADII_M = (0.15, 0.20, 0.30)  # of the approach poses
 SAME_M = 1e-9
 STEP_M = 0.02
 
@@ -51,6 +55,24 @@ def faces_outwards(tag: Tag, tables: list, middle: np.ndarray) -> bool:
     nearest = min(tables, key=lambda table: table.distance_m(*tag.centre[:2]))
     before, behind = nearest.distance_m(*front), nearest.distance_m(*back)
     return before > behind or before == behind == 0.0  # the latter in the middle of a table
+
+
+def check_approaches(world, detector: TagDetector, layout, radius_m: float, side_m: float) -> bool:
+    """Return whether each tag is read from its approach pose, with the camera along the robot's x axis."""
+    poses = find_approaches(layout, Reach(radius_m)).poses
+    missing = []
+    for tag_id, pose in poses.items():
+        eye = np.array([pose.x, pose.y, TAG_HEIGHT_M])
+        ahead = np.array([math.cos(pose.yaw), math.sin(pose.yaw), 0.0])
+        if int(tag_id) not in seen_from(world, detector, eye, eye + ahead):
+            missing.append(tag_id)
+    names = f', not {", ".join(missing)}' if missing else ''
+    print(
+        f'{100 * side_m:g} cm, approach poses of a robot of radius {radius_m:.2f} m:'
+        f' {len(poses) - len(missing)} of {len(poses)} read{names}',
+        flush=True,
+    )
+    return not missing
 
 
 def check(tag_file: str, side_m: float, folder: Path) -> bool:
@@ -94,6 +116,7 @@ def check(tag_file: str, side_m: float, folder: Path) -> bool:
             names = f', not {", ".join(map(str, missing))}' if missing else ''
             share = f'{len(read)} of {len(world.tags)} read{names}'
             print(f'{setting}: {share} (a robot can stand there at {free})', flush=True)
+    is_right &= all(check_approaches(world, detector, layout, radius_m, side_m) for radius_m in RADII_M)
     behind = [
         number
         for number, tag in world.tags.items()

@@ -15,7 +15,7 @@ from lupin_perception.detector import TagDetector
 from matplotlib.text import Text
 from PIL import Image
 
-NAMES = ['day.png', 'greenhouse.png']
+NAMES = ['day.png', 'greenhouse.png', 'route.png']
 
 
 def test_the_committed_figures_are_up_to_date(capsys):
@@ -28,7 +28,7 @@ def test_a_figure_of_another_greenhouse_is_not_up_to_date(tmp_path, capsys):
     capsys.readouterr()
     assert figure.main(['--output', str(tmp_path), '--sensor', 'co2', '--check']) == 0
     assert figure.main(['--output', str(tmp_path), '--sensor', 'light', '--check']) == 1
-    assert capsys.readouterr().out.count('is not up to date: make figure') == 2
+    assert capsys.readouterr().out.count('is not up to date: make figure') == 3
 
 
 def texts(drawing) -> list[str]:

@@ -44,3 +44,8 @@ def readings_page() -> NoReturn:
 def show_readings() -> NoReturn:
     """Publish received readings as markers and as a field until Ctrl-C or SIGTERM, then exit."""
     start('lupin_greenhouse_bridge.show.show_readings')
+
+
+def approach_poses() -> NoReturn:
+    """Print the approach poses of the tags, then exit."""
+    start('lupin_greenhouse_bridge.cli.approach_poses')

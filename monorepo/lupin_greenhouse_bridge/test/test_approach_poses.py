@@ -1,0 +1,149 @@
+"""`ros2 run lupin_greenhouse_bridge approach_poses`."""
+
+import csv
+import io
+import json
+import math
+import subprocess
+import sys
+
+import pytest
+import yaml
+from lupin_greenhouse_bridge.cli import approach_poses
+from lupin_greenhouse_bridge.greenhouse.registration import Transform, write_transform
+
+LAYOUT = {
+    'tags': {
+        '7': {'x': 2.0, 'y': 1.0, 'sensors': ['co2']},
+        '21': {'x': 1.0, 'y': 1.25, 'sensors': ['co2']},
+    },
+    'tables': {'bench': {'x0': 1.0, 'y0': 1.0, 'x1': 3.0, 'y1': 1.5}},
+}
+POSES = {'7': (2.0, 0.5, math.pi / 2), '21': (0.5, 1.25, 0.0)}
+
+
+@pytest.fixture
+def tag_file(tmp_path):
+    """Return the path of a tag file with two tags."""
+    path = tmp_path / 'tags.json'
+    path.write_text(json.dumps(LAYOUT), encoding='utf-8')
+    return str(path)
+
+
+@pytest.fixture
+def poses_of(tag_file, capsys):
+    """Return a function that runs the command, and returns its exit code, output and errors."""
+
+    def run(*words):
+        exit_code = approach_poses.main(['approach_poses', '--tag-file', tag_file, *words])
+        return exit_code, *capsys.readouterr()
+
+    return run
+
+
+def test_the_table_has_a_line_for_each_tag_and_the_length_of_the_route(poses_of):
+    exit_code, out, err = poses_of()
+    assert (exit_code, err) == (0, '')
+    assert [line.split() for line in out.splitlines()[1:3]] == [
+        ['7', '2.00', '0.50', '90', '0.50', '0'],
+        ['21', '0.50', '1.25', '0', '0.50', '0'],
+    ]
+    assert out.splitlines()[-1] == '2/2 tags have an approach pose; the route is 1.7 m long'
+
+
+def test_the_json_has_poses_unreachable_tags_and_the_length(poses_of):
+    exit_code, out, err = poses_of('--format', 'json', '--order', 'given', '--start', '1', '0')
+    data = json.loads(out)
+    assert (exit_code, err) == (0, '')
+    assert list(data) == ['poses', 'unreachable', 'length_m']
+    assert [each['tag_id'] for each in data['poses']] == ['7', '21']
+    assert list(data['poses'][0]) == ['tag_id', 'x', 'y', 'yaw', 'distance_m', 'angle_rad']
+    for each in data['poses']:
+        assert (each['x'], each['y'], each['yaw']) == pytest.approx(POSES[each['tag_id']], abs=1e-6)
+    assert data['length_m'] == pytest.approx(math.hypot(1.0, 0.5) + 1.7, abs=0.05)
+
+
+def test_each_format_has_the_same_poses(poses_of):
+    data = json.loads(poses_of('--format', 'json')[1])
+    assert yaml.safe_load(poses_of('--format', 'yaml')[1]) == data
+    rows = list(csv.DictReader(io.StringIO(poses_of('--format', 'csv')[1])))
+    assert [{key: float(row[key]) for key in row if key != 'tag_id'} for row in rows] == [
+        {key: each[key] for key in each if key != 'tag_id'} for each in data['poses']
+    ]
+    waypoints = yaml.safe_load(poses_of('--format', 'nav2')[1])['waypoints']
+    assert list(waypoints) == ['waypoint0', 'waypoint1']
+    for waypoint, pose in zip(waypoints.values(), data['poses'], strict=True):
+        assert waypoint['pose'] == [pose['x'], pose['y'], 0.0]
+        w, x, y, z = waypoint['orientation']
+        assert (x, y, 2 * math.atan2(z, w)) == pytest.approx((0.0, 0.0, pose['yaw']))
+
+
+def test_a_tag_without_a_pose_is_told_and_gives_exit_code_1(poses_of):
+    exit_code, out, err = poses_of('--radius', '0.79', '--largest-distance', '0.6', '--format', 'json')
+    reason = 'no place for a robot of radius 0.79 m within 0.6 m and 45°'
+    assert exit_code == 1
+    assert json.loads(out)['unreachable'] == [{'tag_id': each, 'reason': reason} for each in ('7', '21')]
+    assert err.splitlines() == [f"approach_poses: tag '{each}': {reason}" for each in ('7', '21')]
+
+
+def test_a_transform_moves_the_poses_into_the_map(poses_of, tmp_path):
+    path = tmp_path / 'transform.yaml'
+    write_transform(path, Transform(10.0, 20.0, math.pi / 2))
+    data = json.loads(poses_of('--format', 'json', '--transform', str(path))[1])
+    for each in data['poses']:
+        x, y, yaw = POSES[each['tag_id']]
+        moved = (10.0 - y, 20.0 + x, math.remainder(yaw + math.pi / 2, math.tau))
+        assert (each['x'], each['y']) == pytest.approx(moved[:2], abs=1e-6)
+        assert math.remainder(each['yaw'] - moved[2], math.tau) == pytest.approx(0.0, abs=1e-5)
+
+
+def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_path):
+    path = tmp_path / 'approach_overrides.yaml'
+    path.write_text('overrides: {"7": {standoff: 0.4}, "99": {yaw: 0.0}}', encoding='utf-8')
+    exit_code, out, err = poses_of('--format', 'json', '--overrides', str(path))
+    assert exit_code == 0
+    assert {each['tag_id']: each['distance_m'] for each in json.loads(out)['poses']} == {'7': 0.4, '21': 0.5}
+    assert "tag '99' is not in the layout" in err
+
+
+@pytest.mark.parametrize(
+    ('words', 'problem'),
+    [
+        (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
+        (['--overrides', '/missing.yaml'], "approach overrides '/missing.yaml': cannot be read"),
+        (['--transform', '/missing.yaml'], "'/missing.yaml': cannot be read"),
+        (['--radius', '2'], 'a robot of radius 2.005 m does not fit'),
+        (['--distance', 'nan'], 'the distances to a tag are 0.3, nan and 1 m'),
+        (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),
+        (['--picture', '/missing/route.png'], "--picture '/missing/route.png': "),
+        (['--picture', 'route.mp3'], "--picture 'route.mp3': "),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(poses_of, words, problem):
+    exit_code, out, err = poses_of(*words)
+    (line,) = err.splitlines()
+    assert (exit_code, out) == (2, '')
+    assert line.startswith('approach_poses: ')
+    assert problem in line
+
+
+def test_the_picture_is_drawn(poses_of, tmp_path):
+    path = tmp_path / 'route.png'
+    assert poses_of('--picture', str(path))[0] == 0
+    assert path.read_bytes().startswith(b'\x89PNG')
+
+
+def test_a_missing_matplotlib_is_one_line(poses_of, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'matplotlib', None)
+    exit_code, _, err = poses_of('--picture', 'route.png')
+    assert exit_code == 2
+    assert err.splitlines()[0].endswith('sudo apt install python3-matplotlib')
+
+
+def test_the_poses_are_computed_without_ros(tag_file):
+    program = (
+        "import sys; sys.modules['rclpy'] = None; from lupin_greenhouse_bridge.cli import approach_poses;"
+        ' sys.exit(approach_poses.main(sys.argv))'
+    )
+    command = [sys.executable, '-c', program, '--tag-file', tag_file]
+    assert subprocess.run(command, capture_output=True, check=False).returncode == 0
