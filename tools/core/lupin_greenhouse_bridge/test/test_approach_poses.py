@@ -4,13 +4,18 @@ import csv
 import io
 import json
 import math
+import signal
 import subprocess
 import sys
+import threading
 
 import pytest
 import yaml
+from geometry_msgs.msg import PoseArray
 from lupin_greenhouse_bridge.cli import approach_poses
 from lupin_greenhouse_bridge.greenhouse.registration import Transform, write_transform
+from lupin_greenhouse_bridge.testing import spinning_node, wait_until
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 LAYOUT = {
     'tags': {
@@ -147,3 +152,29 @@ def test_the_poses_are_computed_without_ros(tag_file):
     )
     command = [sys.executable, '-c', program, '--tag-file', tag_file]
     assert subprocess.run(command, capture_output=True, check=False).returncode == 0
+
+
+def test_publish_keeps_the_poses_on_a_latched_topic_until_a_signal(run_here, tag_file):
+    heard = []
+
+    def listen():
+        try:
+            with spinning_node('rviz') as node:
+                wait_until(lambda: node.count_publishers('/approach_poses/poses') == 1)
+                latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+                node.create_subscription(PoseArray, '/approach_poses/poses', heard.append, latched)
+                wait_until(lambda: heard)
+        finally:
+            signal.raise_signal(signal.SIGTERM)
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    ended = run_here(approach_poses.main, '--tag-file', tag_file, '--publish')
+    listener.join()
+    assert ended.code == 0, ended
+    assert heard[0].header.frame_id == 'map'
+    poses = [
+        (each.position.x, each.position.y, 2 * math.atan2(each.orientation.z, each.orientation.w))
+        for each in heard[0].poses
+    ]
+    assert poses == [pytest.approx(each, abs=1e-5) for each in POSES.values()]
