@@ -13,8 +13,20 @@ WRONG = """
 import sys
 import math
 from lupin_world import check_world, sdf
-place = sdf.place
-sdf.place = lambda layout: {number: each._replace({change}) for number, each in place(layout).items()}
+place = sdf.place_by_number
+sdf.place_by_number = lambda layout: {n: each._replace({change}) for n, each in place(layout).items()}
+sys.exit(check_world.main(sys.argv[1:]))
+"""
+TURNED = """
+import sys
+import math
+from lupin_world import check_world
+find = check_world.find_approaches
+def find_turned(*arguments):
+    found = find(*arguments)
+    poses = {tag_id: each._replace(yaw=each.yaw + math.pi / 2) for tag_id, each in found.poses.items()}
+    return found._replace(poses=poses)
+check_world.find_approaches = find_turned
 sys.exit(check_world.main(sys.argv[1:]))
 """
 TABLES = {
@@ -48,7 +60,8 @@ def test_a_layout_of_ones_own_becomes_a_world_whose_tags_can_be_read(tmp_path, t
     result = check_world(tmp_path, {'tags': TAGS, 'tables': tables})
     assert result.returncode == 0, result.stdout + result.stderr
     lines = result.stdout.splitlines()
-    assert sum(': 3 of 3 read' in line for line in lines) == 18
+    assert sum(': 3 of 3 read (a robot' in line for line in lines) == 18
+    assert sum('approach poses' in line and ': 3 of 3 read' in line for line in lines) == 6
     assert sum('from behind: 0 of 3 read' in line for line in lines) == 2
 
 
@@ -66,6 +79,15 @@ def test_a_wrong_world_is_noticed(tmp_path, change, finding):
     result = check_world(tmp_path, {'tags': TAGS, 'tables': TABLES}, ('-c', script))
     assert result.returncode == 1
     assert finding in result.stdout
+    assert result.stdout.endswith('the world is WRONG\n')
+
+
+@needs_drake
+@pytest.mark.heavy
+def test_approach_poses_that_look_aside_are_noticed(tmp_path):
+    result = check_world(tmp_path, {'tags': TAGS, 'tables': TABLES}, ('-c', TURNED))
+    assert result.returncode == 1
+    assert '4 cm, approach poses of a robot of radius 0.20 m: 0 of 3 read, not 0, 7, 586' in result.stdout
     assert result.stdout.endswith('the world is WRONG\n')
 
 

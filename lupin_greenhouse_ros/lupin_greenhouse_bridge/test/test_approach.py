@@ -228,7 +228,7 @@ def test_the_shortest_route_of_the_shipped_layout_is_a_third_of_the_numeric_one(
 
 def test_two_opt_mends_what_the_nearest_first_leaves():
     floor = Floor(layout_of((0.0, -3.0), (12.0, 3.0)), 0.1)
-    stops = {'1': 1.0, '2': -1.5, '3': 3.5, '4': -5.0}  # nearest first goes to and fro
+    stops = {'1': 1.0, '2': -1.5, '3': 3.5, '4': -5.0}  # nearest first turns round at each
     poses = {tag_id: ApproachPose(x + 5.0, 0.0, 0.0, 0.5, 0.0) for tag_id, x in stops.items()}
     route = plan_route(floor, poses, (5.0, 0.0), 'shortest')
     assert route.length_m < 13.5
