@@ -1,4 +1,4 @@
-"""Drive to a tag: the interface that the mission needs, and a timed stand-in. Nav2 can implement it too."""
+"""Drive to a tag: the interface that the mission needs, and a timed stand-in. nav2_drive.py drives a robot."""
 
 from abc import ABC, abstractmethod
 from typing import NamedTuple
@@ -8,6 +8,7 @@ class Arrival(NamedTuple):
     """The end of a drive: the robot stands at its goal, or the drive has failed."""
 
     failure: str = ''  # why the robot is not at its goal; empty if it is
+    is_final: bool = False  # another attempt would fail too
 
 
 class Drive(ABC):
@@ -37,6 +38,10 @@ class Drive(ABC):
 
     def resume(self) -> None:  # noqa: B027
         """Go on to the same goal."""
+
+    def is_over(self) -> bool:
+        """Return whether the robot has ended all drives that were stopped."""
+        return True
 
 
 class TimedDrive(Drive):

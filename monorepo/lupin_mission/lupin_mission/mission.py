@@ -58,6 +58,7 @@ class Limits:
     read_timeout_seconds: float = 5.0  # of one attempt
     max_attempts: int = 3  # of each service, per tag
     retry_delay_seconds: float = 0.5  # before the second attempt; doubles each time, up to 10
+    max_drives: int = 2  # to each tag, and to the dock
 
 
 class Surroundings(Protocol):
@@ -112,6 +113,7 @@ class Mission:
         self._first_service = Service.CONFIRM if require_visual_confirmation else Service.READ
         self._to_visit = iter(self.tag_ids)
         self._tag_id: str | None = None
+        self._drives = 0  # to this tag, or to the dock
         self._now = 0.0
         self._active_seconds = 0.0  # stops during a pause; drive, dwell and back-off use it
         self._dwell_end = 0.0
@@ -173,13 +175,14 @@ class Mission:
         """Take the transition that is due; return whether there was one."""
         if self.state is State.READY:
             self._drive_on()
-        elif self.state is State.RETURNING and (arrival := self._drive.arrival(self._active_seconds)):
-            self._end_return(arrival)
         elif self.target and self._scan_reading_done:
             if self._active_seconds < self._dwell_end:
                 return False
             self._drive_on()
-        elif self.state is State.DRIVING and (arrival := self._drive.arrival(self._active_seconds)):
+        elif self.state in (State.DRIVING, State.RETURNING):
+            arrival = self._drive.arrival(self._active_seconds)
+            if not arrival:
+                return False
             self._end_drive(arrival)
         elif (
             self.state is State.INSPECTING
@@ -195,34 +198,46 @@ class Mission:
         self._tag_id = next(self._to_visit, None)
         self._scan_reading_done = False
         self._requests_before = self._requests
+        self._drives = 0
         if self._tag_id is not None:
             self.state = State.DRIVING
             self._surroundings.note(f'driving to tag {self._tag_id!r}', Severity.INFO)
-            self._drive.start(self._tag_id, self._active_seconds)
+            self._set_off()
         elif self._returns_to_dock:
             self.state = State.RETURNING
             self._surroundings.note('driving to the dock', Severity.INFO)
-            self._drive.start_return(self._active_seconds)
+            self._set_off()
         else:
             self._end()
 
-    def _end_return(self, arrival: Arrival) -> None:
-        if arrival.failure:
-            self._surroundings.note(f'the robot is not at the dock: {arrival.failure}', Severity.WARN)
-        self._end()
+    def _set_off(self) -> None:
+        self._drives += 1
+        if self.state is State.RETURNING:
+            self._drive.start_return(self._active_seconds)
+        else:
+            self._drive.start(self._tag_id, self._active_seconds)
 
     def _end(self) -> None:
         self.state = State.DONE
         self._surroundings.note(f'done: {self.count(Outcome.OK)} tags read', Severity.INFO)
 
     def _end_drive(self, arrival: Arrival) -> None:
-        if arrival.failure:
+        if arrival.failure and not arrival.is_final and self._drives < self._limits.max_drives:
+            goal = f'tag {self._tag_id!r}' if self.state is State.DRIVING else 'the dock'
+            event = f'the drive to {goal} failed: {arrival.failure}: trying again'
+            self._surroundings.note(event, Severity.WARN)
+            self._set_off()
+        elif self.state is State.RETURNING:
+            if arrival.failure:
+                self._surroundings.note(f'the robot is not at the dock: {arrival.failure}', Severity.WARN)
+            self._end()
+        elif arrival.failure:
             self._close(Outcome.UNREACHABLE, arrival.failure, None)
             self._dwell_end = self._active_seconds
-            return
-        self.state = State.INSPECTING
-        self._dwell_end = self._active_seconds + self._limits.dwell_seconds
-        self._turn_to(self._first_service)
+        else:
+            self.state = State.INSPECTING
+            self._dwell_end = self._active_seconds + self._limits.dwell_seconds
+            self._turn_to(self._first_service)
 
     def _turn_to(self, service: Service) -> None:
         self._service = service
