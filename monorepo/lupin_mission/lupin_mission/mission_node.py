@@ -1,26 +1,29 @@
 """ROS 2 node `mission_orchestrator`: visits the tags, reads each over ROS, and publishes what it finds."""
 
+import contextlib
 import sys
 import time
 import uuid
 from functools import partial
 from pathlib import Path
 
-from lupin_greenhouse_bridge.errors import printable
+from lupin_greenhouse_bridge.errors import OneLineError, printable
 from lupin_greenhouse_bridge.node.parameters import declare_parameters
 from lupin_greenhouse_bridge.node.run import run
 from lupin_msgs.srv import StartMission
 from lupin_perception.map_places import MapPlaces
 from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from lupin_mission.announcer import Announcer
-from lupin_mission.drive import TimedDrive
+from lupin_mission.drive import Drive, TimedDrive
 from lupin_mission.messages import MISSION_TYPE, accept_response
 from lupin_mission.mission import Mission, Request, Severity, State
+from lupin_mission.nav2_drive import Goal, Nav2Drive
 from lupin_mission.report import (
     Observation,
     Outcome,
@@ -36,6 +39,7 @@ from lupin_mission.transport import Transport
 ALL_READ, SOME_NOT_READ, REFUSED = 0, 1, 2
 NODE_NAME = 'mission_orchestrator'
 STEP_SECONDS = 0.02
+LONGEST_STOP_SECONDS = 2.0
 RELEASE_ESTOP = 'the e-stop is engaged: release it first'
 
 
@@ -63,7 +67,9 @@ class MissionNode(Node):
         self._mission_id = ''
         self._started_at = None
         self._is_estop_engaged = False
+        self._is_ending = False
         self._announcer = Announcer(self, settings.observations_topic, settings.frame_id)
+        self._drive = self._make_drive()
         for name in ('pause', 'resume', 'skip_current', 'abort'):
             verb = name.removesuffix('_current')
             self.create_service(Trigger, f'mission/{name}', partial(self._trigger, verb))
@@ -88,18 +94,47 @@ class MissionNode(Node):
         return Report(path.with_name(f'{path.stem}-{mission_id}{path.suffix}') if mission_id else path)
 
     def farewell(self) -> None:
-        """Publish the state once more, and wait until the subscribers have it, with a timeout."""
+        """Stop the robot, and publish the state once more; wait for both, with timeouts."""
+        self._stop_robot(self.executor)
         self._publish_state()
         self._announcer.wait_for_subscribers()
 
+    def _stop_robot(self, executor) -> None:
+        """Give up the drive for good, and wait until the robot has, with a timeout."""
+        self._is_ending = True
+        self._drive.stop()
+        deadline = time.monotonic() + LONGEST_STOP_SECONDS
+        while not self._drive.is_over() and time.monotonic() < deadline:
+            executor.spin_once(timeout_sec=STEP_SECONDS)
+
     def destroy_node(self) -> None:
-        """Close the report too, so that another mission of this process can continue it."""
+        """Stop the robot, whatever ended the mission, and close the report, so that another can continue it."""
+        if not self._drive.is_over():
+            executor = SingleThreadedExecutor(context=self.context)  # that of run() is closed
+            executor.add_node(self)
+            with contextlib.suppress(OneLineError):  # there has been one, or all is said
+                self._stop_robot(executor)
+            executor.shutdown(timeout_sec=0)
         if self.report:
             self.report.close()
             self.report = None
         super().destroy_node()
 
     # The mission
+
+    def _make_drive(self) -> Drive:
+        settings = self._settings
+        if settings.drive == 'timed':
+            return TimedDrive(settings.drive_seconds)
+        return Nav2Drive(
+            self,
+            settings.nav_action_name,
+            frame_id=settings.frame_id,
+            dock=Goal(*settings.dock) if settings.dock else None,
+            timeout_seconds=settings.nav_timeout_s,
+            server_timeout_seconds=settings.dependency_timeout_s,
+            note=self.note,
+        )
 
     def _on_tags(self) -> None:
         """Start the mission, unless it waits for mission/start."""
@@ -123,10 +158,10 @@ class MissionNode(Node):
         self.mission = Mission(
             to_visit,
             self,
-            TimedDrive(self._settings.drive_seconds),
+            self._drive,
             self._settings.limits,
             require_visual_confirmation=self._settings.require_visual_confirmation,
-            returns_to_dock=self._settings.has_dock,
+            returns_to_dock=bool(self._settings.dock),
         )
         read_before = len(tag_ids) - len(to_visit)
         self._announcer.started(
@@ -137,7 +172,7 @@ class MissionNode(Node):
         self.mission.start(time.monotonic())
 
     def _step(self) -> None:
-        if self.mission is None:
+        if self.mission is None or self._is_ending:
             return
         self._transport.send_when_ready()
         self.mission.step(time.monotonic())
@@ -226,6 +261,8 @@ class MissionNode(Node):
 
     def _reason_against(self, request) -> str:
         """Return why a mission cannot be started as requested; '' if it can."""
+        if self._is_ending:
+            return 'the node is about to end'
         if self.mission and self.mission.state is not State.DONE:
             return f'mission {self._mission_id} is running: abort it, or wait for its end'
         if self._is_estop_engaged:

@@ -10,12 +10,11 @@ from lupin_greenhouse_bridge.node.parameters import check_parameters, invalid, p
 from lupin_mission.mission import Limits
 
 LONGEST_SECONDS = 86400.0
+DRIVES = ('timed', 'nav2')
 REPLY_SECONDS = 3.0  # a camera on a busy machine replies this long after its time is over
-# Arguments of the team's orchestrator for what this mission does not do: it does not explore, localize, plan
-# its own way, or move an arm.
+# Arguments of the team's orchestrator for what this mission does not do: it does not explore, localize, or move
+# an arm.
 WITHOUT_EFFECT = (
-    'approach_overrides_file',
-    'approach_standoff_m',
     'approach_yaw',
     'arm_inspect_preset',
     'arm_patrol_enabled',
@@ -30,10 +29,7 @@ WITHOUT_EFFECT = (
     'localization_timeout_s',
     'map_topic',
     'map_yaml_path',
-    'nav_action_name',
     'nav_localization_cov_threshold',
-    'nav_max_attempts',
-    'nav_timeout_s',
 )
 
 
@@ -63,11 +59,27 @@ class Settings:
         False,
         'Read a tag only if the camera confirms it (hardware); false: trust the ids (simulation).',
     )
+    drive: str = parameter(
+        'timed',
+        'How the robot gets to a tag: nav2 (an action client of Nav2) or timed (no robot: it takes drive_seconds).',
+    )
     drive_seconds: float = parameter(
         0.0,
-        'Seconds for the drive to a tag; 0.0: the robot arrives at once.',
+        'Seconds for the drive to a tag, with drive timed; 0.0: the robot arrives at once.',
         smallest=0.0,
         largest=LONGEST_SECONDS,
+    )
+    nav_action_name: str = parameter(
+        'navigate_to_pose', 'The NavigateToPose action; a relative name is in the namespace of the node.'
+    )
+    nav_timeout_s: float = parameter(
+        60.0, 'Seconds for one drive with Nav2; 0.0: no limit.', smallest=0.0, largest=LONGEST_SECONDS
+    )
+    nav_max_attempts: int = parameter(
+        Limits.max_drives,
+        'Drives to a tag, or to the dock, before it is unreachable.',
+        smallest=1,
+        largest=1000,
     )
     dock_pose: str = parameter(  # or an array
         '', 'x and y in metres and yaw in radians of the dock in the map; empty: the robot does not return.'
@@ -115,7 +127,8 @@ class Settings:
     )
     dependency_timeout_s: float = parameter(
         30.0,
-        'Seconds that a mission which does not wait for its start waits for the tags of the bridge.',
+        'Seconds that a drive waits for its action server, and that a mission which does not wait for its start'
+        ' waits for the tags of the bridge.',
         smallest=0.0,
         largest=LONGEST_SECONDS,
     )
@@ -146,8 +159,10 @@ class Settings:
         check_parameters(self, of_any_type=('tag_sequence', 'tag_poses_in_map', 'dock_pose'))
         if self.tag_poses_in_map not in ('', True, False, 'true', 'false'):
             raise invalid('tag_poses_in_map', self.tag_poses_in_map, 'true, false or empty')
+        if self.drive not in DRIVES:
+            raise invalid('drive', self.drive, ' or '.join(DRIVES))
         try:
-            numbers = [float(word) for word in _words(self.dock_pose)]
+            numbers = self.dock
         except ValueError:
             numbers = [math.nan]
         if len(numbers) not in (0, 3) or not all(map(math.isfinite, numbers)):
@@ -165,9 +180,9 @@ class Settings:
         return _words(self.tag_sequence)
 
     @property
-    def has_dock(self) -> bool:
-        """Whether the robot returns to a dock."""
-        return bool(_words(self.dock_pose))
+    def dock(self) -> list[float]:
+        """x, y and yaw of the dock in the map; [] if the robot does not return to one."""
+        return [float(word) for word in _words(self.dock_pose)]
 
     @property
     def has_poses_in_map(self) -> bool:
@@ -185,6 +200,7 @@ class Settings:
             read_timeout_seconds=self.scan_timeout_s,
             max_attempts=self.max_attempts,
             retry_delay_seconds=self.retry_delay_seconds,
+            max_drives=self.nav_max_attempts,
         )
 
 

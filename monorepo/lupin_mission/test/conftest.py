@@ -109,6 +109,22 @@ def held_service(node):
 
 
 @pytest.fixture
+def held_navigator(node):
+    """Return a function that makes an action server which the test controls."""
+    import nav2_msgs.action
+    from navigator_helpers import HeldNavigator
+
+    with contextlib.ExitStack() as stack:
+
+        def make(name):
+            navigator = HeldNavigator(node, nav2_msgs.action.NavigateToPose, name)
+            stack.callback(navigator.close)
+            return navigator
+
+        yield make
+
+
+@pytest.fixture
 def reader(held_service):
     """Return a GetTagReading service that the test controls."""
     return held_service(GetTagReading, '/held/get_tag_reading')

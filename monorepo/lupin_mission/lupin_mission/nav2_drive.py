@@ -1,0 +1,209 @@
+"""Drive with Nav2: an action client of nav2_msgs/action/NavigateToPose. No call waits."""
+
+import importlib
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
+from lupin_greenhouse_bridge.errors import StartUpError, printable
+from rclpy.action import ActionClient
+
+from lupin_mission.drive import Arrival, Drive
+from lupin_mission.mission import Severity
+
+LONGEST_REPLY_SECONDS = 5.0  # from a goal to its acceptance or rejection
+LONGEST_END_SECONDS = 2.0  # from a cancel to the end of the goal
+NO_POSE = 'there is no approach pose for this tag'
+
+
+class Goal(NamedTuple):
+    """A pose of the robot in the map: metres, and radians counter-clockwise from the x axis."""
+
+    x: float
+    y: float
+    yaw: float
+
+
+def navigate_to_pose():
+    """Return the action NavigateToPose; raises StartUpError if the package nav2_msgs is missing."""
+    try:
+        return importlib.import_module('nav2_msgs.action').NavigateToPose
+    except ImportError as error:
+        raise StartUpError(
+            f'drive:=nav2 needs the package nav2_msgs ({error}): sudo apt install ros-$ROS_DISTRO-nav2-msgs'
+        ) from error
+
+
+class Nav2Drive(Drive):
+    """
+    Sends the robot to one pose at a time.
+
+    `goals` has the pose for each tag, `unreachable` the reason why a tag has none. A goal is sent when its
+    server is there and the goal before has ended, and it is cancelled by stop() and pause().
+    """
+
+    def __init__(
+        self,
+        node,
+        action_name: str,
+        *,
+        frame_id: str,
+        dock: Goal | None = None,
+        timeout_seconds: float = 0.0,
+        server_timeout_seconds: float = 30.0,
+        note: Callable[[str, Severity], None],
+    ):
+        """Create the client; a timeout of 0 is none. Raises StartUpError for an invalid name."""
+        self.goals: dict[str, Goal] = {}
+        self.unreachable: dict[str, str] = {}
+        self._action = navigate_to_pose()
+        self._name = action_name
+        try:
+            self._client = ActionClient(node, self._action, action_name)
+        except ValueError as error:
+            raise StartUpError(f'{action_name!r} is not an action name: {error}') from error
+        self._frame_id = frame_id
+        self._dock = dock
+        self._timeout_seconds = timeout_seconds
+        self._server_timeout_seconds = server_timeout_seconds
+        self._note = note
+        self._goal: Goal | None = None
+        self._no_goal = ''  # why there is none
+        self._sent: _SentGoal | None = None  # for this goal
+        self._not_over: list[_SentGoal] = []
+        self._since: float | None = None  # the start, the end of the pause, or the sending
+        self._has_warned = False  # of a server that is not there
+
+    def start(self, tag_id, now_seconds):
+        """Set off for the approach pose of a tag."""
+        self._set_off(self.goals.get(tag_id), self.unreachable.get(tag_id, NO_POSE), now_seconds)
+
+    def start_return(self, now_seconds):
+        """Set off for the dock."""
+        self._set_off(self._dock, 'dock_pose is empty', now_seconds)
+
+    def _set_off(self, goal: Goal | None, no_goal: str, now_seconds: float) -> None:
+        self._goal, self._no_goal = goal, no_goal
+        self._sent, self._since = None, now_seconds
+
+    def arrival(self, now_seconds):
+        """Return how the drive ended; None while the robot drives, or waits for its server."""
+        if self._goal is None:
+            return Arrival(self._no_goal, is_final=True)
+        if self._since is None:
+            self._since = now_seconds
+        elapsed_seconds = now_seconds - self._since
+        sent, is_server_there = self._sent, self._client.server_is_ready()
+        if sent and sent.is_over and not (sent.is_given_up and sent.failure):
+            return Arrival(sent.failure)  # a robot that was there at the moment of a pause need not go again
+        if not sent or sent.is_given_up:
+            return self._send(elapsed_seconds, now_seconds, is_server_there=is_server_there)
+        if not is_server_there:
+            self._not_over.clear()
+            return self._failed(f'{self._name} has gone')
+        if not sent.is_accepted:
+            is_late = elapsed_seconds >= LONGEST_REPLY_SECONDS
+            return self._failed(f'{self._name} did not reply to the goal') if is_late else None
+        if self._timeout_seconds and elapsed_seconds >= self._timeout_seconds:
+            return self._failed(f'the robot did not arrive within {self._timeout_seconds:g} s')
+        return None
+
+    def _failed(self, reason: str) -> Arrival:
+        self._sent.give_up()
+        return Arrival(reason)
+
+    def _send(self, elapsed_seconds: float, now_seconds: float, *, is_server_there: bool) -> Arrival | None:
+        """Send the goal once the server is there, and has ended the goal before; bounded."""
+        if not is_server_there:
+            if elapsed_seconds >= self._server_timeout_seconds:
+                return Arrival(f'there is no action server {self._name}: start Nav2', is_final=True)
+            if not self._has_warned:
+                self._note(f'waiting for the action server {self._name}', Severity.WARN)
+            self._has_warned = True
+        elif self.is_over() or elapsed_seconds >= LONGEST_END_SECONDS:
+            message = self._action.Goal()
+            message.pose.header.frame_id = self._frame_id  # without a stamp: Nav2 takes the latest transform
+            position, orientation = message.pose.pose.position, message.pose.pose.orientation
+            position.x, position.y = self._goal.x, self._goal.y
+            orientation.z, orientation.w = math.sin(self._goal.yaw / 2), math.cos(self._goal.yaw / 2)
+            self._sent, self._since = _SentGoal(self._client, message, self._name, self._note), now_seconds
+            self._not_over.append(self._sent)
+        return None
+
+    def stop(self):
+        """Cancel the goal: at once, or when it is accepted."""
+        if self._sent:
+            self._sent.give_up()
+
+    def pause(self):
+        """Cancel the goal. After the pause it is sent again, unless the robot is there already."""
+        self.stop()
+        self._since = None
+
+    def is_over(self):
+        """Return whether every goal that was sent has ended, as far as its server can still tell."""
+        self._not_over = [each for each in self._not_over if not each.is_over]
+        return not (self._not_over and self._client.server_is_ready())
+
+
+class _SentGoal:
+    """A goal from its request to its end."""
+
+    def __init__(self, client: ActionClient, message, name: str, note: Callable[[str, Severity], None]):
+        """Send it."""
+        self.is_accepted = self.is_given_up = self.is_over = False
+        self.failure = ''  # of a goal that is over
+        self._name = name
+        self._note = note
+        self._handle = None
+        client.send_goal_async(message).add_done_callback(self._on_reply)
+
+    def give_up(self) -> None:
+        """Cancel the goal: at once, or when it is accepted."""
+        if not (self.is_given_up or self.is_over):
+            self.is_given_up = True
+            if self.is_accepted:
+                self._cancel()
+
+    def _cancel(self) -> None:
+        self._handle.cancel_goal_async().add_done_callback(self._on_cancel_reply)
+
+    def _on_reply(self, future) -> None:
+        self._handle = future.result()
+        self.is_accepted = self._handle.accepted
+        if not self.is_accepted:
+            self._end(f'{self._name} rejected the goal')
+            return
+        self._handle.get_result_async().add_done_callback(self._on_result)
+        if self.is_given_up:
+            self._cancel()
+
+    def _on_cancel_reply(self, future) -> None:
+        response = future.result()
+        has_ended = response.return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
+        is_refused = not (response.goals_canceling or has_ended)
+        if response.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:  # of a server that has restarted
+            self._end(f'{self._name} does not know the goal any more')
+        elif is_refused and not self.is_over:
+            event = f'{self._name} refused to cancel the drive: the robot may still move'
+            self._note(event, Severity.ERROR)
+
+    def _on_result(self, future) -> None:
+        response = future.result()
+        if response.status == GoalStatus.STATUS_SUCCEEDED:
+            self._end('')
+        elif response.status == GoalStatus.STATUS_CANCELED:
+            self._end('another client cancelled the drive')
+        else:
+            self._end(f'{self._name} aborted the drive{_reason_of(response.result)}')
+
+    def _end(self, failure: str) -> None:
+        self.is_over, self.failure = True, failure
+
+
+def _reason_of(result) -> str:
+    """Return code and message of a result, as far as its distro has them: Humble has neither."""
+    code, text = getattr(result, 'error_code', 0), getattr(result, 'error_msg', '')
+    return (f' with code {code}' if code else '') + (f': {printable(text, 200)}' if text else '')

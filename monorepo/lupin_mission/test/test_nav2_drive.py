@@ -1,0 +1,346 @@
+"""The drive with Nav2, against a real action server whose every step the test holds."""
+
+import importlib
+import math
+import sys
+import uuid
+
+import pytest
+import rclpy
+from action_msgs.srv import CancelGoal
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.testing import wait_until
+from lupin_mission.drive import Arrival
+from lupin_mission.mission import Limits, Mission, Severity, State
+from lupin_mission.nav2_drive import Goal, Nav2Drive, navigate_to_pose
+from lupin_mission.report import Outcome
+from rclpy.context import Context
+
+actions = pytest.importorskip(
+    'nav2_msgs.action', reason='nav2_msgs is missing: sudo apt install ros-$ROS_DISTRO-nav2-msgs'
+)
+navigator_helpers = importlib.import_module('navigator_helpers')
+HOUR = 3600.0
+HERE = Arrival()
+
+
+@pytest.fixture
+def make_trip():
+    """Return a function that makes a drive on a node which the test spins."""
+    context = Context()
+    rclpy.init(args=[], context=context)
+    name = f'driver_{uuid.uuid4().hex[:8]}'  # of the node before, the graph may still know the clients
+    driver = rclpy.create_node(name, context=context)
+    trips = []
+
+    def make(**options):
+        trips.append(navigator_helpers.Trip(driver, **options))
+        return trips[-1]
+
+    yield make
+    for trip in trips:
+        trip.close()
+    driver.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+@pytest.fixture
+def trip(make_trip):
+    """Return a drive with Nav2's default time."""
+    return make_trip(timeout_seconds=60.0)
+
+
+@pytest.fixture
+def navigator(held_navigator, trip):
+    """Return the navigator of the trip."""
+    return held_navigator(trip.name)
+
+
+def accepted(trip, navigator):
+    """Return the handle of a goal that the server has accepted, and that the drive knows to be accepted."""
+    trip.drive_until(navigator.has_goal)
+    navigator.wait_for_goal()
+    goal = navigator.accept()
+    trip.drive_until(lambda: trip.drive._sent.is_accepted)
+    return goal
+
+
+def test_the_goal_is_the_pose_in_the_map(trip, navigator):
+    trip.start('a')
+    trip.drive_until(navigator.has_goal)
+    goal = navigator.wait_for_goal()
+    assert goal.header.frame_id == 'map'
+    assert (goal.header.stamp.sec, goal.header.stamp.nanosec) == (0, 0)  # the latest transform
+    assert (goal.pose.position.x, goal.pose.position.y) == (1.0, 2.0)
+    assert (goal.pose.orientation.z, goal.pose.orientation.w) == pytest.approx([math.sqrt(0.5)] * 2)
+    navigator.end(navigator.accept(), 'succeed')
+    assert trip.arrival() == HERE
+    assert trip.drive.is_over()
+
+
+def test_the_dock_is_a_goal_too(make_trip, held_navigator):
+    trip = make_trip(dock=Goal(5.0, 6.0, 0.0))
+    navigator = held_navigator(trip.name)
+    trip.drive.start_return(0.0)
+    trip.drive_until(navigator.has_goal)
+    assert navigator.wait_for_goal().pose.position.x == 5.0
+    navigator.end(navigator.accept(), 'succeed')
+    assert trip.arrival() == HERE
+
+
+def test_a_tag_without_a_pose_fails_for_good_with_its_reason_and_without_a_drive(trip, navigator):
+    trip.drive.unreachable['c'] = 'cut off'
+    for tag_id, reason in (('c', 'cut off'), ('d', 'there is no approach pose for this tag')):
+        trip.start(tag_id)
+        assert trip.spin() == Arrival(reason, is_final=True)
+    trip.start('b')
+    trip.drive_until(navigator.has_goal)
+    assert navigator.wait_for_goal().pose.position.x == 3.0
+
+
+def test_without_a_server_a_drive_fails_for_good_after_its_time(make_trip):
+    trip = make_trip(server_timeout_seconds=30.0)
+    trip.now_seconds = 100.0
+    trip.start('a')
+    trip.now_seconds = 129.9
+    assert trip.spin() is None
+    trip.now_seconds = 130.0
+    assert trip.spin() == Arrival(f'there is no action server {trip.name}: start Nav2', is_final=True)
+    assert trip.notes == [(f'waiting for the action server {trip.name}', Severity.WARN)]
+
+
+def test_a_server_that_starts_late_is_waited_for(trip, held_navigator):
+    trip.start('a')
+    assert trip.spin() is None
+    trip.now_seconds = 20.0
+    navigator = held_navigator(trip.name)
+    navigator.end(accepted(trip, navigator), 'succeed')
+    assert trip.arrival() == HERE
+
+
+def test_a_goal_that_is_rejected_is_a_failed_drive(trip, navigator):
+    trip.start('a')
+    navigator.reject()
+    assert trip.arrival() == Arrival(f'{trip.name} rejected the goal')
+    assert trip.drive.is_over()
+
+
+@pytest.mark.parametrize(
+    ('name', 'result', 'reason'),
+    [
+        ('NavigateToPoseHumble', {}, ''),
+        ('NavigateToPoseIron', {'error_code': 104}, ' with code 104'),
+        ('NavigateToPose', {'error_code': 104, 'error_msg': 'no\nway'}, r' with code 104: no\nway'),
+        ('NavigateToPose', {}, ''),
+    ],
+)
+def test_an_abort_is_a_failed_drive_with_code_and_message(
+    make_trip, held_navigator, monkeypatch, name, result, reason
+):
+    action = getattr(actions, name, None)
+    if action is None or not all(hasattr(action.Result(), field) for field in result):
+        pytest.skip(f'this nav2_msgs is not the stand-in: it has no {name} with these fields')
+    monkeypatch.setattr(actions, 'NavigateToPose', action)
+    trip = make_trip()
+    navigator = held_navigator(trip.name)
+    trip.start('a')
+    navigator.end(accepted(trip, navigator), 'abort', **result)
+    assert trip.arrival() == Arrival(f'{trip.name} aborted the drive{reason}')
+
+
+def test_a_goal_that_is_accepted_after_a_stop_is_cancelled_at_once(trip, navigator):
+    trip.start('a')
+    trip.drive_until(navigator.has_goal)
+    trip.drive.stop()
+    trip.start('b')
+    goal = navigator.accept()
+    trip.drive_until(navigator.has_cancel)
+    navigator.grant_cancel(goal)
+    trip.drive_until(lambda: len(navigator.goals) == 2)
+    assert navigator.goals[1].pose.position.x == 3.0
+
+
+def test_a_goal_without_a_reply_is_given_up_and_cancelled_when_it_is_accepted(trip, navigator):
+    trip.start('a')
+    trip.drive_until(navigator.has_goal)
+    trip.now_seconds = 4.9
+    assert trip.spin() is None
+    trip.now_seconds = 5.0
+    assert trip.spin() == Arrival(f'{trip.name} did not reply to the goal')
+    trip.start('a')
+    goal = navigator.accept()
+    trip.drive_until(navigator.has_cancel)
+    navigator.grant_cancel(goal)
+    trip.drive_until(lambda: len(navigator.goals) == 2)
+
+
+def test_a_drive_that_takes_too_long_fails_and_is_cancelled(trip, navigator):
+    trip.start('a')
+    goal = accepted(trip, navigator)
+    trip.now_seconds = 59.9
+    assert trip.spin() is None
+    trip.now_seconds = 60.0
+    assert trip.spin() == Arrival('the robot did not arrive within 60 s')
+    trip.start('a')
+    trip.drive_until(navigator.has_cancel)
+    navigator.grant_cancel(goal)
+    trip.drive_until(lambda: len(navigator.goals) == 2)
+
+
+def test_without_a_limit_a_drive_takes_as_long_as_it_takes(make_trip, held_navigator):
+    trip = make_trip(timeout_seconds=0.0)
+    navigator = held_navigator(trip.name)
+    trip.start('a')
+    goal = accepted(trip, navigator)
+    trip.now_seconds = HOUR
+    assert trip.spin() is None
+    navigator.end(goal, 'succeed')
+    assert trip.arrival() == HERE
+
+
+def test_a_goal_that_another_client_cancels_is_a_failed_drive(trip, navigator, node):
+    trip.start('a')
+    goal = accepted(trip, navigator)
+    someone = node.create_client(CancelGoal, f'{trip.name}/_action/cancel_goal')
+    wait_until(someone.service_is_ready)
+    someone.call_async(CancelGoal.Request())  # cancels all goals
+    navigator.grant_cancel(goal)
+    assert trip.arrival() == Arrival('another client cancelled the drive')
+
+
+def test_a_cancel_that_is_refused_is_an_error_and_the_next_goal_is_sent_after_2_s(trip, navigator):
+    trip.start('a')
+    accepted(trip, navigator)
+    trip.drive.stop()
+    trip.start('b')
+    navigator.answer_cancel(accept=False)
+    trip.drive_until(lambda: trip.notes)
+    refusal = f'{trip.name} refused to cancel the drive: the robot may still move'
+    assert trip.notes == [(refusal, Severity.ERROR)]
+    assert not trip.drive.is_over()
+    trip.now_seconds = 1.9
+    assert trip.spin() is None
+    assert len(navigator.goals) == 1
+    trip.now_seconds = 2.0
+    navigator.end(accepted(trip, navigator), 'succeed')
+    assert trip.arrival() == HERE
+
+
+def test_a_server_that_dies_under_way_is_a_failed_drive_and_its_successor_gets_the_goal(
+    trip, navigator, held_navigator
+):
+    trip.start('a')
+    accepted(trip, navigator)
+    navigator.close()
+    assert trip.arrival() == Arrival(f'{trip.name} has gone')
+    trip.start('a')
+    assert trip.spin() is None
+    successor = held_navigator(trip.name)
+    successor.end(accepted(trip, successor), 'succeed')
+    assert trip.arrival() == HERE
+    assert trip.drive.is_over()
+
+
+@pytest.mark.parametrize('how', ['succeed', 'canceled'])
+def test_a_result_that_comes_after_a_cancel_is_not_that_of_the_next_drive(trip, navigator, how):
+    trip.start('a')
+    goal = accepted(trip, navigator)
+    trip.drive.stop()
+    trip.start('b')
+    trip.drive_until(navigator.has_cancel)
+    assert len(navigator.goals) == 1  # the next goal waits for the end of this one
+    if how == 'succeed':
+        navigator.end(goal, how)
+        navigator.answer_cancel()
+    else:
+        navigator.grant_cancel(goal)
+    following = accepted(trip, navigator)
+    assert len(navigator.goals) == 2
+    navigator.end(following, 'succeed')
+    assert trip.arrival() == HERE
+
+
+def test_a_success_at_the_moment_of_a_pause_counts(trip, navigator):
+    trip.start('a')
+    goal = accepted(trip, navigator)
+    trip.drive.pause()
+    navigator.wait_for_cancel()
+    navigator.end(goal, 'succeed')
+    navigator.answer_cancel()
+    trip.drive.resume()
+    assert trip.arrival() == HERE
+    assert len(navigator.goals) == 1
+
+
+class Bystander:
+    """The surroundings of a mission that only drives."""
+
+    def __init__(self):
+        self.outcomes = []
+
+    def send(self, request):
+        pass
+
+    def abandon(self, request):
+        pass
+
+    def record(self, observation):
+        self.outcomes.append((observation.outcome, observation.detail))
+
+    def note(self, event, severity):
+        pass
+
+
+def test_after_a_pause_of_an_hour_the_goal_is_sent_again_with_all_its_time(trip, navigator):
+    mission = Mission('a', bystander := Bystander(), trip.drive, Limits())
+    now_seconds = 1000.0
+    mission.start(now_seconds)
+
+    def step_until(is_so):
+        while not is_so():
+            trip._executor.spin_once(timeout_sec=0.002)
+            mission.step(now_seconds)
+
+    step_until(navigator.has_goal)
+    goal = navigator.accept()
+    step_until(lambda: trip.drive._sent.is_accepted)
+    now_seconds += 50.0
+    mission.step(now_seconds)
+    assert mission.pause()
+    step_until(navigator.has_cancel)
+    navigator.grant_cancel(goal)
+    now_seconds += HOUR
+    step_until(trip.drive.is_over)
+    assert mission.resume()
+    step_until(lambda: len(navigator.goals) == 2)
+    goal = navigator.accept()
+    step_until(lambda: trip.drive._sent.is_accepted)
+    now_seconds += 59.0
+    mission.step(now_seconds)
+    assert mission.state is State.DRIVING
+    navigator.end(goal, 'succeed')
+    step_until(lambda: mission.state is State.INSPECTING)
+    assert bystander.outcomes == []
+
+
+def test_without_nav2_msgs_it_is_refused_in_one_line(monkeypatch):
+    for name in ('nav2_msgs', 'nav2_msgs.action'):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(StartUpError, match='package nav2_msgs .* sudo apt install ros-'):
+        navigate_to_pose()
+
+
+def test_an_invalid_action_name_is_refused_in_one_line(node):
+    with pytest.raises(StartUpError, match="'no such name' is not an action name"):
+        Nav2Drive(node, 'no such name', frame_id='map', note=None)
+
+
+def test_each_outcome_of_a_drive_that_fails_twice_reaches_the_report(trip, navigator):
+    mission = Mission('a', bystander := Bystander(), trip.drive, Limits())
+    mission.start(0.0)
+    for _ in range(2):
+        navigator.reject()
+    while mission.state is not State.DONE:
+        trip._executor.spin_once(timeout_sec=0.002)
+        mission.step(0.0)
+    assert bystander.outcomes == [(Outcome.UNREACHABLE, f'{trip.name} rejected the goal')]
