@@ -13,6 +13,7 @@ from rclpy.action import ActionClient
 from lupin_mission.drive import Arrival, Drive
 from lupin_mission.mission import Severity
 
+DISCOVERY_SECONDS = 2.0  # a server may be found that late
 LONGEST_REPLY_SECONDS = 5.0  # from a goal to its acceptance or rejection
 LONGEST_END_SECONDS = 2.0  # from a cancel to the end of the goal
 NO_POSE = 'there is no approach pose for this tag'
@@ -119,9 +120,9 @@ class Nav2Drive(Drive):
         if not is_server_there:
             if elapsed_seconds >= self._server_timeout_seconds:
                 return Arrival(f'there is no action server {self._name}: start Nav2', is_final=True)
-            if not self._has_warned:
-                self._note(f'waiting for the action server {self._name}', Severity.WARN)
-            self._has_warned = True
+            if elapsed_seconds >= DISCOVERY_SECONDS and not self._has_warned:
+                self._has_warned = True
+                self._note(f'waiting for the action server {self._name}: start Nav2', Severity.WARN)
         elif self.is_over() or elapsed_seconds >= LONGEST_END_SECONDS:
             message = self._action.Goal()
             message.pose.header.frame_id = self._frame_id  # without a stamp: Nav2 takes the latest transform

@@ -102,11 +102,14 @@ def test_without_a_server_a_drive_fails_for_good_after_its_time(make_trip):
     trip = make_trip(server_timeout_seconds=30.0)
     trip.now_seconds = 100.0
     trip.start('a')
+    trip.now_seconds = 101.9
+    assert (trip.spin(), trip.notes) == (None, [])  # a server may be found that late
     trip.now_seconds = 129.9
-    assert trip.spin() is None
+    for _ in range(2):
+        assert trip.spin() is None
+        assert trip.notes == [(f'waiting for the action server {trip.name}: start Nav2', Severity.WARN)]
     trip.now_seconds = 130.0
     assert trip.spin() == Arrival(f'there is no action server {trip.name}: start Nav2', is_final=True)
-    assert trip.notes == [(f'waiting for the action server {trip.name}', Severity.WARN)]
 
 
 def test_a_server_that_starts_late_is_waited_for(trip, held_navigator):
@@ -214,9 +217,8 @@ def test_a_cancel_that_is_refused_is_an_error_and_the_next_goal_is_sent_after_2_
     trip.drive.stop()
     trip.start('b')
     navigator.answer_cancel(accept=False)
-    trip.drive_until(lambda: trip.notes)
     refusal = f'{trip.name} refused to cancel the drive: the robot may still move'
-    assert trip.notes == [(refusal, Severity.ERROR)]
+    trip.drive_until(lambda: trip.notes == [(refusal, Severity.ERROR)])
     assert not trip.drive.is_over()
     trip.now_seconds = 1.9
     assert trip.spin() is None
@@ -330,6 +332,7 @@ def test_without_nav2_msgs_it_is_refused_in_one_line(monkeypatch):
         navigate_to_pose()
 
 
+@pytest.mark.filterwarnings('ignore:Failed to fini:RuntimeWarning')  # rclpy's, of a client that it cannot make
 def test_an_invalid_action_name_is_refused_in_one_line(node):
     with pytest.raises(StartUpError, match="'no such name' is not an action name"):
         Nav2Drive(node, 'no such name', frame_id='map', note=None)
