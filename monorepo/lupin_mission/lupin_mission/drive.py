@@ -4,6 +4,14 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 
+class Goal(NamedTuple):
+    """A pose of the robot in the map: metres, and radians counter-clockwise from the x axis."""
+
+    x: float
+    y: float
+    yaw: float
+
+
 class Arrival(NamedTuple):
     """The end of a drive: the robot stands at its goal, or the drive has failed."""
 

@@ -7,7 +7,7 @@ import uuid
 from functools import partial
 from pathlib import Path
 
-from lupin_greenhouse_bridge.errors import OneLineError, printable
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
 from lupin_greenhouse_bridge.node.parameters import declare_parameters
 from lupin_greenhouse_bridge.node.run import run
 from lupin_msgs.srv import StartMission
@@ -20,10 +20,11 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from lupin_mission.announcer import Announcer
-from lupin_mission.drive import Drive, TimedDrive
+from lupin_mission.drive import Drive, Goal, TimedDrive
 from lupin_mission.messages import MISSION_TYPE, accept_response
 from lupin_mission.mission import Mission, Request, Severity, State
-from lupin_mission.nav2_drive import Goal, Nav2Drive
+from lupin_mission.nav2_drive import Nav2Drive
+from lupin_mission.plan import Plan
 from lupin_mission.report import (
     Observation,
     Outcome,
@@ -70,6 +71,7 @@ class MissionNode(Node):
         self._is_ending = False
         self._announcer = Announcer(self, settings.observations_topic, settings.frame_id)
         self._drive = self._make_drive()
+        self._plan: Plan | None = None  # of a robot that drives, once the tags are known
         for name in ('pause', 'resume', 'skip_current', 'abort'):
             verb = name.removesuffix('_current')
             self.create_service(Trigger, f'mission/{name}', partial(self._trigger, verb))
@@ -143,6 +145,11 @@ class MissionNode(Node):
                 "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file"
             )
         self.note(f'{len(self._tags.ids)} tags known', Severity.INFO)
+        if isinstance(self._drive, Nav2Drive):
+            self._plan = Plan(self._tags.layout(), self._settings, self._tags.layout_in_map)
+            self._drive.goals, self._drive.unreachable = self._plan.goals, self._plan.unreachable
+            for warning in self._plan.warnings:
+                self._announcer.warn(warning)
         if not self._settings.wait_for_start:
             tag_ids = self._settings.chosen_tag_ids or sorted(self._tags.ids, key=_numeric)
             self._begin(self._new_mission_id(), tag_ids, self.report)
@@ -151,6 +158,8 @@ class MissionNode(Node):
         """Start a mission to the tags that have no reading in the report."""
         found = last_of_each_tag(report.observations)
         to_visit = [tag for tag in tag_ids if tag not in found or found[tag].outcome is not Outcome.OK]
+        if self._settings.order == 'shortest':
+            to_visit = self._shortest(to_visit)
         self.report = report
         self.tag_ids = tag_ids
         self._mission_id = mission_id
@@ -170,6 +179,18 @@ class MissionNode(Node):
         if self._is_estop_engaged:
             self.mission.engage_estop()
         self.mission.start(time.monotonic())
+
+    def _shortest(self, tag_ids: list[str]) -> list[str]:
+        """Return the tags in the order of the shortest way from the robot, else from its dock."""
+        robot = self._places.robot
+        starts = [(robot.x, robot.y)] if robot else []
+        if self._settings.dock:
+            starts.append(tuple(self._settings.dock[:2]))
+        try:
+            return self._plan.shortest(tag_ids, *starts)
+        except StartUpError as error:
+            self._announcer.warn(f'the order is not the shortest: {error}')
+            return tag_ids
 
     def _step(self) -> None:
         if self.mission is None or self._is_ending:

@@ -3,28 +3,19 @@
 import importlib
 import math
 from collections.abc import Callable
-from typing import NamedTuple
 
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from lupin_greenhouse_bridge.errors import StartUpError, printable
 from rclpy.action import ActionClient
 
-from lupin_mission.drive import Arrival, Drive
+from lupin_mission.drive import Arrival, Drive, Goal
 from lupin_mission.mission import Severity
 
 DISCOVERY_SECONDS = 2.0  # a server may be found that late
 LONGEST_REPLY_SECONDS = 5.0  # from a goal to its acceptance or rejection
 LONGEST_END_SECONDS = 2.0  # from a cancel to the end of the goal
-NO_POSE = 'there is no approach pose for this tag'
-
-
-class Goal(NamedTuple):
-    """A pose of the robot in the map: metres, and radians counter-clockwise from the x axis."""
-
-    x: float
-    y: float
-    yaw: float
+NOT_IN_LAYOUT = 'the layout does not have this tag'
 
 
 def navigate_to_pose():
@@ -79,7 +70,7 @@ class Nav2Drive(Drive):
 
     def start(self, tag_id, now_seconds):
         """Set off for the approach pose of a tag."""
-        self._set_off(self.goals.get(tag_id), self.unreachable.get(tag_id, NO_POSE), now_seconds)
+        self._set_off(self.goals.get(tag_id), self.unreachable.get(tag_id, NOT_IN_LAYOUT), now_seconds)
 
     def start_return(self, now_seconds):
         """Set off for the dock."""

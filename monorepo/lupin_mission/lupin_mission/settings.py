@@ -11,6 +11,7 @@ from lupin_mission.mission import Limits
 
 LONGEST_SECONDS = 86400.0
 DRIVES = ('timed', 'nav2')
+ORDERS = ('numeric', 'shortest')
 REPLY_SECONDS = 3.0  # a camera on a busy machine replies this long after its time is over
 # Arguments of the team's orchestrator for what this mission does not do: it does not explore, localize, or move
 # an arm.
@@ -59,6 +60,11 @@ class Settings:
         False,
         'Read a tag only if the camera confirms it (hardware); false: trust the ids (simulation).',
     )
+    order: str = parameter(
+        'numeric',
+        'The order of visits without a tag_sequence: numeric; or shortest, with drive nav2, of a tag_sequence'
+        ' too: the shortest way from where the robot is.',
+    )
     drive: str = parameter(
         'timed',
         'How the robot gets to a tag: nav2 (an action client of Nav2) or timed (no robot: it takes drive_seconds).',
@@ -80,6 +86,18 @@ class Settings:
         'Drives to a tag, or to the dock, before it is unreachable.',
         smallest=1,
         largest=1000,
+    )
+    robot_radius_m: float = parameter(
+        0.2, 'Radius of the robot in metres, for its approach poses.', smallest=0.0, largest=0.75
+    )
+    approach_standoff_m: float = parameter(
+        0.5,
+        'Preferred distance from the robot to a tag in metres; another one is taken where there is no room.',
+        smallest=0.3,
+        largest=1.0,
+    )
+    approach_overrides_file: str = parameter(
+        '', 'A YAML file of approach poses in the map, set by hand: overrides: {"7": {yaw: 1.57, standoff: 0.4}}.'
     )
     dock_pose: str = parameter(  # or an array
         '', 'x and y in metres and yaw in radians of the dock in the map; empty: the robot does not return.'
@@ -159,8 +177,16 @@ class Settings:
         check_parameters(self, of_any_type=('tag_sequence', 'tag_poses_in_map', 'dock_pose'))
         if self.tag_poses_in_map not in ('', True, False, 'true', 'false'):
             raise invalid('tag_poses_in_map', self.tag_poses_in_map, 'true, false or empty')
-        if self.drive not in DRIVES:
-            raise invalid('drive', self.drive, ' or '.join(DRIVES))
+        for name, accepted in (('drive', DRIVES), ('order', ORDERS)):
+            if getattr(self, name) not in accepted:
+                raise invalid(name, getattr(self, name), ' or '.join(accepted))
+        if self.order == 'shortest' and self.drive != 'nav2':
+            raise StartUpError('order:=shortest is for a robot that drives: set drive to nav2')
+        if self.world_file and self.drive == 'nav2':
+            raise StartUpError(
+                'world_file does not name the tables that a robot drives around:'
+                ' set tag_locations_file to the tag file of the world instead'
+            )
         try:
             numbers = self.dock
         except ValueError:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from lupin_greenhouse_bridge.contract import (
     has_tag_file,
@@ -11,7 +12,7 @@ from lupin_greenhouse_bridge.contract import (
 )
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse.files import shipped_file
-from lupin_greenhouse_bridge.greenhouse.layout import read_tags_with_sensors
+from lupin_greenhouse_bridge.greenhouse.layout import Layout, read_layout, read_tags_with_sensors
 from lupin_greenhouse_bridge.greenhouse.registration import Transform, read_transform
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
@@ -30,6 +31,7 @@ class Tags:
         """Read the files of the settings; raises StartUpError."""
         self.ids: list[str] = []  # empty until they are known
         self.places_m: dict[str, tuple[float, float]] = {}  # in the map
+        self._tag_file: str | Path | None = None  # once the tags are known
         self.layout_in_map = Transform()
         if settings.layout_in_map:
             self.layout_in_map = read_transform(settings.layout_in_map, settings.frame_id)
@@ -38,6 +40,12 @@ class Tags:
         self._given_ids = settings.chosen_tag_ids or list(self._world)
         if not self._given_ids and settings.tag_locations_file:
             self._given_ids = list(read_tags_with_sensors(settings.tag_locations_file))
+
+    def layout(self) -> Layout:
+        """Return the layout of the tags, which are known; raises StartUpError."""
+        if not self._tag_file:
+            raise StartUpError("the layout is unknown: set tag_locations_file to the bridge's tag_file")
+        return read_layout(self._tag_file)
 
     def find(self, node, on_found: Callable[[], None]) -> None:
         """Call on_found() once the tags are known: now, or when the bridge has replied."""
@@ -86,11 +94,12 @@ class Tags:
 
     def _set(self, tag_ids: list[str], *, is_custom_file: bool) -> None:
         self.ids = tag_ids
-        if not self._settings.has_poses_in_map:
-            return
         # The shipped positions are wrong for a bridge with a custom tag file.
         shipped = None if is_custom_file else shipped_file('tag_locations.json')
+        self._tag_file = self._settings.tag_locations_file or shipped
+        if not self._settings.has_poses_in_map:
+            return
         layout = self._world
-        if not layout and (tag_file := self._settings.tag_locations_file or shipped):
-            layout = read_tags_with_sensors(tag_file)
+        if not layout and self._tag_file:
+            layout = read_tags_with_sensors(self._tag_file)
         self.places_m = {tag_id: self.layout_in_map.point(*tag[:2]) for tag_id, tag in layout.items()}

@@ -90,7 +90,7 @@ def test_the_dock_is_a_goal_too(make_trip, held_navigator):
 
 def test_a_tag_without_a_pose_fails_for_good_with_its_reason_and_without_a_drive(trip, navigator):
     trip.drive.unreachable['c'] = 'cut off'
-    for tag_id, reason in (('c', 'cut off'), ('d', 'there is no approach pose for this tag')):
+    for tag_id, reason in (('c', 'cut off'), ('d', 'the layout does not have this tag')):
         trip.start(tag_id)
         assert trip.spin() == Arrival(reason, is_final=True)
     trip.start('b')

@@ -24,15 +24,16 @@ def test_the_times_that_are_no_parameters_are_those_of_the_documents():
 
 
 def test_the_limits_of_a_mission_are_its_parameters():
-    assert Settings().limits == Limits() == Limits(0.0, 6.0, 5.0, 3, 0.5)
+    assert Settings().limits == Limits() == Limits(0.0, 6.0, 5.0, 3, 0.5, 2)
     settings = Settings(
         flower_scan_dwell_s=4.0,
         visual_confirmation_timeout_s=5.0,
         scan_timeout_s=6.0,
         max_attempts=7,
         retry_delay_seconds=8.0,
+        nav_max_attempts=9,
     )
-    assert settings.limits == Limits(4.0, 8.0, 6.0, 7, 8.0)  # the camera's reply may take 3 more
+    assert settings.limits == Limits(4.0, 8.0, 6.0, 7, 8.0, 9)  # the camera's reply may take 3 more
 
 
 @pytest.mark.parametrize(
@@ -83,12 +84,16 @@ def test_tag_poses_of_another_kind_are_refused(value):
         ('dependency_timeout_s', 0.0, 86400.0),
         ('retry_delay_seconds', 0.0, 86400.0),
         ('max_attempts', 1, 1000),
+        ('nav_max_attempts', 1, 1000),
+        ('nav_timeout_s', 0.0, 86400.0),
+        ('robot_radius_m', 0.0, 0.75),
+        ('approach_standoff_m', 0.3, 1.0),
     ],
 )
 def test_the_limits_of_a_number_are_inclusive(name, smallest, largest):
     for value in (smallest, largest):
         assert getattr(Settings(**{name: value}), name) == value
-    step = 1 if name == 'max_attempts' else 0.0001
+    step = 1 if name.endswith('max_attempts') else 0.0001
     for value in (smallest - step, largest + step):
         with pytest.raises(StartUpError, match=f'parameter {name} is .* from {smallest:g} to {largest:g}'):
             Settings(**{name: value})
@@ -97,6 +102,20 @@ def test_the_limits_of_a_number_are_inclusive(name, smallest, largest):
 def test_a_world_and_a_tag_file_exclude_each_other():
     with pytest.raises(StartUpError, match='world_file and tag_locations_file are both set: set one of them'):
         Settings(world_file='/a.sdf', tag_locations_file='/b.json')
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'reason'),
+    [
+        ({'drive': 'nav3'}, "parameter drive is 'nav3': must be timed or nav2"),
+        ({'order': 'given'}, "parameter order is 'given': must be numeric or shortest"),
+        ({'order': 'shortest'}, 'order:=shortest is for a robot that drives: set drive to nav2'),
+        ({'drive': 'nav2', 'world_file': '/a.sdf'}, 'world_file does not name the tables'),
+    ],
+)
+def test_a_drive_that_cannot_be_is_refused(parameters, reason):
+    with pytest.raises(StartUpError, match=reason):
+        Settings(**parameters)
 
 
 def test_a_tag_is_not_named_twice():
@@ -111,11 +130,11 @@ def test_the_parameter_file_has_every_parameter_and_its_default():
 
 
 @pytest.mark.parametrize(
-    ('dock_pose', 'has_dock'),
-    [('', False), (' ', False), ([], False), ('1.0, 0.5, 3.14', True), ([0.0, 0.0, 0.0], True)],
+    ('dock_pose', 'dock'),
+    [('', []), (' ', []), ([], []), ('1.0, 0.5, 3.14', [1.0, 0.5, 3.14]), ([0.0, 0, 0], [0.0, 0.0, 0.0])],
 )
-def test_a_dock_pose_is_empty_or_three_numbers(dock_pose, has_dock):
-    assert Settings(dock_pose=dock_pose).has_dock == has_dock
+def test_a_dock_pose_is_empty_or_three_numbers(dock_pose, dock):
+    assert Settings(dock_pose=dock_pose).dock == dock
 
 
 @pytest.mark.parametrize('dock_pose', ['1 2', [1.0, 2.0, float('nan')], 'a b c', True, 1.0])

@@ -33,6 +33,11 @@ class MapPlaces:
         """Return the place of a tag, else of the robot that stands at it; None if neither is known."""
         return self._layout_places.get(tag_id) or self._tag_places.get(tag_id, self._robot_place)
 
+    @property
+    def robot(self) -> Point | None:
+        """The place of the robot; None if it is unknown."""
+        return self._robot_place
+
     def _on_tags(self, message) -> None:
         if message.header.frame_id == self._frame_id:
             self._tag_places = {

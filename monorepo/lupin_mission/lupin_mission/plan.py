@@ -1,0 +1,68 @@
+"""Plan a robot's drives: its goal in the map for each tag, and the order of visits. Does not import ROS."""
+
+import math
+
+from lupin_greenhouse_bridge.errors import StartUpError, printable
+from lupin_greenhouse_bridge.greenhouse.approach import Override, Reach, find_approaches, read_overrides
+from lupin_greenhouse_bridge.greenhouse.floor import Floor
+from lupin_greenhouse_bridge.greenhouse.layout import Layout
+from lupin_greenhouse_bridge.greenhouse.order import plan_route
+from lupin_greenhouse_bridge.greenhouse.registration import Transform
+
+from lupin_mission.drive import Goal
+from lupin_mission.settings import Settings
+
+
+class Plan:
+    """The approach poses of a layout in the map, and the ways between them."""
+
+    def __init__(self, layout: Layout, settings: Settings, layout_in_map: Transform):
+        """Read the overrides and find the poses; raises StartUpError."""
+        reach = Reach(
+            robot_radius_m=settings.robot_radius_m, preferred_distance_m=settings.approach_standoff_m
+        )
+        overrides, self.warnings = {}, []
+        self._map_in_layout = _inverse(layout_in_map)
+        if path := settings.approach_overrides_file:
+            in_map, self.warnings = read_overrides(path, layout.tags)
+            overrides = {tag_id: self._in_layout(tag_id, each, path) for tag_id, each in in_map.items()}
+        self._poses, self.unreachable = find_approaches(layout, reach, overrides=overrides)
+        self.goals = {
+            tag_id: Goal(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))
+            for tag_id, pose in self._poses.items()
+        }
+        self._floor = Floor(layout, reach.robot_radius_m + reach.clearance_m)
+
+    def shortest(self, tag_ids: list[str], *robot_in_map_m: tuple[float, float]) -> list[str]:
+        """
+        Return the tags in the order of the shortest way, and then those without a pose.
+
+        The way starts at the first of these places in the map that is free, else at a tag. Raises StartUpError
+        if a tag is cut off from there.
+        """
+        starts = (self._map_in_layout.point(*each) for each in robot_in_map_m)
+        start_m = next((each for each in starts if self._floor.is_free(*each)), None)
+        with_pose = [tag_id for tag_id in tag_ids if tag_id in self._poses]
+        route = plan_route(self._floor, self._poses, start_m, 'shortest', with_pose)
+        return [*route.tag_ids, *(tag_id for tag_id in tag_ids if tag_id not in self._poses)]
+
+    def _in_layout(self, tag_id: str, override: Override, path: str) -> Override:
+        """Return an override, which the team gives in the map, in the layout."""
+        x, y = override.goal_x, override.goal_y
+        if (x is None) != (y is None) and self._map_in_layout.yaw:
+            raise StartUpError(
+                f"approach_overrides_file '{printable(path, 500)}': tag '{printable(tag_id, 64)}' has only one of"
+                ' goal_x and goal_y: set both, because layout_in_map turns the layout'
+            )
+        goal_x, goal_y = self._map_in_layout.point(x or 0.0, y or 0.0)
+        return override._replace(
+            yaw=None if override.yaw is None else self._map_in_layout.heading(override.yaw),
+            goal_x=None if x is None else goal_x,
+            goal_y=None if y is None else goal_y,
+        )
+
+
+def _inverse(transform: Transform) -> Transform:
+    cos, sin = math.cos(transform.yaw), math.sin(transform.yaw)
+    x, y = transform.x, transform.y
+    return Transform(-cos * x - sin * y, sin * x - cos * y, -transform.yaw)

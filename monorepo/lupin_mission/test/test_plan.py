@@ -1,0 +1,92 @@
+"""The goals of a robot in the map, and the order of its visits, without ROS."""
+
+import math
+
+import pytest
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse.files import shipped_file
+from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag, read_layout
+from lupin_greenhouse_bridge.greenhouse.registration import Transform
+from lupin_mission.plan import Plan
+from lupin_mission.settings import Settings
+
+# A table along x; the tags are on its south side and face south.
+LAYOUT = Layout(
+    {tag_id: Tag(x, 1.0, ['co2']) for tag_id, x in (('1', 0.5), ('2', 3.5), ('3', 1.5), ('4', 2.5))},
+    {'table': (0.0, 1.0, 4.0, 2.0)},
+)
+TURNED = Transform(10.0, 20.0, math.pi / 2)
+AS_IT_IS = Transform()
+
+
+def plan(in_map=AS_IT_IS, **parameters) -> Plan:
+    return Plan(LAYOUT, Settings(drive='nav2', **parameters), in_map)
+
+
+def test_the_robot_stands_before_a_tag_and_looks_at_it():
+    assert plan().goals['1'] == pytest.approx((0.5, 0.5, math.pi / 2))
+    assert plan(approach_standoff_m=0.75).goals['1'] == pytest.approx((0.5, 0.25, math.pi / 2))
+
+
+def test_the_goals_are_in_the_map_where_the_layout_lies():
+    assert plan(TURNED).goals['1'] == pytest.approx((9.5, 20.5, math.pi))
+
+
+@pytest.fixture
+def overrides(tmp_path):
+    """Return a function that writes an approach_overrides.yaml and returns the parameter."""
+
+    def write(text):
+        path = tmp_path / 'approach_overrides.yaml'
+        path.write_text(f'overrides: {{{text}}}')
+        return {'approach_overrides_file': str(path)}
+
+    return write
+
+
+@pytest.mark.parametrize('in_map', [AS_IT_IS, TURNED, Transform(-3.0, 1.0, -0.7)])
+def test_an_override_is_a_pose_in_the_map(overrides, in_map):
+    x, y = in_map.point(0.6, 0.3)
+    yaw = in_map.heading(1.5)
+    found = plan(in_map, **overrides(f'"1": {{goal_x: {x!r}, goal_y: {y!r}, yaw: {yaw!r}}}'))
+    assert found.goals['1'] == pytest.approx((x, y, yaw))
+    assert found.warnings == []
+
+
+def test_half_a_place_is_taken_unless_the_map_is_turned(overrides):
+    half = overrides('"1": {goal_x: 5.6}')
+    assert plan(Transform(5.0, 0.0, 0.0), **half).goals['1'][:2] == pytest.approx((5.6, 0.5))
+    with pytest.raises(StartUpError, match="tag '1' has only one of goal_x and goal_y: set both"):
+        plan(TURNED, **half)
+
+
+def test_an_override_of_an_unknown_tag_is_a_warning(overrides):
+    (warning,) = plan(**overrides('"99": {standoff: 0.4}')).warnings
+    assert "tag '99' is not in the layout" in warning
+
+
+def test_a_tag_that_cannot_be_reached_has_a_reason_and_no_goal():
+    layout = read_layout(shipped_file('tag_locations.json'))
+    found = Plan(layout, Settings(drive='nav2', robot_radius_m=0.3), AS_IT_IS)
+    assert found.goals.keys() | found.unreachable.keys() == layout.tags.keys()
+    assert not found.goals.keys() & found.unreachable.keys()
+    assert found.unreachable
+    for reason in found.unreachable.values():
+        assert reason.startswith(('no place for a robot of radius 0.30 m within 1 m and 45°', 'cut off'))
+
+
+@pytest.mark.parametrize(
+    ('starts_in_map', 'order'),
+    [
+        ([(20.0 - 19.0, 20.0 + 0.5)], '1342'),  # in a table or outside: no start, so the lowest number
+        ([(9.5, 24.0)], '2431'),  # in the layout: (4, 0.5), beside tag 2
+        ([(8.5, 21.0), (9.5, 24.0)], '2431'),  # the first is in the table
+        ([], '1342'),
+    ],
+)
+def test_the_shortest_order_starts_at_the_first_place_that_is_free(starts_in_map, order):
+    assert ''.join(plan(TURNED).shortest(list('1234'), *starts_in_map)) == order
+
+
+def test_a_tag_without_a_pose_is_visited_last():
+    assert plan().shortest(['9', '2', '1']) == ['1', '2', '9']
