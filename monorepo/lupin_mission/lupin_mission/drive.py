@@ -1,4 +1,4 @@
-"""Drive to a tag: the interface that the mission needs, and a timed stand-in. nav2_drive.py drives a robot."""
+"""Drive to a tag: the interface that the mission needs, and a timed stand-in. nav2_drive.py has Nav2."""
 
 from abc import ABC, abstractmethod
 from typing import NamedTuple

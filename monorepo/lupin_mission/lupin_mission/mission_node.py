@@ -20,7 +20,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from lupin_mission.announcer import Announcer
-from lupin_mission.drive import Drive, Goal, TimedDrive
+from lupin_mission.drive import Drive, TimedDrive
 from lupin_mission.messages import MISSION_TYPE, accept_response
 from lupin_mission.mission import Mission, Request, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
@@ -70,8 +70,10 @@ class MissionNode(Node):
         self._is_estop_engaged = False
         self._is_ending = False
         self._announcer = Announcer(self, settings.observations_topic, settings.frame_id)
-        self._drive = self._make_drive()
-        self._plan: Plan | None = None  # of a robot that drives, once the tags are known
+        self._drive: Drive = TimedDrive(settings.drive_seconds)
+        if settings.drive == 'nav2':
+            self._drive = Nav2Drive(self, settings, self.note)
+        self._plan: Plan | None = None  # of Nav2's drives, once the tags are known
         for name in ('pause', 'resume', 'skip_current', 'abort'):
             verb = name.removesuffix('_current')
             self.create_service(Trigger, f'mission/{name}', partial(self._trigger, verb))
@@ -110,7 +112,7 @@ class MissionNode(Node):
             executor.spin_once(timeout_sec=STEP_SECONDS)
 
     def destroy_node(self) -> None:
-        """Stop the robot, whatever ended the mission, and close the report, so that another can continue it."""
+        """Stop the robot, whatever ended the mission; close the report, so that another can continue it."""
         if not self._drive.is_over():
             executor = SingleThreadedExecutor(context=self.context)  # that of run() is closed
             executor.add_node(self)
@@ -123,20 +125,6 @@ class MissionNode(Node):
         super().destroy_node()
 
     # The mission
-
-    def _make_drive(self) -> Drive:
-        settings = self._settings
-        if settings.drive == 'timed':
-            return TimedDrive(settings.drive_seconds)
-        return Nav2Drive(
-            self,
-            settings.nav_action_name,
-            frame_id=settings.frame_id,
-            dock=Goal(*settings.dock) if settings.dock else None,
-            timeout_seconds=settings.nav_timeout_s,
-            server_timeout_seconds=settings.dependency_timeout_s,
-            note=self.note,
-        )
 
     def _on_tags(self) -> None:
         """Start the mission, unless it waits for mission/start."""

@@ -11,6 +11,7 @@ from rclpy.action import ActionClient
 
 from lupin_mission.drive import Arrival, Drive, Goal
 from lupin_mission.mission import Severity
+from lupin_mission.settings import Settings
 
 DISCOVERY_SECONDS = 2.0  # a server may be found that late
 LONGEST_REPLY_SECONDS = 5.0  # from a goal to its acceptance or rejection
@@ -36,31 +37,18 @@ class Nav2Drive(Drive):
     server is there and the goal before has ended, and it is cancelled by stop() and pause().
     """
 
-    def __init__(
-        self,
-        node,
-        action_name: str,
-        *,
-        frame_id: str,
-        dock: Goal | None = None,
-        timeout_seconds: float = 0.0,
-        server_timeout_seconds: float = 30.0,
-        note: Callable[[str, Severity], None],
-    ):
-        """Create the client; a timeout of 0 is none. Raises StartUpError for an invalid name."""
+    def __init__(self, node, settings: Settings, note: Callable[[str, Severity], None]):
+        """Create the client; raises StartUpError for an invalid name, or without nav2_msgs."""
         self.goals: dict[str, Goal] = {}
         self.unreachable: dict[str, str] = {}
-        self._action = navigate_to_pose()
-        self._name = action_name
-        try:
-            self._client = ActionClient(node, self._action, action_name)
-        except ValueError as error:
-            raise StartUpError(f'{action_name!r} is not an action name: {error}') from error
-        self._frame_id = frame_id
-        self._dock = dock
-        self._timeout_seconds = timeout_seconds
-        self._server_timeout_seconds = server_timeout_seconds
+        self._settings = settings
         self._note = note
+        self._action = navigate_to_pose()
+        self._name = settings.nav_action_name
+        try:
+            self._client = ActionClient(node, self._action, self._name)
+        except ValueError as error:
+            raise StartUpError(f'{self._name!r} is not an action name: {error}') from error
         self._goal: Goal | None = None
         self._no_goal = ''  # why there is none
         self._sent: _SentGoal | None = None  # for this goal
@@ -74,7 +62,7 @@ class Nav2Drive(Drive):
 
     def start_return(self, now_seconds):
         """Set off for the dock."""
-        self._set_off(self._dock, 'dock_pose is empty', now_seconds)
+        self._set_off(Goal(*self._settings.dock), '', now_seconds)
 
     def _set_off(self, goal: Goal | None, no_goal: str, now_seconds: float) -> None:
         self._goal, self._no_goal = goal, no_goal
@@ -86,43 +74,48 @@ class Nav2Drive(Drive):
             return Arrival(self._no_goal, is_final=True)
         if self._since is None:
             self._since = now_seconds
-        elapsed_seconds = now_seconds - self._since
-        sent, is_server_there = self._sent, self._client.server_is_ready()
+        elapsed_seconds, sent = now_seconds - self._since, self._sent
         if sent and sent.is_over and not (sent.is_given_up and sent.failure):
             return Arrival(sent.failure)  # a robot that was there at the moment of a pause need not go again
-        if not sent or sent.is_given_up:
-            return self._send(elapsed_seconds, now_seconds, is_server_there=is_server_there)
-        if not is_server_there:
+        if sent and not sent.is_given_up:
+            failure = self._failure_under_way(elapsed_seconds)
+            if failure:
+                sent.give_up()
+            return Arrival(failure) if failure else None
+        if not self._client.server_is_ready():
+            return self._wait_for_server(elapsed_seconds)
+        if self.is_over() or elapsed_seconds >= LONGEST_END_SECONDS:
+            self._send(now_seconds)
+        return None
+
+    def _failure_under_way(self, elapsed_seconds: float) -> str:
+        if not self._client.server_is_ready():
             self._not_over.clear()
-            return self._failed(f'{self._name} has gone')
-        if not sent.is_accepted:
+            return f'{self._name} has gone'
+        if not self._sent.is_accepted:
             is_late = elapsed_seconds >= LONGEST_REPLY_SECONDS
-            return self._failed(f'{self._name} did not reply to the goal') if is_late else None
-        if self._timeout_seconds and elapsed_seconds >= self._timeout_seconds:
-            return self._failed(f'the robot did not arrive within {self._timeout_seconds:g} s')
+            return f'{self._name} did not reply to the goal' if is_late else ''
+        limit_seconds = self._settings.nav_timeout_s
+        is_late = limit_seconds and elapsed_seconds >= limit_seconds
+        return f'the robot did not arrive within {limit_seconds:g} s' if is_late else ''
+
+    def _wait_for_server(self, elapsed_seconds: float) -> Arrival | None:
+        if elapsed_seconds >= self._settings.dependency_timeout_s:
+            return Arrival(f'there is no action server {self._name}: start Nav2', is_final=True)
+        if elapsed_seconds >= DISCOVERY_SECONDS and not self._has_warned:
+            self._has_warned = True
+            self._note(f'waiting for the action server {self._name}: start Nav2', Severity.WARN)
         return None
 
-    def _failed(self, reason: str) -> Arrival:
-        self._sent.give_up()
-        return Arrival(reason)
-
-    def _send(self, elapsed_seconds: float, now_seconds: float, *, is_server_there: bool) -> Arrival | None:
-        """Send the goal once the server is there, and has ended the goal before; bounded."""
-        if not is_server_there:
-            if elapsed_seconds >= self._server_timeout_seconds:
-                return Arrival(f'there is no action server {self._name}: start Nav2', is_final=True)
-            if elapsed_seconds >= DISCOVERY_SECONDS and not self._has_warned:
-                self._has_warned = True
-                self._note(f'waiting for the action server {self._name}: start Nav2', Severity.WARN)
-        elif self.is_over() or elapsed_seconds >= LONGEST_END_SECONDS:
-            message = self._action.Goal()
-            message.pose.header.frame_id = self._frame_id  # without a stamp: Nav2 takes the latest transform
-            position, orientation = message.pose.pose.position, message.pose.pose.orientation
-            position.x, position.y = self._goal.x, self._goal.y
-            orientation.z, orientation.w = math.sin(self._goal.yaw / 2), math.cos(self._goal.yaw / 2)
-            self._sent, self._since = _SentGoal(self._client, message, self._name, self._note), now_seconds
-            self._not_over.append(self._sent)
-        return None
+    def _send(self, now_seconds: float) -> None:
+        message, goal = self._action.Goal(), self._goal
+        # Without a stamp, Nav2 takes the latest transform.
+        message.pose.header.frame_id = self._settings.frame_id
+        position, orientation = message.pose.pose.position, message.pose.pose.orientation
+        position.x, position.y = goal.x, goal.y
+        orientation.z, orientation.w = math.sin(goal.yaw / 2), math.cos(goal.yaw / 2)
+        self._sent, self._since = _SentGoal(self._client, message, self._name, self._note), now_seconds
+        self._not_over.append(self._sent)
 
     def stop(self):
         """Cancel the goal: at once, or when it is accepted."""
@@ -136,6 +129,8 @@ class Nav2Drive(Drive):
 
     def is_over(self):
         """Return whether every goal that was sent has ended, as far as its server can still tell."""
+        for each in self._not_over:
+            each.update()
         self._not_over = [each for each in self._not_over if not each.is_over]
         return not (self._not_over and self._client.server_is_ready())
 
@@ -149,8 +144,8 @@ class _SentGoal:
         self.failure = ''  # of a goal that is over
         self._name = name
         self._note = note
-        self._handle = None
-        client.send_goal_async(message).add_done_callback(self._on_reply)
+        self._handle = self._result = self._cancel_reply = None
+        self._reply = self._expect(client.send_goal_async(message))
 
     def give_up(self) -> None:
         """Cancel the goal: at once, or when it is accepted."""
@@ -159,31 +154,44 @@ class _SentGoal:
             if self.is_accepted:
                 self._cancel()
 
-    def _cancel(self) -> None:
-        self._handle.cancel_goal_async().add_done_callback(self._on_cancel_reply)
+    def update(self, _future=None) -> None:
+        """Take what has arrived. A future calls this, unless its executor ends before it does."""
+        if self._handle is None and self._reply.done():
+            self._on_reply(self._reply.result())
+        if self._result and self._result.done():
+            self._on_result(self._result.result())
+            self._result = None
+        if self._cancel_reply and self._cancel_reply.done():
+            self._on_cancel_reply(self._cancel_reply.result())
+            self._cancel_reply = None
 
-    def _on_reply(self, future) -> None:
-        self._handle = future.result()
-        self.is_accepted = self._handle.accepted
+    def _expect(self, future):
+        future.add_done_callback(self.update)
+        return future
+
+    def _cancel(self) -> None:
+        self._cancel_reply = self._expect(self._handle.cancel_goal_async())
+
+    def _on_reply(self, handle) -> None:
+        self._handle, self.is_accepted = handle, handle.accepted
         if not self.is_accepted:
             self._end(f'{self._name} rejected the goal')
             return
-        self._handle.get_result_async().add_done_callback(self._on_result)
+        self._result = self._expect(handle.get_result_async())
         if self.is_given_up:
             self._cancel()
 
-    def _on_cancel_reply(self, future) -> None:
-        response = future.result()
-        has_ended = response.return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
-        is_refused = not (response.goals_canceling or has_ended)
-        if response.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:  # of a server that has restarted
+    def _on_cancel_reply(self, response) -> None:
+        if (
+            response.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
+        ):  # of a server that has restarted
             self._end(f'{self._name} does not know the goal any more')
-        elif is_refused and not self.is_over:
+        has_ended = self.is_over or response.return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
+        if not (response.goals_canceling or has_ended):
             event = f'{self._name} refused to cancel the drive: the robot may still move'
             self._note(event, Severity.ERROR)
 
-    def _on_result(self, future) -> None:
-        response = future.result()
+    def _on_result(self, response) -> None:
         if response.status == GoalStatus.STATUS_SUCCEEDED:
             self._end('')
         elif response.status == GoalStatus.STATUS_CANCELED:

@@ -37,8 +37,8 @@ class Plan:
         """
         Return the tags in the order of the shortest way, and then those without a pose.
 
-        The way starts at the first of these places in the map that is free, else at a tag. Raises StartUpError
-        if a tag is cut off from there.
+        The way starts at the first of these places in the map that is free, else at a tag. Raises
+        StartUpError if a tag is cut off from there.
         """
         starts = (self._map_in_layout.point(*each) for each in robot_in_map_m)
         start_m = next((each for each in starts if self._floor.is_free(*each)), None)
@@ -51,8 +51,8 @@ class Plan:
         x, y = override.goal_x, override.goal_y
         if (x is None) != (y is None) and self._map_in_layout.yaw:
             raise StartUpError(
-                f"approach_overrides_file '{printable(path, 500)}': tag '{printable(tag_id, 64)}' has only one of"
-                ' goal_x and goal_y: set both, because layout_in_map turns the layout'
+                f"approach_overrides_file '{printable(path, 500)}': tag '{printable(tag_id, 64)}' has only"
+                ' one of goal_x and goal_y: set both, because layout_in_map turns the layout'
             )
         goal_x, goal_y = self._map_in_layout.point(x or 0.0, y or 0.0)
         return override._replace(

@@ -13,8 +13,8 @@ LONGEST_SECONDS = 86400.0
 DRIVES = ('timed', 'nav2')
 ORDERS = ('numeric', 'shortest')
 REPLY_SECONDS = 3.0  # a camera on a busy machine replies this long after its time is over
-# Arguments of the team's orchestrator for what this mission does not do: it does not explore, localize, or move
-# an arm.
+# Arguments of the team's orchestrator for what this mission does not do: it does not explore, localize, or
+# move an arm.
 WITHOUT_EFFECT = (
     'approach_yaw',
     'arm_inspect_preset',
@@ -67,7 +67,7 @@ class Settings:
     )
     drive: str = parameter(
         'timed',
-        'How the robot gets to a tag: nav2 (an action client of Nav2) or timed (no robot: it takes drive_seconds).',
+        'How the robot gets to a tag: nav2 (it calls NavigateToPose), or timed (it takes drive_seconds).',
     )
     drive_seconds: float = parameter(
         0.0,
@@ -97,7 +97,9 @@ class Settings:
         largest=1.0,
     )
     approach_overrides_file: str = parameter(
-        '', 'A YAML file of approach poses in the map, set by hand: overrides: {"7": {yaw: 1.57, standoff: 0.4}}.'
+        '',
+        'A YAML file of approach poses in the map that are set by hand, such as'
+        ' overrides: {"7": {yaw: 1.57, standoff: 0.4}}.',
     )
     dock_pose: str = parameter(  # or an array
         '', 'x and y in metres and yaw in radians of the dock in the map; empty: the robot does not return.'
@@ -145,8 +147,8 @@ class Settings:
     )
     dependency_timeout_s: float = parameter(
         30.0,
-        'Seconds that a drive waits for its action server, and that a mission which does not wait for its start'
-        ' waits for the tags of the bridge.',
+        'Seconds that a drive waits for its action server, and that a mission which does not wait for its'
+        ' start waits for the tags of the bridge.',
         smallest=0.0,
         largest=LONGEST_SECONDS,
     )

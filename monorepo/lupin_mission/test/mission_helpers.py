@@ -217,9 +217,17 @@ class MissionThread:
             get_default_context(shutting_down=True)  # what follows needs a new one
             self._exit_code.set_result(exit_code)
 
+    def ask_to_end(self) -> None:
+        """Ask the mission to end, like a signal."""
+        self._is_asked_to_end.set()
+
+    def is_running(self) -> bool:
+        """Return whether the mission has not ended."""
+        return self._thread.is_alive()
+
     def close(self) -> None:
         """Ask the mission to end, and wait for it."""
-        self._is_asked_to_end.set()
+        self.ask_to_end()
         self._thread.join(PATIENCE_SECONDS)
 
     def end(self) -> int:
@@ -232,7 +240,7 @@ class MissionThread:
 
     def stop(self) -> int:
         """Ask the mission to end, like a signal, and return the exit code."""
-        self._is_asked_to_end.set()
+        self.ask_to_end()
         return self.end()
 
     def refusal(self, exit_code: int) -> str:

@@ -7,8 +7,9 @@ import time
 import uuid
 
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, has_found_a_client, wait_until
-from lupin_mission.drive import Arrival
-from lupin_mission.nav2_drive import Goal, Nav2Drive
+from lupin_mission.drive import Arrival, Goal
+from lupin_mission.nav2_drive import Nav2Drive
+from lupin_mission.settings import Settings
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import SingleThreadedExecutor
@@ -123,9 +124,8 @@ class Trip:
         self.notes = []
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
-        self.drive = Nav2Drive(
-            node, self.name, frame_id='map', note=lambda *note: self.notes.append(note), **options
-        )
+        settings = Settings(drive='nav2', nav_action_name=self.name, **options)
+        self.drive = Nav2Drive(node, settings, lambda *note: self.notes.append(note))
         self.drive.goals.update(a=Goal(1.0, 2.0, math.pi / 2), b=Goal(3.0, 4.0, 0.0))
 
     def start(self, tag_id: str) -> None:

@@ -12,8 +12,9 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.testing import wait_until
 from lupin_mission.drive import Arrival
 from lupin_mission.mission import Limits, Mission, Severity, State
-from lupin_mission.nav2_drive import Goal, Nav2Drive, navigate_to_pose
+from lupin_mission.nav2_drive import Nav2Drive, navigate_to_pose
 from lupin_mission.report import Outcome
+from lupin_mission.settings import Settings
 from rclpy.context import Context
 
 actions = pytest.importorskip(
@@ -46,8 +47,8 @@ def make_trip():
 
 @pytest.fixture
 def trip(make_trip):
-    """Return a drive with Nav2's default time."""
-    return make_trip(timeout_seconds=60.0)
+    """Return a drive with the default times."""
+    return make_trip()
 
 
 @pytest.fixture
@@ -79,7 +80,7 @@ def test_the_goal_is_the_pose_in_the_map(trip, navigator):
 
 
 def test_the_dock_is_a_goal_too(make_trip, held_navigator):
-    trip = make_trip(dock=Goal(5.0, 6.0, 0.0))
+    trip = make_trip(dock_pose='5.0 6.0 0.0')
     navigator = held_navigator(trip.name)
     trip.drive.start_return(0.0)
     trip.drive_until(navigator.has_goal)
@@ -99,7 +100,7 @@ def test_a_tag_without_a_pose_fails_for_good_with_its_reason_and_without_a_drive
 
 
 def test_without_a_server_a_drive_fails_for_good_after_its_time(make_trip):
-    trip = make_trip(server_timeout_seconds=30.0)
+    trip = make_trip()
     trip.now_seconds = 100.0
     trip.start('a')
     trip.now_seconds = 101.9
@@ -191,7 +192,7 @@ def test_a_drive_that_takes_too_long_fails_and_is_cancelled(trip, navigator):
 
 
 def test_without_a_limit_a_drive_takes_as_long_as_it_takes(make_trip, held_navigator):
-    trip = make_trip(timeout_seconds=0.0)
+    trip = make_trip(nav_timeout_s=0.0)
     navigator = held_navigator(trip.name)
     trip.start('a')
     goal = accepted(trip, navigator)
@@ -328,14 +329,16 @@ def test_after_a_pause_of_an_hour_the_goal_is_sent_again_with_all_its_time(trip,
 def test_without_nav2_msgs_it_is_refused_in_one_line(monkeypatch):
     for name in ('nav2_msgs', 'nav2_msgs.action'):
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(StartUpError, match='package nav2_msgs .* sudo apt install ros-'):
+    with pytest.raises(StartUpError, match=r'package nav2_msgs .* sudo apt install ros-'):
         navigate_to_pose()
 
 
-@pytest.mark.filterwarnings('ignore:Failed to fini:RuntimeWarning')  # rclpy's, of a client that it cannot make
+@pytest.mark.filterwarnings(
+    'ignore:Failed to fini:RuntimeWarning'
+)  # rclpy's, of a client that it cannot make
 def test_an_invalid_action_name_is_refused_in_one_line(node):
     with pytest.raises(StartUpError, match="'no such name' is not an action name"):
-        Nav2Drive(node, 'no such name', frame_id='map', note=None)
+        Nav2Drive(node, Settings(nav_action_name='no such name'), None)
 
 
 def test_each_outcome_of_a_drive_that_fails_twice_reaches_the_report(trip, navigator):

@@ -1,0 +1,235 @@
+"""The real mission node with Nav2's action: what ends it stops the robot, and what fails is reported."""
+
+import sys
+
+import pytest
+from lupin_greenhouse_bridge.errors import OneLineError
+from lupin_greenhouse_bridge.greenhouse.files import shipped_file
+from lupin_greenhouse_bridge.greenhouse.layout import read_layout
+from lupin_greenhouse_bridge.greenhouse.registration import Transform
+from lupin_greenhouse_bridge.testing import wait_until
+from lupin_greenhouse_bridge.testing.signals import SIGNALS
+from lupin_mission.announcer import Announcer
+from lupin_mission.plan import Plan
+from lupin_mission.report import Outcome
+from lupin_mission.settings import Settings
+from lupin_msgs.msg import MissionState, Observation
+from mission_helpers import READER, WEB_QOS, Subscriber
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+pytest.importorskip(
+    'nav2_msgs.action', reason='nav2_msgs is missing: sudo apt install ros-$ROS_DISTRO-nav2-msgs'
+)
+NAME = '/held/navigate_to_pose'
+NAV2 = {**READER, 'drive': 'nav2', 'nav_action_name': NAME}
+
+
+@pytest.fixture
+def navigator(held_navigator):
+    """Return the navigator of the mission."""
+    return held_navigator(NAME)
+
+
+def goals_of(**parameters):
+    """Return the goals in the shipped layout by tag id, and the reasons of the other tags."""
+    layout = read_layout(shipped_file('tag_locations.json'))
+    plan = Plan(layout, Settings(drive='nav2', **parameters), Transform())
+    return plan.goals, plan.unreachable
+
+
+def places(navigator):
+    return [(goal.pose.position.x, goal.pose.position.y) for goal in navigator.goals]
+
+
+def test_the_robot_drives_to_each_tag_and_reads_it_there(start_mission, reader, navigator):
+    mission = start_mission(**NAV2, tag_sequence='7 1')
+    for tag_id in '71':
+        goal = navigator.accept()
+        assert tag_id not in reader.tag_ids
+        navigator.end(goal, 'succeed')
+        assert reader.wait_for_request() == tag_id
+        reader.answer_ok(tag_id, co2=1.0)
+    assert mission.end() == 0
+    goals, _ = goals_of()
+    assert places(navigator) == [tuple(goals[tag_id][:2]) for tag_id in '71']
+    assert mission.outcomes() == [(tag_id, Outcome.OK) for tag_id in '71']
+    assert mission.warnings() == []
+
+
+def test_the_shortest_order_starts_at_the_dock_and_ends_there(start_mission, reader, navigator):
+    tag_ids = ['1', '2', '3', '29']
+    goals, _ = goals_of()
+    x, y, yaw = goals['29']
+    mission = start_mission(
+        **NAV2, tag_sequence=' '.join(tag_ids), order='shortest', dock_pose=f'"{x} {y} {yaw}"'
+    )
+    for _ in tag_ids:
+        navigator.end(navigator.accept(), 'succeed')
+        tag_id = reader.wait_for_request()
+        reader.answer_ok(tag_id, co2=1.0)
+    navigator.end(navigator.accept(), 'succeed')
+    assert mission.end() == 0
+    assert sorted(reader.tag_ids) == sorted(tag_ids)
+    assert reader.tag_ids[0] == '29'
+    assert places(navigator)[-1] == (x, y)
+
+
+def test_a_tag_that_cannot_be_reached_is_unreachable_with_its_reason(
+    start_mission, reader, navigator, operate, twin
+):
+    """One tag has no pose; the drives to the other are rejected."""
+    _, unreachable = goals_of(robot_radius_m=0.3)
+    (no_pose, reason), goal = next(iter(unreachable.items())), '1'
+    assert goal not in unreachable
+    hearer = twin()
+    mission = start_mission(**NAV2, tag_sequence=f'{no_pose} {goal}', robot_radius_m=0.3, wait_for_start=True)
+    operator = operate(mission)
+    started = operator.start(tag_sequence=[no_pose, goal])
+    navigator.reject()
+    navigator.reject()
+    done = operator.wait_for(lifecycle_state='DONE')
+    assert (done.targets_unreachable, done.targets_failed, done.targets_total) == (2, 0, 2)
+    assert len(navigator.goals) == 2
+    hearer.wait_for(lambda heard: heard.status_detail == f'tag {no_pose}: UNREACHABLE: {reason}')
+    heard = hearer.wait_for(
+        lambda heard: heard.status_detail == f'tag 1: UNREACHABLE: {NAME} rejected the goal'
+    )
+    assert (heard.status, heard.tag_reading.tag_id) == (Observation.STATUS_UNREACHABLE, '')
+    assert mission.stop() == 1
+    assert mission.outcomes(started) == [(no_pose, Outcome.UNREACHABLE), (goal, Outcome.UNREACHABLE)]
+    assert reader.tag_ids == []
+
+
+def test_the_estop_cancels_the_goal_and_a_resume_sends_it_again(
+    start_mission, reader, navigator, operate, node
+):
+    mission = start_mission(**NAV2, tag_sequence='1', wait_for_start=True, estop_topic='/held/estop')
+    operator = operate(mission)
+    estop = node.create_publisher(Bool, '/held/estop', 10)
+    operator.start()
+    goal = navigator.accept()
+    while not navigator.has_cancel():  # the e-stop is repeated until it is heard
+        estop.publish(Bool(data=True))
+    navigator.grant_cancel(goal)
+    operator.wait_for(estop_engaged=True, paused=True, mission_phase='NAVIGATING')
+    estop.publish(Bool(data=False))
+    operator.wait_for(estop_engaged=False, paused=True)
+    assert len(navigator.goals) == 1
+    assert operator.trigger('resume')
+    navigator.end(navigator.accept(), 'succeed')
+    assert reader.wait_for_request() == '1'
+    assert places(navigator)[0] == places(navigator)[1]
+    mission.stop()
+
+
+def test_a_skip_on_the_way_cancels_the_goal_before_the_next_one_is_sent(start_mission, navigator, operate):
+    mission = start_mission(**NAV2, tag_sequence='1 2', wait_for_start=True)
+    operator = operate(mission)
+    operator.start()
+    first = navigator.accept()
+    assert operator.trigger('skip_current')
+    navigator.wait_for_cancel()
+    operator.wait_for(current_target='2')
+    assert len(navigator.goals) == 1
+    navigator.answer_cancel()
+    navigator.end(first, 'canceled')
+    second = navigator.accept()
+    assert operator.trigger('abort')
+    navigator.grant_cancel(second)
+    operator.wait_for(lifecycle_state='DONE', targets_skipped=2)
+    assert mission.stop() == 1
+
+
+def by_a_signal(mission, _monkeypatch):
+    mission.ask_to_end()
+
+
+def by_a_fatal_error(_mission, monkeypatch):
+    def fail(*_arguments):
+        raise OneLineError('the disk is full')
+
+    monkeypatch.setattr(Announcer, 'moved', fail)
+
+
+@pytest.mark.parametrize(('end', 'exit_code'), [(by_a_signal, 1), (by_a_fatal_error, 2)])
+@pytest.mark.usefixtures('clock')  # it stands still: the mission would wait for ever
+def test_what_ends_the_mission_cancels_the_goal_and_awaits_its_end(
+    start_mission, navigator, monkeypatch, end, exit_code
+):
+    mission = start_mission(**NAV2, tag_sequence='1')
+    goal = navigator.accept()
+    end(mission, monkeypatch)
+    navigator.wait_for_cancel()
+    assert mission.is_running()
+    navigator.answer_cancel()
+    navigator.end(goal, 'canceled')
+    assert mission.end() == exit_code
+
+
+@pytest.mark.usefixtures('clock')  # it stands still: the mission would wait for ever
+def test_a_goal_that_is_pending_at_the_end_is_cancelled_when_it_is_accepted(start_mission, navigator, node):
+    mission = start_mission(**NAV2, tag_sequence='1')
+    navigator.wait_for_goal()
+    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    for _ in range(3):  # no callback waits for the server
+        states.wait_for(lambda state: state.mission_phase == 'NAVIGATING')
+    mission.ask_to_end()
+    goal = navigator.accept()
+    navigator.grant_cancel(goal)
+    assert mission.end() == 1
+
+
+def test_the_end_of_a_goal_is_awaited_for_2_s(start_mission, navigator, clock):
+    mission = start_mission(**NAV2, tag_sequence='1')
+    navigator.accept()
+    mission.ask_to_end()
+    navigator.wait_for_cancel()  # and never answered
+    while mission.is_running():
+        clock.pass_seconds(2.0)
+        mission.run._thread.join(0.02)
+    assert mission.end() == 1
+
+
+@pytest.mark.usefixtures('clock')  # it stands still: the mission would wait for ever
+def test_a_mission_that_is_done_awaits_the_end_of_its_last_goal(start_mission, navigator, node):
+    mission = start_mission(**NAV2, tag_sequence='1')
+    goal = navigator.accept()
+    abort = node.create_client(Trigger, f'{mission.namespace}/mission/abort')
+    wait_until(abort.service_is_ready)
+    abort.call_async(Trigger.Request())
+    navigator.wait_for_cancel()
+    assert mission.is_running()
+    navigator.answer_cancel()
+    navigator.end(goal, 'canceled')
+    assert mission.end() == 1
+    assert mission.outcomes() == [('1', Outcome.SKIPPED)]
+
+
+def test_sigterm_stops_the_robot(start_process, navigator):
+    mission = start_process(**NAV2, tag_sequence='1')
+    goal = navigator.accept()
+    mission.send(*SIGNALS['SIGTERM'])
+    navigator.grant_cancel(goal)
+    assert mission.end() == 1
+    assert mission.log[-1] == '0/1 tags read'
+
+
+def test_without_nav2_msgs_the_mission_is_refused_in_one_line(start_mission, monkeypatch):
+    for name in ('nav2_msgs', 'nav2_msgs.action'):
+        monkeypatch.setitem(sys.modules, name, None)
+    refusal = start_mission(**NAV2, tag_sequence='1').refusal(exit_code=2)
+    assert 'drive:=nav2 needs the package nav2_msgs' in refusal
+    assert 'sudo apt install ros-$ROS_DISTRO-nav2-msgs' in refusal
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'fragment'),
+    [
+        ({'nav_action_name': '"no such name"'}, 'is not an action name'),
+        ({'approach_overrides_file': '/missing.yaml'}, '/missing.yaml'),
+        ({'drive': 'fly'}, "parameter drive is 'fly': must be timed or nav2"),
+    ],
+)
+def test_a_drive_that_cannot_be_is_refused_in_one_line(start_mission, parameters, fragment):
+    assert fragment in start_mission(**{**NAV2, 'tag_sequence': '1', **parameters}).refusal(exit_code=2)
