@@ -116,7 +116,7 @@ class MissionNode(Node):
         if not self._drive.is_over():
             executor = SingleThreadedExecutor(context=self.context)  # that of run() is closed
             executor.add_node(self)
-            with contextlib.suppress(OneLineError):  # there has been one, or all is said
+            with contextlib.suppress(OneLineError):  # the first one has been logged
                 self._stop_robot(executor)
             executor.shutdown(timeout_sec=0)
         if self.report:

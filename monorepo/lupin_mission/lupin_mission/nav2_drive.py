@@ -74,6 +74,7 @@ class Nav2Drive(Drive):
             return Arrival(self._no_goal, is_final=True)
         if self._since is None:
             self._since = now_seconds
+        is_over = self.is_over()  # takes what has arrived
         elapsed_seconds, sent = now_seconds - self._since, self._sent
         if sent and sent.is_over and not (sent.is_given_up and sent.failure):
             return Arrival(sent.failure)  # a robot that was there at the moment of a pause need not go again
@@ -84,7 +85,7 @@ class Nav2Drive(Drive):
             return Arrival(failure) if failure else None
         if not self._client.server_is_ready():
             return self._wait_for_server(elapsed_seconds)
-        if self.is_over() or elapsed_seconds >= LONGEST_END_SECONDS:
+        if is_over or elapsed_seconds >= LONGEST_END_SECONDS:
             self._send(now_seconds)
         return None
 

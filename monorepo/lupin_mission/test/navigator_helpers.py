@@ -122,11 +122,18 @@ class Trip:
         self.name = f'/test_{uuid.uuid4().hex[:8]}/navigate_to_pose'
         self.now_seconds = 0.0
         self.notes = []
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(node)
+        self._node = node
+        self._executor = None
+        self.change_executor()
         settings = Settings(drive='nav2', nav_action_name=self.name, **options)
         self.drive = Nav2Drive(node, settings, lambda *note: self.notes.append(note))
         self.drive.goals.update(a=Goal(1.0, 2.0, math.pi / 2), b=Goal(3.0, 4.0, 0.0))
+
+    def change_executor(self) -> None:
+        """End the executor, and go on with another."""
+        self.close()
+        self._executor = SingleThreadedExecutor(context=self._node.context)
+        self._executor.add_node(self._node)
 
     def start(self, tag_id: str) -> None:
         """Set off."""
@@ -137,20 +144,29 @@ class Trip:
         self._executor.spin_once(timeout_sec=0.002)
         return self.drive.arrival(self.now_seconds)
 
-    def drive_until(self, is_so) -> None:
-        """Drive until something is so, and do not arrive before."""
+    def spin_until(self, is_so, step=lambda: None) -> None:
+        """Run callbacks, and these steps, until something is so."""
         deadline = time.monotonic() + PATIENCE_SECONDS
         while not is_so():
             assert time.monotonic() < deadline, 'the condition did not become true'
-            assert self.spin() is None
+            self._executor.spin_once(timeout_sec=0.002)
+            step()
+
+    def drive_until(self, is_so) -> None:
+        """Drive until something is so, and do not arrive before."""
+
+        def step():
+            assert self.drive.arrival(self.now_seconds) is None
+
+        self.spin_until(is_so, step)
 
     def arrival(self) -> Arrival:
         """Return how the drive ends, without the passing of its time."""
-        deadline = time.monotonic() + PATIENCE_SECONDS
-        while not (arrival := self.spin()):
-            assert time.monotonic() < deadline, 'the drive did not end'
-        return arrival
+        arrivals = []
+        self.spin_until(lambda: any(arrivals), lambda: arrivals.append(self.drive.arrival(self.now_seconds)))
+        return arrivals[-1]
 
     def close(self) -> None:
         """End the executor, which the thread of the test spins."""
-        self._executor.shutdown()
+        if self._executor:
+            self._executor.shutdown()

@@ -275,6 +275,19 @@ def test_a_success_at_the_moment_of_a_pause_counts(trip, navigator):
     assert len(navigator.goals) == 1
 
 
+def test_a_reply_whose_executor_has_ended_is_taken_under_the_next(trip, navigator):
+    """An error in another callback ends the executor between a reply and the callback of its future."""
+    trip.start('a')
+    trip.drive_until(navigator.has_goal)
+    goal = navigator.accept()
+    trip.spin_until(trip.drive._sent._reply.done)
+    trip.change_executor()
+    trip.drive.stop()
+    trip.spin_until(lambda: trip.drive.is_over() or navigator.has_cancel())
+    navigator.grant_cancel(goal)
+    trip.spin_until(trip.drive.is_over)
+
+
 class Bystander:
     """The surroundings of a mission that only drives."""
 
@@ -295,14 +308,12 @@ class Bystander:
 
 
 def test_after_a_pause_of_an_hour_the_goal_is_sent_again_with_all_its_time(trip, navigator):
-    mission = Mission('a', bystander := Bystander(), trip.drive, Limits())
+    mission = Mission('a', bystander := Bystander(), trip.drive, Limits(max_drives=1))
     now_seconds = 1000.0
     mission.start(now_seconds)
 
     def step_until(is_so):
-        while not is_so():
-            trip._executor.spin_once(timeout_sec=0.002)
-            mission.step(now_seconds)
+        trip.spin_until(is_so, lambda: mission.step(now_seconds))
 
     step_until(navigator.has_goal)
     goal = navigator.accept()
@@ -346,7 +357,5 @@ def test_each_outcome_of_a_drive_that_fails_twice_reaches_the_report(trip, navig
     mission.start(0.0)
     for _ in range(2):
         navigator.reject()
-    while mission.state is not State.DONE:
-        trip._executor.spin_once(timeout_sec=0.002)
-        mission.step(0.0)
+    trip.spin_until(lambda: mission.state is State.DONE, lambda: mission.step(0.0))
     assert bystander.outcomes == [(Outcome.UNREACHABLE, f'{trip.name} rejected the goal')]

@@ -15,6 +15,8 @@ from lupin_mission.report import Outcome
 from lupin_mission.settings import Settings
 from lupin_msgs.msg import MissionState, Observation
 from mission_helpers import READER, WEB_QOS, Subscriber
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -153,18 +155,24 @@ def by_a_fatal_error(_mission, monkeypatch):
 
 
 @pytest.mark.parametrize(('end', 'exit_code'), [(by_a_signal, 1), (by_a_fatal_error, 2)])
-@pytest.mark.usefixtures('clock')  # it stands still: the mission would wait for ever
-def test_what_ends_the_mission_cancels_the_goal_and_awaits_its_end(
-    start_mission, navigator, monkeypatch, end, exit_code
+def test_what_ends_the_mission_cancels_the_goal_awaits_its_end_and_sends_no_other(
+    start_mission, navigator, clock, node, monkeypatch, end, exit_code
 ):
+    """The clock stands still: the mission would wait for ever."""
     mission = start_mission(**NAV2, tag_sequence='1')
     goal = navigator.accept()
+    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    states.wait_for(lambda _state: True)
+    clock.pass_seconds(3.0)  # a drive sends its next goal after 2 s at the latest
     end(mission, monkeypatch)
     navigator.wait_for_cancel()
+    heard = len(states.heard)
+    wait_until(lambda: len(states.heard) > heard + 2)  # the mission's steps are more frequent
     assert mission.is_running()
     navigator.answer_cancel()
     navigator.end(goal, 'canceled')
     assert mission.end() == exit_code
+    assert len(navigator.goals) == 1
 
 
 @pytest.mark.usefixtures('clock')  # it stands still: the mission would wait for ever
@@ -213,6 +221,16 @@ def test_sigterm_stops_the_robot(start_process, navigator):
     navigator.grant_cancel(goal)
     assert mission.end() == 1
     assert mission.log[-1] == '0/1 tags read'
+
+
+def test_without_its_layout_the_robot_does_not_drive(start_mission, held_service):
+    """The positions of the shipped tag file are wrong for a bridge with its own."""
+    bridge = held_service(GetParameters, '/held/get_parameters')
+    mission = start_mission(**NAV2)
+    own_file = ParameterValue(string_value='/home/me/tags.json')
+    bridge.answer(values=[ParameterValue(string_array_value=['7']), own_file])
+    refusal = mission.refusal(exit_code=2)
+    assert "the layout is unknown: set tag_locations_file to the bridge's tag_file" in refusal
 
 
 def test_without_nav2_msgs_the_mission_is_refused_in_one_line(start_mission, monkeypatch):
