@@ -1,14 +1,20 @@
 """Render a camera's picture of a tag, with perspective, blur and noise, for tests and simulations."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from lupin_greenhouse_bridge.greenhouse.facing import Placement
 
 from lupin_perception.confirmation import TAG_COUNT
 
 MODULES = 8  # of a tag36h11 along a side, black border included
 SUPERSAMPLING = 3  # smooths the edges of a tag drawn pixel by pixel
+MODULE_PIXELS = 30
+NEAREST_M = 0.05
+BACK = np.full((MODULES, MODULES), 255, np.uint8)  # of every tag
 
 
 def marker(
@@ -69,7 +75,37 @@ class Camera:
         """
         picture = self._wall(random)
         if tag is not None:
-            self._stick(tag, picture, random, distance_m, angle_degrees)
+            self._stick(tag, picture, _shades(random), *_placement(random, distance_m, angle_degrees))
+        return self._expose(picture, random, blur_pixels, noise_levels)
+
+    def look_around(
+        self,
+        tags: Mapping[int, Placement],
+        eye: tuple[float, float, float],
+        random: np.random.Generator,
+        *,
+        blur_pixels: float = 0.0,
+        noise_levels: float = 3.0,
+    ) -> np.ndarray:
+        """
+        Return a picture of the tags in view, by their numbers, uint8 of the shape (height, width).
+
+        `eye` is x and y of the camera in metres, and the direction that it looks along, in radians to the x
+        axis. It is as high as the tags. A nearer tag hides a farther one, from behind too; tables are lower.
+        """
+        picture = self._wall(random)
+        x, y, yaw = eye
+        for number, tag in sorted(tags.items(), key=lambda each: -math.dist(each[1][:2], (x, y))):
+            dx, dy, turned = tag.x - x, tag.y - y, tag.facing - yaw
+            ahead = math.cos(yaw) * dx + math.sin(yaw) * dy
+            centre = np.array([math.sin(yaw) * dx - math.cos(yaw) * dy, 0.0, ahead])
+            across, down = np.array([-math.cos(turned), 0.0, -math.sin(turned)]), np.array([0.0, 1.0, 0.0])
+            is_front = math.cos(tag.facing) * dx + math.sin(tag.facing) * dy < 0.0
+            side = marker(number, MODULE_PIXELS) if is_front else BACK
+            self._stick(side, picture, _shades(random), across, down, centre)
+        return self._expose(picture, random, blur_pixels, noise_levels)
+
+    def _expose(self, picture, random, blur_pixels, noise_levels) -> np.ndarray:
         picture = cv2.resize(picture, (self.width, self.height), interpolation=cv2.INTER_AREA)
         if blur_pixels > 0.0:
             picture = cv2.GaussianBlur(picture, (0, 0), blur_pixels)
@@ -84,20 +120,15 @@ class Camera:
             wall += cv2.resize(coarse, size, interpolation=cv2.INTER_CUBIC)
         return np.clip(wall, 0, 255)
 
-    def _stick(self, tag, picture, random, distance_m, angle_degrees) -> None:
+    def _stick(self, tag, picture, shades, across, down, centre) -> None:
+        """Draw a tag, unless it is too near. In the camera's frame x is to the right, y down and z ahead."""
         margin = tag.shape[0] // MODULES  # the white margin of the family, one module wide
+        brightness, darkness = shades
         paper = np.pad(tag, margin, constant_values=255).astype(float)
-        brightness, darkness = random.uniform(180, 250), random.uniform(5, 50)
         paper = darkness + paper / 255.0 * (brightness - darkness)
-        side = self.tag_side_m * paper.shape[0] / tag.shape[0]
-        metres_per_pixel = side / paper.shape[0]
-
-        direction = random.uniform(0.0, 2 * np.pi)
-        axis = np.array([np.cos(direction), np.sin(direction), 0.0]) * np.radians(angle_degrees)
-        turn, _ = cv2.Rodrigues(axis)
-        roll, _ = cv2.Rodrigues(np.array([0.0, 0.0, random.uniform(-0.3, 0.3)]))
-        turn = turn @ roll
-        centre = np.array([*random.uniform(-0.08, 0.08, 2) * distance_m, distance_m])
+        pixels = paper.shape[0]
+        side = self.tag_side_m * pixels / tag.shape[0]
+        metres_per_pixel = side / pixels
         focal = SUPERSAMPLING * self.focal_length_pixels
         intrinsics = np.array(
             [
@@ -109,11 +140,37 @@ class Camera:
         to_plane = np.array(
             [[metres_per_pixel, 0.0, -side / 2], [0.0, metres_per_pixel, -side / 2], [0.0, 0.0, 1.0]]
         )
-        homography = intrinsics @ np.column_stack([turn[:, 0], turn[:, 1], centre]) @ to_plane
-        size = picture.shape[::-1]
+        homography = intrinsics @ np.column_stack([across, down, centre]) @ to_plane
+        corners = homography @ np.array([[0, pixels, pixels, 0], [0, 0, pixels, pixels], [1, 1, 1, 1]])
+        if corners[2].min() < NEAREST_M:
+            return
+        height, width = picture.shape
+        (x0, x1), (y0, y1) = (
+            np.clip([np.floor(each.min()), np.ceil(each.max()) + 1], 0, size).astype(int)
+            for each, size in zip(corners[:2] / corners[2], (width, height), strict=True)
+        )
+        if x0 == x1 or y0 == y1:
+            return
+        homography = np.array([[1, 0, -x0], [0, 1, -y0], [0, 0, 1]]) @ homography
+        size = (int(x1 - x0), int(y1 - y0))
         warped = cv2.warpPerspective(paper, homography, size, flags=cv2.INTER_LINEAR)
         mask = cv2.warpPerspective(np.ones_like(paper), homography, size, flags=cv2.INTER_NEAREST)
-        np.copyto(picture, warped, where=mask > 0)
+        np.copyto(picture[y0:y1, x0:x1], warped, where=mask > 0)
+
+
+def _shades(random) -> tuple[float, float]:
+    """Return the grey levels of white and black paper."""
+    return random.uniform(180, 250), random.uniform(5, 50)
+
+
+def _placement(random, distance_m, angle_degrees) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the directions across and down a tag, and its centre in metres, in the camera's frame."""
+    direction = random.uniform(0.0, 2 * np.pi)
+    axis = np.array([np.cos(direction), np.sin(direction), 0.0]) * np.radians(angle_degrees)
+    turn, _ = cv2.Rodrigues(axis)
+    roll, _ = cv2.Rodrigues(np.array([0.0, 0.0, random.uniform(-0.3, 0.3)]))
+    turn = turn @ roll
+    return turn[:, 0], turn[:, 1], np.array([*random.uniform(-0.08, 0.08, 2) * distance_m, distance_m])
 
 
 SMALL_CAMERA = Camera(width=320, height=240, focal_length_pixels=300.0)
