@@ -1,7 +1,8 @@
 """
 A camera for tests and simulations: publishes rendered images of the tag that the mission stands at.
 
-Subscribes to `mission/at_tag`. Between two tags, and for an id outside tag36h11, it shows a bare wall.
+Subscribes to `mission/at_tag`. Between two tags, and for an id outside tag36h11, it shows a bare wall. With
+`from_odometry` it is on the robot instead: it subscribes to `odom`, and shows the tags in view from there.
 """
 
 import sys
@@ -9,6 +10,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse.facing import Placement, place
+from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.node.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.node.run import run
 from lupin_greenhouse_bridge.on_sight.detections import detection_messages
@@ -19,6 +23,7 @@ from std_msgs.msg import String
 
 from lupin_perception import scene
 from lupin_perception.confirmation import TAG_COUNT
+from lupin_perception.odometry import RobotPose
 from lupin_perception.settings import TOPICS, check_source
 
 NODE_NAME = 'camera'
@@ -34,6 +39,12 @@ class Settings:
     publishes: str = parameter(
         'image', 'image, compressed (JPEG), or detections (of AprilTag 3 in the image).'
     )
+    from_odometry: bool = parameter(
+        False, 'Show what is in view from where `odom` says that the robot is; false: the tag of the mission.'
+    )
+    tag_locations_file: str = parameter(
+        '', "The bridge's tag_locations.json, for from_odometry; empty: the simulator's own."
+    )
 
     def __post_init__(self):
         check_parameters(self)
@@ -45,16 +56,20 @@ class CameraStandIn(Node):
 
     def __init__(self):
         super().__init__(NODE_NAME)
-        publishes = declare_parameters(self, Settings).publishes
+        settings = declare_parameters(self, Settings)
         self._random = np.random.default_rng(0)
         self._camera = scene.Camera()
-        self._tag_id = ''
         message_type, self._message_of = {
             'image': lambda: (Image, image_of),
             'compressed': lambda: (CompressedImage, compressed_image_of),
             'detections': detections,
-        }[publishes]()
-        self._publisher = self.create_publisher(message_type, TOPICS[publishes], qos_profile_sensor_data)
+        }[settings.publishes]()
+        self._publisher = self.create_publisher(
+            message_type, TOPICS[settings.publishes], qos_profile_sensor_data
+        )
+        self._robot = RobotPose(self) if settings.from_odometry else None
+        self._tags = placements(settings.tag_locations_file) if settings.from_odometry else {}
+        self._tag_id = ''
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched)
         self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
@@ -63,19 +78,39 @@ class CameraStandIn(Node):
         self._tag_id = message.data
 
     def _publish(self) -> None:
-        has_tag = self._tag_id.isdecimal() and int(self._tag_id) < TAG_COUNT
-        picture = self._camera.look_at(
-            scene.marker(int(self._tag_id), module_pixels=30) if has_tag else None,
-            self._random,
-            distance_m=self._random.uniform(0.3, 1.0),
-            angle_degrees=self._random.uniform(0.0, 40.0),
-            blur_pixels=self._random.uniform(0.3, 1.2),
-            noise_levels=self._random.uniform(2.0, 8.0),
-        )
-        message = self._message_of(picture)
+        message = self._message_of(self._look())
         message.header.stamp = self.get_clock().now().to_msg()
         message.header.frame_id = 'camera'
         self._publisher.publish(message)
+
+    def _look(self) -> np.ndarray:
+        conditions = {
+            'blur_pixels': self._random.uniform(0.3, 1.2),
+            'noise_levels': self._random.uniform(2.0, 8.0),
+        }
+        if self._robot and self._robot.newest:
+            return self._camera.look_around(self._tags, self._robot.newest, self._random, **conditions)
+        has_tag = not self._robot and has_marker(self._tag_id)
+        return self._camera.look_at(
+            scene.marker(int(self._tag_id), scene.MODULE_PIXELS) if has_tag else None,
+            self._random,
+            distance_m=self._random.uniform(0.3, 1.0),
+            angle_degrees=self._random.uniform(0.0, 40.0),
+            **conditions,
+        )
+
+
+def has_marker(tag_id: str) -> bool:
+    """Return whether this is an id of tag36h11."""
+    return tag_id.isdecimal() and int(tag_id) < TAG_COUNT
+
+
+def placements(tag_file: str) -> dict[int, Placement]:
+    """Return where each tag of a layout is, and faces, by its number; raises StartUpError."""
+    layout = find_layout(tag_file)
+    if layout is None:
+        raise StartUpError('mdp-greenhouse is not installed here: set tag_locations_file')
+    return {int(tag_id): placement for tag_id, placement in place(layout).items() if has_marker(tag_id)}
 
 
 def image_of(picture: np.ndarray) -> Image:

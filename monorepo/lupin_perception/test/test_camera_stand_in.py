@@ -1,9 +1,13 @@
-"""The camera for tests and simulations shows the tag that the mission stands at."""
+"""The camera for tests and simulations shows the tag that the mission stands at, or what the robot sees."""
+
+import json
+import math
 
 import numpy as np
 import pytest
 from apriltag_msgs.msg import AprilTagDetectionArray
 from conftest import CAMERA, Perception
+from geometry_msgs.msg import Point, Pose, Quaternion
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.testing import spinning_node, wait_until
 from lupin_perception.camera_stand_in import (
@@ -13,11 +17,14 @@ from lupin_perception.camera_stand_in import (
     compressed_image_of,
     detections,
     image_of,
+    placements,
 )
 from lupin_perception.confirm_tag import ConfirmTagNode
+from lupin_perception.odometry import ODOMETRY_TOPIC, pose_in_plane
 from lupin_perception.settings import TOPICS
 from lupin_perception.settings import Settings as ConfirmTagSettings
 from lupin_perception.sources import open_source
+from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
@@ -97,3 +104,43 @@ def test_a_mission_that_is_older_than_the_camera_is_heard(run_nodes):
         *_, node = run_nodes(CameraStandIn, ConfirmTagNode, **parameters)
         perception = Perception(node, Image, f'/{TOPICS["image"]}')
         wait_until(lambda: perception.confirm('7').detected)
+
+
+def message_of(x: float, y: float, yaw: float) -> Pose:
+    return Pose(position=Point(x=x, y=y), orientation=Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2)))
+
+
+@pytest.mark.parametrize('yaw', [-3.0, -math.pi / 2, 0.0, 0.3, 2.0, math.pi])
+def test_the_pose_of_the_robot_is_that_of_its_odometry(yaw):
+    assert pose_in_plane(message_of(1.5, -2.5, yaw)) == pytest.approx((1.5, -2.5, yaw))
+
+
+def test_an_id_outside_the_family_has_no_place_in_the_picture(tmp_path):
+    tag_file = tmp_path / 'tags.json'
+    tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
+    tags = {'7': tag, '587': tag, 'seven': tag, '-1': tag}
+    tag_file.write_text(json.dumps({'tags': tags, 'tables': {}}), encoding='utf-8')
+    assert set(placements(str(tag_file))) == {7}
+
+
+def test_a_camera_on_the_robot_sees_its_tag_only_from_where_the_robot_really_stands(run_nodes):
+    parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0, 'from_odometry': True}
+    *_, node = run_nodes(CameraStandIn, ConfirmTagNode, **parameters)
+    at_tag = node.create_publisher(String, AT_TAG, LATCHED)
+    at_tag.publish(String(data='7'))  # what the mission believes counts for nothing
+    odometry = node.create_publisher(Odometry, f'/{ODOMETRY_TOPIC}', 1)
+    perception = Perception(node, Image, f'/{TOPICS["image"]}')
+    perception.confirm_until('no tag in view in 4 images')  # no odometry yet
+    tag = placements('')[7]
+    x, y = tag.x + 0.4 * math.cos(tag.facing), tag.y + 0.4 * math.sin(tag.facing)
+    towards, aside = message_of(x, y, tag.facing + math.pi), message_of(x, y, tag.facing)
+
+    def stands_at(pose: Pose):
+        message = Odometry()
+        message.pose.pose = pose
+        odometry.publish(message)
+        return perception.confirm('7')
+
+    wait_until(lambda: stands_at(towards).detected)
+    wait_until(lambda: 'no tag in view' in stands_at(aside).error_message)
+    wait_until(lambda: stands_at(towards).detected)
