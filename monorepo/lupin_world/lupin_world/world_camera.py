@@ -2,7 +2,7 @@
 `ros2 run lupin_world world_camera`: publishes images of the tag that the mission stands at, in the SDF world.
 
 Subscribes to `mission/at_tag`. Between two tags it shows the sky. The position, angle and distance vary from
-image to image.
+image to image. With `from_odometry` it is on the robot instead: it subscribes to `odom`.
 """
 
 import math
@@ -14,13 +14,14 @@ import numpy as np
 from lupin_greenhouse_bridge.node.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.node.run import run
 from lupin_perception.camera_stand_in import image_of
+from lupin_perception.odometry import RobotPose
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
 from lupin_world.opening import open_world
-from lupin_world.view import Tag, viewpoint
+from lupin_world.view import Tag, ahead, viewpoint
 
 NODE_NAME = 'camera'
 IMAGE_TOPIC, AT_TAG_TOPIC = 'camera/color/image_raw', 'mission/at_tag'  # relative: a namespace moves them
@@ -36,6 +37,9 @@ class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     world_file: str = parameter('', 'The SDF world.')
+    from_odometry: bool = parameter(
+        False, 'Show what is in view from where `odom` says that the robot is; false: the tag of the mission.'
+    )
 
     def __post_init__(self):
         check_parameters(self)
@@ -46,11 +50,13 @@ class WorldCamera(Node):
 
     def __init__(self):
         super().__init__(NODE_NAME)
-        self._world = open_world(declare_parameters(self, Settings).world_file)
+        settings = declare_parameters(self, Settings)
+        self._world = open_world(settings.world_file)
         self._tags = {str(number): tag for number, tag in self._world.tags.items()}
         self._random = np.random.default_rng(0)
         self._tag_id = ''
         self._images = self.create_publisher(Image, IMAGE_TOPIC, qos_profile_sensor_data)
+        self._robot = RobotPose(self) if settings.from_odometry else None
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched)
         self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
@@ -59,8 +65,13 @@ class WorldCamera(Node):
     def _on_tag(self, message) -> None:
         self._tag_id = message.data
 
+    def _viewpoint(self) -> tuple[np.ndarray, np.ndarray]:
+        if self._robot and self._robot.newest:
+            return ahead(*self._robot.newest)
+        return approach(None if self._robot else self._tags.get(self._tag_id), self._random)
+
     def _publish(self) -> None:
-        picture = self._world.look(*approach(self._tags.get(self._tag_id), self._random))
+        picture = self._world.look(*self._viewpoint())
         # Grey: on a busy machine, best effort loses images of 900 kB.
         image = image_of(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY))
         image.header.stamp = self.get_clock().now().to_msg()
