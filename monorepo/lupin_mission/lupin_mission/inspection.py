@@ -2,7 +2,8 @@
 `ros2 run lupin_mission inspection`: run a whole mission on its own ROS domain.
 
 Starts the bridge, the mission and, with --camera, a camera that confirms tags. Writes a report, its
-picture and its page. Exit code: the mission's, 0 if all tags were read; 2 if it cannot start.
+picture and its page. Exit code: the mission's, 0 if all tags were read; 1 if another node ends first; 2 if it
+cannot start.
 """
 
 import argparse
@@ -11,6 +12,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import domain_coordinator
@@ -19,6 +21,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 
 USAGE = 2
 LONGEST_MISSION_SECONDS = 900
+LOOK_EVERY_SECONDS = 0.2  # at the nodes
 PATIENCE_SECONDS = 10.0
 SOURCES = ('image', 'compressed', 'detections')
 
@@ -34,6 +37,10 @@ def executable(package: str, name: str) -> str:
 def parameters(assignments: list[str]) -> list[str]:
     """Turn name:=value of `ros2 launch` into arguments of a node."""
     return ['--ros-args', *(word for each in assignments for word in ('-p', each))]
+
+
+class NodeEnded(OneLineError):
+    """A node ended before the mission."""
 
 
 def nodes_of(options) -> tuple[list[list[str]], list[str]]:
@@ -72,8 +79,24 @@ def stop(process: subprocess.Popen) -> None:
         process.wait()
 
 
+def exit_code_of(mission: subprocess.Popen, others: list[subprocess.Popen]) -> int:
+    """Return the exit code of the mission; raises NodeEnded if another node ends first, or TimeoutExpired."""
+    deadline = time.monotonic() + LONGEST_MISSION_SECONDS
+    while True:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return mission.wait(LOOK_EVERY_SECONDS)
+        for each in others:
+            if each.poll() is not None:
+                name = Path(each.args[0]).name
+                raise NodeEnded(
+                    f'{name} ended before the mission, with exit code {each.returncode}: its log is above'
+                )
+        if time.monotonic() >= deadline:
+            raise subprocess.TimeoutExpired(mission.args[0], LONGEST_MISSION_SECONDS)
+
+
 def run_mission(options) -> int:
-    """Run the nodes and the mission, and draw its report; return the exit code. Raises StartUpError."""
+    """Run the nodes and the mission, and draw its report; return the exit code. Raises OneLineError."""
     if options.world and options.camera != 'image':
         raise StartUpError('WORLD=1 needs CAMERA=1, and publishes images only')
     mission_node = executable('lupin_mission', 'mission_orchestrator')
@@ -85,18 +108,20 @@ def run_mission(options) -> int:
     with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
         alone = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
         environment = os.environ | alone
-        for command in nodes:
-            stack.callback(stop, subprocess.Popen(command, env=environment))
         own = [f'report_file:="{report}"', 'wait_for_start:=false']
-        command = [mission_node, *parameters([*own, *suitable, *options.arguments])]
-        mission = subprocess.run(command, env=environment, timeout=LONGEST_MISSION_SECONDS, check=False)
-    if mission.returncode == USAGE:
+        processes = []
+        for command in [*nodes, [mission_node, *parameters([*own, *suitable, *options.arguments])]]:
+            processes.append(subprocess.Popen(command, env=environment))
+            stack.callback(stop, processes[-1])
+        *others, mission = processes
+        exit_code = exit_code_of(mission, others)
+    if exit_code == USAGE:
         return USAGE
     plotting = subprocess.run([executable('lupin_mission', 'plot_report'), str(report)], check=False)
     # Plotly is optional: without it, this prints how to install it.
     subprocess.run([executable('lupin_greenhouse_bridge', 'readings_page'), str(report)], check=False)
     print(f'report: {report}')
-    return mission.returncode or plotting.returncode
+    return exit_code or plotting.returncode
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -110,12 +135,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('arguments', nargs='*', metavar='name:=value', help='parameters of the mission')
     try:
         return run_mission(parser.parse_args(arguments))
+    except (NodeEnded, subprocess.TimeoutExpired) as error:
+        print(f'mission: {error}', file=sys.stderr)
+        return 1
     except OneLineError as error:
         print(f'mission: {error}', file=sys.stderr)
         return USAGE
-    except subprocess.TimeoutExpired as error:
-        print(f'mission: {error}', file=sys.stderr)
-        return 1
     except KeyboardInterrupt:
         return 130
 

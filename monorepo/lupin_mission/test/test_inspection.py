@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import os
 import subprocess
 from argparse import Namespace
 from pathlib import Path
@@ -16,6 +17,18 @@ def run_inspection(output: Path, *arguments: str, attempts: int = 1000) -> subpr
     command = [executable('lupin_mission', 'inspection'), '--output', str(output), *arguments]
     patience = ['scan_timeout_s:=10', 'retry_delay_seconds:=0.1', f'max_attempts:={attempts}']
     return subprocess.run([*command, *patience], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def stand_in(tmp_path, monkeypatch):
+    """Return a function that puts a shell script in the place of an executable."""
+    monkeypatch.setattr(inspection, 'executable', lambda _package, name: str(tmp_path / name))
+
+    def write(name: str, script: str) -> None:
+        (tmp_path / name).write_text(f'#!/bin/sh\n{script}\n', encoding='utf-8')
+        (tmp_path / name).chmod(0o755)
+
+    return write
 
 
 @pytest.mark.parametrize(
@@ -72,3 +85,28 @@ def test_a_world_without_drake_is_refused_before_anything_starts(tmp_path, monke
     assert capsys.readouterr().err == (
         'mission: Drake is missing, which renders the world: pip install drake\n'
     )
+
+
+@pytest.mark.parametrize(
+    ('first', 'last', 'error'),
+    [
+        (
+            'bridge_node',
+            'mission_orchestrator',
+            'mission: bridge_node ended before the mission, with exit code 1: its log is above\n',
+        ),
+        ('mission_orchestrator', 'bridge_node', ''),
+    ],
+)
+def test_the_first_node_that_ends_ends_the_run_and_is_named_unless_it_is_the_mission(
+    tmp_path, capfd, stand_in, first, last, error
+):
+    process_id = tmp_path / 'process_id'
+    stand_in(last, f'echo $$ >{process_id}; exec sleep 600')
+    stand_in(first, f'until [ -s {process_id} ]; do sleep 0.05; done; exit 1')
+    for name in ('plot_report', 'readings_page'):
+        stand_in(name, '')
+    assert inspection.main(['--output', str(tmp_path / 'output')]) == 1
+    assert capfd.readouterr().err == error
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(process_id.read_text(encoding='utf-8')), 0)
