@@ -55,6 +55,23 @@ def test_a_recording_is_drawn_like_a_report(report, tmp_path, name):
         assert f'<!-- {text} -->' in drawn
 
 
+def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report, tmp_path, monkeypatch):
+    route = tmp_path / 'route.csv'
+    route.write_text('x,y\n0.5,0.5\n0.5,-3.5\n3.5,-3.5\n', encoding='utf-8')
+    output, save, drawn = tmp_path / 'picture.svg', Figure.savefig, []
+    monkeypatch.setattr(
+        Figure, 'savefig', lambda *args, **options: drawn.append(args[0]) or save(*args, **options)
+    )
+    assert main([str(report), '--route', str(route), '--output', str(output)]) == 0
+    assert '2 failed (x); the robot drove 7.0 m' in output.read_text(encoding='utf-8')
+    (figure,) = drawn
+    for axes in (axes for axes in figure.axes if axes.get_title()):
+        assert [(0.5, 0.5), (0.5, -3.5), (3.5, -3.5)] in [
+            list(map(tuple, line.get_xydata())) for line in axes.lines
+        ]
+        assert axes.get_ylim()[0] < -3.5
+
+
 def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, monkeypatch):
     """In the shipped greenhouse, with a value of every sensor of every tag."""
     widest = 1234.5
@@ -112,6 +129,8 @@ def test_a_custom_tag_file_places_the_tags(report, tmp_path):
         (['REPORT', '--output', '/missing/picture.png'], '/missing/picture.png'),
         (['REPORT', '--output', 'picture.docx'], 'picture.docx'),
         (['EMPTY'], 'no tag was read'),
+        (['REPORT', '--route', '/missing.csv'], "--route '/missing.csv': No such file or directory"),
+        (['REPORT', '--route', 'TAGS'], 'is not a CSV file of x,y in metres: name another'),
     ],
 )
 def test_what_cannot_be_drawn_is_said_in_one_line(report, tmp_path, capsys, arguments, fragment):

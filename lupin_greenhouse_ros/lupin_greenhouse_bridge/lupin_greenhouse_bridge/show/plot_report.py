@@ -1,6 +1,7 @@
 """`ros2 run lupin_greenhouse_bridge plot_report FILE`: draw the last readings of a file."""
 
 import argparse
+import math
 import sys
 import time
 from pathlib import Path
@@ -10,7 +11,7 @@ from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import read_file
 from lupin_greenhouse_bridge.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.show.labelling import Box, place_labels
-from lupin_greenhouse_bridge.show.places import layout_of
+from lupin_greenhouse_bridge.show.places import layout_of, read_route
 from lupin_greenhouse_bridge.units import clock_time, label_of
 
 DONE, USAGE = 0, 2
@@ -29,6 +30,9 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument('--tag-file', default='', metavar='FILE', help="the bridge's tag_file, if it had one")
     parser.add_argument('--sim-config-file', default='', metavar='FILE', help="the bridge's, if it had one")
+    parser.add_argument(
+        '--route', type=Path, metavar='FILE', help='a CSV file of x and y along the way that the robot drove'
+    )
     parser.add_argument(
         '--output', type=Path, metavar='FILE', help='default: FILE.png; .svg and .pdf work too'
     )
@@ -60,6 +64,7 @@ def _draw(options: argparse.Namespace, output: Path) -> None:
     rows, visits = read_file(options.file, options.tag_file)
     layout = layout_of(rows, options.tag_file)
     footprint, colour_ranges = read_visualization(layout, options.sim_config_file)
+    route = read_route(options.route) if options.route else []
     outcomes = {visit.tag_id: visit.outcome for visit in visits}  # the last one of each tag
     failed = {tag_id for tag_id, outcome in outcomes.items() if outcome != 'OK'}
     readings = {tag_id: each for tag_id, each in last_of_each_tag(rows).items() if tag_id not in failed}
@@ -77,13 +82,24 @@ def _draw(options: argparse.Namespace, output: Path) -> None:
     )
     for axes, sensor in zip(all_axes[0], sensors, strict=True):
         draw_footprint(axes, layout, footprint)
+        if route:
+            _draw_route(axes, route)
         _draw_readings(figure, axes, sensor, layout, readings, colour_ranges.get(sensor))
         _draw_failures(axes, layout, failed)
         axes.set_title(label_of(sensor))
     all_axes[0][0].set_ylabel('y (m)')
-    figure.suptitle(_headline(readings, len(failed), len(layout.tags)))
+    figure.suptitle(_headline(readings, len(failed), len(layout.tags), route))
     figure.savefig(output, dpi=130)
     pyplot.close(figure)
+
+
+def _draw_route(axes, route: list[tuple[float, float]]) -> None:
+    """Draw the way of the robot, with all of it in view."""
+    xs, ys = zip(*route, strict=True)
+    axes.plot(xs, ys, color='tab:blue', linewidth=1.0, zorder=1.5)
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    axes.set_xlim(min(x0, min(xs) - GAP_M), max(x1, max(xs) + GAP_M))
+    axes.set_ylim(min(y0, min(ys) - GAP_M), max(y1, max(ys) + GAP_M))
 
 
 def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None:
@@ -119,12 +135,14 @@ def _draw_failures(axes, layout, failed: set[str]) -> None:
     axes.scatter([tag.x for tag in tags], [tag.y for tag in tags], marker='x', s=60, color='red', zorder=5)
 
 
-def _headline(readings: dict[str, dict[str, Row]], failed_count: int, tag_count: int) -> str:
+def _headline(readings: dict[str, dict[str, Row]], failed_count: int, tag_count: int, route) -> str:
     rows = [row for each in readings.values() for row in each.values()]
     first, last = (time.localtime(pick(row.stamp_ns for row in rows) / 1e9) for pick in (min, max))
     hours = [row.sim_time_of_day_seconds for row in rows]
+    failed = f', {failed_count} failed (x)' if failed_count else ''
+    driven = f'; the robot drove {sum(map(math.dist, route, route[1:])):.1f} m' if route else ''
     return (
-        f'{len(readings)} of {tag_count} tags read{f", {failed_count} failed (x)" if failed_count else ""}\n'
+        f'{len(readings)} of {tag_count} tags read{failed}{driven}\n'
         f'{time.strftime("%Y-%m-%d %H:%M:%S", first)} to {time.strftime("%H:%M:%S", last)};'
         f' greenhouse time of day {clock_time(min(hours))} to {clock_time(max(hours))}'
     )
