@@ -26,6 +26,7 @@ setup(
             'inspection = lupin_mission.inspection:main',
             'mission_orchestrator = lupin_mission.executables:mission_orchestrator',
             'mission_node = lupin_mission.executables:mission_orchestrator',
+            'navigator_stand_in = lupin_mission.executables:navigator_stand_in',
             'register_discovered_tags = lupin_mission.executables:register_discovered_tags',
             'plot_report = lupin_greenhouse_bridge.executables:plot_report',
         ],

@@ -10,6 +10,11 @@ def mission_orchestrator() -> NoReturn:
     start('lupin_mission.mission_node')
 
 
+def navigator_stand_in() -> NoReturn:
+    """Navigate until Ctrl-C or SIGTERM, then exit."""
+    start('lupin_mission.navigator_stand_in')
+
+
 def register_discovered_tags() -> NoReturn:
     """Find where the layout lies in the map, by the discovered tags, then exit."""
     start('lupin_mission.register_discovered_tags')
