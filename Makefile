@@ -46,11 +46,11 @@ smoke: bridge  ## start the bridge on a private domain and read every tag
 read: bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TAG=--all
 	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(ARGS)
 
-mission: $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world
+mission: $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world, DRIVE=1 drives a robot there
 	@[ $(TREE) = monorepo ] || { echo 'mission: it is in the monorepo only: make mission TREE=monorepo' >&2; exit 2; }
-	@$(IN_ENV) $(if $(WORLD),ci/with_drake,$(if $(filter detections,$(CAMERA)),ci/with_stand_ins)) \
+	@$(IN_ENV) $(if $(WORLD),ci/with_drake) $(if $(DRIVE)$(filter detections,$(CAMERA)),ci/with_stand_ins) \
 	    $(call EXECUTABLE,lupin_mission,inspection) --output '$(CURDIR)/.mission' \
-	    $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(ARGS)
+	    $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(if $(DRIVE),--drive) $(ARGS)
 
 page: bridge  ## make a page of the readings of the last mission, or of FILE=readings.sqlite (or .csv, .jsonl)
 	@file='$(FILE)'; file=$${file:-$$(ls -t .mission/*.jsonl 2>/dev/null | head -1 || true)}; \

@@ -23,6 +23,10 @@ def make_mission(*options: str) -> subprocess.CompletedProcess:
     )
 
 
+# A busy machine may not see a tag within a second.
+PATIENCE = 'max_attempts:=1000 scan_timeout_s:=20 visual_confirmation_timeout_s:=20 retry_delay_seconds:=0.1'
+
+
 @pytest.mark.heavy
 @pytest.mark.parametrize(
     ('options', 'name'),
@@ -34,11 +38,7 @@ def make_mission(*options: str) -> subprocess.CompletedProcess:
     ids=['compressed images', 'detections', 'world'],
 )
 def test_the_mission_reads_the_tags_that_its_camera_sees(tmp_path, options, name):
-    # A busy machine may not see a tag within a second.
-    patience = (
-        'max_attempts:=1000 scan_timeout_s:=20 visual_confirmation_timeout_s:=20 retry_delay_seconds:=0.1'
-    )
-    arguments = f'ARGS=--output {tmp_path} tag_sequence:="1 13 30" {patience}'
+    arguments = f'ARGS=--output {tmp_path} tag_sequence:="1 13 30" {PATIENCE}'
     result = make_mission('TREE=monorepo', *options, arguments)
     assert result.returncode == 0, result.stdout + result.stderr
     lines = (tmp_path / f'{name}.jsonl').read_text(encoding='utf-8').splitlines()
@@ -48,6 +48,15 @@ def test_the_mission_reads_the_tags_that_its_camera_sees(tmp_path, options, name
         ('30', 'OK'),
     ]
     assert (tmp_path / f'{name}.png').exists()
+
+
+@pytest.mark.heavy
+def test_a_robot_drives_to_every_tag_and_its_camera_sees_each_from_there(tmp_path):
+    result = make_mission('TREE=monorepo', 'DRIVE=1', 'CAMERA=1', f'ARGS=--output {tmp_path} {PATIENCE}')
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert '29/29 tags read' in result.stdout.splitlines()
+    assert len((tmp_path / 'camera-route.csv').read_text(encoding='utf-8').splitlines()) > 29
+    assert (tmp_path / 'camera.png').exists()
 
 
 def test_the_mirror_has_no_mission():

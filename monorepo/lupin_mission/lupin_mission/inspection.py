@@ -1,9 +1,9 @@
 """
 `ros2 run lupin_mission inspection`: run a whole mission on its own ROS domain.
 
-Starts the bridge, the mission and, with --camera, a camera that confirms tags. Writes a report, its
-picture and its page. Exit code: the mission's, 0 if all tags were read; 1 if another node ends first; 2 if it
-cannot start.
+Starts the bridge, the mission and, with --camera, a camera that confirms tags. With --drive, a navigator
+moves a robot that has the camera on it. Writes a report, its picture and its page. Exit code: the mission's,
+0 if all tags were read; 1 if another node ends first; 2 if it cannot start.
 """
 
 import argparse
@@ -13,15 +13,19 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import fields
 from pathlib import Path
 
 import domain_coordinator
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 
+from lupin_mission import disc_robot, settings
+
 USAGE = 2
 LONGEST_MISSION_SECONDS = 900
 LOOK_EVERY_SECONDS = 0.2  # at the nodes
+DRIVING_SPEEDUP = 20
 PATIENCE_SECONDS = 10.0
 SOURCES = ('image', 'compressed', 'detections')
 
@@ -43,12 +47,33 @@ class NodeEnded(OneLineError):
     """A node ended before the mission."""
 
 
+def share(assignments: list[str]) -> tuple[list[str], list[str]]:
+    """Return the parameters of the mission, and those of the navigator; both have some of them."""
+    of_navigator, of_mission = (
+        {each.name for each in fields(settings_type)}
+        for settings_type in (disc_robot.Settings, settings.Settings)
+    )
+    named = [(each.partition(':=')[0], each) for each in assignments]
+    return (
+        [each for name, each in named if name in of_mission or name not in of_navigator],
+        [each for name, each in named if name in of_navigator],
+    )
+
+
 def nodes_of(options) -> tuple[list[list[str]], list[str]]:
-    """Return the commands of the nodes around the mission, and the mission's parameters that suit them."""
+    """Return the commands of the nodes around the mission, and the mission's parameters."""
     nodes = [[executable('lupin_greenhouse_bridge', 'bridge_node')]]
+    mission, for_navigator = share(options.arguments) if options.drive else (options.arguments, [])
+    suitable, seeing = [], []
+    if options.drive:
+        driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{file_of(options, "-route.csv")}"']
+        navigator = executable('lupin_mission', 'navigator_stand_in')
+        nodes.append([navigator, *parameters([*driving, *for_navigator])])
+        suitable += ['drive:=nav2', 'order:=shortest']
+        seeing = ['from_odometry:=true']
     if not options.camera:
-        return nodes, []
-    mission = ['require_visual_confirmation:=true', 'drive_seconds:=0.2']
+        return nodes, [*suitable, *mission]
+    suitable += ['require_visual_confirmation:=true', 'drive_seconds:=0.2']
     if options.world:
         folder = options.output / 'world'
         command = [executable('lupin_world', 'generate_world'), '--side', '0.04', '--output', str(folder)]
@@ -57,16 +82,24 @@ def nodes_of(options) -> tuple[list[list[str]], list[str]]:
         if subprocess.run(command, check=False).returncode:
             raise StartUpError('the world cannot be made')
         world_file = f'world_file:="{folder / "greenhouse.sdf"}"'
+        if not options.drive:  # a world does not name the tables that a robot drives around
+            suitable.append(world_file)
         # Rendering an image takes a while.
-        mission += [world_file, f'visual_confirmation_timeout_s:={PATIENCE_SECONDS}']
+        suitable.append(f'visual_confirmation_timeout_s:={PATIENCE_SECONDS}')
         listening = [f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']
-        camera = [executable('lupin_world', 'world_camera'), *parameters([world_file])]
+        camera = [executable('lupin_world', 'world_camera'), *parameters([world_file, *seeing])]
     else:
         listening = [f'source:={options.camera}']
         stand_in = executable('lupin_perception', 'camera_stand_in')
-        camera = [stand_in, *parameters([f'publishes:={options.camera}'])]
+        camera = [stand_in, *parameters([f'publishes:={options.camera}', *seeing])]
     confirm_tag = [executable('lupin_perception', 'confirm_tag'), *parameters(listening)]
-    return [*nodes, confirm_tag, camera], mission
+    return [*nodes, confirm_tag, camera], [*suitable, *mission]
+
+
+def file_of(options, ending: str) -> Path:
+    """Return the file of this kind of inspection with such an ending."""
+    name = 'world' if options.world else 'camera' if options.camera else 'simulation'
+    return options.output / f'{name}{ending}'
 
 
 def stop(process: subprocess.Popen) -> None:
@@ -100,28 +133,29 @@ def run_mission(options) -> int:
     if options.world and options.camera != 'image':
         raise StartUpError('WORLD=1 needs CAMERA=1, and publishes images only')
     mission_node = executable('lupin_mission', 'mission_orchestrator')
-    nodes, suitable = nodes_of(options)
+    commands, for_mission = nodes_of(options)
     options.output.mkdir(parents=True, exist_ok=True)
-    name = 'world' if options.world else 'camera' if options.camera else 'simulation'
-    report = options.output / f'{name}.jsonl'
+    report, route = file_of(options, '.jsonl'), file_of(options, '-route.csv')
     report.unlink(missing_ok=True)
+    route.unlink(missing_ok=True)
+    own = [f'report_file:="{report}"', 'wait_for_start:=false']
+    commands.append([mission_node, *parameters([*own, *for_mission])])
     with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
         alone = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-        environment = os.environ | alone
-        own = [f'report_file:="{report}"', 'wait_for_start:=false']
         processes = []
-        for command in [*nodes, [mission_node, *parameters([*own, *suitable, *options.arguments])]]:
-            processes.append(subprocess.Popen(command, env=environment))
+        for command in commands:
+            processes.append(subprocess.Popen(command, env=os.environ | alone))
             stack.callback(stop, processes[-1])
         *others, mission = processes
         exit_code = exit_code_of(mission, others)
     if exit_code == USAGE:
         return USAGE
-    plotting = subprocess.run([executable('lupin_mission', 'plot_report'), str(report)], check=False)
+    drawing = [str(report), *(['--route', str(route)] if route.exists() else [])]
+    plotted = subprocess.run([executable('lupin_mission', 'plot_report'), *drawing], check=False).returncode
     # Plotly is optional: without it, this prints how to install it.
-    subprocess.run([executable('lupin_greenhouse_bridge', 'readings_page'), str(report)], check=False)
+    subprocess.run([executable('lupin_greenhouse_bridge', 'readings_page'), *drawing], check=False)
     print(f'report: {report}')
-    return exit_code or plotting.returncode
+    return exit_code or plotted
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -131,8 +165,13 @@ def main(arguments: list[str] | None = None) -> int:
         '--camera', choices=SOURCES, help='confirm each tag, from images, compressed images or detections'
     )
     parser.add_argument('--world', action='store_true', help='the camera is in the SDF world of lupin_world')
+    parser.add_argument(
+        '--drive', action='store_true', help='drive to each tag with nav2, here a stand-in for it'
+    )
     parser.add_argument('--output', type=Path, default=Path('.mission'), metavar='FOLDER', help='%(default)s')
-    parser.add_argument('arguments', nargs='*', metavar='name:=value', help='parameters of the mission')
+    parser.add_argument(
+        'arguments', nargs='*', metavar='name:=value', help='parameters of the mission, and of the navigator'
+    )
     try:
         return run_mission(parser.parse_args(arguments))
     except (NodeEnded, subprocess.TimeoutExpired) as error:

@@ -2,12 +2,16 @@
 
 import importlib.util
 import json
+import math
 import os
 import subprocess
 from argparse import Namespace
 from pathlib import Path
 
 import pytest
+from lupin_greenhouse_bridge.greenhouse.approach import Reach, find_approaches
+from lupin_greenhouse_bridge.greenhouse.layout import find_layout
+from lupin_greenhouse_bridge.show.places import read_route
 from lupin_greenhouse_bridge.testing import executable
 from lupin_mission import inspection
 
@@ -17,6 +21,13 @@ def run_inspection(output: Path, *arguments: str, attempts: int = 1000) -> subpr
     command = [executable('lupin_mission', 'inspection'), '--output', str(output), *arguments]
     patience = ['scan_timeout_s:=10', 'retry_delay_seconds:=0.1', f'max_attempts:={attempts}']
     return subprocess.run([*command, *patience], capture_output=True, text=True, check=False)
+
+
+def options_of(output: Path, **options) -> Namespace:
+    """Return the options of a command line."""
+    return Namespace(
+        **{'camera': None, 'world': False, 'drive': False, 'output': output, 'arguments': [], **options}
+    )
 
 
 @pytest.fixture
@@ -51,6 +62,26 @@ def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path,
     assert 'Traceback' not in result.stderr
 
 
+def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path):
+    """A large robot has no way to tag 13; the navigator alone knows that the place before tag 7 is taken."""
+    layout = find_layout('')
+    x, y = find_approaches(layout, Reach(robot_radius_m=0.3)).poses['7'][:2]
+    blocked = f'blocked:="{x - 0.1} {y - 0.1} {x + 0.1} {y + 0.1}"'
+    result = run_inspection(tmp_path, '--drive', 'robot_radius_m:=0.3', blocked, 'tag_sequence:="7 13 1"')
+    assert result.returncode == 1, result.stdout + result.stderr
+    lines = (tmp_path / 'simulation.jsonl').read_text(encoding='utf-8').splitlines()
+    found = {each['tag_id']: (each['outcome'], each['detail']) for each in map(json.loads, lines)}
+    assert found.pop('1') == ('OK', '')
+    assert found.pop('13') == ('UNREACHABLE', 'cut off from the rest of the floor')
+    outcome, detail = found.pop('7')
+    assert outcome == 'UNREACHABLE'
+    assert detail.startswith('navigate_to_pose aborted the drive')
+    assert '1/3 tags read' in result.stdout
+    route = read_route(tmp_path / 'simulation-route.csv')
+    assert math.dist(route[-1], layout.tags['1'][:2]) < 1.0
+    assert 'Traceback' not in result.stderr
+
+
 def test_a_tag_that_the_camera_never_sees_is_not_read(tmp_path):
     result = run_inspection(tmp_path, '--camera', 'image', 'tag_sequence:="600"', attempts=5)
     assert result.returncode == 1
@@ -70,7 +101,7 @@ def test_the_world_package_is_needed_for_a_world_only(tmp_path, monkeypatch, cap
     for package in ('lupin_greenhouse_bridge', 'lupin_mission', 'lupin_perception'):
         (index / package).touch()
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
-    nodes, _ = inspection.nodes_of(Namespace(camera=camera, world=False))
+    nodes, _ = inspection.nodes_of(options_of(tmp_path, camera=camera))
     assert all(command[0].startswith(str(tmp_path / 'lib')) for command in nodes)
     assert inspection.main(['--camera', 'image', '--world', '--output', str(tmp_path)]) == 2
     assert capsys.readouterr().err == (
@@ -110,3 +141,28 @@ def test_the_first_node_that_ends_ends_the_run_and_is_named_unless_it_is_the_mis
     assert capfd.readouterr().err == error
     with pytest.raises(ProcessLookupError):
         os.kill(int(process_id.read_text(encoding='utf-8')), 0)
+
+
+def test_each_argument_reaches_the_node_that_has_such_a_parameter():
+    of_both, of_mission, of_navigator, unknown = (
+        'robot_radius_m:=0.3',
+        'order:=numeric',
+        'blocked:=0 0 1 1',
+        'a:=1',
+    )
+    assert inspection.share([of_both, of_mission, of_navigator, unknown]) == (
+        [of_both, of_mission, unknown],
+        [of_both, of_navigator],
+    )
+
+
+@pytest.mark.usefixtures('stand_in')
+def test_a_camera_of_a_drive_is_on_the_robot(tmp_path):
+    (_, navigator, _, camera), mission = inspection.nodes_of(
+        options_of(tmp_path, camera='image', drive=True, arguments=['blocked:=0 0 1 1', 'order:=given'])
+    )
+    assert Path(navigator[0]).name == 'navigator_stand_in'
+    assert 'blocked:=0 0 1 1' in navigator
+    assert 'from_odometry:=true' in camera
+    assert mission[:2] == ['drive:=nav2', 'order:=shortest']
+    assert mission[-1] == 'order:=given'  # the last assignment counts
