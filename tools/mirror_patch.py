@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import generate
+from mirror_publish import PLACEHOLDER
 
 PATH_LINE = re.compile(
     r'^(diff --git a/|--- a/|\+\+\+ b/|rename (?:from|to) |copy (?:from|to) )(.+)$', re.MULTILINE
@@ -42,11 +43,25 @@ def _translate_diff(diff: str, table: dict) -> str:
 
     header, at, hunks = diff.partition('\n@@')
     header = PATH_LINE.sub(place_line, header)
+    if f' b/{mirror["root"]}/README.md' in header:
+        readme = generate.ROOT / mirror['root'] / 'README.md'
+        hunks = without_address(hunks, readme.read_text(encoding='utf-8'))
     if ' a/tools/core/' in header:
         for substitution in mirror['substitutions']:
             if substitution['replace']:
                 hunks = hunks.replace(substitution['replace'], substitution['find'])
     return header + at + hunks
+
+
+def without_address(hunks: str, readme: str) -> str:
+    """Return the hunks with the placeholder instead of the address, which a line of the README here tells."""
+    for line in readme.splitlines():
+        if PLACEHOLDER in line:
+            before, _, after = map(re.escape, line.partition(PLACEHOLDER))
+            found = re.search(rf'^[ -]{before}(\S+){after}$', hunks, re.MULTILINE)
+            if found:
+                return hunks.replace(found[1], PLACEHOLDER)
+    return hunks
 
 
 def main() -> int:

@@ -3,7 +3,8 @@ Publish the mirror: its history, the branch `ready`, the source of each commit, 
 
     make mirror-publish REMOTE=URL [RELEASE=1.1.0] [ARGS=--dry-run]
 
-`main` is the history of lupin_greenhouse_ros/, split out of the last commit here. It only moves forward.
+`main` is the history of lupin_greenhouse_ros/, split out of the last commit here, with the address of the
+remote in the README, where the README here has URL_OF_THIS_REPOSITORY. It only moves forward.
 `ready` is main without COLCON_IGNORE, for `vcs import`. A git note on each commit of main names the commit
 here that it comes from (refs/notes/commits). A release is a tag whose name is the version of both packages.
 Everything is pushed at once, or nothing. Exit code: 0 published, or nothing to do; 1 refused.
@@ -11,6 +12,7 @@ Everything is pushed at once, or nothing. Exit code: 0 published, or nothing to 
 
 import argparse
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -21,12 +23,23 @@ ROOT = Path(__file__).resolve().parents[1]
 MIRROR = 'lupin_greenhouse_ros'
 PACKAGES = ('lupin_greenhouse_msgs', 'lupin_greenhouse_bridge')
 NOTES = 'refs/notes/commits'
+PLACEHOLDER = 'URL_OF_THIS_REPOSITORY'
+# On these hosts a repository has the same path by https as by ssh.
+HTTPS_TOO = ('github.com', 'gitlab.com', 'gitlab.tudelft.nl', 'codeberg.org')
 # What identifies a commit on both sides of the split, besides its tree.
 IDENTITY = '%an%x00%ae%x00%ad%x00%B'
 
 
 class PublishError(Exception):
     """The reason why nothing is published, and the fix."""
+
+
+def address_of(remote: str) -> str:
+    """Return the address for a reader to clone: without credentials, by https where that is known."""
+    by_ssh = re.fullmatch(r'(?:ssh://)?git@([^:/]+)[:/](.+)', remote)
+    if by_ssh and by_ssh[1] in HTTPS_TOO:
+        return f'https://{by_ssh[1]}/{by_ssh[2]}'
+    return re.sub(r'^(https?://)[^/@]*@', r'\1', remote)
 
 
 class Repository:
@@ -36,7 +49,11 @@ class Repository:
         self.folder = folder
 
     def git(self, *arguments: str, text: str = '', **environment: str) -> str:
-        """Run git and return its output; raises PublishError with its error message."""
+        """Run git and return its output, stripped; raises PublishError with its error message."""
+        return self.exactly(*arguments, text=text, **environment).strip()
+
+    def exactly(self, *arguments: str, text: str = '', **environment: str) -> str:
+        """Run git and return its output with its white space; raises PublishError."""
         result = subprocess.run(
             ['git', *arguments],
             cwd=self.folder,
@@ -48,7 +65,7 @@ class Repository:
         )
         if result.returncode:
             raise PublishError(f'git {arguments[0]}: {result.stderr.strip()}')
-        return result.stdout.strip()
+        return result.stdout
 
     def commit(self, name: str) -> str:
         """Return the commit of a name; '' if there is none."""
@@ -101,6 +118,37 @@ def sources(here: Repository, split: str) -> dict[str, str]:
         if (tree, identity) in by_key:
             found[commit] = by_key[tree, identity]
     return found
+
+
+def with_address(published: Repository, found: dict[str, str], split: str, address: str) -> dict[str, str]:
+    """
+    Write the address into the README of each commit of the split history; return {commit: new commit}.
+
+    A commit that is published already, by the note that names its source, stays as it is.
+    """
+    told = published.git('log', '--format=%H %N', '--branches')
+    noted = re.findall(r'^(\w+) source: (\w+)$', told, re.MULTILINE)
+    by_source = {source: commit for commit, source in noted}
+    new: dict[str, str] = {}
+    for commit in published.git('rev-list', '--reverse', '--topo-order', split).split():
+        new[commit] = by_source.get(found.get(commit, ''), '') or _rewritten(published, commit, new, address)
+    return new
+
+
+def _rewritten(published: Repository, commit: str, new: dict[str, str], address: str) -> str:
+    """Return the commit with the new commits of its parents and the address in its README."""
+    head, gap, message = published.exactly('cat-file', 'commit', commit).partition('\n\n')
+    tree, *lines = head.splitlines()
+    entries = published.exactly('ls-tree', commit)
+    readme = re.search(r' blob (\w+)\tREADME\.md$', entries, re.MULTILINE)
+    text = published.exactly('cat-file', 'blob', readme[1]) if readme else ''
+    if PLACEHOLDER in text:
+        text = text.replace(PLACEHOLDER, address)
+        blob = published.git('hash-object', '-w', '--stdin', text=text)
+        tree = f'tree {published.git("mktree", text=entries.replace(readme[1], blob))}'
+    lines = [tree, *(f'parent {new[line[7:]]}' if line.startswith('parent ') else line for line in lines)]
+    text = '\n'.join(lines) + gap + message
+    return published.git('hash-object', '-t', 'commit', '-w', '--stdin', text=text)
 
 
 def check_release(published: Repository, main: str, release: str) -> None:
@@ -163,6 +211,10 @@ def publish(here: Repository, remote: str, release: str, *, is_dry_run: bool) ->
         published.git('fetch', '--quiet', remote, '+refs/*:refs/*')
         before = refs(published)
         published.git('fetch', '--quiet', str(here.folder), split)
+        found = sources(here, split)
+        new_commits = with_address(published, found, split, address_of(remote))
+        found = {new_commits[commit]: source for commit, source in found.items()}
+        split = new_commits[split]
         if not published.is_ancestor('refs/heads/main', split):
             raise PublishError(
                 'main of the remote has commits that are not published from here: bring them in as patches'
@@ -172,7 +224,7 @@ def publish(here: Repository, remote: str, release: str, *, is_dry_run: bool) ->
         new = published.git('rev-list', '--count', split, *known)
         published.git('update-ref', 'refs/heads/main', split)
         move_ready(published, split)
-        notes = add_notes(published, sources(here, split))
+        notes = add_notes(published, found)
         if release:
             check_release(published, split, release)
             if not published.commit(f'refs/tags/{release}'):

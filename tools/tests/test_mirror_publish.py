@@ -50,11 +50,18 @@ def tree(folder, name) -> str:
     return git(folder, 'rev-parse', f'{name}^{{tree}}' if ':' not in name else name)
 
 
+def entries(folder, name) -> dict[str, str]:
+    """Return path and blob of each file."""
+    lines = git(folder, 'ls-tree', '-r', '--format=%(path) %(objectname)', name).splitlines()
+    return dict(line.split() for line in lines)
+
+
 def test_main_is_the_mirror_and_ready_is_main_without_colcon_ignore(repositories, remote, publish):
     code, printed = publish('--release', VERSION)
     assert code == 0, printed
     assert list(refs(remote)) == [*REFS, f'refs/tags/{VERSION}']
-    assert tree(remote, 'main') == tree(repositories[0], 'HEAD:lupin_greenhouse_ros')
+    here, there = entries(repositories[0], 'HEAD:lupin_greenhouse_ros'), entries(remote, 'main')
+    assert [path for path in here | there if here.get(path) != there.get(path)] == ['README.md']
     files = {
         name: git(remote, 'ls-tree', '-r', '--name-only', name).splitlines() for name in ('main', 'ready')
     }
@@ -71,6 +78,45 @@ def test_each_published_commit_names_its_source(repositories, remote, publish):
     notes = [git(remote, 'notes', 'show', commit).strip() for commit in published]
     sources = git(repositories[0], 'rev-list', 'HEAD').split()
     assert notes == [f'source: {commit}' for commit in sources]
+
+
+def test_the_published_readme_has_the_address_and_nothing_else_new(repositories, remote, publish):
+    publish()
+    change(repositories[0])
+    assert publish()[0] == 0
+    here = (repositories[0] / README).read_text()
+    assert 'git clone --branch ready URL_OF_THIS_REPOSITORY' in here
+    for name in ('main', 'ready'):
+        assert git(remote, 'show', f'{name}:README.md') == here.replace('URL_OF_THIS_REPOSITORY', str(remote))
+    commits = git(remote, 'rev-list', 'main').split()
+    assert [git(remote, 'show', f'{each}:README.md').count(str(remote)) for each in commits] == [
+        here.count('URL_OF_THIS_REPOSITORY')
+    ] * len(commits)
+
+
+def test_a_repository_that_moved_keeps_its_history_and_gets_its_new_address(repositories, remote, publish):
+    publish()
+    moved = remote.parent / 'moved.git'
+    git(remote.parent, 'clone', '--quiet', '--mirror', str(remote), str(moved))
+    before = refs(moved)
+    change(repositories[0])
+    assert mirror_publish.main([str(moved), '--root', str(repositories[0])]) == 0
+    assert git(moved, 'rev-parse', 'main~1').strip() == before['refs/heads/main']
+    assert str(moved) in git(moved, 'show', 'main:README.md')
+
+
+@pytest.mark.parametrize(
+    ('remote', 'address'),
+    [
+        ('git@gitlab.com:group/sub/name.git', 'https://gitlab.com/group/sub/name.git'),
+        ('ssh://git@github.com/owner/name.git', 'https://github.com/owner/name.git'),
+        ('git@git.example.org:owner/name.git', 'git@git.example.org:owner/name.git'),
+        ('https://me:secret@gitlab.com/owner/name', 'https://gitlab.com/owner/name'),
+        ('/srv/mirror.git', '/srv/mirror.git'),
+    ],
+)
+def test_the_address_is_one_that_a_reader_can_clone(remote, address):
+    assert mirror_publish.address_of(remote) == address
 
 
 def test_a_dry_run_pushes_nothing(remote, publish):
@@ -179,9 +225,12 @@ def test_an_imported_series_is_published_unchanged(repositories, remote, publish
     commit_in(contributor, ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One simulated', 'A simulated'))
     (contributor / 'lupin_greenhouse_bridge/test/test_more.py').write_text('"""More."""\n')
     commit_in(contributor, NEW_TITLE)
+    line = next(line for line in (contributor / 'README.md').read_text().splitlines() if 'git clone' in line)
+    commit_in(contributor, ('README.md', line, f'{line}  # from {remote}'))
     series = git(contributor, 'format-patch', '--stdout', base)
     result = import_patch(repositories[0], series)
     assert result.returncode == 0, result.stderr
+    assert '# from URL_OF_THIS_REPOSITORY' in (repositories[0] / README).read_text()
     assert publish()[0] == 0
     assert tree(remote, 'main') == tree(contributor, 'HEAD')
     told = '--format=%an <%ae> %ad %s'
