@@ -8,6 +8,7 @@ Every link and anchor must exist. A block of bash or console is preceded by one 
     <!-- run -->                             this script runs it, and it must end with exit code 0
     <!-- tested by PATH::NAME -->            a test runs it: the file has a function of that name
     <!-- needs WHAT -->                      it cannot run here, and why
+    <!-- followed by make WHAT -->           that target runs it
 
 A table with a column `default` is preceded by the class with these parameters:
 
@@ -17,8 +18,8 @@ A table of `sensor` and `lowest` has the ranges of the installed mdp-greenhouse,
 
     <!-- ranges of mdp-greenhouse VERSION -->
 
-`make mirror-publish-check` runs the unmarked bash blocks of the mirror's README. Indented code blocks have no
-language, so they are refused. Exit code: 0 no findings, 1 findings, one line each.
+Indented code blocks have no language, so they are refused.
+Exit code: 0 no findings, 1 findings, one line each.
 """
 
 import functools
@@ -42,7 +43,6 @@ FENCED = re.compile(
 )
 LINK = re.compile(r'\[[^\]]*\]\(([^)\s]+)\)')
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
-PUBLISHED = Path('lupin_greenhouse_ros/README.md')
 LONGEST_RUN_SECONDS = 300
 PARAMETERS = re.compile(
     r'(?:^<!-- parameters of (?P<settings>\S+) -->\n)?^\| \w+ \| default \|.*\n'
@@ -94,14 +94,14 @@ def unproved_blocks(root: Path, path: Path) -> Iterator[str]:
     text = FENCED.sub('', (root / path).read_text(encoding='utf-8'))
     for indented in INDENTED.findall(text):
         yield f'{path}: fence this block and set its language: {indented.strip()[:60]}'
-    for mark, language, commands in shell_blocks(root, path):
+    for mark, _, commands in shell_blocks(root, path):
         shown = commands.strip().splitlines()[0][:60]
         if mark.startswith('tested by '):
             file, _, name = mark.removeprefix('tested by ').partition('::')
             if not (root / file).is_file() or f'def {name}(' not in (root / file).read_text(encoding='utf-8'):
                 yield f'{path}: there is no test {file}::{name} for: {shown}'
-        elif not (mark == 'run' or mark.startswith('needs ') or (path == PUBLISHED and language == 'bash')):
-            yield f'{path}: mark this block with run, tested by or needs: {shown}'
+        elif mark != 'run' and not mark.startswith(('needs ', 'followed by make ')):
+            yield f'{path}: mark this block with run, tested by, needs or followed by: {shown}'
 
 
 def failing_blocks(root: Path, path: Path) -> Iterator[str]:

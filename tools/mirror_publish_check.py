@@ -1,10 +1,11 @@
 """
 Publish the mirror into a fresh repository and use it as another course team does.
 
-mirror_publish.py publishes the last commit. The commands of the mirror's README then clone, build and test
-it: every ```bash block that is not marked `<!-- needs ... -->`. This script fills in two places of the
-README: the address of the repository, and the path of ROS (the wheels of this environment, with a setup file
-like /opt/ros/DISTRO/setup.bash). It also gives the README's .repos file to vcs.
+mirror_publish.py publishes the last commit. The marked bash blocks of the published documents (see BLOCK) then
+run word for word: the README's first block as on Ubuntu 22.04, that of doc/install.md as on Ubuntu 24.04 among
+packages of another team, and the one of doc/tests.md after each. Shell functions stand in for what only Ubuntu
+has: `source /opt/ros/...` enters the wheels of this environment, `sudo apt install` installs nothing, and `ros2`
+runs the executables that colcon has installed. vcs imports the README's .repos file.
 """
 
 import os
@@ -16,12 +17,32 @@ import tempfile
 from pathlib import Path
 from xml.etree import ElementTree
 
+import domain_coordinator
 from mirror_publish import MIRROR, PACKAGES, ROOT, PublishError, Repository, publish
 
 HERE = Repository(ROOT)
 BRIDGE = 'lupin_greenhouse_bridge'
-BASH_BLOCK = re.compile(r'(?P<mark><!-- needs [^>]*-->\n)?```bash\n(?P<commands>.*?)```', re.DOTALL)
+BLOCK = re.compile(r'<!-- followed by make mirror-publish-check -->\n```bash\n(.*?)```', re.DOTALL)
+PAGES = ('README.md', f'{BRIDGE}/doc/install.md', f'{BRIDGE}/doc/tests.md')
 TIMEOUT_SECONDS = 900
+UBUNTU = """
+sudo() { [ "$1 $2" = 'apt install' ]; }
+source() {
+    case $1 in
+        /opt/ros/*/setup.bash) builtin source "$ROS_SETUP" ;;
+        *) builtin source "$1" ;;
+    esac
+}
+ros2() {
+    case $1 in
+        launch) set -- run "$2" bridge_node ;;
+    esac
+    local executable="${AMENT_PREFIX_PATH%%:*}/../$2/lib/$2/$3"
+    shift 3
+    "$executable" "$@"
+}
+"""
+STOP_THE_BRIDGE = "kill -INT -- -$!; wait $! || { echo 'the bridge ended with an error' >&2; exit 1; }"
 
 OTHER_PACKAGE = {
     'package.xml': '<package format="3"><name>other_team</name><version>0.0.1</version>'
@@ -61,11 +82,15 @@ def publish_mirror(folder: Path) -> Path:
     return repository
 
 
-def import_with_vcs(readme: str, repository: Path, folder: Path) -> dict[str, str]:
+def published_text(repository: Path, path: str) -> str:
+    """Return a file of the published main."""
+    return Repository(repository).exactly('show', f'main:{path}')
+
+
+def import_with_vcs(readme: str, folder: Path) -> dict[str, str]:
     """Follow the README's .repos file with vcs; return the packages that colcon then finds."""
     (folder / 'src').mkdir(parents=True)
-    repos = readme.partition('```yaml\n')[2].partition('```')[0]
-    (folder / 'my.repos').write_text(repos.replace('URL_OF_THIS_REPOSITORY', str(repository)))
+    (folder / 'my.repos').write_text(readme.partition('```yaml\n')[2].partition('```')[0])
     run('vcs import src < my.repos', folder / 'vcs.log', dict(os.environ), folder)
     return packages_seen(folder)
 
@@ -85,40 +110,52 @@ def ros_setup(folder: Path) -> Path:
     return script
 
 
-def readme_commands(readme: str, repository: Path, setup: Path) -> list[str]:
-    """Return the README's executable blocks in order, with the two places replaced."""
-    blocks = [match['commands'] for match in BASH_BLOCK.finditer(readme) if not match['mark']]
-    filled_in = [
-        block.replace('URL_OF_THIS_REPOSITORY', str(repository)).replace(
-            '/opt/ros/$ROS_DISTRO/setup.bash', str(setup)
-        )
-        for block in blocks
-    ]
-    if not any('git clone' in block for block in blocks) or not any(
-        'colcon test ' in block for block in blocks
-    ):
-        raise CheckFailedError('the README of the mirror has no command that clones, or none that tests')
-    if 'COLCON_IGNORE' not in blocks[0]:
-        raise CheckFailedError('the first command of the README does not deal with COLCON_IGNORE')
-    return filled_in
+def layouts(pages: list[str], other: Path) -> dict[str, str]:
+    """Return the script of each layout, from the texts of PAGES; raises CheckFailedError."""
+    blocks = [BLOCK.search(page) for page in pages]
+    for name, block in zip(PAGES, blocks, strict=True):
+        if not block:
+            raise CheckFailedError(
+                f'{name}: no bash block is marked with: followed by make mirror-publish-check'
+            )
+    first, install, test = (block[1] for block in blocks)
+    lines = first.splitlines()
+    cloning = [line for line in lines if line.startswith(('mkdir ', 'git clone '))]
+    if len(cloning) != 2:
+        raise CheckFailedError('the first block of the README does not make a workspace and clone into it')
+    return {
+        'alone, as on Ubuntu 22.04': '\n'.join(['set -m', first, STOP_THE_BRIDGE, test]),
+        'among others, as on Ubuntu 24.04': '\n'.join(
+            [*cloning, f'cp -r {other} src/other_team', install, test]
+        ),
+    }
 
 
-def follow_readme(name: str, folder: Path, blocks: list[str], other: Path | None) -> str:
-    """Follow the README with an empty home, and with another package in src/ if one is given."""
-    home = folder / name
+def home_of(layout: str, folder: Path) -> Path:
+    """Return the home folder of a layout."""
+    return folder / layout.partition(',')[0].replace(' ', '_')
+
+
+def follow(name: str, folder: Path, script: str, setup: Path) -> str:
+    """Run a script with an empty home; return what it printed."""
+    home = home_of(name, folder)
     home.mkdir()
+    subprocess.run(
+        [sys.executable, '-m', 'venv', str(home / 'usr')], check=True
+    )  # instead of Ubuntu's Python
     environment = {key: value for key, value in os.environ.items() if key.startswith(('PIP_', 'LANG', 'LC_'))}
-    python = Path(getattr(sys, '_base_executable', sys.executable)).parent
     environment |= {
         'HOME': str(home),
-        'PATH': f'{python}:/usr/local/bin:/usr/bin:/bin',
+        'PATH': f'{home}/usr/bin:/usr/local/bin:/usr/bin:/bin',
+        'ROS_DISTRO': 'DISTRO',
         'ROS_LOG_DIR': str(home / 'log'),
+        'ROS_SETUP': str(setup),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
     }
-    first, *rest = blocks
-    add_other = f'cp -r {other} src/other_team' if other else ':'
-    check_install = 'test -x install/lupin_greenhouse_bridge/lib/lupin_greenhouse_bridge/bridge_node'
-    script = '\n'.join(['set -x', first, add_other, *rest, check_install])
-    return run(script, folder / f'{name}.log', environment, home)
+    installed = 'test -x install/lupin_greenhouse_bridge/lib/lupin_greenhouse_bridge/bridge_node'
+    with domain_coordinator.domain_id() as domain_id:
+        environment['ROS_DOMAIN_ID'] = str(domain_id)
+        return run(f'{UBUNTU}set -x\n{script}\n{installed}', home / 'printed.log', environment, home)
 
 
 def modules_written(repository: Path) -> set[str]:
@@ -149,24 +186,22 @@ def main() -> int:
         folder = Path(name)
         try:
             repository = publish_mirror(folder)
-            readme = HERE.git('show', f'HEAD:{MIRROR}/README.md')
-            blocks = readme_commands(readme, repository, ros_setup(folder))
-            print(f'published {MIRROR}; following {len(blocks)} blocks of its README', flush=True)
-
             other = folder / 'other_team'
             for path, text in OTHER_PACKAGE.items():
                 (other / path).parent.mkdir(parents=True, exist_ok=True)
                 (other / path).write_text(text)
-            for layout, extra in (('alone', None), ('among_others', other)):
-                printed = follow_readme(layout, folder, blocks, extra)
+            pages = [published_text(repository, path) for path in PAGES]
+            setup = ros_setup(folder)
+            for layout, script in layouts(pages, other).items():
+                printed = follow(layout, folder, script, setup)
                 tested = re.search(r'^Summary: (\d+) tests, 0 errors, 0 failures', printed, re.MULTILINE)
                 written = modules_written(ROOT / MIRROR)
-                if not tested or modules_that_ran(folder / layout) != written:
-                    raise CheckFailedError(f'not every test ran in layout {layout}:\n{printed[-3000:]}')
+                if not tested or modules_that_ran(home_of(layout, folder)) != written:
+                    raise CheckFailedError(f'not every test ran {layout}:\n{printed[-3000:]}')
                 built = re.search(r'^Summary: (\d+) packages finished', printed, re.MULTILINE)
-                print(f'layout {layout}: {built[1]} packages built, {tested[1]} tests passed', flush=True)
+                print(f'{layout}: {built[1]} packages built, {tested[1]} tests passed', flush=True)
 
-            imported = import_with_vcs(readme, repository, folder / 'imported')
+            imported = import_with_vcs(pages[0], folder / 'imported')
             if set(imported) != set(PACKAGES):
                 raise CheckFailedError(f'after vcs import of the branch ready colcon sees {imported}')
             print('after vcs import of the branch ready colcon sees both packages')

@@ -123,7 +123,7 @@ def test_a_good_document_has_no_findings(documents):
         ('(#a-title-with-code)', '(#another)', 'the link #another names no heading'),
         ('test 1 = 1', 'test 1 = 2', 'exit code 1 of: test 1 = 2'),
         ('::test_this', '::test_that', 'there is no test test_it.py::test_that'),
-        ('<!-- run -->\n', '', 'mark this block with run, tested by or needs'),
+        ('<!-- run -->\n', '', 'mark this block with run, tested by, needs or followed by'),
         (
             '`0.0`',
             '`1.0`',

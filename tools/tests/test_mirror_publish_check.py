@@ -1,42 +1,36 @@
 """Parts of the publish check; `make mirror-publish-check` runs all of it."""
 
-import re
 from pathlib import Path
 
 import mirror_publish_check
 import pytest
 
-README = (mirror_publish_check.ROOT / mirror_publish_check.MIRROR / 'README.md').read_text()
-PLACES = Path('/srv/mirror.git'), Path('/srv/setup.bash')
+MIRROR = mirror_publish_check.ROOT / mirror_publish_check.MIRROR
+PAGES = [(MIRROR / path).read_text() for path in mirror_publish_check.PAGES]
 
 
-def test_address_and_ros_are_filled_into_the_commands():
-    commands = ''.join(mirror_publish_check.readme_commands(README, *PLACES))
-    assert 'git clone /srv/mirror.git src/lupin_greenhouse_ros && rm src' in commands
-    assert 'python3 -m colcon build' in commands
-    assert 'source /srv/setup.bash' in commands
-    assert 'URL_OF_THIS_REPOSITORY' not in commands
-    assert '/opt/ros' not in commands
-
-
-def test_only_marked_blocks_are_left_out():
-    marked = re.findall(r'<!-- needs [^>]*-->\n```bash', README)
-    assert README.count('```bash') == len(mirror_publish_check.readme_commands(README, *PLACES)) + len(marked)
-    assert 'apt install' not in ''.join(mirror_publish_check.readme_commands(README, *PLACES))
+def test_the_first_block_runs_word_for_word():
+    first = PAGES[0].partition('```bash\n')[2].partition('```')[0]
+    assert 'sudo apt install' in first
+    assert 'read_tag 1' in first
+    alone, among_others = mirror_publish_check.layouts(PAGES, Path('/srv/other')).values()
+    assert first in alone
+    assert 'cp -r /srv/other src/other_team' in among_others
+    assert 'source /opt/ros/$ROS_DISTRO/setup.bash' in among_others
 
 
 @pytest.mark.parametrize(
-    ('old', 'new', 'reason'),
+    ('page', 'old', 'reason'),
     [
-        (' && rm src/lupin_greenhouse_ros/COLCON_IGNORE', '', 'does not deal with COLCON_IGNORE'),
-        ('git clone', 'git fetch', 'no command that clones'),
-        ('colcon test --', 'colcon build --', 'or none that tests'),
+        (0, '<!-- followed by', 'README.md: no bash block is marked'),
+        (0, 'git clone', 'does not make a workspace and clone into it'),
+        (2, '<!-- followed by', 'doc/tests.md: no bash block is marked'),
     ],
 )
-def test_a_readme_without_a_needed_command_fails(old, new, reason):
-    assert old in README
+def test_a_page_without_its_commands_fails(page, old, reason):
+    pages = [text.replace(old, 'x') if number == page else text for number, text in enumerate(PAGES)]
     with pytest.raises(mirror_publish_check.CheckFailedError, match=reason):
-        mirror_publish_check.readme_commands(README.replace(old, new), *PLACES)
+        mirror_publish_check.layouts(pages, Path('/srv/other'))
 
 
 def test_a_command_that_fails_is_shown_with_its_output(tmp_path):
