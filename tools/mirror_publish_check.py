@@ -1,11 +1,11 @@
 """
 Publish the mirror into a fresh repository and use it as another course team does.
 
-mirror_publish.py publishes the last commit. The marked bash blocks of the published documents (see BLOCK) then
-run word for word: the README's first block as on Ubuntu 22.04, that of doc/install.md as on Ubuntu 24.04 among
-packages of another team, and the one of doc/tests.md after each. Shell functions stand in for what only Ubuntu
-has: `source /opt/ros/...` enters the wheels of this environment, `sudo apt install` installs nothing, and `ros2`
-runs the executables that colcon has installed. vcs imports the README's .repos file.
+mirror_publish.py publishes the last commit. The marked bash blocks of the published documents (BLOCK) run
+word for word: the README's first block as on Ubuntu 22.04, that of doc/install.md as on Ubuntu 24.04 among
+packages of another team, and the one of doc/tests.md after each. Shell functions stand in for what only
+Ubuntu has: `source /opt/ros/...` enters the wheels of this environment, `sudo apt install` installs
+nothing, `ros2` runs the executables that colcon has installed. vcs imports the README's .repos file.
 """
 
 import os

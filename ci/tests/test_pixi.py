@@ -1,0 +1,106 @@
+"""The mirror's pixi.toml: its fields, and its tasks in an environment with the layout of conda."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from importlib import resources
+from pathlib import Path
+
+import generate
+import jsonschema
+import pytest
+
+ROOT = generate.ROOT
+MIRROR = ROOT / 'lupin_greenhouse_ros'
+MANIFEST = generate.load_table(MIRROR / 'pixi.toml')
+TOOLS = (
+    'bash',
+    'cat',
+    'cc',
+    'c++',
+    'dirname',
+    'env',
+    'ld',
+    'ar',
+    'ranlib',
+    'as',
+    'make',
+    'mkdir',
+    'sh',
+    'uname',
+)
+
+
+def test_the_manifest_follows_the_schema_of_pixi():
+    file = resources.files('validate_pyproject_schema_store') / 'resources/pixi.schema.json'
+    schema = {**json.loads(file.read_text()), 'additionalProperties': False}
+    jsonschema.validate(MANIFEST, schema)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(MANIFEST | {'pypi-dependency': {}}, schema)
+
+
+@pytest.fixture
+def conda_prefix(tmp_path) -> Path:
+    """Return an environment like one of conda: its own Python, with its headers, library, NumPy and ROS."""
+    base, prefix = Path(sys.base_prefix), tmp_path / 'prefix'
+    version = f'python{sys.version_info.major}.{sys.version_info.minor}'
+    packages = prefix / 'lib' / version / 'site-packages'
+    for folder in ('bin', 'include', f'lib/{version}/site-packages'):
+        (prefix / folder).mkdir(parents=True)
+    shutil.copy(base / 'bin' / version, prefix / 'bin')
+    (prefix / 'bin/python3').symlink_to(version)
+    (prefix / 'bin/python').symlink_to(version)
+    (prefix / 'include' / version).symlink_to(base / 'include' / version)
+    for library in base.glob(f'lib/lib{version}*'):
+        (prefix / 'lib' / library.name).symlink_to(library)
+    for module in (base / 'lib' / version).iterdir():
+        if module.name.startswith('_sysconfigdata_'):  # conda writes the prefix into it
+            text = module.read_text().replace(str(base), str(prefix)) if module.suffix == '.py' else ''
+            (prefix / 'lib' / version / module.name).write_text(text)
+        elif module.name != 'site-packages':
+            (prefix / 'lib' / version / module.name).symlink_to(module)
+    for package in Path(sysconfig.get_path('purelib')).iterdir():
+        (packages / package.name).symlink_to(package)
+    (prefix / 'bin/colcon').write_text('#!/bin/sh\nexec python3 -m colcon "$@"\n')
+    (prefix / 'bin/cmake').symlink_to(packages / 'cmake/data/bin/cmake')
+    (prefix / 'bin/ros2').write_text(
+        '#!/bin/sh\n[ "$1" = run ] && exec "${AMENT_PREFIX_PATH%%:*}/lib/$2/$3" --help\n'
+    )
+    for name in TOOLS:
+        (prefix / 'bin' / name).symlink_to(shutil.which(name, path='/usr/bin:/bin'))
+    for name in ('colcon', 'ros2'):
+        (prefix / 'bin' / name).chmod(0o755)
+    return prefix
+
+
+def test_its_tasks_build_and_run_in_an_environment_with_condas_layout(tmp_path, conda_prefix):
+    """No other Python is on PATH."""
+    clone = tmp_path / 'clone'
+    shutil.copytree(MIRROR, clone, ignore=shutil.ignore_patterns('__pycache__', '.*'))
+    environment = {
+        'AMENT_PREFIX_PATH': sys.prefix,
+        'CMAKE_PREFIX_PATH': sys.prefix,
+        'CONDA_PREFIX': str(conda_prefix),
+        'HOME': str(tmp_path),
+        'LD_LIBRARY_PATH': f'{conda_prefix}/lib:{os.environ["LD_LIBRARY_PATH"]}',
+        'PATH': f'{conda_prefix}/bin',
+        'PIXI_ENVIRONMENT_NAME': 'default',
+    }
+
+    def run(task: str) -> str:
+        result = subprocess.run(
+            ['bash', '-c', task], cwd=clone, env=environment, capture_output=True, text=True, check=False
+        )
+        assert result.returncode == 0, result.stdout + result.stderr
+        return result.stdout
+
+    assert 'Summary: 2 packages finished' in run(MANIFEST['tasks']['build'])
+    cache = (clone / 'build/default/lupin_greenhouse_msgs/CMakeCache.txt').read_text()
+    for variable in ('Python3_EXECUTABLE', 'PYTHON_EXECUTABLE'):
+        assert f'{variable}:FILEPATH={conda_prefix}/bin/python3\n' in cache
+    assert f'PYTHON_INCLUDE_DIR:PATH={conda_prefix}/include/' in cache
+    assert sys.base_prefix not in cache
+    assert 'usage: read_tag' in run(f'{MANIFEST["tasks"]["read"]} 1')
