@@ -1,5 +1,5 @@
 """
-Check the links, the shell blocks, the parameter tables and the ranges of the sensors in the documents.
+Check the links, shell blocks, parameter tables, ranges of sensors and names of tests in the documents.
 
     make docs-check
 
@@ -18,6 +18,7 @@ A table of `sensor` and `lowest` has the ranges of the installed mdp-greenhouse,
 
     <!-- ranges of mdp-greenhouse VERSION -->
 
+A test that a document names exists: `test_x.py`, `test_x.py::test_y` or `test_y`.
 Indented code blocks have no language, so they are refused.
 Exit code: 0 no findings, 1 findings, one line each.
 """
@@ -44,6 +45,7 @@ FENCED = re.compile(
 LINK = re.compile(r'\[[^\]]*\]\(([^)\s]+)\)')
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
 LONGEST_RUN_SECONDS = 300
+NAMED_TEST = re.compile(r'`(test_\w+\.py)?(?:::)?(test_\w+)?`')
 PARAMETERS = re.compile(
     r'(?:^<!-- parameters of (?P<settings>\S+) -->\n)?^\| \w+ \| default \|.*\n'
     r'^\|[-|]+\n(?P<rows>(?:^\|.*\n)+)',
@@ -183,7 +185,21 @@ def wrong_ranges(root: Path, path: Path) -> Iterator[str]:
                 yield f'{path}: the simulator does not have the range {row}'
 
 
-CHECKS = (broken_links, unproved_blocks, wrong_defaults, wrong_ranges, failing_blocks)
+def missing_tests(root: Path, path: Path) -> Iterator[str]:
+    """Yield a line for each test that the document names and that does not exist."""
+    listed = subprocess.run(
+        ['git', 'ls-files', '*test_*'], cwd=root, capture_output=True, text=True, check=True
+    )
+    tests = [root / line for line in listed.stdout.splitlines()]
+    for file, function in NAMED_TEST.findall((root / path).read_text(encoding='utf-8')):
+        of_file = [test for test in tests if file in ('', test.name)]
+        defined = any(f'def {function}(' in test.read_text(encoding='utf-8') for test in of_file if function)
+        is_script = not file and function in {test.name for test in tests}
+        if not (of_file if not function else defined or is_script):
+            yield f'{path}: there is no test {file}::{function}'.replace('test ::', 'test ').rstrip(':')
+
+
+CHECKS = (broken_links, unproved_blocks, wrong_defaults, wrong_ranges, missing_tests, failing_blocks)
 
 
 def main(root: Path = ROOT) -> int:

@@ -92,6 +92,8 @@ test 1 = 1
 $ anything
 ```
 
+Shown by `test_it.py`, `test_it.py::test_this` and `test_this`.
+
 <!-- parameters of lupin_greenhouse_bridge.settings.Settings -->
 | name | default | effect |
 |---|---|---|
@@ -123,6 +125,9 @@ def test_a_good_document_has_no_findings(documents):
         ('(#a-title-with-code)', '(#another)', 'the link #another names no heading'),
         ('test 1 = 1', 'test 1 = 2', 'exit code 1 of: test 1 = 2'),
         ('::test_this', '::test_that', 'there is no test test_it.py::test_that'),
+        ('`test_it.py`', '`test_them.py`', 'there is no test test_them.py'),
+        ('`test_it.py::test_this`', '`test_it.py::test_that`', 'there is no test test_it.py::test_that'),
+        ('and `test_this`', 'and `test_that`', 'there is no test test_that'),
         ('<!-- run -->\n', '', 'mark this block with run, tested by, needs or followed by'),
         (
             '`0.0`',
