@@ -36,7 +36,7 @@ MIRROR_ALONE = {
     '.github/ISSUE_TEMPLATE/bug.md', '.github/PULL_REQUEST_TEMPLATE.md', '.github/workflows/ci.yml',
     '.gitignore', '.gitlab-ci.yml', 'CHANGELOG.rst', 'COLCON_IGNORE', 'CONTRIBUTING.md', 'LICENSE',
     'README.md', 'custom_tag_file.patch', 'lupin_msgs/CHANGELOG.rst', 'lupin_msgs/CMakeLists.txt',
-    'lupin_msgs/package.xml', 'rosdep.yaml',
+    'lupin_msgs/package.xml', 'pixi.toml', 'rosdep.yaml',
 }  # fmt: skip
 
 # Files that git, Python and its tools, and colcon leave in a checkout or a package.
