@@ -101,4 +101,4 @@ def test_the_camera_refuses_a_file_that_is_no_world_in_one_line(tmp_path, name):
     assert result.returncode == 1
     (fatal,) = result.stderr.splitlines()
     assert '[FATAL]' in fatal
-    assert f"'{world_file}' is not an SDF world: use one of generate_world: " in fatal
+    assert f"'{world_file}' is not an SDF world: use a world made by generate_world: " in fatal

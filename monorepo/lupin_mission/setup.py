@@ -19,7 +19,7 @@ setup(
     zip_safe=True,
     maintainer='Lupin team',
     maintainer_email='lupin.team@example.org',
-    description='The mission: drive to each tag, have it confirmed, read its climate, report.',
+    description='Visits the tags of the greenhouse, reads the climate at each, and writes a report.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [

@@ -24,14 +24,14 @@ class Settings:
     )
     debug_time_of_day: float = parameter(
         -1.0,
-        'Hour in [0, 24] to freeze the simulated clock at, 24 is midnight; -1.0: as in the config.',
+        'Freeze the simulated clock at this hour, 0 to 24 (24 is midnight); -1.0: use the config.',
         smallest=-1.0,
         largest=24.0,
         accepted=HOURS,
     )
     speedup_factor: float = parameter(
         0.0,
-        'Simulated seconds per real second, above 0; 0.0: as in the config.',
+        'Simulated seconds per real second, above 0; 0.0: use the config.',
         smallest=0.0,
         largest=sys.float_info.max / SECONDS_PER_DAY,
         accepted='finite and above 0 (simulated seconds per real second),'
@@ -39,7 +39,7 @@ class Settings:
     )
     debug_seed: int = parameter(
         -1,
-        'Seed of the noise, 0 or above; freezes the clock (debug mode); -1: as in the config.',
+        'Seed of the noise, 0 or above; freezes the clock (debug mode); -1: use the config.',
         smallest=-1,
         largest=2**63 - 1,
         accepted='0 or above, or -1 for the seed of the config',

@@ -164,7 +164,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         '--camera', choices=SOURCES, help='confirm each tag, from images, compressed images or detections'
     )
-    parser.add_argument('--world', action='store_true', help='the camera is in the SDF world of lupin_world')
+    parser.add_argument(
+        '--world', action='store_true', help='render the images from the SDF world of lupin_world'
+    )
     parser.add_argument(
         '--drive', action='store_true', help='drive to each tag with nav2, here a stand-in for it'
     )

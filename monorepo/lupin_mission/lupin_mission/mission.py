@@ -97,7 +97,7 @@ class Mission:
         """Visit `tag_ids` in this order, each once; raises ValueError if one is repeated."""
         self.tag_ids = tuple(tag_ids)
         if len(set(self.tag_ids)) != len(self.tag_ids):
-            raise ValueError('a tag id is given twice')
+            raise ValueError('a tag id appears twice')
         self.state = State.READY
         self.is_paused = False
         self.is_estop_engaged = False

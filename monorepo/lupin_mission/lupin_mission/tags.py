@@ -81,7 +81,7 @@ class Tags:
             elif shipped := shipped_file('tag_locations.json'):
                 service_name = self._settings.bridge_service_name
                 node.get_logger().info(
-                    f'the node of {service_name} does not tell its tags: taking those of {shipped}'
+                    f'the node of {service_name} does not list its tags: using those of {shipped}'
                 )
                 self._set(list(read_tags_with_sensors(shipped)), is_custom_file=False)
             else:

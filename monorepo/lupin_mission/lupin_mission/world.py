@@ -29,7 +29,9 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
     except OSError as error:
         raise StartUpError(f'{where} cannot be read: {error.strerror}: name an SDF world') from error
     except (ValueError, LookupError, expat.ExpatError, ElementTree.ParseError, RecursionError) as error:
-        raise StartUpError(f'{where} is not an SDF world ({error}): use one of generate_world') from error
+        raise StartUpError(
+            f'{where} is not an SDF world ({error}): use a world made by generate_world'
+        ) from error
     places: dict[int, tuple[float, float]] = {}
     for model in (model for world in worlds for model in world.iter('model')):
         match = TAG_MODEL.fullmatch(model.get('name') or '')
@@ -46,7 +48,7 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
             raise StartUpError(f'{where}: the pose of tag_{number} is not finite: make it again')
         places[number] = (x, y)
     if not places:
-        raise StartUpError(f'{where} has no model tag_<id>: use one of generate_world')
+        raise StartUpError(f'{where} has no model tag_<id>: use a world made by generate_world')
     return {str(number): places[number] for number in sorted(places)}
 
 

@@ -103,7 +103,7 @@ def test_a_bridge_that_does_not_tell_its_tags_is_asked_for_the_shipped_ones(
         reader.answer_ok(tag_id, co2=1.0)
     assert mission.end() == 0
     assert reader.tag_ids == sorted(shipped_tags, key=int)
-    reason = 'the node of /held/get_tag_reading does not tell its tags: taking those of '
+    reason = 'the node of /held/get_tag_reading does not list its tags: using those of '
     assert len([line for line in mission.log if reason in line]) == 1
 
 

@@ -31,24 +31,24 @@ class Criteria:
     """The criteria for a tag. Raises StartUpError for a value outside its limits."""
 
     max_hamming: int = parameter(
-        0, 'Bits of the tag that the detector may correct, at most.', smallest=0, largest=2
+        0, 'Maximum number of bits of the tag that the detector may correct.', smallest=0, largest=2
     )
     min_decision_margin: float = parameter(
         20.0,
-        'Contrast of the bits, at least, in grey levels. A margin of exactly 0 is unknown, and accepted.',
+        'Minimum contrast of the bits in grey levels. Some detectors always report 0; that is accepted.',
         smallest=0.0,
         largest=255.0,
     )
-    min_frames: int = parameter(2, 'Recent images that must show the tag.', smallest=1, largest=100)
+    min_frames: int = parameter(2, 'Number of recent images that must show the tag.', smallest=1, largest=100)
     max_image_age_seconds: float = parameter(
         1.0,
-        'Age of an image in seconds when the call comes, at most, by its stamp and by its arrival.',
+        'Maximum age of an image in seconds, checked against its stamp and its arrival.',
         smallest=0.001,
         largest=3600.0,
     )
     timeout_seconds: float = parameter(
         3.0,
-        'Seconds to look for the tag before the answer is no; 0.0: answer at once.',
+        'Seconds to look for the tag before the node replies that it does not see it; 0.0: reply at once.',
         smallest=0.0,
         largest=60.0,
     )
@@ -71,7 +71,7 @@ class Settings(Criteria):
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     source: str = parameter(
-        'image', 'image, compressed (JPEG or PNG), or detections (of a detector that runs already).'
+        'image', 'image, compressed (JPEG or PNG), or detections (from a detector that is already running).'
     )
     image_topic: str = parameter('', f'Deprecated: remap {TOPICS["image"]}.')
     compressed_image_topic: str = parameter(

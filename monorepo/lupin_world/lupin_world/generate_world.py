@@ -20,7 +20,11 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
     parser.add_argument(
-        '--side', type=float, default=SIDE_M, metavar='M', help='of the black square (default: %(default)g)'
+        '--side',
+        type=float,
+        default=SIDE_M,
+        metavar='M',
+        help='side of the black square in metres (default: %(default)g)',
     )
     parser.add_argument('--output', type=Path, default=Path('.world'), metavar='FOLDER', help='%(default)s')
     options = parser.parse_args(arguments)

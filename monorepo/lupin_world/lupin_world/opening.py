@@ -14,4 +14,6 @@ def open_world(sdf_file: str | Path):
     try:
         return World(sdf_file)
     except RuntimeError as error:
-        raise StartUpError(f"'{sdf_file}' is not an SDF world: use one of generate_world: {error}") from error
+        raise StartUpError(
+            f"'{sdf_file}' is not an SDF world: use a world made by generate_world: {error}"
+        ) from error

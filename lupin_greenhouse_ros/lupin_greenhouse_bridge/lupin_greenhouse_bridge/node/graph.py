@@ -25,4 +25,4 @@ def doubt_about(node, service_name: str) -> str:
     if len(servers) < 2:
         return ''
     names = ' and '.join(sorted(servers))
-    return f'{service_name} is offered by {names}: the first reply counts; stop one, or give it another name'
+    return f'{service_name} is offered by {names}: the first reply counts; stop one of them, or rename it'

@@ -14,7 +14,7 @@ from lupin_greenhouse_bridge.settings import Settings
 
 LARGEST_TAG_FILE_BYTES = 64 * 2**20  # about 500,000 tags
 LARGEST_CONFIG_FILE_BYTES = 2**20  # PyYAML takes seconds for a megabyte
-LARGEST_CONFIG_VALUES = 100_000  # with each alias written out
+LARGEST_CONFIG_VALUES = 100_000  # after its aliases are expanded
 # No product of two such numbers overflows, so a finite config cannot give an infinite reading.
 LARGEST_NUMBER = 1e12
 SMALLEST_DIVISOR = 1e-12
@@ -281,7 +281,7 @@ def _parse_yaml(text: str, where: str, levels: str):
         sizes: dict[int, float] = {}
         if _written_out(document, sizes, where) > LARGEST_CONFIG_VALUES:
             raise StartUpError(
-                f'{where}: holds more than {LARGEST_CONFIG_VALUES} values with each alias written out:'
+                f'{where}: holds more than {LARGEST_CONFIG_VALUES} values after its aliases are expanded:'
                 ' use fewer aliases, and none inside its own anchor'
             )
         return loader.construct_document(document)
@@ -295,7 +295,7 @@ def _parse_yaml(text: str, where: str, levels: str):
 
 def _written_out(node, sizes: dict[int, float], where: str) -> float:
     """
-    Return how many values a YAML node has with each alias written out; infinite if it holds itself.
+    Return how many values a YAML node has after its aliases are expanded; infinite if it holds itself.
 
     Raises StartUpError for a key that appears twice in one mapping.
     """

@@ -161,13 +161,13 @@ MULTIPLYING = b''.join(b'%c: &%c [%s]\n' % (c, c, b', '.join([b'*%c' % (c - 1)] 
 BAD_CONFIG_BYTES = [
     (
         b'a: &a [x]\n' + MULTIPLYING,
-        'holds more than 100000 values with each alias written out: use fewer aliases',
+        'holds more than 100000 values after its aliases are expanded: use fewer aliases',
     ),
-    (b'a: &a [*a]', 'holds more than 100000 values with each alias written out'),
+    (b'a: &a [*a]', 'holds more than 100000 values after its aliases are expanded'),
     (
         b'a: &a {k: v}\nb: &b {<<: [*a, *a]}\n'
         + b''.join(b'%c: &%c {<<: [*%c, *%c]}\n' % (c, c, c - 1, c - 1) for c in range(99, 120)),
-        'holds more than 100000 values with each alias written out',
+        'holds more than 100000 values after its aliases are expanded',
     ),
     (b'time: {}\nsensors: {}\ntime: {}', "'time' appears twice in the mapping of line 1: keep one of them"),
     (

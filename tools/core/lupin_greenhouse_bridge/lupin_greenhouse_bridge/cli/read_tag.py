@@ -212,7 +212,7 @@ def _parser(executor) -> argparse.ArgumentParser:
         prog='read_tag',
         description='Read the climate at greenhouse tags from a running greenhouse_bridge.',
         epilog='Exit code: 0 all read, 1 a tag failed, 2 usage, 3 no service or no reply before the timeout.'
-        ' With --watch, that of the last round.',
+        ' With --watch, the code of the last round.',
     )
     ids = parser.add_argument('tag_ids', nargs='*', metavar='ID', help='a tag id, such as 1')
     ids.completer = lambda **_: _ids_to_complete(executor)
