@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from lupin_world.generate_world import make_world
+from lupin_world.generate_world import LARGEST_SIDE_M, make_world
 from lupin_world.renderer import World
 from lupin_world.view import viewpoint
 from PIL import Image
@@ -18,17 +18,24 @@ COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_world/doc'
 TAG = 7
 
 
+def without_margin(picture: np.ndarray) -> np.ndarray:
+    """Return the part of a picture that is not of the colour of its corner."""
+    rows, columns = np.nonzero((picture != picture[0, 0]).any(axis=2))
+    return picture[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+
+
 def main() -> int:
     """Write both pictures."""
     COMMITTED.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
-        sdf_file, _ = make_world(Path(folder))
-        above = World(sdf_file, width=400, height=560, focal_length_pixels=700.0)
+        large, _ = make_world(Path(folder, 'large'), side_m=LARGEST_SIDE_M)
+        sdf_file, _ = make_world(Path(folder, 'usual'))
+        above = World(large, width=1600, height=1100, focal_length_pixels=1250.0, nearest_m=2.0)
         eye = World(sdf_file, width=640, height=360)
         centres = np.array([tag.centre for tag in above.tags.values()])
         middle = (centres.min(axis=0) + centres.max(axis=0)) / 2
         pictures = {
-            'above': above.look(middle + np.array([0.0, -5.0, 8.0]), middle),
+            'above': without_margin(above.look(middle + np.array([7.5, -4.5, 6.5]), middle)),
             'eye': eye.look(viewpoint(eye.tags[TAG], 0.5, 25.0), eye.tags[TAG].centre),
         }
     for name, picture in pictures.items():

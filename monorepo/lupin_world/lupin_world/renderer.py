@@ -31,9 +31,18 @@ class World:
     """The world of an SDF file."""
 
     def __init__(
-        self, sdf: str | Path, width: int = 640, height: int = 480, focal_length_pixels: float = 600.0
+        self,
+        sdf: str | Path,
+        width: int = 640,
+        height: int = 480,
+        focal_length_pixels: float = 600.0,
+        nearest_m: float = NEAREST_M,
     ):
-        """Read the world; raises RuntimeError if the file is not a world."""
+        """
+        Read the world; raises RuntimeError if the file is not a world.
+
+        From far away, a tag is drawn in front of its plate only if `nearest_m` is large.
+        """
         logging.getLogger('drake').setLevel(logging.ERROR)  # it warns of the lights
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
@@ -49,7 +58,7 @@ class World:
         self._frame = scene_graph.world_frame_id()
         width, height, focal = (SUPERSAMPLING * each for each in (width, height, focal_length_pixels))
         size = CameraInfo(width, height, focal, focal, width / 2, height / 2)
-        core = RenderCameraCore('vtk', size, ClippingRange(NEAREST_M, FARTHEST_M), RigidTransform())
+        core = RenderCameraCore('vtk', size, ClippingRange(nearest_m, FARTHEST_M), RigidTransform())
         self._camera = ColorRenderCamera(core)
         self.tags: dict[int, Tag] = {}
         self.tables: list[tuple[float, float, float, float]] = []  # x0, y0, x1, y1
