@@ -60,7 +60,7 @@ page: bridge  ## make a page of the readings of the last mission, or of FILE=rea
 world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"
 	@$(IN_ENV) $(call EXECUTABLE,lupin_world,generate_world) $(ARGS)
 
-world-check: build  ## check with Drake that each tag of that world is in its place and legible
+world-check: build  ## check with Drake that the camera can detect each tag of that world
 	@$(IN_ENV) ci/with_drake $(call EXECUTABLE,lupin_world,check_world) $(ARGS)
 
 tags: build  ## make a PDF of the tags to print, SIDE millimetres each: make tags SIDE=40
@@ -94,7 +94,7 @@ test: env  ## run all that CI checks of every change
 lint: env  ## check the code with ruff, the spelling, and the workflows against their schema
 	@$(IN_ENV) ci/lint
 
-docs-check: build  ## check the links, anchors and shell blocks of the documents
+docs-check: build  ## check links, shell blocks, parameter tables and names of tests in the documents
 	@$(IN_ENV) python ci/docs_check.py
 
 figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
