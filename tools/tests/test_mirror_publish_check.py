@@ -1,5 +1,6 @@
 """Parts of the publish check; `make mirror-publish-check` runs all of it."""
 
+import os
 from pathlib import Path
 
 import mirror_publish_check
@@ -31,6 +32,15 @@ def test_a_page_without_its_commands_fails(page, old, reason):
     pages = [text.replace(old, 'x') if number == page else text for number, text in enumerate(PAGES)]
     with pytest.raises(mirror_publish_check.CheckFailedError, match=reason):
         mirror_publish_check.layouts(pages, Path('/srv/other'))
+
+
+def test_a_failure_ends_the_bridge_of_the_first_block(tmp_path):
+    script = f'{mirror_publish_check.UBUNTU}set -m\nsleep 600 & echo $!\nfalse'
+    with pytest.raises(mirror_publish_check.CheckFailedError) as failure:
+        mirror_publish_check.run(script, tmp_path / 'log', {'PATH': '/usr/bin:/bin'}, tmp_path)
+    child = int(str(failure.value).partition('\n')[0])
+    with pytest.raises(ProcessLookupError):
+        os.kill(child, 0)
 
 
 def test_a_command_that_fails_is_shown_with_its_output(tmp_path):

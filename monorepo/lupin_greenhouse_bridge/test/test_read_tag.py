@@ -452,7 +452,7 @@ def test_two_servers_of_the_service_are_named(run_here):
             lambda: (
                 run_here(read_tag.main, '1', '--service', service).said
                 == f'read_tag: {service} is offered by /first and /second: the first reply counts;'
-                ' stop one, or give it another name'
+                ' stop one of them, or rename it'
             )
         )
 
