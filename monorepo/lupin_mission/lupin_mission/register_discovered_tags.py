@@ -24,7 +24,7 @@ def main(args=None) -> int:
     """Wait for the tags, fit and write; return the exit code of register_layout."""
     parser = argparse.ArgumentParser(
         prog=NAME,
-        description='Find where the layout of the greenhouse lies in the map, by the discovered tags.',
+        description='Find where the layout lies in the map, from the tags that perception discovered.',
         epilog=EPILOG,
     )
     add_arguments(parser)
@@ -33,7 +33,7 @@ def main(args=None) -> int:
         type=int,
         default=FEWEST_TAGS,
         metavar='N',
-        help='wait until so many tags of the layout are discovered; default: %(default)s',
+        help='wait until perception has discovered this many tags of the layout; default: %(default)s',
     )
     return run(parser, _register, args)
 

@@ -31,7 +31,7 @@ NAME = 'register_layout'
 WRITTEN, NO_FIT, USAGE, INTERRUPTED = 0, 1, 2, 130
 DEFAULT_OUTPUT = 'layout_in_map.yaml'
 EPILOG = (
-    'While a residual is above the tolerance, the tag is left out without which the others fit best.'
+    'While a residual is above the tolerance, the tag is left out whose removal makes the others fit best.'
     ' At least 3 tags remain, and more than half of them.'
     ' Exit code: 0 written, 1 the layout does not fit the map, 2 usage.'
 )
