@@ -28,13 +28,17 @@ def main(arguments: list[str] | None = None) -> int:
         type=Path,
         help="a mission's report, or a file of record_readings or read_tag --csv",
     )
-    parser.add_argument('--tag-file', default='', metavar='FILE', help="the bridge's tag_file, if it had one")
-    parser.add_argument('--sim-config-file', default='', metavar='FILE', help="the bridge's, if it had one")
+    parser.add_argument(
+        '--tag-file', default='', metavar='FILE', help="the bridge's tag_file, if you set one"
+    )
+    parser.add_argument(
+        '--sim-config-file', default='', metavar='FILE', help="the bridge's sim_config_file, if you set one"
+    )
     parser.add_argument(
         '--route', type=Path, metavar='FILE', help='a CSV file of x and y along the way that the robot drove'
     )
     parser.add_argument(
-        '--output', type=Path, metavar='FILE', help='default: FILE.png; .svg and .pdf work too'
+        '--output', type=Path, metavar='FILE', help='picture to write, also .svg or .pdf; default: FILE.png'
     )
     options = parser.parse_args(arguments)
     output = options.output or options.file.with_suffix('.png')

@@ -36,10 +36,14 @@ def main(arguments: list[str] | None = None) -> int:
         type=Path,
         help="a mission's report, or a file of record_readings or read_tag --csv",
     )
-    parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='default: FILE.html')
-    parser.add_argument('--tag-file', default='', metavar='FILE', help="the bridge's tag_file, if it had one")
+    parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='page to write; default: FILE.html')
+    parser.add_argument(
+        '--tag-file', default='', metavar='FILE', help="the bridge's tag_file, if you set one"
+    )
     parser.add_argument('--route', type=Path, metavar='FILE', help='a CSV file of x and y along a way')
-    parser.add_argument('--sim-config-file', default='', metavar='FILE', help="the bridge's, if it had one")
+    parser.add_argument(
+        '--sim-config-file', default='', metavar='FILE', help="the bridge's sim_config_file, if you set one"
+    )
     options = parser.parse_args(arguments)
     output = options.output or options.file.with_suffix('.html')
     try:
