@@ -1,7 +1,7 @@
 """
 Publish the mirror: its history, the branch `ready`, the source of each commit, and a release.
 
-    make mirror-publish REMOTE=URL [RELEASE=1.1.0] [ARGS=--dry-run]
+    make mirror-publish REMOTE=URL [RELEASE=1.2.0] [ARGS=--dry-run]
 
 `main` is the history of lupin_greenhouse_ros/, split out of the last commit here, with the address of the
 remote in the README, where the README here has URL_OF_THIS_REPOSITORY. It only moves forward.
