@@ -7,7 +7,7 @@ import pytest
 from commits import git
 
 BRIDGE = 'lupin_greenhouse_bridge/lupin_greenhouse_bridge'
-NEW_TITLE = ('README.md', '## Install', '## How to install')
+NEW_TITLE = ('README.md', '## What else there is', '## What else is here')
 LOG_MORE = (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0')
 
 
@@ -166,7 +166,7 @@ def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
     before = git(monorepo, 'rev-parse', 'HEAD')
     again = import_patch(monorepo, first + second)
     assert (again.returncode, again.stdout) == (0, "'Mend it' is here already\n" * 2)
-    third = commit_in(mirror, ('README.md', '## Tests', '## How to test'))
+    third = commit_in(mirror, ('README.md', '## In a larger workspace', '## In a workspace'))
     bad = import_patch(monorepo, third + first.replace('LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0'))
     assert bad.returncode == 1
     assert bad.stderr == "mirror-import: 'Mend it' does not apply to tools/core: nothing was changed\n"
