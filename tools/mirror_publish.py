@@ -36,7 +36,7 @@ class PublishError(Exception):
 
 def address_of(remote: str) -> str:
     """Return the address for a reader to clone: without credentials, by https where that is known."""
-    by_ssh = re.fullmatch(r'(?:ssh://)?git@([^:/]+)[:/](.+)', remote)
+    by_ssh = re.fullmatch(r'(?:ssh://)?git@([^:/]+)(?::\d+/|[:/])(.+)', remote)
     if by_ssh and by_ssh[1] in HTTPS_TOO:
         return f'https://{by_ssh[1]}/{by_ssh[2]}'
     return re.sub(r'^(https?://)[^/@]*@', r'\1', remote)

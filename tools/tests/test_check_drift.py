@@ -281,7 +281,10 @@ HARMLESS = [
     ('the same edit in both', both(NODE, 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0')),
     ('the same field in both', both(SENSOR, 'float64 value', 'float32 value')),
     ('the same new file in both', same_new_file),
-    ('an edited README of the mirror', edit('mirror', 'README.md', '## What else there is', '## What else is here')),
+    (
+        'an edited README of the mirror',
+        edit('mirror', 'README.md', '## What else there is', '## What else is here'),
+    ),
     ('the mode of a folder', lambda t: t.path('mirror', f'{BRIDGE}/test').chmod(0o700)),
 ]
 

@@ -110,6 +110,7 @@ def test_a_repository_that_moved_keeps_its_history_and_gets_its_new_address(repo
     [
         ('git@gitlab.com:group/sub/name.git', 'https://gitlab.com/group/sub/name.git'),
         ('ssh://git@github.com/owner/name.git', 'https://github.com/owner/name.git'),
+        ('ssh://git@github.com:22/owner/name.git', 'https://github.com/owner/name.git'),
         ('git@git.example.org:owner/name.git', 'git@git.example.org:owner/name.git'),
         ('https://me:secret@gitlab.com/owner/name', 'https://gitlab.com/owner/name'),
         ('/srv/mirror.git', '/srv/mirror.git'),
