@@ -187,27 +187,36 @@ def _parser() -> argparse.ArgumentParser:
         prog='approach_poses',
         description='Print where a robot stands to look at each tag, in the order of visits.',
     )
-    parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
+    parser.add_argument(
+        '--tag-file',
+        default='',
+        metavar='FILE',
+        help="the bridge's tag_file; default: the one of mdp-greenhouse",
+    )
     for name, value, unit, what in (
-        ('--radius', default.robot_radius_m, 'M', 'of the robot'),
-        ('--clearance', default.clearance_m, 'M', 'between the robot and tables, walls and plates'),
+        ('--radius', default.robot_radius_m, 'M', 'radius of the robot in metres'),
+        ('--clearance', default.clearance_m, 'M', 'distance between the robot and tables, walls and plates'),
         ('--distance', default.preferred_distance_m, 'M', 'preferred distance to the tag'),
-        ('--smallest-distance', default.smallest_distance_m, 'M', 'to the tag'),
-        ('--largest-distance', default.largest_distance_m, 'M', 'to the tag'),
+        ('--smallest-distance', default.smallest_distance_m, 'M', 'smallest distance to the tag'),
+        ('--largest-distance', default.largest_distance_m, 'M', 'largest distance to the tag'),
         ('--angle', math.degrees(default.largest_angle_rad), 'DEGREES', "largest angle to the tag's normal"),
     ):
         parser.add_argument(
             name, type=float, default=value, metavar=unit, help=f'{what} (default: %(default)g)'
         )
     parser.add_argument(
-        '--order', choices=ORDERS, default='shortest', help='of the visits (default: %(default)s)'
+        '--order', choices=ORDERS, default='shortest', help='order of the visits (default: %(default)s)'
     )
     parser.add_argument(
-        '--start', type=float, nargs=2, metavar=('X', 'Y'), help='of the robot, in the layout'
+        '--start', type=float, nargs=2, metavar=('X', 'Y'), help='where the robot starts, in the layout'
     )
-    parser.add_argument('--overrides', metavar='FILE', help="the team's approach_overrides.yaml")
-    parser.add_argument('--transform', metavar='FILE', help='of register_layout: print the poses in the map')
-    parser.add_argument('--format', choices=FORMATS, default='table', help='default: %(default)s')
+    parser.add_argument('--overrides', metavar='FILE', help='YAML file of poses that are set by hand')
+    parser.add_argument(
+        '--transform', metavar='FILE', help='file of register_layout: print the poses in the map'
+    )
+    parser.add_argument(
+        '--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)'
+    )
     parser.add_argument('--picture', metavar='FILE', help='draw the layout, the poses and the route')
     parser.add_argument(
         '--publish', action='store_true', help='keep the poses on ~/poses until Ctrl-C, for RViz'
