@@ -26,7 +26,7 @@ BLOCK = re.compile(r'<!-- followed by make mirror-publish-check -->\n```bash\n(.
 PAGES = ('README.md', f'{BRIDGE}/doc/install.md', f'{BRIDGE}/doc/tests.md')
 TIMEOUT_SECONDS = 900
 UBUNTU = """
-trap 'kill $(jobs -p) 2>/dev/null; wait' EXIT
+trap 'kill $(jobs -p) 2>/dev/null || true; wait' EXIT
 sudo() { [ "$1 $2" = 'apt install' ]; }
 source() {
     case $1 in

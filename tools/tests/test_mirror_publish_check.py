@@ -38,6 +38,7 @@ def test_a_failure_ends_the_bridge_of_the_first_block(tmp_path):
     script = f'{mirror_publish_check.UBUNTU}set -m\nsleep 600 & echo $!\nfalse'
     with pytest.raises(mirror_publish_check.CheckFailedError) as failure:
         mirror_publish_check.run(script, tmp_path / 'log', {'PATH': '/usr/bin:/bin'}, tmp_path)
+    mirror_publish_check.run(f'{mirror_publish_check.UBUNTU}true', tmp_path / 'log', {}, tmp_path)  # no child
     child = int(str(failure.value).partition('\n')[0])
     with pytest.raises(ProcessLookupError):
         os.kill(child, 0)
