@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import rosdep_keys
+from catkin_pkg.package import parse_package
 
 KNOWN = {
     key: set(distros)
@@ -39,6 +40,13 @@ def imported_by(folder: Path) -> dict[str, Path]:
 @pytest.mark.parametrize('key', sorted(rosdep_keys.foreign_keys()))
 def test_rosdep_has_each_key_on_each_distro(key):
     assert KNOWN.get(key) == rosdep_keys.UBUNTU.keys()
+
+
+@pytest.mark.parametrize('manifest', rosdep_keys.manifests(), ids=lambda path: path.parent.name)
+def test_each_manifest_is_valid(manifest):
+    warnings = []
+    parse_package(manifest, warnings=warnings)
+    assert warnings == []
 
 
 @pytest.mark.parametrize('manifest', rosdep_keys.manifests(), ids=lambda path: path.parent.name)
