@@ -62,8 +62,8 @@ class Settings:
     )
     order: str = parameter(
         'numeric',
-        'The order of visits without a tag_sequence: numeric; or shortest, with drive nav2, of a tag_sequence'
-        ' too: the shortest way from where the robot is.',
+        'Order of visits: numeric (a tag_sequence keeps its own order), or shortest: the shortest route from'
+        ' where the robot is; shortest needs drive nav2.',
     )
     drive: str = parameter(
         'timed',
@@ -71,7 +71,7 @@ class Settings:
     )
     drive_seconds: float = parameter(
         0.0,
-        'Seconds for the drive to a tag, with drive timed; 0.0: the robot arrives at once.',
+        'With drive timed: seconds for the drive to a tag; 0.0: the robot arrives at once.',
         smallest=0.0,
         largest=LONGEST_SECONDS,
     )
@@ -83,7 +83,7 @@ class Settings:
     )
     nav_max_attempts: int = parameter(
         Limits.max_drives,
-        'Drives to a tag, or to the dock, before it is unreachable.',
+        'Attempts to drive to a tag, or to the dock, before it counts as unreachable.',
         smallest=1,
         largest=1000,
     )
@@ -92,7 +92,7 @@ class Settings:
     )
     approach_standoff_m: float = parameter(
         0.5,
-        'Preferred distance from the robot to a tag in metres; another one is taken where there is no room.',
+        'Preferred distance from the robot to a tag in metres; it differs where there is no room.',
         smallest=0.3,
         largest=1.0,
     )
@@ -147,8 +147,8 @@ class Settings:
     )
     dependency_timeout_s: float = parameter(
         30.0,
-        'Seconds that a drive waits for its action server, and that a mission which does not wait for its'
-        ' start waits for the tags of the bridge.',
+        'Seconds that a drive waits for its action server; without wait_for_start also the seconds that the'
+        ' mission waits for the tags of the bridge.',
         smallest=0.0,
         largest=LONGEST_SECONDS,
     )
