@@ -20,14 +20,22 @@ import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.greenhouse import approach, facing, floor, order, visualization
+from lupin_greenhouse_bridge.greenhouse import (
+    approach,
+    facing,
+    floor,
+    labelling,
+    order,
+    plot,
+    route_plot,
+    visualization,
+)
 from lupin_greenhouse_bridge.greenhouse.files import shipped_file
+from lupin_greenhouse_bridge.greenhouse.labelling import Box, place_labels
 from lupin_greenhouse_bridge.greenhouse.layout import read_layout
+from lupin_greenhouse_bridge.greenhouse.plot import COLOURS, draw_footprint
 from lupin_greenhouse_bridge.greenhouse.simulation import load
 from lupin_greenhouse_bridge.settings import Settings
-from lupin_greenhouse_bridge.show import greenhouse_plot, labelling, route_plot
-from lupin_greenhouse_bridge.show.greenhouse_plot import COLOURS, draw_footprint
-from lupin_greenhouse_bridge.show.labelling import Box, place_labels
 from lupin_greenhouse_bridge.units import label_of
 from matplotlib import pyplot
 from matplotlib.patches import Wedge
@@ -47,6 +55,8 @@ SAMPLES = 300  # of the noise, at each time of the day
 TAG_RADIUS_M = 0.085
 CHARACTER_M, LINE_M = 0.085, 0.17  # of a label in the picture
 CLEAR_M = 0.2  # distance of a number on a contour line to a wall, at least; twice that to a tag
+
+DRAWN_BY = (approach, facing, floor, labelling, order, plot, route_plot, units, visualization)
 
 
 class Greenhouse:
@@ -78,10 +88,7 @@ class Greenhouse:
             Path(self.tag_file),
             Path(self.sim_config_file),
             Path(__file__),
-            *(Path(each.__file__) for each in (approach, facing, floor, order)),
-            *(Path(each.__file__) for each in (greenhouse_plot, labelling, route_plot)),
-            Path(visualization.__file__),
-            Path(units.__file__),
+            *(Path(each.__file__) for each in DRAWN_BY),
         ]
         choices = f'{options.sensor} {options.hour} {options.tag}'.encode()
         return hashlib.sha256(b'\0'.join([*(file.read_bytes() for file in files), choices])).hexdigest()

@@ -83,7 +83,7 @@ def _draw(path: str, layout, approaches, route) -> None:
         import matplotlib  # imported late: a missing library is a one-line error
 
         matplotlib.use('Agg')
-        from lupin_greenhouse_bridge.show.route_plot import draw_route
+        from lupin_greenhouse_bridge.greenhouse.route_plot import draw_route
 
         draw_route(layout, *approaches, route).savefig(path, dpi=130)
     except ImportError as error:

@@ -7,10 +7,10 @@ import time
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
+from lupin_greenhouse_bridge.greenhouse.labelling import Box, place_labels
 from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import read_file
 from lupin_greenhouse_bridge.rows import Row, last_of_each_tag
-from lupin_greenhouse_bridge.show.labelling import Box, place_labels
 from lupin_greenhouse_bridge.show.places import layout_of, read_route
 from lupin_greenhouse_bridge.units import clock_time, label_of
 
@@ -63,7 +63,7 @@ def _draw(options: argparse.Namespace, output: Path) -> None:
     matplotlib.use('Agg')
     from matplotlib import pyplot
 
-    from lupin_greenhouse_bridge.show.greenhouse_plot import draw_footprint
+    from lupin_greenhouse_bridge.greenhouse.plot import draw_footprint
 
     rows, visits = read_file(options.file, options.tag_file)
     layout = layout_of(rows, options.tag_file)
@@ -107,7 +107,7 @@ def _draw_route(axes, route: list[tuple[float, float]]) -> None:
 
 
 def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None:
-    from lupin_greenhouse_bridge.show.greenhouse_plot import COLOURS
+    from lupin_greenhouse_bridge.greenhouse.plot import COLOURS
 
     measured = {tag_id: each[sensor].value for tag_id, each in readings.items() if sensor in each}
     others = [tag for tag_id, tag in layout.tags.items() if tag_id not in measured]

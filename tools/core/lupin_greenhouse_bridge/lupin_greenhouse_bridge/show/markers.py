@@ -9,10 +9,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from lupin_greenhouse_bridge.errors import printable
 from lupin_greenhouse_bridge.greenhouse.facing import place, tables_of
+from lupin_greenhouse_bridge.greenhouse.labelling import Box, place_labels
 from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_greenhouse_bridge.greenhouse.registration import Transform
 from lupin_greenhouse_bridge.interfaces import TagReading
-from lupin_greenhouse_bridge.show.labelling import Box, place_labels
 from lupin_greenhouse_bridge.units import unit_of
 
 FIELD_NAMESPACE = 'field: interpolated from received readings'

@@ -9,11 +9,11 @@ from matplotlib.patheffects import withStroke
 
 from lupin_greenhouse_bridge.greenhouse.approach import ApproachPose
 from lupin_greenhouse_bridge.greenhouse.floor import room_of
+from lupin_greenhouse_bridge.greenhouse.labelling import Box, place_labels
 from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_greenhouse_bridge.greenhouse.order import Route
+from lupin_greenhouse_bridge.greenhouse.plot import draw_footprint
 from lupin_greenhouse_bridge.greenhouse.visualization import Footprint
-from lupin_greenhouse_bridge.show.greenhouse_plot import draw_footprint
-from lupin_greenhouse_bridge.show.labelling import Box, place_labels
 
 ROUTE_COLOUR, POSE_COLOUR, BAD_COLOUR = '#56b4e9', '#0072b2', '#d00000'
 ARROW_M, TAG_M, BAD_TAG_M = 0.22, 0.14, 0.24
