@@ -1,6 +1,7 @@
 """Fixtures: the real mission, in a thread of the test or as a process, and what is around it."""
 
 import contextlib
+import importlib.util
 import signal
 import threading
 import time
@@ -13,6 +14,8 @@ from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
+# Without launch, the test of the launch file cannot run.
+collect_ignore = [] if importlib.util.find_spec('launch_testing') else ['test_bring_up.py']
 
 
 @pytest.fixture

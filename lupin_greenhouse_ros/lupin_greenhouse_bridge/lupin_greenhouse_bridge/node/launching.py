@@ -26,12 +26,14 @@ def node_with_arguments(
 
     Each parameter of the settings dataclass is an argument of the same name and type. Only arguments that are
     given are forwarded, so that the others come from params_file, or are the node's own defaults. Old names
-    and arguments `without_effect` are forwarded too: the node says what becomes of them.
+    and arguments `without_effect` are forwarded too: the node says what becomes of them. An old name beside
+    the new one is not: it can be what another launch file of the same bring-up left in the scope.
     """
     parameters = launch_arguments(settings_type)
     declared = {name: (default, description, None) for name, default, _, description in parameters}
     kinds = {name: kind for name, _, kind, _ in parameters} | dict.fromkeys(without_effect)
-    kinds |= {old_name: kinds[name] for old_name, name in old_names(settings_type).items()}
+    new_names = old_names(settings_type)
+    kinds |= {old_name: kinds[name] for old_name, name in new_names.items()}
     if has_sim_time:
         declared['use_sim_time'], kinds['use_sim_time'] = SIM_TIME, bool
     declared.update(ARGUMENTS)
@@ -47,7 +49,7 @@ def node_with_arguments(
         if forwarded := {
             name: ParameterValue(LaunchConfiguration(name), value_type=kind)
             for name, kind in kinds.items()
-            if name in given
+            if name in given and new_names.get(name) not in given
         }:
             sources.append(forwarded)
         return [
