@@ -139,8 +139,11 @@ class MissionNode(Node):
             for warning in self._plan.warnings:
                 self._announcer.warn(warning)
         if not self._settings.wait_for_start:
-            tag_ids = self._settings.chosen_tag_ids or sorted(self._tags.ids, key=_numeric)
-            self._begin(self._new_mission_id(), tag_ids, self.report)
+            self._begin(self._new_mission_id(), self._chosen_ids(), self.report)
+
+    def _chosen_ids(self) -> list[str]:
+        """Return the tags of tag_sequence, or else all tags in numeric order."""
+        return self._settings.chosen_tag_ids or sorted(self._tags.ids, key=_numeric)
 
     def _begin(self, mission_id: str, tag_ids: list[str], report: Report) -> None:
         """Start a mission to the tags that have no reading in the report."""
@@ -259,8 +262,7 @@ class MissionNode(Node):
             return response
         if self.report:
             self.report.close()
-        tag_ids = list(request.tag_sequence) or sorted(self._tags.ids, key=_numeric)
-        self._begin(mission_id, tag_ids, report)
+        self._begin(mission_id, list(request.tag_sequence) or self._chosen_ids(), report)
         response.accepted, response.mission_id = True, mission_id
         return response
 

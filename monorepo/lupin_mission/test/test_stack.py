@@ -222,15 +222,27 @@ def test_at_tag_names_the_tag_that_the_robot_stands_at(start_mission, reader, no
     assert [message.data for message in at_tag.heard[:4]] == ['', '1', '', '2']
 
 
-def test_without_a_sequence_the_tags_are_visited_in_numeric_order(start_mission, reader, operate):
+def test_without_a_sequence_the_tags_are_visited_in_numeric_order(start_mission, reader, operate, tmp_path):
+    tag_file = tmp_path / 'tags.json'
+    tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
+    tag_file.write_text(json.dumps({'tags': dict.fromkeys(('b', '10', '9', 'a'), tag)}))
+    mission = start_mission(**READER, tag_locations_file=f'"{tag_file}"', wait_for_start=True)
+    start_and_expect(['9', '10', 'a', 'b'], mission, reader, operate)
+
+
+def test_a_start_without_a_sequence_takes_the_one_of_the_parameter(start_mission, reader, operate):
     mission = start_mission(**READER, tag_sequence='b 10 9 a', wait_for_start=True)
+    start_and_expect(['b', '10', '9', 'a'], mission, reader, operate)
+
+
+def start_and_expect(tag_ids, mission, reader, operate) -> None:
     operator = operate(mission)
-    for tag_id in ('9', '10', 'a', 'b'):
+    for tag_id in tag_ids:
         reader.answer_ok(tag_id, co2=1.0)
     operator.start()
     operator.wait_for(lifecycle_state='DONE', targets_completed=4)
     assert mission.stop() == 0
-    assert reader.tag_ids == ['9', '10', 'a', 'b']
+    assert reader.tag_ids == tag_ids
 
 
 def test_a_mission_waits_for_its_start_and_lives_on_after_it(
