@@ -275,7 +275,7 @@ class MissionNode(Node):
         if self._is_ending:
             return 'the node is about to end'
         if self.mission and self.mission.state is not State.DONE:
-            return f'mission {self._mission_id} is running: abort it, or wait for its end'
+            return f'mission already running: abort {self._mission_id}, or wait for its end'
         if self._is_estop_engaged:
             return RELEASE_ESTOP
         if not self._tags.ids:

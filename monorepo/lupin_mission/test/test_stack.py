@@ -507,7 +507,7 @@ def test_a_start_is_rejected_while_a_mission_runs(start_mission, reader, operate
     operator = operate(mission)
     first = operator.start()
     reader.wait_for_request()
-    assert operator.rejection() == f'mission {first} is running: abort it, or wait for its end'
+    assert operator.rejection() == f'mission already running: abort {first}, or wait for its end'
     reader.answer_ok('1', co2=1.0)
     operator.wait_for(lifecycle_state='DONE', mission_id=first)
 
