@@ -60,10 +60,11 @@ def conda_prefix(tmp_path) -> Path:
         if module.name.startswith('_sysconfigdata_'):  # conda writes the prefix into it
             text = module.read_text().replace(str(base), str(prefix)) if module.suffix == '.py' else ''
             (prefix / 'lib' / version / module.name).write_text(text)
-        elif module.name != 'site-packages':
+        elif module.name not in ('site-packages', 'dist-packages'):
             (prefix / 'lib' / version / module.name).symlink_to(module)
     for package in Path(sysconfig.get_path('purelib')).iterdir():
         (packages / package.name).symlink_to(package)
+    (packages.parent / 'dist-packages').symlink_to(packages)  # where Debian's Python looks
     (prefix / 'bin/colcon').write_text('#!/bin/sh\nexec python3 -m colcon "$@"\n')
     (prefix / 'bin/cmake').symlink_to(packages / 'cmake/data/bin/cmake')
     (prefix / 'bin/ros2').write_text(

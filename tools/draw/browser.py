@@ -59,7 +59,11 @@ class Page:
         """Let the reader prefer `light` or `dark`."""
         feature = {'name': 'prefers-color-scheme', 'value': scheme}
         self._call('Emulation.setEmulatedMedia', features=[feature])
-        self.evaluate('new Promise(requestAnimationFrame)')  # the page hears of it before its next frame
+
+    def wait_for(self, condition: str) -> None:
+        """Wait until a JavaScript expression is true; raises BrowserError if Chromium ends before."""
+        look = f'const look = () => {condition} ? done() : requestAnimationFrame(look); look();'
+        self.evaluate(f'new Promise(done => {{ {look} }})')
 
     def evaluate(self, expression: str):
         """Return the value of a JavaScript expression; a promise is awaited."""
