@@ -73,6 +73,8 @@ class MissionNode(Node):
         self._drive: Drive = TimedDrive(settings.drive_seconds)
         if settings.drive == 'nav2':
             self._drive = Nav2Drive(self, settings, self.note)
+        else:
+            self.get_logger().info('drive is timed, so no robot is moved: set drive:=nav2 to drive with Nav2')
         self._plan: Plan | None = None  # of Nav2's drives, once the tags are known
         for name in ('pause', 'resume', 'skip_current', 'abort'):
             verb = name.removesuffix('_current')

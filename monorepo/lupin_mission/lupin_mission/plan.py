@@ -18,8 +18,12 @@ class Plan:
 
     def __init__(self, layout: Layout, settings: Settings, layout_in_map: Transform):
         """Read the overrides and find the poses; raises StartUpError."""
+        standoff_m = settings.approach_standoff_m
         reach = Reach(
-            robot_radius_m=settings.robot_radius_m, preferred_distance_m=settings.approach_standoff_m
+            robot_radius_m=settings.robot_radius_m,
+            smallest_distance_m=min(Reach.smallest_distance_m, standoff_m),
+            preferred_distance_m=standoff_m,
+            largest_distance_m=max(Reach.largest_distance_m, standoff_m),
         )
         overrides, self.warnings = {}, []
         self._map_in_layout = _inverse(layout_in_map)

@@ -93,8 +93,8 @@ class Settings:
     approach_standoff_m: float = parameter(
         0.5,
         'Preferred distance from the robot to a tag in metres; it differs where there is no room.',
-        smallest=0.3,
-        largest=1.0,
+        smallest=0.2,
+        largest=1.5,
     )
     approach_overrides_file: str = parameter(
         '',

@@ -25,7 +25,9 @@ def plan(in_map=AS_IT_IS, **parameters) -> Plan:
 
 def test_the_robot_stands_before_a_tag_and_looks_at_it():
     assert plan().goals['1'] == pytest.approx((0.5, 0.5, math.pi / 2))
-    assert plan(approach_standoff_m=0.75).goals['1'] == pytest.approx((0.5, 0.25, math.pi / 2))
+    for standoff_m in (0.22, 0.75, 1.3):
+        goal = plan(approach_standoff_m=standoff_m).goals['1']
+        assert goal == pytest.approx((0.5, 1.0 - standoff_m, math.pi / 2))
 
 
 def test_the_goals_are_in_the_map_where_the_layout_lies():

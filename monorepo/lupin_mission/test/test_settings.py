@@ -87,7 +87,7 @@ def test_tag_poses_of_another_kind_are_refused(value):
         ('nav_max_attempts', 1, 1000),
         ('nav_timeout_s', 0.0, 86400.0),
         ('robot_radius_m', 0.0, 0.75),
-        ('approach_standoff_m', 0.3, 1.0),
+        ('approach_standoff_m', 0.2, 1.5),
     ],
 )
 def test_the_limits_of_a_number_are_inclusive(name, smallest, largest):

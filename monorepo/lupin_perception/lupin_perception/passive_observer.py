@@ -21,9 +21,18 @@ from lupin_perception.map_places import MapPlaces
 
 NODE_NAME = 'passive_observer'
 SOURCE = 'PassiveObserver'
-MAP_FRAME = 'map'
 BUSY_STATES = ('PREPARE', 'EXPLORING', 'INSPECTING', 'MONITORING', 'RETURNING')
 LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
+# Arguments of the team's observer, which asks the bridge by itself: here read_on_sight does.
+WITHOUT_EFFECT = (
+    'bridge_service_name',
+    'discovered_tags_topic',
+    'mission_state_topic',
+    'refresh_period_s',
+    'source_name',
+    'tick_period_s',
+    'twin_state_topic',
+)
 
 
 @dataclass(frozen=True)
@@ -38,17 +47,22 @@ class Settings:
     tag_locations_file: str = parameter(
         '', "The bridge's tag_locations.json for layout_in_map; empty: the one of mdp-greenhouse."
     )
+    observations_topic: str = parameter(
+        'floranova/observations',
+        'The topic of the observations; a relative name is in the namespace of the node.',
+    )
+    map_frame: str = parameter('map', 'The frame of the poses, and of the headers of all messages.')
 
     def __post_init__(self):
         check_parameters(self)
         if self.tag_locations_file and not self.layout_in_map:
             raise StartUpError('parameter tag_locations_file has no effect without layout_in_map: set both')
 
-    def layout_places(self, frame_id: str) -> dict[str, Point]:
+    def layout_places(self) -> dict[str, Point]:
         """Return the layout's places in the map by tag id; {} without layout_in_map. Raises StartUpError."""
         if not self.layout_in_map:
             return {}
-        transform = read_transform(self.layout_in_map, frame_id)
+        transform = read_transform(self.layout_in_map, self.map_frame)
         layout = find_layout(self.tag_locations_file)
         if layout is None:
             raise StartUpError(
@@ -70,9 +84,10 @@ class PassiveObserver(Node):
     def __init__(self):
         """Read the layout and subscribe; raises StartUpError."""
         super().__init__(NODE_NAME)
-        settings = declare_parameters(self, Settings)
+        settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
         self._lifecycle_state = ''
-        self._places = MapPlaces(self, frame_id=MAP_FRAME, layout_places=settings.layout_places(MAP_FRAME))
+        self._frame_id = settings.map_frame
+        self._places = MapPlaces(self, frame_id=self._frame_id, layout_places=settings.layout_places())
         latched = QoSProfile(depth=1, durability=LATCHED)
         self._states = self.create_subscription(MissionState, 'mission/state', self._on_state, latched)
         # Not latched: the robot has left the place of an old reading.
@@ -80,7 +95,7 @@ class PassiveObserver(Node):
             TagReading, 'read_on_sight/readings', self._on_reading, QoSProfile(depth=50)
         )
         self._observations = self.create_publisher(
-            Observation, 'floranova/observations', QoSProfile(depth=50, durability=LATCHED)
+            Observation, settings.observations_topic, QoSProfile(depth=50, durability=LATCHED)
         )
         self.get_logger().info(
             f'ready: readings from {readings.topic_name}, observations on {self._observations.topic_name}'
@@ -99,7 +114,7 @@ class PassiveObserver(Node):
             tag_reading=reading,
         )
         observation.header.stamp = self.get_clock().now().to_msg()
-        observation.header.frame_id = MAP_FRAME
+        observation.header.frame_id = self._frame_id
         observation.tag_pose_in_map = pose_at(self._places.at(reading.tag_id))
         observation.flower.pose.pose = observation.anomaly.pose.pose = pose_at(None)
         self._observations.publish(observation)

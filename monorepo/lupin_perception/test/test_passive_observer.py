@@ -27,14 +27,15 @@ VOLATILE, LATCHED = QoSProfile(depth=50), QoSProfile(depth=50, durability=Durabi
 class Stack:
     """What is around the observer: read_on_sight, the mission, perception, AMCL and the twin."""
 
-    def __init__(self, node, namespace='', amcl_qos=LATCHED):
+    def __init__(self, node, namespace='', amcl_qos=LATCHED, topic='floranova/observations'):
         self.node, self._namespace = node, namespace
+        self._topic = f'{namespace}/{topic}'
         self._readings = self._publisher(TagReading, 'read_on_sight/readings', LATCHED)
         self._states = self._publisher(MissionState, 'mission/state', LATCHED)
         self._tags = self._publisher(DiscoveredTags, 'perception/discovered_tags', LATCHED)
         self._poses = self._publisher(PoseWithCovarianceStamped, 'amcl_pose', amcl_qos)
         self.observations = self.subscribe()
-        wait_until(lambda: node.count_publishers(f'{namespace}/floranova/observations') == 1)
+        wait_until(lambda: node.count_publishers(self._topic) == 1)
 
     def _publisher(self, message_type, name, qos):
         publisher = self.node.create_publisher(message_type, f'{self._namespace}/{name}', qos)
@@ -53,8 +54,7 @@ class Stack:
     def subscribe(self) -> list[Observation]:
         """Return the list that the observations from now on, and the latched ones, come into."""
         heard = []
-        topic = f'{self._namespace}/floranova/observations'
-        self.node.create_subscription(Observation, topic, heard.append, LATCHED)
+        self.node.create_subscription(Observation, self._topic, heard.append, LATCHED)
         return heard
 
     def read(self, tag_id: str) -> None:
@@ -158,7 +158,7 @@ def test_the_layout_is_that_of_the_tag_file(tmp_path):
     tag_file.write_text(json.dumps({'7': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}}), encoding='utf-8')
     write_transform(tmp_path / 'layout.yaml', Transform(x=10.0))
     settings = Settings(layout_in_map=str(tmp_path / 'layout.yaml'), tag_locations_file=str(tag_file))
-    (place,) = settings.layout_places('map').values()
+    (place,) = settings.layout_places().values()
     assert (place.x, place.y) == (11.0, 2.0)
 
 
@@ -169,7 +169,7 @@ def test_a_layout_that_cannot_be_used_is_refused(tmp_path):
         Settings(tag_locations_file='/tags.json')
     write_transform(tmp_path / 'layout.yaml', Transform(), 'odom')
     with pytest.raises(StartUpError, match="frame_id is 'odom', but the map's frame is 'map'"):
-        Settings(layout_in_map=str(tmp_path / 'layout.yaml')).layout_places('map')
+        Settings(layout_in_map=str(tmp_path / 'layout.yaml')).layout_places()
 
 
 def test_a_localiser_that_does_not_latch_is_heard(run_nodes):
@@ -230,3 +230,16 @@ def test_all_its_names_move_with_the_namespace(run_nodes):
     stack = Stack(node, '/robot1')
     stack.discover('7', 3.0, 4.0)
     assert stack.place_of('7') == (3.0, 4.0)
+
+
+def test_it_takes_the_topic_and_the_frame_of_the_teams_launch_file(run_nodes, capfd):
+    """It names the arguments of their observer that have no effect, and warns of none."""
+    theirs = {'observations_topic': '/seen', 'map_frame': 'world', 'refresh_period_s': 2.0}
+    *_, node = run_nodes(PassiveObserver, **theirs)
+    stack = Stack(node, topic='seen')
+    stack.stand(1.0, 2.0)
+    assert stack.observe('7').header.frame_id == 'world'
+    assert stack.place_of('8') is None
+    log = capfd.readouterr().err
+    assert 'without effect in this node: refresh_period_s' in log
+    assert '[WARN]' not in log
