@@ -102,6 +102,12 @@ def test_a_transform_moves_the_poses_into_the_map(poses_of, tmp_path):
         assert math.remainder(each['yaw'] - moved[2], math.tau) == pytest.approx(0.0, abs=1e-5)
 
 
+@pytest.mark.parametrize('form', ['table', 'json'])
+def test_a_yaw_just_below_0_is_0(poses_of, tmp_path, form):
+    write_transform(tmp_path / 'layout.yaml', Transform(yaw=-1e-9))
+    assert '-0' not in poses_of('--transform', str(tmp_path / 'layout.yaml'), '--format', form)[1]
+
+
 def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_path):
     path = tmp_path / 'approach_overrides.yaml'
     path.write_text('overrides: {"7": {standoff: 0.4}, "99": {yaw: 0.0}}', encoding='utf-8')

@@ -72,7 +72,10 @@ def _compute(options) -> tuple[dict, bool]:
         pose = approaches.poses[tag_id]
         x, y = transform.point(pose.x, pose.y)
         moved = pose._replace(x=x, y=y, yaw=transform.heading(pose.yaw))
-        poses.append({'tag_id': tag_id} | {key: round(value, 6) for key, value in moved._asdict().items()})
+        # + 0.0 makes 0.0 of -0.0.
+        poses.append(
+            {'tag_id': tag_id} | {key: round(value, 6) + 0.0 for key, value in moved._asdict().items()}
+        )
     unreachable = [{'tag_id': each, 'reason': reason} for each, reason in approaches.unreachable.items()]
     length_m = round(route.length_m, 6)
     return {'poses': poses, 'unreachable': unreachable, 'length_m': length_m}, not unreachable
@@ -97,9 +100,9 @@ def _as_table(data: dict) -> str:
         (
             each['tag_id'],
             *(f'{each[key]:.2f}' for key in ('x', 'y')),
-            f'{math.degrees(each["yaw"]):.0f}',
+            str(round(math.degrees(each['yaw']))),
             f'{each["distance_m"]:.2f}',
-            f'{math.degrees(each["angle_rad"]):.0f}',
+            str(round(math.degrees(each['angle_rad']))),
         )
         for each in data['poses']
     ]
