@@ -116,7 +116,8 @@ def check(tag_file: str, side_m: float, folder: Path) -> bool:
             names = f', not {", ".join(map(str, missing))}' if missing else ''
             share = f'{len(read)} of {len(world.tags)} read{names}'
             print(f'{setting}: {share} (a robot can stand there at {free})', flush=True)
-    is_right &= all(check_approaches(world, detector, layout, radius_m, side_m) for radius_m in RADII_M)
+    for radius_m in RADII_M:
+        is_right &= check_approaches(world, detector, layout, radius_m, side_m)
     behind = [
         number
         for number, tag in world.tags.items()

@@ -39,7 +39,7 @@ def draw_route(
     axes.set_title(
         f'{len(poses)} of {len(layout.tags)} tags have a pose; route {route.length_m:.1f} m', fontsize=10
     )
-    figure.legend(loc='outside lower center', ncols=5, frameon=False, fontsize=9)
+    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.06), ncol=5, frameon=False, fontsize=9)
     return figure
 
 
