@@ -77,6 +77,7 @@ def conda_prefix(tmp_path) -> Path:
     return prefix
 
 
+@pytest.mark.heavy
 @pytest.mark.skipif(
     not Path(sys.prefix, 'local_setup.bash').exists(), reason='ROS is not in this environment'
 )
