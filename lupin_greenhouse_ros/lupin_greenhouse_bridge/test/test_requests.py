@@ -15,7 +15,7 @@ UNKNOWN_TAG = GetTagReading.Response.STATUS_UNKNOWN_TAG
 SIMULATOR_ERROR = GetTagReading.Response.STATUS_SIMULATOR_ERROR
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(tag_id=st.text(max_size=80).map(lambda text: text.replace('\0', '')))
 @example(tag_id='')
 @example(tag_id=' ')

@@ -17,6 +17,7 @@ from typing import NamedTuple
 # Set before the messages are imported: a wrong type in a field raises, here and in the bridge.
 os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
 
+import hypothesis
 import pytest
 import yaml
 from lupin_greenhouse_bridge import bridge_node
@@ -27,6 +28,11 @@ from lupin_greenhouse_bridge.node import process
 from rclpy.utilities import get_default_context
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
+# No test may depend on the speed of the machine.
+hypothesis.settings.register_profile(
+    'unhurried', deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile('unhurried')
 # Without launch, the test of the launch file cannot run.
 collect_ignore = [] if importlib.util.find_spec('launch_testing') else ['test_launch.py']
 ALTERED_BRIDGE = Path(__file__).parent / 'altered_bridge.py'

@@ -6,6 +6,7 @@ import signal
 import threading
 import time
 
+import hypothesis
 import pytest
 import rclpy
 from lupin_msgs.msg import Observation
@@ -14,6 +15,11 @@ from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
+# No test may depend on the speed of the machine.
+hypothesis.settings.register_profile(
+    'unhurried', deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile('unhurried')
 # Without launch, the test of the launch file cannot run.
 collect_ignore = [] if importlib.util.find_spec('launch_testing') else ['test_bring_up.py']
 

@@ -817,4 +817,4 @@ def no_disk(monkeypatch):
 
 
 TestAnyOrder = pytest.mark.usefixtures('no_disk')(AnyOrder.TestCase)
-TestAnyOrder.settings = settings(max_examples=300, stateful_step_count=40, deadline=None)
+TestAnyOrder.settings = settings(max_examples=300, stateful_step_count=40)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from lupin_mission.report import (
     Observation,
@@ -25,7 +25,6 @@ FAILED = Observation('8', Outcome.TIMEOUT, 'no reply before the timeout', 3)
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 
 
-@settings(deadline=None)
 @given(
     tag_id=st.text(),
     stamp=st.tuples(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1)),

@@ -3,6 +3,7 @@
 import contextlib
 import threading
 
+import hypothesis
 import numpy as np
 import pytest
 import rclpy
@@ -18,6 +19,11 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
+# No test may depend on the speed of the machine.
+hypothesis.settings.register_profile(
+    'unhurried', deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile('unhurried')
 
 PATIENCE_SECONDS = 30.0
 TOPIC = '/tested/image'

@@ -8,7 +8,7 @@ import zlib
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from lupin_perception.images import (
     ENCODINGS,
@@ -20,11 +20,7 @@ from lupin_perception.images import (
 )
 from PIL import Image
 
-# On a busy machine an example may take any time.
-unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
-
-@unhurried
 @given(
     encoding=st.sampled_from(sorted(ENCODINGS)),
     height=st.integers(SMALLEST_SIDE_PIXELS, 24),
@@ -85,7 +81,6 @@ def test_an_image_of_the_largest_and_of_the_smallest_size_is_read(height, width)
     assert grey_picture('mono8', height, width, width, bytes(height * width)).shape == (height, width)
 
 
-@unhurried
 @given(
     st.text(max_size=10) | st.sampled_from(sorted(ENCODINGS)),
     st.integers(0, 2**32 - 1) | st.integers(0, 20),
@@ -166,7 +161,6 @@ def test_a_compressed_image_that_cannot_be_read_is_refused(data, fragment):
     assert len(str(refusal.value)) < 200
 
 
-@unhurried
 @given(st.binary(max_size=200), st.integers(0, 2000), st.sampled_from(['JPEG', 'PNG']))
 def test_damaged_bytes_are_a_picture_or_a_refusal(damage, place, kind):
     data = bytearray(encoded(kind))
