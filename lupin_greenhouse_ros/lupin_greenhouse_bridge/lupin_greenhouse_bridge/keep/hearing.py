@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable
 
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.validate_topic_name import validate_topic_name
 
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import TagReading
@@ -58,18 +59,19 @@ def hear(node, topics: list[str], on_reading: Callable[[TagReading, str], None])
             on_reading(reading, names[topic])
 
     for topic in topics:
-        # The latched subscription receives what was published before it, but hears no volatile publisher, of
-        # which rclpy would warn. The other one hears both.
-        for durability, is_warning in ((LATCHED, False), (VOLATILE, True)):
-            try:
-                subscription = node.create_subscription(
+        try:
+            validate_topic_name(topic)
+            names[topic] = node.resolve_topic_name(topic)  # before a reading can arrive
+            # The latched subscription receives what was published before it, but hears no volatile publisher,
+            # of which rclpy would warn. The other one hears both.
+            for durability, is_warning in ((LATCHED, False), (VOLATILE, True)):
+                node.create_subscription(
                     TagReading,
                     topic,
                     lambda reading, topic=topic: once(reading, topic),
                     QoSProfile(depth=DEPTH, durability=durability),
                     event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=is_warning),
                 )
-            except InvalidTopicNameException as error:
-                raise StartUpError(f'parameter readings_topics: {error}') from error
-        names[topic] = subscription.topic_name
+        except InvalidTopicNameException as error:
+            raise StartUpError(f'parameter readings_topics: {error}') from error
     return list(names.values())
