@@ -8,6 +8,7 @@ from types import SimpleNamespace
 from lupin_greenhouse_bridge.rows import Row, fault_of
 
 HEADER = ','.join(Row._fields)
+LONGEST_FIELD = 2**31 - 1  # characters; ROS does not limit the name of a sensor
 
 
 def csv_text(rows: Iterable[Row]) -> str:
@@ -26,6 +27,7 @@ def parse_csv(content: bytes) -> tuple[list[Row], int]:
     """
     whole = content[: content.rfind(b'\n') + 1]
     line_count = whole.count(b'\n')
+    csv.field_size_limit(LONGEST_FIELD)
     reader = csv.reader(io.StringIO(whole.decode('utf-8-sig'), newline='\n'), strict=True)
     if ','.join(next(reader, [])) != HEADER:
         raise ValueError(f'the first line is not {HEADER}')

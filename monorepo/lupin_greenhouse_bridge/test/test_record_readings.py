@@ -117,14 +117,16 @@ def test_rows_that_cannot_be_written_at_the_end_are_lost_and_counted():
     assert len(log.errors) == 2  # also within the ten seconds
 
 
-@pytest.mark.parametrize('bad', [{'value': float('nan')}, {'sim_time_of_day_seconds': float('inf')}])
-def test_a_value_that_is_no_number_is_not_kept_and_said(bad):
+@pytest.mark.parametrize(
+    'bad', [{'value': float('nan')}, {'sim_time_of_day_seconds': float('inf')}, {'stamp_ns': -1}]
+)
+def test_a_row_that_no_file_can_be_read_with_is_not_kept_and_said(bad):
     disk, log = Disk(), Log()
     keeper = Keeper(disk, log)
     keeper.add([row()._replace(**bad), row(1)], 0.0)
     keeper.write(0.0)
     assert disk.rows == [row(1)]
-    assert "tag '7': co2 is" in log.warnings[0]
+    assert f"tag '7': {next(iter(bad))}" in log.warnings[0]
 
 
 @pytest.mark.parametrize(

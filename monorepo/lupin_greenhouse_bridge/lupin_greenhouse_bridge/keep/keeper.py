@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 from lupin_greenhouse_bridge.errors import printable
 from lupin_greenhouse_bridge.keep.store import StoreError, key_of
-from lupin_greenhouse_bridge.rows import Row
+from lupin_greenhouse_bridge.rows import Row, fault_of
 
 MOST_WAITING = 10_000
 ERROR_EVERY_SECONDS = 10.0
@@ -30,10 +30,9 @@ class Keeper:
     def add(self, rows: Iterable[Row], now: float) -> None:
         """Take rows. They are in the file after the next write()."""
         for row in rows:
-            if not (math.isfinite(row.value) and math.isfinite(row.sim_time_of_day_seconds)):
+            if fault := fault_of(row):  # it would make the file unreadable
                 self._logger.warning(
-                    f"tag '{printable(row.tag_id, 64)}': {printable(row.sensor, 64)} is {row.value} at"
-                    f' {row.sim_time_of_day_seconds} s of its day: not kept',
+                    f"tag '{printable(row.tag_id, 64)}': {printable(fault, 200)}: not kept",
                     throttle_duration_sec=ERROR_EVERY_SECONDS,
                 )
                 continue

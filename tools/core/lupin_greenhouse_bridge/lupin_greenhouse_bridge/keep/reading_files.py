@@ -92,7 +92,10 @@ def _parse(path: Path) -> tuple[list[Row], list[Visit]]:
 def _rows_of_sqlite(path: Path) -> list[Row]:
     # Writable: of a recorder that was killed in the middle of a commit, SQLite first restores the file.
     with contextlib.closing(sqlite3.connect(f'{path.resolve().as_uri()}?mode=rw', uri=True)) as connection:
-        return list(map(Row._make, connection.execute(SELECT)))
+        rows = list(map(Row._make, connection.execute(SELECT)))
+    if fault := next(filter(None, map(fault_of, rows)), ''):
+        raise ValueError(fault)
+    return rows
 
 
 def _parse_report(content: bytes) -> tuple[list[Row], list[Visit]]:
@@ -132,7 +135,7 @@ def _add_visit(data: dict, rows: list[Row], visits: list[Visit]) -> None:
             )
             for name, value in data['readings'].items()
         ]
-        if faults := list(filter(None, map(fault_of, found))):
-            raise ValueError(faults[0])
+        if fault := next(filter(None, map(fault_of, found)), ''):
+            raise ValueError(fault)
         rows += found
     visits.append(Visit(tag_id, str(data['outcome']), str(data['detail']), int(data['attempts']), stamp_ns))
