@@ -80,8 +80,8 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
         raise StartUpError(
             f'{where}: holds {_kind(config)} at its top level, not a mapping with time and sensors'
         )
-    _check_time(_mapping(config, 'time', where), settings, f'{where}: time')
-    sensors = _mapping(config, 'sensors', where)
+    _check_time(mapping_of(config, 'time', where), settings, f'{where}: time')
+    sensors = mapping_of(config, 'sensors', where)
     if not sensors:
         raise StartUpError(f'{where}: sensors is empty: name at least one of {_listed(sensor_types)}')
     for name, components in sensors.items():
@@ -194,7 +194,8 @@ def number(
     return value
 
 
-def _mapping(config: dict, key: str, where: str) -> dict:
+def mapping_of(config: dict, key: str, where: str) -> dict:
+    """Return the mapping of a key; raises StartUpError, which begins with `where`, for anything else."""
     if not isinstance(config.get(key), dict):
         raise StartUpError(f'{where}: {key} is {_shown(config, key)}, not a mapping')
     return config[key]

@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.greenhouse.files import shipped_file
+from lupin_greenhouse_bridge.errors import printable
+from lupin_greenhouse_bridge.greenhouse.files import mapping_of, number, read_yaml, shipped_file
 from lupin_greenhouse_bridge.greenhouse.layout import Layout
 
 
@@ -35,18 +35,22 @@ def read_visualization(layout: Layout, sim_config_file: str = '') -> Visualizati
             *(table[2:] for table in layout.tables.values()),
         ]
         return Visualization(Footprint(*map(max, zip(*corners, strict=True))), {})
-    try:
-        import yaml  # part of every ROS installation
+    where = f"sim_config_file '{path}'"
+    config = read_yaml(path, where, 'a greenhouse config has 4 levels')
+    section = mapping_of(config if isinstance(config, dict) else {}, 'visualization', where)
+    where += ': visualization'
+    walls = [number(section, f'greenhouse_{side}_m', where, 'metres') for side in ('width', 'height')]
+    ranges = {}
+    if section.get('colorbar_ranges'):
+        ranges = mapping_of(section, 'colorbar_ranges', where)
+        where += ': colorbar_ranges'
+    return Visualization(
+        Footprint(*map(float, walls)), {str(sensor): _range(ranges, sensor, where) for sensor in ranges}
+    )
 
-        with open(path, encoding='utf-8') as file:
-            section = yaml.safe_load(file)['visualization']
-        footprint = Footprint(float(section['greenhouse_width_m']), float(section['greenhouse_height_m']))
-        ranges = section.get('colorbar_ranges') or {}
-        return Visualization(
-            footprint, {sensor: (float(each['min']), float(each['max'])) for sensor, each in ranges.items()}
-        )
-    except Exception as error:  # PyYAML's constructors leak KeyError, IndexError and others on bad scalars
-        raise StartUpError(
-            f"'{path}' has no walls or invalid colour ranges ({type(error).__name__}: {error}):"
-            ' name the greenhouse_config.yaml that the bridge loads'
-        ) from error
+
+def _range(ranges: dict, sensor, where: str) -> tuple[float, float]:
+    limits = mapping_of(ranges, sensor, where)
+    here = f'{where}: {printable(str(sensor), 64)}'
+    lowest, highest = (number(limits, key, here, 'the unit of the sensor') for key in ('min', 'max'))
+    return float(lowest), float(highest)
