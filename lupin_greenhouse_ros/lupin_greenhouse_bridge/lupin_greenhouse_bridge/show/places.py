@@ -24,14 +24,21 @@ def layout_of(rows: Iterable[Row], tag_file: str) -> Layout:
     return layout._replace(tags=layout.tags | placed)
 
 
+def beside(file: Path, suffix: str) -> Path:
+    """Return the path of a drawing of a file, with the file's name; a folder such as / has none."""
+    return file.with_suffix(suffix) if file.name else Path(f'readings{suffix}')
+
+
 def read_route(path: Path) -> list[tuple[float, float]]:
     """Return x and y in metres of each point of a CSV file with a header; raises StartUpError."""
+    if path.exists() and not path.is_file():  # a pipe would wait for its writer
+        raise StartUpError(f"--route '{path}': is not a regular file: name another")
     try:
         with path.open(encoding='utf-8', newline='') as file:
             route = [(float(row['x']), float(row['y'])) for row in csv.DictReader(file)]
     except OSError as error:
         raise StartUpError(f"--route '{path}': {error.strerror}: name another") from error
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, csv.Error):
         route = []
     if not (route and all(map(math.isfinite, itertools.chain(*route)))):
         raise StartUpError(f"--route '{path}': is not a CSV file of x,y in metres: name another")

@@ -11,7 +11,7 @@ from lupin_greenhouse_bridge.greenhouse.labelling import Box, place_labels
 from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import read_file
 from lupin_greenhouse_bridge.rows import Row, last_of_each_tag
-from lupin_greenhouse_bridge.show.places import layout_of, read_route
+from lupin_greenhouse_bridge.show.places import beside, layout_of, read_route
 from lupin_greenhouse_bridge.units import clock_time, label_of
 
 DONE, USAGE = 0, 2
@@ -41,7 +41,7 @@ def main(arguments: list[str] | None = None) -> int:
         '--output', type=Path, metavar='FILE', help='picture to write, also .svg or .pdf; default: FILE.png'
     )
     options = parser.parse_args(arguments)
-    output = options.output or options.file.with_suffix('.png')
+    output = options.output or beside(options.file, '.png')
     try:
         _draw(options, output)
     except ImportError as error:
@@ -53,7 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
     except (OSError, ValueError) as error:  # unknown to matplotlib, or not writable
         print(f"plot_report: --output '{output}': {error}", file=sys.stderr)
         return USAGE
-    print(f'picture: {output}')
+    print(f'picture: {printable(str(output), 500)}')
     return DONE
 
 

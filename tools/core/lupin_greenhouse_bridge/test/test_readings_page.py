@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import os
 import re
 import sys
 
@@ -124,6 +125,14 @@ def test_no_text_of_a_file_ends_the_data_of_the_page(report):
     assert data['sensors'][0]['name'] == EVIL
 
 
+def test_a_tag_id_of_any_length_and_a_file_of_any_name_are_shown(report, tmp_path):
+    number = '9' * 5000  # more digits than Python converts to a number
+    path = report(visit(number, co2=1.0)).rename(tmp_path / os.fsdecode(b'\xff.jsonl'))
+    data = shown(path)
+    assert data['title'] == '\\udcff.jsonl'
+    assert f'{number[:64]}...' in [tag['id'] for tag in data['tags']]
+
+
 def test_a_tag_without_a_position_is_named(report):
     data = shown(report(visit('stranger', co2=1.0)))
     assert data['notes'] == ['Tags without a position: 1, such as stranger. Name the layout with --tag-file.']
@@ -134,10 +143,12 @@ def test_a_tag_without_a_position_is_named(report):
     [
         (['/missing.csv'], "'/missing.csv': No such file"),
         (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
-        (['REPORT', '--sim-config-file', 'REPORT'], 'has no walls'),
+        (['REPORT', '--sim-config-file', 'REPORT'], 'visualization is missing'),
         (['REPORT', '-o', '/missing/page.html'], "--output '/missing/page.html': No such file"),
         (['REPORT', '--route', 'REPORT'], 'is not a CSV file of x,y in metres'),
         (['NAN'], 'nan'),
+        (['.'], 'not a regular file'),
+        (['/'], 'not a regular file'),
     ],
 )
 def test_what_cannot_be_shown_is_said_in_one_line(report, tmp_path, capsys, arguments, fragment):

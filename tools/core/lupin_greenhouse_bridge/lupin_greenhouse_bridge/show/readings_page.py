@@ -16,7 +16,7 @@ from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_greenhouse_bridge.greenhouse.visualization import Visualization, read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import ReadingFile, read_file
 from lupin_greenhouse_bridge.rows import Row, last_of_each_tag
-from lupin_greenhouse_bridge.show.places import layout_of, read_route
+from lupin_greenhouse_bridge.show.places import beside, layout_of, read_route
 from lupin_greenhouse_bridge.units import label_of, unit_of
 
 DONE, USAGE = 0, 2
@@ -45,14 +45,17 @@ def main(arguments: list[str] | None = None) -> int:
         '--sim-config-file', default='', metavar='FILE', help="the bridge's sim_config_file, if you set one"
     )
     options = parser.parse_args(arguments)
-    output = options.output or options.file.with_suffix('.html')
+    output = options.output or beside(options.file, '.html')
     try:
         from plotly.offline import get_plotlyjs  # imported late: only this command needs it
 
         file = read_file(options.file, options.tag_file)
         layout = layout_of(file.rows, options.tag_file)
         data = data_of(file, layout, read_visualization(layout, options.sim_config_file))
-        data |= {'title': options.file.name, 'route': read_route(options.route) if options.route else []}
+        data |= {
+            'title': printable(options.file.name, LONGEST_NAME),
+            'route': read_route(options.route) if options.route else [],
+        }
         page = fill(TEMPLATE.read_text(encoding='utf-8'), data, get_plotlyjs())
         output.write_text(page, encoding='utf-8')
     except ImportError as error:
@@ -64,7 +67,7 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:
         print(f"readings_page: --output '{output}': {error.strerror}", file=sys.stderr)
         return USAGE
-    print(f'page: {output}')
+    print(f'page: {printable(str(output), 500)}')
     return DONE
 
 
@@ -152,7 +155,7 @@ def _urgency(item: tuple[str, dict]) -> tuple:
     return (
         tag['outcome'] in ('', 'OK'),
         tag['stamp_ms'] is not None,
-        [int(part) if part.isdecimal() else 0 for part in re.split(r'(\d+)', tag_id)],
+        [float(part) if part.isdecimal() else 0 for part in re.split(r'(\d+)', tag_id)],
         tag_id,
     )
 
