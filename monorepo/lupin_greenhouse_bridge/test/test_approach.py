@@ -311,7 +311,7 @@ def overrides(tmp_path):
     """Return a function that reads overrides of this text."""
 
     def read(text: str):
-        path = tmp_path / 'approach_overrides.yaml'
+        path = tmp_path / f'approach_overrides.{"json" if text.startswith("{") else "yaml"}'
         path.write_text(text, encoding='utf-8')
         return read_overrides(path, {'7', '21'})
 
@@ -341,6 +341,7 @@ def test_the_overrides_are_read_by_tag_and_an_unknown_tag_is_warned_of(overrides
         ('overrides: [7]', 'is not a mapping, such as {overrides:'),
         ('overrides: {"7": 1.5}', "tag '7': is not a mapping"),
         ('overrides: {', 'is not YAML'),
+        ('{"overrides": {\n\t"7": {"Yaw": 1}}}', "tag '7': line 2: unknown key 'Yaw': use yaw"),
     ],
 )
 def test_a_malformed_override_is_refused_with_its_place(overrides, text, problem):

@@ -102,6 +102,16 @@ def test_a_transform_moves_the_poses_into_the_map(poses_of, tmp_path):
         assert math.remainder(each['yaw'] - moved[2], math.tau) == pytest.approx(0.0, abs=1e-5)
 
 
+def test_an_id_that_no_terminal_can_show_is_escaped(poses_of, tmp_path):
+    tags = {'7\n\x1b[2J': {'x': 2.0, 'y': 1.0, 'sensors': ['co2']}}
+    (tmp_path / 'odd.json').write_text(json.dumps(tags), encoding='utf-8')
+    _, out, err = poses_of(
+        '--tag-file', str(tmp_path / 'odd.json'), '--radius', '0.79', '--largest-distance', '0.5'
+    )
+    assert (out + err).count('7\\n\\x1b[2J') == 1
+    assert '\x1b' not in out + err
+
+
 @pytest.mark.parametrize('form', ['table', 'json'])
 def test_a_yaw_just_below_0_is_0(poses_of, tmp_path, form):
     write_transform(tmp_path / 'layout.yaml', Transform(yaw=-1e-9))
@@ -126,6 +136,7 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
         (['--radius', '2'], 'a robot of radius 2.005 m does not fit'),
         (['--distance', 'nan'], 'the distances to a tag are 0.3, nan and 1 m'),
         (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),
+        (['--start', 'inf', '0'], 'the start at (inf, 0) is not free'),
         (['--picture', '/missing/route.png'], "--picture '/missing/route.png': "),
         (['--picture', 'route.mp3'], "--picture 'route.mp3': "),
     ],
@@ -160,7 +171,8 @@ def test_the_poses_are_computed_without_ros(tag_file):
     assert subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
-def test_publish_keeps_the_poses_on_a_latched_topic_until_a_signal(run_here, tag_file):
+def test_publish_keeps_the_poses_on_a_latched_topic_until_a_signal(run_here, tag_file, tmp_path):
+    write_transform(tmp_path / 'layout.yaml', Transform(), 'site')
     heard = []
 
     def listen():
@@ -175,10 +187,11 @@ def test_publish_keeps_the_poses_on_a_latched_topic_until_a_signal(run_here, tag
 
     listener = threading.Thread(target=listen)
     listener.start()
-    ended = run_here(approach_poses.main, '--tag-file', tag_file, '--publish')
+    transform = ('--transform', str(tmp_path / 'layout.yaml'))
+    ended = run_here(approach_poses.main, '--tag-file', tag_file, '--publish', *transform)
     listener.join()
     assert ended.code == 0, ended
-    assert heard[0].header.frame_id == 'map'
+    assert heard[0].header.frame_id == 'site'
     poses = [
         (each.position.x, each.position.y, 2 * math.atan2(each.orientation.z, each.orientation.w))
         for each in heard[0].poses

@@ -12,12 +12,12 @@ import math
 import os
 import sys
 
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
 from lupin_greenhouse_bridge.greenhouse.approach import ApproachPose, Reach, find_approaches, read_overrides
 from lupin_greenhouse_bridge.greenhouse.floor import Floor
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.greenhouse.order import ORDERS, plan_route
-from lupin_greenhouse_bridge.greenhouse.registration import Transform, read_transform
+from lupin_greenhouse_bridge.greenhouse.registration import MAP_FRAME, Transform, read_registration
 
 ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
 COLUMNS = ('tag_id', *ApproachPose._fields)
@@ -29,12 +29,12 @@ def main(args=None) -> int:
     ros_words = words[words.index('--ros-args') :] if '--ros-args' in words else []
     options = _parser().parse_args(words[: len(words) - len(ros_words)])
     try:
-        data, has_all = _compute(options)
+        data, frame_id, has_all = _compute(options)
         print(FORMATS[options.format](data), end='', flush=True)
         for each in data['unreachable']:
-            print(f"approach_poses: tag '{each['tag_id']}': {each['reason']}", file=sys.stderr)
+            print(f"approach_poses: tag '{printable(each['tag_id'], 64)}': {each['reason']}", file=sys.stderr)
         if options.publish:
-            _publish(data['poses'], ['approach_poses', *ros_words])
+            _publish(data['poses'], frame_id, ['approach_poses', *ros_words])
     except BrokenPipeError:  # the reader has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ALL_HAVE_A_POSE
@@ -44,12 +44,14 @@ def main(args=None) -> int:
     return ALL_HAVE_A_POSE if has_all else SOME_HAVE_NONE
 
 
-def _compute(options) -> tuple[dict, bool]:
-    """Return what `--format json` prints, and whether every tag has a pose."""
+def _compute(options) -> tuple[dict, str, bool]:
+    """Return what `--format json` prints, the frame of the poses, and whether every tag has one."""
     layout = find_layout(options.tag_file)
     if layout is None:
         raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
-    transform = read_transform(options.transform) if options.transform else Transform()
+    frame_id, transform = (
+        read_registration(options.transform) if options.transform else (MAP_FRAME, Transform())
+    )
     overrides, warnings = read_overrides(options.overrides, layout.tags) if options.overrides else ({}, [])
     for warning in warnings:
         print(f'approach_poses: {warning}', file=sys.stderr)
@@ -78,7 +80,7 @@ def _compute(options) -> tuple[dict, bool]:
         )
     unreachable = [{'tag_id': each, 'reason': reason} for each, reason in approaches.unreachable.items()]
     length_m = round(route.length_m, 6)
-    return {'poses': poses, 'unreachable': unreachable, 'length_m': length_m}, not unreachable
+    return {'poses': poses, 'unreachable': unreachable, 'length_m': length_m}, frame_id, not unreachable
 
 
 def _draw(path: str, layout, approaches, route) -> None:
@@ -98,7 +100,7 @@ def _draw(path: str, layout, approaches, route) -> None:
 def _as_table(data: dict) -> str:
     rows = [
         (
-            each['tag_id'],
+            printable(each['tag_id'], 40),
             *(f'{each[key]:.2f}' for key in ('x', 'y')),
             str(round(math.degrees(each['yaw']))),
             f'{each["distance_m"]:.2f}',
@@ -152,7 +154,7 @@ def _as_nav2(data: dict) -> str:
 FORMATS = {'table': _as_table, 'yaml': _as_yaml, 'json': _as_json, 'csv': _as_csv, 'nav2': _as_nav2}
 
 
-def _publish(poses: list[dict], args: list[str]) -> None:
+def _publish(poses: list[dict], frame_id: str, args: list[str]) -> None:
     """Keep the poses on the latched topic `~/poses` until Ctrl-C or SIGTERM."""
     import rclpy
     from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
@@ -167,7 +169,7 @@ def _publish(poses: list[dict], args: list[str]) -> None:
         executor.add_node(node)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         message = PoseArray()
-        message.header.frame_id = 'map'
+        message.header.frame_id = frame_id
         message.header.stamp = node.get_clock().now().to_msg()
         for each in poses:
             half = each['yaw'] / 2

@@ -242,8 +242,8 @@ def _line_of(path: str | Path, key) -> int:
                 yield name
                 yield from keys(value)
 
-    lines = {
-        name.value: name.start_mark.line + 1
-        for name in reversed([*keys(yaml.compose(Path(path).read_text(encoding='utf-8')))])
-    }
+    text = (
+        Path(path).read_text(encoding='utf-8').replace('\t', ' ')
+    )  # JSON may be indented with tabs, YAML may not
+    lines = {name.value: name.start_mark.line + 1 for name in reversed([*keys(yaml.compose(text))])}
     return lines.get(str(key), 1)

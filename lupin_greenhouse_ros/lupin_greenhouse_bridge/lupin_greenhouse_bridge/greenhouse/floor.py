@@ -70,7 +70,8 @@ class Floor:
         points = np.asarray(points, dtype=float).reshape(-1, 2)
         low, high = self._inside
         is_free = ((points >= low - self._tolerance_m) & (points <= high + self._tolerance_m)).all(axis=1)
-        along = points @ AXES
+        with np.errstate(invalid='ignore'):  # of a point at infinity, which is not free
+            along = points @ AXES
         for low, high in zip(self._low, self._high, strict=True):
             is_free &= ~((along > low) & (along < high)).all(axis=1)
         return is_free
