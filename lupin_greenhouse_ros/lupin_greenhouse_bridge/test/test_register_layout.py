@@ -4,7 +4,9 @@ import contextlib
 import importlib.util
 import json
 import math
+import os
 import signal
+import subprocess
 import sys
 import threading
 
@@ -13,6 +15,7 @@ from conftest import SPINS
 from geometry_msgs.msg import PointStamped
 from lupin_greenhouse_bridge.cli import register_layout
 from lupin_greenhouse_bridge.greenhouse.registration import Transform, read_registration, write_transform
+from lupin_greenhouse_bridge.testing import executable
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -62,6 +65,19 @@ def test_pairs_of_a_file_are_fitted_and_written(register, places, tmp_path):
     assert (frame_id, transform) == ('map', pytest.approx(TRANSFORM))
 
 
+def test_a_reader_that_closes_the_pipe_loses_no_file(places, tmp_path):
+    (tmp_path / 'pairs.json').write_text(json.dumps(places), encoding='utf-8')
+    command = [executable('lupin_greenhouse_bridge', 'register_layout'), '--pairs', tmp_path / 'pairs.json']
+    reading, writing = os.pipe()
+    os.close(reading)
+    ended = subprocess.run(
+        [*command, '-o', tmp_path / 'layout.yaml'], stdout=writing, stderr=subprocess.PIPE, check=False
+    )
+    os.close(writing)
+    assert (ended.returncode, ended.stderr) == (0, b'')
+    assert read_registration(tmp_path / 'layout.yaml')[1] == pytest.approx(TRANSFORM)
+
+
 def test_a_layout_that_does_not_fit_is_not_written(register, places, tmp_path):
     ended = register({'1': places['1'], '2': [100.0, 0.0]}, '--tolerance', '0.2')
     assert (ended.code, ended.out) == (1, '')
@@ -90,6 +106,8 @@ def test_a_tag_that_the_layout_lacks_is_refused(register, places, tmp_path):
             ['--pairs', 'none.json', '-o', 'a.yaml', '--tolerance', 'nan'],
             '--tolerance is nan: must be a number of metres',
         ),
+        (['--pairs', 'none.json', '--tolerance', 'inf'], '--tolerance is inf: must be a number of metres'),
+        (['--click', '1', '2', '-o', '/'], "--output '/' is a folder: name a file in it"),
         (['--click', '1', '1', '-o', 'a.yaml'], '--click needs at least 2 tags'),
         (['--click', '1', '99', '-o', 'a.yaml'], "tag '99' is not one of the"),
         (['--publish', 'none.yaml'], "registration 'none.yaml': cannot be read"),

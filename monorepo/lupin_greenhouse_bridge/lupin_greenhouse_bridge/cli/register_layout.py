@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import math
+import os
 import sys
 from pathlib import Path
 
@@ -73,8 +74,10 @@ def _register_or_publish(executor, options) -> None:
 
 def layout_of(options) -> Layout:
     """Return the layout that the options name; raises what is wrong with them before anybody clicks."""
-    if not options.tolerance > 0.0:  # NaN neither
+    if not 0.0 < options.tolerance < math.inf:  # NaN neither
         raise UsageError(f'--tolerance is {options.tolerance:g}: must be a number of metres above 0')
+    if Path(options.output).is_dir():
+        raise UsageError(f"--output '{options.output}' is a folder: name a file in it")
     if not (folder := Path(options.output).parent).is_dir():
         raise UsageError(f"--output: there is no folder '{folder}': name a file in a folder that exists")
     if layout := find_layout(options.tag_file):
@@ -91,18 +94,28 @@ def register(layout: Layout, places: dict, frame_id: str, options) -> None:
     """
     _check_known(layout, places)
     fitted = fit({tag_id: layout.tags[tag_id][:2] for tag_id in places}, places, options.tolerance)
-    print(f'{"tag":<8}  {"x in map (m)":>12}  {"y in map (m)":>12}  {"residual (m)":>12}')
+    lines = [f'{"tag":<8}  {"x in map (m)":>12}  {"y in map (m)":>12}  {"residual (m)":>12}']
     for tag_id, (x, y) in places.items():
         note = '  left out' if tag_id in fitted.left_out else ''
-        print(f'{printable(tag_id, 40):<8}  {x:12.3f}  {y:12.3f}  {fitted.residuals_m[tag_id]:12.3f}{note}')
+        lines.append(
+            f'{printable(tag_id, 40):<8}  {x:12.3f}  {y:12.3f}  {fitted.residuals_m[tag_id]:12.3f}{note}'
+        )
+    _tell('\n'.join(lines))
     write_transform(options.output, fitted.transform, frame_id)
     x, y, yaw = fitted.transform
-    print(
+    _tell(
         f'{len(places) - len(fitted.left_out)} of {len(places)} tags fit within {options.tolerance:g} m.'
         f' The layout lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame_id}.'
-        f' Written to {options.output}',
-        flush=True,
+        f' Written to {options.output}'
     )
+
+
+def _tell(text: str) -> None:
+    """Print a text, unless the reader has closed the pipe."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _check_known(layout: Layout, tag_ids) -> None:
@@ -138,10 +151,9 @@ class Clicks:
 
     def _ask(self) -> None:
         x, y, *_ = self._layout.tags[self._left[0]]
-        print(
+        _tell(
             f'click tag {printable(self._left[0], 40)} with Publish Point in RViz, {len(self._left)} to go'
             f' (in the layout it is at x {x:g} m, y {y:g} m)',
-            flush=True,
         )
 
     def _on_click(self, message) -> None:
