@@ -134,7 +134,10 @@ def run_mission(options) -> int:
         raise StartUpError('WORLD=1 needs CAMERA=1, and publishes images only')
     mission_node = executable('lupin_mission', 'mission_orchestrator')
     commands, for_mission = nodes_of(options)
-    options.output.mkdir(parents=True, exist_ok=True)
+    try:
+        options.output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StartUpError(f"--output '{options.output}': {error.strerror}: name a folder") from error
     report, route = file_of(options, '.jsonl'), file_of(options, '-route.csv')
     report.unlink(missing_ok=True)
     route.unlink(missing_ok=True)

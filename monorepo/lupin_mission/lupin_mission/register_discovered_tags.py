@@ -4,6 +4,7 @@ import argparse
 import math
 import sys
 
+from lupin_greenhouse_bridge.cli.client import UsageError
 from lupin_greenhouse_bridge.cli.register_layout import (
     EPILOG,
     add_arguments,
@@ -40,6 +41,10 @@ def main(args=None) -> int:
 
 def _register(executor, options) -> None:
     layout = layout_of(options)
+    if not 2 <= options.tags <= len(layout.tags):
+        raise UsageError(
+            f'--tags is {options.tags}: must be from 2 to {len(layout.tags)}, the tags of the layout'
+        )
     node = node_in(executor, NAME)
     places: dict[str, tuple[float, float]] = {}  # in the last message, of tags of the layout
     frame_id = ''

@@ -109,6 +109,13 @@ def test_the_world_package_is_needed_for_a_world_only(tmp_path, monkeypatch, cap
     )
 
 
+@pytest.mark.usefixtures('stand_in')
+def test_an_output_that_is_no_folder_is_refused_in_one_line(tmp_path, capsys):
+    (tmp_path / 'file').touch()
+    assert inspection.main(['--output', str(tmp_path / 'file')]) == 2
+    assert capsys.readouterr().err == f"mission: --output '{tmp_path}/file': File exists: name a folder\n"
+
+
 def test_a_world_without_drake_is_refused_before_anything_starts(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(inspection, 'executable', lambda *names: str(tmp_path.joinpath(*names)))
     monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
