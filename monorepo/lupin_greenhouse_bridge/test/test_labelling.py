@@ -16,8 +16,8 @@ def shared_m2(one: Box, other: Box) -> float:
 
 def test_a_thousand_labels_cover_no_dot_and_no_other_label():
     dots = [Box(float(x), float(y), 0.2, 0.2) for x in range(40) for y in range(25)]
-    places = place_labels(dots, [(dot, 0.7, 0.3) for dot in dots])
-    labels = [Box(*place, 0.7, 0.3) for place in places]
+    places = place_labels(dots, [(dot, 1.2, 0.3) for dot in dots])
+    labels = [Box(*place, 1.2, 0.3) for place in places]
     near = (
         (a, b) for a, b in itertools.combinations(dots + labels, 2) if abs(a.x - b.x) + abs(a.y - b.y) < 1.5
     )
