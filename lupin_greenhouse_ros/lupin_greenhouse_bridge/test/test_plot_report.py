@@ -125,6 +125,7 @@ def test_a_custom_tag_file_places_the_tags(report, tmp_path):
         (['REPORT', '--tag-file', 'TAGS'], "tag '1' has no position in the tag file"),
         (['REPORT', '--output', '/missing/picture.png'], '/missing/picture.png'),
         (['REPORT', '--output', 'picture.docx'], 'picture.docx'),
+        (['REPORT', '--output', 'REPORT'], 'is the file of readings itself: name another'),
         (['EMPTY'], 'no tag was read'),
         (['REPORT', '--route', '/missing.csv'], "--route '/missing.csv': No such file or directory"),
         (['REPORT', '--route', 'TAGS'], 'is not a CSV file of x,y in metres: name another'),

@@ -147,6 +147,7 @@ def test_a_tag_without_a_position_is_named(report):
         (['REPORT', '-o', '/missing/page.html'], "--output '/missing/page.html': No such file"),
         (['REPORT', '--route', 'REPORT'], 'is not a CSV file of x,y in metres'),
         (['NAN'], 'nan'),
+        (['REPORT', '-o', 'REPORT'], 'is the file of readings itself: name another'),
         (['.'], 'not a regular file'),
         (['/'], 'not a regular file'),
     ],

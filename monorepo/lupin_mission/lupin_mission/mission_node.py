@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
+from lupin_greenhouse_bridge.greenhouse.order import in_numeric_order
 from lupin_greenhouse_bridge.node.parameters import declare_parameters
 from lupin_greenhouse_bridge.node.run import run
 from lupin_msgs.srv import StartMission
@@ -145,7 +146,7 @@ class MissionNode(Node):
 
     def _chosen_ids(self) -> list[str]:
         """Return the tags of tag_sequence, or else all tags in numeric order."""
-        return self._settings.chosen_tag_ids or sorted(self._tags.ids, key=_numeric)
+        return self._settings.chosen_tag_ids or sorted(self._tags.ids, key=in_numeric_order)
 
     def _begin(self, mission_id: str, tag_ids: list[str], report: Report) -> None:
         """Start a mission to the tags that have no reading in the report."""
@@ -295,10 +296,6 @@ class MissionNode(Node):
         if len(set(sequence)) != len(sequence):
             return 'tag_sequence names a tag twice: a mission visits a tag once'
         return ''
-
-
-def _numeric(tag_id: str) -> tuple:
-    return (not tag_id.isdecimal(), int(tag_id) if tag_id.isdecimal() else 0, tag_id)
 
 
 def main(args=None):

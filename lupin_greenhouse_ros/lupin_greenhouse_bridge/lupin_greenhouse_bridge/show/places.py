@@ -29,6 +29,12 @@ def beside(file: Path, suffix: str) -> Path:
     return file.with_suffix(suffix) if file.name else Path(f'readings{suffix}')
 
 
+def check_output(output: Path, file: Path) -> None:
+    """Raise StartUpError for a drawing that would replace the file that it shows."""
+    if output.exists() and file.exists() and output.samefile(file):
+        raise StartUpError(f"--output '{output}' is the file of readings itself: name another")
+
+
 def read_route(path: Path) -> list[tuple[float, float]]:
     """Return x and y in metres of each point of a CSV file with a header; raises StartUpError."""
     if path.exists() and not path.is_file():  # a pipe would wait for its writer

@@ -16,7 +16,7 @@ from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_greenhouse_bridge.greenhouse.visualization import Visualization, read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import ReadingFile, read_file
 from lupin_greenhouse_bridge.rows import Row, last_of_each_tag
-from lupin_greenhouse_bridge.show.places import beside, layout_of, read_route
+from lupin_greenhouse_bridge.show.places import beside, check_output, layout_of, read_route
 from lupin_greenhouse_bridge.units import label_of, unit_of
 
 DONE, USAGE = 0, 2
@@ -49,6 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         from plotly.offline import get_plotlyjs  # imported late: only this command needs it
 
+        check_output(output, options.file)
         file = read_file(options.file, options.tag_file)
         layout = layout_of(file.rows, options.tag_file)
         data = data_of(file, layout, read_visualization(layout, options.sim_config_file))

@@ -66,9 +66,10 @@ def plan_route(
     )
 
 
-def in_numeric_order(tag_id: str) -> tuple[int, str]:
-    """Return a sort key: '9' before '10'."""
-    return len(tag_id), tag_id
+def in_numeric_order(tag_id: str) -> tuple[bool, int, str, str]:
+    """Return a sort key: '9' before '10', and numbers before other ids."""
+    digits = tag_id.lstrip('0') if tag_id.isdecimal() else ''
+    return not tag_id.isdecimal(), len(digits), digits, tag_id
 
 
 def _cut_off(there, here) -> StartUpError:

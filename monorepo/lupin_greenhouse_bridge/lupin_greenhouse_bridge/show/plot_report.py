@@ -11,7 +11,7 @@ from lupin_greenhouse_bridge.greenhouse.labelling import Box, place_labels
 from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import read_file
 from lupin_greenhouse_bridge.rows import Row, last_of_each_tag
-from lupin_greenhouse_bridge.show.places import beside, layout_of, read_route
+from lupin_greenhouse_bridge.show.places import beside, check_output, layout_of, read_route
 from lupin_greenhouse_bridge.units import clock_time, label_of
 
 DONE, USAGE = 0, 2
@@ -43,6 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     output = options.output or beside(options.file, '.png')
     try:
+        check_output(output, options.file)
         _draw(options, output)
     except ImportError as error:
         print(f'plot_report: {error}: sudo apt install python3-matplotlib', file=sys.stderr)

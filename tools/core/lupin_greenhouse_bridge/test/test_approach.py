@@ -19,7 +19,7 @@ from lupin_greenhouse_bridge.greenhouse.approach import (
 from lupin_greenhouse_bridge.greenhouse.facing import place, tables_of
 from lupin_greenhouse_bridge.greenhouse.floor import MARGIN_M, PLATE_WIDTH_M, Floor, room_of
 from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag, find_layout
-from lupin_greenhouse_bridge.greenhouse.order import plan_route
+from lupin_greenhouse_bridge.greenhouse.order import in_numeric_order, plan_route
 
 HEAD_ON = {'smallest_distance_m': 0.5, 'largest_distance_m': 0.5, 'largest_angle_rad': 0.0}
 SAME_M = 1e-6
@@ -248,6 +248,11 @@ def test_the_shortest_route_of_the_shipped_layout_is_much_shorter_than_by_number
         assert route.points_m[0] == (0.5, 0.5)
         assert route.length_m == pytest.approx(floor.length_m(route.points_m))
         assert all(poses[tag_id][:2] in route.points_m for tag_id in route.tag_ids)
+
+
+def test_numbers_come_in_their_order_and_before_other_ids():
+    ids = ['b', '10', 'aa', '9', '007', '9' * 5000]
+    assert sorted(ids, key=in_numeric_order) == ['007', '9', '10', '9' * 5000, 'aa', 'b']
 
 
 def test_two_opt_mends_what_the_nearest_first_leaves():
