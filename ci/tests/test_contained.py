@@ -65,13 +65,19 @@ def mark():
             continue
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_every_descendant(mark, number):
-    process = start([sys.executable, contained.__file__, 'bash', '-c', STUBBORN], mark)
+def start_stubborn(mark, *container) -> subprocess.Popen:
+    """Start the background jobs, and wait until each is what it becomes."""
+    process = start([*container, 'bash', '-c', STUBBORN], mark)
     assert process.stdout.readline() == 'started\n'
     deadline = time.monotonic() + PATIENCE_SECONDS
     while len([line for line in marked(mark) if line.startswith('sleep')]) < 5:
         assert time.monotonic() < deadline, marked(mark)
+    return process
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_every_descendant(mark, number):
+    process = start_stubborn(mark, sys.executable, contained.__file__)
     process.send_signal(number)
     assert process.wait(PATIENCE_SECONDS) == 128 + number
     assert marked(mark) == []
@@ -79,8 +85,7 @@ def test_a_signal_ends_every_descendant(mark, number):
 
 def test_without_it_descendants_survive(mark):
     """The check above can fail."""
-    process = start(['bash', '-c', STUBBORN], mark)
-    assert process.stdout.readline() == 'started\n'
+    process = start_stubborn(mark)
     os.killpg(process.pid, signal.SIGINT)
     os.killpg(process.pid, signal.SIGTERM)
     process.wait(PATIENCE_SECONDS)
