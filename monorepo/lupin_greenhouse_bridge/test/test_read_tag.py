@@ -21,7 +21,7 @@ from lupin_greenhouse_bridge.cli import client, read_tag
 from lupin_greenhouse_bridge.csv_rows import parse_csv
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading
 from lupin_greenhouse_bridge.node import process
-from lupin_greenhouse_bridge.node.graph import servers_of
+from lupin_greenhouse_bridge.node.graph import doubt_about, servers_of
 from lupin_greenhouse_bridge.testing import (
     PATIENCE_SECONDS,
     executable,
@@ -440,20 +440,19 @@ def test_a_watch_goes_on_while_the_bridge_is_away(run_here, times_out_when, monk
     assert ended.said == f'read_tag: {service} did not answer within 5 s: still watching'
 
 
-def test_two_servers_of_the_service_are_named(run_here):
+def test_two_servers_of_the_service_are_named(run_here, monkeypatch):
+    def doubt_once_found(node, name):
+        wait_until(lambda: servers_of(node, name) == {'/first', '/second'})
+        return doubt_about(node, name)
+
+    monkeypatch.setattr(read_tag, 'doubt_about', doubt_once_found)
     service = '/shared/get_tag_reading'
     with empty_domain(), spinning_node('first') as first, spinning_node('second') as second:
         for node in (first, second):
             node.create_service(GetTagReading, service, lambda _request, response: response)
-        with spinning_node('observer') as observer:
-            wait_until(lambda: servers_of(observer, service) == {'/first', '/second'})
-        # read_tag may read before it has found both nodes.
-        wait_until(
-            lambda: (
-                run_here(read_tag.main, '1', '--service', service).said
-                == f'read_tag: {service} is offered by /first and /second: the first reply counts;'
-                ' stop one of them, or rename it'
-            )
+        assert run_here(read_tag.main, '1', '--service', service).said == (
+            f'read_tag: {service} is offered by /first and /second: the first reply counts;'
+            ' stop one of them, or rename it'
         )
 
 
