@@ -6,19 +6,23 @@ from xml.etree import ElementTree
 import pytest
 from conftest import ENVIRONMENTS
 
+PACKAGES = [(tree, path.parent.name) for tree in ENVIRONMENTS for path in sorted(Path(tree).glob('*/test'))]
+NEED_LAUNCH = {'test_bring_up', 'test_launch'}  # run where launch is installed
 
-def results_of(tree):
-    results = ENVIRONMENTS[tree] / 'workspace' / tree / 'build/lupin_greenhouse_bridge/pytest.xml'
+
+def results_of(tree, package='lupin_greenhouse_bridge'):
+    results = ENVIRONMENTS[tree] / 'workspace' / tree / 'build' / package / 'pytest.xml'
     cases = ElementTree.parse(results).getroot().iter('testcase')
     return {(case.get('classname'), case.get('name')): case.find('skipped') is not None for case in cases}
 
 
-@pytest.mark.parametrize('tree', ENVIRONMENTS)
-def test_colcon_ran_the_contract_tests(tree):
-    ran = [name for (name, _), is_skipped in results_of(tree).items() if not is_skipped]
-    modules = {name.split('.')[-1] for name in ran}
-    written = {path.stem for path in Path(tree, 'lupin_greenhouse_bridge/test').glob('test_*.py')}
-    assert modules == written - {'test_launch'}  # runs where launch is installed
+@pytest.mark.parametrize(('tree', 'package'), PACKAGES)
+def test_colcon_ran_every_test_and_skipped_none(tree, package):
+    results = results_of(tree, package)
+    modules = {name.split('.')[-1] for name, _ in results}
+    written = {path.stem for path in Path(tree, package, 'test').glob('test_*.py')}
+    assert modules - NEED_LAUNCH == written - NEED_LAUNCH
+    assert [test for test, is_skipped in results.items() if is_skipped] == []
 
 
 def test_both_trees_ran_the_same_tests():
