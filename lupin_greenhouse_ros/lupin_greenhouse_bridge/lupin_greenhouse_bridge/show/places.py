@@ -1,5 +1,6 @@
-"""Where the tags of a file of readings and the route of a robot lie. Does not import ROS."""
+"""What the drawings of a file share: their arguments, and where tags and route lie. Does not import ROS."""
 
+import argparse
 import csv
 import itertools
 import math
@@ -9,6 +10,27 @@ from pathlib import Path
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag, find_layout
 from lupin_greenhouse_bridge.rows import Row
+
+
+def parser_of(prog: str, description: str) -> argparse.ArgumentParser:
+    """Return the parser of a command that draws a file of readings, without its --output."""
+    parser = argparse.ArgumentParser(prog=prog, description=description)
+    parser.add_argument(
+        'file',
+        metavar='FILE',
+        type=Path,
+        help="a mission's report, or a file of record_readings or read_tag --csv",
+    )
+    parser.add_argument(
+        '--tag-file', default='', metavar='FILE', help="the bridge's tag_file, if you set one"
+    )
+    parser.add_argument(
+        '--sim-config-file', default='', metavar='FILE', help="the bridge's sim_config_file, if you set one"
+    )
+    parser.add_argument(
+        '--route', type=Path, metavar='FILE', help='a CSV file of x and y along the way that a robot drove'
+    )
+    return parser
 
 
 def layout_of(rows: Iterable[Row], tag_file: str) -> Layout:

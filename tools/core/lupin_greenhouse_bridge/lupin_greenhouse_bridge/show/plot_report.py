@@ -11,7 +11,7 @@ from lupin_greenhouse_bridge.greenhouse.labelling import Box, place_labels
 from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import read_file
 from lupin_greenhouse_bridge.rows import Row, last_of_each_tag
-from lupin_greenhouse_bridge.show.places import beside, check_output, layout_of, read_route
+from lupin_greenhouse_bridge.show.places import beside, check_output, layout_of, parser_of, read_route
 from lupin_greenhouse_bridge.units import clock_time, label_of
 
 DONE, USAGE = 0, 2
@@ -21,22 +21,7 @@ DOT_M, CHARACTER_M, LINE_M, GAP_M = 0.24, 0.095, 0.19, 0.1
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the picture beside the report, or to --output; return the exit code."""
-    parser = argparse.ArgumentParser(prog='plot_report', description='Draw readings into the greenhouse.')
-    parser.add_argument(
-        'file',
-        metavar='FILE',
-        type=Path,
-        help="a mission's report, or a file of record_readings or read_tag --csv",
-    )
-    parser.add_argument(
-        '--tag-file', default='', metavar='FILE', help="the bridge's tag_file, if you set one"
-    )
-    parser.add_argument(
-        '--sim-config-file', default='', metavar='FILE', help="the bridge's sim_config_file, if you set one"
-    )
-    parser.add_argument(
-        '--route', type=Path, metavar='FILE', help='a CSV file of x and y along the way that the robot drove'
-    )
+    parser = parser_of('plot_report', 'Draw readings into the greenhouse.')
     parser.add_argument(
         '--output', type=Path, metavar='FILE', help='picture to write, also .svg or .pdf; default: FILE.png'
     )

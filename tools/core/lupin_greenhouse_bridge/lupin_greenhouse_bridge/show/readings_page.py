@@ -4,7 +4,6 @@
 The page is one HTML file that needs no server and no network. Does not import ROS.
 """
 
-import argparse
 import json
 import math
 import re
@@ -16,7 +15,7 @@ from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_greenhouse_bridge.greenhouse.visualization import Visualization, read_visualization
 from lupin_greenhouse_bridge.keep.reading_files import ReadingFile, read_file
 from lupin_greenhouse_bridge.rows import Row, last_of_each_tag
-from lupin_greenhouse_bridge.show.places import beside, check_output, layout_of, read_route
+from lupin_greenhouse_bridge.show.places import beside, check_output, layout_of, parser_of, read_route
 from lupin_greenhouse_bridge.units import label_of, unit_of
 
 DONE, USAGE = 0, 2
@@ -29,21 +28,8 @@ TEMPLATE = Path(__file__).with_suffix('.html')
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the page beside the file, or to --output; return the exit code."""
-    parser = argparse.ArgumentParser(prog='readings_page', description='Make a page of readings.')
-    parser.add_argument(
-        'file',
-        metavar='FILE',
-        type=Path,
-        help="a mission's report, or a file of record_readings or read_tag --csv",
-    )
+    parser = parser_of('readings_page', 'Make a page of readings.')
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='page to write; default: FILE.html')
-    parser.add_argument(
-        '--tag-file', default='', metavar='FILE', help="the bridge's tag_file, if you set one"
-    )
-    parser.add_argument('--route', type=Path, metavar='FILE', help='a CSV file of x and y along a way')
-    parser.add_argument(
-        '--sim-config-file', default='', metavar='FILE', help="the bridge's sim_config_file, if you set one"
-    )
     options = parser.parse_args(arguments)
     output = options.output or beside(options.file, '.html')
     try:
