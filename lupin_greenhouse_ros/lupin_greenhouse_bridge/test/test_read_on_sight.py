@@ -17,8 +17,14 @@ from lupin_greenhouse_bridge.node.graph import servers_of
 from lupin_greenhouse_bridge.on_sight import read_on_sight
 from lupin_greenhouse_bridge.on_sight.read_on_sight import GetTagReading, ReadOnSightNode, Settings
 from lupin_greenhouse_bridge.on_sight.sightings import Limits, Sightings
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, greet, spinning_node, wait_until
-from rclpy.executors import SingleThreadedExecutor
+from lupin_greenhouse_bridge.testing import (
+    PATIENCE_SECONDS,
+    executable,
+    greet,
+    running,
+    spinning_node,
+    wait_until,
+)
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 
 needs_detections = pytest.mark.skipif(
@@ -200,17 +206,8 @@ def start_reader(monkeypatch):
             monkeypatch.setattr(read_on_sight, 'time', clock)
             monkeypatch.setattr(Sightings, 'see', lambda *each: seen.append(each[1]) or see(*each))
             monkeypatch.setattr(Sightings, 'forget', lambda *each: looks.append(each[1]) or forget(*each))
-            overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-            rclpy.init(args=['--ros-args', '-p', f'detections_topic:={TOPIC}', *overrides])
-            stack.callback(rclpy.shutdown)
-            node = ReadOnSightNode()
-            stack.callback(node.destroy_node)
-            executor = SingleThreadedExecutor()
-            executor.add_node(node)
-            spinner = threading.Thread(target=executor.spin, daemon=True)
-            spinner.start()
-            stack.callback(spinner.join, PATIENCE_SECONDS)
-            stack.callback(executor.shutdown)
+            parameters = {'detections_topic': TOPIC, **parameters}
+            (node,) = stack.enter_context(running(ReadOnSightNode, **parameters))
             return Reader(node, clock, seen, looks)
 
         yield start

@@ -2,11 +2,9 @@
 
 import contextlib
 import sqlite3
-import threading
 from types import SimpleNamespace
 
 import pytest
-import rclpy
 from conftest import SPINS
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
@@ -16,7 +14,7 @@ from lupin_greenhouse_bridge.keep.keeper import ERROR_EVERY_SECONDS, MOST_WAITIN
 from lupin_greenhouse_bridge.keep.reading_files import read_rows
 from lupin_greenhouse_bridge.keep.store import StoreError, open_store
 from lupin_greenhouse_bridge.rows import rows_of
-from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing import executable, running, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from test_store import row
@@ -207,17 +205,7 @@ def start_recorder(tmp_path, monkeypatch):
 
         def start(**parameters):
             parameters = {'readings_topics': TOPIC, **parameters}
-            overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-            rclpy.init(args=['--ros-args', *overrides])
-            stack.callback(rclpy.shutdown)
-            node = record_readings.RecordReadingsNode()
-            stack.callback(node.destroy_node)
-            executor = rclpy.executors.SingleThreadedExecutor()
-            executor.add_node(node)
-            spinner = threading.Thread(target=executor.spin, daemon=True)
-            spinner.start()
-            stack.callback(spinner.join)
-            stack.callback(executor.shutdown)
+            (node,) = stack.enter_context(running(record_readings.RecordReadingsNode, **parameters))
             return SimpleNamespace(node=node, file=tmp_path / parameters.get('file', 'readings.sqlite'))
 
         yield start

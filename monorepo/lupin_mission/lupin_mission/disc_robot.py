@@ -6,7 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from lupin_greenhouse_bridge.greenhouse.layout import Layout
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.greenhouse.floor import Floor
+from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.node.parameters import check_parameters, invalid, parameter
 
 TURN_RAD_PER_S = 1.5  # on the spot, at a speedup of 1
@@ -68,10 +70,19 @@ class Settings:
         edges = iter(_numbers(self.blocked))
         return list(zip(edges, edges, edges, edges, strict=False))
 
-    def with_obstacles(self, layout: Layout) -> Layout:
-        """Return a layout with the obstacles as tables."""
+    def floor(self) -> Floor:
+        """Return where the robot can be, with the obstacles; raises StartUpError if it cannot start there."""
+        layout = find_layout(self.tag_locations_file)
+        if layout is None:
+            raise StartUpError('mdp-greenhouse is not installed here: set tag_locations_file')
         obstacles = {f'blocked {number}': edges for number, edges in enumerate(self.obstacles, 1)}
-        return layout._replace(tables={**layout.tables, **obstacles})
+        floor = Floor(layout._replace(tables={**layout.tables, **obstacles}), self.robot_radius_m)
+        if not floor.is_free(*self.start[:2]):
+            raise StartUpError(
+                f'parameter start_pose is {self.start_pose}: a robot of radius {self.robot_radius_m:g} m'
+                ' does not fit there: choose another, or change blocked'
+            )
+        return floor
 
 
 def _numbers(value) -> list[float]:

@@ -14,8 +14,6 @@ from pathlib import Path
 from geometry_msgs.msg import Point, PoseWithCovarianceStamped, Quaternion
 from geometry_msgs.msg import Pose as PoseMessage
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.greenhouse.floor import Floor
-from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.node.parameters import declare_parameters
 from lupin_greenhouse_bridge.node.run import run
 from lupin_perception.odometry import pose_in_plane
@@ -41,15 +39,7 @@ class NavigatorStandIn(Node):
         """Read the layout, and serve the action; raises StartUpError."""
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
-        layout = find_layout(settings.tag_locations_file)
-        if layout is None:
-            raise StartUpError('mdp-greenhouse is not installed here: set tag_locations_file')
-        self._floor = Floor(settings.with_obstacles(layout), settings.robot_radius_m)
-        if not self._floor.is_free(*settings.start[:2]):
-            raise StartUpError(
-                f'parameter start_pose is {settings.start_pose}: a robot of radius'
-                f' {settings.robot_radius_m:g} m does not fit there: choose another, or change blocked'
-            )
+        self._floor = settings.floor()
         self._action = navigate_to_pose()
         self._robot = DiscRobot(settings.start, settings.speed_m_per_s)
         self._goal = None  # the handle of the goal that the robot drives to

@@ -4,7 +4,6 @@ import math
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.greenhouse.layout import Layout
 from lupin_mission.disc_robot import TURN_RAD_PER_S, DiscRobot, Pose, Settings
 
 START = Pose(0.0, 0.0, 0.0)
@@ -83,9 +82,28 @@ def test_a_robot_without_a_way_has_not_moved():
         ([0.0, 1.0, 2.0, 3.0], [(0.0, 1.0, 2.0, 3.0)]),
     ],
 )
-def test_obstacles_are_text_or_an_array_and_become_tables(blocked, obstacles):
-    layout = Settings(blocked=blocked).with_obstacles(Layout({}, {'1': (5.0, 5.0, 6.0, 6.0)}))
-    assert list(layout.tables.values()) == [(5.0, 5.0, 6.0, 6.0), *obstacles]
+def test_obstacles_are_text_or_an_array(blocked, obstacles):
+    assert Settings(blocked=blocked).obstacles == obstacles
+
+
+def test_the_robot_can_be_where_no_obstacle_is():
+    floor = Settings(blocked='0.0 1.0 1.0 1.5').floor()
+    assert floor.is_free(0.5, 0.5)
+    assert not floor.is_free(0.5, 1.25)
+    assert Settings().floor().is_free(0.5, 1.25)
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'problem'),
+    [
+        ({'blocked': '0.4 0.4 0.6 0.6'}, 'start_pose is 0.5 0.5 0.0: a robot of radius 0.2 m does not fit'),
+        ({'robot_radius_m': 0.9}, 'a robot of radius 0.9 m does not fit: must be from 0 to below 0.8 m'),
+        ({'tag_locations_file': '/none.json'}, '/none.json'),
+    ],
+)
+def test_a_robot_that_cannot_start_is_refused(parameters, problem):
+    with pytest.raises(StartUpError, match=problem):
+        Settings(**parameters).floor()
 
 
 @pytest.mark.parametrize(

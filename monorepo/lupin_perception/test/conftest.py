@@ -2,6 +2,7 @@
 
 import contextlib
 import threading
+from functools import partial
 
 import hypothesis
 import numpy as np
@@ -13,9 +14,7 @@ from lupin_msgs.srv import ConfirmTag
 from lupin_perception.confirm_tag import ConfirmTagNode
 from lupin_perception.scene import Camera, marker
 from lupin_perception.settings import TOPICS
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
@@ -95,33 +94,11 @@ def run_nodes():
     with contextlib.ExitStack() as stack:
 
         def run(*node_types, arguments=(), **parameters):
-            overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-            rclpy.init(
-                args=['--ros-args', *arguments, *overrides], signal_handler_options=SignalHandlerOptions.NO
-            )
-            stack.callback(rclpy.try_shutdown)
-            executor = SingleThreadedExecutor()
+            from lupin_greenhouse_bridge.testing import running
+
             # One participant for all: its endpoints find each other at once.
-            nodes = [*(node_type() for node_type in node_types), rclpy.create_node('perception_test')]
-            for node in nodes:
-                executor.add_node(node)
-                stack.callback(node.destroy_node)
-            ended = threading.Event()
-
-            def spin():
-                while not ended.is_set():
-                    executor.spin_once()
-
-            def end():
-                # rclpy raises if another thread shuts down a spinning executor.
-                executor.create_task(ended.set)
-                spinner.join(PATIENCE_SECONDS)
-                executor.shutdown()
-
-            spinner = threading.Thread(target=spin, daemon=True)
-            spinner.start()
-            stack.callback(end)
-            return nodes
+            beside = partial(rclpy.create_node, 'perception_test')
+            return stack.enter_context(running(*node_types, beside, arguments=arguments, **parameters))
 
         yield run
 

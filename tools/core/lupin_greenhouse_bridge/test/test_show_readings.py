@@ -3,11 +3,9 @@
 import contextlib
 import json
 import math
-import threading
 
 import numpy as np
 import pytest
-import rclpy
 import yaml
 from ament_index_python.packages import get_package_share_path
 from geometry_msgs.msg import PoseArray
@@ -21,9 +19,8 @@ from lupin_greenhouse_bridge.show import show_readings
 from lupin_greenhouse_bridge.show.field import Grid, grid_over, interpolate, scaled
 from lupin_greenhouse_bridge.show.markers import FIELD_NAMESPACE, STALE_ALPHA, Scene
 from lupin_greenhouse_bridge.show.show_readings import ShowReadingsNode
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing import executable, running, spinning_node, wait_until
 from nav_msgs.msg import OccupancyGrid
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rendering import render
 from std_msgs.msg import Header
@@ -251,17 +248,7 @@ def start_here(monkeypatch):
         def start(*arguments, publish_every_seconds=0.1, **parameters):
             monkeypatch.setattr(show_readings, 'PUBLISH_EVERY_SECONDS', publish_every_seconds)
             parameters = {'readings_topics': TOPIC, **parameters}
-            overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-            rclpy.init(args=['--ros-args', *overrides, *arguments])
-            stack.callback(rclpy.shutdown)
-            node = ShowReadingsNode()
-            stack.callback(node.destroy_node)
-            executor = SingleThreadedExecutor()
-            executor.add_node(node)
-            spinner = threading.Thread(target=executor.spin, daemon=True)
-            spinner.start()
-            stack.callback(spinner.join, PATIENCE_SECONDS)
-            stack.callback(executor.shutdown)
+            (node,) = stack.enter_context(running(ShowReadingsNode, arguments=arguments, **parameters))
             return node
 
         yield start

@@ -34,6 +34,7 @@ from ament_index_python.packages import get_package_prefix
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import NodeNameNonExistentError
+from rclpy.signals import SignalHandlerOptions
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.greenhouse import simulation
@@ -59,13 +60,40 @@ def executable(package: str, name: str) -> str:
 
 
 @contextlib.contextmanager
+def running(*node_types, arguments=(), **parameters):
+    """Yield nodes of these types with these ROS arguments and parameters, spun by one thread."""
+    overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+    rclpy.init(args=['--ros-args', *arguments, *overrides], signal_handler_options=SignalHandlerOptions.NO)
+    with contextlib.ExitStack() as stack:
+        stack.callback(rclpy.try_shutdown)
+        nodes = []
+        for node_type in node_types:
+            nodes.append(node_type())
+            stack.callback(nodes[-1].destroy_node)
+        with _spun(*nodes):
+            yield nodes
+
+
+@contextlib.contextmanager
 def spinning_node(name: str):
     """Yield a node with its own context, spun by a thread."""
     context = Context()
     rclpy.init(args=[], context=context)
     node = rclpy.create_node(name, context=context)
+    try:
+        with _spun(node, context=context):
+            yield node
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+@contextlib.contextmanager
+def _spun(*nodes, context=None):
+    """Spin nodes in a thread."""
     executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
+    for node in nodes:
+        executor.add_node(node)
     ended = threading.Event()
 
     def spin():
@@ -75,15 +103,12 @@ def spinning_node(name: str):
     spinner = threading.Thread(target=spin, daemon=True)
     spinner.start()
     try:
-        yield node
+        yield
     finally:
-        executor.create_task(
-            ended.set
-        )  # rclpy raises in a thread that spins an executor while another closes it
+        # rclpy raises in a thread that spins an executor while another closes it.
+        executor.create_task(ended.set)
         spinner.join(PATIENCE_SECONDS)
         executor.shutdown()
-        node.destroy_node()
-        rclpy.shutdown(context=context)
 
 
 def call(client, request):
