@@ -4,6 +4,7 @@
 _root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 export VIRTUAL_ENV="${VENV:-$_root/.venv}"
 export PATH="$VIRTUAL_ENV/bin:$PATH"
+unset PYTHONDONTWRITEBYTECODE  # every process would compile every module again
 if [ -e "$VIRTUAL_ENV/local_setup.bash" ]; then  # ROS is in the environment itself, and in no other place
     unset PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
     # The Python of the wheels finds its libraries by these. A child of it may enter another environment.
