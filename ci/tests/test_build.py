@@ -127,15 +127,16 @@ def test_a_build_does_only_what_has_changed(tmp_path, workspace):
 @pytest.mark.heavy
 def test_without_a_switch_the_messages_are_built_for_cpp_too(tmp_path):
     """As colcon does by hand; `make build` leaves C++ out."""
+    tree, name = 'lupin_greenhouse_ros', 'lupin_greenhouse_msgs'
     run_in(
-        'monorepo',
+        tree,
         f'source ci/ros_env.bash without-overlay && python -m colcon --log-base {tmp_path}/log build'
-        f' --paths monorepo/lupin_msgs --build-base {tmp_path}/build --install-base {tmp_path}/install',
+        f' --paths {tree}/{name} --build-base {tmp_path}/build --install-base {tmp_path}/install',
     )
-    libraries = 'lupin_msgs/lib/liblupin_msgs__rosidl_typesupport_cpp.so'
-    assert (tmp_path / 'install' / libraries).exists()
-    assert (tmp_path / 'install/lupin_msgs/include/lupin_msgs/lupin_msgs/srv/get_tag_reading.hpp').exists()
-    assert not (ENVIRONMENTS['monorepo'] / 'workspace/monorepo/install' / libraries).exists()
+    library = f'{name}/lib/lib{name}__rosidl_typesupport_cpp.so'
+    assert (tmp_path / 'install' / library).exists()
+    assert (tmp_path / f'install/{name}/include/{name}/{name}/srv/get_tag_reading.hpp').exists()
+    assert not (ENVIRONMENTS[tree] / 'workspace' / tree / 'install' / library).exists()
 
 
 @pytest.mark.heavy
