@@ -517,7 +517,7 @@ def assert_readable_at_any_hour(loaded):
             assert all(map(math.isfinite, values.values()))
 
 
-generated = settings(max_examples=300, suppress_health_check=list(HealthCheck))
+generated = settings(max_examples=150, suppress_health_check=list(HealthCheck))
 
 
 @generated

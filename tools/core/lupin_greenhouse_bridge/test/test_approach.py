@@ -174,7 +174,7 @@ def test_every_pose_is_free_looks_at_its_tag_and_can_be_driven_to(layout, radius
     assert all(gap_m(layout, *point) >= radius_m - SAME_M for point in points_of(route.points_m, 0.05))
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(layout=layouts(), radius_m=st.sampled_from([0.1, 0.25]), ends=st.tuples(*[place_in_room] * 4))
 def test_a_way_is_free_and_no_longer_than_on_a_grid(layout, radius_m, ends):
     floor = Floor(layout, radius_m)
