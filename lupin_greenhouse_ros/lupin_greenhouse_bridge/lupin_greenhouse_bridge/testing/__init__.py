@@ -35,20 +35,38 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import NodeNameNonExistentError
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import get_rmw_implementation_identifier
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 
 PATIENCE_SECONDS = 30.0  # for a busy machine; a passing test never waits this long
-# Fast DDS repeats a lost announcement of a participant only every 3 s. Not more often than once a second: the
-# timer of Fast DDS 3.2 can deadlock with the removal of another participant's endpoints.
-ANNOUNCED_OFTEN = """<?xml version="1.0" encoding="UTF-8"?>
+# Fast DDS on this machine only, by UDP. Its shared memory is also that of all other domains: if a process is killed
+# while it creates a port there, every process that opens this port later waits for ever. Fast DDS repeats a lost
+# announcement of a participant only every 3 s. Not more often than once a second: the timer of Fast DDS 3.2 can
+# deadlock with the removal of another participant's endpoints.
+FAST_DDS = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com">
-  <participant profile_name="announced_often" is_default_profile="true">
-    <rtps><builtin><discovery_config>
-      <leaseAnnouncement><sec>1</sec></leaseAnnouncement>
-    </discovery_config></builtin></rtps>
+  <transport_descriptors>
+    <transport_descriptor>
+      <transport_id>loopback</transport_id>
+      <type>UDPv4</type>
+      <maxInitialPeersRange>32</maxInitialPeersRange>
+      <interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>
+    </transport_descriptor>
+  </transport_descriptors>
+  <participant profile_name="for_tests" is_default_profile="true">
+    <rtps>
+      <useBuiltinTransports>false</useBuiltinTransports>
+      <userTransports><transport_id>loopback</transport_id></userTransports>
+      <builtin>
+        <discovery_config><leaseAnnouncement><sec>1</sec></leaseAnnouncement></discovery_config>
+        <initialPeersList>
+          <locator><udpv4><address>127.0.0.1</address></udpv4></locator>
+        </initialPeersList>
+      </builtin>
+    </rtps>
   </participant>
 </profiles>
 """
@@ -269,11 +287,13 @@ def own_domain(tmp_path_factory):
     """Give this test run its own domain, visible on this machine only."""
     with domain_coordinator.domain_id() as domain_id, pytest.MonkeyPatch.context() as patch:
         patch.setenv('ROS_DOMAIN_ID', str(domain_id))
-        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        # With Fast DDS the profile does this. LOCALHOST would add shared memory to its transports.
+        is_fast_dds = get_rmw_implementation_identifier().startswith('rmw_fastrtps')
+        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SYSTEM_DEFAULT' if is_fast_dds else 'LOCALHOST')
         if os.environ.get('ROS_DISTRO') == 'humble':
-            patch.setenv('ROS_LOCALHOST_ONLY', '1')
+            patch.setenv('ROS_LOCALHOST_ONLY', '0' if is_fast_dds else '1')
         profiles = tmp_path_factory.mktemp('dds') / 'profiles.xml'
-        profiles.write_text(ANNOUNCED_OFTEN, encoding='utf-8')
+        profiles.write_text(FAST_DDS, encoding='utf-8')
         is_fast_dds_2 = os.environ.get('ROS_DISTRO') in ('humble', 'jazzy')
         patch.setenv(f'FAST{"RTPS" if is_fast_dds_2 else "DDS"}_DEFAULT_PROFILES_FILE', str(profiles))
         patch.setenv('ROS_LOG_DIR', str(tmp_path_factory.mktemp('log')))
