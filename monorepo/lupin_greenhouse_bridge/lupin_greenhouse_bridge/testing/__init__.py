@@ -42,10 +42,10 @@ from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 
 PATIENCE_SECONDS = 30.0  # for a busy machine; a passing test never waits this long
-# Fast DDS on this machine only, by UDP. Its shared memory is also that of all other domains: if a process is killed
-# while it creates a port there, every process that opens this port later waits for ever. Fast DDS repeats a lost
-# announcement of a participant only every 3 s. Not more often than once a second: the timer of Fast DDS 3.2 can
-# deadlock with the removal of another participant's endpoints.
+# Fast DDS on this machine only, by UDP. All domains share its ports in shared memory: if a process is killed
+# while it creates one, every process that opens this port later waits for ever.
+# Fast DDS repeats a lost announcement of a participant only every 3 s. Not more often than once a second: the
+# timer of Fast DDS 3.2 can deadlock with the removal of another participant's endpoints.
 FAST_DDS = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com">
   <transport_descriptors>
