@@ -17,7 +17,7 @@ def test_the_first_block_runs_word_for_word():
     alone, among_others = mirror_publish_check.layouts(PAGES, Path('/srv/other')).values()
     assert first in alone
     assert 'cp -r /srv/other src/other_team' in among_others
-    assert 'source /opt/ros/$ROS_DISTRO/setup.bash' in among_others
+    assert 'source /opt/ros/jazzy/setup.bash' in among_others
 
 
 @pytest.mark.parametrize(
