@@ -13,7 +13,7 @@ import pytest
 import rclpy
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import TagReading
-from lupin_greenhouse_bridge.node.graph import servers_of
+from lupin_greenhouse_bridge.node.graph import doubt_about, servers_of
 from lupin_greenhouse_bridge.on_sight import read_on_sight
 from lupin_greenhouse_bridge.on_sight.read_on_sight import GetTagReading, ReadOnSightNode, Settings
 from lupin_greenhouse_bridge.on_sight.sightings import Limits, Sightings
@@ -231,7 +231,7 @@ class HeldService:
     name = '/held/get_tag_reading'
 
     def __init__(self, node):
-        self.requests = []
+        self.node, self.requests = node, []
         self.status, self.error_message = GetTagReading.Response.STATUS_OK, ''
         self._replies = threading.Semaphore(0)
         node.create_service(GetTagReading, self.name, self._reply)
@@ -367,6 +367,19 @@ def test_two_servers_of_the_service_are_named_once(held_service, start_reader, d
         looks = len(reader.looks)
         wait_until(lambda: len(reader.looks) > looks + 2)
         assert log().count('is offered by') == 1
+
+
+@pytest.mark.parametrize('name', ['perception/confirm_tag', 'remapped'])
+def test_two_servers_of_a_relative_or_remapped_name_are_named(held_service, name):
+    wanted = '/perception/confirm_tag'
+    with (
+        running(lambda: rclpy.create_node('asking'), arguments=('-r', f'remapped:={wanted}')) as (node,),
+        spinning_node('other') as other,
+    ):
+        for server in (held_service.node, other):
+            server.create_service(GetTagReading, wanted, lambda _request, response: response)
+        wait_until(lambda: servers_of(node, wanted) == {'/held', '/other'})
+        assert doubt_about(node, name).startswith(f'{wanted} is offered by /held and /other: ')
 
 
 @needs_detections

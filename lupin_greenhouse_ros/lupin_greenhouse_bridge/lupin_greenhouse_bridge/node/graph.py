@@ -6,7 +6,8 @@ from rclpy.node import NodeNameNonExistentError
 
 
 def servers_of(node, service_name: str) -> set[str]:
-    """Return the full names of the nodes that offer a service."""
+    """Return the full names of the nodes that offer a service, named as this node names it."""
+    service_name = node.resolve_service_name(service_name)  # the graph has full names
     servers = set()
     for name, namespace in node.get_node_names_and_namespaces():
         with contextlib.suppress(NodeNameNonExistentError):  # of a node that has just ended
@@ -24,5 +25,5 @@ def doubt_about(node, service_name: str) -> str:
     servers = servers_of(node, service_name)
     if len(servers) < 2:
         return ''
-    names = ' and '.join(sorted(servers))
-    return f'{service_name} is offered by {names}: the first reply counts; stop one of them, or rename it'
+    name, names = node.resolve_service_name(service_name), ' and '.join(sorted(servers))
+    return f'{name} is offered by {names}: the first reply counts; stop one of them, or rename it'
