@@ -5,6 +5,7 @@ import json
 import math
 import os
 import random
+import tracemalloc
 
 import pytest
 import yaml
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from lupin_greenhouse_bridge.bridge_node import GreenhouseBridgeNode
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.greenhouse import simulation
+from lupin_greenhouse_bridge.greenhouse.files import read_config
 from lupin_greenhouse_bridge.settings import Settings
 
 PARAMETERS = ('tag_file', 'sim_config_file')
@@ -414,6 +416,32 @@ def test_a_config_with_anchors_and_merges_is_served(write):
     )
     greenhouse = load('sim_config_file', write('sim_config_file', text.encode()))
     assert greenhouse.sim.sensors() == ['light', *(name for name in SENSORS if name != 'light')]
+
+
+LONG = f's: &s "{"x" * 100_000}"\n'
+
+
+@pytest.mark.parametrize(
+    ('key', 'value', 'shown'),
+    [
+        ('position', f'[{", ".join(["*s"] * 1000)}]', "position is ['xxx"),
+        ('dynamics', f'[{", ".join(["*s"] * 1000)}]', "unknown dynamics ['xxx"),
+        ('position', f'[0x{"f" * 5000}]', 'position is a list: must be'),
+        ('dynamics', f'0x{"f" * 5000}', 'unknown dynamics a number: known'),
+    ],
+)
+def test_a_refused_value_of_any_size_is_shown_in_little_memory(write, key, value, shown):
+    """The first ones would be a hundred megabytes of text, and Python refuses to print the other two."""
+    text = f'{LONG}time: {{debug_mode: false, speedup_factor: 1}}\nsensors: {{co2: [{{{key}: {value}}}]}}'
+    path = write('sim_config_file', text.encode())
+    tracemalloc.start()
+    try:
+        with pytest.raises(StartUpError) as refusal:
+            read_config(path, Settings(), ['co2'], ['uniform'])
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+    assert shown in str(refusal.value)
 
 
 def test_no_config_runs_code(write, tmp_path, monkeypatch):

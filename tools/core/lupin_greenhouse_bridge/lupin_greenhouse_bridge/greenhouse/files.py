@@ -5,6 +5,7 @@ import importlib.util
 import json
 import math
 import os
+import reprlib
 import stat
 from collections import Counter
 from pathlib import Path
@@ -86,7 +87,7 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
         raise StartUpError(f'{where}: sensors is empty: name at least one of {_listed(sensor_types)}')
     for name, components in sensors.items():
         if name not in sensor_types:
-            shown = printable(repr(name), 60)
+            shown = _start_of(name)
             raise StartUpError(f'{where}: unknown sensor type {shown}: known are {_listed(sensor_types)}')
         if not isinstance(components, list) or not components:
             raise StartUpError(
@@ -153,15 +154,14 @@ def _check_component(component, dynamics_types, where: str) -> None:
     # The simulator has a default for every key, so only the keys in the file are checked.
     dynamics = component.get('dynamics', 'uniform')
     if not isinstance(dynamics, str) or dynamics not in dynamics_types:
-        shown = printable(repr(dynamics), 60)
+        shown = _start_of(dynamics)
         raise StartUpError(f'{where}: unknown dynamics {shown}: known are {_listed(dynamics_types)}')
     for key, limits in _COMPONENT_NUMBERS.items():
         if key in component:
             number(component, key, where, **limits)
     position = component.get('position', [0.0, 0.0])
     if not isinstance(position, list) or len(position) != 2:
-        shown = printable(repr(position), 60)
-        raise StartUpError(f'{where}: position is {shown}: must be [x, y] in metres')
+        raise StartUpError(f'{where}: position is {_start_of(position)}: must be [x, y] in metres')
     for axis, value in zip('xy', position, strict=True):
         number({axis: value}, axis, f'{where}: position', unit='metres')
 
@@ -208,6 +208,14 @@ def _shown(mapping: dict, key: str) -> str:
     if isinstance(value, int) and abs(value) > LARGEST_NUMBER:
         return 'a number of more than 12 digits'  # Python refuses to print thousands of them
     return repr(value)[:60] if isinstance(value, (str, int, float, type(None))) else _kind(value)
+
+
+def _start_of(value) -> str:
+    """Return the start of a value. The whole of it could be gigabytes, after aliases are expanded."""
+    try:
+        return printable(reprlib.repr(value), 60)
+    except ValueError:  # Python refuses to print thousands of digits
+        return _kind(value)
 
 
 def _kind(value) -> str:
