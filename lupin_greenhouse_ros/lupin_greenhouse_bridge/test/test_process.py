@@ -112,6 +112,21 @@ def test_the_process_of_read_tag_that_watches_ends_with_exit_code_0(noon_bridge)
         assert 'Traceback' not in process.stderr.read()
 
 
+@pytest.mark.parametrize('signals', ['Ctrl-C', 'SIGTERM'])
+@pytest.mark.parametrize('name', ['cli/approach_poses', 'show/plot_report', 'show/readings_page'])
+def test_a_command_without_a_node_is_ended_by_a_signal_at_once(name, signals):
+    moment = f'{name}.py:main'
+    ended = subprocess.run(
+        command(PACKAGE, name.rpartition('/')[2], moment, SIGNALS[signals]),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_SECONDS,
+        check=False,
+    )
+    (number,) = SIGNALS[signals]
+    assert (ended.returncode, ended.stdout, ended.stderr) == (-number, f'signalled in {moment}\n', '')
+
+
 def test_a_node_ends_though_its_executor_would_wait_for_a_callback(bridge_here, monkeypatch):
     """Humble's waits without a limit for a coroutine that is suspended."""
     shutdown = SingleThreadedExecutor.shutdown

@@ -46,9 +46,17 @@ def sleep(seconds: float) -> None:
         time.sleep(min(left, LONGEST_WAIT_SECONDS))
 
 
-def start(module: str) -> NoReturn:
-    """Handle signals, import the module, run its main(), and end the process with its exit code."""
-    take_signals()
+def start(module: str, *, has_node: bool = True) -> NoReturn:
+    """
+    Import a module, run its main(), and end the process with its exit code.
+
+    A node looks at signals from the first moment on. Without one, a signal kills the process at once.
+    """
+    if has_node:
+        take_signals()
+    else:
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_DFL)
     try:
         end(importlib.import_module(module).main())
     except SystemExit as error:  # of argparse

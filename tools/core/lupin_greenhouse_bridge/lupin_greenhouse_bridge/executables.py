@@ -1,5 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
-"""The entry points of `ros2 run`. Each handles signals first, because importing rclpy takes a moment."""
+"""The entry points of `ros2 run`. A node handles signals first, because importing rclpy takes a moment."""
 
 from typing import NoReturn
 
@@ -33,12 +33,12 @@ def record_readings() -> NoReturn:
 
 def plot_report() -> NoReturn:
     """Draw the last readings of a file, then exit."""
-    start('lupin_greenhouse_bridge.show.plot_report')
+    start('lupin_greenhouse_bridge.show.plot_report', has_node=False)
 
 
 def readings_page() -> NoReturn:
     """Make a page of the readings in a file, then exit."""
-    start('lupin_greenhouse_bridge.show.readings_page')
+    start('lupin_greenhouse_bridge.show.readings_page', has_node=False)
 
 
 def show_readings() -> NoReturn:
@@ -48,4 +48,4 @@ def show_readings() -> NoReturn:
 
 def approach_poses() -> NoReturn:
     """Print the approach poses of the tags, then exit."""
-    start('lupin_greenhouse_bridge.cli.approach_poses')
+    start('lupin_greenhouse_bridge.cli.approach_poses', has_node=False)  # its --publish takes signals then
