@@ -315,6 +315,21 @@ def test_any_other_file_is_one_line_of_error(tmp_path, content, reason):
     assert reason in str(raised.value)
 
 
+@pytest.mark.parametrize(
+    ('column', 'value', 'shown'),
+    [
+        ('value', 'warm', "value is 'warm'"),
+        ('stamp_ns', 'noon', "stamp_ns is 'noon'"),
+        ('tag_id', b'7', "tag_id is b'7'"),
+        ('x_m', 'here', "x_m is 'here'"),
+    ],
+)
+def test_a_value_of_another_type_in_a_database_is_one_line_of_error(opened, tmp_path, column, value, shown):
+    opened('a.sqlite').keep([row()._replace(**{column: value})])
+    with pytest.raises(ReadingFileError, match=f"a.sqlite': {shown}: name a file of record_readings"):
+        read_file(tmp_path / 'a.sqlite')
+
+
 def test_a_folder_is_no_file_of_readings(tmp_path):
     with pytest.raises(ReadingFileError, match='not a regular file'):
         read_file(tmp_path)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lupin_greenhouse_bridge.csv_rows import HEADER, parse_csv
-from lupin_greenhouse_bridge.errors import OneLineError
+from lupin_greenhouse_bridge.errors import OneLineError, printable
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.keep.store import HEAD_BYTES, is_sqlite_of_readings
 from lupin_greenhouse_bridge.rows import Row, fault_of, utc_of
@@ -93,9 +93,17 @@ def _rows_of_sqlite(path: Path) -> list[Row]:
     # Writable: of a recorder that was killed in the middle of a commit, SQLite first restores the file.
     with contextlib.closing(sqlite3.connect(f'{path.resolve().as_uri()}?mode=rw', uri=True)) as connection:
         rows = list(map(Row._make, connection.execute(SELECT)))
-    if fault := next(filter(None, map(fault_of, rows)), ''):
+    if fault := next(filter(None, (_wrong_type_of(row) or fault_of(row) for row in rows)), ''):
         raise ValueError(fault)
     return rows
+
+
+def _wrong_type_of(row: Row) -> str:
+    """Return which value of a row has another type than its column, as SQLite lets it; '' if none."""
+    for (name, kind), value in zip(Row.__annotations__.items(), row, strict=True):
+        if not isinstance(value, kind):
+            return f'{name} is {printable(repr(value), 60)}'
+    return ''
 
 
 def _parse_report(content: bytes) -> tuple[list[Row], list[Visit]]:
