@@ -125,7 +125,11 @@ def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, 
         tag |= {'stamp_ms': row.stamp_ns // NS_PER_MS, 'time_of_day': row.sim_time_of_day_seconds}
     for visit in file.visits:
         tag = tags.setdefault(visit.tag_id, _tag(visit.tag_id, None, None))
-        tag |= {'outcome': visit.outcome, 'detail': printable(visit.detail, 300), 'attempts': visit.attempts}
+        tag |= {
+            'outcome': printable(visit.outcome, LONGEST_NAME),
+            'detail': printable(visit.detail, 300),
+            'attempts': visit.attempts,
+        }
     for tag_id, tag in tags.items():
         reading = last.get(tag_id, {})
         tag['values'] = [reading[sensor].value if sensor in reading else None for sensor in sensors]
