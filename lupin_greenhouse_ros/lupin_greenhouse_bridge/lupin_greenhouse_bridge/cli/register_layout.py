@@ -76,10 +76,13 @@ def layout_of(options) -> Layout:
     """Return the layout that the options name; raises what is wrong with them before anybody clicks."""
     if not 0.0 < options.tolerance < math.inf:  # NaN neither
         raise UsageError(f'--tolerance is {options.tolerance:g}: must be a number of metres above 0')
-    if Path(options.output).is_dir():
-        raise UsageError(f"--output '{options.output}' is a folder: name a file in it")
-    if not (folder := Path(options.output).parent).is_dir():
-        raise UsageError(f"--output: there is no folder '{folder}': name a file in a folder that exists")
+    try:
+        if Path(options.output).is_dir():
+            raise UsageError(f"--output '{options.output}' is a folder: name a file in it")
+        if not (folder := Path(options.output).parent).is_dir():
+            raise UsageError(f"--output: there is no folder '{folder}': name a file in a folder that exists")
+    except OSError as error:
+        raise UsageError(f"--output '{options.output}': {error.strerror}: name another file") from error
     if layout := find_layout(options.tag_file):
         return layout
     raise UsageError('mdp-greenhouse is not installed: name the tag file of the bridge with --tag-file')

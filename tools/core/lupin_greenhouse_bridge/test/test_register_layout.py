@@ -108,6 +108,7 @@ def test_a_tag_that_the_layout_lacks_is_refused(register, places, tmp_path):
         ),
         (['--pairs', 'none.json', '--tolerance', 'inf'], '--tolerance is inf: must be a number of metres'),
         (['--click', '1', '2', '-o', '/'], "--output '/' is a folder: name a file in it"),
+        (['--click', '1', '2', '-o', 'a' * 300], 'File name too long: name another file'),
         (['--click', '1', '1', '-o', 'a.yaml'], '--click needs at least 2 tags'),
         (['--click', '1', '99', '-o', 'a.yaml'], "tag '99' is not one of the"),
         (['--publish', 'none.yaml'], "registration 'none.yaml': cannot be read"),
