@@ -197,6 +197,17 @@ def test_each_reading_is_heard_once_from_latched_and_volatile_publishers(robot, 
     assert '[hearer]' not in capfd.readouterr().err  # no warning of rclpy
 
 
+def test_two_readings_of_one_stamp_and_tag_with_other_sensors_are_both_heard(robot, hearer):
+    publisher, heard = publisher_on(robot, LATCHED), []
+    for sensor in ('temperature', 'humidity'):
+        one = reading(1)
+        one.readings = [SensorReading(name=sensor, value=1.0)]
+        publisher.publish(one)
+    hear(hearer.node, [TOPIC], lambda each, _topic: heard.append(each.readings[0].name))
+    wait_until(lambda: hearer.delivered.count(1) >= 2)
+    assert heard == ['temperature', 'humidity']
+
+
 @pytest.fixture
 def start_recorder(tmp_path, monkeypatch):
     """Return a function that starts the node in the test's process, with a file in the test's folder."""

@@ -47,11 +47,12 @@ def hear(node, topics: list[str], on_reading: Callable[[TagReading, str], None])
 
     A latched reading is delivered again to each new subscriber, so also after a restart.
     """
-    heard = {}  # the last ones: stamp and tag
+    heard = {}  # the last ones: stamp, tag and sensors
     names = {}  # the full name of each topic
 
     def once(reading, topic: str) -> None:
-        key = reading.stamp.sec, reading.stamp.nanosec, reading.tag_id
+        sensors = (each.name for each in reading.readings)
+        key = reading.stamp.sec, reading.stamp.nanosec, reading.tag_id, *sensors
         if key not in heard:
             heard[key] = None
             if len(heard) > 2 * DEPTH:
