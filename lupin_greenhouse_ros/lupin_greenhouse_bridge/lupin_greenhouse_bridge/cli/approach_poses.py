@@ -30,18 +30,23 @@ def main(args=None) -> int:
     options = _parser().parse_args(words[: len(words) - len(ros_words)])
     try:
         data, frame_id, has_all = _compute(options)
-        print(FORMATS[options.format](data), end='', flush=True)
+        _tell(FORMATS[options.format](data), sys.stdout)
         for each in data['unreachable']:
-            print(f"approach_poses: tag '{printable(each['tag_id'], 64)}': {each['reason']}", file=sys.stderr)
+            _tell(f"approach_poses: tag '{printable(each['tag_id'], 64)}': {each['reason']}\n", sys.stderr)
         if options.publish:
             _publish(data['poses'], frame_id, ['approach_poses', *ros_words])
-    except BrokenPipeError:  # the reader has closed the pipe
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return ALL_HAVE_A_POSE
     except OneLineError as error:
         print(f'approach_poses: {error}', file=sys.stderr)
         return USAGE
     return ALL_HAVE_A_POSE if has_all else SOME_HAVE_NONE
+
+
+def _tell(text: str, stream) -> None:
+    """Print a text, unless the reader has closed the pipe."""
+    try:
+        print(text, end='', file=stream, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _compute(options) -> tuple[dict, str, bool]:

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import math
+import os
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import threading
 
 import pytest
 import yaml
+from conftest import SPINS
 from geometry_msgs.msg import PoseArray
 from lupin_greenhouse_bridge.cli import approach_poses
 from lupin_greenhouse_bridge.greenhouse.registration import Transform, write_transform
@@ -160,6 +162,22 @@ def test_a_missing_matplotlib_is_one_line(poses_of, monkeypatch):
     exit_code, _, err = poses_of('--picture', 'route.png')
     assert exit_code == 2
     assert err.splitlines()[0].endswith('sudo apt install python3-matplotlib')
+
+
+def test_a_reader_that_closes_the_pipe_changes_neither_the_exit_code_nor_what_is_published(
+    run_here, tag_file, monkeypatch
+):
+    reading, writing = os.pipe()
+    os.close(reading)
+    few = ('--radius', '0.79', '--largest-distance', '0.6')
+    with os.fdopen(writing, 'w', encoding='utf-8') as closed, monkeypatch.context() as patch:
+        patch.setattr(sys, 'stdout', closed)
+        ended = run_here(
+            *(approach_poses.main, '--tag-file', tag_file, *few, '--publish'),
+            signals_at={SPINS: (signal.SIGTERM,)},
+        )
+    assert ended.code == 1
+    assert '0 poses on /approach_poses/poses until Ctrl-C' in ended.err
 
 
 def test_the_poses_are_computed_without_ros(tag_file):
