@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import importlib.util
 import re
+import signal
 import sys
 import threading
 import time
@@ -25,6 +26,7 @@ from lupin_greenhouse_bridge.testing import (
     spinning_node,
     wait_until,
 )
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 
 needs_detections = pytest.mark.skipif(
@@ -435,6 +437,67 @@ def test_a_reply_that_arrives_while_its_request_is_given_up_is_ignored(
     held_service.reply()
     wait_until(lambda: readings)
     assert [each.sim_time_of_day_seconds for each in readings] == [2.0]
+
+
+@needs_detections
+def test_a_reply_that_is_handled_just_before_its_request_is_given_up_is_published(
+    held_service, start_reader, detector, monkeypatch
+):
+    reader = start_reader(bridge_service_name=held_service.name)
+    reader.meet_service()
+    readings, overdue = listen(detector, READINGS), Sightings.overdue
+
+    def late_overdue(*arguments):
+        tag_ids = overdue(*arguments)
+        for tag_id in tag_ids:
+            future = reader.node._futures[tag_id]
+            future.set_result(GetTagReading.Response(reading=TagReading(tag_id=tag_id)))
+            reader.node._on_answer(tag_id, future)
+        return tag_ids
+
+    monkeypatch.setattr(Sightings, 'overdue', late_overdue)
+    camera = Camera(detector)
+    camera.look_at(7)
+    wait_until(lambda: held_service.requests == ['7'])
+    reader.clock.now += 2.0
+    wait_until(lambda: readings)
+    held_service.reply()
+    camera.look_at(8)
+    wait_until(lambda: held_service.requests == ['7', '8'])
+    assert [each.tag_id for each in readings] == ['7']
+
+
+@needs_detections
+def test_a_request_that_ros_refuses_to_send_is_sent_again(run_here, held_service, detector, monkeypatch):
+    call_async, refused = rclpy.client.Client.call_async, []
+
+    def refuse_the_first(client, request):
+        if not refused:
+            refused.append(request.tag_id)
+            raise rclpy_implementation.RCLError('failed to send request')
+        return call_async(client, request)
+
+    def wait_for_request():
+        try:
+            wait_until(lambda: held_service.requests)
+        finally:
+            signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(rclpy.client.Client, 'call_async', refuse_the_first)
+    Camera(detector).look_at(7)
+    waiter = threading.Thread(target=wait_for_request)
+    waiter.start()
+    settings = (
+        f'detections_topic:={TOPIC}',
+        f'bridge_service_name:={held_service.name}',
+        'max_attempts:=1000',
+    )
+    words = [word for each in settings for word in ('-p', each)]
+    ended = run_here(read_on_sight.main, '--ros-args', *words, '-p', 'request_timeout_seconds:=0.2')
+    waiter.join()
+    assert ended.code == 0
+    assert 'continued after: failed to send request' in ended.err
+    assert (refused, set(held_service.requests)) == (['7'], {'7'})
 
 
 @needs_detections

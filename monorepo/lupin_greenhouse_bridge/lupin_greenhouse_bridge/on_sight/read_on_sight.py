@@ -113,7 +113,9 @@ class ReadOnSightNode(Node):
         """Give up requests after their timeout, and send the next ones."""
         self._sightings.forget(time.monotonic())
         for tag_id in self._sightings.overdue(time.monotonic()):
-            self._client.remove_pending_request(self._futures.pop(tag_id))
+            if not (future := self._futures.pop(tag_id, None)):  # answered meanwhile, in another thread
+                continue
+            self._client.remove_pending_request(future)
             if not self._sightings.timed_out(tag_id, time.monotonic()):
                 self.get_logger().warning(
                     f"tag '{printable(tag_id, 64)}': no reply from {self._client.srv_name}", **NOW_AND_THEN
@@ -129,8 +131,8 @@ class ReadOnSightNode(Node):
             return
         self._warn_of_two_servers()
         while (tag_id := self._sightings.next()) is not None:
+            future = self._client.call_async(GetTagReading.Request(tag_id=tag_id))  # raises if ROS refuses it
             self._sightings.asked(tag_id, time.monotonic())
-            future = self._client.call_async(GetTagReading.Request(tag_id=tag_id))
             self._futures[tag_id] = future
             future.add_done_callback(lambda future, tag_id=tag_id: self._on_answer(tag_id, future))
 
