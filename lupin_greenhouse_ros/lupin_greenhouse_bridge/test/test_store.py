@@ -1,6 +1,7 @@
 """The files of readings: what is kept, what is refused, and what can be read again. Without ROS."""
 
 import contextlib
+import errno
 import itertools
 import json
 import math
@@ -130,6 +131,29 @@ def test_a_full_disk_keeps_all_of_some_rows_or_none_and_can_be_written_afterward
     assert (tmp_path / name).read_bytes() == before
     assert store.keep(many) == len(many)
     assert read_rows(tmp_path / name) == [row(), *many]
+
+
+def test_a_torn_row_that_cannot_be_removed_at_once_is_removed_before_the_next_one(
+    opened, tmp_path, full_disk, monkeypatch
+):
+    path, store = tmp_path / 'readings.csv', opened('readings.csv')
+    store.keep([row()])
+    before = path.read_bytes()
+
+    def fail(_file, _size):
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, 'ftruncate', fail)
+        with full_disk(len(before) + 30), pytest.raises(StoreError, match='No space left'):
+            store.keep([row(1)])
+        assert len(path.read_bytes()) == len(before) + 30
+        with pytest.raises(StoreError, match='Input/output error'):  # none of its rows is written
+            store.keep([row(1)])
+        assert len(path.read_bytes()) == len(before) + 30
+    assert read_rows(path) == [row()]
+    assert store.keep([row(1), row(2)]) == 2
+    assert path.read_bytes() == before + csv_text([row(1), row(2)]).encode()
 
 
 def test_a_csv_file_that_was_deleted_takes_no_more_rows(opened, tmp_path):

@@ -140,11 +140,16 @@ class CsvStore:
                 content = header[: os.write(self._file, header)]
             rows, self._size = parse_csv(content)
             self._keys = {key_of(row) for row in rows}
-            os.ftruncate(self._file, self._size)
+            self._mend()
         except BaseException:
             os.close(self._file)
             raise
         self.mended = f"file '{path}': removed an incomplete last row" if self._size < len(content) else ''
+
+    def _mend(self) -> None:
+        """Remove what follows the last row that was kept; raises OSError."""
+        os.ftruncate(self._file, self._size)
+        self._is_torn = False
 
     def _lock(self) -> None:
         try:
@@ -160,11 +165,16 @@ class CsvStore:
         try:
             if os.fstat(self._file).st_nlink == 0:
                 raise FileNotFoundError(errno.ENOENT, 'it was deleted')
+            if self._is_torn:
+                self._mend()
+            self._is_torn = True  # until all is written
             if os.write(self._file, lines) != len(lines):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(self._file)
+            self._is_torn = False
         except OSError as error:
-            os.ftruncate(self._file, self._size)
+            with contextlib.suppress(OSError):  # the next write, or the next recorder, mends it
+                self._mend()
             raise StoreError(f"file '{self._path}': {error.strerror}") from error
         self._size += len(lines)
         self._keys |= new.keys()
