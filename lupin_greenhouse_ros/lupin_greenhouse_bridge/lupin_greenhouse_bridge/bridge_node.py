@@ -11,7 +11,7 @@ from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from lupin_greenhouse_bridge.contract import NODE_NAME, SERVICE_QOS, TAG_IDS_PARAMETER
-from lupin_greenhouse_bridge.errors import printable
+from lupin_greenhouse_bridge.errors import counted, printable
 from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.node.parameters import declare_parameters
 from lupin_greenhouse_bridge.node.run import run
@@ -65,7 +65,7 @@ class GreenhouseBridgeNode(Node):
             response.status = GetTagReading.Response.STATUS_UNKNOWN_TAG
             response.error_message = (
                 f"Tag '{printable(tag_id, 64)}' is not in the loaded greenhouse"
-                f' ({len(self._tag_set)} tags known).'
+                f' ({counted(len(self._tag_set), "tag")} known).'
             )
             self.get_logger().warning(response.error_message, throttle_duration_sec=LOG_EVERY_SECONDS)
             return response

@@ -18,3 +18,8 @@ def printable(text: str, longest: int) -> str:
     """Return text cut to `longest` characters, with control characters (new lines too) escaped."""
     shown = ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in text[:longest])
     return shown if len(text) <= longest else f'{shown}...'
+
+
+def counted(count: int, thing: str) -> str:
+    """Return a count with its noun, such as 1 tag or 29 tags."""
+    return f'{count} {thing}' if count == 1 else f'{count} {thing}s'

@@ -61,7 +61,7 @@ def test_a_custom_tag_file_is_served_here_or_refused_there(start_bridge, custom_
         assert 'leave tag_file empty' in fatal
     else:
         assert list(bridge.values('A7')) == ['light', 'temperature']
-        assert bridge.call('1').error_message == "Tag '1' is not in the loaded greenhouse (1 tags known)."
+        assert bridge.call('1').error_message == "Tag '1' is not in the loaded greenhouse (1 tag known)."
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import math
 import os
 import sys
 
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, counted, printable
 from lupin_greenhouse_bridge.greenhouse.approach import ApproachPose, Reach, find_approaches, read_overrides
 from lupin_greenhouse_bridge.greenhouse.floor import Floor
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
@@ -186,7 +186,7 @@ def _publish(poses: list[dict], frame_id: str, args: list[str]) -> None:
             )
         publisher = node.create_publisher(PoseArray, '~/poses', latched)
         publisher.publish(message)
-        node.get_logger().info(f'{len(poses)} poses on {publisher.topic_name} until Ctrl-C')
+        node.get_logger().info(f'{counted(len(poses), "pose")} on {publisher.topic_name} until Ctrl-C')
         while not process.is_asked_to_end():
             executor.spin_once(timeout_sec=process.LONGEST_WAIT_SECONDS)
 

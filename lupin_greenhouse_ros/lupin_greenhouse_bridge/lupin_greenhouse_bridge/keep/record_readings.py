@@ -8,6 +8,7 @@ from pathlib import Path
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from lupin_greenhouse_bridge.errors import counted
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.keep.hearing import hear, topics_of, topics_parameter
 from lupin_greenhouse_bridge.keep.keeper import Keeper
@@ -66,7 +67,7 @@ class RecordReadingsNode(Node):
     def end(self) -> int:
         """Write the last rows; return the exit code."""
         if lost := self._keeper.end():
-            self.get_logger().error(f'{lost} rows are lost')
+            self.get_logger().error(f'{counted(lost, "row")} lost')
             return LOST_ROWS
         return ENDED
 

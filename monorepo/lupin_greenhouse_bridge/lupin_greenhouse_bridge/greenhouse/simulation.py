@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from packaging.version import InvalidVersion, Version
 
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, counted, printable
 from lupin_greenhouse_bridge.greenhouse.files import read_config, read_tags, shipped_file
 from lupin_greenhouse_bridge.settings import SECONDS_PER_DAY, Settings
 
@@ -200,4 +200,5 @@ def _summary(sim, tag_ids: list[str], version: str) -> str:
         clock = f'clock frozen at {time["debug_time_of_day"]} h'
     else:
         clock = f'clock live, {time["speedup_factor"]} simulated seconds per second'
-    return f'{len(tag_ids)} tags; sensors {", ".join(sim.sensors())}; {clock}; mdp-greenhouse {version}'
+    tags, sensors = counted(len(tag_ids), 'tag'), ', '.join(sim.sensors())
+    return f'{tags}; sensors {sensors}; {clock}; mdp-greenhouse {version}'

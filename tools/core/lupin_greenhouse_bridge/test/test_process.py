@@ -6,7 +6,7 @@ import pytest
 from conftest import SPINS
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.cli import read_tag
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, printable
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, counted, printable
 from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.node.parameters import launch_arguments
 from lupin_greenhouse_bridge.settings import Settings
@@ -170,6 +170,10 @@ def test_a_sleep_takes_its_time_in_naps_that_end_when_a_signal_comes(monkeypatch
 def test_a_long_text_is_cut_and_one_of_that_length_is_not():
     assert printable('x' * 64, 64) == 'x' * 64
     assert printable('x' * 65, 64) == 'x' * 64 + '...'
+
+
+def test_one_thing_is_counted_in_the_singular():
+    assert [counted(count, 'tag') for count in (0, 1, 2)] == ['0 tags', '1 tag', '2 tags']
 
 
 def test_an_error_is_one_line_that_keeps_the_spaces_of_a_name():

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 
-from lupin_greenhouse_bridge.errors import printable
+from lupin_greenhouse_bridge.errors import counted, printable
 from lupin_greenhouse_bridge.keep.store import StoreError, key_of
 from lupin_greenhouse_bridge.rows import Row, fault_of
 
@@ -53,9 +53,8 @@ class Keeper:
             self._is_failing = True
             if now >= self._next_error:
                 self._next_error = now + ERROR_EVERY_SECONDS
-                self._logger.error(
-                    f'{error}: {len(self._waiting)} rows wait in memory, {self._dropped} dropped'
-                )
+                waiting = counted(len(self._waiting), 'row')
+                self._logger.error(f'{error}: {waiting} waiting in memory, {self._dropped} dropped')
             return
         self._waiting.clear()
         self._is_failing = False
@@ -64,7 +63,7 @@ class Keeper:
             self._logger.info(f'{self._kept} rows kept')
         if self._dropped:
             self._logger.warning(
-                f'{self._dropped} rows were dropped: the file could not be written for too long'
+                f'{counted(self._dropped, "row")} dropped: the file could not be written for too long'
             )
             self._dropped = 0
 

@@ -17,7 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
-from lupin_greenhouse_bridge.errors import StartUpError, printable
+from lupin_greenhouse_bridge.errors import StartUpError, counted, printable
 from lupin_greenhouse_bridge.greenhouse.layout import Layout, find_layout
 from lupin_greenhouse_bridge.greenhouse.registration import MAP_FRAME, Transform, read_transform
 from lupin_greenhouse_bridge.greenhouse.visualization import Visualization, read_visualization
@@ -94,10 +94,8 @@ class ShowReadingsNode(Node):
         topics = hear(self, topics_of(settings.readings_topics), self._on_reading)
         self.create_timer(PUBLISH_EVERY_SECONDS, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._publish()
-        heard = ' and '.join(topics)
-        self.get_logger().info(
-            f'ready: {len(self._tags)} tags, field of {settings.sensor}, readings from {heard}'
-        )
+        tags, heard = counted(len(self._tags), 'tag'), ' and '.join(topics)
+        self.get_logger().info(f'ready: {tags}, field of {settings.sensor}, readings from {heard}')
 
     def _on_reading(self, reading: TagReading, _topic: str) -> None:
         tag_id = reading.tag_id
