@@ -50,7 +50,7 @@ class Settings:
     )
     max_attempts: int = parameter(
         3,
-        'Failed requests for a tag in a row before the node stops asking for it, for as long as they took.',
+        'Failed requests for a tag in a row before the node pauses for this tag.',
         smallest=1,
         largest=1000,
     )

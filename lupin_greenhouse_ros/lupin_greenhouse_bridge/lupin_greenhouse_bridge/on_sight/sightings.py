@@ -20,8 +20,8 @@ class Sightings:
 
     A tag is requested once per cooldown, which starts with the reply. Only a few requests are pending at any
     time. A request that times out is repeated, up to the number of attempts. After the last one the tag is
-    left alone for as long as these attempts took. A tag that has been out of view for longer than a timeout
-    is not requested.
+    left alone for as long as these attempts may take, at most for the cooldown. A tag that has been out of
+    view for longer than a timeout is not requested.
     """
 
     def __init__(self, limits: Limits):
