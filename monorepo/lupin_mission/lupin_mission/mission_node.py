@@ -85,7 +85,7 @@ class MissionNode(Node):
         clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it
         self.create_timer(1.0 / settings.state_publish_rate_hz, self._publish_state, clock=clock)
         self.create_timer(STEP_SECONDS, self._step, clock=clock)
-        self._tags.find(self, self._on_tags)
+        self._tags.find(self, self._on_tags, self._on_places)
 
     def is_done(self) -> bool:
         """Return True once every tag has its outcome, unless the node waits for mission/start."""
@@ -131,18 +131,22 @@ class MissionNode(Node):
 
     def _on_tags(self) -> None:
         """Start the mission, unless it waits for mission/start."""
+        self.note(f'{len(self._tags.ids)} tags known', Severity.INFO)
+        self._on_places()
+        if not self._settings.wait_for_start:
+            self._begin(self._new_mission_id(), self._chosen_ids(), self.report)
+
+    def _on_places(self) -> None:
+        """Plan the drives; raises StartUpError without a layout."""
         if self._settings.has_poses_in_map and not self._tags.places_m:
             self._announcer.warn(
                 "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file"
             )
-        self.note(f'{len(self._tags.ids)} tags known', Severity.INFO)
         if isinstance(self._drive, Nav2Drive):
             self._plan = Plan(self._tags.layout(), self._settings, self._tags.layout_in_map)
             self._drive.goals, self._drive.unreachable = self._plan.goals, self._plan.unreachable
             for warning in self._plan.warnings:
                 self._announcer.warn(warning)
-        if not self._settings.wait_for_start:
-            self._begin(self._new_mission_id(), self._chosen_ids(), self.report)
 
     def _chosen_ids(self) -> list[str]:
         """Return the tags of tag_sequence, or else all tags in numeric order."""
@@ -187,7 +191,7 @@ class MissionNode(Node):
             return tag_ids
 
     def _step(self) -> None:
-        if self.mission is None or self._is_ending:
+        if self.mission is None or self._is_ending or self._tags.are_in_doubt():
             return
         self._transport.send_when_ready()
         self.mission.step(time.monotonic())

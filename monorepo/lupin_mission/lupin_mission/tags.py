@@ -21,7 +21,7 @@ from lupin_mission.settings import Settings
 from lupin_mission.transport import create_client
 from lupin_mission.world import read_world
 
-ASK_EVERY_SECONDS = 0.5
+ASK_EVERY_SECONDS = 0.1
 
 
 class Tags:
@@ -35,6 +35,9 @@ class Tags:
         self.layout_in_map = Transform()
         if settings.layout_in_map:
             self.layout_in_map = read_transform(settings.layout_in_map, settings.frame_id)
+        self._client = None  # of the bridge's parameters
+        self._is_settled = False  # the bridge has replied
+        self._doubt_end: float | None = None  # of its reply, once the bridge is there
         self._settings = settings
         self._world = read_world(settings.world_file) if settings.world_file else {}
         self._given_ids = settings.chosen_tag_ids or list(self._world)
@@ -47,25 +50,38 @@ class Tags:
             raise StartUpError("the layout is unknown: set tag_locations_file to the bridge's tag_file")
         return read_layout(self._tag_file)
 
-    def find(self, node, on_found: Callable[[], None]) -> None:
-        """Call on_found() once the tags are known: now, or when the bridge has replied."""
+    def find(self, node, on_found: Callable[[], None], on_places_lost: Callable[[], None]) -> None:
+        """
+        Call on_found() once the tags are known: now, or when the bridge has replied.
+
+        Call on_places_lost() if they are known, and the bridge then tells that it has a tag file of its own.
+        """
         if self._given_ids:
             self._set(self._given_ids, is_custom_file=False)
             on_found()
-        else:
-            self._ask_the_bridge(node, on_found)
+            if self._world or self._settings.tag_locations_file:
+                return
+        self._ask_the_bridge(node, on_found, on_places_lost)
 
-    def _ask_the_bridge(self, node, on_found) -> None:
+    def are_in_doubt(self) -> bool:
+        """Return whether the bridge is there, and may still tell that it has a tag file of its own."""
+        if self._is_settled or not self._client or not self._client.service_is_ready():
+            return False
+        if self._doubt_end is None:
+            self._doubt_end = time.monotonic() + self._settings.dependency_timeout_s
+        return time.monotonic() < self._doubt_end
+
+    def _ask_the_bridge(self, node, on_found, on_places_lost) -> None:
         """Ask the bridge for its tags. Repeat the request, because DDS can drop an early one."""
         service = parameter_service_of(node.resolve_service_name(self._settings.bridge_service_name))
-        client = create_client(node, GetParameters, service)
+        self._client = client = create_client(node, GetParameters, service)
         timeout_seconds = self._settings.dependency_timeout_s
         deadline = time.monotonic() + timeout_seconds
 
         def ask():
-            if self.ids:
+            if self._is_settled:
                 timer.cancel()
-            elif time.monotonic() >= deadline and not self._settings.wait_for_start:
+            elif not (self.ids or self._settings.wait_for_start) and time.monotonic() >= deadline:
                 raise StartUpError(
                     f'{client.srv_name} did not return the tags within {timeout_seconds:g} s:'
                     ' start the bridge, or set tag_sequence or tag_locations_file'
@@ -74,23 +90,36 @@ class Tags:
                 client.call_async(tag_ids_request()).add_done_callback(on_reply)
 
         def on_reply(future):
-            if self.ids:
-                return
-            if tag_ids := tag_ids_of(future.result()):
-                self._set(tag_ids, is_custom_file=has_tag_file(future.result()))
-            elif shipped := shipped_file('tag_locations.json'):
-                service_name = self._settings.bridge_service_name
-                node.get_logger().info(
-                    f'the node of {service_name} does not list its tags: using those of {shipped}'
-                )
-                self._set(list(read_tags_with_sensors(shipped)), is_custom_file=False)
-            else:
-                return
-            on_found()
+            self._on_reply(node, future.result(), on_found, on_places_lost)
 
-        node.get_logger().info(f'waiting for the tags of {client.srv_name}')
+        if not self.ids:
+            node.get_logger().info(f'waiting for the tags of {client.srv_name}')
         # Monotonic: use_sim_time does not affect it.
         timer = node.create_timer(ASK_EVERY_SECONDS, ask, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _on_reply(self, node, response, on_found, on_places_lost) -> None:
+        if self._is_settled:
+            return
+        if self.ids:
+            self._is_settled = True
+            if response.values and has_tag_file(response):
+                self._set(self.ids, is_custom_file=True)
+                on_places_lost()
+        elif self._take_tags(node, response):
+            self._is_settled = True
+            on_found()
+
+    def _take_tags(self, node, response) -> bool:
+        """Take the tags of a reply, or those that are shipped; return whether there are any."""
+        if tag_ids := tag_ids_of(response):
+            self._set(tag_ids, is_custom_file=has_tag_file(response))
+        elif shipped := shipped_file('tag_locations.json'):
+            service_name = self._settings.bridge_service_name
+            node.get_logger().info(
+                f'the node of {service_name} does not list its tags: using those of {shipped}'
+            )
+            self._set(list(read_tags_with_sensors(shipped)), is_custom_file=False)
+        return bool(self.ids)
 
     def _set(self, tag_ids: list[str], *, is_custom_file: bool) -> None:
         self.ids = tag_ids

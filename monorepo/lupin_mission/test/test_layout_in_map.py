@@ -6,11 +6,14 @@ import math
 import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.greenhouse.registration import Transform, write_transform
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, has_found_a_client, wait_until
 from lupin_mission.settings import Settings
 from lupin_mission.tags import Tags
-from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
-from mission_helpers import CAMERA, TWIN_QOS
+from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState
+from lupin_msgs.srv import GetTagReading
+from mission_helpers import CAMERA, READER, TWIN_QOS, WEB_QOS, Subscriber
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import GetParameters
 from rclpy.duration import Duration
 
 TRANSFORM = Transform(10.0, 20.0, math.pi / 2)
@@ -111,5 +114,26 @@ def test_the_tags_of_a_file_are_moved_to_the_map(tmp_path, layout_file, paramete
     path = tmp_path / 'tags'
     path.write_text(text, encoding='utf-8')
     tags = Tags(Settings(**{parameter: str(path)}, layout_in_map=layout_file))
-    tags.find(None, lambda: None)
+    tags.find(None, lambda: None, lambda: None)
     assert tags.places_m == {'7': pytest.approx((8.0, 21.0))}
+
+
+def test_a_sequence_has_no_poses_if_the_bridge_has_its_own_tag_file(start_mission, held_service, twin, node):
+    """The mission awaits the bridge's word before it reads a tag."""
+    bridge = held_service(GetParameters, '/held/get_parameters')
+    hearer = twin()
+    mission = start_mission(**READER, tag_sequence='1')
+    bridge.wait_for_request()
+    reader = held_service(GetTagReading, '/held/get_tag_reading')
+    wait_until(lambda: has_found_a_client(node, reader.name))
+    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    for _ in range(3):  # the mission's steps are more frequent
+        states.wait_for(lambda _state: True)
+    assert reader.tag_ids == []
+    own_file = ParameterValue(string_value='/home/me/tags.json')
+    bridge.answer(values=[ParameterValue(string_array_value=['1']), own_file])
+    reader.answer_ok('1', co2=1.0)
+    assert mission.end() == 0
+    assert hearer.wait_for(lambda _heard: True).tag_pose_in_map.orientation.w == 0.0
+    (warning,) = mission.warnings()
+    assert "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file" in warning

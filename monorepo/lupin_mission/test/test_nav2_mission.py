@@ -223,10 +223,11 @@ def test_sigterm_stops_the_robot(start_process, navigator):
     assert mission.log[-1] == '0/1 tags read'
 
 
-def test_without_its_layout_the_robot_does_not_drive(start_mission, held_service):
+@pytest.mark.parametrize('parameters', [{}, {'tag_sequence': '7'}])
+def test_without_its_layout_the_robot_does_not_drive(start_mission, held_service, parameters):
     """The positions of the shipped tag file are wrong for a bridge with its own."""
     bridge = held_service(GetParameters, '/held/get_parameters')
-    mission = start_mission(**NAV2)
+    mission = start_mission(**NAV2, **parameters)
     own_file = ParameterValue(string_value='/home/me/tags.json')
     bridge.answer(values=[ParameterValue(string_array_value=['7']), own_file])
     refusal = mission.refusal(exit_code=2)
