@@ -193,7 +193,8 @@ class MissionNode(Node):
     def _step(self) -> None:
         if self.mission is None or self._is_ending or self._tags.are_in_doubt():
             return
-        self._transport.send_when_ready()
+        if not self.mission.is_paused:
+            self._transport.send_when_ready()
         self.mission.step(time.monotonic())
         self._announcer.moved(self.mission)
 

@@ -6,10 +6,10 @@ import sys
 
 import pytest
 import rclpy
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
 from lupin_mission import mission_node, tags
-from lupin_mission.mission import State
+from lupin_mission.mission import Service, State
 from lupin_mission.report import Outcome, read_report
 from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import GetTagReading
@@ -318,16 +318,40 @@ def test_a_pause_is_answered_while_a_reply_is_withheld(start_mission, reader, op
     assert mission.stop() == 0
 
 
-def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, settings, request):
+@pytest.fixture
+def mission_and_executor(settings):
+    """Return the node of a mission to tag 1, and an executor for it that the test spins."""
     parameters = {**settings, **READER, 'tag_sequence': '"1"'}
     rclpy.init(
         args=['--ros-args', *(w for item in parameters.items() for w in ('-p', '{}:={}'.format(*item)))]
     )
-    request.addfinalizer(rclpy.shutdown)
     node = mission_node.MissionNode()
-    request.addfinalizer(node.destroy_node)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    yield node, executor
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def test_a_request_that_waits_for_its_service_is_not_sent_in_a_pause(mission_and_executor, held_service):
+    node, executor = mission_and_executor
+    node.mission.pause()
+    reader = held_service(GetTagReading, READER['bridge_service_name'])
+    client = node._transport._clients[Service.READ]
+    wait_until(client.service_is_ready)
+    node._step()
+    assert node._transport._future is None
+    node.mission.resume()
+    node._step()
+    assert reader.wait_for_request() == '1'
+    reader.answer_ok('1', co2=1.0)
+    while node.mission.state is not State.DONE:
+        executor.spin_once(timeout_sec=PATIENCE_SECONDS)
+    assert node.mission.outcomes == {'1': OK}
+
+
+def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, mission_and_executor):
+    node, executor = mission_and_executor
     ticks = []
     node.create_timer(0.01, lambda: ticks.append(len(reader.tag_ids)))
     while ticks.count(1) < 50:  # ticks between the request and its reply
