@@ -243,10 +243,10 @@ class MissionNode(Node):
         if message.data == self._is_estop_engaged:
             return
         self._is_estop_engaged = message.data
-        event = 'engaged' if message.data else 'released: call mission/resume to go on'
-        self.note(f'e-stop {event}', Severity.WARN)
         if self.mission:
             (self.mission.engage_estop if message.data else self.mission.release_estop)()
+        event = 'engaged' if message.data else 'released: call mission/resume to go on'
+        self.note(f'e-stop {event}', Severity.WARN)  # after the pause, which is an event too
 
     def _trigger(self, name: str, _request, response):
         response.success = bool(self.mission and getattr(self.mission, name)())

@@ -358,6 +358,7 @@ def test_the_estop_stops_a_mission_and_rejects_a_start(start_mission, operate, n
     operator.wait_for(targets_completed=1)
     estop.publish(Bool(data=True))
     state = operator.wait_for(estop_engaged=True, paused=True)
+    assert state.last_event == 'e-stop engaged'  # not the pause that follows
     assert (state.lifecycle_state, state.mission_phase) == ('INSPECTING', 'SCANNING')
     estop.publish(Bool(data=False))
     operator.wait_for(estop_engaged=False, paused=True)
