@@ -297,11 +297,13 @@ class Mission:
 
     def abort(self) -> bool:
         """
-        End the mission: the target and all unvisited tags are SKIPPED; return False if it is done.
+        End the mission: the target and all unvisited tags are SKIPPED; return False if no mission runs.
 
-        The robot returns to its dock if it has one. A return that is aborted ends where the robot is.
+        The robot returns to its dock if it has one. A return that is aborted ends where the robot is, and so
+        does a mission that was started under the e-stop and has not set off.
         """
-        if self.state in (State.READY, State.DONE):
+        has_not_set_off = self.state is State.READY
+        if self.state is State.DONE or (has_not_set_off and not self.is_paused):
             return False
         self._surroundings.note('aborted', Severity.WARN)
         if self.state is State.RETURNING:
@@ -309,10 +311,15 @@ class Mission:
             self.is_paused = False
             self._end()
             return True
-        self._leave('aborted')
+        if not has_not_set_off:
+            self._leave('aborted')
         for tag_id in self._to_visit:
             self._tag_id, self._requests_before = tag_id, self._requests
             self._close(Outcome.SKIPPED, 'aborted', None)
+        if has_not_set_off:
+            self.is_paused = False
+            self._end()
+            return True
         self.is_paused = self.is_estop_engaged
         if not (self.is_estop_engaged and self._returns_to_dock):  # then resume() lets the robot return
             self._drive_on()

@@ -591,6 +591,18 @@ def test_a_mission_that_starts_under_the_estop_sets_off_after_the_resume():
     assert (mission.state, motor.told) == (State.DRIVING, ['a'])
 
 
+@pytest.mark.parametrize('returns_to_dock', [False, True])
+def test_an_abort_before_a_start_under_the_estop_ends_the_mission_where_it_is(returns_to_dock):
+    world, motor = World(''), Motor()
+    mission = Mission('ab', world, motor, LIMITS, returns_to_dock=returns_to_dock)
+    mission.engage_estop()
+    mission.start(0.0)
+    assert mission.abort()
+    assert (mission.state, motor.told) == (State.DONE, [])
+    assert world.outcomes == [(tag, Outcome.SKIPPED) for tag in 'ab']
+    assert not mission.abort()
+
+
 def test_an_abort_under_the_estop_moves_nothing():
     world = World('ab', drive=(motor := Motor()), returns_to_dock=True)
     world.mission.engage_estop()
