@@ -114,6 +114,7 @@ class Mission:
         self._to_visit = iter(self.tag_ids)
         self._tag_id: str | None = None
         self._drives = 0  # to this tag, or to the dock
+        self._departure: float | None = None  # of the next of them, until the robot sets off
         self._now = 0.0
         self._active_seconds = 0.0  # stops during a pause; drive, dwell and back-off use it
         self._dwell_end = 0.0
@@ -179,6 +180,10 @@ class Mission:
             if self._active_seconds < self._dwell_end:
                 return False
             self._drive_on()
+        elif self._departure is not None:
+            if self._active_seconds < self._departure:
+                return False
+            self._set_off()
         elif self.state in (State.DRIVING, State.RETURNING):
             arrival = self._drive.arrival(self._active_seconds)
             if not arrival:
@@ -201,17 +206,24 @@ class Mission:
         self._drives = 0
         if self._tag_id is not None:
             self.state = State.DRIVING
-            self._surroundings.note(f'driving to tag {self._tag_id!r}', Severity.INFO)
-            self._set_off()
         elif self._returns_to_dock:
             self.state = State.RETURNING
-            self._surroundings.note('driving to the dock', Severity.INFO)
-            self._set_off()
         else:
             self._end()
+            return
+        self._departure = self._active_seconds
+        if not self.is_paused:
+            self._set_off()
+
+    @property
+    def _goal(self) -> str:
+        return 'the dock' if self.state is State.RETURNING else f'tag {self._tag_id!r}'
 
     def _set_off(self) -> None:
+        self._departure = None
         self._drives += 1
+        if self._drives == 1:
+            self._surroundings.note(f'driving to {self._goal}', Severity.INFO)
         if self.state is State.RETURNING:
             self._drive.start_return(self._active_seconds)
         else:
@@ -219,12 +231,13 @@ class Mission:
 
     def _end(self) -> None:
         self.state = State.DONE
+        self.is_paused = False
+        self._departure = None
         self._surroundings.note(f'done: {self.count(Outcome.OK)} tags read', Severity.INFO)
 
     def _end_drive(self, arrival: Arrival) -> None:
         if arrival.failure and not arrival.is_final and self._drives < self._limits.max_drives:
-            goal = f'tag {self._tag_id!r}' if self.state is State.DRIVING else 'the dock'
-            event = f'the drive to {goal} failed: {arrival.failure}: trying again'
+            event = f'the drive to {self._goal} failed: {arrival.failure}: trying again'
             self._surroundings.note(event, Severity.WARN)
             self._set_off()
         elif self.state is State.RETURNING:
@@ -308,7 +321,6 @@ class Mission:
         self._surroundings.note('aborted', Severity.WARN)
         if self.state is State.RETURNING:
             self._drive.stop()
-            self.is_paused = False
             self._end()
             return True
         if not has_not_set_off:
@@ -317,11 +329,9 @@ class Mission:
             self._tag_id, self._requests_before = tag_id, self._requests
             self._close(Outcome.SKIPPED, 'aborted', None)
         if has_not_set_off:
-            self.is_paused = False
             self._end()
-            return True
-        self.is_paused = self.is_estop_engaged
-        if not (self.is_estop_engaged and self._returns_to_dock):  # then resume() lets the robot return
+        else:
+            self.is_paused = self.is_estop_engaged  # then resume() lets the robot return
             self._drive_on()
         return True
 

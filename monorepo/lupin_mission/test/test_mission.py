@@ -614,6 +614,30 @@ def test_an_abort_under_the_estop_moves_nothing():
     assert world.mission.resume()
     world.wait(0.0)
     assert world.mission.state is State.RETURNING
+    assert motor.told[-1] == 'return'
+
+
+def test_an_abort_at_a_tag_under_the_estop_leaves_no_tag_at_hand():
+    world = World('ab', drive=(motor := Motor(0.0)), returns_to_dock=True)
+    world.mission.engage_estop()
+    assert world.mission.abort()
+    world.wait(1.0)
+    found = world.mission
+    assert (found.state, found.target, found.tag_at_hand) == (State.RETURNING, None, None)
+    assert found.is_paused
+    assert found.abort()
+    world.wait(1.0)
+    assert (found.state, found.is_paused) == (State.DONE, False)
+    assert motor.told == ['a', 'pause', 'stop']
+
+
+def test_a_mission_that_is_done_is_not_paused():
+    world = World('ab')
+    world.mission.engage_estop()
+    assert world.mission.abort()
+    assert (world.mission.state, world.mission.is_paused) == (State.DONE, False)
+    world.mission.release_estop()
+    assert not world.mission.resume()
 
 
 def test_a_mission_can_be_paused_and_aborted_from_its_start_on_and_not_before():
