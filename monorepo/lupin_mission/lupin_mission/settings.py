@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import StartUpError, printable
 from lupin_greenhouse_bridge.node.parameters import check_parameters, invalid, parameter
@@ -182,6 +183,7 @@ class Settings:
         for name, accepted in (('drive', DRIVES), ('order', ORDERS)):
             if getattr(self, name) not in accepted:
                 raise invalid(name, getattr(self, name), ' or '.join(accepted))
+        self._check_name_of_report()
         if self.order == 'shortest' and self.drive != 'nav2':
             raise StartUpError('order:=shortest is for a robot that drives: set drive to nav2')
         if self.world_file and self.drive == 'nav2':
@@ -197,10 +199,19 @@ class Settings:
             raise invalid('dock_pose', self.dock_pose, 'empty, or x, y and yaw: "1.0 0.5 3.14", or an array')
         if self.world_file and self.tag_locations_file:
             raise StartUpError('parameters world_file and tag_locations_file are both set: set one of them')
+        self._check_tag_sequence()
+
+    def _check_tag_sequence(self) -> None:
         ids = self.chosen_tag_ids
         if twice := sorted({tag_id for tag_id in ids if ids.count(tag_id) > 1}):
             shown = printable(twice[0], 40)
             raise StartUpError(f"parameter tag_sequence names '{shown}' twice: a mission visits a tag once")
+
+    def _check_name_of_report(self) -> None:
+        if {'/', '\0'} & set(self.mission_id_prefix):  # it is a part of the report's name
+            raise invalid('mission_id_prefix', self.mission_id_prefix, 'a word without /')
+        if self.report_file and Path(self.report_file).name in ('', '..'):
+            raise invalid('report_file', self.report_file, 'the path of a file, or empty')
 
     @property
     def chosen_tag_ids(self) -> list[str]:

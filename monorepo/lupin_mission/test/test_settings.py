@@ -141,3 +141,12 @@ def test_a_dock_pose_is_empty_or_three_numbers(dock_pose, dock):
 def test_another_dock_pose_is_refused(dock_pose):
     with pytest.raises(StartUpError, match=r'parameter dock_pose is .*: must be empty, or x, y and yaw'):
         Settings(dock_pose=dock_pose)
+
+
+@pytest.mark.parametrize(
+    'parameters', [{'mission_id_prefix': 'a/b'}, *({'report_file': path} for path in ('.', '/', 'a/..'))]
+)
+def test_what_cannot_be_in_the_name_of_a_report_is_refused(parameters):
+    (name,) = parameters
+    with pytest.raises(StartUpError, match=f'parameter {name} is .*: must be'):
+        Settings(**parameters)
