@@ -74,7 +74,7 @@ class Observation:
 
     @classmethod
     def from_line(cls, line: str) -> 'Observation':
-        """Return the observation in a line; raises ValueError, KeyError or TypeError if there is none."""
+        """Return the observation in a line; raises one of NO_OBSERVATION if there is none."""
         data = json.loads(line)
         outcome, reading = Outcome(data['outcome']), None
         if outcome is Outcome.OK:
@@ -84,6 +84,8 @@ class Observation:
                 float(data['sim_time_of_day_seconds']),
                 {str(name): float(value) for name, value in data['readings'].items()},
             )
+            if not all(map(math.isfinite, (reading.sim_time_of_day_seconds, *reading.values.values()))):
+                raise ValueError('it has a number that is not finite')
         return cls(str(data['tag_id']), outcome, str(data['detail']), int(data['attempts']), reading)
 
 
@@ -97,7 +99,8 @@ def fault_of(reading: Reading) -> str:
     return ''
 
 
-NO_OBSERVATION = (ValueError, KeyError, TypeError, AttributeError, RecursionError)  # of from_line()
+# Of from_line(); int() raises OverflowError for 1e999.
+NO_OBSERVATION = (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError)
 
 
 def read_report(path: Path | str) -> list[Observation]:

@@ -189,3 +189,23 @@ def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():
     assert table[5] == '1/3 tags read'
     assert last_of_each_tag([OK, FAILED, again]) == {'7': OK, '8': again}
     assert summary_table([OK, FAILED, again], ['7', '8']).endswith('2/2 tags read')
+
+
+@pytest.mark.parametrize(
+    ('word', 'other'),
+    [
+        ('"attempts": 1', '"attempts": 1e999'),
+        ('"sec": 12', '"sec": 1e999'),
+        ('43200.0', 'NaN'),
+        ('43200.0', '1e999'),
+        ('21.5', '-Infinity'),
+    ],
+)
+def test_a_line_with_a_number_that_is_not_finite_is_no_observation(tmp_path, word, other):
+    path = tmp_path / 'report.jsonl'
+    line = OK.to_line().replace(word, other)
+    assert other in line
+    path.write_text(f'{line}\n', encoding='utf-8')
+    for use in (Report, read_report):
+        with pytest.raises(ReportError, match='line 1 is not an observation'):
+            use(path)
