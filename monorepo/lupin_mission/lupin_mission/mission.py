@@ -57,7 +57,7 @@ class Limits:
     confirm_timeout_seconds: float = 6.0  # of one attempt
     read_timeout_seconds: float = 5.0  # of one attempt
     max_attempts: int = 3  # of each service, per tag
-    retry_delay_seconds: float = 0.5  # before the second attempt; doubles each time, up to 10
+    retry_delay_seconds: float = 0.5  # before the second attempt, or drive; doubles each time, up to 10
     max_drives: int = 2  # to each tag, and to the dock
 
 
@@ -212,6 +212,7 @@ class Mission:
             self._end()
             return
         self._departure = self._active_seconds
+        self._retry_delay = self._limits.retry_delay_seconds
         if not self.is_paused:
             self._set_off()
 
@@ -239,7 +240,7 @@ class Mission:
         if arrival.failure and not arrival.is_final and self._drives < self._limits.max_drives:
             event = f'the drive to {self._goal} failed: {arrival.failure}: trying again'
             self._surroundings.note(event, Severity.WARN)
-            self._set_off()
+            self._departure = self._next_try()
         elif self.state is State.RETURNING:
             if arrival.failure:
                 self._surroundings.note(f'the robot is not at the dock: {arrival.failure}', Severity.WARN)
@@ -389,8 +390,13 @@ class Mission:
         else:
             event = f'tag {self._tag_id!r}: {outcome.value} {detail}: trying again'
             self._surroundings.note(event, Severity.WARN)
-            self._next_attempt = self._active_seconds + self._retry_delay
-            self._retry_delay = min(2 * self._retry_delay, LONGEST_RETRY_DELAY_SECONDS)
+            self._next_attempt = self._next_try()
+
+    def _next_try(self) -> float:
+        """Return the time of another attempt, and double the delay of the one after it."""
+        delay_seconds = self._retry_delay
+        self._retry_delay = min(2 * delay_seconds, LONGEST_RETRY_DELAY_SECONDS)
+        return self._active_seconds + delay_seconds
 
     def mark_scan_ok(self, tag_id: str, reading: Reading) -> None:
         """Record the reading of the tag at hand; raises ValueError for another tag or a second outcome."""

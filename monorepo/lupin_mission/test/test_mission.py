@@ -467,6 +467,10 @@ def test_a_drive_that_fails_is_tried_again_and_then_the_tag_is_unreachable():
     assert (world.mission.target, world.recorded) == ('a', [])
     retry = "the drive to tag 'a' failed: the aisle is blocked: trying again"
     assert (retry, Severity.WARN) in world.events
+    world.wait(0.25)
+    assert motor.told == ['a']
+    world.wait(0.25)
+    assert motor.told == ['a', 'a']
     world.wait(1.0)
     assert world.recorded == [Observation('a', Outcome.UNREACHABLE, 'the aisle is blocked', 0)]
     assert (world.mission.target, world.sent) == ('b', [])
@@ -477,8 +481,13 @@ def test_a_drive_that_fails_is_tried_again_and_then_the_tag_is_unreachable():
 
 def test_each_tag_has_all_its_drives():
     world = World('abc', drive=(motor := Motor(1.0, a='no', b='no')), limits=Limits(max_drives=3))
-    for _ in range(6):
-        world.wait(1.0)
+    departures = []
+    while motor.told[-1] != 'c':
+        before = len(motor.told)
+        world.wait(0.25)
+        if len(motor.told) > before:
+            departures.append(world.now)
+    assert departures == [1.5, 3.5, 4.5, 6.0, 8.0, 9.0]  # 0.5 s and 1 s after the end of the drive
     assert motor.told == [*'aaabbb', 'c']
     assert world.outcomes == [(tag, Outcome.UNREACHABLE) for tag in 'ab']
 
@@ -496,6 +505,7 @@ def test_a_failure_that_is_final_is_not_tried_again():
 def test_a_tag_is_skipped_in_its_second_drive_too():
     world = World('ab', drive=(motor := Motor(1.0, a='no')))
     world.wait(1.0)
+    world.wait(0.5)
     assert world.mission.skip()
     world.wait(0.0)
     assert motor.told == ['a', 'a', 'stop', 'b']
@@ -533,10 +543,20 @@ def test_an_abort_returns_too_and_an_abort_on_the_return_ends_it():
     assert world.outcomes == [(tag, Outcome.SKIPPED) for tag in 'ab']
 
 
+def test_an_abort_before_a_drive_is_tried_again_leaves_no_drive():
+    world = World('a', drive=(motor := Motor(1.0, a='no')))
+    world.wait(1.0)
+    assert world.mission.abort()
+    world.wait(10.0)
+    assert world.mission.state is State.DONE
+    assert motor.told == ['a', 'stop']
+
+
 def test_a_return_that_fails_is_tried_again_and_then_a_warning():
     world = World('', drive=(motor := Motor(1.0, dock='the door is shut')), returns_to_dock=True)
     world.wait(1.0)
     assert world.mission.state is State.RETURNING
+    world.wait(0.5)
     world.wait(1.0)
     assert world.mission.state is State.DONE
     assert motor.told == ['return', 'return']
@@ -834,8 +854,9 @@ class AnyOrder(RuleBasedStateMachine):
     def teardown(self):
         """Left alone, the mission always ends with an outcome for every tag."""
         self.mission.resume()
-        # The longest time at a tag: two drives, three attempts of each service with their delays, the dwell.
-        longest = 2 * 0.02 + 2 * (3 * 2.0 + 0.5 + 1.0) + 1.0
+        # The longest time at a tag: two drives and three attempts of each service, with their delays, and the
+        # dwell.
+        longest = 2 * 0.02 + 0.5 + 2 * (3 * 2.0 + 0.5 + 1.0) + 1.0
         for _ in range(int(len(self.tag_ids) * longest / 0.5) + 2):
             self.now += 0.5
             self.mission.step(self.now)

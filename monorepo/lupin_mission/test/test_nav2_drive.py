@@ -356,7 +356,8 @@ def test_an_invalid_action_name_is_refused_in_one_line(node):
 
 
 def test_each_outcome_of_a_drive_that_fails_twice_reaches_the_report(trip, navigator):
-    mission = Mission('a', bystander := Bystander(), trip.drive, Limits())
+    limits = Limits(retry_delay_seconds=0.0)
+    mission = Mission('a', bystander := Bystander(), trip.drive, limits)
     mission.start(0.0)
     for _ in range(2):
         navigator.reject()
