@@ -2,6 +2,7 @@
 
 import math
 import re
+import stat
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -20,10 +21,7 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
     """
     where = f"world_file '{printable(world_file, 500)}'"
     try:
-        path = Path(world_file)
-        if path.stat().st_size > LARGEST_FILE_BYTES:
-            raise StartUpError(f'{where} has more than {LARGEST_FILE_BYTES // 2**20} MiB: name an SDF world')
-        data = path.read_bytes()
+        data = _content(Path(world_file), where)
         _refuse_document_type(data)
         worlds = list(ElementTree.fromstring(data).iter('world'))  # noqa: S314 - checked above
     except OSError as error:
@@ -50,6 +48,15 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
     if not places:
         raise StartUpError(f'{where} has no model tag_<id>: use a world made by generate_world')
     return {str(number): places[number] for number in sorted(places)}
+
+
+def _content(path: Path, where: str) -> bytes:
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):  # a pipe would wait, and /dev/zero is endless
+        raise StartUpError(f'{where} is not a regular file: name an SDF world')
+    if status.st_size > LARGEST_FILE_BYTES:
+        raise StartUpError(f'{where} has more than {LARGEST_FILE_BYTES // 2**20} MiB: name an SDF world')
+    return path.read_bytes()
 
 
 def _refuse_document_type(data: bytes) -> None:

@@ -65,7 +65,7 @@ def test_a_file_that_is_no_world_is_refused(tmp_path, content, fragment):
 
 
 def test_a_folder_is_refused(tmp_path):
-    with pytest.raises(StartUpError, match='cannot be read'):
+    with pytest.raises(StartUpError, match='is not a regular file'):
         read_world(str(tmp_path))
 
 
@@ -78,3 +78,11 @@ def test_a_file_of_64_mib_is_read_and_a_byte_more_is_refused(tmp_path):
     os.truncate(path, 64 * 2**20 + 1)
     with pytest.raises(StartUpError, match=r'world\.sdf. has more than 64 MiB: name an SDF world'):
         read_world(str(path))
+
+
+@pytest.mark.parametrize('path', ['pipe', '/dev/zero'])
+def test_what_is_no_regular_file_is_refused(tmp_path, monkeypatch, path):
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo('pipe')
+    with pytest.raises(StartUpError, match='is not a regular file: name an SDF world'):
+        read_world(path)
