@@ -70,6 +70,7 @@ class MissionNode(Node):
         self._started_at = None
         self._is_estop_engaged = False
         self._is_ending = False
+        self._stop_deadline: float | None = None  # once the robot is told to stop
         self._announcer = Announcer(self, settings.observations_topic, settings.frame_id)
         self._drive: Drive = TimedDrive(settings.drive_seconds)
         if settings.drive == 'nav2':
@@ -110,8 +111,9 @@ class MissionNode(Node):
         """Give up the drive for good, and wait until the robot has, with a timeout."""
         self._is_ending = True
         self._drive.stop()
-        deadline = time.monotonic() + LONGEST_STOP_SECONDS
-        while not self._drive.is_over() and time.monotonic() < deadline:
+        if self._stop_deadline is None:  # farewell() and destroy_node() share the time
+            self._stop_deadline = time.monotonic() + LONGEST_STOP_SECONDS
+        while not self._drive.is_over() and time.monotonic() < self._stop_deadline:
             executor.spin_once(timeout_sec=STEP_SECONDS)
 
     def destroy_node(self) -> None:
