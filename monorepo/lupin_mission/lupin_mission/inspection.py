@@ -10,6 +10,7 @@ import argparse
 import contextlib
 import importlib.util
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -177,8 +178,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         'arguments', nargs='*', metavar='name:=value', help='parameters of the mission, and of the navigator'
     )
+    options = parser.parse_args(arguments)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C
     try:
-        return run_mission(parser.parse_args(arguments))
+        return run_mission(options)
     except (NodeEnded, subprocess.TimeoutExpired) as error:
         print(f'mission: {error}', file=sys.stderr)
         return 1
@@ -187,6 +190,8 @@ def main(arguments: list[str] | None = None) -> int:
         return USAGE
     except KeyboardInterrupt:
         return 130
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 if __name__ == '__main__':

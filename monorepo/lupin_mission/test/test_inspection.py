@@ -4,7 +4,9 @@ import importlib.util
 import json
 import math
 import os
+import signal
 import subprocess
+import sys
 from argparse import Namespace
 from pathlib import Path
 
@@ -12,7 +14,7 @@ import pytest
 from lupin_greenhouse_bridge.greenhouse.approach import Reach, find_approaches
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
 from lupin_greenhouse_bridge.show.places import read_route
-from lupin_greenhouse_bridge.testing import executable
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, wait_until
 from lupin_mission import inspection
 
 
@@ -148,6 +150,27 @@ def test_the_first_node_that_ends_ends_the_run_and_is_named_unless_it_is_the_mis
     assert capfd.readouterr().err == error
     with pytest.raises(ProcessLookupError):
         os.kill(int(process_id.read_text(encoding='utf-8')), 0)
+
+
+def test_sigterm_ends_all_that_an_inspection_started(tmp_path, stand_in):
+    nodes = ['bridge_node', 'mission_orchestrator']
+    for name in nodes:
+        stand_in(name, f'echo $$ >{tmp_path / name}.id; exec sleep 600')
+    program = f"""
+import sys
+from lupin_mission import inspection
+inspection.executable = lambda _package, name: f'{tmp_path}/{{name}}'
+sys.exit(inspection.main(['--output', '{tmp_path}/output']))
+"""
+    process_ids = [tmp_path / f'{name}.id' for name in nodes]
+    with subprocess.Popen([sys.executable, '-c', program], stderr=subprocess.PIPE, text=True) as process:
+        wait_until(lambda: all(each.exists() and each.read_text(encoding='utf-8') for each in process_ids))
+        process.terminate()
+        assert process.wait(PATIENCE_SECONDS) == 130
+        assert process.stderr.read() == ''
+    for each in process_ids:
+        with pytest.raises(ProcessLookupError):
+            os.kill(int(each.read_text(encoding='utf-8')), signal.SIGTERM)
 
 
 def test_each_argument_reaches_the_node_that_has_such_a_parameter():
