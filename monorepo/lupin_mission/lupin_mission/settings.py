@@ -244,7 +244,10 @@ class Settings:
 
 
 def _words(value) -> list[str]:
-    """Return the words of a text, or the items of an array."""
+    """Return the words of a text, or the items of an array, which a launch argument is as text: "[6, 21]"."""
     if isinstance(value, str):
-        return value.replace(',', ' ').split()
+        text = value.strip()
+        is_array = text.startswith('[') and text.endswith(']')
+        words = (text[1:-1] if is_array else text).replace(',', ' ').split()
+        return [word.strip('\'"') for word in words] if is_array else words
     return [str(item) for item in (value if isinstance(value, Iterable) else [value])]

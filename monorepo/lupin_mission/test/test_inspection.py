@@ -84,11 +84,13 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path):
     assert 'Traceback' not in result.stderr
 
 
-def test_a_tag_that_the_camera_never_sees_is_not_read(tmp_path):
+def test_a_tag_that_is_none_of_the_cameras_family_is_not_read(tmp_path):
     result = run_inspection(tmp_path, '--camera', 'image', 'tag_sequence:="600"', attempts=5)
     assert result.returncode == 1
     (line,) = (tmp_path / 'camera.jsonl').read_text(encoding='utf-8').splitlines()
-    assert json.loads(line)['outcome'] == 'NOT_CONFIRMED'
+    observation = json.loads(line)
+    assert observation['outcome'] == 'NOT_CONFIRMED'
+    assert 'tag36h11' in observation['detail']
 
 
 def test_a_world_without_its_camera_is_refused_in_one_line(tmp_path, capsys):

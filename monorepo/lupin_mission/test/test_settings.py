@@ -42,6 +42,8 @@ def test_the_limits_of_a_mission_are_its_parameters():
         ('', []),
         (' 6,21  29, ', ['6', '21', '29']),
         ([], []),
+        ('[]', []),
+        ('[6, "21"]', ['6', '21']),  # of a launch argument
         ([6, 21], ['6', '21']),
         (['6', '21'], ['6', '21']),
         (6, ['6']),
@@ -131,7 +133,14 @@ def test_the_parameter_file_has_every_parameter_and_its_default():
 
 @pytest.mark.parametrize(
     ('dock_pose', 'dock'),
-    [('', []), (' ', []), ([], []), ('1.0, 0.5, 3.14', [1.0, 0.5, 3.14]), ([0.0, 0, 0], [0.0, 0.0, 0.0])],
+    [
+        ('', []),
+        (' ', []),
+        ([], []),
+        ('1.0, 0.5, 3.14', [1.0, 0.5, 3.14]),
+        ('[1.0, 0.5, 3.14]', [1.0, 0.5, 3.14]),
+        ([0.0, 0, 0], [0.0, 0.0, 0.0]),
+    ],
 )
 def test_a_dock_pose_is_empty_or_three_numbers(dock_pose, dock):
     assert Settings(dock_pose=dock_pose).dock == dock
