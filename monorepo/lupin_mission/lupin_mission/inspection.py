@@ -132,7 +132,7 @@ def exit_code_of(mission: subprocess.Popen, others: list[subprocess.Popen]) -> i
 def run_mission(options) -> int:
     """Run the nodes and the mission, and draw its report; return the exit code. Raises OneLineError."""
     if options.world and options.camera != 'image':
-        raise StartUpError('WORLD=1 needs CAMERA=1, and publishes images only')
+        raise StartUpError('WORLD=1 publishes images only: leave CAMERA out, or set CAMERA=1')
     mission_node = executable('lupin_mission', 'mission_orchestrator')
     commands, for_mission = nodes_of(options)
     try:
@@ -169,7 +169,7 @@ def main(arguments: list[str] | None = None) -> int:
         '--camera', choices=SOURCES, help='confirm each tag, from images, compressed images or detections'
     )
     parser.add_argument(
-        '--world', action='store_true', help='render the images from the SDF world of lupin_world'
+        '--world', action='store_true', help='confirm each tag, from images of the SDF world of lupin_world'
     )
     parser.add_argument(
         '--drive', action='store_true', help='drive to each tag with nav2, here a stand-in for it'
@@ -179,6 +179,8 @@ def main(arguments: list[str] | None = None) -> int:
         'arguments', nargs='*', metavar='name:=value', help='parameters of the mission, and of the navigator'
     )
     options = parser.parse_args(arguments)
+    if options.world and options.camera is None:
+        options.camera = 'image'
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C
     try:
         return run_mission(options)

@@ -93,9 +93,12 @@ def test_a_tag_that_is_none_of_the_cameras_family_is_not_read(tmp_path):
     assert 'tag36h11' in observation['detail']
 
 
-def test_a_world_without_its_camera_is_refused_in_one_line(tmp_path, capsys):
+def test_a_world_with_another_camera_is_refused_in_one_line(tmp_path, capsys):
     assert inspection.main(['--camera', 'detections', '--world', '--output', str(tmp_path)]) == 2
-    assert capsys.readouterr().err == 'mission: WORLD=1 needs CAMERA=1, and publishes images only\n'
+    assert (
+        capsys.readouterr().err
+        == 'mission: WORLD=1 publishes images only: leave CAMERA out, or set CAMERA=1\n'
+    )
 
 
 @pytest.mark.parametrize('camera', [None, *inspection.SOURCES])
@@ -120,10 +123,11 @@ def test_an_output_that_is_no_folder_is_refused_in_one_line(tmp_path, capsys):
     assert capsys.readouterr().err == f"mission: --output '{tmp_path}/file': File exists: name a folder\n"
 
 
-def test_a_world_without_drake_is_refused_before_anything_starts(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize('camera', [(), ('--camera', 'image')])
+def test_a_world_without_drake_is_refused_before_anything_starts(tmp_path, monkeypatch, capsys, camera):
     monkeypatch.setattr(inspection, 'executable', lambda *names: str(tmp_path.joinpath(*names)))
     monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
-    assert inspection.main(['--camera', 'image', '--world', '--output', str(tmp_path)]) == 2
+    assert inspection.main([*camera, '--world', '--output', str(tmp_path)]) == 2
     assert capsys.readouterr().err == (
         'mission: Drake is missing, which renders the world: pip install drake\n'
     )
