@@ -275,7 +275,8 @@ def test_a_mistyped_parameter_is_named_and_changes_nothing(start, capfd):
 
 
 def test_the_parameter_file_has_each_parameter_with_its_default():
-    parameters = yaml.safe_load(PARAMETER_FILE.read_text(encoding='utf-8'))['/**']['ros__parameters']
+    (nodes,) = yaml.safe_load_all(PARAMETER_FILE.read_text(encoding='utf-8'))
+    parameters = nodes['/**/confirm_tag']['ros__parameters']
     defaults = {field.name: field.default for field in dataclasses.fields(Settings)}
     assert {name: (value, type(value)) for name, value in parameters.items()} == {
         name: (value, type(value)) for name, value in defaults.items()
