@@ -9,9 +9,9 @@ import csv
 import io
 import json
 import math
-import os
 import sys
 
+from lupin_greenhouse_bridge.cli.output import tell
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, counted, printable
 from lupin_greenhouse_bridge.greenhouse.approach import ApproachPose, Reach, find_approaches, read_overrides
 from lupin_greenhouse_bridge.greenhouse.floor import Floor
@@ -30,23 +30,15 @@ def main(args=None) -> int:
     options = _parser().parse_args(words[: len(words) - len(ros_words)])
     try:
         data, frame_id, has_all = _compute(options)
-        _tell(FORMATS[options.format](data), sys.stdout)
+        tell(FORMATS[options.format](data), end='')
         for each in data['unreachable']:
-            _tell(f"approach_poses: tag '{printable(each['tag_id'], 64)}': {each['reason']}\n", sys.stderr)
+            tell(f"approach_poses: tag '{printable(each['tag_id'], 64)}': {each['reason']}", sys.stderr)
         if options.publish:
             _publish(data['poses'], frame_id, ['approach_poses', *ros_words])
     except OneLineError as error:
         print(f'approach_poses: {error}', file=sys.stderr)
         return USAGE
     return ALL_HAVE_A_POSE if has_all else SOME_HAVE_NONE
-
-
-def _tell(text: str, stream) -> None:
-    """Print a text, unless the reader has closed the pipe."""
-    try:
-        print(text, end='', file=stream, flush=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _compute(options) -> tuple[dict, str, bool]:

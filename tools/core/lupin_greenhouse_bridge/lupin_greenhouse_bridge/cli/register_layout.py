@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import math
-import os
 import sys
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.utilities import remove_ros_args
 
 from lupin_greenhouse_bridge.cli.client import Interrupted, UsageError
+from lupin_greenhouse_bridge.cli.output import tell
 from lupin_greenhouse_bridge.errors import StartUpError, printable
 from lupin_greenhouse_bridge.greenhouse.layout import Layout, find_layout
 from lupin_greenhouse_bridge.greenhouse.registration import (
@@ -103,22 +103,14 @@ def register(layout: Layout, places: dict, frame_id: str, options) -> None:
         lines.append(
             f'{printable(tag_id, 40):<8}  {x:12.3f}  {y:12.3f}  {fitted.residuals_m[tag_id]:12.3f}{note}'
         )
-    _tell('\n'.join(lines))
+    tell('\n'.join(lines))
     write_transform(options.output, fitted.transform, frame_id)
     x, y, yaw = fitted.transform
-    _tell(
+    tell(
         f'{len(places) - len(fitted.left_out)} of {len(places)} tags fit within {options.tolerance:g} m.'
         f' The layout lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame_id}.'
         f' Written to {options.output}'
     )
-
-
-def _tell(text: str) -> None:
-    """Print a text, unless the reader has closed the pipe."""
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _check_known(layout: Layout, tag_ids) -> None:
@@ -154,7 +146,7 @@ class Clicks:
 
     def _ask(self) -> None:
         x, y, *_ = self._layout.tags[self._left[0]]
-        _tell(
+        tell(
             f'click tag {printable(self._left[0], 40)} with Publish Point in RViz, {len(self._left)} to go'
             f' (in the layout it is at x {x:g} m, y {y:g} m)',
         )
