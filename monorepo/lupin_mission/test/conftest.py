@@ -44,6 +44,7 @@ def start_mission(settings, tmp_path, monkeypatch, capfd):
     from mission_helpers import MissionThread, RunningMission
 
     monkeypatch.setattr(signal, 'signal', lambda *_arguments: None)  # Python refuses it in a thread
+    monkeypatch.setattr(signal, 'set_wakeup_fd', lambda *_arguments, **_keywords: -1)  # as above
     with contextlib.ExitStack() as stack:
 
         def start(**parameters):

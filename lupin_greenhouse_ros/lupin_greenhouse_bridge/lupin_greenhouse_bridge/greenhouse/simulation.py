@@ -125,9 +125,11 @@ def read(sim, tag_id: str) -> tuple[float, dict[str, float]]:
     Raises ReadingError if a value is missing or not finite.
     """
     try:
-        data = dict(sim.get_sensor_data(tag_id))
-        sim_time = _finite(data.pop('timestamp'), 'sim time of day')
-        values = {str(name): _finite(value, name) for name, value in data.items()}
+        values = {}
+        for name, value in sim.get_sensor_data(tag_id).items():
+            is_finite_float = type(value) is float and math.isfinite(value)  # almost always; saves a call
+            values[str(name)] = value if is_finite_float else _finite(value, name)
+        sim_time = values.pop('timestamp')
     except ReadingError:
         raise
     except Exception as error:
@@ -145,8 +147,7 @@ def read(sim, tag_id: str) -> tuple[float, dict[str, float]]:
 
 
 def _finite(value, name: str) -> float:
-    # Almost every value is a float, which needs no look at its abstract classes.
-    is_number = type(value) is float or (isinstance(value, numbers.Real) and not isinstance(value, bool))
+    is_number = isinstance(value, (int, numbers.Real)) and not isinstance(value, bool)
     if not is_number or not math.isfinite(value):
         raise ReadingError(f'the simulator returned {value!r} for {name}, not a finite number')
     return float(value)

@@ -2,7 +2,9 @@
 
 import contextlib
 import gc
+import os
 import signal
+import threading
 import warnings
 
 import rclpy
@@ -49,6 +51,28 @@ def ros(args=None):
 
 
 @contextlib.contextmanager
+def woken_by_signals(executor):
+    """Let every signal end the wait of an executor: it waits in C, where Python cannot handle the signal."""
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+    before = signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
+
+    def wake():
+        while os.read(read_end, 1):
+            executor.create_task(int)
+
+    thread = threading.Thread(target=wake, name='signals')
+    thread.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(write_end)
+        thread.join()
+        os.close(read_end)
+
+
+@contextlib.contextmanager
 def node_creation():
     """Wrap the creation of a node; raises StartUpError if ROS refuses it."""
     try:
@@ -79,8 +103,9 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
                 with node_creation():
                     node = create_node()
                 executor.add_node(node)
-                while not (process.is_asked_to_end() or (is_done and is_done(node))):
-                    _spin_once(executor, node)
+                with woken_by_signals(executor):
+                    while not (process.is_asked_to_end() or (is_done and is_done(node))):
+                        _spin_once(executor, node)
                 return conclude(node) if conclude else 0
             except OneLineError as error:  # here, because it keeps alive a node that must go before ROS
                 return refuse(error)
@@ -91,7 +116,7 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
 def _spin_once(executor, node) -> None:
     """Run one callback. Humble raises if a reply cannot be sent: log a warning and continue."""
     try:
-        executor.spin_once(timeout_sec=process.LONGEST_WAIT_SECONDS)
+        executor.spin_once()
     except rclpy_implementation.RCLError as error:
         reason = printable(str(error), 300)
         node.get_logger().warning(f'continued after: {reason}', throttle_duration_sec=1.0)
