@@ -10,7 +10,6 @@ import argparse
 import contextlib
 import importlib.util
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -20,6 +19,7 @@ from pathlib import Path
 import domain_coordinator
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.node.process import is_asked_to_end, take_signals
 
 from lupin_mission import disc_robot, settings
 
@@ -113,12 +113,25 @@ def stop(process: subprocess.Popen) -> None:
         process.wait()
 
 
+def raise_if_asked_to_end() -> None:
+    """Raise KeyboardInterrupt after Ctrl-C or SIGTERM, here and not where a node has just been started."""
+    if is_asked_to_end():
+        raise KeyboardInterrupt
+
+
 def exit_code_of(mission: subprocess.Popen, others: list[subprocess.Popen]) -> int:
-    """Return the exit code of the mission; raises NodeEnded if another node ends first, or TimeoutExpired."""
+    """
+    Return the exit code of the mission.
+
+    Raises NodeEnded if another node ends first, TimeoutExpired, or KeyboardInterrupt after Ctrl-C or SIGTERM.
+    """
     deadline = time.monotonic() + LONGEST_MISSION_SECONDS
     while True:
         with contextlib.suppress(subprocess.TimeoutExpired):
-            return mission.wait(LOOK_EVERY_SECONDS)
+            mission.wait(LOOK_EVERY_SECONDS)
+        raise_if_asked_to_end()
+        if mission.returncode is not None:
+            return mission.returncode
         for each in others:
             if each.poll() is not None:
                 name = Path(each.args[0]).name
@@ -158,6 +171,7 @@ def run_mission(options) -> int:
     plotted = subprocess.run([executable('lupin_mission', 'plot_report'), *drawing], check=False).returncode
     # Plotly is optional: without it, this prints how to install it.
     subprocess.run([executable('lupin_greenhouse_bridge', 'readings_page'), *drawing], check=False)
+    raise_if_asked_to_end()
     print(f'report: {report}')
     return exit_code or plotted
 
@@ -181,7 +195,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.world and options.camera is None:
         options.camera = 'image'
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C
+    take_signals()
     try:
         return run_mission(options)
     except (NodeEnded, subprocess.TimeoutExpired) as error:
@@ -192,8 +206,6 @@ def main(arguments: list[str] | None = None) -> int:
         return USAGE
     except KeyboardInterrupt:
         return 130
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 if __name__ == '__main__':

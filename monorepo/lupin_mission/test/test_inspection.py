@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from lupin_greenhouse_bridge.greenhouse.approach import Reach, find_approaches
 from lupin_greenhouse_bridge.greenhouse.layout import find_layout
+from lupin_greenhouse_bridge.node import process
 from lupin_greenhouse_bridge.show.places import read_route
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, wait_until
 from lupin_mission import inspection
@@ -30,6 +31,16 @@ def options_of(output: Path, **options) -> Namespace:
     return Namespace(
         **{'camera': None, 'world': False, 'drive': False, 'output': output, 'arguments': [], **options}
     )
+
+
+@pytest.fixture(autouse=True)
+def signals(monkeypatch):
+    """Give the process its signals back: inspection.main() takes it for its own."""
+    monkeypatch.setattr(process, '_is_asked_to_end', False)
+    before = {number: signal.getsignal(number) for number in process.SIGNALS}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture
@@ -169,14 +180,34 @@ inspection.executable = lambda _package, name: f'{tmp_path}/{{name}}'
 sys.exit(inspection.main(['--output', '{tmp_path}/output']))
 """
     process_ids = [tmp_path / f'{name}.id' for name in nodes]
-    with subprocess.Popen([sys.executable, '-c', program], stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen([sys.executable, '-c', program], stderr=subprocess.PIPE, text=True) as running:
         wait_until(lambda: all(each.exists() and each.read_text(encoding='utf-8') for each in process_ids))
-        process.terminate()
-        assert process.wait(PATIENCE_SECONDS) == 130
-        assert process.stderr.read() == ''
+        running.terminate()
+        assert running.wait(PATIENCE_SECONDS) == 130
+        assert running.stderr.read() == ''
     for each in process_ids:
         with pytest.raises(ProcessLookupError):
             os.kill(int(each.read_text(encoding='utf-8')), signal.SIGTERM)
+
+
+@pytest.mark.parametrize('number', process.SIGNALS)
+@pytest.mark.parametrize('last', ['bridge_node', 'mission_orchestrator'])
+def test_a_signal_ends_a_node_that_has_just_been_started(tmp_path, monkeypatch, stand_in, last, number):
+    started = []
+
+    class Popen(subprocess.Popen):
+        def __init__(self, command, **keywords):
+            super().__init__(command, **keywords)
+            started.append(self)
+            if Path(command[0]).name == last:
+                signal.raise_signal(number)
+
+    for name in ('bridge_node', 'mission_orchestrator'):
+        stand_in(name, 'exec sleep 600')
+    monkeypatch.setattr(inspection.subprocess, 'Popen', Popen)
+    assert inspection.main(['--output', str(tmp_path / 'output')]) == 130
+    assert started
+    assert all(each.returncode == -signal.SIGTERM for each in started)
 
 
 def test_each_argument_reaches_the_node_that_has_such_a_parameter():
