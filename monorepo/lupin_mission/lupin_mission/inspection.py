@@ -3,7 +3,7 @@
 
 Starts the bridge, the mission and, with --camera, a camera that confirms tags. With --drive, a navigator
 moves a robot that has the camera on it. Writes a report, its picture and its page. Exit code: the mission's,
-0 if all tags were read; 1 if another node ends first; 2 if it cannot start.
+0 if all tags were read; 1 if another node ends first; 2 if it cannot start; 130 after Ctrl-C or SIGTERM.
 """
 
 import argparse
