@@ -61,6 +61,19 @@ def share(assignments: list[str]) -> tuple[list[str], list[str]]:
     )
 
 
+def raise_if_asked_to_end() -> None:
+    """Raise KeyboardInterrupt after Ctrl-C or SIGTERM, here and not where a node has just been started."""
+    if is_asked_to_end():
+        raise KeyboardInterrupt
+
+
+def run_to_end(command: list[str]) -> int:
+    """Run a command and return its exit code; raises KeyboardInterrupt after Ctrl-C or SIGTERM."""
+    exit_code = subprocess.run(command, check=False).returncode
+    raise_if_asked_to_end()
+    return exit_code
+
+
 def nodes_of(options) -> tuple[list[list[str]], list[str]]:
     """Return the commands of the nodes around the mission, and the mission's parameters."""
     nodes = [[executable('lupin_greenhouse_bridge', 'bridge_node')]]
@@ -80,7 +93,7 @@ def nodes_of(options) -> tuple[list[list[str]], list[str]]:
         command = [executable('lupin_world', 'generate_world'), '--side', '0.04', '--output', str(folder)]
         if not importlib.util.find_spec('pydrake'):
             raise StartUpError('Drake is missing, which renders the world: pip install drake')
-        if subprocess.run(command, check=False).returncode:
+        if run_to_end(command):
             raise StartUpError('the world cannot be made')
         world_file = f'world_file:="{folder / "greenhouse.sdf"}"'
         if not options.drive:  # a world does not name the tables that a robot drives around
@@ -111,12 +124,6 @@ def stop(process: subprocess.Popen) -> None:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-
-
-def raise_if_asked_to_end() -> None:
-    """Raise KeyboardInterrupt after Ctrl-C or SIGTERM, here and not where a node has just been started."""
-    if is_asked_to_end():
-        raise KeyboardInterrupt
 
 
 def exit_code_of(mission: subprocess.Popen, others: list[subprocess.Popen]) -> int:
@@ -168,10 +175,9 @@ def run_mission(options) -> int:
     if exit_code == USAGE:
         return USAGE
     drawing = [str(report), *(['--route', str(route)] if route.exists() else [])]
-    plotted = subprocess.run([executable('lupin_mission', 'plot_report'), *drawing], check=False).returncode
+    plotted = run_to_end([executable('lupin_mission', 'plot_report'), *drawing])
     # Plotly is optional: without it, this prints how to install it.
-    subprocess.run([executable('lupin_greenhouse_bridge', 'readings_page'), *drawing], check=False)
-    raise_if_asked_to_end()
+    run_to_end([executable('lupin_greenhouse_bridge', 'readings_page'), *drawing])
     print(f'report: {report}')
     return exit_code or plotted
 

@@ -210,6 +210,19 @@ def test_a_signal_ends_a_node_that_has_just_been_started(tmp_path, monkeypatch, 
     assert all(each.returncode == -signal.SIGTERM for each in started)
 
 
+@pytest.mark.parametrize('script', ['kill -TERM $PPID', 'kill -INT $PPID; exit 1'])
+@pytest.mark.parametrize('name', ['generate_world', 'plot_report', 'readings_page'])
+def test_a_signal_ends_what_comes_before_or_after_a_mission(tmp_path, monkeypatch, stand_in, name, script):
+    """Ctrl-C in a terminal ends the command too, which is no fault of the world."""
+    monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: True)
+    for node in ('bridge_node', 'confirm_tag', 'world_camera'):
+        stand_in(node, 'exec sleep 600')
+    for command in ('generate_world', 'mission_orchestrator', 'plot_report', 'readings_page'):
+        stand_in(command, '')
+    stand_in(name, script)
+    assert inspection.main(['--world', '--output', str(tmp_path / 'output')]) == 130
+
+
 def test_each_argument_reaches_the_node_that_has_such_a_parameter():
     of_both, of_mission, of_navigator, unknown = (
         'robot_radius_m:=0.3',

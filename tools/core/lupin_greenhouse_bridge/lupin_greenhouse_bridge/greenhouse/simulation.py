@@ -147,6 +147,7 @@ def read(sim, tag_id: str) -> tuple[float, dict[str, float]]:
 
 
 def _finite(value, name: str) -> float:
+    # int comes first: the simulator's clock is one, and the look at an abstract class takes longer.
     is_number = isinstance(value, (int, numbers.Real)) and not isinstance(value, bool)
     if not is_number or not math.isfinite(value):
         raise ReadingError(f'the simulator returned {value!r} for {name}, not a finite number')
