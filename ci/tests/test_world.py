@@ -33,6 +33,7 @@ TABLES = {
     'a': {'x0': 1.0, 'y0': 1.0, 'x1': 2.0, 'y1': 1.5},
     'b': {'x0': 4.0, 'y0': 1.0, 'x1': 4.5, 'y1': 2.0},
 }
+THREE_TABLES = TABLES | {'in front of tag 0': {'x0': 1.0, 'y0': 0.6, 'x1': 2.0, 'y1': 0.8}}
 TAGS = {
     '0': {'x': 1.5, 'y': 1.0, 'sensors': ['co2']},
     '7': {'x': 4.5, 'y': 2.0, 'sensors': ['co2']},
@@ -55,12 +56,16 @@ def check_world(folder, layout, command=('-m', 'lupin_world.check_world')):
 
 @needs_drake
 @pytest.mark.heavy
-@pytest.mark.parametrize('tables', [TABLES, {}], ids=['two tables', 'no tables'])
-def test_a_layout_of_ones_own_becomes_a_world_whose_tags_can_be_read(tmp_path, tables):
+@pytest.mark.parametrize(
+    ('tables', 'places'), [(THREE_TABLES, {2: 12, 3: 6}), ({}, {3: 18})], ids=['three tables', 'no tables']
+)
+def test_a_layout_of_ones_own_becomes_a_world_whose_tags_can_be_read(tmp_path, tables, places):
     result = check_world(tmp_path, {'tags': TAGS, 'tables': tables})
     assert result.returncode == 0, result.stdout + result.stderr
     lines = result.stdout.splitlines()
-    assert sum(': 3 of 3 read (a robot' in line for line in lines) == 18
+    for tags, count in places.items():
+        setting = f': 3 of 3 read (a robot can stand there at {tags})'
+        assert sum(line.endswith(setting) for line in lines) == count
     assert sum('approach poses' in line and ': 3 of 3 read' in line for line in lines) == 6
     assert sum('from behind: 0 of 3 read' in line for line in lines) == 2
 

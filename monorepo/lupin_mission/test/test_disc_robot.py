@@ -1,5 +1,6 @@
 """The robot of the navigator stand-in: how it moves, and its parameters. No time passes."""
 
+import importlib.util
 import math
 
 import pytest
@@ -104,6 +105,12 @@ def test_the_robot_can_be_where_no_obstacle_is():
 def test_a_robot_that_cannot_start_is_refused(parameters, problem):
     with pytest.raises(StartUpError, match=problem):
         Settings(**parameters).floor()
+
+
+def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
+    monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
+    with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_locations_file'):
+        Settings().floor()
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """The camera for tests and simulations shows the tag that the mission stands at, or what the robot sees."""
 
+import importlib.util
 import json
 import math
 
@@ -121,6 +122,12 @@ def test_an_id_outside_the_family_has_no_place_in_the_picture(tmp_path):
     tags = {'7': tag, '587': tag, 'seven': tag, '-1': tag}
     tag_file.write_text(json.dumps({'tags': tags, 'tables': {}}), encoding='utf-8')
     assert set(placements(str(tag_file))) == {7}
+
+
+def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
+    monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
+    with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_locations_file'):
+        placements('')
 
 
 def test_a_camera_on_the_robot_sees_its_tag_only_from_where_the_robot_really_stands(run_nodes):

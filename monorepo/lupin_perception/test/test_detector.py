@@ -1,5 +1,7 @@
 """The detector on rendered pictures: it finds the tag, and never one that is not there."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from lupin_perception.confirmation import Confirmer, Frame, Sight
@@ -74,12 +76,14 @@ def test_no_tag_is_confirmed_in_200_images_without_it():
     detector = TagDetector(max_hamming=2)
     lenient = Criteria(min_frames=1, min_decision_margin=0.0, max_hamming=2)
     random = np.random.default_rng(0)
-    others = 0
+    read = Counter()  # pictures with another tag, by their kind
     for number in range(200):
         picture = decoy(number, 7, random)
         confirmer = Confirmer(lenient)
         confirmer.add(Frame(lambda picture=picture: Sight(detector.detect(picture)), 0.0, 0.0))
         confidence, message, _ = confirmer.confirm('7', 0.0, 0.0)
         assert confidence == 0.0, f'image {number}'
-        others += 'other tags' in message
-    assert others > 200 / len(DECOYS) - 4  # the decoys are not blank: the detector read those of the family
+        read[DECOYS[number % len(DECOYS)]] += 'other tags' in message
+    of_the_family = read.pop('other ids')
+    assert of_the_family > 200 / len(DECOYS) - 4  # the decoys are not blank: the detector read them
+    assert sum(read.values()) < 4
