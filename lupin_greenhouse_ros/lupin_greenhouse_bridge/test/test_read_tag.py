@@ -301,8 +301,11 @@ def empty_domain():
         yield domain
 
 
-def test_the_hint_names_the_domain_the_discovery_and_what_is_there(hint, monkeypatch):
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+@pytest.mark.parametrize(
+    ('variable', 'value'), [('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'), ('ROS_LOCALHOST_ONLY', '1')]
+)
+def test_the_hint_names_the_domain_the_discovery_and_what_is_there(hint, monkeypatch, variable, value):
+    monkeypatch.setenv(variable, value)
     with empty_domain() as domain:
         text = hint()
     assert f'ROS_DOMAIN_ID {domain}, limited to this machine by ' in text
