@@ -19,6 +19,7 @@ LIMITS = Limits(
     max_attempts=3,
     retry_delay_seconds=0.5,
 )
+LONGEST_MISSION_SECONDS = 100_000.0  # simulated
 
 
 def reading(tag_id: str, value: float = 20.0) -> Reading:
@@ -50,6 +51,7 @@ class World:
 
     def wait(self, seconds):
         self.now += seconds
+        assert self.now < LONGEST_MISSION_SECONDS, 'the mission does not end'
         self.mission.step(self.now)
 
     @property
@@ -769,6 +771,7 @@ class AnyOrder(RuleBasedStateMachine):
     @rule(seconds=st.sampled_from([0.0, 0.02, 0.5, 1.0, 2.0, 5.0]))
     def time_passes(self, seconds):
         self.now += seconds
+        assert self.now < LONGEST_MISSION_SECONDS, 'the mission does not end'
         self.mission.step(self.now)
 
     @rule()
