@@ -52,6 +52,16 @@ class WhileTheBridgeRuns(unittest.TestCase):
             assert declared.pop(name) == (str(field.default), field.metadata['description'])
         assert list(declared) == ['namespace', 'log_level', 'params_file', 'respawn']
 
+    def test_a_parameter_file_that_is_missing_is_named(self):
+        context = launch.LaunchContext()
+        context.launch_configurations['params_file'] = '/missing.yaml'
+        description = PythonLaunchDescriptionSource(LAUNCH_FILE).get_launch_description(context)
+        *declarations, start = description.entities
+        for declaration in declarations:
+            declaration.visit(context)
+        with pytest.raises(FileNotFoundError, match=r"params_file '/missing.yaml' is not a file"):
+            start.visit(context)
+
 
 @launch_testing.post_shutdown_test()
 class AfterTheBridgeEnded(unittest.TestCase):
