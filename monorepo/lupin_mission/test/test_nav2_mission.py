@@ -1,5 +1,6 @@
 """The real mission node with Nav2's action: what ends it stops the robot, and what fails is reported."""
 
+import json
 import sys
 
 import pytest
@@ -75,6 +76,28 @@ def test_the_shortest_order_starts_at_the_dock_and_ends_there(start_mission, rea
     assert sorted(reader.tag_ids) == sorted(tag_ids)
     assert reader.tag_ids[0] == '29'
     assert places(navigator)[-1] == (x, y)
+
+
+def test_tags_that_are_cut_off_from_the_dock_keep_their_order_with_a_warning(
+    start_mission, reader, navigator, tmp_path
+):
+    # The dock is in a yard whose entrance is too narrow, and the tags are outside.
+    edges = {'s': (0, 0, 3, 0.5), 'n': (0, 3, 3, 3.5), 'w': (0, 0.5, 0.5, 3), 'e': (2.5, 0.5, 3, 2.9)}
+    tables = {name: dict(zip(('x0', 'y0', 'x1', 'y1'), each, strict=True)) for name, each in edges.items()}
+    tags = {tag_id: {'x': x, 'y': 0.0, 'sensors': ['co2']} for tag_id, x in (('1', 0.5), ('2', 2.5))}
+    tag_file = tmp_path / 'yard.json'
+    tag_file.write_text(json.dumps({'tags': tags, 'tables': tables}), encoding='utf-8')
+    yard = {'tag_locations_file': str(tag_file), 'dock_pose': '"1.5 1.75 0.0"'}
+    mission = start_mission(**NAV2, **yard, tag_sequence='2 1', order='shortest')
+    for tag_id in '21':
+        navigator.end(navigator.accept(), 'succeed')
+        assert reader.wait_for_request() == tag_id
+        reader.answer_ok(tag_id, co2=1.0)
+    navigator.end(navigator.accept(), 'succeed')
+    assert mission.end() == 0
+    (warning,) = mission.warnings()
+    assert 'the order is not the shortest: ' in warning
+    assert 'is cut off from (1.50, 1.75)' in warning
 
 
 def test_a_tag_that_cannot_be_reached_is_unreachable_with_its_reason(
