@@ -414,8 +414,11 @@ def test_a_tag_without_any_reply_is_said_after_its_attempts(held_service, start_
     reader.clock.now += 2.0
     reader.look()
     assert said not in log()
+    wait_until(lambda: reader.node._futures)
+    (last,) = reader.node._futures.values()
     reader.clock.now += 2.0
     wait_until(lambda: said in log())
+    assert last not in reader.node._client._pending_requests.values()  # rclpy would keep it for ever
 
 
 @needs_detections
