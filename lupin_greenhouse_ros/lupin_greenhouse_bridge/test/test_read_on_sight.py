@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import pytest
 import rclpy
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.node.graph import doubt_about, servers_of
@@ -402,6 +403,12 @@ def test_a_reply_after_its_timeout_is_dropped_and_that_of_the_next_attempt_is_pu
     wait_until(lambda: len(readings) >= 2)
     assert held_service.requests == ['7', '7', '8']
     assert [(each.tag_id, each.sim_time_of_day_seconds) for each in readings] == [('7', 2.0), ('8', 3.0)]
+
+
+@needs_detections
+def test_its_client_keeps_as_many_replies_to_others_as_the_bridge_sends(start_reader):
+    (client,) = start_reader().node.clients
+    assert client.qos_profile == SERVICE_QOS
 
 
 @needs_detections

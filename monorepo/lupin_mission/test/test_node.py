@@ -3,9 +3,11 @@
 import json
 import os
 import sys
+import time
 
 import pytest
 import rclpy
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
 from lupin_mission import mission_node, tags
@@ -348,6 +350,24 @@ def test_a_request_that_waits_for_its_service_is_not_sent_in_a_pause(mission_and
     while node.mission.state is not State.DONE:
         executor.spin_once(timeout_sec=PATIENCE_SECONDS)
     assert node.mission.outcomes == {'1': OK}
+
+
+def test_its_clients_keep_as_many_replies_to_others_as_the_bridge_sends(mission_and_executor):
+    node, _ = mission_and_executor
+    clients = node._transport._clients.values()
+    assert [each.qos_profile for each in clients] == [SERVICE_QOS] * len(Service)
+
+
+@pytest.mark.usefixtures('reader')
+@pytest.mark.filterwarnings('ignore:failed to send response')  # the node is gone before the reply
+def test_a_request_that_is_given_up_is_not_kept(mission_and_executor):
+    node, executor = mission_and_executor
+    while not node._transport._future:
+        executor.spin_once(timeout_sec=PATIENCE_SECONDS)
+    given_up, client = node._transport._future, node._transport._clients[Service.READ]
+    assert given_up in client._pending_requests.values()
+    node.mission.step(time.monotonic() + HOUR)
+    assert given_up not in client._pending_requests.values()  # rclpy would keep it for ever
 
 
 def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, mission_and_executor):
