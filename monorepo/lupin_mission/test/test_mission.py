@@ -771,7 +771,6 @@ class AnyOrder(RuleBasedStateMachine):
     @rule(seconds=st.sampled_from([0.0, 0.02, 0.5, 1.0, 2.0, 5.0]))
     def time_passes(self, seconds):
         self.now += seconds
-        assert self.now < LONGEST_MISSION_SECONDS, 'the mission does not end'
         self.mission.step(self.now)
 
     @rule()
