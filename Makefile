@@ -25,7 +25,7 @@ IN_ENV := source ci/ros_env.bash &&
 # Of a package that is built: $(call EXECUTABLE,package,name)
 EXECUTABLE = "$$LUPIN_WORKSPACE/install/$(1)/lib/$(1)/$(2)"
 # Ctrl-C ends all that it has started.
-CONTAINED := python ci/contained.py
+KILL_TREE := python ci/kill_tree.py
 
 figure tags recall world world-check: override TREE := monorepo
 
@@ -49,7 +49,7 @@ read: bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TA
 mission: $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world, DRIVE=1 drives a robot there
 	@[ $(TREE) = monorepo ] || { echo 'mission: it is in the monorepo only: make mission TREE=monorepo' >&2; exit 2; }
 	@$(IN_ENV) $(if $(WORLD),ci/with_drake) $(if $(DRIVE)$(filter detections,$(CAMERA)),ci/with_stand_ins) \
-	    $(call EXECUTABLE,lupin_mission,inspection) --output '$(CURDIR)/.mission' \
+	    $(call EXECUTABLE,lupin_simulation,inspection) --output '$(CURDIR)/.mission' \
 	    $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(if $(DRIVE),--drive) $(ARGS)
 
 page: bridge  ## make a page of the readings of the last mission, or of FILE=readings.sqlite (or .csv, .jsonl)
@@ -58,10 +58,10 @@ page: bridge  ## make a page of the readings of the last mission, or of FILE=rea
 	    $(IN_ENV) "$$LUPIN_EXECUTABLES/readings_page" "$$file" $(ARGS)
 
 world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"
-	@$(IN_ENV) $(call EXECUTABLE,lupin_world,generate_world) $(ARGS)
+	@$(IN_ENV) $(call EXECUTABLE,lupin_simulation,generate_world) $(ARGS)
 
 world-check: build  ## check with Drake that the camera can detect each tag of that world
-	@$(IN_ENV) ci/with_drake $(call EXECUTABLE,lupin_world,check_world) $(ARGS)
+	@$(IN_ENV) ci/with_drake $(call EXECUTABLE,lupin_simulation,check_world) $(ARGS)
 
 tags: build  ## make a PDF of the tags to print, SIDE millimetres each: make tags SIDE=40
 	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(SIDE) $(ARGS)
@@ -89,7 +89,7 @@ drift:  ## check that the two trees differ in the one allowed line only
 	@$(PYTHON) tools/check_drift.py --monorepo monorepo --mirror lupin_greenhouse_ros
 
 test: env  ## run all that CI checks of every change
-	@$(IN_ENV) $(CONTAINED) ci/test
+	@$(IN_ENV) $(KILL_TREE) ci/test
 
 lint: env  ## check the code with ruff, the spelling, and the workflows against their schema
 	@$(IN_ENV) ci/lint
@@ -112,7 +112,7 @@ bench: bridge  ## compare the bridge with a plain wrapper of the simulator (SHOR
 	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)
 
 soak: build  ## check the promises under faults and load (SHORT=1, REFUSALS=12000, SIGNALS=500)
-	@$(IN_ENV) $(CONTAINED) ci/with_stand_ins python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
+	@$(IN_ENV) $(KILL_TREE) ci/with_stand_ins python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
 
 test-network: bridge  ## call between two network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
 	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short)
@@ -121,7 +121,7 @@ recall: build  ## measure how often the camera's detector finds a tag, by distan
 	@$(IN_ENV) python tools/measure/recall.py $(ARGS)
 
 test-heavy: env  ## run the tests that take minutes, as CI does after make test
-	@$(IN_ENV) $(CONTAINED) ci/test_heavy
+	@$(IN_ENV) $(KILL_TREE) ci/test_heavy
 
 matrix:  ## run the contract tests on every Python, distro and simulator available here
 	@ci/matrix
@@ -133,7 +133,7 @@ test-22-04: env  ## run the tests of the bridge and of the monorepo's nodes with
 	@ci/test_22_04
 
 steady: env  ## repeat the contract tests of both trees RUNS=20 times beside LOAD=3 busy loops, and count failures
-	@$(IN_ENV) $(CONTAINED) python tools/measure/steady.py --runs $(RUNS) --load $(LOAD)
+	@$(IN_ENV) $(KILL_TREE) python tools/measure/steady.py --runs $(RUNS) --load $(LOAD)
 
 # publish
 

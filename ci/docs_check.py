@@ -33,9 +33,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
-from lupin_greenhouse_bridge.greenhouse import simulation
-from lupin_greenhouse_bridge.node.parameters import launch_arguments
+from lupin_greenhouse_bridge.runtime.parameters import launch_arguments
 from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.units import unit_of
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -5,10 +5,10 @@ import json
 
 import pytest
 from browser import CHROMIUM, NO_CHROMIUM, Page
-from lupin_greenhouse_bridge.greenhouse.layout import find_layout
-from lupin_greenhouse_bridge.keep.store import open_store
-from lupin_greenhouse_bridge.rows import Row, utc_of
-from lupin_greenhouse_bridge.show import readings_page
+from lupin_greenhouse_bridge.display import readings_page
+from lupin_greenhouse_bridge.recording.rows import Row, utc_of
+from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.units import label_of
 
 pytestmark = pytest.mark.skipif(not CHROMIUM, reason=NO_CHROMIUM)

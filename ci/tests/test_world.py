@@ -12,15 +12,15 @@ ROOT = Path(__file__).resolve().parents[2]
 WRONG = """
 import sys
 import math
-from lupin_world import check_world, sdf
-place = sdf.place_by_number
-sdf.place_by_number = lambda layout: {n: each._replace({change}) for n, each in place(layout).items()}
+from lupin_simulation import check_world, sdf
+found = sdf.tag_poses_by_number
+sdf.tag_poses_by_number = lambda layout: {n: each._replace({change}) for n, each in found(layout).items()}
 sys.exit(check_world.main(sys.argv[1:]))
 """
 TURNED = """
 import sys
 import math
-from lupin_world import check_world
+from lupin_simulation import check_world
 find = check_world.find_approaches
 def find_turned(*arguments):
     found = find(*arguments)
@@ -47,7 +47,7 @@ def with_drake(*arguments: str) -> subprocess.CompletedProcess:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
-def check_world(folder, layout, command=('-m', 'lupin_world.check_world')):
+def check_world(folder, layout, command=('-m', 'lupin_simulation.check_world')):
     """Run the check on a layout."""
     tag_file = folder / 'tags.json'
     tag_file.write_text(json.dumps(layout), encoding='utf-8')
@@ -102,7 +102,9 @@ def test_approach_poses_that_look_aside_are_noticed(tmp_path):
 def test_the_camera_refuses_a_file_that_is_no_world_in_one_line(tmp_path, name):
     (tmp_path / 'broken.sdf').write_text('<sdf version="1.6"><world>', encoding='utf-8')
     world_file = name and str(tmp_path / name)
-    result = with_drake('-m', 'lupin_world.world_camera', '--ros-args', '-p', f'world_file:="{world_file}"')
+    result = with_drake(
+        '-m', 'lupin_simulation.world_camera', '--ros-args', '-p', f'world_file:="{world_file}"'
+    )
     assert result.returncode == 1
     (fatal,) = result.stderr.splitlines()
     assert '[FATAL]' in fatal

@@ -14,7 +14,7 @@ setup(
         (f'share/{package_name}/config', ['config/mission_orchestrator.yaml']),
     ],
     python_requires='>=3.10',
-    install_requires=['setuptools', 'matplotlib'],
+    install_requires=['setuptools'],
     extras_require={'test': ['hypothesis', 'pytest']},
     zip_safe=True,
     maintainer='Lupin team',
@@ -23,12 +23,10 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'inspection = lupin_mission.inspection:main',
             'mission_orchestrator = lupin_mission.executables:mission_orchestrator',
             'mission_node = lupin_mission.executables:mission_orchestrator',
-            'navigator_stand_in = lupin_mission.executables:navigator_stand_in',
+            'passive_observer = lupin_mission.executables:passive_observer',
             'register_discovered_tags = lupin_mission.executables:register_discovered_tags',
-            'plot_report = lupin_greenhouse_bridge.executables:plot_report',
         ],
     },
 )

@@ -20,22 +20,22 @@ import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.greenhouse import (
+from lupin_greenhouse_bridge.planning import (
     approach,
-    facing,
-    floor,
+    drawing,
+    free_space,
     labelling,
-    order,
-    plot,
-    route_plot,
+    route,
+    route_drawing,
+    tag_poses,
     visualization,
 )
-from lupin_greenhouse_bridge.greenhouse.files import shipped_file
-from lupin_greenhouse_bridge.greenhouse.labelling import Box, place_labels
-from lupin_greenhouse_bridge.greenhouse.layout import read_layout
-from lupin_greenhouse_bridge.greenhouse.plot import COLOURS, draw_footprint
-from lupin_greenhouse_bridge.greenhouse.simulation import load
+from lupin_greenhouse_bridge.planning.drawing import COLOURS, draw_footprint
+from lupin_greenhouse_bridge.planning.labelling import Box, place_labels
 from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.simulator.files import shipped_file
+from lupin_greenhouse_bridge.simulator.layout import read_layout
+from lupin_greenhouse_bridge.simulator.simulation import load
 from lupin_greenhouse_bridge.units import label_of
 from matplotlib import pyplot
 from matplotlib.patches import Wedge
@@ -56,7 +56,17 @@ TAG_RADIUS_M = 0.085
 CHARACTER_M, LINE_M = 0.085, 0.17  # of a label in the picture
 CLEAR_M = 0.2  # distance of a number on a contour line to a wall, at least; twice that to a tag
 
-DRAWN_BY = (approach, facing, floor, labelling, order, plot, route_plot, units, visualization)
+DRAWN_BY = (
+    approach,
+    drawing,
+    free_space,
+    labelling,
+    route,
+    route_drawing,
+    tag_poses,
+    units,
+    visualization,
+)
 
 
 class Greenhouse:
@@ -202,11 +212,11 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
 
 def draw_route(greenhouse: Greenhouse):
     """Return the figure of the approach poses and the shortest route of a robot of the default size."""
-    reach = approach.Reach()
+    reach = approach.ViewingLimits()
     approaches = approach.find_approaches(greenhouse.layout, reach)
-    way = floor.Floor(greenhouse.layout, reach.robot_radius_m + reach.clearance_m)
-    route = order.plan_route(way, approaches.poses, None, 'shortest')
-    return route_plot.draw_route(greenhouse.layout, *approaches, route)
+    way = free_space.FreeSpace(greenhouse.layout, reach.robot_radius_m + reach.clearance_m)
+    planned = route.plan_route(way, approaches.poses, None, 'shortest')
+    return route_drawing.draw_route(greenhouse.layout, *approaches, planned)
 
 
 def save(figure, path: Path, fingerprint: str) -> None:

@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 from browser import CHROMIUM, NO_CHROMIUM, Page
-from lupin_greenhouse_bridge.show import readings_page
+from lupin_greenhouse_bridge.display import readings_page
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]

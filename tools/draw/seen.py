@@ -1,5 +1,5 @@
 """
-Draw what confirm_tag publishes on ~/seen at the wrong tag, for the page of lupin_perception.
+Draw what confirm_tag publishes on ~/seen at the wrong tag, for the page of lupin_tag_confirmation.
 
     make figure
 """
@@ -11,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 from figure import fingerprint_of
-from lupin_perception import drawing, scene
-from lupin_perception.confirmation import Confirmer, Frame, Sight
-from lupin_perception.detector import TagDetector
-from lupin_perception.settings import Criteria
+from lupin_simulation import scene
+from lupin_tag_confirmation import drawing
+from lupin_tag_confirmation.confirmation import Confirmer, Frame, Sight
+from lupin_tag_confirmation.detector import TagDetector
+from lupin_tag_confirmation.settings import Criteria
 from PIL import Image, PngImagePlugin
 
-COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_perception/doc/seen.png'
+COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_tag_confirmation/doc/seen.png'
 TAG, EXPECTED_TAG = 7, 8
 
 

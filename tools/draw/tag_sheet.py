@@ -15,8 +15,8 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.greenhouse.simulation import served_tag_ids
-from lupin_perception import scene
+from lupin_greenhouse_bridge.simulator.simulation import served_tag_ids
+from lupin_simulation import scene
 from matplotlib import pyplot
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.patches import PathPatch, Rectangle

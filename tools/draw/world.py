@@ -1,5 +1,5 @@
 """
-Draw the SDF world for the page of lupin_world: from above, and from a robot in front of a tag.
+Draw the SDF world for the page of lupin_simulation: from above, and from a robot in front of a tag.
 
     make figure WORLD=1
 """
@@ -9,12 +9,12 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from lupin_world.generate_world import LARGEST_SIDE_M, make_world
-from lupin_world.renderer import World
-from lupin_world.view import viewpoint
+from lupin_simulation.generate_world import LARGEST_SIDE_M, make_world
+from lupin_simulation.renderer import World
+from lupin_simulation.view import viewpoint
 from PIL import Image
 
-COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_world/doc'
+COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_simulation/doc'
 TAG = 7
 
 

@@ -25,7 +25,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import domain_coordinator
-import felt_times
+import user_latency
 from traffic import status_of
 
 HERE = Path(__file__).resolve().parent
@@ -212,13 +212,13 @@ class Asker:
                 client.remove_pending_request(future)
         return answered
 
-    def hurry(self, service: str, calls: int, at_once: int = 16) -> None:
+    def hurry(self, service: str, calls: int, run_parallel: int = 16) -> None:
         """Have this many calls answered as fast as they can be, a few on their way at any time."""
         client, request = self._call_to(service)
         on_their_way = []
         for _ in range(calls):
             on_their_way.append(client.call_async(request))
-            while len(on_their_way) >= at_once:
+            while len(on_their_way) >= run_parallel:
                 self._executor.spin_once(timeout_sec=PATIENCE_SECONDS)
                 on_their_way = [future for future in on_their_way if not future.done()]
         while on_their_way:
@@ -546,7 +546,7 @@ def main() -> int:
         print(f'missed: {", ".join(missed)}')
     if 'felt' in options.only and not options.short:
         print()
-        felt_times.print_table(short=False)
+        user_latency.print_table(short=False)
     return 0
 
 

@@ -1,8 +1,8 @@
 """The bridge with a counter of its requests, for soak.py and network.py; prints the count when it ends."""
 
 from lupin_greenhouse_bridge import bridge_node
-from lupin_greenhouse_bridge.greenhouse import simulation
-from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.simulator import simulation
 
 
 def main() -> int:

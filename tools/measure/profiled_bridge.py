@@ -11,8 +11,8 @@ import time
 
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import bridge_node
-from lupin_greenhouse_bridge.greenhouse import simulation
-from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.simulator import simulation
 
 
 def timed(owner, name: str) -> list[float]:

@@ -18,10 +18,10 @@ from concurrent.futures import ProcessPoolExecutor
 import cv2
 import numpy as np
 from apriltag import apriltag
-from lupin_perception import scene
-from lupin_perception.detector import TagDetector
-from lupin_perception.images import decoded_picture, grey_picture
-from lupin_perception.settings import Criteria
+from lupin_simulation import scene
+from lupin_tag_confirmation.detector import TagDetector
+from lupin_tag_confirmation.images import decoded_picture, grey_picture
+from lupin_tag_confirmation.settings import Criteria
 
 SIDES_M = (0.04, 0.05)
 DISTANCES_M = (0.2, 0.5, 0.8, 1.0, 1.25, 1.5)

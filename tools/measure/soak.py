@@ -27,8 +27,8 @@ from pathlib import Path
 from queue import SimpleQueue
 
 import domain_coordinator
-from lupin_greenhouse_bridge.keep.reading_files import read_rows
-from lupin_greenhouse_bridge.keep.store import key_of
+from lupin_greenhouse_bridge.recording.reading_files import read_rows
+from lupin_greenhouse_bridge.recording.store import key_of
 from lupin_greenhouse_bridge.testing import executable
 from lupin_msgs.msg import SensorReading, TagReading
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -308,12 +308,12 @@ def signalled_at_any_moment(_scale: int) -> Iterator[tuple[str, bool]]:
         files = (f'file:={folder}/{number}.sqlite' for number in count())
         cases.append(('record_readings', ([*record, file] for file in files), {0}))
         if os.environ.get('TREE', 'monorepo') == 'monorepo':
-            mission = [executable('lupin_mission', 'mission_node'), '--ros-args']
+            mission = [executable('lupin_mission', 'mission_orchestrator'), '--ros-args']
             mission += ['-p', 'wait_for_start:=false', '-p']
             reports = (f'report_file:={folder}/{number}.jsonl' for number in count())
             cases += [
-                ('mission_node', ([*mission, report] for report in reports), {0, 1}),
-                ('confirm_tag', repeat([executable('lupin_perception', 'confirm_tag')]), {0}),
+                ('mission_orchestrator', ([*mission, report] for report in reports), {0, 1}),
+                ('confirm_tag', repeat([executable('lupin_tag_confirmation', 'confirm_tag')]), {0}),
             ]
         for name, commands, documented in cases:
             signals = (signal.SIGINT, signal.SIGINT, signal.SIGTERM)
@@ -323,7 +323,7 @@ def signalled_at_any_moment(_scale: int) -> Iterator[tuple[str, bool]]:
             tables = sum('tags read' in output for _, output in results)
             text = f'{name}: {options.signals} times, exit codes {codes}, {len(tracebacks)} tracebacks'
             is_kept = set(codes) <= documented and not tracebacks
-            if name == 'mission_node':
+            if name == 'mission_orchestrator':
                 text, is_kept = f'{text}, {tables} tables', is_kept and tables == options.signals
             yield text, is_kept
             odd = [output for code, output in results if code not in documented or 'Traceback' in output]

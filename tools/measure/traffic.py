@@ -17,11 +17,11 @@ from collections import Counter
 from pathlib import Path
 
 import rclpy
-from lupin_greenhouse_bridge.cli import client as blocking_client
-from lupin_greenhouse_bridge.cli.client import Client, NoAnswer
 from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE
 from lupin_greenhouse_bridge.interfaces import GetTagReading
-from lupin_greenhouse_bridge.node.run import ros
+from lupin_greenhouse_bridge.reading import client as blocking_client
+from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
+from lupin_greenhouse_bridge.runtime.run import ros
 
 HERE = Path(__file__).resolve().parent
 TAG_IDS = [str(number) for number in range(1, 31) if number != 8]

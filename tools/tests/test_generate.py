@@ -65,12 +65,12 @@ def change_a_byte(tree):
 
 
 def add_a_line_at_the_end(tree):
-    path = tree / BRIDGE / 'greenhouse/simulation.py'
+    path = tree / BRIDGE / 'simulator/simulation.py'
     path.write_text(path.read_text() + 'x = 1\n')
 
 
 def drop_the_last_newline(tree):
-    path = tree / BRIDGE / 'greenhouse/simulation.py'
+    path = tree / BRIDGE / 'simulator/simulation.py'
     path.write_text(path.read_text().rstrip('\n'))
 
 

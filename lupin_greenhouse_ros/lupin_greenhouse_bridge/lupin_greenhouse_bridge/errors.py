@@ -4,22 +4,30 @@ import re
 
 
 class OneLineError(Exception):
-    """An error whose text is one printable line: what is wrong, where, and how to fix it."""
+    """An error whose text is one escaped line: what is wrong, where, and how to fix it."""
 
     def __init__(self, message: str):
-        super().__init__(printable(re.sub(r'\s*[\r\n]\s*', ' ', message), 1000))
+        super().__init__(escaped(re.sub(r'\s*[\r\n]\s*', ' ', message), 1000))
 
 
 class StartUpError(OneLineError):
     """A node cannot do what its parameters ask for."""
 
 
-def printable(text: str, longest: int) -> str:
+class UsageError(OneLineError):
+    """An argument of the command line is invalid."""
+
+
+class Interrupted(Exception):
+    """Ctrl-C or SIGTERM ended a command before it was done."""
+
+
+def escaped(text: str, longest: int) -> str:
     """Return text cut to `longest` characters, with control characters (new lines too) escaped."""
     shown = ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in text[:longest])
     return shown if len(text) <= longest else f'{shown}...'
 
 
-def counted(count: int, thing: str) -> str:
+def pluralized(count: int, thing: str) -> str:
     """Return a count with its noun, such as 1 tag or 29 tags."""
     return f'{count} {thing}' if count == 1 else f'{count} {thing}s'

@@ -17,8 +17,8 @@ import numpy
 import rclpy.service
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node
-from lupin_greenhouse_bridge.greenhouse import simulation
-from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.simulator import simulation
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 

@@ -9,17 +9,17 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.greenhouse.approach import (
+from lupin_greenhouse_bridge.planning.approach import (
     ApproachPose,
     Override,
-    Reach,
+    ViewingLimits,
     find_approaches,
     read_overrides,
 )
-from lupin_greenhouse_bridge.greenhouse.facing import place, tables_of
-from lupin_greenhouse_bridge.greenhouse.floor import MARGIN_M, PLATE_WIDTH_M, Floor, room_of
-from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag, find_layout
-from lupin_greenhouse_bridge.greenhouse.order import in_numeric_order, plan_route
+from lupin_greenhouse_bridge.planning.free_space import MARGIN_M, PLATE_WIDTH_M, FreeSpace, room_of
+from lupin_greenhouse_bridge.planning.route import in_numeric_order, plan_route
+from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
 
 HEAD_ON = {'smallest_distance_m': 0.5, 'largest_distance_m': 0.5, 'largest_angle_rad': 0.0}
 SAME_M = 1e-6
@@ -41,7 +41,7 @@ def gap_m(layout: Layout, x: float, y: float) -> float:
     x0, y0, x1, y1 = room_of(layout)
     gaps = [x - x0, y - y0, x1 - x, y1 - y]
     gaps += [each.distance_m(x, y) for each in tables_of(layout)]
-    for tag in place(layout).values():
+    for tag in find_tag_poses(layout).values():
         along = np.array([-math.sin(tag.facing), math.cos(tag.facing)]) * PLATE_WIDTH_M / 2
         offset = np.array([x - tag.x, y - tag.y])
         share = np.clip(offset @ along / (along @ along), -1.0, 1.0)
@@ -78,38 +78,38 @@ OUTSIDE_M, INSIDE_M = (-0.8, -0.8), (1.5, 1.75)
 @pytest.mark.parametrize('radius_m', COUNTS[29])
 def test_so_many_tags_of_the_shipped_layout_have_a_pose(shipped, radius_m):
     count, head_on = COUNTS[len(shipped.tags)][radius_m]
-    assert len(find_approaches(shipped, Reach(radius_m)).poses) == count
-    assert len(find_approaches(shipped, Reach(radius_m, **HEAD_ON)).poses) == head_on
+    assert len(find_approaches(shipped, ViewingLimits(radius_m)).poses) == count
+    assert len(find_approaches(shipped, ViewingLimits(radius_m, **HEAD_ON)).poses) == head_on
 
 
 def test_a_tag_without_a_pose_has_the_reason():
-    assert not find_approaches(YARD, Reach(0.2), start_m=OUTSIDE_M).unreachable
-    outside = find_approaches(YARD, Reach(0.3), start_m=OUTSIDE_M)
+    assert not find_approaches(YARD, ViewingLimits(0.2), start_m=OUTSIDE_M).unreachable
+    outside = find_approaches(YARD, ViewingLimits(0.3), start_m=OUTSIDE_M)
     assert outside.unreachable == {'0': 'cut off from the start at (-0.8, -0.8)'}
-    inside = find_approaches(YARD, Reach(0.3), start_m=INSIDE_M)
+    inside = find_approaches(YARD, ViewingLimits(0.3), start_m=INSIDE_M)
     assert inside.unreachable == {'1': 'cut off from the start at (1.5, 1.75)'}
     crowded = YARD._replace(tables={**YARD.tables, 'ahead': (1.2, -0.7, 1.8, -0.3)})
-    assert find_approaches(crowded, Reach(0.3, **HEAD_ON)).unreachable == {
+    assert find_approaches(crowded, ViewingLimits(0.3, **HEAD_ON)).unreachable == {
         '0': 'cut off from the rest of the floor',
         '1': 'no place for a robot of radius 0.30 m within 0.5 m and 0°',
     }
 
 
 def test_a_pose_is_at_the_preferred_distance_head_on_where_that_is_free():
-    approaches = find_approaches(layout_of((2.0, 1.0), table=(1.0, 1.0, 3.0, 1.5)), Reach())
+    approaches = find_approaches(layout_of((2.0, 1.0), table=(1.0, 1.0, 3.0, 1.5)), ViewingLimits())
     assert approaches.poses['0'] == pytest.approx((2.0, 0.5, math.pi / 2, 0.5, 0.0))
 
 
 def test_the_preferred_distance_comes_before_the_smallest_angle():
     layout = layout_of((2.0, 1.0), table=(1.0, 1.0, 3.0, 1.5), ahead=(1.95, 0.2, 2.05, 0.5))
-    pose = find_approaches(layout, Reach(0.1)).poses['0']
+    pose = find_approaches(layout, ViewingLimits(0.1)).poses['0']
     assert pose.distance_m == pytest.approx(0.5)
     assert 0.1 < pose.angle_rad < math.pi / 4
 
 
 def test_a_start_that_is_not_free_is_refused(shipped):
     with pytest.raises(StartUpError, match=r'the start at \(2, 7.4\) is not free'):
-        find_approaches(shipped, Reach(), start_m=(2.0, 7.4))
+        find_approaches(shipped, ViewingLimits(), start_m=(2.0, 7.4))
 
 
 @pytest.mark.parametrize(
@@ -124,13 +124,13 @@ def test_a_start_that_is_not_free_is_refused(shipped):
 )
 def test_a_reach_that_allows_no_pose_is_refused(values, fragment):
     with pytest.raises(StartUpError) as refusal:
-        Reach(**values)
+        ViewingLimits(**values)
     assert fragment in str(refusal.value)
 
 
 def test_a_robot_too_large_for_the_way_around_the_tables_is_refused(shipped):
     with pytest.raises(StartUpError, match=r'does not fit: must be from 0 to below 0\.8 m'):
-        Floor(shipped, MARGIN_M / 2)
+        FreeSpace(shipped, MARGIN_M / 2)
 
 
 place_in_room = st.floats(0.0, 4.0).map(lambda value: round(value, 2))
@@ -154,12 +154,12 @@ def layouts(draw):
 @settings(max_examples=60)
 @given(layout=layouts(), radius_m=st.sampled_from([0.0, 0.1, 0.2, 0.35]))
 def test_every_pose_is_free_looks_at_its_tag_and_can_be_driven_to(layout, radius_m):
-    reach = Reach(radius_m)
+    reach = ViewingLimits(radius_m)
     approaches = find_approaches(layout, reach)
     assert set(approaches.poses) | set(approaches.unreachable) == set(layout.tags)
     assert not set(approaches.poses) & set(approaches.unreachable)
     for tag_id, pose in approaches.poses.items():
-        tag = place(layout)[tag_id]
+        tag = find_tag_poses(layout)[tag_id]
         assert gap_m(layout, pose.x, pose.y) >= radius_m - SAME_M
         assert math.dist(pose[:2], tag[:2]) == pytest.approx(pose.distance_m)
         assert pose.x + pose.distance_m * math.cos(pose.yaw) == pytest.approx(tag.x)
@@ -168,7 +168,7 @@ def test_every_pose_is_free_looks_at_its_tag_and_can_be_driven_to(layout, radius
         off_normal = math.remainder(pose.yaw + math.pi - tag.facing, math.tau)
         assert abs(off_normal) == pytest.approx(pose.angle_rad, abs=SAME_M)
         assert pose.angle_rad <= reach.largest_angle_rad + SAME_M
-    floor = Floor(layout, radius_m + reach.clearance_m)
+    floor = FreeSpace(layout, radius_m + reach.clearance_m)
     route = plan_route(floor, approaches.poses, None, 'shortest')
     assert sorted(route.tag_ids) == sorted(approaches.poses)
     assert all(gap_m(layout, *point) >= radius_m - SAME_M for point in points_of(route.points_m, 0.05))
@@ -177,7 +177,7 @@ def test_every_pose_is_free_looks_at_its_tag_and_can_be_driven_to(layout, radius
 @settings(max_examples=30)
 @given(layout=layouts(), radius_m=st.sampled_from([0.1, 0.25]), ends=st.tuples(*[place_in_room] * 4))
 def test_a_way_is_free_and_no_longer_than_on_a_grid(layout, radius_m, ends):
-    floor = Floor(layout, radius_m)
+    floor = FreeSpace(layout, radius_m)
     start, goal = ends[:2], ends[2:]
     assume(floor.is_free(*start) and floor.is_free(*goal))
     way = floor.way(start, goal)
@@ -227,14 +227,14 @@ def grid_length_m(layout: Layout, radius_m: float, start, goal, step_m: float = 
 def test_the_same_layout_gives_the_same_poses_and_route(shipped):
     results = []
     for _ in range(2):
-        approaches = find_approaches(shipped, Reach())
-        results.append((approaches, plan_route(Floor(shipped, 0.2), approaches.poses, None, 'shortest')))
+        approaches = find_approaches(shipped, ViewingLimits())
+        results.append((approaches, plan_route(FreeSpace(shipped, 0.2), approaches.poses, None, 'shortest')))
     assert results[0] == results[1]
 
 
 def test_the_shortest_route_of_the_shipped_layout_is_much_shorter_than_by_number(shipped):
-    poses = find_approaches(shipped, Reach()).poses
-    floor = Floor(shipped, 0.205)
+    poses = find_approaches(shipped, ViewingLimits()).poses
+    floor = FreeSpace(shipped, 0.205)
     routes = {
         order: plan_route(floor, poses, (0.5, 0.5), order) for order in ('given', 'numeric', 'shortest')
     }
@@ -256,7 +256,7 @@ def test_numbers_come_in_their_order_and_before_other_ids():
 
 
 def test_two_opt_mends_what_the_nearest_first_leaves():
-    floor = Floor(layout_of((0.0, -3.0), (12.0, 3.0)), 0.1)
+    floor = FreeSpace(layout_of((0.0, -3.0), (12.0, 3.0)), 0.1)
     stops = {'1': 1.0, '2': -1.5, '3': 3.5, '4': -5.0}  # nearest first turns round at each
     poses = {tag_id: ApproachPose(x + 5.0, 0.0, 0.0, 0.5, 0.0) for tag_id, x in stops.items()}
     route = plan_route(floor, poses, (5.0, 0.0), 'shortest')
@@ -264,10 +264,10 @@ def test_two_opt_mends_what_the_nearest_first_leaves():
 
 
 def test_a_route_visits_the_given_tags_in_the_given_order():
-    poses = find_approaches(YARD, Reach()).poses
-    route = plan_route(Floor(YARD, 0.2), poses, None, 'given', ['1', '0', '1'])
+    poses = find_approaches(YARD, ViewingLimits()).poses
+    route = plan_route(FreeSpace(YARD, 0.2), poses, None, 'given', ['1', '0', '1'])
     assert route.tag_ids == ['1', '0', '1']
-    assert plan_route(Floor(YARD, 0.2), poses, OUTSIDE_M, 'shortest', []) == ([], [OUTSIDE_M], 0.0)
+    assert plan_route(FreeSpace(YARD, 0.2), poses, OUTSIDE_M, 'shortest', []) == ([], [OUTSIDE_M], 0.0)
 
 
 @pytest.mark.parametrize(
@@ -279,9 +279,9 @@ def test_a_route_visits_the_given_tags_in_the_given_order():
     ],
 )
 def test_a_route_that_cannot_be_driven_is_refused(radius_m, start_m, tag_ids, problem):
-    poses = find_approaches(YARD, Reach()).poses
+    poses = find_approaches(YARD, ViewingLimits()).poses
     with pytest.raises(StartUpError, match=problem):
-        plan_route(Floor(YARD, radius_m + 0.005), poses, start_m, 'given', tag_ids)
+        plan_route(FreeSpace(YARD, radius_m + 0.005), poses, start_m, 'given', tag_ids)
 
 
 TABLE = {'table': (1.0, 1.0, 3.0, 1.5)}
@@ -299,12 +299,14 @@ TABLE = {'table': (1.0, 1.0, 3.0, 1.5)}
 )
 def test_an_override_sets_what_it_names(override, pose):
     layout = layout_of((2.0, 1.0), **TABLE)
-    assert find_approaches(layout, Reach(), overrides={'0': override}).poses['0'] == pytest.approx(pose)
+    assert find_approaches(layout, ViewingLimits(), overrides={'0': override}).poses['0'] == pytest.approx(
+        pose
+    )
 
 
 def test_an_override_never_sets_a_pose_in_a_table():
     approaches = find_approaches(
-        layout_of((2.0, 1.0), **TABLE), Reach(), overrides={'0': Override(goal_x=2.0, goal_y=1.2)}
+        layout_of((2.0, 1.0), **TABLE), ViewingLimits(), overrides={'0': Override(goal_x=2.0, goal_y=1.2)}
     )
     assert approaches.unreachable == {
         '0': 'no place for a robot of radius 0.20 m where the overrides set the pose'

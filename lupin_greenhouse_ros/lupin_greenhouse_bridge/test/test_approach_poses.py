@@ -14,8 +14,8 @@ import pytest
 import yaml
 from conftest import SPINS
 from geometry_msgs.msg import PoseArray
-from lupin_greenhouse_bridge.cli import approach_poses
-from lupin_greenhouse_bridge.greenhouse.registration import Transform, write_transform
+from lupin_greenhouse_bridge.planning import approach_poses
+from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.testing import spinning_node, wait_until
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -182,7 +182,8 @@ def test_a_reader_that_closes_the_pipe_changes_neither_the_exit_code_nor_what_is
 
 def test_the_poses_are_computed_without_ros(tag_file):
     program = (
-        "import sys; sys.modules['rclpy'] = None; from lupin_greenhouse_bridge.cli import approach_poses;"
+        "import sys; sys.modules['rclpy'] = None;"
+        ' from lupin_greenhouse_bridge.planning import approach_poses;'
         ' sys.exit(approach_poses.main(sys.argv))'
     )
     command = [sys.executable, '-c', program, '--tag-file', tag_file]

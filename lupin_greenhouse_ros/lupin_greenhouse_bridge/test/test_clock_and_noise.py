@@ -7,8 +7,8 @@ import random
 import pytest
 import yaml
 from greenhouse_sim import simulator
-from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.simulator import simulation
 
 NOISY_TAGS = ('21', '1', '5', '21', '12', '1')
 TICK_SECONDS = 1800.0  # simulated seconds per wall second in the shipped config

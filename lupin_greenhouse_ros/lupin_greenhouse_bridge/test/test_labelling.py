@@ -2,7 +2,7 @@
 
 import itertools
 
-from lupin_greenhouse_bridge.greenhouse.labelling import Box, place_labels
+from lupin_greenhouse_bridge.planning.labelling import Box, place_labels
 
 
 def shared_m2(one: Box, other: Box) -> float:

@@ -7,11 +7,11 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
-from lupin_greenhouse_bridge.greenhouse.layout import find_layout
-from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
-from lupin_greenhouse_bridge.keep.reading_files import read_file
-from lupin_greenhouse_bridge.keep.store import open_store
-from lupin_greenhouse_bridge.show.plot_report import main
+from lupin_greenhouse_bridge.display.plot_report import main
+from lupin_greenhouse_bridge.planning.visualization import read_visualization
+from lupin_greenhouse_bridge.recording.reading_files import read_file
+from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.simulator.layout import find_layout
 from reading_helpers import visit, write_report
 
 Figure = pytest.importorskip(

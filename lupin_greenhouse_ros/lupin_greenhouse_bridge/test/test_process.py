@@ -5,10 +5,10 @@ import subprocess
 import pytest
 from conftest import SPINS
 from lupin_greenhouse_bridge import bridge_node
-from lupin_greenhouse_bridge.cli import read_tag
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, counted, printable
-from lupin_greenhouse_bridge.node import process
-from lupin_greenhouse_bridge.node.parameters import launch_arguments
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.reading import read_tag
+from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime.parameters import launch_arguments
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable
 from lupin_greenhouse_bridge.testing.signals import MOMENTS, SIGNALS, command
@@ -19,7 +19,7 @@ PACKAGE = 'lupin_greenhouse_bridge'
 IMPORTS = MOMENTS[:2]  # before main()
 STARTS = ('rclpy/__init__.py:init', 'rclpy/context.py:init', 'rclpy/node.py:__init__')
 ENDS = ('rclpy/executors.py:shutdown', 'rclpy/context.py:try_shutdown')
-EXITS = 'lupin_greenhouse_bridge/node/process.py:end'  # after main()
+EXITS = 'lupin_greenhouse_bridge/runtime/process.py:end'  # after main()
 BOTH = SIGNALS['SIGTERM and Ctrl-C']
 NOBODY = ('--service', '/nobody/get_tag_reading', '--timeout', str(PATIENCE_SECONDS))
 
@@ -96,7 +96,7 @@ def test_read_tag_that_has_failed_keeps_its_exit_code_whatever_signal_comes(run_
 def test_read_tag_that_watches_ends_with_exit_code_0(noon_bridge, read_tag_here, signals):
     """It is between two readings."""
     ask = ('1', '--watch', '100', '--service', noon_bridge.service_name)
-    between = 'lupin_greenhouse_bridge/node/process.py:sleep'
+    between = 'lupin_greenhouse_bridge/runtime/process.py:sleep'
     ended = read_tag_here(*ask, signals_at={between: signals})
     assert (ended.code, ended.said) == (0, '')
     assert ended.out.startswith('tag')
@@ -113,7 +113,7 @@ def test_the_process_of_read_tag_that_watches_ends_with_exit_code_0(noon_bridge)
 
 
 @pytest.mark.parametrize('signals', ['Ctrl-C', 'SIGTERM'])
-@pytest.mark.parametrize('name', ['cli/approach_poses', 'show/plot_report', 'show/readings_page'])
+@pytest.mark.parametrize('name', ['planning/approach_poses', 'display/plot_report', 'display/readings_page'])
 def test_a_command_without_a_node_is_ended_by_a_signal_at_once(name, signals):
     moment = f'{name}.py:main'
     ended = subprocess.run(
@@ -168,12 +168,12 @@ def test_a_sleep_takes_its_time_in_naps_that_end_when_a_signal_comes(monkeypatch
 
 
 def test_a_long_text_is_cut_and_one_of_that_length_is_not():
-    assert printable('x' * 64, 64) == 'x' * 64
-    assert printable('x' * 65, 64) == 'x' * 64 + '...'
+    assert escaped('x' * 64, 64) == 'x' * 64
+    assert escaped('x' * 65, 64) == 'x' * 64 + '...'
 
 
 def test_one_thing_is_counted_in_the_singular():
-    assert [counted(count, 'tag') for count in (0, 1, 2)] == ['0 tags', '1 tag', '2 tags']
+    assert [pluralized(count, 'tag') for count in (0, 1, 2)] == ['0 tags', '1 tag', '2 tags']
 
 
 def test_an_error_is_one_line_that_keeps_the_spaces_of_a_name():

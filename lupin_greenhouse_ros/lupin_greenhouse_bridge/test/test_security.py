@@ -5,8 +5,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from lupin_greenhouse_bridge.cli import read_tag
-from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.reading import read_tag
+from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.testing import wait_until
 
 POLICY = ElementTree.parse(Path(__file__).resolve().parent.parent / 'security/policy.xml').getroot()

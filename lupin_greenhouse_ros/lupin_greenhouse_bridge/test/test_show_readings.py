@@ -11,14 +11,14 @@ from ament_index_python.packages import get_package_share_path
 from geometry_msgs.msg import PoseArray
 from hypothesis import given
 from hypothesis import strategies as st
-from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag, find_layout
-from lupin_greenhouse_bridge.greenhouse.registration import Transform, write_transform
-from lupin_greenhouse_bridge.greenhouse.visualization import Footprint, read_visualization
+from lupin_greenhouse_bridge.display import show_readings
+from lupin_greenhouse_bridge.display.field import Grid, grid_over, interpolate, scaled
+from lupin_greenhouse_bridge.display.markers import FIELD_NAMESPACE, STALE_ALPHA, Scene
+from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
-from lupin_greenhouse_bridge.show import show_readings
-from lupin_greenhouse_bridge.show.field import Grid, grid_over, interpolate, scaled
-from lupin_greenhouse_bridge.show.markers import FIELD_NAMESPACE, STALE_ALPHA, Scene
-from lupin_greenhouse_bridge.show.show_readings import ShowReadingsNode
+from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
+from lupin_greenhouse_bridge.planning.visualization import Footprint, read_visualization
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
 from lupin_greenhouse_bridge.testing import executable, running, spinning_node, wait_until
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile

@@ -10,12 +10,12 @@ import yaml
 from ament_index_python.packages import get_package_share_path
 from conftest import TAKES_TAG_FILES
 from greenhouse_sim.simulator import GreenhouseSimulator
+from lupin_greenhouse_bridge.display import show_readings
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.greenhouse import simulation
-from lupin_greenhouse_bridge.keep import record_readings
-from lupin_greenhouse_bridge.on_sight import read_on_sight
+from lupin_greenhouse_bridge.reading import read_on_sight
+from lupin_greenhouse_bridge.recording import record_readings
 from lupin_greenhouse_bridge.settings import Settings
-from lupin_greenhouse_bridge.show import show_readings
+from lupin_greenhouse_bridge.simulator import simulation
 
 PARAMETER_FILE = get_package_share_path('lupin_greenhouse_bridge') / 'config/greenhouse_bridge.yaml'
 

@@ -13,11 +13,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from lupin_greenhouse_bridge.csv_rows import HEADER, csv_text, parse_csv
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.keep.reading_files import ReadingFileError, Visit, read_file, read_rows
-from lupin_greenhouse_bridge.keep.store import StoreError, open_store
-from lupin_greenhouse_bridge.rows import Row, utc_of
+from lupin_greenhouse_bridge.recording.csv_rows import HEADER, csv_text, parse_csv
+from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, Visit, read_file, read_rows
+from lupin_greenhouse_bridge.recording.rows import Row, utc_of
+from lupin_greenhouse_bridge.recording.store import StoreError, open_store
 
 STAMP_NS = 1_795_189_976_000_000_513
 FILES = ['readings.sqlite', 'readings.csv']
@@ -87,7 +87,7 @@ def test_two_recorders_share_a_database(opened, tmp_path):
 
 
 def test_a_database_that_another_program_locks_is_written_after_it(opened, tmp_path, monkeypatch):
-    monkeypatch.setattr('lupin_greenhouse_bridge.keep.store.LOCKED_FOR_SECONDS', 0.0)
+    monkeypatch.setattr('lupin_greenhouse_bridge.recording.store.LOCKED_FOR_SECONDS', 0.0)
     store = opened('readings.sqlite')
     with contextlib.closing(sqlite3.connect(tmp_path / 'readings.sqlite', isolation_level=None)) as other:
         other.execute('BEGIN IMMEDIATE')
@@ -172,8 +172,8 @@ def test_a_database_that_was_deleted_takes_no_more_rows(opened, tmp_path):
 
 WRITER = """
 import sys
-from lupin_greenhouse_bridge.rows import Row
-from lupin_greenhouse_bridge.keep.store import open_store
+from lupin_greenhouse_bridge.recording.rows import Row
+from lupin_greenhouse_bridge.recording.store import open_store
 store, first = open_store(sys.argv[1]), Row(*eval(sys.argv[2]))
 for number in range(0, 10**9, 50):
     store.keep([first._replace(stamp_ns=first.stamp_ns + each) for each in range(number, number + 50)])

@@ -3,7 +3,7 @@
 
 from typing import NoReturn
 
-from lupin_greenhouse_bridge.node.process import start
+from lupin_greenhouse_bridge.runtime.process import start
 
 
 def bridge_node() -> NoReturn:
@@ -13,39 +13,41 @@ def bridge_node() -> NoReturn:
 
 def read_tag() -> NoReturn:
     """Read tags from a running bridge, then exit."""
-    start('lupin_greenhouse_bridge.cli.read_tag')
+    start('lupin_greenhouse_bridge.reading.read_tag')
 
 
 def register_layout() -> NoReturn:
     """Find where the layout lies in the map, or publish it until Ctrl-C or SIGTERM, then exit."""
-    start('lupin_greenhouse_bridge.cli.register_layout')
+    start('lupin_greenhouse_bridge.planning.register_layout')
 
 
 def read_on_sight() -> NoReturn:
     """Publish the readings of the tags in view until Ctrl-C or SIGTERM, then exit."""
-    start('lupin_greenhouse_bridge.on_sight.read_on_sight')
+    start('lupin_greenhouse_bridge.reading.read_on_sight')
 
 
 def record_readings() -> NoReturn:
     """Keep readings in a file until Ctrl-C or SIGTERM, then exit."""
-    start('lupin_greenhouse_bridge.keep.record_readings')
+    start('lupin_greenhouse_bridge.recording.record_readings')
 
 
 def plot_report() -> NoReturn:
     """Draw the last readings of a file, then exit."""
-    start('lupin_greenhouse_bridge.show.plot_report', has_node=False)
+    start('lupin_greenhouse_bridge.display.plot_report', has_node=False)
 
 
 def readings_page() -> NoReturn:
     """Make a page of the readings in a file, then exit."""
-    start('lupin_greenhouse_bridge.show.readings_page', has_node=False)
+    start('lupin_greenhouse_bridge.display.readings_page', has_node=False)
 
 
 def show_readings() -> NoReturn:
     """Publish received readings as markers and as a field until Ctrl-C or SIGTERM, then exit."""
-    start('lupin_greenhouse_bridge.show.show_readings')
+    start('lupin_greenhouse_bridge.display.show_readings')
 
 
 def approach_poses() -> NoReturn:
     """Print the approach poses of the tags, then exit."""
-    start('lupin_greenhouse_bridge.cli.approach_poses', has_node=False)  # its --publish takes signals then
+    start(
+        'lupin_greenhouse_bridge.planning.approach_poses', has_node=False
+    )  # its --publish takes signals then

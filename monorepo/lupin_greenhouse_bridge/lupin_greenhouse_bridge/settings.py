@@ -4,7 +4,7 @@ import sys
 from dataclasses import dataclass
 
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.node.parameters import check_parameters, invalid, parameter
+from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 
 SECONDS_PER_DAY = 86400.0
 HOURS = 'between 0 and 24 hours, or -1.0 for the time of the config'

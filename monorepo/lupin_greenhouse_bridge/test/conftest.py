@@ -21,10 +21,10 @@ import hypothesis
 import pytest
 import yaml
 from lupin_greenhouse_bridge import bridge_node
-from lupin_greenhouse_bridge.cli import read_tag
-from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.interfaces import GetTagReading
-from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.reading import read_tag
+from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.simulator import simulation
 from rclpy.utilities import get_default_context
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']

@@ -4,10 +4,10 @@ import threading
 
 import pytest
 import rclpy
-from lupin_greenhouse_bridge.cli import client
-from lupin_greenhouse_bridge.cli.client import Client, NoAnswer
 from lupin_greenhouse_bridge.contract import has_tag_file, parameter_service_of, tag_ids_of
 from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.reading import client
+from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, spinning_node, wait_until
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters

@@ -4,8 +4,8 @@ import json
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.greenhouse.files import read_tags, shipped_file
-from lupin_greenhouse_bridge.greenhouse.layout import Tag, find_layout, read_layout, read_tags_with_sensors
+from lupin_greenhouse_bridge.simulator.files import read_tags, shipped_file
+from lupin_greenhouse_bridge.simulator.layout import Tag, find_layout, read_layout, read_tags_with_sensors
 
 TAG = {'x': 1, 'y': 2.5, 'sensors': ['co2']}
 TABLE = {'x0': 0, 'y0': 0, 'x1': 2, 'y1': 1}

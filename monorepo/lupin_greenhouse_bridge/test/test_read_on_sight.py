@@ -15,10 +15,10 @@ import rclpy
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import TagReading
-from lupin_greenhouse_bridge.node.graph import doubt_about, servers_of
-from lupin_greenhouse_bridge.on_sight import read_on_sight
-from lupin_greenhouse_bridge.on_sight.read_on_sight import GetTagReading, ReadOnSightNode, Settings
-from lupin_greenhouse_bridge.on_sight.sightings import Limits, Sightings
+from lupin_greenhouse_bridge.reading import read_on_sight
+from lupin_greenhouse_bridge.reading.read_on_sight import GetTagReading, ReadOnSightNode, Settings
+from lupin_greenhouse_bridge.reading.sightings import Limits, Sightings
+from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
 from lupin_greenhouse_bridge.testing import (
     PATIENCE_SECONDS,
     executable,
@@ -382,7 +382,7 @@ def test_two_servers_of_a_relative_or_remapped_name_are_named(held_service, name
         for server in (held_service.node, other):
             server.create_service(GetTagReading, wanted, lambda _request, response: response)
         wait_until(lambda: servers_of(node, wanted) == {'/held', '/other'})
-        assert doubt_about(node, name).startswith(f'{wanted} is offered by /held and /other: ')
+        assert duplicate_server_warning(node, name).startswith(f'{wanted} is offered by /held and /other: ')
 
 
 @needs_detections

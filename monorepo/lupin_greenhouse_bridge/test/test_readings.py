@@ -7,9 +7,9 @@ import time
 
 import pytest
 import yaml
-from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.simulator import simulation
 
 TAGS_SHIPPED = {'1.0.7': 22, '1.0.8': 29}
 HOURS = {'midnight': 0.0, '06:00': 6.0, 'noon': 12.0, '18:00': 18.0}

@@ -8,12 +8,16 @@ import pytest
 from conftest import SPINS
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
-from lupin_greenhouse_bridge.keep import record_readings
-from lupin_greenhouse_bridge.keep.hearing import hear, topics_of
-from lupin_greenhouse_bridge.keep.keeper import ERROR_EVERY_SECONDS, MOST_WAITING, Keeper
-from lupin_greenhouse_bridge.keep.reading_files import read_rows
-from lupin_greenhouse_bridge.keep.store import StoreError, open_store
-from lupin_greenhouse_bridge.rows import rows_of
+from lupin_greenhouse_bridge.recording import record_readings
+from lupin_greenhouse_bridge.recording.buffered_writer import (
+    ERROR_EVERY_SECONDS,
+    MOST_WAITING,
+    BufferedWriter,
+)
+from lupin_greenhouse_bridge.recording.reading_files import read_rows
+from lupin_greenhouse_bridge.recording.rows import rows_of
+from lupin_greenhouse_bridge.recording.store import StoreError, open_store
+from lupin_greenhouse_bridge.recording.subscription import subscribe_to_readings, topics_of
 from lupin_greenhouse_bridge.testing import executable, running, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -53,7 +57,7 @@ class Disk:
 
 def test_rows_that_arrive_while_the_disk_is_full_are_written_afterwards():
     disk, log = Disk(), Log()
-    keeper = Keeper(disk, log)
+    keeper = BufferedWriter(disk, log)
     disk.is_full = True
     for number in range(5):
         keeper.add([row(number)], 0.0)
@@ -66,7 +70,7 @@ def test_rows_that_arrive_while_the_disk_is_full_are_written_afterwards():
 
 def test_a_full_disk_is_one_error_every_ten_seconds():
     disk, log = Disk(), Log()
-    keeper = Keeper(disk, log)
+    keeper = BufferedWriter(disk, log)
     disk.is_full = True
     said = []
     for now in (100.0, 100.5, 109.9, 110.0, 119.9, 120.0):
@@ -81,7 +85,7 @@ def test_a_full_disk_is_one_error_every_ten_seconds():
 
 def test_ten_thousand_rows_wait_and_what_is_dropped_is_counted_and_said():
     disk, log = Disk(), Log()
-    keeper = Keeper(disk, log)
+    keeper = BufferedWriter(disk, log)
     disk.is_full = True
     keeper.add([row(number) for number in range(10_003)], 0.0)
     keeper.add([row(0)], 0.0)  # waits already
@@ -99,7 +103,7 @@ def test_ten_thousand_rows_wait_and_what_is_dropped_is_counted_and_said():
 
 def test_more_rows_at_once_than_can_wait_are_all_written():
     disk = Disk()
-    keeper = Keeper(disk, Log())
+    keeper = BufferedWriter(disk, Log())
     rows = [row(number) for number in range(3 * MOST_WAITING + 1)]
     keeper.add(rows, 0.0)
     assert keeper.end() == 0
@@ -108,7 +112,7 @@ def test_more_rows_at_once_than_can_wait_are_all_written():
 
 def test_rows_that_cannot_be_written_at_the_end_are_lost_and_counted():
     disk, log = Disk(), Log()
-    keeper = Keeper(disk, log)
+    keeper = BufferedWriter(disk, log)
     keeper.add([row()], 0.0)
     disk.is_full = True
     keeper.write(0.0)
@@ -121,7 +125,7 @@ def test_rows_that_cannot_be_written_at_the_end_are_lost_and_counted():
 )
 def test_a_row_that_no_file_can_be_read_with_is_not_kept_and_said(bad):
     disk, log = Disk(), Log()
-    keeper = Keeper(disk, log)
+    keeper = BufferedWriter(disk, log)
     keeper.add([row()._replace(**bad), row(1)], 0.0)
     keeper.write(0.0)
     assert disk.rows == [row(1)]
@@ -187,7 +191,9 @@ def test_each_reading_is_heard_once_from_latched_and_volatile_publishers(robot, 
     heard, more = [], '/tested/more'
     latched, volatile = publisher_on(robot, LATCHED), publisher_on(robot, VOLATILE, more)
     latched.publish(reading(1))
-    names = hear(hearer.node, [TOPIC, more], lambda each, topic: heard.append((each.stamp.nanosec, topic)))
+    names = subscribe_to_readings(
+        hearer.node, [TOPIC, more], lambda each, topic: heard.append((each.stamp.nanosec, topic))
+    )
     assert names == [TOPIC, more]
     wait_until(lambda: 1 in hearer.delivered)  # published before it was subscribed to
     wait_until(lambda: latched.get_subscription_count() == 2)
@@ -204,7 +210,7 @@ def test_two_readings_of_one_stamp_and_tag_with_other_sensors_are_both_heard(rob
         one = reading(1)
         one.readings = [SensorReading(name=sensor, value=1.0)]
         publisher.publish(one)
-    hear(hearer.node, [TOPIC], lambda each, _topic: heard.append(each.readings[0].name))
+    subscribe_to_readings(hearer.node, [TOPIC], lambda each, _topic: heard.append(each.readings[0].name))
     wait_until(lambda: hearer.delivered.count(1) >= 2)
     assert heard == ['temperature', 'humidity']
 
@@ -270,13 +276,13 @@ def test_a_recorder_that_was_killed_goes_on_and_keeps_nothing_twice(start_node, 
 
 @pytest.mark.parametrize('signals', ['Ctrl-C', 'SIGTERM and Ctrl-C'])
 def test_a_signal_writes_the_last_rows_and_ends_with_exit_code_0(run_here, tmp_path, monkeypatch, signals):
-    create = record_readings.hear
+    create = record_readings.subscribe_to_readings
 
     def hear_at_once(node, topics, on_reading):
         on_reading(reading(1), topics[0])
         return create(node, topics, on_reading)
 
-    monkeypatch.setattr(record_readings, 'hear', hear_at_once)
+    monkeypatch.setattr(record_readings, 'subscribe_to_readings', hear_at_once)
     file = tmp_path / 'readings.sqlite'
     ended = run_here(
         record_readings.main, '--ros-args', '-p', f'file:={file}', signals_at={SPINS: SIGNALS[signals]}
@@ -287,7 +293,7 @@ def test_a_signal_writes_the_last_rows_and_ends_with_exit_code_0(run_here, tmp_p
 
 
 def test_rows_lost_at_the_end_are_exit_code_1(run_here, tmp_path, monkeypatch):
-    monkeypatch.setattr(Keeper, 'end', lambda _keeper: 1)
+    monkeypatch.setattr(BufferedWriter, 'end', lambda _keeper: 1)
     arguments = ['--ros-args', '-p', f'file:={tmp_path / "readings.csv"}']
     ended = run_here(record_readings.main, *arguments, signals_at={SPINS: SIGNALS['SIGTERM']})
     assert ended.code == 1

@@ -27,7 +27,9 @@ def generate_launch_description():
             ),
             _included('lupin_greenhouse_bridge', 'greenhouse_bridge.launch.py'),
             DeclareLaunchArgument(CAMERA, default_value='false'),
-            _included('lupin_perception', 'confirm_tag.launch.py', IfCondition(LaunchConfiguration(CAMERA))),
+            _included(
+                'lupin_tag_confirmation', 'confirm_tag.launch.py', IfCondition(LaunchConfiguration(CAMERA))
+            ),
             OpaqueFunction(function=_hand_tag_file_on),
             _included('lupin_mission', 'mission.launch.py', wait_for_start='false'),
         ]

@@ -1,7 +1,7 @@
 """Start the mission alone: it waits in READY until `mission/start` is called."""
 
 from launch import LaunchDescription
-from lupin_greenhouse_bridge.node.launching import node_with_arguments
+from lupin_greenhouse_bridge.runtime.launching import node_with_arguments
 from lupin_mission.settings import WITHOUT_EFFECT, Settings
 
 

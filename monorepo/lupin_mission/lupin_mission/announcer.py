@@ -2,8 +2,8 @@
 
 import time
 
-from lupin_greenhouse_bridge.errors import printable
-from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.errors import escaped
+from lupin_greenhouse_bridge.runtime import process
 from lupin_msgs.msg import MissionState, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
 from rclpy.duration import Duration
@@ -40,7 +40,7 @@ class Announcer:
 
     def note(self, event: str, severity: Severity) -> None:
         """Keep an event for the state, and log it unless it is routine."""
-        self._event, self._severity = printable(event, 1000), severity
+        self._event, self._severity = escaped(event, 1000), severity
         if severity is not Severity.INFO:
             self._log()
 
@@ -51,7 +51,7 @@ class Announcer:
 
     def inform(self, event: str) -> None:
         """Keep an event for the state, and log it."""
-        self._event, self._severity = printable(event, 1000), Severity.INFO
+        self._event, self._severity = escaped(event, 1000), Severity.INFO
         self._log()
 
     def warn(self, event: str) -> None:
@@ -74,7 +74,7 @@ class Announcer:
         message = observation_message(observation, mission_id, place_m)
         self._stamp(message.header)
         self._observations.publish(message)
-        tag = f"tag '{printable(observation.tag_id, 64)}'"
+        tag = f"tag '{escaped(observation.tag_id, 64)}'"
         if observation.outcome is Outcome.OK:
             self._readings.publish(message.tag_reading)
             values = ', '.join(f'{name} {value:.3f}' for name, value in observation.reading.values.items())
@@ -82,7 +82,7 @@ class Announcer:
         elif observation.outcome is Outcome.SKIPPED:
             self.inform(f'{tag}: {observation.outcome.value}: {observation.detail}')
         else:
-            reason = f'{observation.outcome.value}: {printable(observation.detail, 500)}'
+            reason = f'{observation.outcome.value}: {escaped(observation.detail, 500)}'
             is_scanned = observation.outcome is not Outcome.UNREACHABLE
             scan = f'scan failed after {observation.attempts} requests: ' if is_scanned else ''
             self.warn(f'{tag}: {scan}{reason}')
@@ -96,7 +96,7 @@ class Announcer:
             self._at_tag.publish(String(data=tag_id))
         if mission.target:
             closed, total = len(mission.outcomes), len(mission.tag_ids)
-            self._progress.show(f'{closed}/{total}  tag {printable(mission.target, 40)}  {mission.phase}')
+            self._progress.show(f'{closed}/{total}  tag {escaped(mission.target, 40)}  {mission.phase}')
         else:
             self._progress.clear()
 

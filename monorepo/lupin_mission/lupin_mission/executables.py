@@ -2,17 +2,17 @@
 
 from typing import NoReturn
 
-from lupin_greenhouse_bridge.node.process import start
+from lupin_greenhouse_bridge.runtime.process import start
 
 
 def mission_orchestrator() -> NoReturn:
     """Run one mission or wait for each start, until Ctrl-C or SIGTERM."""
-    start('lupin_mission.mission_node')
+    start('lupin_mission.mission_orchestrator')
 
 
-def navigator_stand_in() -> NoReturn:
-    """Navigate until Ctrl-C or SIGTERM, then exit."""
-    start('lupin_mission.navigator_stand_in')
+def passive_observer() -> NoReturn:
+    """Publish observations until Ctrl-C or SIGTERM, then exit."""
+    start('lupin_mission.passive_observer')
 
 
 def register_discovered_tags() -> NoReturn:

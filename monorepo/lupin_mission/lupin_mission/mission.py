@@ -61,7 +61,7 @@ class Limits:
     max_drives: int = 2  # to each tag, and to the dock
 
 
-class Surroundings(Protocol):
+class MissionPorts(Protocol):
     """The interface that the mission needs; the node implements it."""
 
     def send(self, request: Request) -> None:
@@ -87,7 +87,7 @@ class Mission:
     def __init__(
         self,
         tag_ids: Iterable[str],
-        surroundings: Surroundings,
+        ports: MissionPorts,
         drive: Drive,
         limits: Limits,
         *,
@@ -102,7 +102,7 @@ class Mission:
         self.is_paused = False
         self.is_estop_engaged = False
         self.outcomes: dict[str, Outcome] = {}
-        self._surroundings = surroundings
+        self._ports = ports
         self._drive = drive
         self._limits = limits
         self._timeouts = {
@@ -167,7 +167,7 @@ class Mission:
         self._now = now_seconds
         if self._request and now_seconds >= self._deadline:
             request, self._request = self._request, None
-            outcome = self._surroundings.abandon(request)
+            outcome = self._ports.abandon(request)
             self._attempt_failed(outcome, f'{request.service.value}: {_NO_REPLY[outcome]}')
         while not self.is_paused and self._take_transition():
             pass
@@ -224,7 +224,7 @@ class Mission:
         self._departure = None
         self._drives += 1
         if self._drives == 1:
-            self._surroundings.note(f'driving to {self._goal}', Severity.INFO)
+            self._ports.note(f'driving to {self._goal}', Severity.INFO)
         if self.state is State.RETURNING:
             self._drive.start_return(self._active_seconds)
         else:
@@ -234,16 +234,16 @@ class Mission:
         self.state = State.DONE
         self.is_paused = False
         self._departure = None
-        self._surroundings.note(f'done: {self.count(Outcome.OK)} tags read', Severity.INFO)
+        self._ports.note(f'done: {self.count(Outcome.OK)} tags read', Severity.INFO)
 
     def _end_drive(self, arrival: Arrival) -> None:
         if arrival.failure and not arrival.is_final and self._drives < self._limits.max_drives:
             event = f'the drive to {self._goal} failed: {arrival.failure}: trying again'
-            self._surroundings.note(event, Severity.WARN)
+            self._ports.note(event, Severity.WARN)
             self._departure = self._next_try()
         elif self.state is State.RETURNING:
             if arrival.failure:
-                self._surroundings.note(f'the robot is not at the dock: {arrival.failure}', Severity.WARN)
+                self._ports.note(f'the robot is not at the dock: {arrival.failure}', Severity.WARN)
             self._end()
         elif arrival.failure:
             self._close(Outcome.UNREACHABLE, arrival.failure, None)
@@ -264,7 +264,7 @@ class Mission:
         self._attempts += 1
         self._request = Request(self._requests, self._service, self._tag_id)
         self._deadline = self._now + self._timeouts[self._service]
-        self._surroundings.send(self._request)
+        self._ports.send(self._request)
 
     def pause(self) -> bool:
         """Stop driving, sending requests and dwelling; return False if already paused, or not started."""
@@ -272,7 +272,7 @@ class Mission:
             return False
         self.is_paused = True
         self._drive.pause()
-        self._surroundings.note('paused', Severity.INFO)
+        self._ports.note('paused', Severity.INFO)
         return True
 
     def resume(self) -> bool:
@@ -281,7 +281,7 @@ class Mission:
             return False
         self.is_paused = False
         self._drive.resume()
-        self._surroundings.note('resumed', Severity.INFO)
+        self._ports.note('resumed', Severity.INFO)
         return True
 
     def engage_estop(self) -> None:
@@ -305,7 +305,7 @@ class Mission:
         """
         if not self.target:
             return False
-        self._surroundings.note(f'tag {self.target!r} skipped', Severity.WARN)
+        self._ports.note(f'tag {self.target!r} skipped', Severity.WARN)
         self._leave('skipped')
         return True
 
@@ -319,7 +319,7 @@ class Mission:
         has_not_set_off = self.state is State.READY
         if self.state is State.DONE or (has_not_set_off and not self.is_paused):
             return False
-        self._surroundings.note('aborted', Severity.WARN)
+        self._ports.note('aborted', Severity.WARN)
         if self.state is State.RETURNING:
             self._drive.stop()
             self._end()
@@ -340,7 +340,7 @@ class Mission:
         if self.state is State.DRIVING:
             self._drive.stop()
         if self._request:
-            self._surroundings.abandon(self._request)
+            self._ports.abandon(self._request)
         if not self._scan_reading_done:
             self._close(Outcome.SKIPPED, detail, None)
         self._dwell_end = self._active_seconds
@@ -389,7 +389,7 @@ class Mission:
             self.mark_scan_failed(self._tag_id, outcome, detail)
         else:
             event = f'tag {self._tag_id!r}: {outcome.value} {detail}: trying again'
-            self._surroundings.note(event, Severity.WARN)
+            self._ports.note(event, Severity.WARN)
             self._next_attempt = self._next_try()
 
     def _next_try(self) -> float:
@@ -415,7 +415,7 @@ class Mission:
         attempts = self._requests - self._requests_before
         self.outcomes[self._tag_id] = outcome
         self._is_publishing = True
-        self._surroundings.record(Observation(self._tag_id, outcome, detail, attempts, reading))
+        self._ports.record(Observation(self._tag_id, outcome, detail, attempts, reading))
         self._is_publishing = False
         self._request = None
         self._scan_reading_done = True

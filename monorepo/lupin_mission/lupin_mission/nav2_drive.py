@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
-from lupin_greenhouse_bridge.errors import StartUpError, printable
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from rclpy.action import ActionClient
 
 from lupin_mission.drive import Arrival, Drive, Goal
@@ -207,4 +207,4 @@ class _SentGoal:
 def _reason_of(result) -> str:
     """Return code and message of a result, as far as its distro has them: Humble has neither."""
     code, text = getattr(result, 'error_code', 0), getattr(result, 'error_msg', '')
-    return (f' with code {code}' if code else '') + (f': {printable(text, 200)}' if text else '')
+    return (f' with code {code}' if code else '') + (f': {escaped(text, 200)}' if text else '')

@@ -2,12 +2,12 @@
 
 import math
 
-from lupin_greenhouse_bridge.errors import StartUpError, printable
-from lupin_greenhouse_bridge.greenhouse.approach import Override, Reach, find_approaches, read_overrides
-from lupin_greenhouse_bridge.greenhouse.floor import Floor
-from lupin_greenhouse_bridge.greenhouse.layout import Layout
-from lupin_greenhouse_bridge.greenhouse.order import plan_route
-from lupin_greenhouse_bridge.greenhouse.registration import Transform
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.planning.approach import Override, ViewingLimits, find_approaches, read_overrides
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.registration import Transform
+from lupin_greenhouse_bridge.planning.route import plan_route
+from lupin_greenhouse_bridge.simulator.layout import Layout
 
 from lupin_mission.drive import Goal
 from lupin_mission.settings import Settings
@@ -19,11 +19,11 @@ class Plan:
     def __init__(self, layout: Layout, settings: Settings, layout_in_map: Transform):
         """Read the overrides and find the poses; raises StartUpError."""
         standoff_m = settings.approach_standoff_m
-        reach = Reach(
+        reach = ViewingLimits(
             robot_radius_m=settings.robot_radius_m,
-            smallest_distance_m=min(Reach.smallest_distance_m, standoff_m),
+            smallest_distance_m=min(ViewingLimits.smallest_distance_m, standoff_m),
             preferred_distance_m=standoff_m,
-            largest_distance_m=max(Reach.largest_distance_m, standoff_m),
+            largest_distance_m=max(ViewingLimits.largest_distance_m, standoff_m),
         )
         overrides, self.warnings = {}, []
         self._map_in_layout = _inverse(layout_in_map)
@@ -35,7 +35,7 @@ class Plan:
             tag_id: Goal(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))
             for tag_id, pose in self._poses.items()
         }
-        self._floor = Floor(layout, reach.robot_radius_m + reach.clearance_m)
+        self._floor = FreeSpace(layout, reach.robot_radius_m + reach.clearance_m)
 
     def shortest(self, tag_ids: list[str], *robot_in_map_m: tuple[float, float]) -> list[str]:
         """
@@ -55,7 +55,7 @@ class Plan:
         x, y = override.goal_x, override.goal_y
         if (x is None) != (y is None) and self._map_in_layout.yaw:
             raise StartUpError(
-                f"approach_overrides_file '{printable(path, 500)}': tag '{printable(tag_id, 64)}' has only"
+                f"approach_overrides_file '{escaped(path, 500)}': tag '{escaped(tag_id, 64)}' has only"
                 ' one of goal_x and goal_y: set both, because layout_in_map turns the layout'
             )
         goal_x, goal_y = self._map_in_layout.point(x or 0.0, y or 0.0)

@@ -4,8 +4,7 @@ import argparse
 import math
 import sys
 
-from lupin_greenhouse_bridge.cli.client import UsageError
-from lupin_greenhouse_bridge.cli.register_layout import (
+from lupin_greenhouse_bridge.planning.register_layout import (
     EPILOG,
     add_arguments,
     layout_of,
@@ -14,6 +13,7 @@ from lupin_greenhouse_bridge.cli.register_layout import (
     run,
     spin,
 )
+from lupin_greenhouse_bridge.reading.client import UsageError
 from lupin_msgs.msg import DiscoveredTags
 from rclpy.qos import DurabilityPolicy, QoSProfile
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
-from lupin_greenhouse_bridge.errors import OneLineError, printable
+from lupin_greenhouse_bridge.errors import OneLineError, escaped
 from lupin_greenhouse_bridge.units import clock_time, unit_of
 
 
@@ -209,13 +209,13 @@ def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -
         reading = observation and observation.reading
         rows.append(
             (
-                printable(tag_id, 40),
+                escaped(tag_id, 40),
                 clock_time(reading.sim_time_of_day_seconds) if reading else '',
                 *(
                     f'{reading.values[name]:.2f}' if reading and name in reading.values else ''
                     for name in sensors
                 ),
-                f'{observation.outcome.value} {printable(observation.detail, 200)}'.strip()
+                f'{observation.outcome.value} {escaped(observation.detail, 200)}'.strip()
                 if observation
                 else 'not visited',
             )

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from lupin_greenhouse_bridge.errors import StartUpError, printable
-from lupin_greenhouse_bridge.node.parameters import check_parameters, invalid, parameter
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 
 from lupin_mission.mission import Limits
 
@@ -204,7 +204,7 @@ class Settings:
     def _check_tag_sequence(self) -> None:
         ids = self.chosen_tag_ids
         if twice := sorted({tag_id for tag_id in ids if ids.count(tag_id) > 1}):
-            shown = printable(twice[0], 40)
+            shown = escaped(twice[0], 40)
             raise StartUpError(f"parameter tag_sequence names '{shown}' twice: a mission visits a tag once")
 
     def _check_name_of_report(self) -> None:

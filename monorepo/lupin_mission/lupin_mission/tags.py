@@ -11,9 +11,9 @@ from lupin_greenhouse_bridge.contract import (
     tag_ids_request,
 )
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.greenhouse.files import shipped_file
-from lupin_greenhouse_bridge.greenhouse.layout import Layout, read_layout, read_tags_with_sensors
-from lupin_greenhouse_bridge.greenhouse.registration import Transform, read_transform
+from lupin_greenhouse_bridge.planning.registration import Transform, read_transform
+from lupin_greenhouse_bridge.simulator.files import shipped_file
+from lupin_greenhouse_bridge.simulator.layout import Layout, read_layout, read_tags_with_sensors
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
 
@@ -63,7 +63,7 @@ class Tags:
                 return
         self._ask_the_bridge(node, on_found, on_places_lost)
 
-    def are_in_doubt(self) -> bool:
+    def waits_for_tags(self) -> bool:
         """Return whether the bridge is there, and may still tell that it has a tag file of its own."""
         if self._is_settled or not self._client or not self._client.service_is_ready():
             return False

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.node.graph import doubt_about
+from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 from rclpy.exceptions import InvalidServiceNameException
 
@@ -53,7 +53,7 @@ class Transport:
         self._future.add_done_callback(lambda future: on_response(future.result()))
 
     def _warn_of_two_servers(self, service_name: str) -> None:
-        doubt = doubt_about(self._node, service_name)
+        doubt = duplicate_server_warning(self._node, service_name)
         if doubt and doubt not in self._doubts:
             self._doubts.add(doubt)
             self._node.get_logger().warning(doubt)

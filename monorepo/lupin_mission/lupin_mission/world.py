@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from lupin_greenhouse_bridge.errors import StartUpError, printable
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
 
 LARGEST_FILE_BYTES = 64 * 2**20
 TAG_MODEL = re.compile(r'tag_(0|[1-9][0-9]*)')
@@ -19,7 +19,7 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
 
     Raises StartUpError if the file is not such a world. Refuses entities and document types.
     """
-    where = f"world_file '{printable(world_file, 500)}'"
+    where = f"world_file '{escaped(world_file, 500)}'"
     try:
         data = _content(Path(world_file), where)
         _refuse_document_type(data)

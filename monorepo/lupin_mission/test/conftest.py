@@ -58,9 +58,9 @@ def start_mission(settings, tmp_path, monkeypatch, capfd):
 @pytest.fixture
 def clock(monkeypatch):
     """Return the monotonic clock of this process, which stands still but for what the test adds."""
-    from mission_helpers import Clock
+    from lupin_greenhouse_bridge.testing import ManualClock
 
-    clock = Clock()
+    clock = ManualClock()
     monkeypatch.setattr(time, 'monotonic', clock)
     return clock
 

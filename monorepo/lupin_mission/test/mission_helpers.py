@@ -14,9 +14,9 @@ from concurrent.futures import Future
 from pathlib import Path
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
-from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, has_found_a_client, wait_until
-from lupin_mission import mission_node
+from lupin_mission import mission_orchestrator
 from lupin_mission.report import Outcome, read_report
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.srv import StartMission
@@ -42,20 +42,6 @@ SERVICES = {
     **dict.fromkeys(['pause', 'resume', 'skip_current', 'abort'], Trigger),
     'start': StartMission,
 }
-
-
-class Clock:
-    """A clock that the test moves."""
-
-    def __init__(self):
-        self._seconds = 1000.0
-
-    def __call__(self) -> float:
-        return self._seconds
-
-    def pass_seconds(self, seconds: float) -> None:
-        """Let this time pass at once."""
-        self._seconds += seconds
 
 
 class HeldService:
@@ -210,7 +196,7 @@ class MissionThread:
 
     def _run(self, args):
         try:
-            exit_code = mission_node.main(args)
+            exit_code = mission_orchestrator.main(args)
         except BaseException as error:
             self._exit_code.set_exception(error)
         else:

@@ -5,7 +5,7 @@ import math
 
 import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from lupin_greenhouse_bridge.greenhouse.registration import Transform, write_transform
+from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, has_found_a_client, wait_until
 from lupin_mission.settings import Settings
 from lupin_mission.tags import Tags

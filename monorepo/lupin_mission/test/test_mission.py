@@ -27,7 +27,7 @@ def reading(tag_id: str, value: float = 20.0) -> Reading:
 
 
 class World:
-    """Surroundings that record what the mission does."""
+    """MissionPorts that record what the mission does."""
 
     def __init__(self, tag_ids='ab', drive=None, limits=LIMITS, now=0.0, **options):
         self.now = now

@@ -5,9 +5,9 @@ import sys
 
 import pytest
 from lupin_greenhouse_bridge.errors import OneLineError
-from lupin_greenhouse_bridge.greenhouse.files import shipped_file
-from lupin_greenhouse_bridge.greenhouse.layout import read_layout
-from lupin_greenhouse_bridge.greenhouse.registration import Transform
+from lupin_greenhouse_bridge.planning.registration import Transform
+from lupin_greenhouse_bridge.simulator.files import shipped_file
+from lupin_greenhouse_bridge.simulator.layout import read_layout
 from lupin_greenhouse_bridge.testing import wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS
 from lupin_mission.announcer import Announcer

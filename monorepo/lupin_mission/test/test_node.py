@@ -10,7 +10,7 @@ import rclpy
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
-from lupin_mission import mission_node, tags
+from lupin_mission import mission_orchestrator, tags
 from lupin_mission.mission import Service, State
 from lupin_mission.report import Outcome, read_report
 from lupin_msgs.msg import MissionState
@@ -327,7 +327,7 @@ def mission_and_executor(settings):
     rclpy.init(
         args=['--ros-args', *(w for item in parameters.items() for w in ('-p', '{}:={}'.format(*item)))]
     )
-    node = mission_node.MissionNode()
+    node = mission_orchestrator.MissionNode()
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     yield node, executor

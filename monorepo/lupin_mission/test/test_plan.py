@@ -4,9 +4,9 @@ import math
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.greenhouse.files import shipped_file
-from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag, read_layout
-from lupin_greenhouse_bridge.greenhouse.registration import Transform
+from lupin_greenhouse_bridge.planning.registration import Transform
+from lupin_greenhouse_bridge.simulator.files import shipped_file
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, read_layout
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
 

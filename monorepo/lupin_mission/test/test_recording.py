@@ -1,13 +1,11 @@
 """The readings that a mission publishes, and what the bridge's recorder keeps of them."""
 
-import pytest
-from lupin_greenhouse_bridge.keep.reading_files import read_file
+from lupin_greenhouse_bridge.recording.reading_files import read_file
 from lupin_greenhouse_bridge.testing import executable, wait_until
 from lupin_msgs.msg import TagReading
-from mission_helpers import HOUR, READER, REAL, TWIN_QOS, Subscriber
+from mission_helpers import READER, REAL, TWIN_QOS, Subscriber
 
 READINGS = 'mission/readings'
-ACTION = '/recorded/navigate_to_pose'
 
 
 def test_the_reading_of_each_tag_that_was_read_is_published_and_latched(start_mission, reader, node, twin):
@@ -24,24 +22,12 @@ def test_the_reading_of_each_tag_that_was_read_is_published_and_latched(start_mi
     assert [each.tag_id for each in late.heard] == ['9', '1']
 
 
-@pytest.mark.parametrize('drive', ['timed', 'nav2'])
 def test_a_recorded_mission_leaves_every_value_of_its_report(
-    start_mission, start_bridge, start_node, operate, tmp_path, drive
+    start_mission, start_bridge, start_node, operate, tmp_path
 ):
     """The recorder starts when the mission is done, and receives what the mission latched."""
     service = start_bridge(debug_time_of_day=12.0).service_name
-    if drive == 'nav2':
-        navigator = [executable('lupin_mission', 'navigator_stand_in')]
-        start_node(navigator, nav_action_name=ACTION, speedup=100.0)
-    mission = start_mission(
-        bridge_service_name=service,
-        wait_for_start=True,
-        drive=drive,
-        nav_action_name=ACTION,
-        dependency_timeout_s=HOUR,
-        nav_timeout_s=0.0,
-        **REAL,
-    )
+    mission = start_mission(bridge_service_name=service, wait_for_start=True, **REAL)
     operator = operate(mission)
     operator.wait_for(lifecycle_state='READY')
     mission_id = operator.start()

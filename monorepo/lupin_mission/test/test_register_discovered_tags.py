@@ -5,8 +5,8 @@ import signal
 import threading
 
 import pytest
-from lupin_greenhouse_bridge.greenhouse.registration import Transform, read_registration
-from lupin_greenhouse_bridge.node import process
+from lupin_greenhouse_bridge.planning.registration import Transform, read_registration
+from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.testing import wait_until
 from lupin_mission import register_discovered_tags
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags

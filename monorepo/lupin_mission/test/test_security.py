@@ -66,7 +66,7 @@ def test_the_mission_may_do_what_it_does_and_nothing_more(start_mission, node, e
 
 def test_the_camera_of_the_launch_may_do_what_it_does_and_nothing_more(start_node, node):
     rights = without_optional(rights_of('confirm_tag', '/mission_launch'))
-    process = start_node([executable('lupin_perception', 'confirm_tag')])
+    process = start_node([executable('lupin_tag_confirmation', 'confirm_tag')])
     namespace = process.namespace
 
     def created():

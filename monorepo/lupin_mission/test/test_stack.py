@@ -7,9 +7,9 @@ import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
-from lupin_greenhouse_bridge.node.graph import doubt_about
+from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, spinning_node, wait_until
-from lupin_mission import mission_node, transport
+from lupin_mission import mission_orchestrator, transport
 from lupin_mission.announcer import Announcer
 from lupin_mission.mission import Severity
 from lupin_mission.report import Outcome
@@ -423,7 +423,9 @@ def test_two_servers_of_a_service_are_named_once(start_mission, reader, operate,
     """One more mission runs after that which has found both servers."""
     name, doubts = '/two/confirm_tag', []
     monkeypatch.setattr(
-        transport, 'doubt_about', lambda *about: doubts.append(doubt_about(*about)) or doubts[-1]
+        transport,
+        'duplicate_server_warning',
+        lambda *about: doubts.append(duplicate_server_warning(*about)) or doubts[-1],
     )
     camera = {**CAMERA, 'visual_confirmation_service': name, 'visual_confirmation_timeout_s': 1.0}
     mission = start_mission(**camera, tag_sequence='1', wait_for_start=True, max_attempts=1000)
@@ -488,7 +490,7 @@ def test_simulated_time_reaches_the_stamps_and_delays_nothing(start_mission, ope
 def test_what_was_started_can_be_aborted_skipped_and_paused_before_its_next_step(
     start_mission, operate, monkeypatch, name, skipped
 ):
-    monkeypatch.setattr(mission_node, 'STEP_SECONDS', HOUR)
+    monkeypatch.setattr(mission_orchestrator, 'STEP_SECONDS', HOUR)
     mission = start_mission(**READER, tag_sequence='1 2', wait_for_start=True, drive_seconds=HOUR)
     operator = operate(mission)
     operator.start()

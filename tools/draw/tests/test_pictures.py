@@ -1,4 +1,4 @@
-"""The figures and the printable tags."""
+"""The figures and the escaped tags."""
 
 import itertools
 import json
@@ -10,8 +10,8 @@ import pypdfium2
 import pytest
 import seen
 import tag_sheet
-from lupin_greenhouse_bridge.greenhouse.simulation import served_tag_ids
-from lupin_perception.detector import TagDetector
+from lupin_greenhouse_bridge.simulator.simulation import served_tag_ids
+from lupin_tag_confirmation.detector import TagDetector
 from matplotlib.text import Text
 from PIL import Image
 

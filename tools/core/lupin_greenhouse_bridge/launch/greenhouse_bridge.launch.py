@@ -1,7 +1,7 @@
 """Start the greenhouse bridge: one node, one service, `/greenhouse_bridge/get_tag_reading`."""
 
 from launch import LaunchDescription
-from lupin_greenhouse_bridge.node.launching import node_with_arguments
+from lupin_greenhouse_bridge.runtime.launching import node_with_arguments
 from lupin_greenhouse_bridge.settings import Settings
 
 

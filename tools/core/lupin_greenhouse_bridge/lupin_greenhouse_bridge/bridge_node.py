@@ -11,11 +11,11 @@ from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from lupin_greenhouse_bridge.contract import NODE_NAME, SERVICE_QOS, TAG_IDS_PARAMETER
-from lupin_greenhouse_bridge.errors import counted, printable
-from lupin_greenhouse_bridge.greenhouse import simulation
-from lupin_greenhouse_bridge.node.parameters import declare_parameters
-from lupin_greenhouse_bridge.node.run import run
+from lupin_greenhouse_bridge.errors import escaped, pluralized
+from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
+from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.simulator import simulation
 
 LOG_EVERY_SECONDS = 5.0  # a caller in a loop must not flood the log
 
@@ -64,8 +64,8 @@ class GreenhouseBridgeNode(Node):
             # For an unknown tag the simulator returns {}, which would become STATUS_OK without readings.
             response.status = GetTagReading.Response.STATUS_UNKNOWN_TAG
             response.error_message = (
-                f"Tag '{printable(tag_id, 64)}' is not in the loaded greenhouse"
-                f' ({counted(len(self._tag_set), "tag")} known).'
+                f"Tag '{escaped(tag_id, 64)}' is not in the loaded greenhouse"
+                f' ({pluralized(len(self._tag_set), "tag")} known).'
             )
             self.get_logger().warning(response.error_message, throttle_duration_sec=LOG_EVERY_SECONDS)
             return response

@@ -17,11 +17,11 @@ import domain_coordinator
 import pytest
 import rclpy
 from conftest import Terminal
-from lupin_greenhouse_bridge.cli import client, read_tag
-from lupin_greenhouse_bridge.csv_rows import parse_csv
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading
-from lupin_greenhouse_bridge.node import process
-from lupin_greenhouse_bridge.node.graph import doubt_about, servers_of
+from lupin_greenhouse_bridge.reading import client, read_tag
+from lupin_greenhouse_bridge.recording.csv_rows import parse_csv
+from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
 from lupin_greenhouse_bridge.testing import (
     PATIENCE_SECONDS,
     executable,
@@ -447,9 +447,9 @@ def test_a_watch_goes_on_while_the_bridge_is_away(run_here, times_out_when, monk
 def test_two_servers_of_the_service_are_named(run_here, monkeypatch):
     def doubt_once_found(node, name):
         wait_until(lambda: servers_of(node, name) == {'/first', '/second'})
-        return doubt_about(node, name)
+        return duplicate_server_warning(node, name)
 
-    monkeypatch.setattr(read_tag, 'doubt_about', doubt_once_found)
+    monkeypatch.setattr(read_tag, 'duplicate_server_warning', doubt_once_found)
     service = '/shared/get_tag_reading'
     with empty_domain(), spinning_node('first') as first, spinning_node('second') as second:
         for node in (first, second):

@@ -7,10 +7,10 @@ import re
 import sys
 
 import pytest
-from lupin_greenhouse_bridge.greenhouse.layout import find_layout
-from lupin_greenhouse_bridge.keep.store import open_store
-from lupin_greenhouse_bridge.rows import Row, utc_of
-from lupin_greenhouse_bridge.show import readings_page
+from lupin_greenhouse_bridge.display import readings_page
+from lupin_greenhouse_bridge.recording.rows import Row, utc_of
+from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.simulator.layout import find_layout
 from reading_helpers import START_S, visit, write_report
 
 pytest.importorskip('plotly', reason='plotly, which draws the page, is missing: pip install plotly')

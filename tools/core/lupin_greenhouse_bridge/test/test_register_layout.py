@@ -13,8 +13,8 @@ import threading
 import pytest
 from conftest import SPINS
 from geometry_msgs.msg import PointStamped
-from lupin_greenhouse_bridge.cli import register_layout
-from lupin_greenhouse_bridge.greenhouse.registration import Transform, read_registration, write_transform
+from lupin_greenhouse_bridge.planning import register_layout
+from lupin_greenhouse_bridge.planning.registration import Transform, read_registration, write_transform
 from lupin_greenhouse_bridge.testing import executable
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile

@@ -8,9 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.greenhouse.files import shipped_file
-from lupin_greenhouse_bridge.greenhouse.layout import read_tags_with_sensors
-from lupin_greenhouse_bridge.greenhouse.registration import (
+from lupin_greenhouse_bridge.planning.registration import (
     CannotFit,
     Transform,
     fit,
@@ -19,6 +17,8 @@ from lupin_greenhouse_bridge.greenhouse.registration import (
     read_transform,
     write_transform,
 )
+from lupin_greenhouse_bridge.simulator.files import shipped_file
+from lupin_greenhouse_bridge.simulator.layout import read_tags_with_sensors
 
 SHIPPED_M = {
     tag_id: tag[:2] for tag_id, tag in read_tags_with_sensors(shipped_file('tag_locations.json')).items()

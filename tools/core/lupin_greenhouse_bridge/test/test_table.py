@@ -5,10 +5,10 @@ import sys
 
 import pytest
 from conftest import Terminal
-from lupin_greenhouse_bridge.cli.table import Screen, json_line, terminal_size
 from lupin_greenhouse_bridge.contract import STATUS_NAMES
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading
-from lupin_greenhouse_bridge.rows import rows_of
+from lupin_greenhouse_bridge.reading.table import Screen, json_line, terminal_size
+from lupin_greenhouse_bridge.recording.rows import rows_of
 
 OK, UNKNOWN_TAG = 0, 1
 

@@ -2,9 +2,9 @@
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.greenhouse.files import shipped_file
-from lupin_greenhouse_bridge.greenhouse.layout import Layout, Tag
-from lupin_greenhouse_bridge.greenhouse.visualization import read_visualization
+from lupin_greenhouse_bridge.planning.visualization import read_visualization
+from lupin_greenhouse_bridge.simulator.files import shipped_file
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag
 
 LAYOUT = Layout({'7': Tag(1.0, 2.5, ['co2'])}, {'bench': (0.0, 0.0, 2.0, 1.0)})
 WALLS = 'greenhouse_width_m: 4, greenhouse_height_m: 8'

@@ -38,8 +38,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
-from lupin_greenhouse_bridge.greenhouse import simulation
 from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.simulator import simulation
 
 PATIENCE_SECONDS = 30.0  # for a busy machine; a passing test never waits this long
 # Fast DDS on this machine only, by UDP. All domains share its ports in shared memory: if a process is killed
@@ -127,6 +127,20 @@ def _spun(*nodes, context=None):
         executor.create_task(ended.set)
         spinner.join(PATIENCE_SECONDS)
         executor.shutdown()
+
+
+class ManualClock:
+    """A clock in seconds that only the test moves, in place of time.monotonic."""
+
+    def __init__(self):
+        self._seconds = 1000.0
+
+    def __call__(self) -> float:
+        return self._seconds
+
+    def pass_seconds(self, seconds: float) -> None:
+        """Let this time pass at once."""
+        self._seconds += seconds
 
 
 def call(client, request):
@@ -304,6 +318,21 @@ def own_domain(tmp_path_factory):
 def shipped_tags() -> dict[str, dict]:
     """Return the tags of the installed simulator: id -> x, y, sensors."""
     return json.loads(simulation.shipped_file('tag_locations.json').read_text(encoding='utf-8'))['tags']
+
+
+@pytest.fixture
+def run_nodes():
+    """
+    Return a function that runs nodes like running(), until the test ends.
+
+    It returns them, and a node of the test: they share a participant, so all find each other at once.
+    """
+
+    def beside():
+        return rclpy.create_node('test')
+
+    with contextlib.ExitStack() as stack:
+        yield lambda *node_types, **keywords: stack.enter_context(running(*node_types, beside, **keywords))
 
 
 @pytest.fixture

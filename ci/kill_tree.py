@@ -1,0 +1,93 @@
+"""
+Run a command, and end every process that it has started when it ends or is interrupted.
+
+    python ci/kill_tree.py COMMAND [ARGUMENT...]
+
+Ctrl-C in a shell script does not reach background jobs, nor what `timeout` runs, nor processes in a session
+of their own. This process therefore adopts orphaned descendants (PR_SET_CHILD_SUBREAPER), so that it can find
+each of them. On SIGINT, SIGTERM or SIGHUP it sends them SIGTERM, and SIGKILL to those that remain.
+
+The exit code is that of the command, or 128 plus the number of the signal.
+"""
+
+import contextlib
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+PR_SET_CHILD_SUBREAPER = 36  # linux/prctl.h
+SECONDS_TO_END = 2.0  # from SIGTERM to SIGKILL
+
+
+class Interrupted(Exception):
+    """A signal asked this process to end; its argument is the number."""
+
+
+def interrupt(number, _frame):
+    """Raise Interrupted, once."""
+    for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(each, signal.SIG_IGN)
+    raise Interrupted(number)
+
+
+def descendants() -> list[int]:
+    """Return the ids of all living descendants of this process."""
+    children: dict[int, list[int]] = {}
+    for path in Path('/proc').glob('[0-9]*/stat'):
+        with contextlib.suppress(OSError):  # it has just ended
+            state, parent = path.read_text(errors='replace').rpartition(')')[2].split()[:2]
+            if state != 'Z':
+                children.setdefault(int(parent), []).append(int(path.parent.name))
+    found = [os.getpid()]
+    for pid in found:
+        found += children.get(pid, [])
+    return found[1:]
+
+
+def send(number: signal.Signals) -> None:
+    """Send a signal to every descendant."""
+    for pid in descendants():
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, number)
+
+
+def end_descendants() -> None:
+    """End every descendant: SIGTERM first, then SIGKILL."""
+    send(signal.SIGTERM)
+    deadline = time.monotonic() + SECONDS_TO_END
+    while descendants():
+        if time.monotonic() >= deadline:
+            send(signal.SIGKILL)
+        time.sleep(0.02)
+
+
+def wait_for(pid: int) -> int:
+    """Return the exit code of a child; also collects adopted orphans."""
+    while True:
+        ended, status = os.wait()
+        if ended == pid:
+            code = os.waitstatus_to_exitcode(status)
+            return code if code >= 0 else 128 - code
+
+
+def main() -> int:
+    """Run the command; return its exit code."""
+    ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    try:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, interrupt)
+        # In a session of its own, so that Ctrl-C arrives here first.
+        command = subprocess.Popen(sys.argv[1:], start_new_session=True)
+        return wait_for(command.pid)
+    except Interrupted as error:
+        return 128 + error.args[0]
+    finally:
+        end_descendants()
+
+
+if __name__ == '__main__':
+    sys.exit(main())

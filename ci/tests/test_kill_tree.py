@@ -1,0 +1,113 @@
+"""ci/kill_tree.py: an interrupted command leaves no process behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import uuid
+from pathlib import Path
+
+import kill_tree
+import pytest
+
+ROOT = Path(kill_tree.__file__).parents[1]
+PATIENCE_SECONDS = 60.0
+# Background jobs: plain, under timeout, in a session of its own, deaf to SIGTERM, orphaned.
+STUBBORN = """
+sleep 600 &
+timeout 600 sleep 600 &
+setsid sleep 600 &
+(trap '' TERM; sleep 600; true) &
+(sleep 600 &)
+echo started
+wait
+"""
+
+
+def marked(mark: str) -> list[str]:
+    """Return the command lines of the living processes that have this word in their environment."""
+    found = []
+    for folder in Path('/proc').glob('[0-9]*'):
+        try:
+            if mark.encode() in (folder / 'environ').read_bytes():
+                found.append((folder / 'cmdline').read_text().replace('\0', ' '))
+        except OSError:  # it has ended
+            continue
+    return found
+
+
+def start(command, mark, **keywords):
+    """Start a command as a terminal does, in a process group of its own."""
+    environment = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
+    return subprocess.Popen(
+        command,
+        cwd=ROOT,
+        env=environment | {'LUPIN_TEST_MARK': mark},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+        **keywords,
+    )
+
+
+@pytest.fixture
+def mark():
+    """Return a word for the environment of what a test starts, and kill what is left of it."""
+    word = uuid.uuid4().hex
+    yield word
+    for folder in Path('/proc').glob('[0-9]*'):
+        try:
+            if word.encode() in (folder / 'environ').read_bytes():
+                os.kill(int(folder.name), signal.SIGKILL)
+        except OSError:
+            continue
+
+
+def start_stubborn(mark, *container) -> subprocess.Popen:
+    """Start the background jobs, and wait until each is what it becomes."""
+    process = start([*container, 'bash', '-c', STUBBORN], mark)
+    assert process.stdout.readline() == 'started\n'
+    deadline = time.monotonic() + PATIENCE_SECONDS
+    while len([line for line in marked(mark) if line.startswith('sleep')]) < 5:
+        assert time.monotonic() < deadline, marked(mark)
+    return process
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_ends_every_descendant(mark, number):
+    process = start_stubborn(mark, sys.executable, kill_tree.__file__)
+    process.send_signal(number)
+    assert process.wait(PATIENCE_SECONDS) == 128 + number
+    assert marked(mark) == []
+
+
+def test_without_it_descendants_survive(mark):
+    """The check above can fail."""
+    process = start_stubborn(mark)
+    os.killpg(process.pid, signal.SIGINT)
+    os.killpg(process.pid, signal.SIGTERM)
+    process.wait(PATIENCE_SECONDS)
+    assert marked(mark)
+
+
+@pytest.mark.parametrize(('script', 'code'), [('exit 0', 0), ('exit 7', 7), ('kill -9 $$', 137)])
+def test_the_exit_code_is_that_of_the_command_and_nothing_is_left(mark, script, code):
+    process = start([sys.executable, kill_tree.__file__, 'bash', '-c', f'setsid sleep 600 & {script}'], mark)
+    assert process.wait(PATIENCE_SECONDS) == code
+    assert marked(mark) == []
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize('target', ['test', 'steady', 'soak'])
+def test_ctrl_c_on_make_ends_all_that_it_started(mark, target):
+    process = start(['make', target, f'VENV={os.environ["VIRTUAL_ENV"]}', 'LOAD=1'], mark)
+    deadline = time.monotonic() + 5 * PATIENCE_SECONDS
+    while not any('--ros-args' in line for line in marked(mark)):  # a node
+        assert process.poll() is None, process.stdout.read()
+        assert time.monotonic() < deadline, marked(mark)
+    os.killpg(process.pid, signal.SIGINT)
+    process.communicate(timeout=PATIENCE_SECONDS)
+    assert process.returncode != 0
+    assert marked(mark) == []

@@ -1,0 +1,161 @@
+"""The markers that show the greenhouse and the last reading of each tag."""
+
+import math
+from typing import NamedTuple
+
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from lupin_greenhouse_bridge.errors import escaped
+from lupin_greenhouse_bridge.interfaces import TagReading
+from lupin_greenhouse_bridge.planning.labelling import Box, place_labels
+from lupin_greenhouse_bridge.planning.registration import Transform
+from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
+from lupin_greenhouse_bridge.simulator.layout import Layout
+from lupin_greenhouse_bridge.units import unit_of
+
+FIELD_NAMESPACE = 'field: interpolated from received readings'
+TABLE_HEIGHT_M, TAG_HEIGHT_M = 0.20, 0.30  # a tag's is that of its centre
+PLATE_M, PLATE_THICKNESS_M = 0.10, 0.02
+TEXT_HEIGHT_M = 0.45  # above everything else
+LETTER_M, LETTER_WIDTH_M, LINE_M = 0.08, 0.045, 0.09
+STALE_ALPHA = 0.5
+BROWN, GREY, ORANGE, WHITE = (0.45, 0.32, 0.2), (0.4, 0.4, 0.4), (0.9, 0.62, 0.0), (1.0, 1.0, 1.0)
+
+
+class Plate(NamedTuple):
+    """A tag in the map: where its id is, its direction in radians, and where its label is."""
+
+    dot: Box
+    facing: float
+    label: Box
+
+    def marker(self, number: int, colour) -> Marker:
+        """Return the marker of the tag."""
+        size = (PLATE_THICKNESS_M, PLATE_M, PLATE_M)
+        at = pose(*self.dot[:2], TAG_HEIGHT_M, self.facing)
+        return _marker('tags', number, Marker.CUBE, colour, size, pose=at)
+
+
+def place_plates(layout: Layout, layout_in_map: Transform) -> dict[str, Plate]:
+    """Return the tags in the map, by id; raises StartUpError for a table without an area."""
+    tag_poses = find_tag_poses(layout)
+    dots = {
+        tag_id: Box(*layout_in_map.point(each.x, each.y), max(len(tag_id), 2) * LETTER_WIDTH_M, PLATE_M)
+        for tag_id, each in tag_poses.items()
+    }
+    # As wide and as high as a label of four digits for each sensor of the tag.
+    texts = [[_value_line(each, 0.1234) for each in tag.sensors] for tag in layout.tags.values()]
+    sizes = [(max(map(len, lines)) * LETTER_WIDTH_M, (len(lines) + 1) * LINE_M) for lines in texts]
+    places = place_labels(
+        list(dots.values()), [(dot, *size) for dot, size in zip(dots.values(), sizes, strict=True)]
+    )
+    return {
+        tag_id: Plate(dot, layout_in_map.heading(tag_poses[tag_id].facing), Box(*place, *size))
+        for (tag_id, dot), place, size in zip(dots.items(), places, sizes, strict=True)
+    }
+
+
+class Scene:
+    """The greenhouse in the frame of a map."""
+
+    def __init__(self, layout: Layout, layout_in_map: Transform):
+        """Find a place for everything; raises StartUpError for a table without an area."""
+        self._layout_in_map = layout_in_map
+        self._tables = tables_of(layout)
+        self._plates = place_plates(layout, layout_in_map)
+        labels = [plate.label for plate in self._plates.values()]
+        middle_x = sum(each.x for each in labels) / len(labels)
+        lowest_y = min(each.y - each.height / 2 for each in labels)
+        self._caption_place = middle_x, lowest_y - 3 * LINE_M
+
+    def markers(
+        self, header: Header, readings: dict[str, TagReading], stale_seconds: float, caption: str
+    ) -> MarkerArray:
+        """
+        Return the tables, the tags with their ids, the readings by tag id with their ages, and the caption.
+
+        The header's stamp is the time. A reading is faded once it is older than `stale_seconds`.
+        """
+        markers = [self._table(number) for number in range(len(self._tables))]
+        for number, (tag_id, plate) in enumerate(self._plates.items()):
+            reading, colour, alpha = readings.get(tag_id), GREY, 1.0
+            if reading:
+                age = age_seconds(reading, header)
+                colour, alpha = ORANGE, STALE_ALPHA if age > stale_seconds else 1.0
+                lines = [_value_line(each.name, each.value) for each in reading.readings]
+                text = '\n'.join([*lines, age_text(age)])
+                markers.append(_text('readings', number, plate.label[:2], text, alpha))
+            markers += [
+                plate.marker(number, (*colour, alpha)),
+                _text('ids', number, plate.dot[:2], escaped(tag_id, 40)),
+            ]
+        markers.append(_text(FIELD_NAMESPACE, 0, self._caption_place, caption))
+        for each in markers:
+            each.header = header
+        return MarkerArray(markers=markers)
+
+    def _table(self, number: int) -> Marker:
+        table = self._tables[number]
+        x, y = self._layout_in_map.point((table.x0 + table.x1) / 2, (table.y0 + table.y1) / 2)
+        size = (table.x1 - table.x0, table.y1 - table.y0, TABLE_HEIGHT_M)
+        at = pose(x, y, TABLE_HEIGHT_M / 2, self._layout_in_map.yaw)
+        return _marker('tables', number, Marker.CUBE, BROWN, size, pose=at)
+
+
+def age_seconds(reading: TagReading, header: Header) -> float:
+    """Return how long before the header a reading was made; 0.0 for one that was made later."""
+    seconds = header.stamp.sec - reading.stamp.sec
+    return max(seconds + (header.stamp.nanosec - reading.stamp.nanosec) / 1e9, 0.0)
+
+
+def age_text(seconds: float) -> str:
+    """Return an age in its largest whole unit, such as `3 min ago`."""
+    for unit, length in (('h', 3600), ('min', 60)):
+        if seconds >= length:
+            return f'{seconds // length:.0f} {unit} ago'
+    return f'{seconds:.0f} s ago'
+
+
+def plain(text: str) -> str:
+    """Return a text in ASCII: RViz draws no other letters."""
+    text = text.replace('°', 'deg ').replace('³', '3')
+    return text.encode('ascii', 'backslashreplace').decode()
+
+
+def pose(x: float, y: float, z: float, yaw: float) -> Pose:
+    """Return a pose in metres, turned by radians around the z axis."""
+    return Pose(
+        position=Point(x=x, y=y, z=z), orientation=Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+    )
+
+
+def _value_line(sensor: str, value: float) -> str:
+    return plain(f'{escaped(sensor, 40)} {value:.4g} {unit_of(sensor)}'.rstrip())
+
+
+def _text(namespace: str, number: int, place, text: str, alpha: float = 1.0) -> Marker:
+    return _marker(
+        namespace,
+        number,
+        Marker.TEXT_VIEW_FACING,
+        (*WHITE, alpha),
+        (LETTER_WIDTH_M / 2, 0.0, LETTER_M),  # RViz takes the width of a space from x
+        pose=pose(*place, TEXT_HEIGHT_M, 0.0),
+        text=plain(text),
+    )
+
+
+def _marker(namespace: str, number: int, kind: int, colour, size, **fields) -> Marker:
+    """Return a marker; the colour is red, green, blue and, if it is not opaque, alpha."""
+    return Marker(
+        ns=namespace,
+        id=number,
+        type=kind,
+        action=Marker.ADD,
+        frame_locked=True,  # in another fixed frame, RViz moves it with the map
+        scale=Vector3(**dict(zip('xyz', size, strict=True))),
+        color=ColorRGBA(**{'a': 1.0, **dict(zip('rgba', colour, strict=False))}),
+        **fields,
+    )

@@ -1,1 +1,0 @@
-"""Keep readings in a file, and read such files again."""

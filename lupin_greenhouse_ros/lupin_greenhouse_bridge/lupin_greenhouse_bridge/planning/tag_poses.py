@@ -1,0 +1,101 @@
+"""Compute the direction that each tag of a layout faces. Does not import ROS."""
+
+import math
+from typing import NamedTuple
+
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.simulator.layout import Layout
+
+SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0
+SAME_M = 1e-9
+PLATE_M = 0.1  # a table must stay this far from the line of sight to a tag
+
+
+class Table(NamedTuple):
+    """The edges of a table in metres."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    def distance_m(self, x: float, y: float) -> float:
+        """Return the distance of a point; 0.0 inside."""
+        dx = max(self.x0 - x, 0.0, x - self.x1)
+        dy = max(self.y0 - y, 0.0, y - self.y1)
+        return math.hypot(dx, dy)
+
+    def nearest_edges(self, x: float, y: float) -> list[float]:
+        """Return the outward directions of the nearest edges, as angles to the x axis; two on a corner."""
+        inside_x, inside_y = min(max(x, self.x0), self.x1), min(max(y, self.y0), self.y1)
+        distances_m = {
+            SOUTH: math.hypot(x - inside_x, y - self.y0),
+            NORTH: math.hypot(x - inside_x, y - self.y1),
+            WEST: math.hypot(x - self.x0, y - inside_y),
+            EAST: math.hypot(x - self.x1, y - inside_y),
+        }
+        nearest = min(distances_m.values())
+        return [angle for angle, distance in distances_m.items() if distance <= nearest + SAME_M]
+
+    def room_before(self, x: float, y: float, angle: float) -> float:
+        """Return the distance in metres from a point along an axis to this table."""
+        along_x, along_y = round(math.cos(angle)), round(math.sin(angle))
+        if along_x:
+            is_beside = y < self.y0 - PLATE_M or y > self.y1 + PLATE_M
+            ahead = (self.x0 - x) if along_x > 0 else (x - self.x1)
+        else:
+            is_beside = x < self.x0 - PLATE_M or x > self.x1 + PLATE_M
+            ahead = (self.y0 - y) if along_y > 0 else (y - self.y1)
+        return math.inf if is_beside or ahead < 0.0 else ahead
+
+
+class TagPose(NamedTuple):
+    """The centre of a tag in metres, and the direction that it faces, in radians to the x axis."""
+
+    x: float
+    y: float
+    facing: float
+
+
+def tables_of(layout: Layout) -> list[Table]:
+    """Return the tables, in the order of the file; raises StartUpError for one without an area."""
+    tables = []
+    for name, (xa, ya, xb, yb) in layout.tables.items():
+        table = Table(min(xa, xb), min(ya, yb), max(xa, xb), max(ya, yb))
+        if table.x0 == table.x1 or table.y0 == table.y1:
+            raise StartUpError(
+                f"table '{escaped(name, 64)}' has no area: x0 and x1, and y0 and y1, must differ"
+            )
+        tables.append(table)
+    return tables
+
+
+def find_tag_poses(layout: Layout) -> dict[str, TagPose]:
+    """
+    Return the tag_pose of each tag by its id, in the order of the layout.
+
+    Each tag faces away from the nearest edge of its nearest table. Of two tables equally near, the first of
+    the file counts. On a corner, where two edges are equally near, the tag faces the one with more room up to
+    the next table; if that is the same too, the first of south, north, west and east. Without tables the tags
+    face the middle of the layout. Raises StartUpError for a table without an area.
+    """
+    tables = tables_of(layout)
+    xs, ys = ([tag[axis] for tag in layout.tags.values()] for axis in (0, 1))
+    middle = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
+    tag_poses = {}
+    for tag_id, tag in layout.tags.items():
+        if tables:
+            table = min(tables, key=lambda each, tag=tag: each.distance_m(tag.x, tag.y))
+            facing = max(
+                table.nearest_edges(tag.x, tag.y),
+                key=lambda angle, tag=tag, table=table: min(
+                    (each.room_before(tag.x, tag.y, angle) for each in tables if each is not table),
+                    default=math.inf,
+                ),
+            )
+        elif (tag.x, tag.y) == middle:
+            facing = SOUTH
+        else:
+            facing = math.atan2(middle[1] - tag.y, middle[0] - tag.x)
+        tag_poses[tag_id] = TagPose(tag.x, tag.y, facing)
+    return tag_poses

@@ -1,1 +1,0 @@
-"""Show readings: in RViz and Foxglove, and on a page."""

@@ -1,0 +1,1 @@
+"""What the bridge loads: the two files, the layout and the simulator. Does not import ROS."""

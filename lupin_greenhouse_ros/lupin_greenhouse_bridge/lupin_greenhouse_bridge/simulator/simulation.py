@@ -1,0 +1,206 @@
+"""Load, validate and read the mdp-greenhouse simulator. Does not import ROS."""
+
+import importlib
+import importlib.metadata
+import math
+import numbers
+import random
+from typing import Any, NamedTuple
+
+from packaging.version import InvalidVersion, Version
+
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.settings import SECONDS_PER_DAY, Settings
+from lupin_greenhouse_bridge.simulator.files import read_config, read_tags, shipped_file
+
+OLDEST_SIMULATOR = '1.0.7'
+INSTALL_COMMAND = f"pip install --upgrade 'mdp-greenhouse>={OLDEST_SIMULATOR}'"
+
+
+class ReadingError(OneLineError):
+    """The simulator returned no usable reading for a tag that it has loaded."""
+
+
+class LoadedGreenhouse(NamedTuple):
+    """A loaded simulator and what start-up learned about it."""
+
+    sim: Any  # greenhouse_sim.simulator.GreenhouseSimulator
+    tag_ids: list[str]  # every tag that has a sensor, in the order of the file; each was read once
+    warnings: list[str]  # one line each
+    summary: str  # one line: tags, sensors, clock
+
+
+def load(settings: Settings, tag_file, sim_config_file) -> LoadedGreenhouse:
+    """
+    Return a simulator that can be read at every tag of `tag_ids` at any hour.
+
+    `tag_file` and `sim_config_file` are passed on to the simulator; None selects its shipped files.
+    Raises StartUpError with one line that says what to fix.
+    """
+    version = require_simulator()
+    from greenhouse_sim.dynamics import AVAILABLE_DYNAMICS
+    from greenhouse_sim.sensors import AVAILABLE_SENSORS
+    from greenhouse_sim.simulator import GreenhouseSimulator
+
+    tag_path = tag_file or shipped_file('tag_locations.json')
+    tags = read_tags(tag_path)
+    tag_ids = [tag_id for tag_id, tag in tags.items() if tag['sensors']]
+    if not tag_ids:
+        raise StartUpError(f"tag_file '{tag_path}': no tag has a sensor: add a sensor to at least one tag")
+    config_path = sim_config_file or shipped_file('greenhouse_config.yaml')
+    config = read_config(config_path, settings, AVAILABLE_SENSORS, AVAILABLE_DYNAMICS)
+    for tag_id, tag in tags.items():
+        for name in tag['sensors']:
+            if name not in config['sensors']:
+                raise StartUpError(
+                    f"tag_file '{tag_path}': tag '{escaped(tag_id, 64)}' has the sensor {name!r}, which"
+                    f" sim_config_file '{config_path}' does not have: add it there, or use one of"
+                    f' {", ".join(config["sensors"])}'
+                )
+    try:
+        sim = GreenhouseSimulator(tag_file, sim_config_file)
+    except Exception as error:
+        if isinstance(error, AttributeError) and isinstance(tag_file, str):
+            raise StartUpError(
+                f"tag_file '{tag_path}': mdp-greenhouse {version} takes only a pathlib.Path and got"
+                f' str ({error}): leave tag_file empty (doc/parameters.md: "A custom tag file")'
+            ) from error
+        raise StartUpError(
+            f"mdp-greenhouse {version} cannot load tag_file '{tag_path}' and sim_config_file '{config_path}':"
+            f' {type(error).__name__}: {error}'
+        ) from error
+    if sim.tags() != list(tags):
+        raise StartUpError(
+            f"tag_file '{tag_path}': the simulator reads it with another text encoding than UTF-8:"
+            ' set PYTHONUTF8=1'
+        )
+    _apply_overrides(sim, settings)
+    _prove_readable(sim, tag_ids)
+    return LoadedGreenhouse(sim, tag_ids, _warnings(sim, tags, settings), _summary(sim, tag_ids, version))
+
+
+def served_tag_ids(tag_file: str) -> list[str]:
+    """Return the ids that a bridge serves with this tag_file, '' for the shipped one; raises StartUpError."""
+    require_simulator()
+    tags = read_tags(tag_file or shipped_file('tag_locations.json'))
+    return [tag_id for tag_id, tag in tags.items() if tag['sensors']]
+
+
+def require_simulator() -> str:
+    """
+    Return the installed version of mdp-greenhouse.
+
+    Raises StartUpError if it is missing, older than 1.0.7, or cannot be imported.
+
+    Reads the package's metadata, because `greenhouse_sim.simulator.__version__` is not kept up to date.
+    Before 1.0.7 the simulated clock is wrong: it exceeds a day (1.0.5) or is 24 times off (1.0.6).
+    """
+    try:
+        version = importlib.metadata.version('mdp-greenhouse')
+    except importlib.metadata.PackageNotFoundError as error:
+        raise StartUpError(f'mdp-greenhouse is not installed: {INSTALL_COMMAND}') from error
+    try:
+        is_too_old = Version(version) < Version(OLDEST_SIMULATOR)
+    except InvalidVersion:
+        is_too_old = True
+    if is_too_old:
+        raise StartUpError(
+            f'mdp-greenhouse {version} is installed, {OLDEST_SIMULATOR} or newer is needed: {INSTALL_COMMAND}'
+        )
+    try:
+        importlib.import_module('greenhouse_sim.simulator')
+    except ImportError as error:
+        raise StartUpError(
+            f'mdp-greenhouse {version} cannot be imported ({error}):'
+            f' sudo apt install python3-yaml, or {INSTALL_COMMAND}'
+        ) from error
+    return version
+
+
+def read(sim, tag_id: str) -> tuple[float, dict[str, float]]:
+    """
+    Return the simulated time of day in seconds, in [0, 86400), and the value of each sensor at the tag.
+
+    The time is that of the values: a second call of the simulator's clock could be a whole tick later.
+    Raises ReadingError if a value is missing or not finite.
+    """
+    try:
+        values = {}
+        for name, value in sim.get_sensor_data(tag_id).items():
+            is_finite_float = type(value) is float and math.isfinite(value)  # almost always; saves a call
+            values[str(name)] = value if is_finite_float else _finite(value, name)
+        sim_time = values.pop('timestamp')
+    except ReadingError:
+        raise
+    except Exception as error:
+        raise ReadingError(
+            f"the simulator failed at tag '{escaped(tag_id, 64)}': {type(error).__name__}: {error}"
+        ) from error
+    if not 0.0 <= sim_time < SECONDS_PER_DAY:
+        raise ReadingError(
+            f"the simulator returned the time of day {sim_time} s at tag '{escaped(tag_id, 64)}',"
+            ' which is outside [0, 86400)'
+        )
+    if not values:
+        raise ReadingError(f"the simulator returned no value at tag '{escaped(tag_id, 64)}'")
+    return sim_time, values
+
+
+def _finite(value, name: str) -> float:
+    # int comes first: the simulator's clock is one, and the look at an abstract class takes longer.
+    is_number = isinstance(value, (int, numbers.Real)) and not isinstance(value, bool)
+    if not is_number or not math.isfinite(value):
+        raise ReadingError(f'the simulator returned {value!r} for {name}, not a finite number')
+    return float(value)
+
+
+def _apply_overrides(sim, settings: Settings) -> None:
+    """Override the loaded config with every setting that is not a sentinel, and seed the noise."""
+    time = sim.sim_config['time']
+    if settings.debug_time_of_day >= 0.0:
+        time['debug_mode'] = True
+        time['debug_time_of_day'] = settings.debug_time_of_day
+    if settings.speedup_factor > 0.0:
+        time['speedup_factor'] = settings.speedup_factor
+    if settings.debug_seed >= 0:
+        time['debug_mode'] = True
+        time['debug_seed'] = settings.debug_seed
+        # The simulator seeds only in its constructor, which has already run: this line makes the seed work.
+        random.seed(settings.debug_seed)
+
+
+def _prove_readable(sim, tag_ids) -> None:
+    """Read every tag once, then restore the noise: a seeded sequence starts with the first request."""
+    state = random.getstate()
+    for tag_id in tag_ids:
+        try:
+            read(sim, tag_id)
+        except ReadingError as error:
+            raise StartUpError(
+                f"tag '{escaped(tag_id, 64)}' is loaded but cannot be read: {error}"
+            ) from error
+    random.setstate(state)
+
+
+def _warnings(sim, tags: dict, settings: Settings) -> list[str]:
+    warnings = []
+    bare = [escaped(tag_id, 64) for tag_id, tag in tags.items() if not tag['sensors']]
+    if bare:
+        some = ', '.join(f"'{tag_id}'" for tag_id in bare[:5])
+        count = (
+            '1 tag has no sensors and is' if len(bare) == 1 else f'{len(bare)} tags have no sensors and are'
+        )
+        warnings.append(f'{count} treated as unknown: {some}')
+    if settings.speedup_factor > 0.0 and sim.sim_config['time']['debug_mode']:
+        warnings.append('speedup_factor has no effect: debug mode freezes the simulated clock')
+    return warnings
+
+
+def _summary(sim, tag_ids: list[str], version: str) -> str:
+    time = sim.sim_config['time']
+    if time['debug_mode']:
+        clock = f'clock frozen at {time["debug_time_of_day"]} h'
+    else:
+        clock = f'clock live, {time["speedup_factor"]} simulated seconds per second'
+    tags, sensors = pluralized(len(tag_ids), 'tag'), ', '.join(sim.sensors())
+    return f'{tags}; sensors {sensors}; {clock}; mdp-greenhouse {version}'

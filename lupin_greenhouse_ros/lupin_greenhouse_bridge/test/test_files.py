@@ -1,0 +1,565 @@
+"""Files that the bridge refuses in one line with the fix, and unusual files that it serves."""
+
+import copy
+import json
+import math
+import os
+import random
+import tracemalloc
+
+import pytest
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from lupin_greenhouse_bridge.bridge_node import GreenhouseBridgeNode
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.simulator import simulation
+from lupin_greenhouse_bridge.simulator.files import read_config
+
+PARAMETERS = ('tag_file', 'sim_config_file')
+MISSING = object()
+TAGS = {'tags': {'7': {'x': 1.0, 'y': 7.3, 'sensors': ['co2']}}}
+ANY_METRES = 'must be a number from -1e+12 to 1e+12 (metres)'
+NOT_ASKABLE = 'cannot be sent over ROS: use an id of visible Unicode characters'
+
+# Changes to TAGS by path, and the expected message.
+BAD_TAGS = [
+    ({'': None}, 'holds null at its top level, not an object of tags'),
+    ({'': 7}, 'holds a number at its top level'),
+    ({'': 1.5}, 'holds a number at its top level'),
+    ({'': True}, 'holds true or false at its top level'),
+    ({'': 'text'}, 'holds text at its top level'),
+    ({'': []}, 'holds a list at its top level'),
+    ({'': {}}, 'holds no tags: add at least one'),
+    ({'': {'units': 'm', '7': TAGS['tags']['7']}}, "tag 'units' is text, not an object"),
+    ({'tags': {}}, 'holds no tags: add at least one'),
+    ({'tags': []}, "tag 'tags' is a list, not an object"),
+    ({'tags': None}, "tag 'tags' is null, not an object"),
+    ({'tags/7': []}, "tag '7' is a list, not an object"),
+    ({'tags/7': None}, "tag '7' is null, not an object"),
+    ({'tags/7': 'x'}, "tag '7' is text, not an object"),
+    ({'tags/': TAGS['tags']['7']}, f"tag '' {NOT_ASKABLE}"),
+    ({'tags/ \t': TAGS['tags']['7']}, f"tag ' \\t' {NOT_ASKABLE}"),
+    ({'tags/7\0': TAGS['tags']['7']}, f"tag '7\\x00' {NOT_ASKABLE}"),
+    ({'tags/\ud83c': TAGS['tags']['7']}, f"tag '\\ud83c' {NOT_ASKABLE}"),
+    ({'tags/7/x': MISSING}, "tag '7' has no 'x': a tag needs x, y and sensors"),
+    ({'tags/7/y': MISSING}, "tag '7' has no 'y': a tag needs x, y and sensors"),
+    ({'tags/7/sensors': MISSING}, "tag '7' has no 'sensors': a tag needs x, y and sensors"),
+    ({'tags/7/x': '1.0'}, f"tag '7': x is '1.0': {ANY_METRES}"),
+    ({'tags/7/x': None}, f"tag '7': x is None: {ANY_METRES}"),
+    ({'tags/7/x': True}, f"tag '7': x is True: {ANY_METRES}"),
+    ({'tags/7/x': [1.0]}, f"tag '7': x is a list: {ANY_METRES}"),
+    ({'tags/7/x': math.nan}, f"tag '7': x is nan: {ANY_METRES}"),
+    ({'tags/7/x': 1.0001e12}, f"tag '7': x is 1000100000000.0: {ANY_METRES}"),
+    ({'tags/7/x': 10**400}, f"tag '7': x is a number of more than 12 digits: {ANY_METRES}"),
+    ({'tags/7/y': math.inf}, f"tag '7': y is inf: {ANY_METRES}"),
+    ({'tags/7/y': -math.inf}, f"tag '7': y is -inf: {ANY_METRES}"),
+    ({'tags/7/sensors': {}}, "tag '7': sensors is an object: must be a list of names"),
+    ({'tags/7/sensors': None}, "tag '7': sensors is null: must be a list of names"),
+    ({'tags/7/sensors': 'co2'}, "tag '7': sensors is text: must be a list of names"),
+    ({'tags/7/sensors': [7]}, "tag '7': sensors holds a number: must hold names"),
+    ({'tags/7/sensors': ['co2', None]}, "tag '7': sensors holds null: must hold names"),
+    ({'tags/7/sensors': []}, 'no tag has a sensor: add a sensor to at least one tag'),
+    ({'tags/7/sensors': ['CO2']}, "tag '7' has the sensor 'CO2', which"),
+    ({'tags/7/sensors': ['timestamp']}, "tag '7' has the sensor 'timestamp', which"),
+]
+BAD_TAG_BYTES = [
+    (b'', 'is not JSON:'),
+    (b'\xef\xbb\xbf{"7": {"x": 1, "y": 1, "sensors": ["co2"]}}', 'starts with a UTF-8 byte order mark'),
+    ('{"7": {}}'.encode('utf-16'), 'is not UTF-8 text'),
+    ('{"é": {}}'.encode('latin-1'), 'is not UTF-8 text'),
+    (b'{"tags": {"7": {"x": 1', 'is not JSON:'),
+    (b"{'7': {}}", 'is not JSON:'),
+    (b'{"7": {},}', 'is not JSON:'),
+    (b'{"7": {}} {"8": {}}', 'is not JSON:'),
+    (b'# yaml\n7: {}\n', 'is not JSON:'),
+    (b'{"7": {"x": ' + b'9' * 5000 + b'}}', 'is not JSON:'),
+    (b'{"7": {"x": 1e400, "y": 1, "sensors": []}}', "tag '7': x is inf"),
+    (b'{"7": {"x": 1, "x": 2, "y": 1, "sensors": []}}', "'x' appears twice in one object"),
+    (b'{"7": {}, "8": {}, "7": {}}', "'7' appears twice in one object: keep one of them"),
+    (b'{"tags": {}, "tags": {}}', "'tags' appears twice in one object"),
+    (b'[' * 20_000, 'is too deeply nested: a tag file has 4 levels'),
+]
+
+CO2 = "sensor 'co2', component 1"
+ANY = 'must be a number from -1e+12 to 1e+12'
+POSITIVE = 'must be a number from 1e-12 to 1e+12'
+HOURS = 'must be a number from 0 to 24 (hours)'
+KNOWN = 'known are co2, humidity, light, soil_moisture, temperature'
+# Changes to the shipped config by path, and the expected message.
+BAD_CONFIGS = [
+    ({'': None}, 'holds null at its top level, not a mapping with time and sensors'),
+    ({'': []}, 'holds a list at its top level'),
+    ({'': 'text'}, 'holds text at its top level'),
+    ({'time': MISSING}, 'time is missing, not a mapping'),
+    ({'time': None}, 'time is None, not a mapping'),
+    ({'time': []}, 'time is a list, not a mapping'),
+    ({'time/debug_mode': MISSING}, 'time: debug_mode is missing: must be true or false'),
+    ({'time/debug_mode': 0}, 'time: debug_mode is 0: must be true or false'),
+    ({'time/debug_mode': 'false'}, "time: debug_mode is 'false': must be true or false"),
+    ({'time/debug_seed': [1]}, 'time: debug_seed is a list: must be a whole number'),
+    ({'time/debug_seed': True}, 'time: debug_seed is True: must be a whole number'),
+    (
+        {'time/debug_mode': True, 'time/debug_seed': MISSING},
+        'time: debug_seed is missing: must be a whole number',
+    ),
+    ({'time/debug_time_of_day': 24.000001}, f'time: debug_time_of_day is 24.000001: {HOURS}'),
+    ({'time/debug_time_of_day': -1e-20}, f'time: debug_time_of_day is -1e-20: {HOURS}'),
+    ({'time/debug_time_of_day': 'noon'}, f"time: debug_time_of_day is 'noon': {HOURS}"),
+    (
+        {'time/debug_mode': True, 'time/debug_time_of_day': MISSING},
+        f'time: debug_time_of_day is missing: {HOURS}',
+    ),
+    ({'time/speedup_factor': 0}, f'time: speedup_factor is 0: {POSITIVE}'),
+    ({'time/speedup_factor': -1800}, f'time: speedup_factor is -1800: {POSITIVE}'),
+    ({'time/speedup_factor': 'fast'}, f"time: speedup_factor is 'fast': {POSITIVE}"),
+    ({'time/speedup_factor': None}, f'time: speedup_factor is None: {POSITIVE}'),
+    ({'time/speedup_factor': math.inf}, f'time: speedup_factor is inf: {POSITIVE}'),
+    ({'time/speedup_factor': MISSING}, f'time: speedup_factor is missing: {POSITIVE}'),
+    ({'sensors': MISSING}, 'sensors is missing, not a mapping'),
+    ({'sensors': None}, 'sensors is None, not a mapping'),
+    ({'sensors': []}, 'sensors is a list, not a mapping'),
+    ({'sensors': {}}, 'sensors is empty: name at least one of co2, humidity'),
+    ({'sensors/pressure': []}, f"unknown sensor type 'pressure': {KNOWN}"),
+    ({'sensors': {7: []}}, f'unknown sensor type 7: {KNOWN}'),
+    ({'sensors/co2': MISSING}, "has the sensor 'co2', which"),
+    ({'sensors/co2': {}}, "sensor 'co2' is an object: must be a list with at least one component"),
+    ({'sensors/co2': []}, "sensor 'co2' is a list: must be a list with at least one component"),
+    ({'sensors/co2': None}, "sensor 'co2' is null: must be a list with at least one component"),
+    ({'sensors/co2/0': None}, f'{CO2} is null, not a mapping with value_at_midnight'),
+    ({'sensors/co2/1': 'x'}, "sensor 'co2', component 2 is text, not a mapping"),
+    (
+        {'sensors/co2/0/dynamics': 'spiral'},
+        f"{CO2}: unknown dynamics 'spiral': known are linear, radial, uniform",
+    ),
+    ({'sensors/co2/0/dynamics': 'Radial'}, f"{CO2}: unknown dynamics 'Radial'"),
+    ({'sensors/co2/0/dynamics': None}, f'{CO2}: unknown dynamics None'),
+    ({'sensors/co2/0/dynamics': ['radial']}, f"{CO2}: unknown dynamics ['radial']"),
+    ({'sensors/co2/0/value_at_midnight': None}, f'{CO2}: value_at_midnight is None: {ANY}'),
+    ({'sensors/co2/0/value_at_midnight': 1e308}, f'{CO2}: value_at_midnight is 1e+308: {ANY}'),
+    ({'sensors/co2/0/value_at_noon': 'warm'}, f"{CO2}: value_at_noon is 'warm': {ANY}"),
+    ({'sensors/co2/0/value_at_noon': math.nan}, f'{CO2}: value_at_noon is nan: {ANY}'),
+    ({'sensors/co2/0/noise_sigma': -1}, f'{CO2}: noise_sigma is -1: must be a number from 0 to 1e+12'),
+    ({'sensors/co2/0/noise_sigma': math.nan}, f'{CO2}: noise_sigma is nan: must be a number from 0'),
+    ({'sensors/co2/0/noise_sigma': math.inf}, f'{CO2}: noise_sigma is inf: must be a number from 0'),
+    ({'sensors/co2/0/noise_sigma': '1'}, f"{CO2}: noise_sigma is '1': must be a number from 0"),
+    ({'sensors/co2/0/noise_sigma': True}, f'{CO2}: noise_sigma is True: must be a number from 0'),
+    ({'sensors/co2/0/decay_distance': 0}, f'{CO2}: decay_distance is 0: {POSITIVE} (metres)'),
+    ({'sensors/co2/0/decay_distance': 9e-13}, f'{CO2}: decay_distance is 9e-13: {POSITIVE} (metres)'),
+    ({'sensors/co2/0/decay_distance': -1.0}, f'{CO2}: decay_distance is -1.0: {POSITIVE} (metres)'),
+    ({'sensors/co2/0/decay_distance': None}, f'{CO2}: decay_distance is None: {POSITIVE} (metres)'),
+    ({'sensors/co2/0/decay_distance': '10 m'}, f"{CO2}: decay_distance is '10 m': {POSITIVE} (metres)"),
+    ({'sensors/co2/0/angle': 'north'}, f"{CO2}: angle is 'north': {ANY} (degrees)"),
+    ({'sensors/co2/0/angle': math.inf}, f'{CO2}: angle is inf: {ANY} (degrees)'),
+    ({'sensors/co2/0/position': None}, f'{CO2}: position is None: must be [x, y] in metres'),
+    ({'sensors/co2/0/position': '2, 4'}, f"{CO2}: position is '2, 4': must be [x, y] in metres"),
+    ({'sensors/co2/0/position': [2.0]}, f'{CO2}: position is [2.0]: must be [x, y] in metres'),
+    ({'sensors/co2/0/position': [2, 4, 0]}, f'{CO2}: position is [2, 4, 0]: must be [x, y] in metres'),
+    ({'sensors/co2/0/position': ['2', 4]}, f"{CO2}: position: x is '2': {ANY} (metres)"),
+    ({'sensors/co2/0/position': [2, math.inf]}, f'{CO2}: position: y is inf: {ANY} (metres)'),
+]
+MULTIPLYING = b''.join(b'%c: &%c [%s]\n' % (c, c, b', '.join([b'*%c' % (c - 1)] * 9)) for c in range(98, 107))
+BAD_CONFIG_BYTES = [
+    (
+        b'a: &a [x]\n' + MULTIPLYING,
+        'holds more than 100000 values after its aliases are expanded: use fewer aliases',
+    ),
+    (b'a: &a [*a]', 'holds more than 100000 values after its aliases are expanded'),
+    (
+        b'a: &a {k: v}\nb: &b {<<: [*a, *a]}\n'
+        + b''.join(b'%c: &%c {<<: [*%c, *%c]}\n' % (c, c, c - 1, c - 1) for c in range(99, 120)),
+        'holds more than 100000 values after its aliases are expanded',
+    ),
+    (b'time: {}\nsensors: {}\ntime: {}', "'time' appears twice in the mapping of line 1: keep one of them"),
+    (
+        b'time:\n  debug_mode: false\n  debug_mode: true',
+        "'debug_mode' appears twice in the mapping of line 2",
+    ),
+    (b'', 'holds null at its top level'),
+    ('time: {}'.encode('utf-16'), 'is not UTF-8 text'),
+    (b'time: {}\n---\ntime: {}\n', 'is not YAML:'),
+    (b'time: [1, 2\n', 'is not YAML:'),
+    (b'time:\n\tdebug_mode: true\n', 'is not YAML:'),
+    (b'time: *nowhere\n', 'is not YAML:'),
+    (b'time: "\x01"\n', 'is not YAML:'),
+    (b'time: !unknown 1\n', 'is not YAML:'),
+    (b'time: !!int ""\n', 'is not YAML:'),
+    (b'time: 2026-99-99\n', 'is not YAML:'),
+    (b'time: 2026-11-21\n', 'time is a date, not a mapping'),
+    (b'2026-11-21\n', 'holds a date at its top level'),
+    (b'2026-11-21 06:00:00\n', 'holds a date at its top level'),
+    (b'!!set {time, sensors}\n', 'holds a set at its top level'),
+    (b'!!python/object/apply:os.system ["touch was_run"]\n', 'is not YAML: ConstructorError'),
+    (b'[' * 2000, 'is too deeply nested: a greenhouse config has 4 levels'),
+]
+BAD_FILES = [
+    *(('tag_file', row, message) for row, message in [*BAD_TAGS, *BAD_TAG_BYTES]),
+    *(('sim_config_file', row, message) for row, message in [*BAD_CONFIGS, *BAD_CONFIG_BYTES]),
+]
+
+GOOD_TAGS = [  # changes to TAGS by path, and the served tags
+    ({}, ['7']),
+    ({'': TAGS['tags']}, ['7']),
+    ({'': {'tags': {'tags': TAGS['tags']['7']}}}, ['tags']),
+    ({'tags/7/colour': 'red', 'tables': {}, 'units': 'm'}, ['7']),
+    ({'tags/7/x': 1e12, 'tags/7/y': -1e12}, ['7']),
+    ({'tags/7/x': 3, 'tags/7/y': 7e-1}, ['7']),
+    ({'tags/7/sensors': ['co2', 'co2']}, ['7']),
+    ({'tags/8': {'x': 1, 'y': 1, 'sensors': []}}, ['7']),
+    (
+        {
+            f'tags/{tag_id}': TAGS['tags']['7']
+            for tag_id in ('Tomate №7', '番茄', '🍅', "o'brien", '"7"', ' 7')
+        },
+        ['7', 'Tomate №7', '番茄', '🍅', "o'brien", '"7"', ' 7'],
+    ),
+    (b'{"7":\r\n{"x": 1, "y": 1,\r\n"sensors": ["co2"]}}', ['7']),
+]
+GOOD_CONFIGS = [
+    {},
+    {'time/debug_mode': True},
+    {'time/debug_mode': True, 'time/debug_time_of_day': 24},
+    {'time/debug_mode': True, 'time/speedup_factor': MISSING},
+    {'time/debug_time_of_day': MISSING, 'time/debug_seed': MISSING},
+    {'time/colour': 'red', 'visualization': MISSING, 'notes': ['any']},
+    {'sensors/co2/0': {}},
+    {'sensors/co2/0/decay_distance': 1e-12, 'sensors/co2/0/value_at_noon': 1e12},
+    {'sensors/co2/0/decay_type': 'cubic'},
+    {'sensors/co2': [{'noise_sigma': 0}] * 9},
+]
+
+
+def changed(document, row):
+    """Return the document with the changes of a row, or the row itself if it is bytes."""
+    if isinstance(row, bytes):
+        return row
+    document = copy.deepcopy(document)
+    for place, value in row.items():
+        if not place:
+            return value
+        *way, last = place.split('/')
+        at = document
+        for key in way:
+            at = at[int(key) if isinstance(at, list) else key]
+        last = int(last) if isinstance(at, list) else last
+        if value is MISSING:
+            del at[last]
+        else:
+            at[last] = value
+    return document
+
+
+@pytest.fixture
+def write(tmp_path, shipped_config):
+    """Return a function that writes the file of a row."""
+
+    def written(parameter, row):
+        path = tmp_path / 'the  file'
+        content = changed(TAGS if parameter == 'tag_file' else shipped_config, row)
+        if not isinstance(content, bytes):
+            dump = json.dumps if parameter == 'tag_file' else yaml.safe_dump
+            content = dump(content).encode()
+        path.write_bytes(content)
+        return path
+
+    return written
+
+
+def load(parameter, path, chosen=None):
+    """Load with a pathlib.Path, as the simulator needs it, in both trees."""
+    return simulation.load(chosen or Settings(), **{**dict.fromkeys(PARAMETERS), parameter: path})
+
+
+@pytest.mark.parametrize(('parameter', 'row', 'message'), BAD_FILES)
+def test_a_bad_file_is_refused_with_its_name_and_the_reason(write, parameter, row, message):
+    path = write(parameter, row)
+    with pytest.raises(StartUpError) as refusal:
+        load(parameter, path)
+    assert f"{parameter} '{path}'" in str(refusal.value)
+    assert message in str(refusal.value)
+    assert str(refusal.value).isprintable()
+
+
+@pytest.fixture
+def created_services(monkeypatch):
+    """Return the names of the services that the bridge creates, as it adds them."""
+    created = []
+    create_service = GreenhouseBridgeNode.create_service
+
+    def note(node, service_type, name, *arguments, **keywords):
+        created.append(name)
+        return create_service(node, service_type, name, *arguments, **keywords)
+
+    monkeypatch.setattr(GreenhouseBridgeNode, 'create_service', note)
+    return created
+
+
+@pytest.mark.parametrize(('parameter', 'row', 'message'), BAD_FILES[::9])
+def test_a_bad_file_ends_the_bridge_in_one_line_before_any_service(
+    bridge_here, created_services, write, parameter, row, message
+):
+    path = write(parameter, row)
+    fatal = bridge_here(**{parameter: path}).refusal
+    assert f"{parameter} '{path}'" in fatal
+    assert message in fatal
+    assert '~/get_tag_reading' not in created_services
+
+
+def test_a_service_would_have_been_seen(bridge_here, created_services):
+    """The check above can fail: a bridge that starts creates its service."""
+    assert bridge_here().code == 0
+    assert '~/get_tag_reading' in created_services
+
+
+@pytest.mark.parametrize(('row', 'tag_ids'), GOOD_TAGS)
+def test_an_odd_but_good_tag_file_is_served(write, row, tag_ids):
+    greenhouse = load('tag_file', write('tag_file', row))
+    assert greenhouse.tag_ids == tag_ids
+    assert all(simulation.read(greenhouse.sim, tag_id) for tag_id in tag_ids)
+
+
+@pytest.mark.parametrize('row', GOOD_CONFIGS)
+def test_an_odd_but_good_config_is_served(write, row, shipped_tags):
+    greenhouse = load('sim_config_file', write('sim_config_file', row))
+    assert greenhouse.tag_ids == list(shipped_tags)
+
+
+@pytest.mark.parametrize(
+    'wrap',
+    [lambda text: b'\xef\xbb\xbf' + text, lambda text: text.replace(b'\n', b'\r\n')],
+    ids=['BOM', 'CRLF'],
+)
+def test_a_config_of_another_editor_is_served(write, wrap):
+    path = write('sim_config_file', {})
+    path.write_bytes(wrap(path.read_bytes()))
+    assert load('sim_config_file', path).tag_ids
+
+
+def test_sensors_come_in_the_order_of_the_tag_file(write):
+    names = ['soil_moisture', 'light', 'co2', 'humidity', 'temperature']
+    greenhouse = load('tag_file', write('tag_file', {'tags/7/sensors': names}))
+    _, values = simulation.read(greenhouse.sim, '7')
+    assert list(values) == names
+
+
+def test_a_tag_without_sensors_is_left_out_with_a_warning(write):
+    row = {'tags/8': {'x': 1, 'y': 1, 'sensors': []}}
+    (warning,) = load('tag_file', write('tag_file', row)).warnings
+    assert warning == "1 tag has no sensors and is treated as unknown: '8'"
+    row['tags/9'] = row['tags/8']
+    (warning,) = load('tag_file', write('tag_file', row)).warnings
+    assert warning == "2 tags have no sensors and are treated as unknown: '8', '9'"
+
+
+@pytest.mark.parametrize('kind', ['spaces and ünïcödé', 'symlink', 'relative'])
+def test_any_way_to_name_a_file_is_followed(bridge_here, write, tmp_path, monkeypatch, kind):
+    config = write('sim_config_file', {'time/debug_mode': True, 'time/debug_time_of_day': 3.25})
+    path = tmp_path / f'{kind}.yaml'
+    path.symlink_to(config) if kind == 'symlink' else path.write_bytes(config.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    ended = bridge_here(sim_config_file=path.name if kind == 'relative' else path)
+    assert ended.code == 0
+    assert 'clock frozen at 3.25 h' in ended.err
+
+
+def test_a_tilde_is_not_expanded_and_the_message_says_so(bridge_here):
+    assert '~ is not expanded' in bridge_here(sim_config_file='~/greenhouse_config.yaml').refusal
+
+
+@pytest.mark.parametrize(
+    ('make', 'fragment'),
+    [
+        (lambda path: path.mkdir(), 'is a folder'),
+        (os.mkfifo, 'is not a regular file'),
+        (lambda path: path.symlink_to('/dev/zero'), 'is not a regular file'),
+        (lambda path: path.symlink_to(path), 'cannot be read'),
+    ],
+    ids=['folder', 'named pipe', 'endless device', 'symlink to itself'],
+)
+@pytest.mark.parametrize('parameter', PARAMETERS)
+def test_what_is_no_plain_file_is_refused(tmp_path, parameter, make, fragment):
+    path = tmp_path / 'thing'
+    make(path)
+    with pytest.raises(StartUpError, match=fragment):
+        load(parameter, path)
+
+
+@pytest.mark.parametrize(('parameter', 'mebibytes'), [('tag_file', 64), ('sim_config_file', 1)])
+def test_a_file_up_to_its_limit_is_read_and_one_byte_more_is_not(write, parameter, mebibytes):
+    path = write(parameter, {})
+    content = path.read_bytes() + b'\n'
+    path.write_bytes(content.ljust(mebibytes * 2**20))
+    assert load(parameter, path).tag_ids
+    with path.open('ab') as file:
+        file.write(b'\n')
+    with pytest.raises(StartUpError, match=f'is larger than {mebibytes} MiB: use a smaller file$'):
+        load(parameter, path)
+
+
+def test_an_unreadable_file_is_refused(monkeypatch, tmp_path):
+    def refuse(path, _mode):
+        raise PermissionError(13, 'Permission denied', path)
+
+    path = tmp_path / 'tags.json'
+    path.touch()
+    monkeypatch.setattr('builtins.open', refuse)
+    with pytest.raises(StartUpError, match='Permission denied'):
+        load('tag_file', path)
+
+
+def test_a_config_with_anchors_and_merges_is_served(write):
+    lamp = '&lamp {value_at_midnight: 1, value_at_noon: 1, dynamics: uniform}'
+    lines = [f'  {name}: [{{<<: *lamp, value_at_noon: 3}}, *lamp]' for name in SENSORS if name != 'light']
+    text = '\n'.join(
+        ['time: {speedup_factor: 1, debug_mode: false}', 'sensors:', f'  light: [{lamp}]', *lines]
+    )
+    greenhouse = load('sim_config_file', write('sim_config_file', text.encode()))
+    assert greenhouse.sim.sensors() == ['light', *(name for name in SENSORS if name != 'light')]
+
+
+LONG = f's: &s "{"x" * 100_000}"\n'
+
+
+@pytest.mark.parametrize(
+    ('key', 'value', 'shown'),
+    [
+        ('position', f'[{", ".join(["*s"] * 1000)}]', "position is ['xxx"),
+        ('dynamics', f'[{", ".join(["*s"] * 1000)}]', "unknown dynamics ['xxx"),
+        ('position', f'[0x{"f" * 5000}]', 'position is a list: must be'),
+        ('dynamics', f'0x{"f" * 5000}', 'unknown dynamics a number: known'),
+    ],
+)
+def test_a_refused_value_of_any_size_is_shown_in_little_memory(write, key, value, shown):
+    """The first ones would be a hundred megabytes of text, and Python refuses to print the other two."""
+    text = f'{LONG}time: {{debug_mode: false, speedup_factor: 1}}\nsensors: {{co2: [{{{key}: {value}}}]}}'
+    path = write('sim_config_file', text.encode())
+    tracemalloc.start()
+    try:
+        with pytest.raises(StartUpError) as refusal:
+            read_config(path, Settings(), ['co2'], ['uniform'])
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+    assert shown in str(refusal.value)
+
+
+def test_no_config_runs_code(write, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (row,) = [row for row, _ in BAD_CONFIG_BYTES if b'python/object' in row]
+    path = write('sim_config_file', row)
+    with pytest.raises(StartUpError):
+        load('sim_config_file', path)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_hundred_thousand_tags_are_loaded_and_each_was_read(tmp_path):
+    path = tmp_path / 'many.json'
+    path.write_text(
+        json.dumps({'tags': {str(i): {'x': 1.0, 'y': i / 1e4, 'sensors': ['co2']} for i in range(100_000)}})
+    )
+    greenhouse = load('tag_file', path)
+    assert len(greenhouse.tag_ids) == 100_000
+    assert simulation.read(greenhouse.sim, '99999')
+
+
+SENSORS = ['temperature', 'humidity', 'co2', 'light', 'soil_moisture']
+good_numbers = st.one_of(st.floats(-1e12, 1e12), st.integers(-100, 100))
+bad_values = st.one_of(st.integers(), st.floats(), st.text(max_size=3), st.none(), st.booleans(), st.just([]))
+components = st.fixed_dictionaries(
+    {},
+    optional={
+        'value_at_midnight': good_numbers,
+        'value_at_noon': good_numbers,
+        'noise_sigma': st.floats(0, 1e12),
+        'decay_distance': st.floats(1e-12, 1e12),
+        'decay_type': st.sampled_from(['linear', 'quadratic', 'square', None, 7]),
+        'position': st.lists(good_numbers, min_size=2, max_size=2),
+        'angle': good_numbers,
+        'dynamics': st.sampled_from(['radial', 'linear', 'uniform']),
+    },
+)
+configs = st.fixed_dictionaries(
+    {
+        'time': st.fixed_dictionaries(
+            {
+                'debug_mode': st.booleans(),
+                'speedup_factor': st.floats(1e-12, 1e12),
+                'debug_time_of_day': st.floats(0, 24),
+                'debug_seed': st.integers(),
+            }
+        ),
+        'sensors': st.fixed_dictionaries(
+            {name: st.lists(components, min_size=1, max_size=3) for name in SENSORS}
+        ),
+    }
+)
+tag_files = st.dictionaries(
+    st.text(min_size=1, max_size=5).filter(lambda text: text.strip() and '\0' not in text),
+    st.fixed_dictionaries(
+        {
+            'x': good_numbers,
+            'y': good_numbers,
+            'sensors': st.lists(st.sampled_from(SENSORS), min_size=1, max_size=3),
+        }
+    ),
+    min_size=1,
+    max_size=4,
+)
+good_greenhouses = st.fixed_dictionaries({'tags': tag_files, 'config': configs})
+some_settings = st.sampled_from([Settings(), Settings(debug_seed=1), Settings(debug_time_of_day=3.0)])
+
+
+@st.composite
+def spoiled_greenhouses(draw):
+    """Generate a good greenhouse, and change or drop one value in it."""
+    greenhouse = draw(good_greenhouses)
+    at = greenhouse
+    while True:
+        key = draw(st.sampled_from(list(at) if isinstance(at, dict) else range(len(at))))
+        if not (isinstance(at[key], (dict, list)) and at[key]) or draw(st.integers(0, 3)) == 0:
+            break
+        at = at[key]
+    if draw(st.booleans()) or at is greenhouse:
+        at[key] = draw(bad_values)
+    else:
+        del at[key]
+    return greenhouse
+
+
+def load_generated(folder, greenhouse, chosen):
+    tag_file, config_file = folder / 'tags.json', folder / 'config.yaml'
+    tag_file.write_text(json.dumps({'tags': greenhouse['tags']}), encoding='utf-8')
+    config_file.write_text(yaml.safe_dump(greenhouse['config']), encoding='utf-8')
+    return simulation.load(chosen, tag_file, config_file)
+
+
+def assert_readable_at_any_hour(loaded):
+    assert loaded.tag_ids
+    for hour in (0.0, 5.99, 6.0, 12.0, 18.0, 23.999, random.uniform(0.0, 24.0)):
+        loaded.sim.sim_config['time'].update(debug_mode=True, debug_time_of_day=hour)
+        for tag_id in loaded.tag_ids:
+            sim_time, values = simulation.read(loaded.sim, tag_id)
+            assert 0.0 <= sim_time < 86400.0
+            assert values
+            assert all(map(math.isfinite, values.values()))
+
+
+generated = settings(max_examples=150, suppress_health_check=list(HealthCheck))
+
+
+@generated
+@given(good_greenhouses, some_settings)
+def test_every_good_greenhouse_is_accepted_and_can_be_read_at_any_hour(tmp_path_factory, greenhouse, chosen):
+    assert_readable_at_any_hour(load_generated(tmp_path_factory.getbasetemp(), greenhouse, chosen))
+
+
+@generated
+@given(spoiled_greenhouses(), some_settings)
+def test_a_spoiled_greenhouse_is_refused_in_one_line_or_can_be_read(tmp_path_factory, greenhouse, chosen):
+    try:
+        loaded = load_generated(tmp_path_factory.getbasetemp(), greenhouse, chosen)
+    except StartUpError as error:
+        assert str(error).isprintable()  # noqa: PT017 (both outcomes are right, and both are checked)
+        return
+    assert_readable_at_any_hour(loaded)

@@ -1,0 +1,192 @@
+"""
+ROS 2 node `show_readings`: shows received readings in RViz and Foxglove, as markers and as a field.
+
+It hears the readings that others publish, and requests none itself. The field is interpolated from them: it
+is not the model of the simulator, which no robot can see.
+"""
+
+import array
+import math
+import sys
+from dataclasses import dataclass
+
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Header
+from visualization_msgs.msg import MarkerArray
+
+from lupin_greenhouse_bridge.display.field import Grid, grid_over, interpolate, scaled
+from lupin_greenhouse_bridge.display.markers import Scene, pose
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.interfaces import TagReading
+from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_transform
+from lupin_greenhouse_bridge.planning.visualization import Visualization, read_visualization
+from lupin_greenhouse_bridge.recording.subscription import subscribe_to_readings, topics_of, topics_parameter
+from lupin_greenhouse_bridge.runtime.parameters import (
+    check_parameters,
+    declare_parameters,
+    invalid,
+    parameter,
+)
+from lupin_greenhouse_bridge.runtime.run import run
+from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
+from lupin_greenhouse_bridge.units import unit_of
+
+NODE_NAME = 'show_readings'
+PUBLISH_EVERY_SECONDS = 1.0  # web clients hear a latched topic only when it is published again
+MOST_CELLS = 1_000_000
+MOST_UNKNOWN_IDS_LOGGED = 1000  # a publisher of random ids must not fill the memory
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The validated parameters of one run. Raises StartUpError for an invalid value."""
+
+    readings_topics: str = topics_parameter()  # or an array
+    sensor: str = parameter('temperature', 'The sensor whose field is shown.')
+    resolution_m: float = parameter(
+        0.1, 'Width of a cell of the field, in metres.', smallest=0.01, largest=10.0
+    )
+    radius_m: float = parameter(
+        1.0, 'Distance up to which a reading counts for the field, in metres.', smallest=0.01, largest=100.0
+    )
+    stale_seconds: float = parameter(
+        60.0, 'Age from which a reading is faded, in seconds.', smallest=0.0, largest=1e9
+    )
+    frame: str = parameter(MAP_FRAME, 'The frame of the markers and of the field.')
+    layout_in_map: str = parameter(
+        '', 'File of register_layout with the pose of the layout in that frame; empty: the layout is the map.'
+    )
+    tag_locations_file: str = parameter('', "The bridge's tag_locations.json; empty: the simulator's.")
+    sim_config_file: str = parameter('', "The bridge's greenhouse_config.yaml; empty: the simulator's.")
+
+    def __post_init__(self):
+        check_parameters(self, of_any_type=('readings_topics',))
+        topics_of(self.readings_topics)
+        if not self.frame.strip():
+            raise invalid('frame', self.frame, 'the name of a frame, such as map')
+
+
+class ShowReadingsNode(Node):
+    """Publishes `~/markers` and `~/field`, latched and once a second."""
+
+    def __init__(self):
+        """Read the layout and subscribe; raises StartUpError."""
+        super().__init__(NODE_NAME)
+        self._settings = settings = declare_parameters(self, Settings)
+        layout = find_layout(settings.tag_locations_file)
+        if layout is None:
+            raise StartUpError(
+                'tag_locations_file is empty, and mdp-greenhouse is not installed:'
+                " set tag_locations_file to the bridge's tag_locations.json"
+            )
+        visualization = read_visualization(layout, settings.sim_config_file)
+        self._layout_in_map = (
+            read_transform(settings.layout_in_map, settings.frame) if settings.layout_in_map else Transform()
+        )
+        self._range = _range_of(settings, visualization)
+        self._grid = _grid_of(settings, layout, visualization)
+        self._tags = layout.tags
+        self._scene = Scene(layout, self._layout_in_map)
+        self._readings: dict[str, TagReading] = {}  # the last one of each tag
+        self._cells = None  # of the field; None if a reading has arrived since
+        self._unknown_ids = set()
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._markers = self.create_publisher(MarkerArray, '~/markers', latched)
+        self._field = self.create_publisher(OccupancyGrid, '~/field', latched)
+        topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
+        self.create_timer(PUBLISH_EVERY_SECONDS, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._publish()
+        tags, heard = pluralized(len(self._tags), 'tag'), ' and '.join(topics)
+        self.get_logger().info(f'ready: {tags}, field of {settings.sensor}, readings from {heard}')
+
+    def _on_reading(self, reading: TagReading, _topic: str) -> None:
+        tag_id = reading.tag_id
+        if tag_id not in self._tags:
+            if tag_id not in self._unknown_ids and len(self._unknown_ids) < MOST_UNKNOWN_IDS_LOGGED:
+                self._unknown_ids.add(tag_id)
+                self.get_logger().warning(
+                    f"tag '{escaped(tag_id, 64)}' is not in the layout: its readings are not shown"
+                )
+            return
+        last = self._readings.get(tag_id)
+        if last is None or _time(reading) >= _time(last):  # a latched one may arrive late
+            self._readings[tag_id] = reading
+            self._cells = None
+
+    def _publish(self) -> None:
+        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
+        samples = self._samples()
+        if self._cells is None:
+            values = interpolate(self._grid, samples, self._settings.radius_m)
+            self._cells = array.array('b', scaled(values, *self._range).tobytes())
+        x, y = self._layout_in_map.point(self._grid.x, self._grid.y)
+        info = MapMetaData(
+            map_load_time=header.stamp,
+            resolution=float(self._grid.resolution_m),
+            width=self._grid.columns,
+            height=self._grid.rows,
+            origin=pose(x, y, 0.0, self._layout_in_map.yaw),
+        )
+        self._field.publish(OccupancyGrid(header=header, info=info, data=self._cells))
+        settings = self._settings
+        self._markers.publish(
+            self._scene.markers(header, self._readings, settings.stale_seconds, self._caption(len(samples)))
+        )
+
+    def _samples(self) -> list[tuple[float, float, float]]:
+        """Return x and y in the layout and the value of each reading of the sensor."""
+        return [
+            (tag.x, tag.y, each.value)
+            for tag_id, reading in self._readings.items()
+            for tag in [self._tags[tag_id]]
+            for each in reading.readings
+            if each.name == self._settings.sensor and math.isfinite(each.value)
+        ]
+
+    def _caption(self, count: int) -> str:
+        sensor, unit = self._settings.sensor, unit_of(self._settings.sensor)
+        lowest, highest = (f'{value:g} {unit}'.rstrip() for value in self._range)
+        return (
+            f'field of {sensor}: 0 is {lowest}, 100 is {highest},\n'
+            f'interpolated from {count} received readings, not from the model of the simulator'
+        )
+
+
+def _time(reading: TagReading) -> tuple[int, int]:
+    return reading.stamp.sec, reading.stamp.nanosec
+
+
+def _range_of(settings: Settings, visualization: Visualization) -> tuple[float, float]:
+    """Return the lowest and highest value of the sensor's scale; raises StartUpError if it has none."""
+    ranges = visualization.colour_ranges
+    lowest, highest = ranges.get(settings.sensor, (0.0, 0.0))
+    if not (math.isfinite(lowest) and math.isfinite(highest) and lowest < highest):
+        shown = escaped(repr(settings.sensor), 60)
+        where = f"'{settings.sim_config_file}'" if settings.sim_config_file else 'the greenhouse config'
+        raise StartUpError(
+            f'parameter sensor is {shown}: {where} has no visualization.colorbar_ranges with min < max'
+            f' for it (it has {", ".join(ranges) or "none"}): choose one of these, or set sim_config_file'
+        )
+    return lowest, highest
+
+
+def _grid_of(settings: Settings, layout: Layout, visualization: Visualization) -> Grid:
+    grid = grid_over(layout, visualization.footprint, settings.resolution_m)
+    if grid.columns * grid.rows > MOST_CELLS:
+        raise StartUpError(
+            f'parameter resolution_m is {settings.resolution_m:g}: the field would have {grid.columns} x'
+            f' {grid.rows} cells: must be larger, for at most {MOST_CELLS} cells'
+        )
+    return grid
+
+
+def main(args=None) -> int:
+    """Publish until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
+    return run(NODE_NAME, ShowReadingsNode, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,1 +1,0 @@
-"""The simulated greenhouse: its files, its simulator, its layout. Does not import ROS."""

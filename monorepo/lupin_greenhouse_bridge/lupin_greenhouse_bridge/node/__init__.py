@@ -1,1 +1,0 @@
-"""The process of a node: signals and exit, parameters, running, security."""

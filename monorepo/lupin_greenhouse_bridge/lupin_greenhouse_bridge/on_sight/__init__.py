@@ -1,1 +1,0 @@
-"""The node read_on_sight."""

@@ -1,0 +1,254 @@
+"""`ros2 run lupin_greenhouse_bridge register_layout`: find where the layout lies in the robot's map."""
+
+import argparse
+import contextlib
+import math
+import sys
+from pathlib import Path
+
+import rclpy
+from geometry_msgs.msg import PointStamped, TransformStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.utilities import remove_ros_args
+
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.planning.registration import (
+    DEFAULT_TOLERANCE_M,
+    LAYOUT_FRAME,
+    MAP_FRAME,
+    CannotFit,
+    fit,
+    read_places,
+    read_registration,
+    write_transform,
+)
+from lupin_greenhouse_bridge.reading.client import Interrupted, UsageError
+from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime.output import print_line
+from lupin_greenhouse_bridge.runtime.run import node_creation, ros
+from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
+
+NAME = 'register_layout'
+WRITTEN, NO_FIT, USAGE, INTERRUPTED = 0, 1, 2, 130
+DEFAULT_OUTPUT = 'layout_in_map.yaml'
+EPILOG = (
+    'While a residual is above the tolerance, the tag is left out whose removal makes the others fit best.'
+    ' At least 3 tags remain, and more than half of them.'
+    ' Exit code: 0 written, 1 the layout does not fit the map, 2 usage.'
+)
+CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
+
+
+def main(args=None) -> int:
+    """Fit and write, or publish, as the command line asks; return the exit code."""
+    return run(_parser(), _register_or_publish, args)
+
+
+def run(parser, work, args=None) -> int:
+    """Run work(executor, options), which raises what it refuses; return the exit code."""
+    try:
+        with ros(args) as executor:
+            work(executor, parser.parse_args(remove_ros_args(sys.argv if args is None else args)[1:]))
+            return WRITTEN
+    except Interrupted:
+        problem, exit_code = 'interrupted: nothing is kept, and nothing is written', INTERRUPTED
+    except CannotFit as error:
+        problem, exit_code = error, NO_FIT
+    except (UsageError, StartUpError) as error:
+        problem, exit_code = error, USAGE
+    print(f'{parser.prog}: {problem}', file=sys.stderr)
+    return exit_code
+
+
+def _register_or_publish(executor, options) -> None:
+    if options.publish:
+        _publish(executor, options.publish)
+        return
+    layout = layout_of(options)
+    if options.pairs:
+        places, frame_id = read_places(options.pairs), MAP_FRAME
+    else:
+        places, frame_id = _take_clicks(executor, layout, list(dict.fromkeys(options.click)))
+    register(layout, places, frame_id, options)
+
+
+def layout_of(options) -> Layout:
+    """Return the layout that the options name; raises what is wrong with them before anybody clicks."""
+    if not 0.0 < options.tolerance < math.inf:  # NaN neither
+        raise UsageError(f'--tolerance is {options.tolerance:g}: must be a number of metres above 0')
+    try:
+        if Path(options.output).is_dir():
+            raise UsageError(f"--output '{options.output}' is a folder: name a file in it")
+        if not (folder := Path(options.output).parent).is_dir():
+            raise UsageError(f"--output: there is no folder '{folder}': name a file in a folder that exists")
+    except OSError as error:
+        raise UsageError(f"--output '{options.output}': {error.strerror}: name another file") from error
+    if layout := find_layout(options.tag_file):
+        return layout
+    raise UsageError('mdp-greenhouse is not installed: name the tag file of the bridge with --tag-file')
+
+
+def register(layout: Layout, places: dict, frame_id: str, options) -> None:
+    """
+    Fit the layout to places (x, y in metres by tag id) in a frame, print each residual, and write the file.
+
+    Takes the options of add_arguments(). Raises CannotFit, UsageError for a tag that the layout lacks, and
+    StartUpError for a file that cannot be written.
+    """
+    _check_known(layout, places)
+    fitted = fit({tag_id: layout.tags[tag_id][:2] for tag_id in places}, places, options.tolerance)
+    lines = [f'{"tag":<8}  {"x in map (m)":>12}  {"y in map (m)":>12}  {"residual (m)":>12}']
+    for tag_id, (x, y) in places.items():
+        note = '  left out' if tag_id in fitted.left_out else ''
+        lines.append(
+            f'{escaped(tag_id, 40):<8}  {x:12.3f}  {y:12.3f}  {fitted.residuals_m[tag_id]:12.3f}{note}'
+        )
+    print_line('\n'.join(lines))
+    write_transform(options.output, fitted.transform, frame_id)
+    x, y, yaw = fitted.transform
+    print_line(
+        f'{len(places) - len(fitted.left_out)} of {len(places)} tags fit within {options.tolerance:g} m.'
+        f' The layout lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame_id}.'
+        f' Written to {options.output}'
+    )
+
+
+def _check_known(layout: Layout, tag_ids) -> None:
+    if unknown := [tag_id for tag_id in tag_ids if tag_id not in layout.tags]:
+        raise UsageError(
+            f"tag '{escaped(unknown[0], 64)}' is not one of the {len(layout.tags)} tags of the layout:"
+            " correct its id, or name the bridge's tag file"
+        )
+
+
+def node_in(executor, name: str):
+    """Return a new node, which the executor spins."""
+    with node_creation():
+        node = rclpy.create_node(name, start_parameter_services=False)
+    executor.add_node(node)
+    return node
+
+
+class Clicks:
+    """Takes a click of RViz for each tag in turn, all in the frame of the first."""
+
+    def __init__(self, node, layout: Layout, tag_ids: list[str]):
+        self.places: dict[str, tuple[float, float]] = {}
+        self.frame_id = ''
+        self._layout = layout
+        self._left = tag_ids
+        node.create_subscription(PointStamped, CLICK_TOPIC, self._on_click, QoSProfile(depth=10))
+        self._ask()
+
+    def is_done(self) -> bool:
+        """Return whether each tag has its click."""
+        return not self._left
+
+    def _ask(self) -> None:
+        x, y, *_ = self._layout.tags[self._left[0]]
+        print_line(
+            f'click tag {escaped(self._left[0], 40)} with Publish Point in RViz, {len(self._left)} to go'
+            f' (in the layout it is at x {x:g} m, y {y:g} m)',
+        )
+
+    def _on_click(self, message) -> None:
+        if self.is_done():
+            return
+        frame_id, x, y = message.header.frame_id, message.point.x, message.point.y
+        if frame_id != (self.frame_id or frame_id):
+            fault = (
+                f"in the frame '{escaped(frame_id, 64)}': the first was in '{self.frame_id}',"
+                " so set RViz's Fixed Frame to it"
+            )
+        elif not (frame_id.strip() and frame_id.isprintable() and math.isfinite(x) and math.isfinite(y)):
+            fault = 'without a frame or a position: click on the map'
+        else:
+            self.frame_id = frame_id
+            self.places[self._left.pop(0)] = (x, y)
+            if self._left:
+                self._ask()
+            return
+        print(f'{NAME}: ignored a click {fault}', file=sys.stderr, flush=True)
+
+
+def _take_clicks(executor, layout: Layout, tag_ids: list[str]) -> tuple[dict, str]:
+    """Return the clicked places by tag id, and their frame; raises Interrupted."""
+    _check_known(layout, tag_ids)
+    if len(tag_ids) < 2:
+        raise UsageError('--click needs at least 2 tags')
+    clicks = Clicks(node_in(executor, NAME), layout, tag_ids)
+    spin(executor, clicks.is_done)
+    return clicks.places, clicks.frame_id
+
+
+def spin(executor, is_done) -> None:
+    """Spin until it is done; raises Interrupted at Ctrl-C or SIGTERM."""
+    while not is_done():
+        if process.is_asked_to_end():
+            raise Interrupted
+        executor.spin_once(timeout_sec=process.LONGEST_WAIT_SECONDS)
+
+
+def _publish(executor, path: str) -> None:
+    """Keep the layout's frame on /tf_static until Ctrl-C or SIGTERM."""
+    frame_id, transform = read_registration(path)
+    try:
+        from tf2_msgs.msg import TFMessage  # only --publish needs it
+    except ImportError as error:
+        raise UsageError(
+            f'--publish needs the package tf2_msgs ({error}): sudo apt install ros-$ROS_DISTRO-tf2-msgs'
+        ) from error
+    node = node_in(executor, NAME)
+    message = TransformStamped(child_frame_id=LAYOUT_FRAME)
+    message.header.frame_id = frame_id
+    message.header.stamp = node.get_clock().now().to_msg()
+    message.transform.translation.x, message.transform.translation.y = transform.x, transform.y
+    message.transform.rotation.z = math.sin(transform.yaw / 2)
+    message.transform.rotation.w = math.cos(transform.yaw / 2)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    publisher = node.create_publisher(TFMessage, '/tf_static', latched)
+    publisher.publish(TFMessage(transforms=[message]))
+    node.get_logger().info(f'{frame_id} -> {LAYOUT_FRAME} is on {publisher.topic_name}')
+    with contextlib.suppress(Interrupted):
+        spin(executor, lambda: False)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=NAME,
+        description="Find where the layout of the greenhouse lies in the robot's map.",
+        epilog=EPILOG,
+    )
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument(
+        '--pairs', metavar='FILE', help='YAML or JSON: positions in the map, such as {"7": [1.5, 7.3]}'
+    )
+    source.add_argument(
+        '--click', nargs='+', metavar='ID', help='take a click of RViz (Publish Point) for each tag in turn'
+    )
+    source.add_argument(
+        '--publish', metavar='FILE', help=f'keep the frame {LAYOUT_FRAME} of a written file on /tf_static'
+    )
+    add_arguments(parser)
+    return parser
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of layout_of() and register()."""
+    parser.add_argument(
+        '-o', '--output', default=DEFAULT_OUTPUT, metavar='FILE', help='file to write; default: %(default)s'
+    )
+    parser.add_argument(
+        '--tag-file', default='', metavar='FILE', help="the bridge's tag_file; default: the shipped one"
+    )
+    parser.add_argument(
+        '--tolerance',
+        type=float,
+        default=DEFAULT_TOLERANCE_M,
+        metavar='M',
+        help='largest residual in metres of a tag that is not left out; default: %(default)s',
+    )
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,80 @@
+"""A client for scripts and tests: calls services one at a time, each with a timeout."""
+
+import time
+
+from rclpy.exceptions import InvalidServiceNameException
+from rclpy.impl.implementation_singleton import rclpy_implementation
+
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.errors import Interrupted, OneLineError, UsageError
+from lupin_greenhouse_bridge.runtime.process import LONGEST_WAIT_SECONDS, is_asked_to_end
+from lupin_greenhouse_bridge.runtime.security import security_problem
+
+REPEAT_AFTER_SECONDS = 1.0
+
+
+class NoAnswer(OneLineError):
+    """The service is not there, or does not reply before the timeout."""
+
+
+class Client:
+    """Calls services one at a time, each with a timeout."""
+
+    def __init__(self, executor, node, timeout_seconds: float):
+        """Only this client spins `executor`, which must hold `node`."""
+        self._executor = executor
+        self._node = node
+        self._timeout_seconds = timeout_seconds
+
+    def connect(self, service_type, service_name: str, show=lambda _text: None):
+        """
+        Wait until a service is available, and return its client.
+
+        `show` receives a line of progress now and then. Raises NoAnswer, UsageError and Interrupted.
+        """
+        try:
+            client = self._node.create_client(service_type, service_name, qos_profile=SERVICE_QOS)
+        except InvalidServiceNameException as error:
+            raise UsageError(f'{service_name!r} is not a service name: {error}') from error
+        except rclpy_implementation.RCLError as error:
+            problem = security_problem() or 'ROS cannot create the client'
+            raise UsageError(f'{problem}: {error}') from error
+        self.wait_for(client, show)
+        return client
+
+    def wait_for(self, client, show=lambda _text: None) -> None:
+        """Wait until the service of a client is available; raises NoAnswer and Interrupted."""
+        deadline = time.monotonic() + self._timeout_seconds
+        while not client.service_is_ready():
+            left_seconds = _left_until(deadline)
+            if left_seconds <= 0.0:
+                raise NoAnswer(f'no service {client.srv_name} within {self._timeout_seconds:g} s')
+            show(f'waiting for {client.srv_name}, {left_seconds:.0f} s more')
+            self._executor.spin_once(timeout_sec=min(left_seconds, 0.02))
+
+    def call(self, client, request):
+        """
+        Return the response to one request; raises NoAnswer and Interrupted.
+
+        Repeats the request each second: DDS drops the reply to a client that the service has not found yet.
+        """
+        futures = []
+        deadline = time.monotonic() + self._timeout_seconds
+        try:
+            while not any(future.done() for future in futures):
+                left_seconds = _left_until(deadline)
+                if left_seconds <= 0.0:
+                    raise NoAnswer(f'{client.srv_name} did not answer within {self._timeout_seconds:g} s')
+                if self._timeout_seconds - left_seconds >= len(futures) * REPEAT_AFTER_SECONDS:
+                    futures.append(client.call_async(request))
+                self._executor.spin_once(timeout_sec=min(left_seconds, LONGEST_WAIT_SECONDS))
+            return next(future.result() for future in futures if future.done())
+        finally:
+            for future in futures:
+                client.remove_pending_request(future)
+
+
+def _left_until(deadline: float) -> float:
+    if is_asked_to_end():
+        raise Interrupted
+    return deadline - time.monotonic()

@@ -1,0 +1,262 @@
+"""`ros2 run lupin_greenhouse_bridge read_tag`: print readings from a running bridge."""
+
+import argparse
+import contextlib
+import itertools
+import math
+import os
+import sys
+import time
+
+import rclpy
+from rcl_interfaces.srv import GetParameters
+from rclpy.utilities import remove_ros_args
+
+from lupin_greenhouse_bridge.contract import (
+    DEFAULT_SERVICE,
+    STATUS_NAMES,
+    TAG_IDS_PARAMETER,
+    parameter_service_of,
+    tag_ids_of,
+    tag_ids_request,
+)
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.reading import client
+from lupin_greenhouse_bridge.reading.table import Screen, Sheet, json_line, terminal_size
+from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
+from lupin_greenhouse_bridge.runtime.parameters import warn_of_unknown_parameters
+from lupin_greenhouse_bridge.runtime.run import node_creation, ros
+from lupin_greenhouse_bridge.runtime.security import security_problem
+from lupin_greenhouse_bridge.simulator import simulation
+from lupin_greenhouse_bridge.simulator.layout import find_layout
+
+SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
+ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
+COMPLETION_TIMEOUT_SECONDS = 0.3
+
+
+@contextlib.contextmanager
+def _progress():
+    """Yield a function that shows a line at a terminal until the block ends."""
+    is_terminal = sys.stderr.isatty()
+
+    def show(text: str) -> None:
+        if is_terminal:
+            text = text[: terminal_size(sys.stderr)[0] - 1]
+            print(f'\r\x1b[K{text}', end='', file=sys.stderr, flush=True)
+
+    try:
+        yield show
+    finally:
+        show('')
+
+
+def main(args=None):
+    """Print readings as the command line asks; return the exit code."""
+    options = argparse.Namespace(watch=None)
+    try:
+        with ros(args) as executor:
+            words = remove_ros_args(sys.argv if args is None else args)[1:]
+            _parser(executor).parse_args(words, options)
+            if bool(options.tag_ids) == options.all:
+                raise client.UsageError('name one or more tag ids, or --all')
+            if options.count is not None and options.watch is None:
+                raise client.UsageError('--count needs --watch SECONDS')
+            node = _node_in(executor)
+            warn_of_unknown_parameters(node)
+            return _read(node, client.Client(executor, node, options.timeout), options)
+    except client.Interrupted:
+        return INTERRUPTED
+    except client.NoAnswer as error:
+        print(f'read_tag: {error}', file=sys.stderr)
+        return NO_ANSWER
+    except (client.UsageError, StartUpError) as error:
+        print(f'read_tag: {error}', file=sys.stderr)
+        return USAGE
+    except BrokenPipeError:  # the reader has closed the pipe
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return ALL_READ
+
+
+def _node_in(executor):
+    with node_creation():
+        node = rclpy.create_node('read_tag', start_parameter_services=False)
+    executor.add_node(node)
+    return node
+
+
+def _read(node, bridge: client.Client, options) -> int:
+    """Read once, or round after round, and return the exit code of the last round."""
+    get_tag_reading = _connect(node, bridge, options.service)
+    service_name = get_tag_reading.srv_name
+    tag_ids = _all_tag_ids(bridge, service_name) if options.all else options.tag_ids
+    rounds = 1 if options.watch is None else options.count
+    screen = Sheet(_places(bridge, service_name)) if options.csv else Screen(options.watch is not None)
+    exit_code, started = INTERRUPTED, 0.0
+    for number in itertools.count() if rounds is None else range(rounds):
+        if number > 0:
+            process.sleep(started + options.watch - time.monotonic())
+        if process.is_asked_to_end():
+            break
+        started, responses = time.monotonic(), {}
+        try:
+            bridge.wait_for(get_tag_reading)
+            for tag_id in tag_ids:
+                responses[tag_id] = bridge.call(get_tag_reading, GetTagReading.Request(tag_id=tag_id))
+        except client.Interrupted:
+            break
+        except client.NoAnswer as error:
+            if options.watch is None:
+                raise
+            if exit_code != NO_ANSWER:
+                print(f'read_tag: {error}: still watching', file=sys.stderr)
+            exit_code = NO_ANSWER
+        else:
+            is_read = all(each.status == GetTagReading.Response.STATUS_OK for each in responses.values())
+            exit_code = ALL_READ if is_read else SOME_FAILED
+        _show(responses, screen, options)
+    return exit_code
+
+
+def _connect(node, bridge: client.Client, service: str):
+    with _progress() as show:
+        try:
+            get_tag_reading = bridge.connect(GetTagReading, service, show)
+        except client.NoAnswer as error:
+            security = f'; {SECURED}' if security_problem() else ''
+            cause = _likely_cause(node, node.resolve_service_name(service))
+            raise client.NoAnswer(f'{error}; {cause}{security}') from error
+    if doubt := duplicate_server_warning(node, get_tag_reading.srv_name):
+        print(f'read_tag: {doubt}', file=sys.stderr)
+    return get_tag_reading
+
+
+def _show(responses: dict, screen: Screen | Sheet, options) -> None:
+    if options.json:
+        for tag_id, response in responses.items():
+            print(json_line(tag_id, response, STATUS_NAMES), flush=True)
+    elif responses:
+        screen.show(responses, STATUS_NAMES)
+
+
+def _all_tag_ids(bridge: client.Client, service_name: str) -> list[str]:
+    """Return the ids that the bridge has loaded, in natural order; raises NoAnswer, UsageError."""
+    try:
+        parameters = bridge.connect(GetParameters, parameter_service_of(service_name))
+        tag_ids = tag_ids_of(bridge.call(parameters, tag_ids_request()))
+    except client.NoAnswer as error:
+        raise client.NoAnswer(
+            f'{error}: --all asks the node that {service_name} is named after: name the tag ids instead'
+        ) from error
+    if not tag_ids:
+        raise client.UsageError(
+            f'the node of {service_name} has no parameter {TAG_IDS_PARAMETER}, so it is a bridge'
+            ' older than 1.1: name the tag ids instead of --all'
+        )
+    return sorted(tag_ids, key=lambda tag_id: (len(tag_id), tag_id))
+
+
+def _places(bridge: client.Client, service_name: str) -> dict[str, tuple[float, float]]:
+    """Return the positions of the tags in metres by id, from the bridge's tag file; {} if it is unknown."""
+    try:
+        parameters = bridge.connect(GetParameters, parameter_service_of(service_name))
+        values = bridge.call(parameters, tag_ids_request()).values
+        layout = find_layout(values[-1].string_value) if values else None
+    except (client.NoAnswer, StartUpError):
+        return {}
+    return {tag_id: (tag.x, tag.y) for tag_id, tag in layout.tags.items()} if layout else {}
+
+
+def _likely_cause(node, service_name: str) -> str:
+    """Explain from the ROS graph why the service may be missing."""
+    wanted = f'{GetTagReading.__module__.split(".")[0]}/srv/GetTagReading'
+    services = dict(node.get_service_names_and_types())
+    if others := set(services.get(service_name, [])) - {wanted}:
+        return (
+            f'{service_name} has the type {others.pop()}, but this client calls {wanted}:'
+            ' use the read_tag of the same repository as the bridge'
+        )
+    if elsewhere := [name for name, types in services.items() if wanted in types and name != service_name]:
+        return f'there is {elsewhere[0]}: name it with --service'
+    domain = f'ROS_DOMAIN_ID {os.environ.get("ROS_DOMAIN_ID") or "0"}'
+    if _is_limited_to_this_machine():
+        domain += ', limited to this machine by ROS_AUTOMATIC_DISCOVERY_RANGE or ROS_LOCALHOST_ONLY,'
+    has_others = len(node.get_node_names()) > 1
+    seen = 'other nodes but no bridge' if has_others else 'no other node'
+    return (
+        f'{domain} has {seen}: start the bridge (ros2 launch lupin_greenhouse_bridge'
+        " greenhouse_bridge.launch.py), or set ROS_DOMAIN_ID to the bridge's domain"
+    )
+
+
+def _is_limited_to_this_machine() -> bool:
+    return (
+        os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') == 'LOCALHOST'
+        or os.environ.get('ROS_LOCALHOST_ONLY') == '1'  # Humble's
+    )
+
+
+def _ids_to_complete(executor) -> list[str]:
+    """Return the ids of the bridge that runs if it answers at once, otherwise the shipped ones."""
+    bridge = client.Client(executor, _node_in(executor), COMPLETION_TIMEOUT_SECONDS)
+    try:
+        return _all_tag_ids(bridge, DEFAULT_SERVICE)
+    except (client.NoAnswer, client.UsageError):
+        return simulation.served_tag_ids('')
+
+
+def _parser(executor) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='read_tag',
+        description='Read the climate at greenhouse tags from a running greenhouse_bridge.',
+        epilog='Exit code: 0 all read, 1 a tag failed, 2 usage, 3 no service or no reply before the timeout.'
+        ' With --watch, the code of the last round.',
+    )
+    ids = parser.add_argument('tag_ids', nargs='*', metavar='ID', help='a tag id, such as 1')
+    ids.completer = lambda **_: _ids_to_complete(executor)
+    parser.add_argument('--all', action='store_true', help='read every tag that the bridge has loaded')
+    parser.add_argument(
+        '--watch', type=_seconds, metavar='SECONDS', help='start a round of readings every SECONDS'
+    )
+    parser.add_argument('--count', type=_rounds, metavar='N', help='end --watch after N rounds')
+    formats = parser.add_mutually_exclusive_group()
+    formats.add_argument('--json', action='store_true', help='print one JSON object per line and tag')
+    formats.add_argument(
+        '--csv', action='store_true', help='print one line per value, with the columns of record_readings'
+    )
+    parser.add_argument('--service', default=DEFAULT_SERVICE, metavar='NAME', help='default: %(default)s')
+    parser.add_argument(
+        '--timeout',
+        type=_seconds,
+        default=5.0,
+        metavar='SECONDS',
+        help='timeout for the service and for each reply; default: %(default)s',
+    )
+    with contextlib.suppress(ImportError):
+        import argcomplete  # installed with ros2cli; without it only the shell completion is missing
+
+        argcomplete.autocomplete(parser)
+    return parser
+
+
+def _seconds(text: str) -> float:
+    problem = f'{text!r} is not a number of seconds above 0'
+    try:
+        seconds = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(problem) from None
+    if not 0.0 < seconds < math.inf:
+        raise argparse.ArgumentTypeError(problem)
+    return seconds
+
+
+def _rounds(text: str) -> int:
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number of rounds above 0')
+    return int(text)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,80 @@
+"""Hear the topics of readings, whatever the durability of their publishers."""
+
+from collections.abc import Callable, Iterable
+
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.validate_topic_name import validate_topic_name
+
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.interfaces import TagReading
+from lupin_greenhouse_bridge.runtime.parameters import invalid, parameter
+
+try:
+    from rclpy.event_handler import SubscriptionEventCallbacks
+except ImportError:  # Humble
+    from rclpy.qos_event import SubscriptionEventCallbacks
+
+DEPTH = 2000  # readings that wait while a file is written: two seconds of a thousand each
+VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
+
+
+def topics_parameter():
+    """Return the field of a settings dataclass for the topics: a text or an array."""
+    return parameter(
+        '/read_on_sight/readings /mission/readings',
+        'The TagReading topics, as text with spaces between them, or as an array.',
+    )
+
+
+def topics_of(readings_topics) -> list[str]:
+    """Return the topics in the value of that parameter; raises StartUpError."""
+    topics = readings_topics
+    if isinstance(topics, str):
+        topics = topics.replace(',', ' ').split()
+    if not isinstance(topics, Iterable) or not (topics := list(dict.fromkeys(topics))):
+        raise invalid(
+            'readings_topics', readings_topics, 'the name of a topic, or names with spaces between them'
+        )
+    if not all(isinstance(topic, str) for topic in topics):
+        raise invalid('readings_topics', readings_topics, 'an array of names')
+    return topics
+
+
+def subscribe_to_readings(
+    node, topics: list[str], on_reading: Callable[[TagReading, str], None]
+) -> list[str]:
+    """
+    Call on_reading(reading, topic) once for each reading of these topics; return their full names.
+
+    A latched reading is delivered again to each new subscriber, so also after a restart.
+    """
+    heard = {}  # the last ones: stamp, tag and sensors
+    names = {}  # the full name of each topic
+
+    def once(reading, topic: str) -> None:
+        sensors = (each.name for each in reading.readings)
+        key = reading.stamp.sec, reading.stamp.nanosec, reading.tag_id, *sensors
+        if key not in heard:
+            heard[key] = None
+            if len(heard) > 2 * DEPTH:
+                del heard[next(iter(heard))]
+            on_reading(reading, names[topic])
+
+    for topic in topics:
+        try:
+            validate_topic_name(topic)
+            names[topic] = node.resolve_topic_name(topic)  # before a reading can arrive
+            # The latched subscription receives what was published before it, but hears no volatile publisher,
+            # of which rclpy would warn. The other one hears both.
+            for durability, is_warning in ((LATCHED, False), (VOLATILE, True)):
+                node.create_subscription(
+                    TagReading,
+                    topic,
+                    lambda reading, topic=topic: once(reading, topic),
+                    QoSProfile(depth=DEPTH, durability=durability),
+                    event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=is_warning),
+                )
+        except InvalidTopicNameException as error:
+            raise StartUpError(f'parameter readings_topics: {error}') from error
+    return list(names.values())

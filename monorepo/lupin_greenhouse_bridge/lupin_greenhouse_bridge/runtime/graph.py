@@ -1,0 +1,29 @@
+"""Look at the ROS graph from a node."""
+
+import contextlib
+
+from rclpy.node import NodeNameNonExistentError
+
+
+def servers_of(node, service_name: str) -> set[str]:
+    """Return the full names of the nodes that offer a service, named as this node names it."""
+    service_name = node.resolve_service_name(service_name)  # the graph has full names
+    servers = set()
+    for name, namespace in node.get_node_names_and_namespaces():
+        with contextlib.suppress(NodeNameNonExistentError):  # of a node that has just ended
+            if service_name in dict(node.get_service_names_and_types_by_node(name, namespace)):
+                servers.add(f'{namespace.rstrip("/")}/{name}')
+    return servers
+
+
+def duplicate_server_warning(node, service_name: str) -> str:
+    """
+    Return a warning if nodes of different names offer a service; '' otherwise.
+
+    Of two nodes with one name, the second may be the first one, started again after it was killed.
+    """
+    servers = servers_of(node, service_name)
+    if len(servers) < 2:
+        return ''
+    name, names = node.resolve_service_name(service_name), ' and '.join(sorted(servers))
+    return f'{name} is offered by {names}: the first reply counts; stop one of them, or rename it'

@@ -1,0 +1,129 @@
+"""Which way each tag of a layout faces."""
+
+import math
+
+import pytest
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.tag_poses import EAST, NORTH, SOUTH, WEST, Table, find_tag_poses
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
+
+LONG = (1.0, 1.0, 3.0, 1.5)  # x0, y0, x1, y1
+
+
+def facing(x, y, **tables):
+    layout = Layout({'7': Tag(x, y, ['co2'])}, tables or {'table': LONG})
+    return find_tag_poses(layout)['7'].facing
+
+
+@pytest.mark.parametrize(
+    ('x', 'y', 'expected'),
+    [
+        (2.0, 1.0, SOUTH),
+        (2.0, 1.5, NORTH),
+        (1.0, 1.2, WEST),
+        (3.0, 1.2, EAST),
+        (2.0, 1.4, NORTH),  # on the table
+        (2.0, 0.2, SOUTH),  # beside it
+        (5.0, 1.2, EAST),
+        (1.0, 1.0, SOUTH),  # on a corner, with room on both sides
+        (3.0, 1.5, NORTH),
+    ],
+)
+def test_a_tag_faces_away_from_the_nearest_edge_of_its_table(x, y, expected):
+    assert facing(x, y) == expected
+
+
+def test_on_a_corner_a_tag_faces_the_side_with_more_room():
+    before_south = (1.0, 0.0, 3.0, 0.5)
+    assert facing(1.0, 1.0, table=LONG, south=before_south) == WEST
+    assert facing(1.0, 1.0, table=LONG, south=before_south, west=(0.0, 0.8, 0.9, 1.2)) == SOUTH
+
+
+@pytest.mark.parametrize(
+    ('x', 'y', 'room'),
+    [
+        # to the south, the west, the north and the east of the table
+        (2.0, 0.4, {NORTH: 0.6, SOUTH: math.inf, EAST: math.inf, WEST: math.inf}),
+        (0.3, 1.2, {NORTH: math.inf, SOUTH: math.inf, EAST: 0.7, WEST: math.inf}),
+        (2.0, 1.8, {NORTH: math.inf, SOUTH: 0.3, EAST: math.inf, WEST: math.inf}),
+        (3.4, 1.2, {NORTH: math.inf, SOUTH: math.inf, EAST: math.inf, WEST: 0.4}),
+        # on an edge: no room inwards and endless room outwards
+        (2.0, 1.0, {NORTH: 0.0, SOUTH: math.inf}),
+        (3.0, 1.2, {WEST: 0.0, EAST: math.inf}),
+    ],
+)
+def test_the_room_before_a_tag_ends_at_a_table(x, y, room):
+    table = Table(*LONG)
+    assert {angle: table.room_before(x, y, angle) for angle in room} == pytest.approx(room)
+
+
+@pytest.mark.parametrize(('beside_m', 'room'), [(0.09, 0.5), (0.11, math.inf)])
+@pytest.mark.parametrize(
+    ('place_beside', 'angle'),
+    [
+        (lambda beside: (1.0 - beside, 0.5), NORTH),
+        (lambda beside: (3.0 + beside, 0.5), NORTH),
+        (lambda beside: (1.0 - beside, 2.0), SOUTH),
+        (lambda beside: (0.5, 1.0 - beside), EAST),
+        (lambda beside: (0.5, 1.5 + beside), EAST),
+        (lambda beside: (3.5, 1.5 + beside), WEST),
+    ],
+)
+def test_a_table_further_than_10_cm_beside_is_not_in_the_way(beside_m, room, place_beside, angle):
+    assert Table(*LONG).room_before(*place_beside(beside_m), angle) == room
+
+
+def test_on_a_corner_a_table_that_is_beside_or_behind_takes_no_room():
+    beside = (1.5, 0.0, 3.0, 0.5)  # half a metre to the east of the line to the south
+    assert facing(1.0, 1.0, table=LONG, beside=beside) == SOUTH
+    behind = (0.5, 2.0, 3.0, 2.5)  # to the north
+    assert facing(1.0, 1.0, table=LONG, behind=behind) == SOUTH
+
+
+@pytest.mark.parametrize(
+    ('x', 'y', 'distance_m'),
+    [
+        (2.0, 1.2, 0.0),
+        (1.0, 1.5, 0.0),
+        (0.4, 1.2, 0.6),
+        (3.5, 1.2, 0.5),
+        (2.0, 0.8, 0.2),
+        (2.0, 1.9, 0.4),
+        (0.7, 0.6, 0.5),
+        (3.3, 1.9, 0.5),
+    ],
+)
+def test_the_distance_of_a_table_is_that_of_its_nearest_point(x, y, distance_m):
+    assert Table(*LONG).distance_m(x, y) == pytest.approx(distance_m)
+
+
+def test_the_nearest_table_counts_and_of_two_the_first():
+    assert facing(2.0, 2.0, near=(1.0, 1.0, 3.0, 1.9), far=(1.0, 2.5, 3.0, 3.0)) == NORTH
+    assert facing(2.0, 2.0, south=(1.0, 1.0, 3.0, 1.9), north=(1.0, 2.1, 3.0, 3.0)) == NORTH
+    assert facing(2.0, 2.0, north=(1.0, 2.1, 3.0, 3.0), south=(1.0, 1.0, 3.0, 1.9)) == SOUTH
+
+
+def test_the_order_of_a_tables_corners_does_not_matter():
+    for table in ((3.0, 1.5, 1.0, 1.0), (3.0, 1.0, 1.0, 1.5), (1.0, 1.5, 3.0, 1.0)):
+        assert facing(2.0, 1.0, table=table) == SOUTH
+        assert facing(3.0, 1.2, table=table) == EAST
+
+
+def test_without_tables_tags_face_the_middle():
+    places = {'0': (0.0, 0.0), '1': (2.0, 6.0), '2': (1.0, 3.0), '3': (0.0, 3.0), '4': (1.0, 6.0)}
+    tag_poses = find_tag_poses(Layout({tag_id: Tag(*each, ['co2']) for tag_id, each in places.items()}, {}))
+    to_middle = [math.atan2(3.0, 1.0), math.atan2(-3.0, -1.0), SOUTH, EAST, SOUTH]
+    assert [tag_poses[tag_id].facing for tag_id in '01234'] == pytest.approx(to_middle)
+
+
+def test_the_tags_come_in_the_order_of_the_layout_at_exactly_their_places():
+    layout = find_layout('')
+    assert [(tag_id, each[:2]) for tag_id, each in find_tag_poses(layout).items()] == [
+        (tag_id, tag[:2]) for tag_id, tag in layout.tags.items()
+    ]
+
+
+@pytest.mark.parametrize('edges', [(1.0, 1.0, 1.0, 2.0), (1.0, 2.0, 3.0, 2.0), (1.0, 1.0, 1.0, 1.0)])
+def test_a_table_without_an_area_is_refused(edges):
+    with pytest.raises(StartUpError, match="table 't' has no area"):
+        find_tag_poses(Layout({'7': Tag(0.0, 0.0, ['co2'])}, {'t': edges}))

@@ -1,0 +1,326 @@
+"""ROS 2 node `mission_orchestrator`: visits the tags, reads each over ROS, and publishes what it finds."""
+
+import contextlib
+import sys
+import time
+import uuid
+from functools import partial
+from pathlib import Path
+
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
+from lupin_greenhouse_bridge.planning.route import in_numeric_order
+from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
+from lupin_greenhouse_bridge.runtime.run import run
+from lupin_msgs.srv import StartMission
+from rclpy.clock import Clock, ClockType
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from std_msgs.msg import Bool
+from std_srvs.srv import Trigger
+
+from lupin_mission.announcer import Announcer
+from lupin_mission.drive import Drive, TimedDrive
+from lupin_mission.map_places import MapPlaces
+from lupin_mission.messages import MISSION_TYPE, accept_response
+from lupin_mission.mission import Mission, Request, Severity, State
+from lupin_mission.nav2_drive import Nav2Drive
+from lupin_mission.plan import Plan
+from lupin_mission.report import (
+    Observation,
+    Outcome,
+    Report,
+    ReportError,
+    last_of_each_tag,
+    summary_table,
+)
+from lupin_mission.settings import WITHOUT_EFFECT, Settings
+from lupin_mission.tags import Tags
+from lupin_mission.transport import Transport
+
+ALL_READ, SOME_NOT_READ, REFUSED = 0, 1, 2
+NODE_NAME = 'mission_orchestrator'
+STEP_SECONDS = 0.02
+LONGEST_STOP_SECONDS = 2.0
+RELEASE_ESTOP = 'the e-stop is engaged: release it first'
+
+
+class MissionNode(Node):
+    """
+    The surroundings of a Mission: clock, services, report and publishers.
+
+    No callback waits. One mission runs at a time. It starts when mission/start is called, or at once.
+    """
+
+    def __init__(self):
+        """Open the report and start; raises StartUpError and ReportError."""
+        super().__init__(NODE_NAME)
+        self._settings = settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
+        self._tags = Tags(settings)
+        self._places = MapPlaces(self, frame_id=settings.frame_id, amcl_pose_topic=settings.amcl_pose_topic)
+        self._transport = Transport(
+            self,
+            confirm_service=settings.visual_confirmation_service,
+            read_service=settings.bridge_service_name,
+        )
+        self.tag_ids: list[str] = []  # of the mission
+        self.mission: Mission | None = None
+        self.report: Report | None = None if settings.wait_for_start else self._open_report('')
+        self._mission_id = ''
+        self._started_at = None
+        self._is_estop_engaged = False
+        self._is_ending = False
+        self._stop_deadline: float | None = None  # once the robot is told to stop
+        self._announcer = Announcer(self, settings.observations_topic, settings.frame_id)
+        self._drive: Drive = TimedDrive(settings.drive_seconds)
+        if settings.drive == 'nav2':
+            self._drive = Nav2Drive(self, settings, self.note)
+        else:
+            self.get_logger().info('drive is timed, so no robot is moved: set drive:=nav2 to drive with Nav2')
+        self._plan: Plan | None = None  # of Nav2's drives, once the tags are known
+        for name in ('pause', 'resume', 'skip_current', 'abort'):
+            verb = name.removesuffix('_current')
+            self.create_service(Trigger, f'mission/{name}', partial(self._trigger, verb))
+        self.create_service(StartMission, 'mission/start', self._start)
+        self.create_subscription(Bool, settings.estop_topic, self._on_estop, QoSProfile(depth=10))
+        clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it
+        self.create_timer(1.0 / settings.state_publish_rate_hz, self._publish_state, clock=clock)
+        self.create_timer(STEP_SECONDS, self._step, clock=clock)
+        self._tags.find(self, self._on_tags, self._on_places)
+
+    def is_done(self) -> bool:
+        """Return True once every tag has its outcome, unless the node waits for mission/start."""
+        is_over = bool(self.mission and self.mission.state is State.DONE)
+        return is_over and not self._settings.wait_for_start
+
+    def is_idle(self) -> bool:
+        """Return True if the node still waits for its first mission/start."""
+        return self._settings.wait_for_start and self.mission is None
+
+    def _open_report(self, mission_id: str) -> Report:
+        path = Path(self._settings.report_file or time.strftime('mission-%Y%m%dT%H%M%S.jsonl'))
+        return Report(path.with_name(f'{path.stem}-{mission_id}{path.suffix}') if mission_id else path)
+
+    def farewell(self) -> None:
+        """Stop the robot, and publish the state once more; wait for both, with timeouts."""
+        self._stop_robot(self.executor)
+        self._publish_state()
+        self._announcer.wait_for_subscribers()
+
+    def _stop_robot(self, executor) -> None:
+        """Give up the drive for good, and wait until the robot has, with a timeout."""
+        self._is_ending = True
+        self._drive.stop()
+        if self._stop_deadline is None:  # farewell() and destroy_node() share the time
+            self._stop_deadline = time.monotonic() + LONGEST_STOP_SECONDS
+        while not self._drive.is_over() and time.monotonic() < self._stop_deadline:
+            executor.spin_once(timeout_sec=STEP_SECONDS)
+
+    def destroy_node(self) -> None:
+        """Stop the robot, whatever ended the mission; close the report, so that another can continue it."""
+        if not self._drive.is_over():
+            executor = SingleThreadedExecutor(context=self.context)  # that of run() is closed
+            executor.add_node(self)
+            with contextlib.suppress(OneLineError):  # the first one has been logged
+                self._stop_robot(executor)
+            executor.shutdown(timeout_sec=0)
+        if self.report:
+            self.report.close()
+            self.report = None
+        super().destroy_node()
+
+    # The mission
+
+    def _on_tags(self) -> None:
+        """Start the mission, unless it waits for mission/start."""
+        self.note(f'{len(self._tags.ids)} tags known', Severity.INFO)
+        self._on_places()
+        if not self._settings.wait_for_start:
+            self._begin(self._new_mission_id(), self._chosen_ids(), self.report)
+
+    def _on_places(self) -> None:
+        """Plan the drives; raises StartUpError without a layout."""
+        if self._settings.has_poses_in_map and not self._tags.places_m:
+            self._announcer.warn(
+                "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file"
+            )
+        if isinstance(self._drive, Nav2Drive):
+            self._plan = Plan(self._tags.layout(), self._settings, self._tags.layout_in_map)
+            self._drive.goals, self._drive.unreachable = self._plan.goals, self._plan.unreachable
+            for warning in self._plan.warnings:
+                self._announcer.warn(warning)
+
+    def _chosen_ids(self) -> list[str]:
+        """Return the tags of tag_sequence, or else all tags in numeric order."""
+        return self._settings.chosen_tag_ids or sorted(self._tags.ids, key=in_numeric_order)
+
+    def _begin(self, mission_id: str, tag_ids: list[str], report: Report) -> None:
+        """Start a mission to the tags that have no reading in the report."""
+        found = last_of_each_tag(report.observations)
+        to_visit = [tag for tag in tag_ids if tag not in found or found[tag].outcome is not Outcome.OK]
+        if self._settings.order == 'shortest':
+            to_visit = self._shortest(to_visit)
+        self.report = report
+        self.tag_ids = tag_ids
+        self._mission_id = mission_id
+        self._started_at = self.get_clock().now().to_msg()
+        self.mission = Mission(
+            to_visit,
+            self,
+            self._drive,
+            self._settings.limits,
+            require_visual_confirmation=self._settings.require_visual_confirmation,
+            returns_to_dock=bool(self._settings.dock),
+        )
+        read_before = len(tag_ids) - len(to_visit)
+        self._announcer.started(
+            f'{len(to_visit)} tags to visit, {read_before} read before; report: {report.path}'
+        )
+        if self._is_estop_engaged:
+            self.mission.engage_estop()
+        self.mission.start(time.monotonic())
+
+    def _shortest(self, tag_ids: list[str]) -> list[str]:
+        """Return the tags in the order of the shortest way from the robot, else from its dock."""
+        robot = self._places.robot
+        starts = [(robot.x, robot.y)] if robot else []
+        if self._settings.dock:
+            starts.append(tuple(self._settings.dock[:2]))
+        try:
+            return self._plan.shortest(tag_ids, *starts)
+        except StartUpError as error:
+            self._announcer.warn(f'the order is not the shortest: {error}')
+            return tag_ids
+
+    def _step(self) -> None:
+        if self.mission is None or self._is_ending or self._tags.waits_for_tags():
+            return
+        if not self.mission.is_paused:
+            self._transport.send_when_ready()
+        self.mission.step(time.monotonic())
+        self._announcer.moved(self.mission)
+
+    def _publish_state(self) -> None:
+        idle = 'READY' if self._tags.ids else 'BOOT'
+        self._announcer.publish_state(
+            self.mission, self._mission_id, idle, self._started_at, is_estop_engaged=self._is_estop_engaged
+        )
+
+    # What the mission needs of the world
+
+    def send(self, request: Request) -> None:
+        """Send a request as soon as its service is available. The mission handles the timeout."""
+        self._transport.send(request, partial(self._on_response, self.mission, request))
+
+    def abandon(self, request: Request) -> Outcome:
+        """Forget a request; a late reply is ignored."""
+        return self._transport.abandon(request)
+
+    def _on_response(self, mission: Mission, request: Request, response) -> None:
+        if not accept_response(mission, request, response):
+            self.note(f'ignored a late reply for tag {request.tag_id!r}', Severity.WARN)
+        self._step()
+
+    def record(self, observation: Observation) -> None:
+        """Write an observation to the report, publish it and the state, and log it."""
+        self.report.record(observation)
+        self._announcer.closed(observation, self._mission_id, self._place_of(observation.tag_id))
+        self._publish_state()
+
+    def _place_of(self, tag_id: str) -> tuple[float, float] | None:
+        """Return x and y of a tag in the map: by the layout, as discovered, or where the robot stands."""
+        if tag_id in self._tags.places_m:
+            return self._tags.places_m[tag_id]
+        place = self._places.at(tag_id)
+        return (place.x, place.y) if place else None
+
+    def note(self, event: str, severity: Severity) -> None:
+        """Report an event."""
+        self._announcer.note(event, severity)
+
+    # What people ask of the mission
+
+    def _on_estop(self, message) -> None:
+        """Stop the robot at once; a release alone moves nothing."""
+        if message.data == self._is_estop_engaged:
+            return
+        self._is_estop_engaged = message.data
+        if self.mission:
+            (self.mission.engage_estop if message.data else self.mission.release_estop)()
+        event = 'engaged' if message.data else 'released: call mission/resume to go on'
+        self.note(f'e-stop {event}', Severity.WARN)  # after the pause, which is an event too
+
+    def _trigger(self, name: str, _request, response):
+        response.success = bool(self.mission and getattr(self.mission, name)())
+        response.message = f'{name}: done' if response.success else f'there is nothing to {name}'
+        if name == 'resume' and self._is_estop_engaged:
+            response.message = RELEASE_ESTOP
+        self._step()
+        return response
+
+    def _start(self, request, response):
+        mission_id = self._new_mission_id()
+        reason = self._reason_against(request)
+        if not reason:
+            try:
+                report = self._open_report(mission_id)
+            except ReportError as error:
+                reason = str(error)
+        if reason:
+            self.note(f'start rejected: {reason}', Severity.WARN)
+            response.error_message = reason
+            return response
+        if self.report:
+            self.report.close()
+        self._begin(mission_id, list(request.tag_sequence) or self._chosen_ids(), report)
+        response.accepted, response.mission_id = True, mission_id
+        return response
+
+    def _new_mission_id(self) -> str:
+        prefix = self._settings.mission_id_prefix
+        return f'{prefix}-{time.strftime("%Y%m%dT%H%M%S")}-{uuid.uuid4().hex[:6]}'
+
+    def _reason_against(self, request) -> str:
+        """Return why a mission cannot be started as requested; '' if it can."""
+        if self._is_ending:
+            return 'the node is about to end'
+        if self.mission and self.mission.state is not State.DONE:
+            return f'mission already running: abort {self._mission_id}, or wait for its end'
+        if self._is_estop_engaged:
+            return RELEASE_ESTOP
+        if not self._tags.ids:
+            return 'the tags are not known yet: start the bridge'
+        if request.mission_type not in ('', MISSION_TYPE):
+            shown = escaped(request.mission_type, 40)
+            return f"mission_type is '{shown}': must be {MISSION_TYPE} or empty"
+        return self._fault_of(list(request.tag_sequence))
+
+    def _fault_of(self, sequence: list[str]) -> str:
+        known = set(self._tags.ids)
+        if unknown := [tag_id for tag_id in sequence if tag_id not in known]:
+            shown = escaped(unknown[0], 40)
+            return f"tag '{shown}' is unknown: must be one of the {len(known)} tags of the greenhouse"
+        if len(set(sequence)) != len(sequence):
+            return 'tag_sequence names a tag twice: a mission visits a tag once'
+        return ''
+
+
+def main(args=None):
+    """Run the mission; exit code 0: all tags read, 1: some not read, 2: start-up error."""
+    return run(NODE_NAME, MissionNode, args, is_done=MissionNode.is_done, conclude=_conclude, refused=REFUSED)
+
+
+def _conclude(node: MissionNode) -> int:
+    """Print the table, even of an interrupted mission; return the exit code."""
+    node.farewell()
+    if node.is_idle():
+        return ALL_READ
+    observations = node.report.observations if node.report else []
+    print(summary_table(observations, node.tag_ids), flush=True)
+    found = last_of_each_tag(observations)
+    all_read = all(tag in found and found[tag].outcome is Outcome.OK for tag in node.tag_ids)
+    return ALL_READ if node.tag_ids and all_read else SOME_NOT_READ
+
+
+if __name__ == '__main__':
+    sys.exit(main())

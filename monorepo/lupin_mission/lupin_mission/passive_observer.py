@@ -1,0 +1,133 @@
+"""
+ROS 2 node `passive_observer`: turns the readings of read_on_sight into observations.
+
+It is silent while a mission runs, which publishes observations of its own.
+"""
+
+import sys
+from dataclasses import dataclass
+
+from geometry_msgs.msg import Point, Pose, Quaternion
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.registration import read_transform
+from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
+from lupin_greenhouse_bridge.runtime.run import run
+from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_msgs.msg import MissionState, Observation, TagReading
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from lupin_mission.map_places import MapPlaces
+
+NODE_NAME = 'passive_observer'
+SOURCE = 'PassiveObserver'
+BUSY_STATES = ('PREPARE', 'EXPLORING', 'INSPECTING', 'MONITORING', 'RETURNING')
+LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
+# Arguments of the team's observer, which asks the bridge by itself: here read_on_sight does.
+WITHOUT_EFFECT = (
+    'bridge_service_name',
+    'discovered_tags_topic',
+    'mission_state_topic',
+    'refresh_period_s',
+    'source_name',
+    'tick_period_s',
+    'twin_state_topic',
+)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The validated parameters of one run. Raises StartUpError for an invalid value."""
+
+    layout_in_map: str = parameter(
+        '',
+        'A file of register_layout: where the layout lies in the map; empty: the places of tags come from'
+        ' perception, or from the robot.',
+    )
+    tag_locations_file: str = parameter(
+        '', "The bridge's tag_locations.json for layout_in_map; empty: the one of mdp-greenhouse."
+    )
+    observations_topic: str = parameter(
+        'floranova/observations',
+        'The topic of the observations; a relative name is in the namespace of the node.',
+    )
+    map_frame: str = parameter('map', 'The frame of the poses, and of the headers of all messages.')
+
+    def __post_init__(self):
+        check_parameters(self)
+        if self.tag_locations_file and not self.layout_in_map:
+            raise StartUpError('parameter tag_locations_file has no effect without layout_in_map: set both')
+
+    def layout_places(self) -> dict[str, Point]:
+        """Return the layout's places in the map by tag id; {} without layout_in_map. Raises StartUpError."""
+        if not self.layout_in_map:
+            return {}
+        transform = read_transform(self.layout_in_map, self.map_frame)
+        layout = find_layout(self.tag_locations_file)
+        if layout is None:
+            raise StartUpError(
+                'layout_in_map needs the positions of the tags, but mdp-greenhouse is not installed:'
+                ' set tag_locations_file'
+            )
+        places = {tag_id: transform.point(tag.x, tag.y) for tag_id, tag in layout.tags.items()}
+        return {tag_id: Point(x=x, y=y) for tag_id, (x, y) in places.items()}
+
+
+def pose_at(place: Point | None) -> Pose:
+    """Return the pose at a place, without a direction; w = 0 marks it as unset."""
+    return Pose(position=place or Point(), orientation=Quaternion(w=float(place is not None)))
+
+
+class PassiveObserver(Node):
+    """Publishes an observation of each reading, with the place of the tag or of the robot."""
+
+    def __init__(self):
+        """Read the layout and subscribe; raises StartUpError."""
+        super().__init__(NODE_NAME)
+        settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
+        self._lifecycle_state = ''
+        self._frame_id = settings.map_frame
+        self._places = MapPlaces(self, frame_id=self._frame_id, layout_places=settings.layout_places())
+        latched = QoSProfile(depth=1, durability=LATCHED)
+        self._states = self.create_subscription(MissionState, 'mission/state', self._on_state, latched)
+        # Not latched: the robot has left the place of an old reading.
+        readings = self.create_subscription(
+            TagReading, 'read_on_sight/readings', self._on_reading, QoSProfile(depth=50)
+        )
+        self._observations = self.create_publisher(
+            Observation, settings.observations_topic, QoSProfile(depth=50, durability=LATCHED)
+        )
+        self.get_logger().info(
+            f'ready: readings from {readings.topic_name}, observations on {self._observations.topic_name}'
+        )
+
+    def _on_state(self, message) -> None:
+        self._lifecycle_state = message.lifecycle_state
+
+    def _on_reading(self, reading) -> None:
+        if self._lifecycle_state in BUSY_STATES and self._has_mission():
+            return
+        observation = Observation(
+            source=SOURCE,
+            kind=Observation.KIND_TAG_READING,
+            status=Observation.STATUS_OK,
+            tag_reading=reading,
+        )
+        observation.header.stamp = self.get_clock().now().to_msg()
+        observation.header.frame_id = self._frame_id
+        observation.tag_pose_in_map = pose_at(self._places.at(reading.tag_id))
+        observation.flower.pose.pose = observation.anomaly.pose.pose = pose_at(None)
+        self._observations.publish(observation)
+
+    def _has_mission(self) -> bool:
+        """Return whether the node lives that published the state: a mission that crashed says no more."""
+        return self.count_publishers(self._states.topic_name) > 0
+
+
+def main(args=None) -> int:
+    """Publish until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
+    return run(NODE_NAME, PassiveObserver, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,245 @@
+"""Readings become observations, with the place of the tag or of the robot, but not while a mission runs."""
+
+import json
+import math
+import threading
+
+import pytest
+from geometry_msgs.msg import Pose, PoseWithCovarianceStamped
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, spinning_node, wait_until
+from lupin_mission.passive_observer import PassiveObserver, Settings
+from lupin_msgs.msg import (
+    DiscoveredTag,
+    DiscoveredTags,
+    MissionState,
+    Observation,
+    SensorReading,
+    TagReading,
+)
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+VOLATILE, LATCHED = QoSProfile(depth=50), QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Stack:
+    """What is around the observer: read_on_sight, the mission, perception, AMCL and the twin."""
+
+    def __init__(self, node, namespace='', amcl_qos=LATCHED, topic='floranova/observations'):
+        self.node, self._namespace = node, namespace
+        self._topic = f'{namespace}/{topic}'
+        self._readings = self._publisher(TagReading, 'read_on_sight/readings', LATCHED)
+        self._states = self._publisher(MissionState, 'mission/state', LATCHED)
+        self._tags = self._publisher(DiscoveredTags, 'perception/discovered_tags', LATCHED)
+        self._poses = self._publisher(PoseWithCovarianceStamped, 'amcl_pose', amcl_qos)
+        self.observations = self.subscribe()
+        wait_until(lambda: node.count_publishers(self._topic) == 1)
+
+    def _publisher(self, message_type, name, qos):
+        publisher = self.node.create_publisher(message_type, f'{self._namespace}/{name}', qos)
+        wait_until(lambda: publisher.get_subscription_count() > 0)
+        return publisher
+
+    def _send(self, publisher, message) -> None:
+        """Publish a message, and return when the observer has handled it."""
+        publisher.publish(message)
+        assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+        for _ in range(2):  # the executor handles what has arrived between two tasks
+            handled = threading.Event()
+            self.node.executor.create_task(handled.set)
+            assert handled.wait(PATIENCE_SECONDS)
+
+    def subscribe(self) -> list[Observation]:
+        """Return the list that the observations from now on, and the latched ones, come into."""
+        heard = []
+        self.node.create_subscription(Observation, self._topic, heard.append, LATCHED)
+        return heard
+
+    def read(self, tag_id: str) -> None:
+        reading = TagReading(tag_id=tag_id, readings=[SensorReading(name='co2', value=600.0)])
+        self._send(self._readings, reading)
+
+    def observe(self, tag_id: str) -> Observation:
+        """Read a tag, and return its observation, which must be the next."""
+        before = len(self.observations)
+        self.read(tag_id)
+        wait_until(lambda: len(self.observations) > before)
+        assert self.observations[before].tag_reading.tag_id == tag_id
+        return self.observations[before]
+
+    def place_of(self, tag_id: str) -> tuple[float, float] | None:
+        """Read a tag, and return the place in its observation; None if it is unset."""
+        pose = self.observe(tag_id).tag_pose_in_map
+        assert pose.orientation.w in (0.0, 1.0)
+        return (pose.position.x, pose.position.y) if pose.orientation.w else None
+
+    def mission(self, lifecycle_state: str) -> None:
+        self._send(self._states, MissionState(lifecycle_state=lifecycle_state))
+
+    def end_mission(self) -> None:
+        self.node.destroy_publisher(self._states)
+        wait_until(lambda: self.node.count_publishers(f'{self._namespace}/mission/state') == 0)
+
+    def discover(self, tag_id: str, x: float, y: float, w: float = 1.0, frame: str = 'map') -> None:
+        message = DiscoveredTags(tags=[DiscoveredTag(tag_id=tag_id, pose_in_map=pose(x, y, w))])
+        message.header.frame_id = frame
+        self._send(self._tags, message)
+
+    def stand(self, x: float, y: float, frame: str = 'map') -> None:
+        message = PoseWithCovarianceStamped()
+        message.header.frame_id = frame
+        message.pose.pose = pose(x, y, 0.7)
+        self._send(self._poses, message)
+
+
+def pose(x: float, y: float, w: float) -> Pose:
+    result = Pose()
+    result.position.x, result.position.y, result.orientation.w = x, y, w
+    return result
+
+
+@pytest.fixture
+def stack(run_nodes):
+    *_, node = run_nodes(PassiveObserver)
+    return Stack(node)
+
+
+def test_a_reading_becomes_an_observation(stack):
+    observation = stack.observe('7')
+    assert (observation.kind, observation.status, observation.status_detail) == (
+        Observation.KIND_TAG_READING,
+        Observation.STATUS_OK,
+        '',
+    )
+    assert (observation.source, observation.mission_id) == ('PassiveObserver', '')
+    assert observation.header.frame_id == 'map'
+    assert observation.header.stamp.sec > 0
+    assert [(sensor.name, sensor.value) for sensor in observation.tag_reading.readings] == [('co2', 600.0)]
+    for unset in (observation.tag_pose_in_map, observation.flower.pose.pose, observation.anomaly.pose.pose):
+        assert unset == pose(0.0, 0.0, 0.0)
+
+
+def test_a_late_subscriber_gets_the_observation(stack):
+    """Like the twin, which subscribes reliable and latched."""
+    stack.observe('7')
+    late = stack.subscribe()
+    wait_until(lambda: [observation.tag_reading.tag_id for observation in late] == ['7'])
+
+
+def test_the_place_is_the_tags_or_else_the_robots(stack):
+    assert stack.place_of('7') is None
+    stack.stand(1.0, 2.0)
+    assert stack.place_of('7') == (1.0, 2.0)
+    stack.stand(5.0, 6.0)
+    assert stack.place_of('7') == (5.0, 6.0)
+    stack.discover('7', 3.0, 4.0)
+    assert stack.place_of('7') == (3.0, 4.0)
+    assert stack.place_of('8') == (5.0, 6.0)
+
+
+def test_the_place_in_a_registered_layout_comes_first(run_nodes, tmp_path, shipped_tags):
+    transform = Transform(10.0, 20.0, math.pi / 2)
+    write_transform(tmp_path / 'layout.yaml', transform)
+    *_, node = run_nodes(PassiveObserver, layout_in_map=tmp_path / 'layout.yaml')
+    stack = Stack(node)
+    stack.stand(5.0, 6.0)
+    stack.discover('7', 3.0, 4.0)
+    tag = shipped_tags['7']
+    assert stack.place_of('7') == pytest.approx((10.0 - tag['y'], 20.0 + tag['x']))
+    stack.discover('999', 3.0, 4.0)
+    assert stack.place_of('999') == (3.0, 4.0)
+    assert stack.place_of('888') == (5.0, 6.0)
+
+
+def test_the_layout_is_that_of_the_tag_file(tmp_path):
+    tag_file = tmp_path / 'tags.json'
+    tag_file.write_text(json.dumps({'7': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}}), encoding='utf-8')
+    write_transform(tmp_path / 'layout.yaml', Transform(x=10.0))
+    settings = Settings(layout_in_map=str(tmp_path / 'layout.yaml'), tag_locations_file=str(tag_file))
+    (place,) = settings.layout_places().values()
+    assert (place.x, place.y) == (11.0, 2.0)
+
+
+def test_a_layout_that_cannot_be_used_is_refused(tmp_path):
+    with pytest.raises(
+        StartUpError, match='tag_locations_file has no effect without layout_in_map: set both'
+    ):
+        Settings(tag_locations_file='/tags.json')
+    write_transform(tmp_path / 'layout.yaml', Transform(), 'odom')
+    with pytest.raises(StartUpError, match="frame_id is 'odom', but the map's frame is 'map'"):
+        Settings(layout_in_map=str(tmp_path / 'layout.yaml')).layout_places()
+
+
+def test_a_localiser_that_does_not_latch_is_heard(run_nodes):
+    *_, node = run_nodes(PassiveObserver)
+    stack = Stack(node, amcl_qos=VOLATILE)
+    stack.stand(1.0, 2.0)
+    assert stack.place_of('7') == (1.0, 2.0)
+
+
+def test_a_localiser_that_is_older_than_the_observer_is_heard(run_nodes):
+    """AMCL publishes its pose when the robot moves, and latches it."""
+    with spinning_node('amcl') as amcl:
+        poses = amcl.create_publisher(PoseWithCovarianceStamped, 'amcl_pose', LATCHED)
+        message = PoseWithCovarianceStamped()
+        message.header.frame_id = 'map'
+        message.pose.pose = pose(1.0, 2.0, 0.7)
+        poses.publish(message)
+        *_, node = run_nodes(PassiveObserver)
+        stack = Stack(node)
+        wait_until(lambda: stack.place_of('7') == (1.0, 2.0))
+
+
+def test_a_place_in_another_frame_is_ignored(stack):
+    stack.discover('7', 3.0, 4.0, frame='odom')
+    stack.stand(1.0, 2.0, frame='odom')
+    assert stack.place_of('7') is None
+
+
+def test_an_unset_place_of_a_tag_is_ignored(stack):
+    stack.stand(1.0, 2.0)
+    stack.discover('7', 3.0, 4.0, w=0.0)
+    assert stack.place_of('7') == (1.0, 2.0)
+
+
+@pytest.mark.parametrize('busy', ['PREPARE', 'EXPLORING', 'INSPECTING', 'MONITORING', 'RETURNING'])
+def test_it_is_silent_while_a_mission_runs(stack, busy):
+    stack.mission(busy)
+    stack.read('7')
+    stack.mission('READY')
+    stack.observe('8')
+    assert len(stack.observations) == 1
+
+
+@pytest.mark.parametrize('idle', ['BOOT', 'READY', 'DONE', 'FAULT'])
+def test_it_observes_between_missions(stack, idle):
+    stack.mission(idle)
+    stack.observe('8')
+
+
+def test_it_observes_again_when_a_mission_has_crashed(stack):
+    stack.mission('INSPECTING')
+    stack.end_mission()
+    stack.observe('8')
+
+
+def test_all_its_names_move_with_the_namespace(run_nodes):
+    *_, node = run_nodes(PassiveObserver, arguments=['-r', '__ns:=/robot1'])
+    stack = Stack(node, '/robot1')
+    stack.discover('7', 3.0, 4.0)
+    assert stack.place_of('7') == (3.0, 4.0)
+
+
+def test_it_takes_the_topic_and_the_frame_of_the_teams_launch_file(run_nodes, capfd):
+    """It names the arguments of their observer that have no effect, and warns of none."""
+    theirs = {'observations_topic': '/seen', 'map_frame': 'world', 'refresh_period_s': 2.0}
+    *_, node = run_nodes(PassiveObserver, **theirs)
+    stack = Stack(node, topic='seen')
+    stack.stand(1.0, 2.0)
+    assert stack.observe('7').header.frame_id == 'world'
+    assert stack.place_of('8') is None
+    log = capfd.readouterr().err
+    assert 'without effect in this node: refresh_period_s' in log
+    assert '[WARN]' not in log

@@ -1,0 +1,156 @@
+"""A disc that drives along a way, and the parameters of the navigator around it. Does not import ROS."""
+
+import math
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
+from lupin_greenhouse_bridge.simulator.layout import find_layout
+
+TURN_RAD_PER_S = 1.5  # on the spot, at a speedup of 1
+
+
+class Pose(NamedTuple):
+    """A pose in the frame of the layout."""
+
+    x: float  # metres
+    y: float
+    yaw: float  # radians to the x axis
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The validated parameters of one run. Raises StartUpError for an invalid value."""
+
+    nav_action_name: str = parameter('navigate_to_pose', 'The NavigateToPose action to serve.')
+    tag_locations_file: str = parameter(
+        '', "The bridge's tag_locations.json, for the tables; empty: the simulator's own."
+    )
+    robot_radius_m: float = parameter(0.2, 'The radius of the robot in metres.', smallest=0.01, largest=10.0)
+    speed_m_per_s: float = parameter(0.5, 'The speed in metres per second.', smallest=0.001, largest=10.0)
+    speedup: float = parameter(
+        1.0, 'Seconds of driving and turning per second.', smallest=0.001, largest=1000.0
+    )
+    start_pose: str = parameter(
+        '0.5 0.5 0.0', 'x and y in metres and yaw in radians, where the robot starts.'
+    )
+    blocked: str = parameter(  # or an array
+        '',
+        'Obstacles that the mission does not know, x0 y0 x1 y1 in metres each, as text or as an array.',
+    )
+    route_file: str = parameter(
+        '', 'A CSV file to write, of x and y in metres along the way that was driven.'
+    )
+
+    def __post_init__(self):
+        check_parameters(self, of_any_type=('start_pose', 'blocked'))
+        if len(_numbers(self.start_pose)) != 3:
+            raise invalid('start_pose', self.start_pose, 'x, y and yaw: "0.5 0.5 0.0", or an array')
+        edges = _numbers(self.blocked)
+        if (
+            (not edges and self.blocked)
+            or len(edges) % 4
+            or not all(x0 < x1 and y0 < y1 for x0, y0, x1, y1 in self.obstacles)
+        ):
+            accepted = 'empty, or x0 y0 x1 y1 of each rectangle: "0.0 2.0 1.0 2.5", with x0 < x1 and y0 < y1'
+            raise invalid('blocked', self.blocked, accepted)
+
+    @property
+    def start(self) -> Pose:
+        """Where the robot starts."""
+        return Pose(*_numbers(self.start_pose))
+
+    @property
+    def obstacles(self) -> list[tuple[float, float, float, float]]:
+        """x0, y0, x1 and y1 of each obstacle."""
+        edges = iter(_numbers(self.blocked))
+        return list(zip(edges, edges, edges, edges, strict=False))
+
+    def floor(self) -> FreeSpace:
+        """Return where the robot can be, with the obstacles; raises StartUpError if it cannot start there."""
+        layout = find_layout(self.tag_locations_file)
+        if layout is None:
+            raise StartUpError('mdp-greenhouse is not installed here: set tag_locations_file')
+        obstacles = {f'blocked {number}': edges for number, edges in enumerate(self.obstacles, 1)}
+        floor = FreeSpace(layout._replace(tables={**layout.tables, **obstacles}), self.robot_radius_m)
+        if not floor.is_free(*self.start[:2]):
+            raise StartUpError(
+                f'parameter start_pose is {self.start_pose}: a robot of radius {self.robot_radius_m:g} m'
+                ' does not fit there: choose another, or change blocked'
+            )
+        return floor
+
+
+def _numbers(value) -> list[float]:
+    """Return the numbers of a text or an array; [] if one of them is not finite."""
+    words = value.replace(',', ' ').split() if isinstance(value, str) else value
+    try:
+        numbers = [float(word) for word in (words if isinstance(words, Iterable) else [words])]
+    except ValueError:
+        return []
+    return numbers if all(map(math.isfinite, numbers)) else []
+
+
+class DiscRobot:
+    """Turns on the spot, and drives straight from one point of its way to the next."""
+
+    def __init__(self, start: Pose, speed_m_per_s: float):
+        self.pose = start
+        self.route: list[tuple[float, float]] = [start[:2]]  # where it has driven
+        self._speed_m_per_s = speed_m_per_s
+        self._way: deque[tuple[float, float]] = deque()
+        self._yaw = start.yaw  # at the end of the way
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether it is not yet at the end of its way, or not yet turned."""
+        return bool(self._way) or self.pose.yaw != self._yaw
+
+    def set_off(self, way: Iterable[tuple[float, float]], yaw: float) -> None:
+        """Leave the way for another one, and turn to this direction at its end."""
+        self.stop()
+        self._way.extend(way)
+        self._yaw = yaw
+
+    def stop(self) -> None:
+        """Stand still."""
+        self._way.clear()
+        self._yaw = self.pose.yaw
+        self._note_point()
+
+    def advance(self, seconds: float) -> None:
+        """Move for this time, or up to the end of the way."""
+        while self._way and seconds > 0.0:
+            x, y = self._way[0]
+            dx, dy = x - self.pose.x, y - self.pose.y
+            left_m = math.hypot(dx, dy)
+            if left_m > 0.0:
+                seconds = self._turn(math.atan2(dy, dx), seconds)
+            step_m = min(seconds * self._speed_m_per_s, left_m)
+            seconds -= step_m / self._speed_m_per_s
+            if step_m == left_m:
+                self.pose = Pose(x, y, self.pose.yaw)
+                self._way.popleft()
+                self._note_point()
+            else:
+                share = step_m / left_m
+                self.pose = Pose(self.pose.x + share * dx, self.pose.y + share * dy, self.pose.yaw)
+        if not self._way:
+            self._turn(self._yaw, seconds)
+
+    def _turn(self, yaw: float, seconds: float) -> float:
+        """Turn for at most this time; return what is left of it."""
+        angle = math.remainder(yaw - self.pose.yaw, 2 * math.pi)
+        turned = min(seconds * TURN_RAD_PER_S, abs(angle))
+        self.pose = self.pose._replace(
+            yaw=yaw if turned == abs(angle) else self.pose.yaw + math.copysign(turned, angle)
+        )
+        return max(seconds - turned / TURN_RAD_PER_S, 0.0)
+
+    def _note_point(self) -> None:
+        if self.pose[:2] != self.route[-1]:
+            self.route.append(self.pose[:2])

@@ -1,0 +1,162 @@
+"""
+A camera for tests and simulations: publishes rendered images of the tag that the mission stands at.
+
+Subscribes to `mission/at_tag`. Between two tags, and for an id outside tag36h11, it shows a bare wall. With
+`from_odometry` it is on the robot instead: it subscribes to `odom`, and shows the tags in view from there.
+"""
+
+import sys
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses
+from lupin_greenhouse_bridge.reading.detections import detection_messages
+from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
+from lupin_greenhouse_bridge.runtime.run import run
+from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_tag_confirmation.confirmation import TAG_COUNT
+from lupin_tag_confirmation.settings import TOPICS, check_source
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from sensor_msgs.msg import CompressedImage, Image
+from std_msgs.msg import String
+
+from lupin_simulation import scene
+from lupin_simulation.odometry import RobotPose
+
+NODE_NAME = 'camera'
+FRAMES_PER_SECOND = 8
+JPEG_QUALITY = 80
+AT_TAG_TOPIC = 'mission/at_tag'
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The validated parameters of one run. Raises StartUpError for an invalid value."""
+
+    publishes: str = parameter(
+        'image', 'image, compressed (JPEG), or detections (of AprilTag 3 in the image).'
+    )
+    from_odometry: bool = parameter(
+        False, 'Show what is in view from where `odom` says that the robot is; false: the tag of the mission.'
+    )
+    tag_locations_file: str = parameter(
+        '', "The bridge's tag_locations.json, for from_odometry; empty: the simulator's own."
+    )
+
+    def __post_init__(self):
+        check_parameters(self)
+        check_source('publishes', self.publishes)
+
+
+class FakeCamera(Node):
+    """Publishes images that vary in distance, angle, blur and noise."""
+
+    def __init__(self):
+        super().__init__(NODE_NAME)
+        settings = declare_parameters(self, Settings)
+        self._random = np.random.default_rng(0)
+        self._camera = scene.Camera()
+        message_type, self._message_of = {
+            'image': lambda: (Image, image_of),
+            'compressed': lambda: (CompressedImage, compressed_image_of),
+            'detections': detections,
+        }[settings.publishes]()
+        self._publisher = self.create_publisher(
+            message_type, TOPICS[settings.publishes], qos_profile_sensor_data
+        )
+        self._robot = RobotPose(self) if settings.from_odometry else None
+        self._tags = tag_poses_by_number(settings.tag_locations_file) if settings.from_odometry else {}
+        self._tag_id = ''
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched)
+        self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
+
+    def _on_tag(self, message) -> None:
+        self._tag_id = message.data
+
+    def _publish(self) -> None:
+        message = self._message_of(self._look())
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.frame_id = 'camera'
+        self._publisher.publish(message)
+
+    def _look(self) -> np.ndarray:
+        conditions = {
+            'blur_pixels': self._random.uniform(0.3, 1.2),
+            'noise_levels': self._random.uniform(2.0, 8.0),
+        }
+        if self._robot and self._robot.newest:
+            return self._camera.look_around(self._tags, self._robot.newest, self._random, **conditions)
+        has_tag = not self._robot and has_marker(self._tag_id)
+        return self._camera.look_at(
+            scene.marker(int(self._tag_id), scene.MODULE_PIXELS) if has_tag else None,
+            self._random,
+            distance_m=self._random.uniform(0.3, 1.0),
+            angle_degrees=self._random.uniform(0.0, 40.0),
+            **conditions,
+        )
+
+
+def has_marker(tag_id: str) -> bool:
+    """Return whether this is an id of tag36h11."""
+    return tag_id.isdecimal() and int(tag_id) < TAG_COUNT
+
+
+def tag_poses_by_number(tag_file: str) -> dict[int, TagPose]:
+    """Return where each tag of a layout is, and faces, by its number; raises StartUpError."""
+    layout = find_layout(tag_file)
+    if layout is None:
+        raise StartUpError('mdp-greenhouse is not installed here: set tag_locations_file')
+    return {
+        int(tag_id): tag_pose for tag_id, tag_pose in find_tag_poses(layout).items() if has_marker(tag_id)
+    }
+
+
+def image_of(picture: np.ndarray) -> Image:
+    """Return the message of a grey picture."""
+    height, width = picture.shape
+    return Image(height=height, width=width, encoding='mono8', step=width, data=picture.tobytes())
+
+
+def compressed_image_of(picture: np.ndarray) -> CompressedImage:
+    """Return the message of a grey picture as JPEG."""
+    _, data = cv2.imencode('.jpg', picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return CompressedImage(format='mono8; jpeg compressed ', data=data.tobytes())
+
+
+def detections():
+    """Return the message type, and the function that makes a message of the tags in a grey picture."""
+    messages = detection_messages()
+    from lupin_tag_confirmation.detector import FAMILY, TagDetector
+
+    detect = TagDetector().detect
+
+    def detections_of(picture):
+        array = messages.AprilTagDetectionArray()
+        for tag in detect(picture):
+            x, y = np.mean(tag.corners, axis=0)
+            array.detections.append(
+                messages.AprilTagDetection(
+                    family=FAMILY,
+                    id=tag.tag_number,
+                    hamming=tag.hamming,
+                    decision_margin=tag.decision_margin,
+                    centre=messages.Point(x=x, y=y),
+                    corners=[messages.Point(x=float(x), y=float(y)) for x, y in tag.corners],
+                )
+            )
+        return array
+
+    return messages.AprilTagDetectionArray, detections_of
+
+
+def main(args=None) -> int:
+    """Publish until Ctrl-C or SIGTERM."""
+    return run(NODE_NAME, FakeCamera, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,88 @@
+"""`ros2 run lupin_simulation generate_world`: make an SDF world from the layout that the bridge serves."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
+
+DONE, USAGE = 0, 2
+MANIFEST = '.generate_world'  # the files that this program writes
+SIDE_M = 0.05
+SMALLEST_SIDE_M, LARGEST_SIDE_M = 0.01, 0.15  # a larger tag would reach below the tops of the tables
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write the world; return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog='generate_world', description='Make an SDF world of the greenhouse, with its AprilTags.'
+    )
+    parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
+    parser.add_argument(
+        '--side',
+        type=float,
+        default=SIDE_M,
+        metavar='M',
+        help='side of the black square in metres (default: %(default)g)',
+    )
+    parser.add_argument('--output', type=Path, default=Path('.world'), metavar='FOLDER', help='%(default)s')
+    options = parser.parse_args(arguments)
+    try:
+        sdf_file, layout = make_world(options.output, options.tag_file, options.side)
+    except OneLineError as error:
+        print(f'generate_world: {error}', file=sys.stderr)
+        return USAGE
+    if not layout.tables:
+        print('generate_world: the layout has no tables: the tags face its middle', file=sys.stderr)
+    print(f'{sdf_file}: {len(layout.tags)} tags, {len(layout.tables)} tables')
+    return DONE
+
+
+def make_world(folder: Path, tag_file: str = '', side_m: float = SIDE_M) -> tuple[Path, Layout]:
+    """Write the world of a tag file; return its SDF file and its layout; raises StartUpError."""
+    if not SMALLEST_SIDE_M <= side_m <= LARGEST_SIDE_M:
+        limits = f'{SMALLEST_SIDE_M:g} and {LARGEST_SIDE_M:g} m'
+        raise StartUpError(f'--side is {side_m:g}: must be between {limits}')
+    layout = find_layout(tag_file)
+    if layout is None:
+        raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
+    try:
+        from lupin_simulation.sdf import (
+            SDF_FILE,
+            world_files,
+        )  # imported here: a missing library is a one-line error
+
+        write(folder, world_files(layout, side_m))
+    except ImportError as error:
+        raise StartUpError(f'{error}: sudo apt install python3-opencv python3-pil python3-numpy') from error
+    except OSError as error:
+        raise StartUpError(f"--output '{folder}': {error.strerror}") from error
+    return folder / SDF_FILE, layout
+
+
+def write(folder: Path, files: dict[str, bytes]) -> None:
+    """
+    Write the files of a world, and remove those of an earlier one.
+
+    Raises StartUpError and writes nothing if a file is in the way that this program did not write.
+    """
+    manifest = folder / MANIFEST
+    own = set(manifest.read_text(encoding='utf-8').splitlines()) if manifest.is_file() else set()
+    for path in files:
+        if (folder / path).exists() and path not in own:
+            raise StartUpError(
+                f"'{folder / path}' exists and is not from generate_world: choose another --output"
+            )
+    for path in own - set(files):
+        if not Path(path).is_absolute() and '..' not in Path(path).parts:
+            (folder / path).unlink(missing_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    manifest.write_text('\n'.join([*sorted(files), '']), encoding='utf-8')
+    for path, content in files.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_bytes(content)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

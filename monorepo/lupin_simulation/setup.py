@@ -1,0 +1,31 @@
+from setuptools import setup
+
+package_name = 'lupin_simulation'
+
+setup(
+    name=package_name,
+    version='1.2.0',
+    packages=[package_name],
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+    ],
+    python_requires='>=3.10',
+    install_requires=['setuptools', 'numpy', 'pillow'],
+    extras_require={'test': ['hypothesis', 'pytest']},
+    zip_safe=True,
+    maintainer='Lupin team',
+    maintainer_email='lupin.team@example.org',
+    description='What stands for a real thing: SDF world, camera, navigator with a robot, and a demo.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'check_world = lupin_simulation.check_world:main',
+            'fake_camera = lupin_simulation.executables:fake_camera',
+            'fake_navigator = lupin_simulation.executables:fake_navigator',
+            'generate_world = lupin_simulation.generate_world:main',
+            'inspection = lupin_simulation.inspection:main',
+            'world_camera = lupin_simulation.executables:world_camera',
+        ],
+    },
+)

@@ -1,0 +1,65 @@
+"""The check of a world, as far as it needs no Drake; ci/tests/test_world.py has the rest."""
+
+import subprocess
+
+import numpy as np
+import pytest
+from lupin_greenhouse_bridge.planning.tag_poses import Table
+from lupin_greenhouse_bridge.testing import executable
+from lupin_simulation import check_world
+from lupin_simulation.view import Tag, viewpoint
+
+TABLES = [Table(1.0, 1.0, 3.0, 1.5), Table(1.0, 4.0, 3.0, 4.5)]
+
+
+def tag(x: float, y: float, out) -> Tag:
+    """Return a tag 0.3 m above the floor that faces this way."""
+    out = np.array([*out, 0.0], dtype=float)
+    up = np.array([0.0, 0.0, 1.0])
+    return Tag(np.array([x, y, 0.3]), np.cross(up, out), up, out)
+
+
+@pytest.mark.parametrize(
+    ('angle_degrees', 'place'),
+    [(0, (2.0, 0.5, 0.3)), (90, (2.5, 1.0, 0.3)), (-90, (1.5, 1.0, 0.3)), (60, (2.433013, 0.75, 0.3))],
+)
+def test_a_viewpoint_is_in_front_of_a_tag_and_turned_to_its_right(angle_degrees, place):
+    assert viewpoint(tag(2.0, 1.0, (0, -1)), 0.5, angle_degrees) == pytest.approx(place)
+
+
+@pytest.mark.parametrize(
+    ('x', 'y', 'out', 'tables', 'is_right'),
+    [
+        (2.0, 1.0, (0, -1), TABLES, True),
+        (2.0, 1.0, (0, 1), TABLES, False),
+        (2.0, 4.5, (0, 1), TABLES, True),  # its own table counts, not the first
+        (2.0, 4.5, (0, -1), TABLES, False),
+        (2.0, 0.9, (0, -1), TABLES, True),  # beside the table
+        (2.0, 0.9, (0, 1), TABLES, False),
+        (2.0, 1.25, (1, 0), TABLES, True),  # in its middle
+        (0.0, 2.0, (1, 0), [], True),
+        (0.0, 2.0, (-1, 0), [], False),
+    ],
+)
+def test_a_tag_must_face_away_from_its_table_or_else_to_the_middle(x, y, out, tables, is_right):
+    assert check_world.faces_outwards(tag(x, y, out), tables, np.array([2.0, 2.0])) == is_right
+
+
+def refusal(*arguments: str) -> str:
+    """Return the one line of a check that cannot be made."""
+    command = [executable('lupin_simulation', 'check_world'), *arguments]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout) == (2, ''), result.stderr
+    (line,) = result.stderr.splitlines()
+    return line
+
+
+@pytest.mark.usefixtures('without_drake')
+def test_a_missing_drake_is_one_line_that_names_the_command():
+    assert refusal() == 'check_world: Drake is missing (No Drake in this test): pip install drake'
+
+
+def test_a_tag_file_that_cannot_be_read_is_told_in_one_line():
+    assert refusal('--tag-file', '/missing.json').startswith(
+        "check_world: tag_file '/missing.json': cannot be read"
+    )

@@ -1,0 +1,89 @@
+"""The detector on rendered pictures: it finds the tag, and never one that is not there."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from lupin_simulation.scene import DECOYS, Camera, decoy, marker
+from lupin_tag_confirmation.confirmation import Confirmer, Frame, Sight
+from lupin_tag_confirmation.detector import TagDetector
+from lupin_tag_confirmation.images import SMALLEST_SIDE_PIXELS
+from lupin_tag_confirmation.settings import Criteria
+
+SHARP, NOISY, BLURRED = {}, {'noise_levels': 15.0}, {'blur_pixels': 1.0}
+
+
+@pytest.fixture(scope='module')
+def found_in():
+    """Return a function that returns the numbers of the tags in a picture, by the default criteria."""
+    detector, criteria = TagDetector(), Criteria()
+    return lambda picture: {tag.tag_number for tag in detector.detect(picture) if not criteria.flaw_of(tag)}
+
+
+@pytest.mark.parametrize(
+    ('distance_m', 'angles_degrees', 'conditions'),
+    [
+        (0.2, (0, 30, 45, 60), (SHARP, NOISY, BLURRED, NOISY | BLURRED)),
+        (0.5, (0, 30, 45, 60), (SHARP, NOISY, BLURRED, NOISY | BLURRED)),
+        (1.0, (0, 30, 45), (SHARP, NOISY)),
+        (1.5, (0, 30, 45), (SHARP, NOISY)),
+    ],
+)
+def test_4_cm_tags_are_found_where_the_robot_stands(found_in, distance_m, angles_degrees, conditions):
+    """Three ids; `make recall` shows 30, also with blur at 1 m."""
+    for tag_number in (1, 11, 21):
+        for angle_degrees in angles_degrees:
+            for condition in conditions:
+                picture = Camera().look_at(
+                    marker(tag_number, 30),
+                    np.random.default_rng(tag_number),
+                    distance_m=distance_m,
+                    angle_degrees=angle_degrees,
+                    **condition,
+                )
+                assert found_in(picture) == {tag_number}, (angle_degrees, condition)
+
+
+def test_corners_and_margin_are_those_of_the_tag():
+    """With every release, the corners start at the lower left and go counter-clockwise."""
+    picture = np.full((200, 300), 255, np.uint8)
+    picture[50:130, 100:180] = np.rot90(marker(7, 10), 2)  # OpenCV draws the family upside down
+    (detection,) = TagDetector().detect(picture)
+    assert (detection.tag_number, detection.hamming) == (7, 0)
+    assert np.allclose(detection.corners, [(100, 130), (180, 130), (180, 50), (100, 50)], atol=1.0)
+    assert 100.0 < detection.decision_margin <= 255.0
+
+
+def test_max_hamming_is_the_number_of_bits_that_may_be_wrong():
+    tag = marker(7, 10)
+    tag[10:20, 10:20] ^= 255  # one bit of the code
+    picture = np.pad(tag, 40, constant_values=255)
+    assert TagDetector(max_hamming=0).detect(picture) == []
+    (detection,) = TagDetector(max_hamming=1).detect(picture)
+    assert (detection.tag_number, detection.hamming) == (7, 1)
+
+
+@pytest.mark.parametrize('height', [SMALLEST_SIDE_PIXELS, 17, 480])
+@pytest.mark.parametrize('width', [SMALLEST_SIDE_PIXELS, 17, 640])
+def test_no_picture_of_an_allowed_size_crashes_the_library(height, width):
+    random = np.random.default_rng(0)
+    TagDetector().detect(random.integers(0, 256, (height, width), dtype=np.uint8))
+    TagDetector().detect(np.zeros((height, width), np.uint8))
+
+
+def test_no_tag_is_confirmed_in_200_images_without_it():
+    """With the most lenient criteria; `make recall` shows 20,000 with the defaults."""
+    detector = TagDetector(max_hamming=2)
+    lenient = Criteria(min_frames=1, min_decision_margin=0.0, max_hamming=2)
+    random = np.random.default_rng(0)
+    read = Counter()  # pictures with another tag, by their kind
+    for number in range(200):
+        picture = decoy(number, 7, random)
+        confirmer = Confirmer(lenient)
+        confirmer.add(Frame(lambda picture=picture: Sight(detector.detect(picture)), 0.0, 0.0))
+        confidence, message, _ = confirmer.confirm('7', 0.0, 0.0)
+        assert confidence == 0.0, f'image {number}'
+        read[DECOYS[number % len(DECOYS)]] += 'other tags' in message
+    of_the_family = read.pop('other ids')
+    assert of_the_family > 200 / len(DECOYS) - 4  # the decoys are not blank: the detector read them
+    assert sum(read.values()) < 4

@@ -1,0 +1,134 @@
+"""The robot of the navigator stand-in: how it moves, and its parameters. No time passes."""
+
+import importlib.util
+import math
+
+import pytest
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_simulation.disc_robot import TURN_RAD_PER_S, DiscRobot, Pose, Settings
+
+START = Pose(0.0, 0.0, 0.0)
+NORTH = math.pi / 2
+WAY = [(0.0, 0.0), (1.0, 0.0), (1.0, 2.0)]  # 3 m, with one turn
+DURATION_SECONDS = 3.0 / 0.5 + NORTH / TURN_RAD_PER_S + NORTH / TURN_RAD_PER_S
+
+
+def robot_on(way, yaw: float = 0.0) -> DiscRobot:
+    robot = DiscRobot(START, speed_m_per_s=0.5)
+    robot.set_off(way, yaw)
+    return robot
+
+
+def test_it_drives_straight_at_its_speed():
+    robot = robot_on(WAY)
+    robot.advance(1.0)
+    assert robot.pose == pytest.approx((0.5, 0.0, 0.0))
+
+
+def test_it_turns_on_the_spot_before_it_drives_on():
+    robot = robot_on(WAY)
+    robot.advance(2.0 + 0.5 * NORTH / TURN_RAD_PER_S)
+    assert robot.pose == pytest.approx((1.0, 0.0, NORTH / 2))
+
+
+@pytest.mark.parametrize(('start', 'yaw'), [(-3.0, 3.0), (3.0, -3.0), (0.5, -0.5)])
+def test_it_turns_the_shorter_way_round(start, yaw):
+    robot = DiscRobot(Pose(0.0, 0.0, start), speed_m_per_s=0.5)
+    robot.set_off([], yaw)
+    seconds = abs(math.remainder(yaw - start, math.tau)) / TURN_RAD_PER_S
+    robot.advance(0.99 * seconds)
+    assert robot.is_moving
+    robot.advance(0.02 * seconds)
+    assert robot.pose.yaw == yaw
+    assert not robot.is_moving
+
+
+@pytest.mark.parametrize('steps', [1, 7, 400])
+def test_it_ends_at_the_end_of_its_way_however_the_time_is_cut(steps):
+    robot = robot_on(WAY)
+    for _ in range(steps):
+        assert robot.is_moving
+        robot.advance(0.999 * DURATION_SECONDS / steps)
+    assert robot.is_moving
+    robot.advance(0.01 * DURATION_SECONDS)
+    assert not robot.is_moving
+    assert robot.pose == (1.0, 2.0, 0.0)
+    assert robot.route == WAY
+
+
+def test_a_robot_that_is_stopped_stays_and_its_route_ends_there():
+    robot = robot_on(WAY)
+    robot.advance(1.0)
+    robot.stop()
+    assert not robot.is_moving
+    robot.advance(100.0)
+    assert robot.pose == pytest.approx((0.5, 0.0, 0.0))
+    robot.set_off([robot.pose[:2], (0.5, 1.0)], NORTH)
+    robot.advance(100.0)
+    assert robot.route == [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0)]
+
+
+def test_a_robot_without_a_way_has_not_moved():
+    robot = DiscRobot(START, speed_m_per_s=0.5)
+    robot.advance(10.0)
+    assert (robot.pose, robot.route, robot.is_moving) == (START, [(0.0, 0.0)], False)
+
+
+@pytest.mark.parametrize(
+    ('blocked', 'obstacles'),
+    [
+        ('', []),
+        ('0 1 2 3', [(0.0, 1.0, 2.0, 3.0)]),
+        ('0,1,2,3, -1 -1 0 0.5', [(0.0, 1.0, 2.0, 3.0), (-1.0, -1.0, 0.0, 0.5)]),
+        ([0.0, 1.0, 2.0, 3.0], [(0.0, 1.0, 2.0, 3.0)]),
+    ],
+)
+def test_obstacles_are_text_or_an_array(blocked, obstacles):
+    assert Settings(blocked=blocked).obstacles == obstacles
+
+
+def test_the_robot_can_be_where_no_obstacle_is():
+    floor = Settings(blocked='0.0 1.0 1.0 1.5').floor()
+    assert floor.is_free(0.5, 0.5)
+    assert not floor.is_free(0.5, 1.25)
+    assert Settings().floor().is_free(0.5, 1.25)
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'problem'),
+    [
+        ({'blocked': '0.4 0.4 0.6 0.6'}, 'start_pose is 0.5 0.5 0.0: a robot of radius 0.2 m does not fit'),
+        ({'robot_radius_m': 0.9}, 'a robot of radius 0.9 m does not fit: must be from 0 to below 0.8 m'),
+        ({'tag_locations_file': '/none.json'}, '/none.json'),
+    ],
+)
+def test_a_robot_that_cannot_start_is_refused(parameters, problem):
+    with pytest.raises(StartUpError, match=problem):
+        Settings(**parameters).floor()
+
+
+def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
+    monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
+    with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_locations_file'):
+        Settings().floor()
+
+
+@pytest.mark.parametrize(
+    'blocked', ['1 2 3', 'here', '0 1 2 nan', '2 1 0 3', '0 3 2 1', '0 0 0 1', 7, [1.0, 2.0]]
+)
+def test_obstacles_that_are_no_rectangles_are_refused(blocked):
+    with pytest.raises(StartUpError) as refusal:
+        Settings(blocked=blocked)
+    assert str(refusal.value) == (
+        f'parameter blocked is {blocked!r}: must be empty, or x0 y0 x1 y1 of each rectangle:'
+        ' "0.0 2.0 1.0 2.5", with x0 < x1 and y0 < y1'
+    )
+
+
+@pytest.mark.parametrize('start_pose', ['', '1 2', '1 2 up', '1 2 inf', '1 2 3 4'])
+def test_a_start_that_is_no_pose_is_refused(start_pose):
+    with pytest.raises(StartUpError) as refusal:
+        Settings(start_pose=start_pose)
+    assert str(refusal.value) == (
+        f'parameter start_pose is {start_pose!r}: must be x, y and yaw: "0.5 0.5 0.0", or an array'
+    )

@@ -1,0 +1,172 @@
+"""The camera for tests and simulations shows the tag that the mission stands at, or what the robot sees."""
+
+import importlib.util
+import json
+import math
+
+import numpy as np
+import pytest
+from confirming import Confirming
+from geometry_msgs.msg import Point, Pose, Quaternion
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
+from lupin_simulation.fake_camera import (
+    AT_TAG_TOPIC,
+    FakeCamera,
+    Settings,
+    compressed_image_of,
+    detections,
+    image_of,
+    tag_poses_by_number,
+)
+from lupin_simulation.odometry import ODOMETRY_TOPIC, pose_in_plane
+from lupin_simulation.scene import Camera, marker
+from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
+from lupin_tag_confirmation.settings import Settings as ConfirmTagSettings
+from lupin_tag_confirmation.sources import open_source
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+AT_TAG = f'/{AT_TAG_TOPIC}'
+CAMERA = Camera(width=320, height=240, focal_length_pixels=300.0)
+WALL = CAMERA.look_at(None, np.random.default_rng(0))
+
+
+@pytest.fixture(scope='session')
+def tag_7():
+    return CAMERA.look_at(marker(7, 30), np.random.default_rng(0), distance_m=0.3, angle_degrees=30)
+
+
+def sight_of(source: str, message):
+    return open_source(ConfirmTagSettings(source=source)).sight_of(message)
+
+
+@pytest.mark.parametrize('publishes', ['image', 'compressed', 'detections'])
+def test_each_kind_of_message_is_accepted(publishes):
+    assert Settings(publishes).publishes == publishes
+
+
+@pytest.mark.parametrize('publishes', ['', 'video', 'Image'])
+def test_another_kind_is_refused(publishes):
+    with pytest.raises(StartUpError) as refusal:
+        Settings(publishes)
+    assert str(refusal.value) == (
+        f'parameter publishes is {publishes!r}: must be image, compressed or detections'
+    )
+
+
+def test_an_image_has_the_pixels_of_the_picture(tag_7):
+    assert (sight_of('image', image_of(tag_7)).picture == tag_7).all()
+
+
+def test_a_compressed_image_has_the_tag_of_the_picture(tag_7):
+    message = compressed_image_of(tag_7)
+    assert message.format == 'mono8; jpeg compressed '
+    assert len(message.data) < tag_7.size / 2
+    sight = sight_of('compressed', message)
+    assert [tag.tag_number for tag in sight.detections] == [7]
+    assert np.abs(sight.picture.astype(int) - tag_7).mean() < 5
+
+
+def test_detections_are_those_of_the_picture(tag_7):
+    message_type, detections_of = detections()
+    (expected,) = sight_of('image', image_of(tag_7)).detections
+    message = detections_of(tag_7)
+    assert type(message) is message_type
+    (found,) = sight_of('detections', message).detections
+    assert found[:2] == expected[:2]
+    assert found.decision_margin == pytest.approx(expected.decision_margin)
+    assert np.allclose(found.corners, expected.corners)
+    (centre,) = [(tag.centre.x, tag.centre.y) for tag in message.detections]
+    assert centre == pytest.approx(expected.corners.mean(axis=0), abs=0.01)
+    assert not detections_of(WALL).detections
+
+
+@pytest.mark.parametrize('source', ['image', 'compressed', 'detections'])
+def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(run_nodes, source):
+    parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0}
+    *_, node = run_nodes(FakeCamera, ConfirmTagNode, publishes=source, source=source, **parameters)
+    at_tag = node.create_publisher(String, AT_TAG, LATCHED)
+    confirming = Confirming(node)
+    for tag_id in ('7', '587', 'seven', '586', ''):
+        at_tag.publish(String(data=tag_id))
+        if tag_id in ('7', '586'):
+            wait_until(lambda tag_id=tag_id: confirming.confirm(tag_id).detected)
+        else:
+            confirming.confirm_until('no tag in view in 4 images')
+
+
+def test_a_mission_that_is_older_than_the_camera_is_heard(run_nodes):
+    with spinning_node('mission') as mission:
+        at_tag = mission.create_publisher(String, AT_TAG, LATCHED)
+        at_tag.publish(String(data='7'))
+        parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0}
+        *_, node = run_nodes(FakeCamera, ConfirmTagNode, **parameters)
+        confirming = Confirming(node)
+        wait_until(lambda: confirming.confirm('7').detected)
+
+
+def message_of(x: float, y: float, yaw: float) -> Pose:
+    return Pose(position=Point(x=x, y=y), orientation=Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2)))
+
+
+@pytest.mark.parametrize('yaw', [-3.0, -math.pi / 2, 0.0, 0.3, 2.0, math.pi])
+def test_the_pose_of_the_robot_is_that_of_its_odometry(yaw):
+    assert pose_in_plane(message_of(1.5, -2.5, yaw)) == pytest.approx((1.5, -2.5, yaw))
+
+
+def test_an_id_outside_the_family_has_no_place_in_the_picture(tmp_path):
+    tag_file = tmp_path / 'tags.json'
+    tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
+    tags = {'7': tag, '587': tag, 'seven': tag, '-1': tag}
+    tag_file.write_text(json.dumps({'tags': tags, 'tables': {}}), encoding='utf-8')
+    assert set(tag_poses_by_number(str(tag_file))) == {7}
+
+
+def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
+    monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
+    with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_locations_file'):
+        tag_poses_by_number('')
+
+
+def test_a_camera_on_the_robot_sees_its_tag_only_from_where_the_robot_really_stands(run_nodes):
+    parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0, 'from_odometry': True}
+    *_, node = run_nodes(FakeCamera, ConfirmTagNode, **parameters)
+    at_tag = node.create_publisher(String, AT_TAG, LATCHED)
+    at_tag.publish(String(data='7'))  # what the mission believes counts for nothing
+    odometry = node.create_publisher(Odometry, f'/{ODOMETRY_TOPIC}', 1)
+    confirming = Confirming(node)
+    confirming.confirm_until('no tag in view in 4 images')  # no odometry yet
+    tag = tag_poses_by_number('')[7]
+    x, y = tag.x + 0.4 * math.cos(tag.facing), tag.y + 0.4 * math.sin(tag.facing)
+    towards, aside = message_of(x, y, tag.facing + math.pi), message_of(x, y, tag.facing)
+
+    def stands_at(pose: Pose):
+        message = Odometry()
+        message.pose.pose = pose
+        odometry.publish(message)
+        return confirming.confirm('7')
+
+    wait_until(lambda: stands_at(towards).detected)
+    wait_until(lambda: 'no tag in view' in stands_at(aside).error_message)
+    wait_until(lambda: stands_at(towards).detected)
+
+
+def test_two_robots_on_one_domain_do_not_hear_each_other(start_node):
+    """Robot 1 stands at tag 7, and robot 2 at tag 8."""
+    with spinning_node('perception_test') as node:
+        robots = {}
+        for tag_id in ('7', '8'):
+            options = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0}
+            confirming = start_node([executable('lupin_tag_confirmation', 'confirm_tag')], **options)
+            namespace = ['--ros-args', '-r', f'__ns:={confirming.namespace}']
+            start_node([executable('lupin_simulation', 'fake_camera'), *namespace])
+            at_tag = node.create_publisher(String, f'{confirming.namespace}/mission/at_tag', LATCHED)
+            at_tag.publish(String(data=tag_id))
+            robots[tag_id] = Confirming(node, confirming.namespace)
+        for tag_id, other in ('78', '87'):
+            wait_until(lambda tag_id=tag_id: robots[tag_id].confirm(tag_id).detected)
+            reason = robots[tag_id].confirm_until('other tags in view', tag_id=other)
+            assert reason == f'tag {other}: other tags in view: {tag_id}'

@@ -1,0 +1,177 @@
+"""The navigator stand-in in the test's process, with a client of its action. The test moves its clock."""
+
+import contextlib
+import math
+import threading
+from functools import partial
+from types import SimpleNamespace
+
+import nav2_msgs.action
+import pytest
+import rclpy
+from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, ManualClock, running, wait_until
+from lupin_simulation import fake_navigator
+from lupin_simulation.disc_robot import Pose
+from lupin_simulation.fake_navigator import FakeNavigator, message_of
+from lupin_simulation.odometry import pose_in_plane
+from nav_msgs.msg import Odometry
+from rclpy.action import ActionClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+LAYOUT = find_layout('')
+START = (0.5, 0.5)
+NEAR, FAR = (Pose(*find_approaches(LAYOUT, ViewingLimits()).poses[tag_id][:3]) for tag_id in ('1', '7'))
+NO_WAY = f'no way from 0.50, 0.50 to {FAR.x:.2f}, {FAR.y:.2f}'
+HOUR = 3600.0
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def result_of(future):
+    """Return the result of a future whose node another thread spins."""
+    done = threading.Event()
+    future.add_done_callback(lambda _future: done.set())
+    assert done.wait(PATIENCE_SECONDS), 'no reply'
+    return future.result()
+
+
+class Client:
+    """A client of the navigator, and what it hears of the robot."""
+
+    def __init__(self, node, action_type):
+        self._type = action_type
+        self._client = ActionClient(node, action_type, 'navigate_to_pose')
+        self.odometry, self.estimates = [], []
+        node.create_subscription(Odometry, '/odom', self.odometry.append, 10)
+        node.create_subscription(PoseWithCovarianceStamped, '/amcl_pose', self.estimates.append, LATCHED)
+        assert self._client.wait_for_server(timeout_sec=PATIENCE_SECONDS)
+
+    def send(self, pose: Pose, frame_id: str = 'map'):
+        """Send a goal; return its handle."""
+        goal = self._type.Goal()
+        goal.pose.header.frame_id = frame_id
+        goal.pose.pose = message_of(pose)
+        return result_of(self._client.send_goal_async(goal))
+
+    def end_of(self, goal):
+        """Return the status of a goal that ends, and its result."""
+        response = result_of(goal.get_result_async())
+        return response.status, response.result
+
+    def wait_until_robot(self, is_it) -> Pose:
+        """Return the pose of the robot once this is true of it."""
+        heard = len(self.odometry)
+        wait_until(lambda: len(self.odometry) > heard and is_it(pose_in_plane(self.odometry[-1].pose.pose)))
+        return pose_in_plane(self.odometry[-1].pose.pose)
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Return the clock of the robot, which stands still but for what the test adds."""
+    clock = ManualClock()
+    monkeypatch.setattr(fake_navigator, 'time', SimpleNamespace(monotonic=clock))
+    return clock
+
+
+@pytest.fixture
+def start(monkeypatch, clock):  # noqa: ARG001 - the robot has its clock from the start
+    """Return a function that runs the navigator with these parameters, and returns its client."""
+    with contextlib.ExitStack() as stack:
+
+        def start_navigator(action_type=nav2_msgs.action.NavigateToPose, **parameters):
+            monkeypatch.setattr(fake_navigator, 'navigate_to_pose', lambda: action_type)
+            # One participant for both: their endpoints find each other at once.
+            beside = partial(rclpy.create_node, 'navigator_test')
+            _, node = stack.enter_context(running(FakeNavigator, beside, **parameters))
+            return Client(node, action_type)
+
+        yield start_navigator
+
+
+def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(start, clock, tmp_path):
+    client = start(route_file=f'"{tmp_path / "route.csv"}"', robot_radius_m=0.2)
+    goal = client.send(FAR)
+    assert goal.accepted
+    clock.pass_seconds(HOUR)
+    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+    wait_until(lambda: pose_in_plane(client.estimates[-1].pose.pose) == pytest.approx(FAR))
+    assert client.wait_until_robot(lambda _pose: True) == pytest.approx(FAR)
+    assert (client.odometry[-1].header.frame_id, client.odometry[-1].child_frame_id) == ('odom', 'base_link')
+    assert client.estimates[-1].header.frame_id == 'map'
+    header, *lines = (tmp_path / 'route.csv').read_text(encoding='utf-8').splitlines()
+    route = [tuple(map(float, line.split(','))) for line in lines]
+    assert (header, route[0], route[-1]) == ('x,y', START, pytest.approx(FAR[:2], abs=1e-3))
+    assert FreeSpace.length_m(route) > math.dist(START, FAR[:2]) + 0.1
+    assert FreeSpace(LAYOUT, 0.19).are_in_sight(route[:-1], route[1:]).all()
+
+
+@pytest.mark.parametrize(
+    ('action', 'reason'),
+    [
+        ('NavigateToPose', {'error_code': 208, 'error_msg': NO_WAY}),
+        ('NavigateToPoseIron', {'error_code': 208}),
+        ('NavigateToPoseHumble', {}),
+    ],
+)
+def test_a_goal_behind_an_obstacle_is_aborted_with_the_reason_that_the_distro_can_tell(
+    start, clock, action, reason
+):
+    blocked = f'"{FAR.x - 0.1} {FAR.y - 0.1} {FAR.x + 0.1} {FAR.y + 0.1}"'
+    client = start(getattr(nav2_msgs.action, action), blocked=blocked)
+    status, result = client.end_of(client.send(FAR))
+    assert status == GoalStatus.STATUS_ABORTED
+    told = {name: getattr(result, name) for name in ('error_code', 'error_msg') if hasattr(result, name)}
+    assert told == reason
+    goal = client.send(NEAR)
+    clock.pass_seconds(HOUR)
+    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_a_cancelled_goal_stops_the_robot_where_it_is(start, clock):
+    client = start()
+    goal = client.send(FAR)
+    clock.pass_seconds(5.0)
+    client.wait_until_robot(lambda pose: math.dist(pose[:2], START) > 0.5)
+    result_of(goal.cancel_goal_async())
+    assert client.end_of(goal)[0] == GoalStatus.STATUS_CANCELED
+    here = client.wait_until_robot(lambda _pose: True)
+    clock.pass_seconds(HOUR)
+    for _ in range(3):
+        assert client.wait_until_robot(lambda _pose: True) == here
+    goal = client.send(NEAR)
+    clock.pass_seconds(HOUR)
+    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_a_newer_goal_aborts_the_one_before(start, clock):
+    client = start()
+    first = client.send(FAR)
+    second = client.send(NEAR)
+    status, result = client.end_of(first)
+    assert (status, result.error_msg) == (GoalStatus.STATUS_ABORTED, 'a newer goal has come')
+    clock.pass_seconds(HOUR)
+    assert client.end_of(second)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert client.wait_until_robot(lambda _pose: True) == pytest.approx(NEAR)
+
+
+@pytest.mark.parametrize(('pose', 'frame_id'), [(FAR, 'odom'), (FAR, ''), (Pose(math.nan, 1.0, 0.0), 'map')])
+def test_a_goal_that_is_not_a_pose_in_the_map_is_rejected(start, pose, frame_id):
+    assert not start().send(pose, frame_id).accepted
+
+
+def test_the_robot_drives_as_many_times_faster_as_it_is_told(start, clock):
+    client = start(speedup=20)
+    client.send(FAR)
+    clock.pass_seconds(HOUR / 20 / 100)
+    client.wait_until_robot(lambda pose: math.dist(pose[:2], START) > 5.0)
+
+
+def test_a_route_that_cannot_be_written_is_refused(start):
+    problem = "'/none/route.csv': No such file or directory: name another file"
+    with pytest.raises(StartUpError, match=problem):
+        start(route_file='/none/route.csv')

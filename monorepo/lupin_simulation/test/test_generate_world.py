@@ -1,0 +1,175 @@
+"""The files that generate_world writes, and those that it does not touch."""
+
+import importlib.util
+import json
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_mission.world import read_world
+from lupin_simulation import generate_world
+from lupin_simulation.sdf import SDF_FILE, paper_m
+from lupin_tag_confirmation.detector import TagDetector
+from PIL import Image
+
+TAGS = {'tags': {str(n): {'x': n / 10, 'y': 0.0, 'sensors': ['co2']} for n in (0, 7, 586)}}
+TABLES = {
+    'a': {'x0': 0.0, 'y0': 0.0, 'x1': 1.0, 'y1': 0.5},
+    '<b> & "c"': {'x0': 50, 'y0': 0, 'x1': 60, 'y1': 1},
+}
+
+
+def make(folder: Path, *arguments: str) -> int:
+    return generate_world.main(['--output', str(folder), *arguments])
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob('*') if path.is_file()}
+
+
+@pytest.fixture
+def tag_file(tmp_path):
+    """Return the path of a tag file with two tables and three tags."""
+    path = tmp_path / 'tags.json'
+    path.write_text(json.dumps({**TAGS, 'tables': TABLES}), encoding='utf-8')
+    return str(path)
+
+
+def test_the_world_of_the_shipped_layout(tmp_path, capsys):
+    assert make(tmp_path / 'world') == 0
+    layout = find_layout('')
+    counts = f'{len(layout.tags)} tags, {len(layout.tables)} tables'
+    assert capsys.readouterr().out == f'{tmp_path}/world/greenhouse.sdf: {counts}\n'
+    world = ElementTree.parse(tmp_path / 'world' / SDF_FILE).getroot()
+    assert (world.tag, world.get('version')) == ('sdf', '1.6')
+    models = [model.get('name') for model in world.iter('model')]
+    assert len(models) == len(set(models)) == 5 + len(layout.tables) + len(layout.tags)
+    assert {model.findtext('static') for model in world.iter('model')} == {'true'}
+    assert not list(world.iter('plugin'))
+    for uri in world.iter('uri'):
+        assert (tmp_path / 'world' / uri.text).is_file()
+
+
+def test_the_mission_finds_each_tag_where_the_layout_has_it(tmp_path, tag_file):
+    make(tmp_path / 'world', '--tag-file', tag_file)
+    assert read_world(str(tmp_path / 'world' / SDF_FILE)) == {
+        '0': (0.0, 0.0),
+        '7': (0.7, 0.0),
+        '586': (58.6, 0.0),
+    }
+
+
+def test_the_same_input_gives_the_same_bytes(tmp_path, tag_file):
+    for folder in ('one', 'two'):
+        assert make(tmp_path / folder, '--tag-file', tag_file) == 0
+    assert content(tmp_path / 'one') == content(tmp_path / 'two')
+    assert make(tmp_path / 'one', '--tag-file', tag_file) == 0  # over its own files
+    assert content(tmp_path / 'one') == content(tmp_path / 'two')
+
+
+@pytest.mark.parametrize('number', [0, 7, 586])
+def test_the_texture_is_the_tag_with_its_white_border(tmp_path, tag_file, number):
+    make(tmp_path / 'world', '--tag-file', tag_file)
+    with Image.open(tmp_path / f'world/models/tag_{number}/tag_{number}.png') as picture:
+        grey = np.pad(np.asarray(picture.convert('L')), 20, constant_values=255)
+    (detection,) = TagDetector().detect(grey)
+    assert (detection.tag_number, detection.hamming) == (number, 0)
+
+
+def test_the_mesh_is_as_wide_as_the_tag_with_its_border(tmp_path, tag_file):
+    make(tmp_path / 'world', '--tag-file', tag_file, '--side', '0.08')
+    lines = (tmp_path / 'world/models/tag_7/tag_7.obj').read_text().splitlines()
+    corners = np.array([line.split()[1:] for line in lines if line.startswith('v ')], dtype=float)
+    assert np.allclose(np.abs(corners[:, :2]), paper_m(0.08) / 2)
+    assert paper_m(0.08) == pytest.approx(0.1)
+
+
+def test_by_default_a_tag_is_5_cm_wide(tmp_path, tag_file):
+    make(tmp_path / 'new/default', '--tag-file', tag_file)
+    make(tmp_path / 'new/told', '--tag-file', tag_file, '--side', '0.05')
+    assert content(tmp_path / 'new/default') == content(tmp_path / 'new/told')
+
+
+def test_files_of_an_earlier_world_go_and_those_of_a_person_stay(tmp_path, tag_file):
+    folder = tmp_path / 'world'
+    assert make(folder) == 0
+    (folder / 'notes.txt').write_text('mine')
+    (folder / 'models/tag_2/tag_2.obj').unlink()
+    assert make(folder, '--tag-file', tag_file) == 0
+    models = {path.parent.name for path in folder.rglob('models/*/*')}
+    assert models == {'tag_0', 'tag_7', 'tag_586'}
+    assert (folder / 'notes.txt').read_text() == 'mine'
+
+
+def test_a_file_that_it_did_not_make_is_refused_and_nothing_is_written(tmp_path, tag_file, capsys):
+    folder = tmp_path / 'world'
+    (folder / 'models/tag_7').mkdir(parents=True)
+    (folder / 'models/tag_7/tag_7.png').write_text('mine')
+    assert make(folder, '--tag-file', tag_file) == 2
+    assert 'exists and is not from generate_world: choose another --output' in capsys.readouterr().err
+    assert content(folder) == {'models/tag_7/tag_7.png': b'mine'}
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'fragment'),
+    [
+        (['--side', '0.1501'], '--side is 0.1501: must be between 0.01 and 0.15 m'),
+        (['--side', '0.0099'], '--side is 0.0099: must be between 0.01 and 0.15 m'),
+        (['--side', 'nan'], '--side is nan: must be between'),
+        (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
+        (['--output', '/proc/nowhere'], "--output '/proc/nowhere'"),
+    ],
+)
+def test_what_cannot_be_made_is_said_in_one_line(tmp_path, arguments, fragment, capsys):
+    assert make(tmp_path, *arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith('generate_world: ')
+    assert fragment in line
+
+
+@pytest.mark.parametrize('side', ['0.01', '0.15'])
+def test_the_smallest_and_the_largest_side_are_accepted(tmp_path, tag_file, side):
+    assert make(tmp_path / 'world', '--tag-file', tag_file, '--side', side) == 0
+
+
+def test_a_missing_library_is_exit_code_2_and_one_line_with_its_packages(
+    tmp_path, tag_file, monkeypatch, capsys
+):
+    for module in ('lupin_simulation.sdf', 'lupin_simulation.scene'):
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, 'cv2', None)  # as if it was not installed
+    assert make(tmp_path / 'world', '--tag-file', tag_file) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith('generate_world: ')
+    assert 'cv2' in line
+    assert line.endswith(': sudo apt install python3-opencv python3-pil python3-numpy')
+    assert not (tmp_path / 'world').exists()
+
+
+def test_without_a_tag_file_and_a_simulator_the_fix_is_told(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
+    assert make(tmp_path / 'world') == 2
+    assert capsys.readouterr().err == (
+        'generate_world: mdp-greenhouse is not installed here: name the layout with --tag-file\n'
+    )
+
+
+@pytest.mark.parametrize('outside', ['../notes.txt', 'models/../../notes.txt', '{absolute}'])
+def test_a_manifest_that_names_files_outside_the_folder_removes_none_of_them(tmp_path, tag_file, outside):
+    own = tmp_path / 'notes.txt'
+    own.write_text('mine')
+    folder = tmp_path / 'world'
+    (folder / 'models').mkdir(parents=True)
+    (folder / generate_world.MANIFEST).write_text(outside.format(absolute=own))
+    assert make(folder, '--tag-file', tag_file) == 0
+    assert own.read_text() == 'mine'
+
+
+def test_without_tables_a_warning_says_that_the_tags_face_the_middle(tmp_path, capsys):
+    path = tmp_path / 'tags.json'
+    path.write_text(json.dumps(TAGS), encoding='utf-8')
+    assert make(tmp_path / 'world', '--tag-file', str(path)) == 0
+    assert 'the layout has no tables: the tags face its middle' in capsys.readouterr().err

@@ -1,0 +1,108 @@
+"""A camera on a robot sees the tags that are in view from its pose, and no others."""
+
+import math
+
+import numpy as np
+import pytest
+from lupin_greenhouse_bridge.planning.tag_poses import TagPose
+from lupin_simulation.scene import Camera
+from lupin_tag_confirmation.detector import TagDetector
+from lupin_tag_confirmation.settings import Criteria
+
+CAMERA = Camera()
+DETECTOR = TagDetector()
+SOUTHWARDS = TagPose(2.0, 3.0, -math.pi / 2)
+CENTRE_X, CENTRE_Y = CAMERA.width / 2, CAMERA.height / 2
+
+
+def seen_from(x: float, y: float, yaw: float, **tags: TagPose) -> dict[int, np.ndarray]:
+    """Return the corners of the tags that confirm_tag would accept, by number; t7 is the tag of number 7."""
+    by_number = {int(name.removeprefix('t')): tag for name, tag in tags.items()}
+    picture = CAMERA.look_around(by_number, (x, y, yaw), np.random.default_rng(0), blur_pixels=0.7)
+    criteria = Criteria()
+    return {tag.tag_number: tag.corners for tag in DETECTOR.detect(picture) if not criteria.flaw_of(tag)}
+
+
+def before(tag: TagPose, distance_m: float, angle_degrees: float, yaw_off_degrees: float = 0.0):
+    """Return a pose at this distance and angle to the normal of a tag, which looks at it but for yaw_off."""
+    direction = tag.facing + math.radians(angle_degrees)
+    x, y = tag.x + distance_m * math.cos(direction), tag.y + distance_m * math.sin(direction)
+    return x, y, direction + math.pi + math.radians(yaw_off_degrees)
+
+
+@pytest.mark.parametrize('facing', [-math.pi / 2, math.pi / 2, math.pi, 0.0, 2.5])
+@pytest.mark.parametrize(
+    ('distance_m', 'angle_degrees'), [(0.3, 0), (0.3, -45), (0.5, 30), (1.0, 45), (1.0, -45)]
+)
+def test_a_tag_is_read_in_the_middle_of_a_picture_that_is_taken_towards_it(facing, distance_m, angle_degrees):
+    tag = TagPose(2.0, 3.0, facing)
+    ((number, corners),) = seen_from(*before(tag, distance_m, angle_degrees), t7=tag).items()
+    assert number == 7
+    assert np.allclose(corners.mean(axis=0), (CENTRE_X, CENTRE_Y), atol=3.0)
+
+
+def test_a_tag_is_as_large_as_its_distance_says():
+    (corners,) = seen_from(*before(SOUTHWARDS, 0.5, 0.0), t7=SOUTHWARDS).values()
+    assert np.ptp(corners, axis=0) == pytest.approx(CAMERA.side_pixels(0.5), abs=1.5)
+
+
+@pytest.mark.parametrize('yaw_off_degrees', [-15.0, 10.0])
+def test_a_tag_is_left_of_the_middle_for_a_robot_that_has_turned_too_far_to_the_right(yaw_off_degrees):
+    (corners,) = seen_from(*before(SOUTHWARDS, 0.5, 0.0, yaw_off_degrees), t7=SOUTHWARDS).values()
+    shift = CAMERA.focal_length_pixels * math.tan(math.radians(yaw_off_degrees))
+    assert corners.mean(axis=0) == pytest.approx((CENTRE_X + shift, CENTRE_Y), abs=3.0)
+
+
+@pytest.mark.parametrize(
+    'pose',
+    [
+        before(SOUTHWARDS, 0.5, 0.0, 90.0),
+        before(SOUTHWARDS, 0.5, 0.0, 180.0),
+        before(SOUTHWARDS, 0.5, 180.0),
+        before(SOUTHWARDS, 0.5, 89.0),
+        before(SOUTHWARDS, 4.0, 0.0),
+        before(SOUTHWARDS, 0.03, 0.0),
+        (*before(SOUTHWARDS, 0.5, 0.0)[:2], 0.0),
+    ],
+    ids=['beside', 'with its back to it', 'from behind', 'edge on', 'far', 'too near', 'yaw 0'],
+)
+def test_a_robot_that_stands_wrongly_does_not_see_its_tag(pose):
+    assert seen_from(*pose, t7=SOUTHWARDS) == {}
+
+
+@pytest.mark.parametrize('angle_degrees', [-40.0, 40.0])
+def test_the_nearer_edge_of_a_tag_is_the_longer_one(angle_degrees):
+    (corners,) = seen_from(*before(SOUTHWARDS, 0.3, angle_degrees), t7=SOUTHWARDS).values()
+    left, right = np.ptp(corners[np.argsort(corners[:, 0])].reshape(2, 2, 2)[..., 1], axis=1)
+    assert (right > left + 2.0) if angle_degrees > 0.0 else (left > right + 2.0)
+
+
+def test_the_back_of_a_tag_is_blank():
+    pictures = [
+        CAMERA.look_around(
+            {7: SOUTHWARDS}, before(SOUTHWARDS, 0.5, side), np.random.default_rng(0), noise_levels=0.0
+        )
+        for side in (0.0, 180.0)
+    ]
+    front, back = (each[230:250, 310:330].astype(int) for each in pictures)
+    assert np.ptp(front) > 100
+    assert np.ptp(back) == 0
+    assert back.min() > 170
+
+
+@pytest.mark.parametrize('facing', [-math.pi / 2, math.pi / 2], ids=['front', 'back'])
+def test_a_nearer_tag_hides_the_one_behind_it(facing):
+    nearer = TagPose(2.0, 2.8, facing)
+    eye = before(SOUTHWARDS, 0.6, 0.0)
+    assert 7 in seen_from(*eye, t7=SOUTHWARDS)
+    assert 7 not in seen_from(*eye, t7=SOUTHWARDS, t8=nearer)
+    assert 7 not in seen_from(*eye, t8=nearer, t7=SOUTHWARDS)
+
+
+def test_all_tags_in_view_are_in_the_picture():
+    beside = {
+        't8': SOUTHWARDS._replace(x=1.9),
+        't9': SOUTHWARDS._replace(x=2.1),
+        't10': TagPose(9.0, 3.0, 0.0),
+    }
+    assert set(seen_from(*before(SOUTHWARDS, 0.5, 0.0), t7=SOUTHWARDS, **beside)) == {7, 8, 9}

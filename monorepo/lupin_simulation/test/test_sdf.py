@@ -1,0 +1,128 @@
+"""The world's boxes, plates and textures, as numbers."""
+
+import io
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag
+from lupin_simulation.scene import printed_marker
+from lupin_simulation.sdf import SDF_FILE, world_files
+from lupin_tag_confirmation.detector import TagDetector
+from PIL import Image
+
+# x from -1 to 5, y from 2 to 9: on each axis one end is a tag's, and one a table's.
+LAYOUT = Layout(
+    {'7': Tag(-1.0, 2.5, ['co2']), '8': Tag(4.0, 9.0, ['co2'])},
+    {'long': (1.0, 2.0, 5.0, 3.0), 'turned': (2.0, 6.5, 1.0, 5.0)},
+)
+SIDE_M = 0.08
+
+
+@pytest.fixture(scope='module')
+def files():
+    return world_files(LAYOUT, SIDE_M)
+
+
+@pytest.fixture(scope='module')
+def world(files):
+    return ElementTree.fromstring(files[SDF_FILE]).find('world')
+
+
+def numbers(text) -> np.ndarray:
+    return np.array(text.split(), dtype=float)
+
+
+def box(world, name, part='visual') -> np.ndarray:
+    """Return the edges of a box in the world: its lowest x, y and z, and its highest."""
+    model = world.find(f"model[@name='{name}']")
+    solid = model.find(f'link/{part}')
+    model_pose, own_pose = numbers(model.findtext('pose')), numbers(solid.findtext('pose'))
+    assert not own_pose.any()
+    assert not model_pose[3:].any()
+    half = numbers(solid.findtext('geometry/box/size')) / 2
+    return np.array([model_pose[:3] - half, model_pose[:3] + half])
+
+
+@pytest.mark.parametrize('part', ['visual', 'collision'])
+@pytest.mark.parametrize(
+    ('name', 'lowest', 'highest'),
+    [
+        ('floor', (-2.6, 0.4, -0.1), (6.6, 10.6, 0.0)),
+        ('wall_south', (-2.7, 0.3, 0.0), (6.7, 0.4, 0.2)),
+        ('wall_north', (-2.7, 10.6, 0.0), (6.7, 10.7, 0.2)),
+        ('wall_west', (-2.7, 0.4, 0.0), (-2.6, 10.6, 0.2)),
+        ('wall_east', (6.6, 0.4, 0.0), (6.7, 10.6, 0.2)),
+        ('table_1', (1.0, 2.0, 0.0), (5.0, 3.0, 0.2)),
+        ('table_2', (1.0, 5.0, 0.0), (2.0, 6.5, 0.2)),
+    ],
+)
+def test_floor_walls_and_tables_fill_their_places(world, name, part, lowest, highest):
+    assert np.allclose(box(world, name, part), [lowest, highest])
+
+
+def test_a_tags_frame_is_its_centre_at_the_height_of_the_camera(world):
+    pose = numbers(world.findtext("model[@name='tag_7']/pose"))
+    assert np.allclose(pose, [-1.0, 2.5, 0.3, np.pi / 2, 0.0, 1.5 * np.pi])  # it faces west
+
+
+@pytest.mark.parametrize('part', ['visual', 'collision'])
+def test_the_plate_is_as_wide_as_the_paper_and_behind_the_tag(world, part):
+    plate = world.find(f"model[@name='tag_7']/link/{part}[@name='plate']")
+    width, height, thickness = numbers(plate.findtext('geometry/box/size'))
+    x, y, z, *angles = numbers(plate.findtext('pose'))
+    assert (width, height) == pytest.approx((0.1, 0.1))
+    assert (x, y, *angles) == (0.0,) * 5
+    assert 0.0 < -(z + thickness / 2) < 0.001  # a gap that no camera sees, and no renderer mixes up
+    assert 0.002 <= thickness <= 0.01
+
+
+def test_the_mesh_shows_the_texture_upright_and_to_the_front(files):
+    lines = [line.split() for line in files['models/tag_7/tag_7.obj'].decode().splitlines()]
+    points, places, (out,) = (
+        [tuple(map(float, words)) for kind, *words in lines if kind == wanted] for wanted in ('v', 'vt', 'vn')
+    )
+    (face,) = [words for kind, *words in lines if kind == 'f']
+    corners = {}
+    for corner in face:
+        point, place, normal = (int(number) - 1 for number in corner.split('/'))
+        assert normal == 0
+        corners[places[place]] = points[point]
+    assert out == (0.0, 0.0, 1.0)
+    half = pytest.approx(0.05)  # of the paper: 10 modules, where the side has 8
+    assert corners == {
+        (u, v): (half if u else -0.05, half if v else -0.05, 0.0) for u in (0.0, 1.0) for v in (0.0, 1.0)
+    }
+    (first, second, third, _) = (np.array(points[int(each.split('/')[0]) - 1]) for each in face)
+    assert np.cross(second - first, third - second)[2] > 0.0  # counter-clockwise: seen from the front
+
+
+def test_the_texture_is_the_printed_tag_with_a_white_border_of_one_module(files):
+    with Image.open(io.BytesIO(files['models/tag_7/tag_7.png'])) as picture:
+        grey = np.asarray(picture.convert('L'))
+    assert grey.shape == (160, 160)  # 10 modules of 16 pixels
+    modules = grey.reshape(10, 16, 10, 16)
+    assert (modules == modules[:, :1, :, :1]).all()
+    assert (modules[1:-1, 0, 1:-1, 0] == printed_marker(7)).all()
+    border = np.ones((10, 10), bool)
+    border[1:-1, 1:-1] = False
+    assert (modules[:, 0, :, 0][border] == 255).all()
+
+
+def test_the_black_square_has_the_side_that_was_asked_for(files):
+    with Image.open(io.BytesIO(files['models/tag_7/tag_7.png'])) as picture:
+        grey = np.asarray(picture.convert('L'))
+    (detection,) = TagDetector().detect(np.pad(grey, 20, constant_values=255))
+    obj = files['models/tag_7/tag_7.obj'].decode()
+    xs = [float(line.split()[1]) for line in obj.splitlines() if line.startswith('v ')]
+    metres_per_pixel = (max(xs) - min(xs)) / grey.shape[1]
+    sides = np.linalg.norm(detection.corners - np.roll(detection.corners, 1, axis=0), axis=1)
+    assert sides * metres_per_pixel == pytest.approx(SIDE_M, rel=0.02)
+
+
+def test_light_comes_from_above_and_from_each_side_without_shadows(world):
+    lights = [numbers(light.findtext('direction')) for light in world.iter('light')]
+    assert all(z < 0.0 for *_, z in lights)
+    assert sorted((x, y) for x, y, _ in lights) == [(-1, 0), (0, -1), (0, 0), (0, 1), (1, 0)]
+    assert world.findtext('scene/shadows') == 'false'
+    assert {light.findtext('cast_shadows') for light in world.iter('light')} == {'false'}

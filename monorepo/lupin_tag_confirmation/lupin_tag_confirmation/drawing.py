@@ -1,0 +1,38 @@
+"""Draw what the camera saw, and the verdict. Does not import ROS."""
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from lupin_tag_confirmation.confirmation import Verdict
+from lupin_tag_confirmation.settings import Criteria
+
+GOOD, FLAWED, OTHER, PAPER = (60, 220, 60), (255, 150, 0), (90, 160, 255), (0, 0, 0)
+BAR_PIXELS = 16
+
+
+def draw(verdict: Verdict, tag_number: int, criteria: Criteria) -> np.ndarray:
+    """
+    Return the picture of a verdict as RGB, uint8 of the shape (height, width, 3).
+
+    Each tag has its outline, id and decision margin: green if it counts, orange if it does not, blue for
+    another id. A bar at the top shows the verdict.
+    """
+    picture = Image.fromarray(verdict.sight.picture).convert('RGB')
+    pen = ImageDraw.Draw(picture)
+    for each in verdict.sight.detections:
+        is_expected = each.tag_number == tag_number
+        colour = (FLAWED if criteria.flaw_of(each) else GOOD) if is_expected else OTHER
+        corners = [(float(x), float(y)) for x, y in each.corners]
+        pen.line([*corners, corners[0]], fill=colour, width=2)
+        left, bottom = min(x for x, _ in corners), max(y for _, y in corners)
+        label = f'id {each.tag_number}, margin {each.decision_margin:.0f}'
+        if each.hamming:
+            label += f', hamming {each.hamming}'
+        place = (left, bottom + 3)
+        width, height = pen.getfont().getmask(label).size  # textbbox of Pillow 9.0 refuses its default font
+        pen.rectangle((*place, left + width + 1, bottom + height + 6), fill=PAPER)
+        pen.text(place, label, fill=colour)
+    pen.rectangle((0, 0, picture.width, BAR_PIXELS), fill=PAPER)
+    colour = FLAWED if verdict.reason else GOOD
+    pen.text((4, 3), verdict.reason or f'tag {tag_number}: confirmed', fill=colour)
+    return np.asarray(picture)

@@ -1,0 +1,110 @@
+"""The parameters of confirm_tag: the source of images, and the criteria. Does not import ROS."""
+
+from dataclasses import dataclass
+
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.runtime.parameters import check_parameters, parameter
+
+DEFAULT_IMAGE_TOPIC = 'camera/color/image_raw'
+TOPICS = {
+    'image': DEFAULT_IMAGE_TOPIC,
+    'compressed': f'{DEFAULT_IMAGE_TOPIC}/compressed',
+    'detections': 'detections',
+}
+# The source that each deprecated parameter stands for.
+DEPRECATED = {
+    'image_topic': 'image',
+    'compressed_image_topic': 'compressed',
+    'detections_topic': 'detections',
+}
+SOURCES = ('source', *DEPRECATED)
+
+
+def check_source(name: str, value: str) -> None:
+    """Raise StartUpError if a parameter does not name a source."""
+    if value not in TOPICS:
+        raise StartUpError(f'parameter {name} is {value!r}: must be image, compressed or detections')
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """The criteria for a tag. Raises StartUpError for a value outside its limits."""
+
+    max_hamming: int = parameter(
+        0, 'Maximum number of bits of the tag that the detector may correct.', smallest=0, largest=2
+    )
+    min_decision_margin: float = parameter(
+        20.0,
+        'Minimum contrast of the bits in grey levels. Some detectors always report 0; that is accepted.',
+        smallest=0.0,
+        largest=255.0,
+    )
+    min_frames: int = parameter(2, 'Number of recent images that must show the tag.', smallest=1, largest=100)
+    max_image_age_seconds: float = parameter(
+        1.0,
+        'Maximum age of an image in seconds, checked against its stamp and its arrival.',
+        smallest=0.001,
+        largest=3600.0,
+    )
+    timeout_seconds: float = parameter(
+        3.0,
+        'Seconds to look for the tag before the node replies that it does not see it; 0.0: reply at once.',
+        smallest=0.0,
+        largest=60.0,
+    )
+
+    def __post_init__(self):
+        check_parameters(self)
+
+    def flaw_of(self, detection) -> str:
+        """Return why a Detection does not count; '' if it does."""
+        if detection.hamming > self.max_hamming:
+            return f'{detection.hamming} bits were corrected, at most {self.max_hamming} are allowed'
+        if detection.decision_margin != 0.0 and not detection.decision_margin >= self.min_decision_margin:
+            margin = f'{detection.decision_margin:.0f}'
+            return f'unclear: decision margin {margin}, {self.min_decision_margin:g} needed'
+        return ''
+
+
+@dataclass(frozen=True)
+class Settings(Criteria):
+    """The validated parameters of one run. Raises StartUpError for an invalid value."""
+
+    source: str = parameter(
+        'image', 'image, compressed (JPEG or PNG), or detections (from a detector that is already running).'
+    )
+    image_topic: str = parameter('', f'Deprecated: remap {TOPICS["image"]}.')
+    compressed_image_topic: str = parameter(
+        '', f'Deprecated: set source to compressed, and remap {TOPICS["compressed"]}.'
+    )
+    detections_topic: str = parameter(
+        '', f'Deprecated: set source to detections, and remap {TOPICS["detections"]}.'
+    )
+
+    def __post_init__(self):
+        super().__post_init__()
+        check_source('source', self.source)
+        given = [('source', self.source)] if self.source != 'image' else []
+        given += self._deprecated()
+        if len({DEPRECATED.get(name, value) for name, value in given}) > 1:
+            shown = ' and '.join(f'{name} is {value}' for name, value in given)
+            raise StartUpError(f'{shown}: set source alone, and remap its topic')
+
+    def _deprecated(self) -> list[tuple[str, str]]:
+        return [(name, topic) for name in DEPRECATED if (topic := getattr(self, name))]
+
+    @property
+    def source_and_topic(self) -> tuple[str, str]:
+        """The source, and the name of its topic before remapping."""
+        for name, topic in self._deprecated():
+            return DEPRECATED[name], topic
+        return self.source, TOPICS[self.source]
+
+    @property
+    def deprecations(self) -> list[str]:
+        """A warning for each deprecated parameter that is set."""
+        return [
+            f'parameter {name} is deprecated: write -p source:={DEPRECATED[name]}'
+            f' -r {TOPICS[DEPRECATED[name]]}:={topic}'
+            for name, topic in self._deprecated()
+        ]

@@ -1,0 +1,84 @@
+"""The sources of confirm_tag: images, compressed images, or the detections of another node."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.reading.detections import FAMILIES, detection_messages
+
+from lupin_tag_confirmation.confirmation import Detection, Sight
+from lupin_tag_confirmation.images import decoded_picture, grey_picture
+from lupin_tag_confirmation.settings import Settings
+
+
+class Source(NamedTuple):
+    """A topic, and the function that turns one of its messages into a Sight or raises UnusableImage."""
+
+    message_type: type
+    topic: str
+    sight_of: Callable[..., Sight]
+
+
+def open_source(settings: Settings) -> Source:
+    """Return the source of the settings; raises StartUpError if a package that it needs is missing."""
+    source, topic = settings.source_and_topic
+    message_type, sight_of = _OPEN[source](settings)
+    return Source(message_type, topic, sight_of)
+
+
+def _images(settings: Settings):
+    from sensor_msgs.msg import Image
+
+    detect = _detector(settings).detect
+
+    def sight_of(message) -> Sight:
+        picture = grey_picture(message.encoding, message.height, message.width, message.step, message.data)
+        return Sight(detect(picture), picture)
+
+    return Image, sight_of
+
+
+def _compressed_images(settings: Settings):
+    from sensor_msgs.msg import CompressedImage
+
+    detect = _detector(settings).detect
+
+    def sight_of(message) -> Sight:
+        picture = decoded_picture(message.data)
+        return Sight(detect(picture), picture)
+
+    return CompressedImage, sight_of
+
+
+def _detections(_settings: Settings):
+    return detection_messages().AprilTagDetectionArray, detections_of
+
+
+def detections_of(message) -> Sight:
+    """Return the detections of tag36h11; other families are ignored."""
+    return Sight(
+        [
+            Detection(
+                tag.id, tag.hamming, tag.decision_margin, [(corner.x, corner.y) for corner in tag.corners]
+            )
+            for tag in message.detections
+            if tag.family in FAMILIES
+        ]
+    )
+
+
+def _detector(settings: Settings):
+    try:
+        from lupin_tag_confirmation.detector import TagDetector  # here: a missing library is a one-line error
+    except ImportError as error:
+        raise StartUpError(
+            f'the AprilTag library is missing ({error}): sudo apt install python3-apriltag'
+        ) from error
+    return TagDetector(settings.max_hamming)
+
+
+_OPEN = {
+    'image': _images,
+    'compressed': _compressed_images,
+    'detections': _detections,
+}

@@ -1,0 +1,359 @@
+"""The real node, with images and requests over ROS."""
+
+import dataclasses
+import os
+import re
+import signal
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import rclpy
+import yaml
+from ament_index_python.packages import get_package_share_directory
+from apriltag_msgs.msg import AprilTagDetectionArray
+from builtin_interfaces.msg import Time
+from conftest import PATIENCE_SECONDS, TOPIC, Perception
+from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
+from lupin_tag_confirmation import confirm_tag
+from lupin_tag_confirmation.detector import TagDetector
+from lupin_tag_confirmation.settings import TOPICS, Settings
+from messages import compressed, detections, image_of
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CompressedImage, Image
+
+
+def test_one_call_confirms_the_expected_tag(start, tag_7):
+    image = image_of(tag_7, 'rgba8', padding=5, is_bigendian=1)
+    assert start().confirm('7', image).detected
+
+
+def test_one_call_confirms_the_tag_of_a_compressed_image(start, tag_7):
+    perception = start(CompressedImage, 'compressed')
+    assert perception.confirm('7', compressed(tag_7, 'JPEG')).detected
+
+
+def test_one_call_confirms_the_tag_of_a_detector(start):
+    perception = start(AprilTagDetectionArray, 'detections')
+    assert perception.confirm('7', detections((9, 0, 50.0), (7, 0, 50.0))).detected
+
+
+def test_a_tag_that_is_not_there_is_said_after_the_timeout(start, tag_7):
+    perception = start(timeout_seconds=0.1)
+    assert perception.confirm('7').error_message == 'tag 7: no image yet'
+    reason = perception.confirm_until('other tags', image_of(tag_7), '8')
+    assert reason == 'tag 8: other tags in view: 7'
+
+
+def test_the_camera_is_watched_until_the_tag_appears(start, tag_7, tag_8):
+    """After the call come images of another tag, then images of the tag."""
+    perception = start()
+    future = perception.ask('7')
+    assert perception.confirm('8', image_of(tag_8)).detected
+    assert not future.done()
+    wait_until(lambda: perception.show(image_of(tag_7)) or future.done())
+    assert future.result().detected
+
+
+def test_a_caller_who_waits_keeps_nobody_else_waiting(start, tag_7):
+    perception = start()
+    waiting = [perception.ask('9') for _ in range(16)]
+    assert perception.confirm('seven').error_message.startswith("tag 'seven' is not an id of tag36h11")
+    assert perception.confirm('7', image_of(tag_7)).detected
+    assert not any(future.done() for future in waiting)
+
+
+def test_an_image_that_came_too_long_ago_is_no_proof(start, tag_7):
+    """A millisecond is too long here, so the last image always gets too old."""
+    perception = start(timeout_seconds=0.0, max_image_age_seconds=0.001)
+
+    def is_too_old():
+        perception.show(image_of(tag_7))
+        reasons.extend(perception.confirm('7').error_message for _ in range(20))
+        return 'the last image came' in reasons[-1]
+
+    reasons = []
+    wait_until(is_too_old)
+    assert reasons[-1].endswith(' s ago: older than 0.001 s')
+
+
+def test_images_do_not_get_too_old_while_the_call_waits(start, tag_7):
+    """They come 50 ms apart."""
+    assert start(max_image_age_seconds=0.001).confirm('7', image_of(tag_7)).detected
+
+
+def test_an_image_that_arrives_while_the_node_searches_another_counts(run_nodes, tag_7, monkeypatch):
+    """The timeout ends during the search."""
+    clock = SimpleNamespace(monotonic=lambda: 0.0)
+    searching, may_go_on = threading.Event(), threading.Event()
+    detect = TagDetector.detect
+
+    def detect_slowly(detector, picture):
+        searching.set()
+        assert may_go_on.wait(PATIENCE_SECONDS)
+        return detect(detector, picture)
+
+    monkeypatch.setattr(confirm_tag, 'time', clock)
+    monkeypatch.setattr(TagDetector, 'detect', detect_slowly)
+    confirming, node = run_nodes(confirm_tag.ConfirmTagNode, max_image_age_seconds=3600.0)
+    topic = f'/{TOPICS["image"]}'
+    (subscription,) = [each for each in confirming.subscriptions if each.topic_name == topic]
+    perception = Perception(node, topic=topic)
+    future = perception.ask('7')
+    wait_until(lambda: perception.show(image_of(tag_7)) or searching.wait(0.05))
+    wait_until(lambda: perception.show(image_of(tag_7)) or is_ready(subscription))
+    clock.monotonic = lambda: 4.0
+    may_go_on.set()
+    wait_until(future.done)
+    assert future.result().detected
+
+
+def is_ready(subscription) -> bool:
+    """Return whether a message waits for this subscription, which nobody spins at the moment."""
+    wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, rclpy.get_default_context().handle)
+    wait_set.clear_entities()
+    wait_set.add_subscription(subscription.handle)
+    wait_set.wait(0)
+    return bool(wait_set.get_ready_entities('subscription'))
+
+
+def test_with_sim_time_the_age_of_an_image_is_that_of_the_simulators_clock(start, tag_7):
+    perception = start(use_sim_time=True, max_image_age_seconds=1.0, timeout_seconds=0.0)
+    simulator = perception.node.create_publisher(Clock, '/clock', 1)
+
+    def reason(stamp_seconds):
+        simulator.publish(Clock(clock=Time(sec=100)))
+        image = image_of(tag_7)
+        image.header.stamp.sec = stamp_seconds
+        return perception.confirm('7', image, is_stamped=False).error_message
+
+    wait_until(lambda: reason(100) == '')
+    wait_until(lambda: 'is stamped 2.0 s ago' in reason(98))
+    wait_until(lambda: 'is stamped 2.0 s ahead' in reason(102))
+
+
+def test_an_image_of_a_wrong_clock_is_no_proof(start, tag_7):
+    perception = start(timeout_seconds=0.0)
+    reason = perception.confirm_until('is stamped', image_of(tag_7), is_stamped=False)
+    assert reason.endswith(' s ago: not within 3600 s')
+    wait_until(lambda: perception.confirm('7', image_of(tag_7)).detected)
+
+
+PARAMETER_FILE = Path(get_package_share_directory('lupin_tag_confirmation'), 'config/confirm_tag.yaml')
+BAD_IMAGES = [
+    ({'encoding': '16UC1'}, "encoding '16UC1' is not one of"),
+    ({'encoding': '\x1b[31mred\n'}, "encoding '\\x1b[31mred\\n' is not one of"),
+    ({'step': 1}, 'step is 1 bytes'),
+    ({'height': 0}, 'the image has 320 x 0 pixels'),
+    ({'height': 1, 'width': 320}, 'the image has 320 x 1 pixels'),  # the library crashes on one row
+    ({'width': 2**32 - 1}, 'the image has 4294967295 x 240 pixels'),
+    ({'height': 2**32 - 1, 'step': 2**32 - 1}, 'the image has 320 x 4294967295 pixels'),
+    ({'data': b''}, 'data has 0 bytes'),
+]
+
+
+def test_bad_images_are_refused_and_the_node_lives(start, tag_7, monkeypatch, capfd):
+    monkeypatch.setattr(confirm_tag, 'LOG_EVERY_SECONDS', 3600.0)
+    perception = start(timeout_seconds=0.0, min_frames=1)
+    for fields, fault in BAD_IMAGES:
+        reason = perception.confirm_until(fault, image_of(tag_7, **fields))
+        assert reason.startswith('tag 7: an image was refused: ')
+        assert reason.isprintable()
+    wait_until(lambda: perception.confirm('7', image_of(tag_7)).detected)
+    log = capfd.readouterr().err
+    assert log.count('image refused') == 1  # a stream of them does not flood the log
+    assert '\x1b' not in log
+
+
+def test_bad_compressed_images_are_refused_and_the_node_lives(start, tag_7):
+    perception = start(CompressedImage, 'compressed', timeout_seconds=0.0, min_frames=1)
+    good = compressed(tag_7, 'JPEG')
+    for image, fault in (
+        (CompressedImage(), 'the 0 bytes are not'),
+        (CompressedImage(data=bytes(500_000)), 'the 500000 bytes are not'),
+        (CompressedImage(data=bytes(good.data)[:500]), 'cannot be decoded'),
+    ):
+        assert perception.confirm_until(fault, image).startswith('tag 7: an image was refused: ')
+    wait_until(lambda: perception.confirm('7', good).detected)
+
+
+def test_a_picture_that_cannot_be_drawn_costs_only_the_picture(start, tag_7, monkeypatch, capfd):
+    def fail(*_arguments):
+        raise ValueError('Only supported for TrueType fonts')
+
+    monkeypatch.setattr(confirm_tag, 'draw', fail)
+    perception = start()
+    topic = '/perception/confirm_tag/seen'
+    perception.node.create_subscription(Image, topic, lambda _image: None, 10)
+    wait_until(lambda: perception.node.count_publishers(topic) == 1)
+    said = []
+
+    def is_said():
+        assert perception.confirm('7', image_of(tag_7)).detected
+        said.append(capfd.readouterr().err)
+        return f'cannot draw {topic}: ValueError: Only supported for TrueType fonts' in ''.join(said)
+
+    wait_until(is_said)
+
+
+def test_what_was_judged_can_be_seen(start, tag_7):
+    """The picture has the size of the image; the verdict and the outline of the tag are green."""
+    perception = start()
+    topic = '/perception/confirm_tag/seen'
+    seen = []
+    perception.node.create_subscription(Image, topic, seen.append, 10)
+    wait_until(lambda: perception.node.count_publishers(topic) == 1)
+    wait_until(lambda: perception.confirm('7', image_of(tag_7)).detected and seen)
+    last = seen[-1]
+    assert (last.encoding, last.width, last.height, last.step) == ('rgb8', 320, 240, 960)
+    picture = np.frombuffer(last.data, np.uint8).reshape(240, 320, 3)
+    is_green = (picture[..., 1] > 180) & (picture[..., 0] < 100)
+    assert is_green[:17].any()
+    assert is_green[17:].any()
+
+
+@pytest.fixture
+def run_main(monkeypatch, capfd):
+    """Return a function that runs the node with these parameters, and returns its exit code and log."""
+    monkeypatch.setattr(process, '_is_asked_to_end', False)
+    handlers = {number: signal.getsignal(number) for number in process.SIGNALS}
+
+    def run(**parameters):
+        overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+        return confirm_tag.main(['--ros-args', *overrides]), capfd.readouterr().err
+
+    yield run
+    rclpy.try_shutdown()  # main() leaves a default context that has ended; this replaces it
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'fragment'),
+    [
+        ({'min_frames': 0}, 'parameter min_frames is 0: must be a whole number from 1 to 100'),
+        (
+            {'min_decision_margin': 'high'},
+            "parameter min_decision_margin is 'high': must be a number from 0 to 255",
+        ),
+        ({'image_topic': '"no such name"'}, 'no such name'),
+        ({'source': 'video'}, "parameter source is 'video': must be image, compressed or detections"),
+        ({'image_topic': 5}, 'parameter image_topic is 5: must be text'),
+        (
+            {'image_topic': '/a', 'compressed_image_topic': '/b'},
+            'image_topic is /a and compressed_image_topic is /b: set source alone, and remap its topic',
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(run_main, parameters, fragment):
+    code, log = run_main(**parameters)
+    (line,) = [line for line in log.splitlines() if '[FATAL]' in line]
+    assert (code, fragment in line, 'Traceback' in log) == (1, True, False), log
+
+
+def test_a_deprecated_parameter_works_and_is_warned_of(run_nodes, tag_7, capfd):
+    _, node = run_nodes(confirm_tag.ConfirmTagNode, image_topic=TOPIC)
+    assert Perception(node).confirm('7', image_of(tag_7)).detected
+    log = capfd.readouterr().err
+    advice = f'parameter image_topic is deprecated: write -p source:=image -r camera/color/image_raw:={TOPIC}'
+    assert log.count('deprecated') == log.count(advice) == 1, log
+
+
+def test_a_mistyped_parameter_is_named_and_changes_nothing(start, capfd):
+    start(min_frame=0)
+    log = capfd.readouterr().err
+    assert 'parameter min_frame is unknown and ignored' in log
+    assert f'ready: images from {TOPIC}' in log
+
+
+def test_the_parameter_file_has_each_parameter_with_its_default():
+    (nodes,) = yaml.safe_load_all(PARAMETER_FILE.read_text(encoding='utf-8'))
+    parameters = nodes['/**/confirm_tag']['ros__parameters']
+    defaults = {field.name: field.default for field in dataclasses.fields(Settings)}
+    assert {name: (value, type(value)) for name, value in parameters.items()} == {
+        name: (value, type(value)) for name, value in defaults.items()
+    }
+
+
+def test_the_parameter_file_applies_in_any_namespace(run_nodes, tmp_path):
+    file = tmp_path / 'confirm_tag.yaml'
+    text = PARAMETER_FILE.read_text(encoding='utf-8')
+    file.write_text(text.replace('min_frames: 2', 'min_frames: 5'), encoding='utf-8')
+    node, _ = run_nodes(
+        confirm_tag.ConfirmTagNode, arguments=['--params-file', str(file), '-r', '__ns:=/robot1']
+    )
+    expected = dataclasses.asdict(Settings(min_frames=5))
+    assert {name: node.get_parameter(name).value for name in expected} == expected
+
+
+@pytest.mark.parametrize('namespace', ['', '/robot1'])
+def test_all_names_move_with_the_namespace(run_nodes, namespace):
+    arguments = ['-r', f'__ns:={namespace}'] if namespace else []
+    *_, node = run_nodes(confirm_tag.ConfirmTagNode, arguments=arguments)
+
+    def names(of):
+        """Return the names that the node has created, but for those of each ROS node."""
+        return sorted(
+            name
+            for name, _ in of('confirm_tag', namespace or '/')
+            if not re.search(r'/rosout$|/parameter_events$|/(get|set|list|describe)_\w+$', name)
+        )
+
+    image, seen = f'{namespace}/camera/color/image_raw', f'{namespace}/perception/confirm_tag/seen'
+    wait_until(lambda: names(node.get_publisher_names_and_types_by_node) == [seen])
+    assert names(node.get_subscriber_names_and_types_by_node) == [image]
+    assert names(node.get_service_names_and_types_by_node) == [f'{namespace}/perception/confirm_tag']
+
+
+@pytest.fixture
+def start_confirm_tag(start_node):
+    """Return a function that starts the executable with these parameters; it ends with the test."""
+    return lambda **parameters: start_node(
+        [executable('lupin_tag_confirmation', 'confirm_tag')], **parameters
+    )
+
+
+def test_without_apriltag_msgs_the_executable_refuses_detections(start_confirm_tag, tmp_path, monkeypatch):
+    hidden = tmp_path / 'apriltag_msgs'
+    hidden.mkdir()
+    (hidden / '__init__.py').write_text("raise ImportError('hidden')")
+    monkeypatch.setenv('PYTHONPATH', f'{tmp_path}:{os.environ["PYTHONPATH"]}')
+    refusal = start_confirm_tag(source='detections').refusal()
+    assert 'package apriltag_msgs' in refusal
+    assert 'sudo apt install ros-$ROS_DISTRO-apriltag-msgs' in refusal
+
+
+def test_a_signal_ends_it_while_callers_wait(start_confirm_tag, tag_7):
+    process = start_confirm_tag(image_topic=TOPIC, timeout_seconds=60.0, max_image_age_seconds=3600.0)
+    process.wait_for_log(f'ready: images from {TOPIC}')
+    with spinning_node('perception_test') as node:
+        perception = Perception(node, namespace=process.namespace)
+        waiting = [perception.ask('9') for _ in range(4)]
+        assert perception.confirm('7', image_of(tag_7)).detected
+        assert process.stop() == 0
+        assert not any('never awaited' in line for line in process.log)
+        assert not any(future.done() for future in waiting)
+
+
+@pytest.mark.parametrize(
+    ('moment', 'signals'),
+    [
+        ('rclpy/__init__.py:<module>', 'Ctrl-C'),
+        ('rclpy/node.py:__init__', 'Ctrl-C twice'),
+        ('rclpy/executors.py:spin_once', 'SIGTERM'),
+        ('rclpy/node.py:destroy_node', 'SIGTERM and Ctrl-C'),
+    ],
+)
+def test_signals_end_it_with_exit_code_0(start_node, moment, signals):
+    """While it imports, starts, serves and ends; a second pair of signals always follows the first."""
+    process = start_node(command('lupin_tag_confirmation', 'confirm_tag', moment, SIGNALS[signals]))
+    is_ending = moment.endswith('destroy_node')
+    process.wait_for_log('ready:' if is_ending else 'signalled in')
+    process.send(*SIGNALS['SIGTERM and Ctrl-C'])
+    assert process.end() == 0
+    assert any(f'signalled in {moment}' in line for line in process.log)

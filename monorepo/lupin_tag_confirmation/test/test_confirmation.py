@@ -1,0 +1,220 @@
+"""The criteria for a tag: age, hamming distance, decision margin, number of frames."""
+
+import numpy as np
+import pytest
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_tag_confirmation.confirmation import Confirmer, Detection, Frame, Moment, Sight, UnknownTagId
+from lupin_tag_confirmation.images import UnusableImage
+from lupin_tag_confirmation.settings import Criteria
+
+NOW = 1000.0  # by both clocks
+
+
+def tag(number, *, hamming=0, margin=100.0) -> Detection:
+    return Detection(number, hamming, margin, np.zeros((4, 2)))
+
+
+GOOD = tag(7)
+
+
+def frame_of(detections, stamp=NOW, arrival=NOW) -> Frame:
+    return Frame(lambda: Sight(detections), stamp, arrival)
+
+
+def refused(text='an image was refused', stamp=NOW, arrival=NOW) -> Frame:
+    def look():
+        raise UnusableImage(text)
+
+    return Frame(look, stamp, arrival)
+
+
+def confirmer(*frames, **criteria) -> Confirmer:
+    """Return a Confirmer with these frames: lists of current detections, or whole frames."""
+    confirmer = Confirmer(Criteria(**criteria))
+    for frame in frames:
+        confirmer.add(frame if isinstance(frame, Frame) else frame_of(frame))
+    return confirmer
+
+
+def answer(confirmer, tag_id='7', stamp_now=NOW, arrival_now=NOW):
+    return confirmer.confirm(tag_id, stamp_now, arrival_now)[:2]
+
+
+def test_a_tag_in_enough_frames_is_confirmed():
+    assert answer(confirmer([GOOD], [GOOD])) == (1.0, '')
+
+
+def test_one_frame_without_the_tag_among_enough_with_it_does_no_harm():
+    assert answer(confirmer([GOOD], [], [GOOD])) == (1.0, '')
+
+
+@pytest.mark.parametrize(
+    ('frames', 'message'),
+    [
+        ([], 'no image yet'),
+        ([[], []], 'no tag in view in 2 images'),
+        ([[GOOD], []], 'seen in 1 of the 2 images needed'),
+        ([[tag(9), tag(8)]] * 2, 'other tags in view: 8, 9'),
+        ([[tag(7, hamming=1)]] * 2, 'in view, but 1 bits were corrected, at most 0 are allowed'),
+        ([[tag(7, margin=19.9)]] * 2, 'in view, but unclear: decision margin 20, 20 needed'),
+        ([frame_of([GOOD], NOW, NOW - 2.0)] * 2, 'the last image came 2.0 s ago: older than 1 s'),
+        ([frame_of([GOOD], NOW - 2.0)] * 2, 'the last image is stamped 2.0 s ago: not within 1 s'),
+        ([frame_of([GOOD], NOW + 2.0)] * 2, 'the last image is stamped 2.0 s ahead: not within 1 s'),
+        ([frame_of([GOOD], 0.0)] * 2, 'the last image is stamped 1000.0 s ago: not within 1 s'),
+        ([refused('first'), refused('last')], 'last'),
+        ([refused(), [GOOD]], 'seen in 1 of the 2 images needed'),
+    ],
+)
+def test_why_a_tag_is_not_confirmed(frames, message):
+    confidence = 0.5 if message.startswith('seen in 1 of the 2') else 0.0
+    assert answer(confirmer(*frames)) == (confidence, f'tag 7: {message}')
+
+
+@pytest.mark.parametrize(
+    ('frames', 'criteria', 'message'),
+    [
+        ([[GOOD]], {}, '1 image in 3 s: 2 are needed'),
+        ([[tag(7, margin=5.0)]], {}, '1 image in 3 s: 2 are needed'),
+        ([[tag(9)], [tag(9)]], {'min_frames': 3}, '2 images in 3 s: 3 are needed'),
+        ([[GOOD]], {'timeout_seconds': 0.5}, '1 image in 0.5 s: 2 are needed'),
+        ([[GOOD]], {'timeout_seconds': 0.0}, '1 image in 1 s: 2 are needed'),  # of the last second
+        ([frame_of([GOOD], NOW - 2.0, NOW - 2.0), [GOOD]], {}, '1 image in 3 s: 2 are needed'),
+        ([[GOOD], refused(stamp=NOW + 9.0)], {}, '1 image in 3 s: 2 are needed'),
+    ],
+)
+def test_too_few_images_are_said_before_what_is_in_them(frames, criteria, message):
+    assert answer(confirmer(*frames, **criteria))[1] == f'tag 7: {message}'
+
+
+def judge_at(now: float, *frames) -> str:
+    """Return the reason of a request that came at NOW, and that has waited for these frames."""
+    waited, moments = confirmer(*frames), (Moment(now, now), Moment(NOW, NOW))
+    while waited.choose(*moments):
+        pass
+    return waited.judge(7, *moments).reason
+
+
+def test_each_image_since_shortly_before_the_request_counts_however_late_it_comes():
+    """It was taken up to the longest age before the request, and comes 2.3 s later."""
+    for taken in (NOW - 0.9, NOW + 0.2):
+        assert judge_at(NOW + 2.5, *[frame_of([GOOD], taken, taken + 2.3)] * 2) == ''
+    early = frame_of([GOOD], NOW - 1.1, NOW + 1.2)
+    assert judge_at(NOW + 2.5, early) == 'tag 7: the last image is stamped 3.6 s ago: not within 1 s'
+
+
+def test_an_image_from_the_future_does_not_count_for_a_request_that_waits():
+    ahead = frame_of([GOOD], NOW + 4.0, NOW + 2.0)
+    assert judge_at(NOW + 2.0, ahead) == 'tag 7: the last image is stamped 2.0 s ahead: not within 1 s'
+
+
+def test_the_newest_image_is_searched_first_and_one_at_a_time():
+    """A slow computer searches what the camera shows now, before what it showed on the way."""
+    looked = []
+    waiting, now = confirmer(), Moment(NOW, NOW)
+    for number in range(3):
+        look = lambda number=number: looked.append(number) or Sight([])  # noqa: E731
+        waiting.add(Frame(look, NOW, NOW + number))
+    for expected in ([2], [2, 1], [2, 1, 0]):
+        assert waiting.choose(now, now)
+        waiting.judge(7, now, now)
+        assert looked == expected
+    assert not waiting.choose(now, now)
+
+
+@pytest.mark.parametrize(
+    ('criteria', 'detection'),
+    [
+        ({}, tag(7, margin=20.0)),
+        ({}, tag(7, margin=0.0)),  # the detector does not report it
+        ({'max_hamming': 2}, tag(7, hamming=2)),
+        ({'min_decision_margin': 0.0}, tag(7, margin=0.1)),
+    ],
+)
+def test_a_detection_at_the_limit_counts(criteria, detection):
+    assert answer(confirmer([detection], [detection], **criteria)) == (1.0, '')
+
+
+@pytest.mark.parametrize(
+    'aged',
+    [
+        lambda age: frame_of([GOOD], NOW - age),
+        lambda age: frame_of([GOOD], NOW + age),  # only a stamp can lie in the future
+        lambda age: frame_of([GOOD], NOW, NOW - age),
+    ],
+    ids=['stamped before', 'stamped ahead', 'arrived before'],
+)
+def test_a_frame_counts_up_to_its_longest_age(aged):
+    for age, confidence in ((0.5, 1.0), (0.501, 0.0)):
+        assert answer(confirmer(aged(age), aged(age), max_image_age_seconds=0.5))[0] == confidence
+
+
+def test_the_age_that_is_told_is_that_of_the_last_frame():
+    old, last = (frame_of([GOOD], NOW, NOW - age) for age in (9.0, 3.0))
+    assert answer(confirmer(old, last))[1] == 'tag 7: the last image came 3.0 s ago: older than 1 s'
+
+
+def test_the_tag_before_is_not_confirmed_for_the_next():
+    """On arrival at the next tag, frames of the last one are still recent."""
+    assert answer(confirmer([tag(6)], [tag(6)], [GOOD])) == (0.5, 'tag 7: seen in 1 of the 2 images needed')
+
+
+@pytest.mark.parametrize(
+    'tag_id', ['', '07', ' 7', '7 ', '+7', '-7', '587', '1000', '\uff17', '7\n', 'seven', 'x' * 1000]
+)
+def test_an_id_that_is_none_of_the_family_is_refused(tag_id):
+    with pytest.raises(UnknownTagId) as refusal:
+        confirmer([GOOD], [GOOD]).confirm(tag_id, NOW, NOW)
+    assert 'is not an id of tag36h11: must be 0 to 586 in decimal' in str(refusal.value)
+    assert len(str(refusal.value)) < 140
+
+
+def test_each_frame_is_looked_into_once_and_only_when_asked():
+    looked = []
+    seen = confirmer()
+    for number in range(6):
+        look = lambda number=number: looked.append(number) or Sight([GOOD])  # noqa: E731
+        seen.add(Frame(look, NOW, NOW - 0.1 + 0.01 * number))
+    assert looked == []
+    for _ in range(3):
+        assert answer(seen) == (1.0, '')
+        assert answer(seen, '8') == (0.0, 'tag 8: other tags in view: 7')
+    assert sorted(looked) == [2, 3, 4, 5]
+    seen.add(Frame(lambda: looked.append(6) or Sight([GOOD]), NOW, NOW))
+    assert answer(seen) == (1.0, '')
+    assert sorted(looked) == [2, 3, 4, 5, 6]
+
+
+@pytest.mark.parametrize(('min_frames', 'confidence'), [(1, 1.0), (2, 0.5)])
+def test_the_verdict_comes_with_the_newest_usable_sight(min_frames, confidence):
+    old, new = Sight([GOOD]), Sight([])
+    frames = [Frame(lambda: old, NOW, NOW), Frame(lambda: new, NOW, NOW)]
+    if min_frames > 1:
+        frames.append(refused())
+    verdict = confirmer(*frames, min_frames=min_frames).confirm('7', NOW, NOW)
+    assert verdict.confidence == confidence
+    assert verdict.sight is new
+
+
+def test_without_a_usable_sight_the_verdict_comes_without_one():
+    assert confirmer(refused()).confirm('7', NOW, NOW).sight is None
+
+
+@pytest.mark.parametrize(
+    ('name', 'value'),
+    [
+        ('max_image_age_seconds', 0.0),
+        ('max_image_age_seconds', float('nan')),
+        ('max_hamming', -1),
+        ('max_hamming', 3),
+        ('max_hamming', 0.5),
+        ('min_decision_margin', -1.0),
+        ('min_decision_margin', 256.0),
+        ('min_frames', 0),
+        ('min_frames', 1.5),
+        ('min_frames', True),
+        ('min_frames', 'two'),
+    ],
+)
+def test_a_criterion_out_of_its_limits_is_refused(name, value):
+    with pytest.raises(StartUpError, match=rf'parameter {name} is .*: must be a (whole )?number from'):
+        Criteria(**{name: value})

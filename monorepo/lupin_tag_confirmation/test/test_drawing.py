@@ -1,0 +1,52 @@
+"""The picture of a verdict: outlines, labels and a bar."""
+
+import numpy as np
+import pytest
+from lupin_tag_confirmation.confirmation import Detection, Sight, Verdict
+from lupin_tag_confirmation.drawing import BAR_PIXELS, FLAWED, GOOD, OTHER, PAPER, draw
+from lupin_tag_confirmation.settings import Criteria
+
+GREY = np.full((240, 320), 128, np.uint8)
+CORNERS = np.array([(100.0, 130.0), (180.0, 130.0), (180.0, 50.0), (100.0, 50.0)])
+
+
+def drawn(tag_number=7, hamming=0, margin=50.0, reason='') -> np.ndarray:
+    detection = Detection(tag_number, hamming, margin, CORNERS)
+    return draw(Verdict(0.0, reason, Sight([detection], GREY)), 7, Criteria())
+
+
+def colours(part: np.ndarray) -> set[tuple]:
+    return set(map(tuple, part.reshape(-1, 3).tolist())) & {GOOD, FLAWED, OTHER}
+
+
+@pytest.mark.parametrize(
+    ('detection', 'colour'),
+    [
+        ({}, GOOD),
+        ({'margin': 5.0}, FLAWED),
+        ({'hamming': 1}, FLAWED),
+        ({'tag_number': 8}, OTHER),
+        ({'tag_number': 8, 'margin': 5.0}, OTHER),
+    ],
+)
+def test_the_outline_has_the_colour_of_the_detection(detection, colour):
+    picture = drawn(**detection)
+    for x, y in ((100, 90), (180, 90), (140, 50), (140, 130)):  # the middle of each side
+        assert tuple(picture[y, x]) == colour
+    assert colours(picture[BAR_PIXELS + 1 :]) == {colour}
+    assert (picture[60:120, 110:170] == 128).all()  # the tag itself stays as it was seen
+
+
+@pytest.mark.parametrize(('reason', 'colour'), [('', GOOD), ('tag 7: no', FLAWED)])
+def test_the_bar_has_the_colour_of_the_verdict(reason, colour):
+    bar = drawn(tag_number=8, reason=reason)[:BAR_PIXELS]
+    assert tuple(bar[0, 319]) == PAPER == (0, 0, 0)
+    ink = bar.reshape(-1, 3).sum(axis=0)  # the text is smoothed: no pixel need have the full colour
+    assert ink / ink.max() == pytest.approx(np.array(colour) / max(colour), abs=0.05)
+
+
+def test_the_label_tells_the_id_the_margin_and_corrected_bits():
+    labels = [drawn(**each)[132:150] for each in ({}, {'margin': 51.0}, {'tag_number': 8}, {'hamming': 1})]
+    inked = [(label != 128).any(axis=2).any(axis=0).sum() for label in labels]
+    assert len({label.tobytes() for label in labels}) == 4
+    assert inked[3] > inked[0] + 20  # ', hamming 1' makes it longer

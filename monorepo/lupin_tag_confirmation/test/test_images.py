@@ -1,0 +1,169 @@
+"""Image messages become grey pictures."""
+
+import contextlib
+import io
+import re
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lupin_tag_confirmation.images import (
+    ENCODINGS,
+    MOST_PIXELS,
+    SMALLEST_SIDE_PIXELS,
+    UnusableImage,
+    decoded_picture,
+    grey_picture,
+)
+from PIL import Image
+
+
+@given(
+    encoding=st.sampled_from(sorted(ENCODINGS)),
+    height=st.integers(SMALLEST_SIDE_PIXELS, 24),
+    width=st.integers(SMALLEST_SIDE_PIXELS, 24),
+    padding=st.integers(0, 5),
+    extra=st.integers(0, 7),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_every_encoding_with_any_step_gives_the_brightness(encoding, height, width, padding, extra, seed):
+    random = np.random.default_rng(seed)
+    red, green, blue = random.integers(0, 256, (3, height, width), dtype=np.uint8)
+    alpha = random.integers(0, 256, (height, width), dtype=np.uint8)
+    planes = {
+        'mono8': [red],
+        '8UC1': [red],
+        'rgb8': [red, green, blue],
+        'bgr8': [blue, green, red],
+        'rgba8': [red, green, blue, alpha],
+        'bgra8': [blue, green, red, alpha],
+    }[encoding]
+    rows = np.stack(planes, axis=-1).reshape(height, -1)
+    step = rows.shape[1] + padding
+    data = np.zeros((height, step), dtype=np.uint8)
+    data[:, : rows.shape[1]] = rows
+    picture = grey_picture(encoding, height, width, step, data.tobytes() + bytes(extra))
+    expected = red if encoding in ('mono8', '8UC1') else 0.299 * red + 0.587 * green + 0.114 * blue
+    assert picture.dtype == np.uint8
+    assert picture.shape == (height, width)
+    assert np.abs(picture - expected).max() <= 2.0
+
+
+@pytest.mark.parametrize(
+    ('encoding', 'height', 'width', 'step', 'size', 'fragment'),
+    [
+        ('16UC1', 20, 20, 40, 800, "encoding '16UC1' is not one of mono8, 8UC1, rgb8"),
+        ('', 20, 20, 20, 400, "encoding ''"),
+        ('x' * 1000, 20, 20, 20, 400, 'is not one of'),
+        ('mono8', 0, 20, 20, 400, '20 x 0 pixels'),
+        ('mono8', 20, 0, 20, 400, '0 x 20 pixels'),
+        ('mono8', 20, 15, 15, 300, 'the image has 15 x 20 pixels: each side must have 16 to 16384'),
+        ('mono8', 20, 2**32 - 1, 2**32 - 1, 400, 'each side must have 16 to 16384'),
+        ('mono8', 16384, 1025, 1025, 400, f'at most {MOST_PIXELS} are allowed'),
+        ('rgb8', 20, 20, 59, 1180, 'step is 59 bytes, but 20 pixels of rgb8 need 60'),
+        ('mono8', 20, 20, 20, 399, 'data has 399 bytes, but 20 rows of 20 need 400'),
+        ('mono8', 20, 20, 2**32 - 1, 400, 'data has 400 bytes'),
+        ('mono8', 20, 20, 20, 0, 'data has 0 bytes'),
+    ],
+)
+def test_an_image_that_cannot_be_read_is_refused(encoding, height, width, step, size, fragment):
+    with pytest.raises(UnusableImage, match=re.escape(fragment)) as refusal:
+        grey_picture(encoding, height, width, step, bytes(size))
+    assert len(str(refusal.value)) < 200
+
+
+@pytest.mark.parametrize(('height', 'width'), [(4096, 4096), (1024, 16384), (16384, 1024), (16, 16)])
+def test_an_image_of_the_largest_and_of_the_smallest_size_is_read(height, width):
+    assert height * width in (MOST_PIXELS, SMALLEST_SIDE_PIXELS**2)
+    assert grey_picture('mono8', height, width, width, bytes(height * width)).shape == (height, width)
+
+
+@given(
+    st.text(max_size=10) | st.sampled_from(sorted(ENCODINGS)),
+    st.integers(0, 2**32 - 1) | st.integers(0, 20),
+    st.integers(0, 2**32 - 1) | st.integers(0, 20),
+    st.integers(0, 2**32 - 1) | st.integers(0, 20),
+    st.binary(max_size=400),
+)
+def test_whatever_a_message_can_hold_is_a_picture_or_a_refusal(encoding, height, width, step, data):
+    with contextlib.suppress(UnusableImage):
+        assert grey_picture(encoding, height, width, step, data).shape == (height, width)
+
+
+GRADIENT = np.linspace(0, 255, 40 * 30).reshape(30, 40).astype(np.uint8)
+
+
+def encoded(kind, mode='L', **options) -> bytes:
+    data = io.BytesIO()
+    Image.fromarray(GRADIENT).convert(mode).save(data, kind, **options)
+    return data.getvalue()
+
+
+def png_header(width, height) -> bytes:
+    """Return a PNG with this size in its header, and no pixels."""
+
+    def chunk(name, content):
+        return (
+            struct.pack('>I', len(content)) + name + content + struct.pack('>I', zlib.crc32(name + content))
+        )
+
+    header = struct.pack('>IIBBBBB', width, height, 8, 0, 0, 0, 0)
+    pixels = chunk(b'IDAT', zlib.compress(b''))
+    return b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR', header) + pixels + chunk(b'IEND', b'')
+
+
+@pytest.mark.parametrize(
+    ('kind', 'mode', 'options'),
+    [
+        ('JPEG', 'L', {'quality': 95}),
+        ('JPEG', 'RGB', {'quality': 95}),
+        ('JPEG', 'RGB', {'quality': 95, 'progressive': True}),
+        ('PNG', 'L', {}),
+        ('PNG', 'RGB', {}),
+        ('PNG', 'RGBA', {}),
+        ('PNG', 'P', {}),
+        ('PNG', 'LA', {}),
+    ],
+)
+def test_jpeg_and_png_give_the_brightness(kind, mode, options):
+    picture = decoded_picture(encoded(kind, mode, **options))
+    assert (picture.dtype, picture.shape) == (np.uint8, GRADIENT.shape)
+    assert np.abs(picture.astype(int) - GRADIENT).max() <= 8
+
+
+@pytest.mark.parametrize(
+    ('data', 'fragment'),
+    [
+        (b'', 'the 0 bytes are not a JPEG or PNG image'),
+        (b'GIF89a' + bytes(100), 'the 106 bytes are not a JPEG or PNG image'),
+        (
+            bytes(12) + encoded('PNG'),  # compressedDepth has its own header
+            'are not a JPEG or PNG image',
+        ),
+        (encoded('JPEG')[:300], 'the image cannot be decoded'),
+        (encoded('PNG')[:100], 'the image cannot be decoded'),
+        (encoded('PNG')[:50] + bytes(50) + encoded('PNG')[100:], 'the image cannot be decoded'),
+        (png_header(40, 30), 'the image cannot be decoded'),
+        (png_header(100_000, 100_000), f'claims too many pixels: at most {MOST_PIXELS} are allowed'),
+        (png_header(17_000, 16), 'each side must have 16 to 16384'),
+        (png_header(8_000, 8_000), f'at most {MOST_PIXELS} are allowed'),
+        (png_header(2, 200), '2 x 200 pixels: each side must have 16'),
+        (png_header(0, 0), 'not a JPEG or PNG image'),
+        (encoded('PNG', 'I;16'), 'must have 8 bits per colour'),
+    ],
+)
+def test_a_compressed_image_that_cannot_be_read_is_refused(data, fragment):
+    with pytest.raises(UnusableImage, match=re.escape(fragment)) as refusal:
+        decoded_picture(data)
+    assert len(str(refusal.value)) < 200
+
+
+@given(st.binary(max_size=200), st.integers(0, 2000), st.sampled_from(['JPEG', 'PNG']))
+def test_damaged_bytes_are_a_picture_or_a_refusal(damage, place, kind):
+    data = bytearray(encoded(kind))
+    data[place : place + len(damage)] = damage
+    with contextlib.suppress(UnusableImage):
+        assert decoded_picture(bytes(data)).dtype == np.uint8

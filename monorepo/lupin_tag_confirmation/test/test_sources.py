@@ -1,0 +1,125 @@
+"""Messages of cameras and detectors become detections, and confirm a tag or not. Nothing is sent over ROS."""
+
+import sys
+
+import numpy as np
+import pytest
+from apriltag_msgs.msg import AprilTagDetection, AprilTagDetectionArray, Point
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_tag_confirmation.confirmation import Confirmer, Frame
+from lupin_tag_confirmation.images import UnusableImage
+from lupin_tag_confirmation.settings import Settings
+from lupin_tag_confirmation.sources import open_source
+from messages import COLOURS, compressed, detections, image_of, marker
+from sensor_msgs.msg import CompressedImage, Image
+
+
+def open_with(source: str, **parameters):
+    return open_source(Settings(source=source, **parameters))
+
+
+def judge(source: str, message, **parameters) -> str:
+    """Return why tag 7 is not confirmed by one current message of this source; '' if it is."""
+    settings = Settings(source=source, min_frames=1, **parameters)
+    confirmer = Confirmer(settings)
+    sight_of = open_source(settings).sight_of
+    confirmer.add(Frame(lambda: sight_of(message), 0.0, 0.0))
+    return confirmer.confirm('7', 0.0, 0.0).reason
+
+
+@pytest.mark.parametrize(
+    ('source', 'message_type', 'topic'),
+    [
+        ('image', Image, 'camera/color/image_raw'),
+        ('compressed', CompressedImage, 'camera/color/image_raw/compressed'),
+        ('detections', AprilTagDetectionArray, 'detections'),
+    ],
+)
+def test_each_source_has_its_topic_and_message_type(source, message_type, topic):
+    assert open_with(source)[:2] == (message_type, topic)
+
+
+@pytest.mark.parametrize('is_bigendian', [0, 1])
+@pytest.mark.parametrize('encoding', COLOURS)
+def test_the_tag_is_confirmed_in_every_encoding(tag_7, encoding, is_bigendian):
+    message = image_of(tag_7, encoding, padding=5, is_bigendian=is_bigendian)
+    assert judge('image', message) == ''
+    picture = open_with('image').sight_of(message).picture
+    assert np.abs(picture.astype(int) - tag_7).max() <= 1
+
+
+@pytest.mark.parametrize('kind', ['JPEG', 'PNG'])
+def test_the_tag_is_confirmed_in_a_compressed_image(tag_7, kind):
+    assert judge('compressed', compressed(tag_7, kind)) == ''
+
+
+@pytest.mark.parametrize(
+    ('source', 'message_of'),
+    [('image', image_of), ('compressed', lambda picture: compressed(picture, 'PNG'))],
+)
+def test_max_hamming_reaches_the_detector(tag_with_a_wrong_bit, source, message_of):
+    message = message_of(tag_with_a_wrong_bit)
+    assert judge(source, message) == 'tag 7: no tag in view in 1 image'
+    assert judge(source, message, max_hamming=1) == ''
+
+
+@pytest.fixture
+def tag_with_a_wrong_bit():
+    tag = marker(7, 10)
+    tag[10:20, 10:20] ^= 255
+    return np.pad(tag, 40, constant_values=255)
+
+
+@pytest.mark.parametrize(
+    ('message', 'reason'),
+    [
+        (detections((9, 0, 50.0), (7, 0, 50.0)), ''),
+        (detections((7, 0, 50.0), family='tf36h11'), ''),
+        (detections((7, 0, 0.0)), ''),
+        (detections((7, 1, 50.0)), 'in view, but 1 bits were corrected, at most 0 are allowed'),
+        (detections((7, 0, 5.0)), 'in view, but unclear: decision margin 5, 20 needed'),
+        (detections((7, 0, 50.0), family='tag25h9'), 'no tag in view in 1 image'),
+        (detections((-7, 0, 50.0), (2**31 - 1, 0, 50.0)), 'other tags in view: -7, 2147483647'),
+        (detections((7, -1, float('nan'))), 'in view, but unclear: decision margin nan, 20 needed'),
+        (detections(), 'no tag in view in 1 image'),
+    ],
+)
+def test_detections_of_another_node_are_judged(message, reason):
+    assert judge('detections', message) == (f'tag 7: {reason}' if reason else '')
+
+
+def test_detections_keep_their_corners_and_have_no_picture():
+    corners = [Point(x=float(n), y=10.0 + n) for n in range(4)]
+    tag = AprilTagDetection(family='tag36h11', id=7, decision_margin=50.0, corners=corners)
+    sight = open_with('detections').sight_of(AprilTagDetectionArray(detections=[tag]))
+    assert sight.detections[0].corners == [(0.0, 10.0), (1.0, 11.0), (2.0, 12.0), (3.0, 13.0)]
+    assert sight.picture is None
+
+
+@pytest.mark.parametrize(
+    ('source', 'message', 'fragment'),
+    [
+        ('image', Image(), "encoding '' is not one of"),
+        ('compressed', CompressedImage(), 'the 0 bytes are not a JPEG or PNG image'),
+        ('compressed', CompressedImage(data=bytes(500_000)), 'the 500000 bytes are not'),
+    ],
+)
+def test_a_message_that_cannot_be_read_is_refused(source, message, fragment):
+    with pytest.raises(UnusableImage, match=fragment):
+        open_with(source).sight_of(message)
+
+
+@pytest.mark.parametrize('source', ['image', 'compressed'])
+def test_a_missing_apriltag_library_is_refused_with_its_package(source, monkeypatch):
+    monkeypatch.delitem(sys.modules, 'lupin_tag_confirmation.detector', raising=False)
+    monkeypatch.setitem(sys.modules, 'apriltag', None)  # as if it was not installed
+    with pytest.raises(
+        StartUpError, match=r'AprilTag library is missing .*: sudo apt install python3-apriltag$'
+    ):
+        open_with(source)
+
+
+def test_detections_need_no_apriltag_library(monkeypatch):
+    monkeypatch.delitem(sys.modules, 'lupin_tag_confirmation.detector', raising=False)
+    monkeypatch.setitem(sys.modules, 'apriltag', None)
+    assert open_with('detections').topic == 'detections'

@@ -1,1 +1,0 @@
-"""Make an SDF world of the greenhouse from the layout that the bridge serves."""

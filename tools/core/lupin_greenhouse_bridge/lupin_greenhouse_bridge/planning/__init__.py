@@ -1,0 +1,1 @@
+"""Where the robot stands and how it drives: approach_poses, register_layout."""

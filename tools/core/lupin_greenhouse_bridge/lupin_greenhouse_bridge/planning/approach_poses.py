@@ -1,0 +1,235 @@
+"""
+`ros2 run lupin_greenhouse_bridge approach_poses`: print where a robot stands to look at each tag.
+
+Imports ROS only for --publish.
+"""
+
+import argparse
+import csv
+import io
+import json
+import math
+import sys
+
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.planning.approach import (
+    ApproachPose,
+    ViewingLimits,
+    find_approaches,
+    read_overrides,
+)
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
+from lupin_greenhouse_bridge.planning.route import ORDERS, plan_route
+from lupin_greenhouse_bridge.runtime.output import print_line
+from lupin_greenhouse_bridge.simulator.layout import find_layout
+
+ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
+COLUMNS = ('tag_id', *ApproachPose._fields)
+
+
+def main(args=None) -> int:
+    """Print the poses as the command line asks; return the exit code."""
+    words = (sys.argv if args is None else args)[1:]
+    ros_words = words[words.index('--ros-args') :] if '--ros-args' in words else []
+    options = _parser().parse_args(words[: len(words) - len(ros_words)])
+    try:
+        data, frame_id, has_all = _compute(options)
+        print_line(FORMATS[options.format](data), end='')
+        for each in data['unreachable']:
+            print_line(f"approach_poses: tag '{escaped(each['tag_id'], 64)}': {each['reason']}", sys.stderr)
+        if options.publish:
+            _publish(data['poses'], frame_id, ['approach_poses', *ros_words])
+    except OneLineError as error:
+        print(f'approach_poses: {error}', file=sys.stderr)
+        return USAGE
+    return ALL_HAVE_A_POSE if has_all else SOME_HAVE_NONE
+
+
+def _compute(options) -> tuple[dict, str, bool]:
+    """Return what `--format json` prints, the frame of the poses, and whether every tag has one."""
+    layout = find_layout(options.tag_file)
+    if layout is None:
+        raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
+    frame_id, transform = (
+        read_registration(options.transform) if options.transform else (MAP_FRAME, Transform())
+    )
+    overrides, warnings = read_overrides(options.overrides, layout.tags) if options.overrides else ({}, [])
+    for warning in warnings:
+        print(f'approach_poses: {warning}', file=sys.stderr)
+    reach = ViewingLimits(
+        options.radius,
+        options.smallest_distance,
+        options.largest_distance,
+        options.distance,
+        math.radians(options.angle),
+        options.clearance,
+    )
+    start_m = options.start and tuple(options.start)
+    approaches = find_approaches(layout, reach, start_m=start_m, overrides=overrides)
+    floor = FreeSpace(layout, reach.robot_radius_m + reach.clearance_m)
+    route = plan_route(floor, approaches.poses, start_m, options.order)
+    if options.picture:
+        _draw(options.picture, layout, approaches, route)
+    poses = []
+    for tag_id in route.tag_ids:
+        pose = approaches.poses[tag_id]
+        x, y = transform.point(pose.x, pose.y)
+        moved = pose._replace(x=x, y=y, yaw=transform.heading(pose.yaw))
+        # + 0.0 makes 0.0 of -0.0.
+        poses.append(
+            {'tag_id': tag_id} | {key: round(value, 6) + 0.0 for key, value in moved._asdict().items()}
+        )
+    unreachable = [{'tag_id': each, 'reason': reason} for each, reason in approaches.unreachable.items()]
+    length_m = round(route.length_m, 6)
+    return {'poses': poses, 'unreachable': unreachable, 'length_m': length_m}, frame_id, not unreachable
+
+
+def _draw(path: str, layout, approaches, route) -> None:
+    try:
+        import matplotlib  # imported late: a missing library is a one-line error
+
+        matplotlib.use('Agg')
+        from lupin_greenhouse_bridge.planning.route_drawing import draw_route
+
+        draw_route(layout, *approaches, route).savefig(path, dpi=130)
+    except ImportError as error:
+        raise StartUpError(f'{error}: sudo apt install python3-matplotlib') from error
+    except (OSError, ValueError) as error:  # unknown to matplotlib, or not writable
+        raise StartUpError(f"--picture '{path}': {error}") from error
+
+
+def _as_table(data: dict) -> str:
+    rows = [
+        (
+            escaped(each['tag_id'], 40),
+            *(f'{each[key]:.2f}' for key in ('x', 'y')),
+            str(round(math.degrees(each['yaw']))),
+            f'{each["distance_m"]:.2f}',
+            str(round(math.degrees(each['angle_rad']))),
+        )
+        for each in data['poses']
+    ]
+    rows.insert(0, ('tag', 'x (m)', 'y (m)', 'yaw (°)', 'distance (m)', 'angle (°)'))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        '  '.join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]).rstrip() for row in rows
+    ]
+    count = len(data['poses'])
+    total = count + len(data['unreachable'])
+    lines.append(f'{count}/{total} tags have an approach pose; the route is {data["length_m"]:.1f} m long')
+    return '\n'.join([*lines, ''])
+
+
+def _as_json(data: dict) -> str:
+    return json.dumps(data, ensure_ascii=False, indent=2) + '\n'
+
+
+def _as_csv(data: dict) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator='\n')
+    writer.writeheader()
+    writer.writerows(data['poses'])
+    return text.getvalue()
+
+
+def _as_yaml(data: dict) -> str:
+    import yaml  # imported here: the other formats do without
+
+    return yaml.safe_dump(data, allow_unicode=True, sort_keys=False)
+
+
+def _as_nav2(data: dict) -> str:
+    """Return the waypoints as the panel of nav2_rviz_plugins saves and loads them; w is the first of four."""
+    import yaml
+
+    waypoints = {}
+    for number, each in enumerate(data['poses']):
+        half = each['yaw'] / 2
+        waypoints[f'waypoint{number}'] = {
+            'pose': [each['x'], each['y'], 0.0],
+            'orientation': [round(math.cos(half), 9), 0.0, 0.0, round(math.sin(half), 9)],
+        }
+    return yaml.safe_dump({'waypoints': waypoints}, sort_keys=False)
+
+
+FORMATS = {'table': _as_table, 'yaml': _as_yaml, 'json': _as_json, 'csv': _as_csv, 'nav2': _as_nav2}
+
+
+def _publish(poses: list[dict], frame_id: str, args: list[str]) -> None:
+    """Keep the poses on the latched topic `~/poses` until Ctrl-C or SIGTERM."""
+    import rclpy
+    from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    from lupin_greenhouse_bridge.runtime import process
+    from lupin_greenhouse_bridge.runtime.run import node_creation, ros
+
+    with ros(args) as executor:
+        with node_creation():
+            node = rclpy.create_node('approach_poses')
+        executor.add_node(node)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        message = PoseArray()
+        message.header.frame_id = frame_id
+        message.header.stamp = node.get_clock().now().to_msg()
+        for each in poses:
+            half = each['yaw'] / 2
+            message.poses.append(
+                Pose(
+                    position=Point(x=each['x'], y=each['y']),
+                    orientation=Quaternion(z=math.sin(half), w=math.cos(half)),
+                )
+            )
+        publisher = node.create_publisher(PoseArray, '~/poses', latched)
+        publisher.publish(message)
+        node.get_logger().info(f'{pluralized(len(poses), "pose")} on {publisher.topic_name} until Ctrl-C')
+        while not process.is_asked_to_end():
+            executor.spin_once(timeout_sec=process.LONGEST_WAIT_SECONDS)
+
+
+def _parser() -> argparse.ArgumentParser:
+    default = ViewingLimits()
+    parser = argparse.ArgumentParser(
+        prog='approach_poses',
+        description='Print where a robot stands to look at each tag, in the order of visits.',
+    )
+    parser.add_argument(
+        '--tag-file',
+        default='',
+        metavar='FILE',
+        help="the bridge's tag_file; default: the one of mdp-greenhouse",
+    )
+    for name, value, unit, what in (
+        ('--radius', default.robot_radius_m, 'M', 'radius of the robot in metres'),
+        ('--clearance', default.clearance_m, 'M', 'distance between the robot and tables, walls and plates'),
+        ('--distance', default.preferred_distance_m, 'M', 'preferred distance to the tag'),
+        ('--smallest-distance', default.smallest_distance_m, 'M', 'smallest distance to the tag'),
+        ('--largest-distance', default.largest_distance_m, 'M', 'largest distance to the tag'),
+        ('--angle', math.degrees(default.largest_angle_rad), 'DEGREES', "largest angle to the tag's normal"),
+    ):
+        parser.add_argument(
+            name, type=float, default=value, metavar=unit, help=f'{what} (default: %(default)g)'
+        )
+    parser.add_argument(
+        '--order', choices=ORDERS, default='shortest', help='order of the visits (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--start', type=float, nargs=2, metavar=('X', 'Y'), help='where the robot starts, in the layout'
+    )
+    parser.add_argument('--overrides', metavar='FILE', help='YAML file of poses that are set by hand')
+    parser.add_argument(
+        '--transform', metavar='FILE', help='file of register_layout: print the poses in the map'
+    )
+    parser.add_argument(
+        '--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)'
+    )
+    parser.add_argument('--picture', metavar='FILE', help='draw the layout, the poses and the route')
+    parser.add_argument(
+        '--publish', action='store_true', help='keep the poses on ~/poses until Ctrl-C, for RViz'
+    )
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

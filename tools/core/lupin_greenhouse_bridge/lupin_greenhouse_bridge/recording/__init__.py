@@ -1,0 +1,1 @@
+"""Keep readings in a file and read them again: record_readings."""

@@ -1,0 +1,141 @@
+"""
+The parameters of a node, declared as fields of a dataclass.
+
+Does not import ROS at the top, so that a launch file can read a node's parameters.
+"""
+
+from dataclasses import field, fields
+
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
+
+
+def parameter(
+    default, description: str, *, smallest=None, largest=None, accepted: str = '', old_name: str = ''
+):
+    """
+    Return a dataclass field for one parameter.
+
+    A number may have inclusive limits. `accepted` is what the error says instead of the limits. The parameter
+    may still be set by its name of the release before.
+    """
+    metadata = {
+        'description': description,
+        'limits': (smallest, largest),
+        'accepted': accepted,
+        'old_name': old_name,
+    }
+    return field(default=default, metadata=metadata)
+
+
+_KINDS = {
+    str: (str, 'text (put quotes around a number)'),
+    bool: (bool, 'true or false'),
+    float: ((int, float), 'a number'),
+    int: (int, 'a whole number'),
+}
+
+
+def check_parameters(settings, *, of_any_type: tuple[str, ...] = ()) -> None:
+    """Raise StartUpError for the first parameter with a wrong type or a value outside its limits."""
+    for each in fields(settings):
+        if each.name in of_any_type:
+            continue
+        value, (kind, wanted) = getattr(settings, each.name), _KINDS[each.type]
+        smallest, largest = each.metadata['limits']
+        if smallest is not None and not each.metadata['accepted']:
+            wanted += f' from {smallest:g} to {largest:g}'
+        if not isinstance(value, kind) or isinstance(value, bool) != (kind is bool):
+            raise invalid(each.name, value, wanted)
+        if smallest is not None and not smallest <= value <= largest:  # also rejects NaN
+            raise invalid(each.name, value, each.metadata['accepted'] or wanted)
+
+
+def invalid(name: str, value, accepted: str) -> StartUpError:
+    """Return the error for a value that a parameter cannot have."""
+    return StartUpError(f'parameter {name} is {_shown(value)}: must be {accepted}')
+
+
+def _shown(value) -> str:
+    return escaped(repr(value), 100)
+
+
+def declare_parameters(node, settings_type, *, without_effect: tuple[str, ...] = ()):
+    """
+    Declare every field of a settings dataclass as a read-only parameter; return the settings.
+
+    Logs a warning for each parameter that the node does not have, which ROS would ignore silently, and one
+    line with those that are known to have no effect.
+    """
+    values = {each.name: _value(node, each) for each in fields(settings_type)}
+    if unused := [name for name in without_effect if _override(node, name) is not None]:
+        node.get_logger().info(f'without effect in this node: {", ".join(unused)}')
+    warn_of_unknown_parameters(node, besides={*old_names(settings_type), *without_effect})
+    settings = settings_type(**values)
+    for each in fields(settings_type):
+        # Not earlier: ROS would refuse a value outside its range, and not say which would be right.
+        node.set_descriptor(each.name, _descriptor(each, read_only=True))
+    return settings
+
+
+def _value(node, field):
+    """Declare a parameter and return its value, which may be set by the old name."""
+    name, old_name = field.name, field.metadata['old_name']
+    if not old_name or (old_value := _override(node, old_name)) is None:
+        return node.declare_parameter(name, field.default, _descriptor(field, read_only=False)).value
+    if _override(node, name) is not None:
+        raise StartUpError(f'parameters {old_name} and {name} are both set: set {name} alone')
+    node.get_logger().warning(f'parameter {old_name} is now {name}; the next release ignores the old name')
+    return node.declare_parameter(
+        name, old_value, _descriptor(field, read_only=False), ignore_override=True
+    ).value
+
+
+def _override(node, name: str):
+    """Return the value that a parameter was set to; None if it was not set."""
+    from rcl_interfaces.msg import ParameterDescriptor
+
+    value = node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True)).value
+    node.undeclare_parameter(name)
+    return value
+
+
+def _descriptor(field, *, read_only: bool):
+    """Return the ROS description of a parameter; one that is read-only has its range too."""
+    from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+
+    # The dataclass checks the types. ROS would refuse 3600 for a double.
+    descriptor = ParameterDescriptor(
+        description=field.metadata['description'], read_only=read_only, dynamic_typing=True
+    )
+    smallest, largest = field.metadata['limits']
+    if read_only and smallest is not None:
+        if field.type is int:
+            descriptor.integer_range = [IntegerRange(from_value=smallest, to_value=largest, step=1)]
+        else:
+            descriptor.floating_point_range = [
+                FloatingPointRange(from_value=float(smallest), to_value=float(largest))
+            ]
+    return descriptor
+
+
+def warn_of_unknown_parameters(node, *, besides=frozenset()) -> None:
+    """Log a warning for each parameter that was set and that the node does not have, `besides` these."""
+    for name in getattr(node, '_parameter_overrides', ()):  # private to rclpy: it may disappear
+        if not node.has_parameter(name) and name not in besides:
+            node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored')
+
+
+def launch_arguments(settings_type) -> list[tuple[str, str, type, str]]:
+    """Return (name, default, type, description) of each parameter, with the default as launch writes it."""
+    arguments = []
+    for each in fields(settings_type):
+        default = str(each.default).lower() if each.type is bool else str(each.default)
+        arguments.append((each.name, default, each.type, each.metadata['description']))
+    return arguments
+
+
+def old_names(settings_type) -> dict[str, str]:
+    """Return the name of each parameter that has an old one, by the old one."""
+    return {
+        each.metadata['old_name']: each.name for each in fields(settings_type) if each.metadata['old_name']
+    }

@@ -1,0 +1,122 @@
+"""Run a node: start ROS, create the node, spin it, and close all in the right order."""
+
+import contextlib
+import gc
+import os
+import signal
+import threading
+import warnings
+
+import rclpy
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.logging import get_logger
+from rclpy.signals import SignalHandlerOptions
+
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
+from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime.security import security_problem
+
+
+@contextlib.contextmanager
+def ros(args=None):
+    """
+    Start ROS and yield an executor; at the end, close the executor, its nodes and ROS, in that order.
+
+    Raises StartUpError for ROS arguments that cannot be parsed.
+    """
+    process.install_signal_handlers()
+    try:
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    except (RuntimeError, UnicodeEncodeError) as error:  # the latter: bytes that are not UTF-8
+        problem = security_problem() or (
+            'the ROS arguments cannot be parsed (put other arguments before --ros-args)'
+        )
+        raise StartUpError(f'{problem}: {error}') from error
+    try:
+        executor = SingleThreadedExecutor()
+        try:
+            yield executor
+        finally:
+            nodes = executor.get_nodes()
+            executor.shutdown(timeout_sec=0)  # Humble would wait for callbacks that never end
+            for node in nodes:
+                node.destroy_node()
+            gc.collect()  # a node whose constructor raised must be destroyed before ROS shuts down
+    finally:
+        rclpy.get_default_context().try_shutdown()
+        for number in process.SIGNALS:  # Python resets its own handlers before DDS has ended
+            signal.signal(number, signal.SIG_IGN)
+
+
+@contextlib.contextmanager
+def woken_by_signals(executor):
+    """Let every signal end the wait of an executor: it waits in C, where Python cannot handle the signal."""
+    read_end, write_end = os.pipe()
+    os.set_blocking(write_end, False)
+    before = signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
+
+    def wake():
+        while os.read(read_end, 1):
+            executor.create_task(int)
+
+    thread = threading.Thread(target=wake, name='signals')
+    thread.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(write_end)
+        thread.join()
+        os.close(read_end)
+
+
+@contextlib.contextmanager
+def node_creation():
+    """Wrap the creation of a node; raises StartUpError if ROS refuses it."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', RuntimeWarning)  # rclpy's, of a node that it could not create
+            yield
+    except (NameValidationException, ParameterException) as error:
+        raise StartUpError(f'the ROS arguments do not fit the node: {error}') from error
+    except rclpy_implementation.RCLError as error:
+        raise StartUpError(f'{security_problem() or "ROS cannot create the node"}: {error}') from error
+
+
+def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refused: int = 1) -> int:
+    """
+    Run one node until it is done, or until Ctrl-C or SIGTERM; return the exit code.
+
+    `is_done(node)` is called after every callback. `conclude(node)` returns the exit code, 0 by default. A
+    OneLineError becomes one FATAL line of the logger `name` and the exit code `refused`.
+    """
+
+    def refuse(error: OneLineError) -> int:
+        get_logger(name).fatal(str(error))
+        return refused
+
+    try:
+        with ros(args) as executor:
+            try:
+                with node_creation():
+                    node = create_node()
+                executor.add_node(node)
+                with woken_by_signals(executor):
+                    while not (process.is_asked_to_end() or (is_done and is_done(node))):
+                        _spin_once(executor, node)
+                return conclude(node) if conclude else 0
+            except OneLineError as error:  # here, because it keeps alive a node that must go before ROS
+                return refuse(error)
+    except StartUpError as error:
+        return refuse(error)
+
+
+def _spin_once(executor, node) -> None:
+    """Run one callback. Humble raises if a reply cannot be sent: log a warning and continue."""
+    try:
+        executor.spin_once()
+    except rclpy_implementation.RCLError as error:
+        reason = escaped(str(error), 300)
+        node.get_logger().warning(f'continued after: {reason}', throttle_duration_sec=1.0)

@@ -1,0 +1,45 @@
+"""Read the layout of the greenhouse as data, without the simulator. Does not import ROS."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.simulator.files import read_tables, read_tags, shipped_file
+
+
+class Tag(NamedTuple):
+    """A tag's position in metres, and its sensors."""
+
+    x: float
+    y: float
+    sensors: list[str]
+
+
+class Layout(NamedTuple):
+    """The tags and tables of the greenhouse, in metres."""
+
+    tags: dict[str, Tag]  # by id, in the order of the file; only tags with a sensor
+    tables: dict[str, tuple[float, float, float, float]]  # name -> (x0, y0, x1, y1)
+
+
+def read_layout(tag_file: str | Path) -> Layout:
+    """Return the layout of a tag_locations.json; raises StartUpError."""
+    return Layout(read_tags_with_sensors(tag_file), read_tables(tag_file))
+
+
+def read_tags_with_sensors(tag_file: str | Path) -> dict[str, Tag]:
+    """Return the tags that a bridge serves with this file, without its tables; raises StartUpError."""
+    tags = {
+        tag_id: Tag(float(tag['x']), float(tag['y']), tag['sensors'])
+        for tag_id, tag in read_tags(tag_file).items()
+        if tag['sensors']
+    }
+    if not tags:
+        raise StartUpError(f"tag_file '{tag_file}': no tag has a sensor: add a sensor to at least one tag")
+    return tags
+
+
+def find_layout(tag_file: str) -> Layout | None:
+    """Return the layout of tag_file, or of the shipped file for ''; None without either."""
+    path = tag_file or shipped_file('tag_locations.json')
+    return read_layout(path) if path else None
