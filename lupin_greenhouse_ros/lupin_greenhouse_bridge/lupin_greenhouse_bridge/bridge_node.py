@@ -1,4 +1,8 @@
-"""ROS 2 node `greenhouse_bridge`: returns the simulated climate at a tag, at the time of the request."""
+"""
+ROS 2 node `greenhouse_bridge`: returns the simulated climate at a tag, at the time of the request.
+
+ros2 run lupin_greenhouse_bridge bridge_node --ros-args -p debug_time_of_day:=12.0
+"""
 
 import sys
 from pathlib import Path

@@ -7,10 +7,10 @@ from conftest import SPINS
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.reading import read_tag
-from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime import process, run
 from lupin_greenhouse_bridge.runtime.parameters import launch_arguments
 from lupin_greenhouse_bridge.settings import Settings
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing.signals import MOMENTS, SIGNALS, command
 from rclpy.executors import SingleThreadedExecutor
 
@@ -205,3 +205,25 @@ def test_launch_gets_every_parameter_as_it_writes_defaults():
         'speedup_factor': ('0.0', float),
         'debug_seed': ('-1', int),
     }
+
+
+def test_a_bridge_warns_of_another_node_of_its_name(start_bridge):
+    bridge = start_bridge()
+    with spinning_node('greenhouse_bridge', namespace=bridge.namespace):
+        warning = bridge.wait_for_log(f'another node named {bridge.namespace}/greenhouse_bridge is on domain')
+    assert 'stop one of them, or give one a namespace or a ROS_DOMAIN_ID of its own' in warning
+
+
+def test_it_warns_once_and_not_of_another_namespace(monkeypatch, capfd):
+    monkeypatch.setattr(run, 'LOOK_EVERY_SECONDS', 0.0)
+    with spinning_node('bridge', namespace='/one') as node:
+        look = run.namesake_watch(node)
+        with spinning_node('bridge', namespace='/two'):
+            wait_until(lambda: ('bridge', '/two') in node.get_node_names_and_namespaces())
+            look()
+            assert capfd.readouterr().err == ''
+        with spinning_node('bridge', namespace='/one'):
+            wait_until(lambda: node.get_node_names_and_namespaces().count(('bridge', '/one')) == 2)
+            for _ in range(3):
+                look()
+            assert capfd.readouterr().err.count('another node named /one/bridge is on domain') == 1

@@ -1,4 +1,8 @@
-"""ROS 2 node `mission_orchestrator`: visits the tags, reads each over ROS, and publishes what it finds."""
+"""
+ROS 2 node `mission_orchestrator`: visits the tags, reads each over ROS, and publishes what it finds.
+
+ros2 run lupin_mission mission_orchestrator --ros-args -p tag_sequence:="6 21 29"
+"""
 
 import contextlib
 import sys

@@ -2,6 +2,8 @@
 ROS 2 node `passive_observer`: turns the readings of read_on_sight into observations.
 
 It is silent while a mission runs, which publishes observations of its own.
+
+    ros2 run lupin_mission passive_observer --ros-args -p layout_in_map:=layout_in_map.yaml
 """
 
 import sys

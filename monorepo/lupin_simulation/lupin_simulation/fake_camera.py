@@ -3,6 +3,8 @@ A camera for tests and simulations: publishes rendered images of the tag that th
 
 Subscribes to `mission/at_tag`. Between two tags, and for an id outside tag36h11, it shows a bare wall. With
 `from_odometry` it is on the robot instead: it subscribes to `odom`, and shows the tags in view from there.
+
+    ros2 run lupin_simulation fake_camera --ros-args -p publishes:=compressed
 """
 
 import sys

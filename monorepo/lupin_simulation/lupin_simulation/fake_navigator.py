@@ -3,6 +3,8 @@ A navigator for simulations without Nav2: serves NavigateToPose, and moves a dis
 
 Publishes `odom` and `amcl_pose`, which agree: both say where the robot is in the layout. Aborts a goal that
 has no way to it, and the goal before a new one. There is no localisation, no costmap and no recovery.
+
+    ros2 run lupin_simulation fake_navigator --ros-args -p speedup:=20.0
 """
 
 import math

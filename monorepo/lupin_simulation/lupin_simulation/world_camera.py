@@ -3,6 +3,8 @@
 
 Subscribes to `mission/at_tag`. Between two tags it shows the sky. The position, angle and distance vary from
 image to image. With `from_odometry` it is on the robot instead: it subscribes to `odom`.
+
+    ros2 run lupin_simulation world_camera --ros-args -p world_file:=.world/greenhouse.sdf
 """
 
 import math

@@ -1,4 +1,8 @@
-"""ROS 2 node `confirm_tag`: confirms that the camera sees the tag that the robot expects."""
+"""
+ROS 2 node `confirm_tag`: confirms that the camera sees the tag that the robot expects.
+
+ros2 run lupin_tag_confirmation confirm_tag --ros-args -p source:=compressed
+"""
 
 import sys
 import time

@@ -1,4 +1,8 @@
-"""ROS 2 node `record_readings`: keeps each value that it hears as a row of a SQLite or CSV file."""
+"""
+ROS 2 node `record_readings`: keeps each value that it hears as a row of a SQLite or CSV file.
+
+ros2 run lupin_greenhouse_bridge record_readings --ros-args -p file:=readings.csv
+"""
 
 import sys
 import time

@@ -1,8 +1,21 @@
 """Look at the ROS graph from a node."""
 
 import contextlib
+import os
 
 from rclpy.node import NodeNameNonExistentError
+
+
+def namesake_warning(node) -> str:
+    """Return a warning if another node has the full name of this one; '' otherwise."""
+    own = node.get_name(), node.get_namespace()
+    if node.get_node_names_and_namespaces().count(own) < 2:
+        return ''
+    name, domain = node.get_fully_qualified_name(), os.environ.get('ROS_DOMAIN_ID', '0')
+    return (
+        f'another node named {name} is on domain {domain}, so clients get the replies of both:'
+        ' stop one of them, or give one a namespace or a ROS_DOMAIN_ID of its own'
+    )
 
 
 def servers_of(node, service_name: str) -> set[str]:

@@ -3,6 +3,8 @@ ROS 2 node `show_readings`: shows received readings in RViz and Foxglove, as mar
 
 It hears the readings that others publish, and requests none itself. The field is interpolated from them: it
 is not the model of the simulator, which no robot can see.
+
+    ros2 run lupin_greenhouse_bridge show_readings --ros-args -p sensor:=co2
 """
 
 import array

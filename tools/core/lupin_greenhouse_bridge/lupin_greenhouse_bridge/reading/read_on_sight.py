@@ -2,6 +2,8 @@
 ROS 2 node `read_on_sight`: reads each tag that an AprilTag detector sees, and publishes the reading.
 
 It is a client of the bridge, for robots with a detector. It never waits in a callback.
+
+    ros2 run lupin_greenhouse_bridge read_on_sight --ros-args -p cooldown_seconds:=30.0
 """
 
 import re

@@ -2,9 +2,11 @@
 
 import contextlib
 import gc
+import math
 import os
 import signal
 import threading
+import time
 import warnings
 
 import rclpy
@@ -16,7 +18,11 @@ from rclpy.signals import SignalHandlerOptions
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
 from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime.command_line import answer_help
+from lupin_greenhouse_bridge.runtime.graph import namesake_warning
 from lupin_greenhouse_bridge.runtime.security import security_problem
+
+LOOK_EVERY_SECONDS = 5.0  # for another node of the same name
 
 
 @contextlib.contextmanager
@@ -89,6 +95,7 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
     """
     Run one node until it is done, or until Ctrl-C or SIGTERM; return the exit code.
 
+    `create_node` is the node's class. With --help, this prints the help of its module and starts nothing.
     `is_done(node)` is called after every callback. `conclude(node)` returns the exit code, 0 by default. A
     OneLineError becomes one FATAL line of the logger `name` and the exit code `refused`.
     """
@@ -98,13 +105,17 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
         return refused
 
     try:
+        if answer_help(create_node, args):
+            return 0
         with ros(args) as executor:
             try:
                 with node_creation():
                     node = create_node()
                 executor.add_node(node)
+                look_for_namesakes = namesake_watch(node)
                 with woken_by_signals(executor):
                     while not (process.is_asked_to_end() or (is_done and is_done(node))):
+                        look_for_namesakes()
                         _spin_once(executor, node)
                 return conclude(node) if conclude else 0
             except OneLineError as error:  # here, because it keeps alive a node that must go before ROS
@@ -113,10 +124,26 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
         return refuse(error)
 
 
+def namesake_watch(node):
+    """Return a function that logs a warning, once, if another node has the name of this one."""
+    next_look = -math.inf
+
+    def look() -> None:
+        nonlocal next_look
+        if time.monotonic() < next_look:
+            return
+        warning = namesake_warning(node)
+        next_look = math.inf if warning else time.monotonic() + LOOK_EVERY_SECONDS
+        if warning:
+            node.get_logger().warning(warning)
+
+    return look
+
+
 def _spin_once(executor, node) -> None:
-    """Run one callback. Humble raises if a reply cannot be sent: log a warning and continue."""
+    """Run one callback, if one comes soon. Humble raises if a reply cannot be sent: log and continue."""
     try:
-        executor.spin_once()
+        executor.spin_once(timeout_sec=LOOK_EVERY_SECONDS)
     except rclpy_implementation.RCLError as error:
         reason = escaped(str(error), 300)
         node.get_logger().warning(f'continued after: {reason}', throttle_duration_sec=1.0)

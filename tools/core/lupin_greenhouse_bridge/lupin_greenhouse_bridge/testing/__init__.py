@@ -93,11 +93,11 @@ def running(*node_types, arguments=(), **parameters):
 
 
 @contextlib.contextmanager
-def spinning_node(name: str):
+def spinning_node(name: str, namespace: str = ''):
     """Yield a node with its own context, spun by a thread."""
     context = Context()
     rclpy.init(args=[], context=context)
-    node = rclpy.create_node(name, context=context)
+    node = rclpy.create_node(name, namespace=namespace, context=context)
     try:
         with _spun(node, context=context):
             yield node

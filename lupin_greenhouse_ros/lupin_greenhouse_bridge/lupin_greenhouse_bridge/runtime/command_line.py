@@ -1,0 +1,41 @@
+"""The command line of a node: --help, and nothing else before --ros-args."""
+
+import inspect
+import itertools
+import sys
+from dataclasses import fields
+from types import ModuleType
+
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
+
+
+def answer_help(node_type, args: list[str] | None) -> bool:
+    """
+    Print what a node does, its parameters and an example if the command line asks for --help.
+
+    Returns whether it did. `args` is the command line with the program's name; None stands for sys.argv.
+    Raises StartUpError for any other argument before --ros-args.
+    """
+    command_line = sys.argv if args is None else args
+    own = list(itertools.takewhile(lambda word: word != '--ros-args', command_line[1:]))
+    if '--help' in own or '-h' in own:
+        print(help_text(sys.modules[node_type.__module__]))
+        return True
+    if own:
+        raise StartUpError(
+            f"unknown argument '{escaped(own[0], 64)}': set parameters with --ros-args -p name:=value,"
+            ' or ask for --help'
+        )
+    return False
+
+
+def help_text(module: ModuleType) -> str:
+    """Return the docstring of a node's module, then a table of the parameters in its `Settings`."""
+    rows = [(each.name, _default(each), each.metadata['description']) for each in fields(module.Settings)]
+    widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
+    lines = [f'  {row[0]:<{widths[0]}}  {row[1]:<{widths[1]}}  {row[2]}' for row in rows]
+    return '\n'.join([inspect.cleandoc(module.__doc__), '', 'Parameters and their defaults:', *lines])
+
+
+def _default(field) -> str:
+    return str(field.default).lower() if field.type is bool else repr(field.default)
