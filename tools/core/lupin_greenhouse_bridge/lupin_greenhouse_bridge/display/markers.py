@@ -13,7 +13,7 @@ from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
 from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.simulator.layout import Layout
-from lupin_greenhouse_bridge.units import unit_of
+from lupin_greenhouse_bridge.units import sensor_order, unit_of
 
 FIELD_NAMESPACE = 'field: interpolated from received readings'
 TABLE_HEIGHT_M, TAG_HEIGHT_M = 0.20, 0.30  # a tag's is that of its centre
@@ -46,7 +46,10 @@ def place_plates(layout: Layout, layout_in_map: Transform) -> dict[str, Plate]:
         for tag_id, each in tag_poses.items()
     }
     # As wide and as high as a label of four digits for each sensor of the tag.
-    texts = [[_value_line(each, 0.1234) for each in tag.sensors] for tag in layout.tags.values()]
+    texts = [
+        [_value_line(each, 0.1234) for each in sorted(tag.sensors, key=sensor_order)]
+        for tag in layout.tags.values()
+    ]
     sizes = [(max(map(len, lines)) * LETTER_WIDTH_M, (len(lines) + 1) * LINE_M) for lines in texts]
     places = place_labels(
         list(dots.values()), [(dot, *size) for dot, size in zip(dots.values(), sizes, strict=True)]
@@ -84,7 +87,8 @@ class Scene:
             if reading:
                 age = age_seconds(reading, header)
                 colour, alpha = ORANGE, STALE_ALPHA if age > stale_seconds else 1.0
-                lines = [_value_line(each.name, each.value) for each in reading.readings]
+                values = sorted(reading.readings, key=lambda each: sensor_order(each.name))
+                lines = [_value_line(each.name, each.value) for each in values]
                 text = '\n'.join([*lines, age_text(age)])
                 markers.append(_text('readings', number, plate.label[:2], text, alpha))
             markers += [

@@ -21,7 +21,7 @@ from lupin_greenhouse_bridge.planning.approach import (
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, plan_route
-from lupin_greenhouse_bridge.runtime.output import print_line
+from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 
@@ -112,10 +112,7 @@ def _as_table(data: dict) -> str:
         for each in data['poses']
     ]
     rows.insert(0, ('tag', 'x (m)', 'y (m)', 'yaw (°)', 'distance (m)', 'angle (°)'))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        '  '.join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]).rstrip() for row in rows
-    ]
+    lines = aligned_table(rows, range(1, len(rows[0])))
     count = len(data['poses'])
     total = count + len(data['unreachable'])
     lines.append(f'{count}/{total} tags have an approach pose; the route is {data["length_m"]:.1f} m long')
