@@ -27,14 +27,14 @@ from pathlib import Path
 from queue import SimpleQueue
 
 import domain_coordinator
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.store import key_of
 from lupin_greenhouse_bridge.testing import executable
 from lupin_msgs.msg import SensorReading, TagReading
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from traffic import PATIENCE_SECONDS, TAG_IDS, Bridge, ClientProcess
 
-LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LATCHED = latched(50)
 
 
 def client_killed_in_mid_call(scale: int) -> Iterator[tuple[str, bool]]:

@@ -1,7 +1,7 @@
 """The names, the statuses and the QoS that the bridge and its clients share."""
 
 from rcl_interfaces.srv import GetParameters
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 
@@ -15,6 +15,11 @@ STATUS_NAMES = {
     getattr(GetTagReading.Response, f'STATUS_{name}'): name
     for name in ('OK', 'UNKNOWN_TAG', 'SIMULATOR_ERROR')
 }
+
+
+def latched(depth: int = 1) -> QoSProfile:
+    """Return the QoS of a topic whose last messages are delivered to late subscribers too."""
+    return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def parameter_service_of(service_name: str) -> str:

@@ -1,8 +1,7 @@
 """Draw a MarkerArray and an OccupancyGrid from above, as RViz does: from the messages alone."""
 
-import math
-
 import numpy as np
+from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
@@ -18,8 +17,8 @@ BACKGROUND = '#303030'
 
 def turned(pose) -> Affine2D:
     """Return the transform of a pose that lies in the plane."""
-    yaw = 2 * math.atan2(pose.orientation.z, pose.orientation.w)
-    return Affine2D().rotate(yaw).translate(pose.position.x, pose.position.y)
+    x, y, yaw = pose_in_plane(pose)
+    return Affine2D().rotate(yaw).translate(x, y)
 
 
 def colour_of(marker):

@@ -17,7 +17,7 @@ from lupin_greenhouse_bridge.planning.approach import (
     read_overrides,
 )
 from lupin_greenhouse_bridge.planning.free_space import MARGIN_M, PLATE_WIDTH_M, FreeSpace, room_of
-from lupin_greenhouse_bridge.planning.route import in_numeric_order, plan_route
+from lupin_greenhouse_bridge.planning.route import plan_route
 from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
 
@@ -248,11 +248,6 @@ def test_the_shortest_route_of_the_shipped_layout_is_much_shorter_than_by_number
         assert route.points_m[0] == (0.5, 0.5)
         assert route.length_m == pytest.approx(floor.length_m(route.points_m))
         assert all(poses[tag_id][:2] in route.points_m for tag_id in route.tag_ids)
-
-
-def test_numbers_come_in_their_order_and_before_other_ids():
-    ids = ['b', '10', 'aa', '9', '007', '9' * 5000]
-    assert sorted(ids, key=in_numeric_order) == ['007', '9', '10', '9' * 5000, 'aa', 'b']
 
 
 def test_two_opt_mends_what_the_nearest_first_leaves():

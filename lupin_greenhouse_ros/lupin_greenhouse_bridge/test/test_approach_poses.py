@@ -14,10 +14,11 @@ import pytest
 import yaml
 from conftest import SPINS
 from geometry_msgs.msg import PoseArray
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
+from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from lupin_greenhouse_bridge.testing import spinning_node, wait_until
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
 LAYOUT = {
     'tags': {
@@ -198,8 +199,7 @@ def test_publish_keeps_the_poses_on_a_latched_topic_until_a_signal(run_here, tag
         try:
             with spinning_node('rviz') as node:
                 wait_until(lambda: node.count_publishers('/approach_poses/poses') == 1)
-                latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-                node.create_subscription(PoseArray, '/approach_poses/poses', heard.append, latched)
+                node.create_subscription(PoseArray, '/approach_poses/poses', heard.append, latched())
                 wait_until(lambda: heard)
         finally:
             signal.raise_signal(signal.SIGTERM)
@@ -211,8 +211,6 @@ def test_publish_keeps_the_poses_on_a_latched_topic_until_a_signal(run_here, tag
     listener.join()
     assert ended.code == 0, ended
     assert heard[0].header.frame_id == 'site'
-    poses = [
-        (each.position.x, each.position.y, 2 * math.atan2(each.orientation.z, each.orientation.w))
-        for each in heard[0].poses
+    assert [pose_in_plane(each) for each in heard[0].poses] == [
+        pytest.approx(each, abs=1e-5) for each in POSES.values()
     ]
-    assert poses == [pytest.approx(each, abs=1e-5) for each in POSES.values()]

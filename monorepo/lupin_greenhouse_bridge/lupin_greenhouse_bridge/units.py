@@ -14,6 +14,11 @@ def unit_of(sensor: str) -> str:
     return UNITS.get(sensor, '')
 
 
+def sensor_order(sensor: str) -> tuple[int, str]:
+    """Return a sort key for sensors: those of the simulator in the order of UNITS, then others by name."""
+    return (list(UNITS).index(sensor) if sensor in UNITS else len(UNITS)), sensor
+
+
 def label_of(sensor: str) -> str:
     """Return a sensor's name with its unit, such as `co2 (ppm)`."""
     unit = unit_of(sensor)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import pytest
 import rclpy
-from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.reading import read_on_sight
@@ -28,7 +28,7 @@ from lupin_greenhouse_bridge.testing import (
     wait_until,
 )
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 
 needs_detections = pytest.mark.skipif(
     not importlib.util.find_spec('apriltag_msgs'),
@@ -166,8 +166,7 @@ class Camera:
 def listen(node, topic) -> list[TagReading]:
     """Return the readings of a topic, the earlier ones included, as they arrive."""
     readings = []
-    latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    node.create_subscription(TagReading, topic, readings.append, latched)
+    node.create_subscription(TagReading, topic, readings.append, latched(50))
     return readings
 
 

@@ -2,12 +2,12 @@
 
 import time
 
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.runtime import process
 from lupin_msgs.msg import MissionState, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from lupin_mission.messages import observation_message, state_message
@@ -19,21 +19,16 @@ LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS = 5.0
 ACKNOWLEDGED_WITHIN_SECONDS = 0.2
 
 
-def latched(depth: int) -> QoSProfile:
-    """Return the QoS of a topic that sends its last messages to late subscribers."""
-    return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-
 class Announcer:
     """Publishes and logs for a mission node."""
 
     def __init__(self, node, observations_topic: str, frame_id: str = 'map'):
         self._node = node
         self._frame_id = frame_id
-        self._at_tag = node.create_publisher(String, 'mission/at_tag', latched(1))
+        self._at_tag = node.create_publisher(String, 'mission/at_tag', latched())
         self._observations = node.create_publisher(ObservationMessage, observations_topic, latched(50))
         self._readings = node.create_publisher(TagReading, 'mission/readings', latched(50))
-        self._states = node.create_publisher(MissionState, 'mission/state', latched(1))
+        self._states = node.create_publisher(MissionState, 'mission/state', latched())
         self._tag_at_hand = None
         self._progress = ProgressLine()
         self._event, self._severity, self._last_error = 'the node has started', Severity.INFO, ''

@@ -12,9 +12,9 @@ from functools import partial
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
-from lupin_greenhouse_bridge.planning.route import in_numeric_order
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.run import run
+from lupin_greenhouse_bridge.simulator.layout import natural_order
 from lupin_msgs.srv import StartMission
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
@@ -156,7 +156,7 @@ class MissionNode(Node):
 
     def _chosen_ids(self) -> list[str]:
         """Return the tags of tag_sequence, or else all tags in numeric order."""
-        return self._settings.chosen_tag_ids or sorted(self._tags.ids, key=in_numeric_order)
+        return self._settings.chosen_tag_ids or sorted(self._tags.ids, key=natural_order)
 
     def _begin(self, mission_id: str, tag_ids: list[str], report: Report) -> None:
         """Start a mission to the tags that have no reading in the report."""

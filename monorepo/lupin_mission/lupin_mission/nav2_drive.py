@@ -1,12 +1,12 @@
 """Drive with Nav2: an action client of nav2_msgs/action/NavigateToPose. No call waits."""
 
 import importlib
-import math
 from collections.abc import Callable
 
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.runtime.poses import pose_message
 from rclpy.action import ActionClient
 
 from lupin_mission.drive import Arrival, Drive, Goal
@@ -112,9 +112,7 @@ class Nav2Drive(Drive):
         message, goal = self._action.Goal(), self._goal
         # Without a stamp, Nav2 takes the latest transform.
         message.pose.header.frame_id = self._settings.frame_id
-        position, orientation = message.pose.pose.position, message.pose.pose.orientation
-        position.x, position.y = goal.x, goal.y
-        orientation.z, orientation.w = math.sin(goal.yaw / 2), math.cos(goal.yaw / 2)
+        message.pose.pose = pose_message(*goal)
         self._sent, self._since = _SentGoal(self._client, message, self._name, self._note), now_seconds
         self._not_over.append(self._sent)
 

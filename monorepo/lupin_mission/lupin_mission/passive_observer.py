@@ -10,6 +10,7 @@ import sys
 from dataclasses import dataclass
 
 from geometry_msgs.msg import Point, Pose, Quaternion
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.registration import read_transform
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
@@ -17,14 +18,13 @@ from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_msgs.msg import MissionState, Observation, TagReading
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 
 from lupin_mission.map_places import MapPlaces
 
 NODE_NAME = 'passive_observer'
 SOURCE = 'PassiveObserver'
 BUSY_STATES = ('PREPARE', 'EXPLORING', 'INSPECTING', 'MONITORING', 'RETURNING')
-LATCHED = DurabilityPolicy.TRANSIENT_LOCAL
 # Arguments of the team's observer, which asks the bridge by itself: here read_on_sight does.
 WITHOUT_EFFECT = (
     'bridge_service_name',
@@ -90,15 +90,12 @@ class PassiveObserver(Node):
         self._lifecycle_state = ''
         self._frame_id = settings.map_frame
         self._places = MapPlaces(self, frame_id=self._frame_id, layout_places=settings.layout_places())
-        latched = QoSProfile(depth=1, durability=LATCHED)
-        self._states = self.create_subscription(MissionState, 'mission/state', self._on_state, latched)
+        self._states = self.create_subscription(MissionState, 'mission/state', self._on_state, latched())
         # Not latched: the robot has left the place of an old reading.
         readings = self.create_subscription(
             TagReading, 'read_on_sight/readings', self._on_reading, QoSProfile(depth=50)
         )
-        self._observations = self.create_publisher(
-            Observation, settings.observations_topic, QoSProfile(depth=50, durability=LATCHED)
-        )
+        self._observations = self.create_publisher(Observation, settings.observations_topic, latched(50))
         self.get_logger().info(
             f'ready: readings from {readings.topic_name}, observations on {self._observations.topic_name}'
         )

@@ -4,6 +4,7 @@ import argparse
 import math
 import sys
 
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.planning.register_layout import (
     EPILOG,
     add_arguments,
@@ -15,7 +16,6 @@ from lupin_greenhouse_bridge.planning.register_layout import (
 )
 from lupin_greenhouse_bridge.reading.client import UsageError
 from lupin_msgs.msg import DiscoveredTags
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
 NAME = 'register_discovered_tags'
 FEWEST_TAGS = 4  # with fewer, none can be left out
@@ -63,8 +63,7 @@ def _register(executor, options) -> None:
             if tag_id in layout.tags and math.isfinite(at.x) and math.isfinite(at.y)
         }
 
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    tags = node.create_subscription(DiscoveredTags, 'perception/discovered_tags', on_tags, latched)
+    tags = node.create_subscription(DiscoveredTags, 'perception/discovered_tags', on_tags, latched())
     node.get_logger().info(f'waiting for {options.tags} tags of the layout on {tags.topic_name}')
     spin(executor, lambda: frame_id and len(places) >= options.tags)
     register(layout, places, frame_id, options)

@@ -13,7 +13,8 @@ from enum import Enum
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, escaped
-from lupin_greenhouse_bridge.units import clock_time, unit_of
+from lupin_greenhouse_bridge.runtime.output import aligned_table
+from lupin_greenhouse_bridge.units import clock_time, sensor_order, unit_of
 
 
 class ReportError(OneLineError):
@@ -200,9 +201,8 @@ def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -
     """Return a table, one row for each of `tag_ids`, and a last line such as `29/29 tags read`."""
     found = last_of_each_tag(observations)
     tag_ids = list(tag_ids)
-    sensors = list(
-        dict.fromkeys(name for each in found.values() if each.reading for name in each.reading.values)
-    )
+    names = {name for each in found.values() if each.reading for name in each.reading.values}
+    sensors = sorted(names, key=sensor_order)
     rows = [('tag', 'sim time', *sensors, 'outcome'), ('', 'h:min', *(unit_of(name) for name in sensors), '')]
     for tag_id in tag_ids:
         observation = found.get(tag_id)
@@ -220,14 +220,6 @@ def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -
                 else 'not visited',
             )
         )
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    lines = [
-        '  '.join(
-            # Align words left and numbers right.
-            cell.ljust(width) if column in (0, len(widths) - 1) else cell.rjust(width)
-            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+    lines = aligned_table(rows, range(1, len(sensors) + 2))
     read = sum(tag_id in found and found[tag_id].outcome is Outcome.OK for tag_id in tag_ids)
     return '\n'.join([*lines, f'{read}/{len(tag_ids)} tags read'])

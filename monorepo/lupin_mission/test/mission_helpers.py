@@ -13,7 +13,7 @@ from collections import defaultdict
 from concurrent.futures import Future
 from pathlib import Path
 
-from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, has_found_a_client, wait_until
 from lupin_mission import mission_orchestrator
@@ -21,7 +21,7 @@ from lupin_mission.report import Outcome, read_report
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.srv import StartMission
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 from rclpy.utilities import get_default_context
 from std_srvs.srv import Trigger
 
@@ -34,9 +34,7 @@ CAMERA = {
 }
 # DDS can drop a reply of the bridge while both discover each other: the mission asks until it has one.
 REAL = {'scan_timeout_s': 1.0, 'retry_delay_seconds': 0.0, 'max_attempts': 1000}
-TWIN_QOS = QoSProfile(
-    depth=50, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
+TWIN_QOS = latched(50)  # reliable, as by default
 WEB_QOS = QoSProfile(depth=10)  # a web client has no durability
 SERVICES = {
     **dict.fromkeys(['pause', 'resume', 'skip_current', 'abort'], Trigger),

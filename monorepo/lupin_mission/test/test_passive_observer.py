@@ -6,6 +6,7 @@ import threading
 
 import pytest
 from geometry_msgs.msg import Pose, PoseWithCovarianceStamped
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, spinning_node, wait_until
@@ -19,9 +20,9 @@ from lupin_msgs.msg import (
     TagReading,
 )
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 
-VOLATILE, LATCHED = QoSProfile(depth=50), QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+VOLATILE, LATCHED = QoSProfile(depth=50), latched(50)
 
 
 class Stack:

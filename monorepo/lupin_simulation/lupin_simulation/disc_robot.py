@@ -4,22 +4,14 @@ import math
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 
 TURN_RAD_PER_S = 1.5  # on the spot, at a speedup of 1
-
-
-class Pose(NamedTuple):
-    """A pose in the frame of the layout."""
-
-    x: float  # metres
-    y: float
-    yaw: float  # radians to the x axis
 
 
 @dataclass(frozen=True)
@@ -60,9 +52,9 @@ class Settings:
             raise invalid('blocked', self.blocked, accepted)
 
     @property
-    def start(self) -> Pose:
+    def start(self) -> PoseInPlane:
         """Where the robot starts."""
-        return Pose(*_numbers(self.start_pose))
+        return PoseInPlane(*_numbers(self.start_pose))
 
     @property
     def obstacles(self) -> list[tuple[float, float, float, float]]:
@@ -98,7 +90,7 @@ def _numbers(value) -> list[float]:
 class DiscRobot:
     """Turns on the spot, and drives straight from one point of its way to the next."""
 
-    def __init__(self, start: Pose, speed_m_per_s: float):
+    def __init__(self, start: PoseInPlane, speed_m_per_s: float):
         self.pose = start
         self.route: list[tuple[float, float]] = [start[:2]]  # where it has driven
         self._speed_m_per_s = speed_m_per_s
@@ -133,12 +125,12 @@ class DiscRobot:
             step_m = min(seconds * self._speed_m_per_s, left_m)
             seconds -= step_m / self._speed_m_per_s
             if step_m == left_m:
-                self.pose = Pose(x, y, self.pose.yaw)
+                self.pose = PoseInPlane(x, y, self.pose.yaw)
                 self._way.popleft()
                 self._note_point()
             else:
                 share = step_m / left_m
-                self.pose = Pose(self.pose.x + share * dx, self.pose.y + share * dy, self.pose.yaw)
+                self.pose = PoseInPlane(self.pose.x + share * dx, self.pose.y + share * dy, self.pose.yaw)
         if not self._way:
             self._turn(self._yaw, seconds)
 

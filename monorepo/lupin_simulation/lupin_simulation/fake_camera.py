@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses
 from lupin_greenhouse_bridge.reading.detections import detection_messages
@@ -21,7 +22,7 @@ from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_tag_confirmation.confirmation import TAG_COUNT
 from lupin_tag_confirmation.settings import TOPICS, check_source
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
 
@@ -72,8 +73,7 @@ class FakeCamera(Node):
         self._robot = RobotPose(self) if settings.from_odometry else None
         self._tags = tag_poses_by_number(settings.tag_locations_file) if settings.from_odometry else {}
         self._tag_id = ''
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched)
+        self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched())
         self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
 
     def _on_tag(self, message) -> None:

@@ -13,20 +13,20 @@ import time
 from functools import partial
 from pathlib import Path
 
-from geometry_msgs.msg import Point, PoseWithCovarianceStamped, Quaternion
-from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
+from lupin_greenhouse_bridge.runtime.poses import pose_in_plane, pose_message
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_mission.nav2_drive import navigate_to_pose
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 
-from lupin_simulation.disc_robot import DiscRobot, Pose, Settings
-from lupin_simulation.odometry import pose_in_plane
+from lupin_simulation.disc_robot import DiscRobot, Settings
 
 NODE_NAME = 'navigator'
 MAP_FRAME, ODOMETRY_FRAME, ROBOT_FRAME = 'map', 'odom', 'base_link'
@@ -48,8 +48,7 @@ class FakeNavigator(Node):
         self._ending = 0  # goals whose result is due
         self._moved_at = time.monotonic()
         self._odometry = self.create_publisher(Odometry, 'odom', QoSProfile(depth=10))
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._poses = self.create_publisher(PoseWithCovarianceStamped, 'amcl_pose', latched)
+        self._poses = self.create_publisher(PoseWithCovarianceStamped, 'amcl_pose', latched())
         self._server = ActionServer(
             self,
             self._action,
@@ -132,7 +131,7 @@ class FakeNavigator(Node):
         return result
 
     def _publish(self) -> None:
-        pose = message_of(self._robot.pose)
+        pose = pose_message(*self._robot.pose)
         odometry = Odometry(child_frame_id=ROBOT_FRAME)
         odometry.pose.pose = pose
         estimate = PoseWithCovarianceStamped()
@@ -153,12 +152,6 @@ class FakeNavigator(Node):
             Path(path).write_text('\n'.join(lines), encoding='utf-8')
         except OSError as error:
             raise StartUpError(f"route_file '{path}': {error.strerror}: name another file") from error
-
-
-def message_of(pose: Pose) -> PoseMessage:
-    """Return the message of a pose in the plane."""
-    turn = Quaternion(z=math.sin(pose.yaw / 2), w=math.cos(pose.yaw / 2))
-    return PoseMessage(position=Point(x=pose.x, y=pose.y), orientation=turn)
 
 
 def main(args=None) -> int:

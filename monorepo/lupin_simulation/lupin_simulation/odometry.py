@@ -1,20 +1,10 @@
 """Where the robot of a simulation stands, by its odometry."""
 
-import math
-from typing import NamedTuple
-
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 ODOMETRY_TOPIC = 'odom'  # relative: a namespace moves it
-
-
-class PoseInPlane(NamedTuple):
-    """A pose on the floor."""
-
-    x: float  # metres
-    y: float
-    yaw: float  # radians to the x axis
 
 
 class RobotPose:
@@ -27,10 +17,3 @@ class RobotPose:
 
     def _on_odometry(self, message) -> None:
         self.newest = pose_in_plane(message.pose.pose)
-
-
-def pose_in_plane(message) -> PoseInPlane:
-    """Return what a geometry_msgs/Pose says about the plane."""
-    x, y, z, w = (getattr(message.orientation, axis) for axis in 'xyzw')
-    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return PoseInPlane(message.position.x, message.position.y, yaw)

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.runtime.run import run
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
@@ -59,8 +60,7 @@ class WorldCamera(Node):
         self._tag_id = ''
         self._images = self.create_publisher(Image, IMAGE_TOPIC, qos_profile_sensor_data)
         self._robot = RobotPose(self) if settings.from_odometry else None
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched)
+        self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched())
         self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
         self.get_logger().info(f'ready: {len(self._tags)} tags in the world')
 

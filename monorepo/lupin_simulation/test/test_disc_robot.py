@@ -5,9 +5,10 @@ import math
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_simulation.disc_robot import TURN_RAD_PER_S, DiscRobot, Pose, Settings
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
+from lupin_simulation.disc_robot import TURN_RAD_PER_S, DiscRobot, Settings
 
-START = Pose(0.0, 0.0, 0.0)
+START = PoseInPlane(0.0, 0.0, 0.0)
 NORTH = math.pi / 2
 WAY = [(0.0, 0.0), (1.0, 0.0), (1.0, 2.0)]  # 3 m, with one turn
 DURATION_SECONDS = 3.0 / 0.5 + NORTH / TURN_RAD_PER_S + NORTH / TURN_RAD_PER_S
@@ -33,7 +34,7 @@ def test_it_turns_on_the_spot_before_it_drives_on():
 
 @pytest.mark.parametrize(('start', 'yaw'), [(-3.0, 3.0), (3.0, -3.0), (0.5, -0.5)])
 def test_it_turns_the_shorter_way_round(start, yaw):
-    robot = DiscRobot(Pose(0.0, 0.0, start), speed_m_per_s=0.5)
+    robot = DiscRobot(PoseInPlane(0.0, 0.0, start), speed_m_per_s=0.5)
     robot.set_off([], yaw)
     seconds = abs(math.remainder(yaw - start, math.tau)) / TURN_RAD_PER_S
     robot.advance(0.99 * seconds)

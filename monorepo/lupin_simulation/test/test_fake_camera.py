@@ -7,8 +7,10 @@ import math
 import numpy as np
 import pytest
 from confirming import Confirming
-from geometry_msgs.msg import Point, Pose, Quaternion
+from geometry_msgs.msg import Pose
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.runtime.poses import pose_in_plane, pose_message
 from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
 from lupin_simulation.fake_camera import (
     AT_TAG_TOPIC,
@@ -19,16 +21,14 @@ from lupin_simulation.fake_camera import (
     image_of,
     tag_poses_by_number,
 )
-from lupin_simulation.odometry import ODOMETRY_TOPIC, pose_in_plane
+from lupin_simulation.odometry import ODOMETRY_TOPIC
 from lupin_simulation.scene import Camera, marker
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
 from lupin_tag_confirmation.settings import Settings as ConfirmTagSettings
 from lupin_tag_confirmation.sources import open_source
 from nav_msgs.msg import Odometry
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 AT_TAG = f'/{AT_TAG_TOPIC}'
 CAMERA = Camera(width=320, height=240, focal_length_pixels=300.0)
 WALL = CAMERA.look_at(None, np.random.default_rng(0))
@@ -88,7 +88,7 @@ def test_detections_are_those_of_the_picture(tag_7):
 def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(run_nodes, source):
     parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0}
     *_, node = run_nodes(FakeCamera, ConfirmTagNode, publishes=source, source=source, **parameters)
-    at_tag = node.create_publisher(String, AT_TAG, LATCHED)
+    at_tag = node.create_publisher(String, AT_TAG, latched())
     confirming = Confirming(node)
     for tag_id in ('7', '587', 'seven', '586', ''):
         at_tag.publish(String(data=tag_id))
@@ -100,7 +100,7 @@ def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(run_nodes, 
 
 def test_a_mission_that_is_older_than_the_camera_is_heard(run_nodes):
     with spinning_node('mission') as mission:
-        at_tag = mission.create_publisher(String, AT_TAG, LATCHED)
+        at_tag = mission.create_publisher(String, AT_TAG, latched())
         at_tag.publish(String(data='7'))
         parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0}
         *_, node = run_nodes(FakeCamera, ConfirmTagNode, **parameters)
@@ -108,13 +108,9 @@ def test_a_mission_that_is_older_than_the_camera_is_heard(run_nodes):
         wait_until(lambda: confirming.confirm('7').detected)
 
 
-def message_of(x: float, y: float, yaw: float) -> Pose:
-    return Pose(position=Point(x=x, y=y), orientation=Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2)))
-
-
 @pytest.mark.parametrize('yaw', [-3.0, -math.pi / 2, 0.0, 0.3, 2.0, math.pi])
 def test_the_pose_of_the_robot_is_that_of_its_odometry(yaw):
-    assert pose_in_plane(message_of(1.5, -2.5, yaw)) == pytest.approx((1.5, -2.5, yaw))
+    assert pose_in_plane(pose_message(1.5, -2.5, yaw)) == pytest.approx((1.5, -2.5, yaw))
 
 
 def test_an_id_outside_the_family_has_no_place_in_the_picture(tmp_path):
@@ -134,14 +130,14 @@ def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
 def test_a_camera_on_the_robot_sees_its_tag_only_from_where_the_robot_really_stands(run_nodes):
     parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0, 'from_odometry': True}
     *_, node = run_nodes(FakeCamera, ConfirmTagNode, **parameters)
-    at_tag = node.create_publisher(String, AT_TAG, LATCHED)
+    at_tag = node.create_publisher(String, AT_TAG, latched())
     at_tag.publish(String(data='7'))  # what the mission believes counts for nothing
     odometry = node.create_publisher(Odometry, f'/{ODOMETRY_TOPIC}', 1)
     confirming = Confirming(node)
     confirming.confirm_until('no tag in view in 4 images')  # no odometry yet
     tag = tag_poses_by_number('')[7]
     x, y = tag.x + 0.4 * math.cos(tag.facing), tag.y + 0.4 * math.sin(tag.facing)
-    towards, aside = message_of(x, y, tag.facing + math.pi), message_of(x, y, tag.facing)
+    towards, aside = pose_message(x, y, tag.facing + math.pi), pose_message(x, y, tag.facing)
 
     def stands_at(pose: Pose):
         message = Odometry()
@@ -163,7 +159,7 @@ def test_two_robots_on_one_domain_do_not_hear_each_other(start_node):
             confirming = start_node([executable('lupin_tag_confirmation', 'confirm_tag')], **options)
             namespace = ['--ros-args', '-r', f'__ns:={confirming.namespace}']
             start_node([executable('lupin_simulation', 'fake_camera'), *namespace])
-            at_tag = node.create_publisher(String, f'{confirming.namespace}/mission/at_tag', LATCHED)
+            at_tag = node.create_publisher(String, f'{confirming.namespace}/mission/at_tag', latched())
             at_tag.publish(String(data=tag_id))
             robots[tag_id] = Confirming(node, confirming.namespace)
         for tag_id, other in ('78', '87'):

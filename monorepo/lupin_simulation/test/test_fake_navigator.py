@@ -11,25 +11,25 @@ import pytest
 import rclpy
 from action_msgs.msg import GoalStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, ManualClock, running, wait_until
 from lupin_simulation import fake_navigator
-from lupin_simulation.disc_robot import Pose
-from lupin_simulation.fake_navigator import FakeNavigator, message_of
-from lupin_simulation.odometry import pose_in_plane
+from lupin_simulation.fake_navigator import FakeNavigator
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
 LAYOUT = find_layout('')
 START = (0.5, 0.5)
-NEAR, FAR = (Pose(*find_approaches(LAYOUT, ViewingLimits()).poses[tag_id][:3]) for tag_id in ('1', '7'))
+NEAR, FAR = (
+    PoseInPlane(*find_approaches(LAYOUT, ViewingLimits()).poses[tag_id][:3]) for tag_id in ('1', '7')
+)
 NO_WAY = f'no way from 0.50, 0.50 to {FAR.x:.2f}, {FAR.y:.2f}'
 HOUR = 3600.0
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def result_of(future):
@@ -48,14 +48,14 @@ class Client:
         self._client = ActionClient(node, action_type, 'navigate_to_pose')
         self.odometry, self.estimates = [], []
         node.create_subscription(Odometry, '/odom', self.odometry.append, 10)
-        node.create_subscription(PoseWithCovarianceStamped, '/amcl_pose', self.estimates.append, LATCHED)
+        node.create_subscription(PoseWithCovarianceStamped, '/amcl_pose', self.estimates.append, latched())
         assert self._client.wait_for_server(timeout_sec=PATIENCE_SECONDS)
 
-    def send(self, pose: Pose, frame_id: str = 'map'):
+    def send(self, pose: PoseInPlane, frame_id: str = 'map'):
         """Send a goal; return its handle."""
         goal = self._type.Goal()
         goal.pose.header.frame_id = frame_id
-        goal.pose.pose = message_of(pose)
+        goal.pose.pose = pose_message(*pose)
         return result_of(self._client.send_goal_async(goal))
 
     def end_of(self, goal):
@@ -63,7 +63,7 @@ class Client:
         response = result_of(goal.get_result_async())
         return response.status, response.result
 
-    def wait_until_robot(self, is_it) -> Pose:
+    def wait_until_robot(self, is_it) -> PoseInPlane:
         """Return the pose of the robot once this is true of it."""
         heard = len(self.odometry)
         wait_until(lambda: len(self.odometry) > heard and is_it(pose_in_plane(self.odometry[-1].pose.pose)))
@@ -159,7 +159,9 @@ def test_a_newer_goal_aborts_the_one_before(start, clock):
     assert client.wait_until_robot(lambda _pose: True) == pytest.approx(NEAR)
 
 
-@pytest.mark.parametrize(('pose', 'frame_id'), [(FAR, 'odom'), (FAR, ''), (Pose(math.nan, 1.0, 0.0), 'map')])
+@pytest.mark.parametrize(
+    ('pose', 'frame_id'), [(FAR, 'odom'), (FAR, ''), (PoseInPlane(math.nan, 1.0, 0.0), 'map')]
+)
 def test_a_goal_that_is_not_a_pose_in_the_map_is_rejected(start, pose, frame_id):
     assert not start().send(pose, frame_id).accepted
 

@@ -7,20 +7,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import rclpy
-from geometry_msgs.msg import Point, Quaternion
+from lupin_greenhouse_bridge.contract import latched
+from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.testing import executable, wait_until
 from lupin_simulation import world_camera
 from lupin_simulation.view import Tag
 from lupin_simulation.world_camera import WorldCamera, approach
 from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
 TAG = Tag(np.array([2.0, 1.0, 0.3]), *np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 WHITE, BLACK = 255, 0
 
 
@@ -63,7 +63,7 @@ def run_camera(monkeypatch):
             robot = rclpy.create_node('robot')
             topic = f'{namespace}/camera/color/image_raw'
             robot.create_subscription(Image, topic, images.append, qos_profile_sensor_data)
-            at_tag = robot.create_publisher(String, f'{namespace}/mission/at_tag', LATCHED)
+            at_tag = robot.create_publisher(String, f'{namespace}/mission/at_tag', latched())
             at_tag.publish(String(data='7'))
             for node in (robot, WorldCamera()):
                 executor.add_node(node)
@@ -98,8 +98,7 @@ def test_a_camera_on_the_robot_looks_from_its_odometry_and_not_from_the_mission(
 
     def shows_from(x: float, y: float, yaw: float, level: int) -> bool:
         message = Odometry()
-        message.pose.pose.position = Point(x=x, y=y)
-        message.pose.pose.orientation = Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+        message.pose.pose = pose_message(x, y, yaw)
         odometry.publish(message)
         return shows(level)
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.qos import qos_profile_sensor_data
 
-from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, SERVICE_QOS, STATUS_NAMES
+from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, SERVICE_QOS, STATUS_NAMES, latched
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 from lupin_greenhouse_bridge.reading.detections import FAMILIES, detection_messages
@@ -84,8 +84,7 @@ class ReadOnSightNode(Node):
         self._futures = {}  # by tag id
         self._unknown_ids = set()
         self._next_doubt = 0.0  # when to look for a second server of the service
-        latched = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._readings = self.create_publisher(TagReading, '~/readings', latched)
+        self._readings = self.create_publisher(TagReading, '~/readings', latched(50))
         try:
             self._client = self.create_client(
                 GetTagReading, settings.bridge_service_name, qos_profile=SERVICE_QOS

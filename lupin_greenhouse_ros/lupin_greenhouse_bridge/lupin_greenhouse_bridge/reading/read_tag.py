@@ -30,7 +30,7 @@ from lupin_greenhouse_bridge.runtime.parameters import warn_of_unknown_parameter
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.runtime.security import security_problem
 from lupin_greenhouse_bridge.simulator import simulation
-from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_greenhouse_bridge.simulator.layout import find_layout, natural_order
 
 SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
@@ -155,7 +155,7 @@ def _all_tag_ids(bridge: client.Client, service_name: str) -> list[str]:
             f'the node of {service_name} has no parameter {TAG_IDS_PARAMETER}, so it is a bridge'
             ' older than 1.1: name the tag ids instead of --all'
         )
-    return sorted(tag_ids, key=lambda tag_id: (len(tag_id), tag_id))
+    return sorted(tag_ids, key=natural_order)
 
 
 def _places(bridge: client.Client, service_name: str) -> dict[str, tuple[float, float]]:

@@ -28,9 +28,29 @@ def read_tags(path) -> dict[str, dict]:
     Raises StartUpError if the file or a tag is malformed. Does not check that the sensors exist.
     """
     where = f"tag_file '{path}'"
+    return _tags_of(_read_tag_file(path, where), where)
+
+
+def read_tags_and_tables(path) -> tuple[dict[str, dict], dict[str, tuple[float, float, float, float]]]:
+    """
+    Return the tags as read_tags() does, and the tables as name -> (x0, y0, x1, y1) in metres.
+
+    Only the nested format has tables. Raises StartUpError if the file, a tag or a table is malformed. The
+    simulator itself does not read the tables.
+    """
+    where = f"tag_file '{path}'"
+    data = _read_tag_file(path, where)
+    return _tags_of(data, where), _tables_of(data, where)
+
+
+def _read_tag_file(path, where: str) -> dict:
     data = _parse_json(_read_text(path, where, LARGEST_TAG_FILE_BYTES), where)
     if not isinstance(data, dict):
         raise StartUpError(f'{where}: holds {_kind(data)} at its top level, not an object of tags')
+    return data
+
+
+def _tags_of(data: dict, where: str) -> dict[str, dict]:
     tags = data['tags'] if isinstance(data.get('tags'), dict) else data
     if not tags:
         raise StartUpError(f'{where}: holds no tags: add at least one, {_TAG_EXAMPLE}')
@@ -39,15 +59,8 @@ def read_tags(path) -> dict[str, dict]:
     return tags
 
 
-def read_tables(path) -> dict[str, tuple[float, float, float, float]]:
-    """
-    Return the tables of a tag file as name -> (x0, y0, x1, y1) in metres; only the nested format has any.
-
-    Raises StartUpError if the file or a table is malformed. The simulator itself does not read the tables.
-    """
-    where = f"tag_file '{path}'"
-    data = _parse_json(_read_text(path, where, LARGEST_TAG_FILE_BYTES), where)
-    tables = data.get('tables', {}) if isinstance(data, dict) and isinstance(data.get('tags'), dict) else {}
+def _tables_of(data: dict, where: str) -> dict[str, tuple[float, float, float, float]]:
+    tables = data.get('tables', {}) if isinstance(data.get('tags'), dict) else {}
     if not isinstance(tables, dict):
         raise StartUpError(f'{where}: tables is {_kind(tables)}, not an object, {_TABLE_EXAMPLE}')
     corners = {}

@@ -12,7 +12,8 @@ from lupin_greenhouse_bridge.planning.labelling import Box, place_labels
 from lupin_greenhouse_bridge.planning.visualization import read_visualization
 from lupin_greenhouse_bridge.recording.reading_files import read_file
 from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
-from lupin_greenhouse_bridge.units import clock_time, label_of
+from lupin_greenhouse_bridge.simulator.layout import natural_order
+from lupin_greenhouse_bridge.units import clock_time, label_of, sensor_order
 
 DONE, USAGE = 0, 2
 # Sizes in the picture, where a metre is about 0.6 inch: a dot, and a character of a label.
@@ -58,12 +59,12 @@ def _draw(options: argparse.Namespace, output: Path) -> None:
     outcomes = {visit.tag_id: visit.outcome for visit in visits}  # the last one of each tag
     failed = {tag_id for tag_id, outcome in outcomes.items() if outcome != 'OK'}
     readings = {tag_id: each for tag_id, each in last_of_each_tag(rows).items() if tag_id not in failed}
-    if strangers := sorted(set(readings) - set(layout.tags)):
+    if strangers := sorted(set(readings) - set(layout.tags), key=natural_order):
         raise StartUpError(
             f"'{options.file}': tag '{escaped(strangers[0], 64)}' has no position in the tag file:"
             " name the bridge's own with --tag-file"
         )
-    sensors = list(dict.fromkeys(name for values in readings.values() for name in values))
+    sensors = sorted({name for values in readings.values() for name in values}, key=sensor_order)
     if not sensors:
         raise StartUpError(f"'{options.file}': no tag was read, so there is nothing to draw")
 

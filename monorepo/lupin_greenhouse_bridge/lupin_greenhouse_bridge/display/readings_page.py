@@ -6,7 +6,6 @@ The page is one HTML file that needs no server and no network. Does not import R
 
 import json
 import math
-import re
 import sys
 from pathlib import Path
 
@@ -15,8 +14,8 @@ from lupin_greenhouse_bridge.errors import OneLineError, escaped
 from lupin_greenhouse_bridge.planning.visualization import Visualization, read_visualization
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFile, read_file
 from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
-from lupin_greenhouse_bridge.simulator.layout import Layout
-from lupin_greenhouse_bridge.units import label_of, unit_of
+from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
+from lupin_greenhouse_bridge.units import label_of, sensor_order, unit_of
 
 DONE, USAGE = 0, 2
 MOST_POINTS = 2000  # in a chart: a browser draws them in a moment
@@ -66,7 +65,7 @@ def fill(template: str, data: dict, script: str) -> str:
 
 def data_of(file: ReadingFile, layout: Layout, visualization: Visualization) -> dict:
     """Return what the page shows. Stamps are in milliseconds, everything else is as in Row."""
-    sensors = list(dict.fromkeys(row.sensor for row in file.rows))
+    sensors = sorted({row.sensor for row in file.rows}, key=sensor_order)
     tags = tags_of(file, layout, sensors)
     shown_tags = list(tags.values())[:MOST_TAGS]
     charts, thin = [], []
@@ -141,13 +140,12 @@ def _tag(tag_id: str, x_m: float | None, y_m: float | None) -> dict:
 
 
 def _urgency(item: tuple[str, dict]) -> tuple:
-    """Return what sorts tags: failures first, then those without a reading, then by number."""
+    """Return what sorts tags: failures first, then those without a reading, then in natural order."""
     tag_id, tag = item
     return (
         tag['outcome'] in ('', 'OK'),
         tag['stamp_ms'] is not None,
-        [float(part) if part.isdecimal() else 0 for part in re.split(r'(\d+)', tag_id)],
-        tag_id,
+        natural_order(tag_id),
     )
 
 

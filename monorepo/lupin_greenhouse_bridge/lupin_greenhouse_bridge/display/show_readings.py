@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.display.field import Grid, grid_over, interpolate, scaled
-from lupin_greenhouse_bridge.display.markers import Scene, pose
+from lupin_greenhouse_bridge.display.markers import Scene
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_transform
@@ -32,6 +32,7 @@ from lupin_greenhouse_bridge.runtime.parameters import (
     invalid,
     parameter,
 )
+from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
 from lupin_greenhouse_bridge.units import unit_of
@@ -95,9 +96,8 @@ class ShowReadingsNode(Node):
         self._readings: dict[str, TagReading] = {}  # the last one of each tag
         self._cells = None  # of the field; None if a reading has arrived since
         self._unknown_ids = set()
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._markers = self.create_publisher(MarkerArray, '~/markers', latched)
-        self._field = self.create_publisher(OccupancyGrid, '~/field', latched)
+        self._markers = self.create_publisher(MarkerArray, '~/markers', latched())
+        self._field = self.create_publisher(OccupancyGrid, '~/field', latched())
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
         self.create_timer(PUBLISH_EVERY_SECONDS, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._publish()
@@ -130,7 +130,7 @@ class ShowReadingsNode(Node):
             resolution=float(self._grid.resolution_m),
             width=self._grid.columns,
             height=self._grid.rows,
-            origin=pose(x, y, 0.0, self._layout_in_map.yaw),
+            origin=pose_message(x, y, self._layout_in_map.yaw),
         )
         self._field.publish(OccupancyGrid(header=header, info=info, data=self._cells))
         settings = self._settings

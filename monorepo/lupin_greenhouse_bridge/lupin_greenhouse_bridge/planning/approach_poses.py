@@ -21,7 +21,8 @@ from lupin_greenhouse_bridge.planning.approach import (
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, plan_route
-from lupin_greenhouse_bridge.runtime.output import print_line
+from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
+from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 
 ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
@@ -111,10 +112,7 @@ def _as_table(data: dict) -> str:
         for each in data['poses']
     ]
     rows.insert(0, ('tag', 'x (m)', 'y (m)', 'yaw (°)', 'distance (m)', 'angle (°)'))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
-        '  '.join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]).rstrip() for row in rows
-    ]
+    lines = aligned_table(rows, range(1, len(rows[0])))
     count = len(data['poses'])
     total = count + len(data['unreachable'])
     lines.append(f'{count}/{total} tags have an approach pose; the route is {data["length_m"]:.1f} m long')
@@ -145,10 +143,10 @@ def _as_nav2(data: dict) -> str:
 
     waypoints = {}
     for number, each in enumerate(data['poses']):
-        half = each['yaw'] / 2
+        x, y, z, w = quaternion_of(each['yaw'])
         waypoints[f'waypoint{number}'] = {
             'pose': [each['x'], each['y'], 0.0],
-            'orientation': [round(math.cos(half), 9), 0.0, 0.0, round(math.sin(half), 9)],
+            'orientation': [round(w, 9), x, y, round(z, 9)],
         }
     return yaml.safe_dump({'waypoints': waypoints}, sort_keys=False)
 
@@ -159,9 +157,9 @@ FORMATS = {'table': _as_table, 'yaml': _as_yaml, 'json': _as_json, 'csv': _as_cs
 def _publish(poses: list[dict], frame_id: str, args: list[str]) -> None:
     """Keep the poses on the latched topic `~/poses` until Ctrl-C or SIGTERM."""
     import rclpy
-    from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
-    from rclpy.qos import DurabilityPolicy, QoSProfile
+    from geometry_msgs.msg import PoseArray
 
+    from lupin_greenhouse_bridge.contract import latched
     from lupin_greenhouse_bridge.runtime import process
     from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 
@@ -169,19 +167,11 @@ def _publish(poses: list[dict], frame_id: str, args: list[str]) -> None:
         with node_creation():
             node = rclpy.create_node('approach_poses')
         executor.add_node(node)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         message = PoseArray()
         message.header.frame_id = frame_id
         message.header.stamp = node.get_clock().now().to_msg()
-        for each in poses:
-            half = each['yaw'] / 2
-            message.poses.append(
-                Pose(
-                    position=Point(x=each['x'], y=each['y']),
-                    orientation=Quaternion(z=math.sin(half), w=math.cos(half)),
-                )
-            )
-        publisher = node.create_publisher(PoseArray, '~/poses', latched)
+        message.poses = [pose_message(each['x'], each['y'], each['yaw']) for each in poses]
+        publisher = node.create_publisher(PoseArray, '~/poses', latched())
         publisher.publish(message)
         node.get_logger().info(f'{pluralized(len(poses), "pose")} on {publisher.topic_name} until Ctrl-C')
         while not process.is_asked_to_end():

@@ -8,7 +8,8 @@ from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.recording.csv_rows import HEADER as CSV_HEADER
 from lupin_greenhouse_bridge.recording.csv_rows import csv_text
 from lupin_greenhouse_bridge.recording.rows import rows_of
-from lupin_greenhouse_bridge.units import unit_of
+from lupin_greenhouse_bridge.runtime.output import aligned_table, column_widths
+from lupin_greenhouse_bridge.units import sensor_order, unit_of
 
 HEADER = ('tag', 'sim time', 'sensor', 'value', 'unit')
 
@@ -41,17 +42,8 @@ class Screen:
         if not rows:
             return []
         rows = [HEADER, *rows] if is_first else rows
-        self._widths = [
-            max(old, *map(len, column))
-            for old, column in zip(self._widths, zip(*rows, strict=True), strict=True)
-        ]
-        return [
-            '  '.join(
-                cell.rjust(width) if name == 'value' else cell.ljust(width)
-                for name, cell, width in zip(HEADER, row, self._widths, strict=True)
-            ).rstrip()
-            for row in rows
-        ]
+        self._widths = column_widths(rows, self._widths)
+        return aligned_table(rows, [HEADER.index('value')], self._widths)
 
     def _replace(self, lines: list[str]) -> None:
         """Erase the last table, and print as many lines as the terminal holds."""
@@ -111,7 +103,7 @@ def _rows(tag_id: str, reading) -> list[tuple[str, str, str, str, str]]:
     sim_time = f'{hours:02}:{seconds // 60:02}:{seconds % 60:02}'
     return [
         (escaped(tag_id, 40), sim_time, each.name, f'{each.value:.3f}', unit_of(each.name))
-        for each in reading.readings
+        for each in sorted(reading.readings, key=lambda each: sensor_order(each.name))
     ]
 
 

@@ -5,7 +5,13 @@ import json
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.simulator.files import read_tags, shipped_file
-from lupin_greenhouse_bridge.simulator.layout import Tag, find_layout, read_layout, read_tags_with_sensors
+from lupin_greenhouse_bridge.simulator.layout import (
+    Tag,
+    find_layout,
+    natural_order,
+    read_layout,
+    read_tags_with_sensors,
+)
 
 TAG = {'x': 1, 'y': 2.5, 'sensors': ['co2']}
 TABLE = {'x0': 0, 'y0': 0, 'x1': 2, 'y1': 1}
@@ -89,3 +95,8 @@ def test_a_malformed_table_is_refused_where_the_tables_matter_and_only_there(tag
 def test_a_missing_file_is_refused():
     with pytest.raises(StartUpError, match=r"tag_file '/missing\.json': cannot be read \(No such file"):
         read_layout('/missing.json')
+
+
+def test_ids_come_in_natural_order():
+    ids = ['007', '7', '9', '10', '9' * 5000, 'a', 'b', 'tag_2', 'tag_2b', 'tag_10']
+    assert sorted(set(ids), key=natural_order) == ids

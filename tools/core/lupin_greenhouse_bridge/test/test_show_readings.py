@@ -18,6 +18,7 @@ from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.planning.visualization import Footprint, read_visualization
+from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
 from lupin_greenhouse_bridge.testing import executable, running, spinning_node, wait_until
 from nav_msgs.msg import OccupancyGrid
@@ -64,9 +65,8 @@ def markers_of(layout, *readings, at_seconds, stale_seconds=60.0, layout_in_map=
 
 def cell(field, x, y) -> int:
     """Return the value of a field at a point of the map."""
-    origin, info = field.info.origin, field.info
-    yaw = 2 * math.atan2(origin.orientation.z, origin.orientation.w)
-    dx, dy = x - origin.position.x, y - origin.position.y
+    info, origin = field.info, pose_in_plane(field.info.origin)
+    yaw, dx, dy = origin.yaw, x - origin.x, y - origin.y
     column = math.floor((math.cos(yaw) * dx + math.sin(yaw) * dy) / info.resolution)
     row = math.floor((math.cos(yaw) * dy - math.sin(yaw) * dx) / info.resolution)
     return field.data[row * info.width + column]
@@ -152,14 +152,13 @@ def test_tables_plates_and_ids_lie_where_the_layout_lies_in_the_map():
     (table,) = of_namespace(markers, 'tables')
     assert (table.pose.position.x, table.pose.position.y) == pytest.approx((8.75, 22.0))
     assert (table.scale.x, table.scale.y) == pytest.approx((2.0, 0.5))
-    yaws = [2 * math.atan2(each.pose.orientation.z, each.pose.orientation.w) for each in markers.markers[:1]]
-    assert yaws == pytest.approx([turn])
+    assert pose_in_plane(table.pose).yaw == pytest.approx(turn)
     for namespace in ('tags', 'ids'):
         places = [(each.pose.position.x, each.pose.position.y) for each in of_namespace(markers, namespace)]
         assert places == [pytest.approx((9.0, 21.0)), pytest.approx((9.0, 23.0))]
     assert [each.text for each in of_namespace(markers, 'ids')] == ['7', '8']
     for plate in of_namespace(markers, 'tags'):
-        assert 2 * math.atan2(plate.pose.orientation.z, plate.pose.orientation.w) == pytest.approx(0.0)
+        assert pose_in_plane(plate.pose).yaw == pytest.approx(0.0)
     assert {each.header.frame_id for each in markers.markers} == {'map'}
 
 

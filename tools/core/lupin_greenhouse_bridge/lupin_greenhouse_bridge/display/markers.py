@@ -1,9 +1,8 @@
 """The markers that show the greenhouse and the last reading of each tag."""
 
-import math
 from typing import NamedTuple
 
-from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from geometry_msgs.msg import Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -12,8 +11,9 @@ from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.planning.labelling import Box, place_labels
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
+from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.simulator.layout import Layout
-from lupin_greenhouse_bridge.units import unit_of
+from lupin_greenhouse_bridge.units import sensor_order, unit_of
 
 FIELD_NAMESPACE = 'field: interpolated from received readings'
 TABLE_HEIGHT_M, TAG_HEIGHT_M = 0.20, 0.30  # a tag's is that of its centre
@@ -34,7 +34,7 @@ class Plate(NamedTuple):
     def marker(self, number: int, colour) -> Marker:
         """Return the marker of the tag."""
         size = (PLATE_THICKNESS_M, PLATE_M, PLATE_M)
-        at = pose(*self.dot[:2], TAG_HEIGHT_M, self.facing)
+        at = pose_message(*self.dot[:2], self.facing, TAG_HEIGHT_M)
         return _marker('tags', number, Marker.CUBE, colour, size, pose=at)
 
 
@@ -46,7 +46,10 @@ def place_plates(layout: Layout, layout_in_map: Transform) -> dict[str, Plate]:
         for tag_id, each in tag_poses.items()
     }
     # As wide and as high as a label of four digits for each sensor of the tag.
-    texts = [[_value_line(each, 0.1234) for each in tag.sensors] for tag in layout.tags.values()]
+    texts = [
+        [_value_line(each, 0.1234) for each in sorted(tag.sensors, key=sensor_order)]
+        for tag in layout.tags.values()
+    ]
     sizes = [(max(map(len, lines)) * LETTER_WIDTH_M, (len(lines) + 1) * LINE_M) for lines in texts]
     places = place_labels(
         list(dots.values()), [(dot, *size) for dot, size in zip(dots.values(), sizes, strict=True)]
@@ -84,7 +87,8 @@ class Scene:
             if reading:
                 age = age_seconds(reading, header)
                 colour, alpha = ORANGE, STALE_ALPHA if age > stale_seconds else 1.0
-                lines = [_value_line(each.name, each.value) for each in reading.readings]
+                values = sorted(reading.readings, key=lambda each: sensor_order(each.name))
+                lines = [_value_line(each.name, each.value) for each in values]
                 text = '\n'.join([*lines, age_text(age)])
                 markers.append(_text('readings', number, plate.label[:2], text, alpha))
             markers += [
@@ -100,7 +104,7 @@ class Scene:
         table = self._tables[number]
         x, y = self._layout_in_map.point((table.x0 + table.x1) / 2, (table.y0 + table.y1) / 2)
         size = (table.x1 - table.x0, table.y1 - table.y0, TABLE_HEIGHT_M)
-        at = pose(x, y, TABLE_HEIGHT_M / 2, self._layout_in_map.yaw)
+        at = pose_message(x, y, self._layout_in_map.yaw, TABLE_HEIGHT_M / 2)
         return _marker('tables', number, Marker.CUBE, BROWN, size, pose=at)
 
 
@@ -124,13 +128,6 @@ def plain(text: str) -> str:
     return text.encode('ascii', 'backslashreplace').decode()
 
 
-def pose(x: float, y: float, z: float, yaw: float) -> Pose:
-    """Return a pose in metres, turned by radians around the z axis."""
-    return Pose(
-        position=Point(x=x, y=y, z=z), orientation=Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
-    )
-
-
 def _value_line(sensor: str, value: float) -> str:
     return plain(f'{escaped(sensor, 40)} {value:.4g} {unit_of(sensor)}'.rstrip())
 
@@ -142,7 +139,7 @@ def _text(namespace: str, number: int, place, text: str, alpha: float = 1.0) -> 
         Marker.TEXT_VIEW_FACING,
         (*WHITE, alpha),
         (LETTER_WIDTH_M / 2, 0.0, LETTER_M),  # RViz takes the width of a space from x
-        pose=pose(*place, TEXT_HEIGHT_M, 0.0),
+        pose=pose_message(*place, 0.0, TEXT_HEIGHT_M),
         text=plain(text),
     )
 

@@ -24,7 +24,7 @@ from lupin_greenhouse_bridge.planning.registration import (
 )
 from lupin_greenhouse_bridge.reading.client import Interrupted, UsageError
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.output import print_line
+from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
 
@@ -97,13 +97,11 @@ def register(layout: Layout, places: dict, frame_id: str, options) -> None:
     """
     _check_known(layout, places)
     fitted = fit({tag_id: layout.tags[tag_id][:2] for tag_id in places}, places, options.tolerance)
-    lines = [f'{"tag":<8}  {"x in map (m)":>12}  {"y in map (m)":>12}  {"residual (m)":>12}']
-    for tag_id, (x, y) in places.items():
-        note = '  left out' if tag_id in fitted.left_out else ''
-        lines.append(
-            f'{escaped(tag_id, 40):<8}  {x:12.3f}  {y:12.3f}  {fitted.residuals_m[tag_id]:12.3f}{note}'
-        )
-    print_line('\n'.join(lines))
+    rows = [('tag', 'x in map (m)', 'y in map (m)', 'residual (m)', '')]
+    for tag_id, place in places.items():
+        numbers = (f'{each:.3f}' for each in (*place, fitted.residuals_m[tag_id]))
+        rows.append((escaped(tag_id, 40), *numbers, 'left out' if tag_id in fitted.left_out else ''))
+    print_line('\n'.join(aligned_table(rows, [1, 2, 3])))
     write_transform(options.output, fitted.transform, frame_id)
     x, y, yaw = fitted.transform
     print_line(

@@ -10,6 +10,7 @@ import numpy as np
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.approach import ApproachPose
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace, VisibilityGraph
+from lupin_greenhouse_bridge.simulator.layout import natural_order
 
 ORDERS = ('given', 'numeric', 'shortest')
 MOST_NEIGHBOURS = 40  # of a pose, by the way: a pair that is farther apart is not exchanged
@@ -42,7 +43,7 @@ def plan_route(
         if tag_id not in poses:
             raise StartUpError(f"tag '{escaped(tag_id, 64)}' has no approach pose: leave it out of the order")
     if order != 'given':
-        tag_ids.sort(key=in_numeric_order)
+        tag_ids.sort(key=natural_order)
     stops = [(each.x, each.y) for each in map(poses.__getitem__, tag_ids)]
     if start_m is not None:
         stops.insert(0, tuple(start_m))
@@ -62,12 +63,6 @@ def plan_route(
     return Route(
         [tag_ids[each - first_tag] for each in visits if each >= first_tag], points, floor.length_m(points)
     )
-
-
-def in_numeric_order(tag_id: str) -> tuple[bool, int, str, str]:
-    """Return a sort key: '9' before '10', and numbers before other ids."""
-    digits = tag_id.lstrip('0') if tag_id.isdecimal() else ''
-    return not tag_id.isdecimal(), len(digits), digits, tag_id
 
 
 def _cut_off(there, here) -> StartUpError:

@@ -2,6 +2,27 @@
 
 import os
 import sys
+from collections.abc import Collection, Sequence
+
+
+def column_widths(rows: Sequence[Sequence[str]], at_least: Sequence[int] | None = None) -> list[int]:
+    """Return the width of each column in characters, none of them narrower than `at_least`."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return list(map(max, widths, at_least)) if at_least else widths
+
+
+def aligned_table(
+    rows: Sequence[Sequence[str]], numeric_columns: Collection[int], widths: Sequence[int] | None = None
+) -> list[str]:
+    """Return a line for each row; numeric columns are aligned right. Columns are as wide as their widest cell."""
+    widths = widths or column_widths(rows)
+    return [
+        '  '.join(
+            cell.rjust(width) if column in numeric_columns else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
 
 
 def print_line(text: str, stream=None, end: str = '\n') -> None:

@@ -1,10 +1,11 @@
 """Read the layout of the greenhouse as data, without the simulator. Does not import ROS."""
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.simulator.files import read_tables, read_tags, shipped_file
+from lupin_greenhouse_bridge.simulator.files import read_tags, read_tags_and_tables, shipped_file
 
 
 class Tag(NamedTuple):
@@ -24,22 +25,36 @@ class Layout(NamedTuple):
 
 def read_layout(tag_file: str | Path) -> Layout:
     """Return the layout of a tag_locations.json; raises StartUpError."""
-    return Layout(read_tags_with_sensors(tag_file), read_tables(tag_file))
+    tags, tables = read_tags_and_tables(tag_file)
+    return Layout(_with_sensors(tags, tag_file), tables)
 
 
 def read_tags_with_sensors(tag_file: str | Path) -> dict[str, Tag]:
     """Return the tags that a bridge serves with this file, without its tables; raises StartUpError."""
-    tags = {
+    return _with_sensors(read_tags(tag_file), tag_file)
+
+
+def _with_sensors(tags: dict[str, dict], tag_file: str | Path) -> dict[str, Tag]:
+    found = {
         tag_id: Tag(float(tag['x']), float(tag['y']), tag['sensors'])
-        for tag_id, tag in read_tags(tag_file).items()
+        for tag_id, tag in tags.items()
         if tag['sensors']
     }
-    if not tags:
+    if not found:
         raise StartUpError(f"tag_file '{tag_file}': no tag has a sensor: add a sensor to at least one tag")
-    return tags
+    return found
 
 
 def find_layout(tag_file: str) -> Layout | None:
     """Return the layout of tag_file, or of the shipped file for ''; None without either."""
     path = tag_file or shipped_file('tag_locations.json')
     return read_layout(path) if path else None
+
+
+def natural_order(tag_id: str) -> tuple:
+    """Return a sort key for tag ids: numbers by their value and before words, in every part of the id."""
+    parts = []
+    for digits, text in re.findall('([0-9]+)|([^0-9]+)', tag_id):
+        number = digits.lstrip('0')  # compared as text of a length: an id may have thousands of digits
+        parts.append((bool(text), len(number), number or text))
+    return parts, tag_id
