@@ -1,5 +1,6 @@
 """The report of a mission: a JSON Lines file and a table. Does not import ROS."""
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -71,11 +72,13 @@ class Report:
         """Append one observation and wait until it is on the disk; raises ReportError."""
         line = f'{observation.to_line()}\n'.encode()
         try:
+            os.ftruncate(self._file, self._size)  # what a write that failed has left
             if os.write(self._file, line) != len(line):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(self._file)
         except OSError as error:
-            os.ftruncate(self._file, self._size)
+            with contextlib.suppress(OSError):  # the next line, or the next mission, removes it too
+                os.ftruncate(self._file, self._size)
             raise ReportError(f"report_file '{self.path}': {error.strerror}") from error
         self._size += len(line)
         self.observations.append(observation)

@@ -137,6 +137,24 @@ def test_an_observation_counts_only_once_it_is_on_the_disk(tmp_path, monkeypatch
     assert read_report(report.path) == [OK]
 
 
+def test_a_torn_line_that_cannot_be_removed_at_once_is_removed_before_the_next(tmp_path, monkeypatch):
+    report = Report(tmp_path / 'report.jsonl')
+    report.record(OK)
+
+    def write_a_part(file, line, write=os.write):
+        monkeypatch.setattr(os, 'ftruncate', fail)
+        return write(file, line[:20])
+
+    monkeypatch.setattr(os, 'write', write_a_part)
+    with pytest.raises(ReportError, match='No space left on device'):
+        report.record(FAILED)
+    monkeypatch.undo()
+    assert not report.path.read_bytes().endswith(b'\n')
+    report.record(FAILED)
+    report.close()
+    assert read_report(report.path) == [OK, FAILED]
+
+
 def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():
     again = Observation('8', Outcome.OK, '', 1, Reading('8', (1, 2), 3600.0 * 6.5, {'temperature': 15.0}))
     table = summary_table([OK, FAILED], iter(['7', '8', '9'])).splitlines()
