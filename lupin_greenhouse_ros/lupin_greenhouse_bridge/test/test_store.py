@@ -13,10 +13,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.recording.csv_rows import HEADER, csv_text, parse_csv
-from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, Visit, read_file, read_rows
-from lupin_greenhouse_bridge.recording.rows import Row, utc_of
+from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, read_file, read_rows
+from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
+from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, parse_csv, utc_of
 from lupin_greenhouse_bridge.recording.store import StoreError, open_store
 
 STAMP_NS = 1_795_189_976_000_000_513
@@ -156,17 +158,11 @@ def test_a_torn_row_that_cannot_be_removed_at_once_is_removed_before_the_next_on
     assert path.read_bytes() == before + csv_text([row(1), row(2)]).encode()
 
 
-def test_a_csv_file_that_was_deleted_takes_no_more_rows(opened, tmp_path):
-    store = opened('readings.csv')
-    (tmp_path / 'readings.csv').unlink()
-    with pytest.raises(StoreError, match='it was deleted'):
-        store.keep([row()])
-
-
-def test_a_database_that_was_deleted_takes_no_more_rows(opened, tmp_path):
-    store = opened('readings.sqlite')
-    (tmp_path / 'readings.sqlite').unlink()
-    with pytest.raises(StoreError):
+@pytest.mark.parametrize('name', FILES)
+def test_a_file_that_was_deleted_takes_no_more_rows(opened, tmp_path, name):
+    store = opened(name)
+    (tmp_path / name).unlink()
+    with pytest.raises(StoreError, match=name):
         store.keep([row()])
 
 
@@ -295,10 +291,34 @@ def test_a_report_gives_its_rows_with_positions_and_its_visits(tmp_path):
         row()._replace(source='mission report'),
         row(sensor='radon', value=2.0)._replace(source='mission report', unit=''),
     ]
+    reading = Reading('7', divmod(STAMP_NS, 10**9), 14400.0, {'co2': 468.63, 'radon': 2.0})
     assert visits == [
-        Visit('7', 'OK', '', 2, STAMP_NS),
-        Visit('99', 'UNKNOWN_TAG', "Tag '99' is not", 1, None),
+        Observation('7', Outcome.OK, '', 2, reading),
+        Observation('99', Outcome.UNKNOWN_TAG, "Tag '99' is not", 1),
     ]
+    assert ''.join(f'{each.to_line()}\n' for each in visits) == REPORT.replace('2}', '2.0}')
+
+
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+
+
+@given(
+    tag_id=st.text(),
+    stamp=st.tuples(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1)),
+    time_of_day=NUMBERS,
+    values=st.dictionaries(st.text(), NUMBERS, min_size=1),
+)
+def test_an_observation_comes_back_as_it_was(tag_id, stamp, time_of_day, values):
+    observation = Observation(tag_id, Outcome.OK, '', 1, Reading(tag_id, stamp, time_of_day, values))
+    line = observation.to_line()
+    assert '\n' not in line
+    assert Observation.from_line(line.encode()) == observation
+
+
+@pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
+def test_a_number_that_json_does_not_have_is_never_written(value):
+    with pytest.raises(ValueError, match='JSON'):
+        Observation('7', Outcome.OK, '', 1, Reading('7', (1, 2), 0.0, {'co2': value})).to_line()
 
 
 def test_a_row_without_a_position_gets_that_of_the_layout(opened, tmp_path, shipped_tags):
@@ -323,6 +343,11 @@ def test_a_row_without_a_position_gets_that_of_the_layout(opened, tmp_path, ship
         (REPORT.replace('468.63', 'NaN').encode(), 'value of co2 is nan'),
         (REPORT.replace('14400.0', 'Infinity').encode(), 'sim_time_of_day_seconds of co2 is inf'),
         (REPORT.replace('1795189976', '9' * 20).encode(), 'line 1 is not an observation (OverflowError'),
+        (REPORT.replace('"attempts": 2', '"attempts": 1e999').encode(), 'observation (OverflowError'),
+        (
+            REPORT.replace('{"co2": 468.63, "radon": 2}', '{}').encode(),
+            'line 1 is not an observation (ValueE',
+        ),
         (f'{HEADER}\n{csv_text([row(place_m=(math.nan, 1.0))])}'.encode(), 'x_m of co2 is nan'),
         (f'{HEADER}\n{csv_text([row()._replace(stamp_ns=-1)])}'.encode(), 'stamp_ns is -1'),
         (b'SQLite format 3\0' + bytes(5000), 'not a file of readings'),

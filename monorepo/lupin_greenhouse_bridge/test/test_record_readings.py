@@ -1,4 +1,4 @@
-"""record_readings: what it hears, what it keeps, and what it says when it cannot."""
+"""record_readings: what it receives, what it keeps, and what it says when it cannot."""
 
 import contextlib
 import sqlite3
@@ -57,25 +57,25 @@ class Disk:
 
 def test_rows_that_arrive_while_the_disk_is_full_are_written_afterwards():
     disk, log = Disk(), Log()
-    keeper = BufferedWriter(disk, log)
+    writer = BufferedWriter(disk, log)
     disk.is_full = True
     for number in range(5):
-        keeper.add([row(number)], 0.0)
-        keeper.write(0.0)
+        writer.add([row(number)], 0.0)
+        writer.write(0.0)
     disk.is_full = False
-    keeper.write(1.0)
+    writer.write(1.0)
     assert disk.rows == [row(number) for number in range(5)]
     assert (log.infos, log.warnings, len(log.errors)) == (['5 rows kept'], [], 1)
 
 
 def test_a_full_disk_is_one_error_every_ten_seconds():
     disk, log = Disk(), Log()
-    keeper = BufferedWriter(disk, log)
+    writer = BufferedWriter(disk, log)
     disk.is_full = True
     said = []
     for now in (100.0, 100.5, 109.9, 110.0, 119.9, 120.0):
-        keeper.add([row(int(now * 10))], now)
-        keeper.write(now)
+        writer.add([row(int(now * 10))], now)
+        writer.write(now)
         said.append(len(log.errors))
     assert said == [1, 1, 1, 2, 2, 3]
     assert log.errors[0].endswith(': 1 row waiting in memory, 0 dropped')
@@ -85,38 +85,38 @@ def test_a_full_disk_is_one_error_every_ten_seconds():
 
 def test_ten_thousand_rows_wait_and_what_is_dropped_is_counted_and_said():
     disk, log = Disk(), Log()
-    keeper = BufferedWriter(disk, log)
+    writer = BufferedWriter(disk, log)
     disk.is_full = True
-    keeper.add([row(number) for number in range(10_003)], 0.0)
-    keeper.add([row(0)], 0.0)  # waits already
-    keeper.write(10.0)
+    writer.add([row(number) for number in range(10_003)], 0.0)
+    writer.add([row(0)], 0.0)  # waits already
+    writer.write(10.0)
     assert '10000 rows waiting in memory, 3 dropped' in log.errors[-1]
     disk.is_full = False
-    keeper.write(20.0)
-    keeper.add([row(10_003)], 20.0)
-    keeper.write(20.5)
+    writer.write(20.0)
+    writer.add([row(10_003)], 20.0)
+    writer.write(20.5)
     assert len(disk.rows) == 10_001
     assert log.infos == ['10000 rows kept', '10001 rows kept']
     assert log.warnings == ['3 rows dropped: the file could not be written for too long']
-    assert keeper.end() == 0
+    assert writer.end() == 0
 
 
 def test_more_rows_at_once_than_can_wait_are_all_written():
     disk = Disk()
-    keeper = BufferedWriter(disk, Log())
+    writer = BufferedWriter(disk, Log())
     rows = [row(number) for number in range(3 * MOST_WAITING + 1)]
-    keeper.add(rows, 0.0)
-    assert keeper.end() == 0
+    writer.add(rows, 0.0)
+    assert writer.end() == 0
     assert disk.rows == rows
 
 
 def test_rows_that_cannot_be_written_at_the_end_are_lost_and_counted():
     disk, log = Disk(), Log()
-    keeper = BufferedWriter(disk, log)
-    keeper.add([row()], 0.0)
+    writer = BufferedWriter(disk, log)
+    writer.add([row()], 0.0)
     disk.is_full = True
-    keeper.write(0.0)
-    assert keeper.end() == 1
+    writer.write(0.0)
+    assert writer.end() == 1
     assert len(log.errors) == 2  # also within the ten seconds
 
 
@@ -125,9 +125,9 @@ def test_rows_that_cannot_be_written_at_the_end_are_lost_and_counted():
 )
 def test_a_row_that_no_file_can_be_read_with_is_not_kept_and_said(bad):
     disk, log = Disk(), Log()
-    keeper = BufferedWriter(disk, log)
-    keeper.add([row()._replace(**bad), row(1)], 0.0)
-    keeper.write(0.0)
+    writer = BufferedWriter(disk, log)
+    writer.add([row()._replace(**bad), row(1)], 0.0)
+    writer.write(0.0)
     assert disk.rows == [row(1)]
     assert f"tag '7': {next(iter(bad))}" in log.warnings[0]
 
@@ -169,9 +169,9 @@ def publisher_on(node, durability, topic=TOPIC, depth=2000):
 
 
 @pytest.fixture
-def hearer():
+def subscriber():
     """Return a node with the numbers of the readings that were `delivered` to its subscriptions."""
-    with spinning_node('hearer') as node:
+    with spinning_node('subscriber') as node:
         create, delivered = node.create_subscription, []
 
         def create_subscription(kind, topic, callback, *arguments, **keywords):
@@ -187,32 +187,34 @@ def hearer():
         yield SimpleNamespace(node=node, delivered=delivered)
 
 
-def test_each_reading_is_heard_once_from_latched_and_volatile_publishers(robot, hearer, capfd):
-    heard, more = [], '/tested/more'
+def test_each_reading_is_received_once_from_latched_and_volatile_publishers(robot, subscriber, capfd):
+    received, more = [], '/tested/more'
     latched, volatile = publisher_on(robot, LATCHED), publisher_on(robot, VOLATILE, more)
     latched.publish(reading(1))
     names = subscribe_to_readings(
-        hearer.node, [TOPIC, more], lambda each, topic: heard.append((each.stamp.nanosec, topic))
+        subscriber.node, [TOPIC, more], lambda each, topic: received.append((each.stamp.nanosec, topic))
     )
     assert names == [TOPIC, more]
-    wait_until(lambda: 1 in hearer.delivered)  # published before it was subscribed to
+    wait_until(lambda: 1 in subscriber.delivered)  # published before it was subscribed to
     wait_until(lambda: latched.get_subscription_count() == 2)
     latched.publish(reading(2))
-    wait_until(lambda: hearer.delivered.count(2) == 2)
-    wait_until(lambda: volatile.publish(reading(3)) or 3 in hearer.delivered)
-    assert heard == [(1, TOPIC), (2, TOPIC), (3, more)]
-    assert '[hearer]' not in capfd.readouterr().err  # no warning of rclpy
+    wait_until(lambda: subscriber.delivered.count(2) == 2)
+    wait_until(lambda: volatile.publish(reading(3)) or 3 in subscriber.delivered)
+    assert received == [(1, TOPIC), (2, TOPIC), (3, more)]
+    assert '[subscriber]' not in capfd.readouterr().err  # no warning of rclpy
 
 
-def test_two_readings_of_one_stamp_and_tag_with_other_sensors_are_both_heard(robot, hearer):
-    publisher, heard = publisher_on(robot, LATCHED), []
+def test_two_readings_of_one_stamp_and_tag_with_other_sensors_are_both_received(robot, subscriber):
+    publisher, received = publisher_on(robot, LATCHED), []
     for sensor in ('temperature', 'humidity'):
         one = reading(1)
         one.readings = [SensorReading(name=sensor, value=1.0)]
         publisher.publish(one)
-    subscribe_to_readings(hearer.node, [TOPIC], lambda each, _topic: heard.append(each.readings[0].name))
-    wait_until(lambda: hearer.delivered.count(1) >= 2)
-    assert heard == ['temperature', 'humidity']
+    subscribe_to_readings(
+        subscriber.node, [TOPIC], lambda each, _topic: received.append(each.readings[0].name)
+    )
+    wait_until(lambda: subscriber.delivered.count(1) >= 2)
+    assert received == ['temperature', 'humidity']
 
 
 @pytest.fixture
@@ -278,11 +280,11 @@ def test_a_recorder_that_was_killed_goes_on_and_keeps_nothing_twice(start_node, 
 def test_a_signal_writes_the_last_rows_and_ends_with_exit_code_0(run_here, tmp_path, monkeypatch, signals):
     create = record_readings.subscribe_to_readings
 
-    def hear_at_once(node, topics, on_reading):
+    def receive_at_once(node, topics, on_reading):
         on_reading(reading(1), topics[0])
         return create(node, topics, on_reading)
 
-    monkeypatch.setattr(record_readings, 'subscribe_to_readings', hear_at_once)
+    monkeypatch.setattr(record_readings, 'subscribe_to_readings', receive_at_once)
     file = tmp_path / 'readings.sqlite'
     ended = run_here(
         record_readings.main, '--ros-args', '-p', f'file:={file}', signals_at={SPINS: SIGNALS[signals]}
@@ -293,7 +295,7 @@ def test_a_signal_writes_the_last_rows_and_ends_with_exit_code_0(run_here, tmp_p
 
 
 def test_rows_lost_at_the_end_are_exit_code_1(run_here, tmp_path, monkeypatch):
-    monkeypatch.setattr(BufferedWriter, 'end', lambda _keeper: 1)
+    monkeypatch.setattr(BufferedWriter, 'end', lambda _writer: 1)
     arguments = ['--ros-args', '-p', f'file:={tmp_path / "readings.csv"}']
     ended = run_here(record_readings.main, *arguments, signals_at={SPINS: SIGNALS['SIGTERM']})
     assert ended.code == 1

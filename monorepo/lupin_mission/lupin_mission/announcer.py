@@ -4,6 +4,7 @@ import time
 
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import escaped
+from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.runtime import process
 from lupin_msgs.msg import MissionState, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
@@ -13,7 +14,6 @@ from std_msgs.msg import String
 from lupin_mission.messages import observation_message, state_message
 from lupin_mission.mission import Mission, Severity
 from lupin_mission.progress import ProgressLine
-from lupin_mission.report import Observation, Outcome
 
 LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS = 5.0
 ACKNOWLEDGED_WITHIN_SECONDS = 0.2

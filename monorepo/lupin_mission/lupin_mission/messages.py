@@ -1,12 +1,12 @@
 """Convert between the mission's objects and the team's messages."""
 
 from lupin_greenhouse_bridge.contract import STATUS_NAMES
+from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
 from lupin_msgs.srv import GetTagReading
 
 from lupin_mission.mission import Mission, Request, Service, State
-from lupin_mission.report import Observation, Outcome, Reading
 
 MISSION_TYPE = 'InspectionMission'
 LIFECYCLE_STATES = {State.READY: 'READY', State.RETURNING: 'RETURNING', State.DONE: 'DONE'}

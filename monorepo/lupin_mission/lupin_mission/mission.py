@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Protocol
 
+from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
+
 from lupin_mission.drive import Arrival, Drive
-from lupin_mission.report import Observation, Outcome, Reading, fault_of
 
 LONGEST_RETRY_DELAY_SECONDS = 10.0
 
@@ -365,8 +366,8 @@ class Mission:
             return False
         if reading.tag_id != self._tag_id:
             self._attempt_failed(Outcome.WRONG_TAG, f'asked for {self._tag_id!r}, got {reading.tag_id!r}')
-        elif fault := fault_of(reading):
-            self._attempt_failed(Outcome.BAD_READING, fault)
+        elif reading.fault:
+            self._attempt_failed(Outcome.BAD_READING, reading.fault)
         else:
             self.mark_scan_ok(self._tag_id, reading)
         return True

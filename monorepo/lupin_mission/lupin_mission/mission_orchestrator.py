@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
+from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import natural_order
@@ -30,14 +31,7 @@ from lupin_mission.messages import MISSION_TYPE, accept_response
 from lupin_mission.mission import Mission, Request, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.plan import Plan
-from lupin_mission.report import (
-    Observation,
-    Outcome,
-    Report,
-    ReportError,
-    last_of_each_tag,
-    summary_table,
-)
+from lupin_mission.report import Report, ReportError, last_of_each_tag, summary_table
 from lupin_mission.settings import WITHOUT_EFFECT, Settings
 from lupin_mission.tags import Tags
 from lupin_mission.transport import Transport

@@ -14,10 +14,11 @@ from concurrent.futures import Future
 from pathlib import Path
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
+from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, has_found_a_client, wait_until
 from lupin_mission import mission_orchestrator
-from lupin_mission.report import Outcome, read_report
+from lupin_mission.report import read_report
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.srv import StartMission
 from rclpy.callback_groups import ReentrantCallbackGroup

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
 from lupin_mission.drive import Arrival, TimedDrive
 from lupin_mission.mission import Limits, Mission, Service, Severity, State
-from lupin_mission.report import Observation, Outcome, Reading, Report
+from lupin_mission.report import Report
 
 LIMITS = Limits(
     dwell_seconds=1.0,
@@ -293,8 +294,9 @@ def test_an_unknown_tag_is_not_asked_for_again():
         (reading('a', float('nan')), Outcome.BAD_READING),
         (Reading('a', (1, 2), float('inf'), {'co2': 1.0}), Outcome.BAD_READING),
         (Reading('a', (1, 2), 0.0, {}), Outcome.BAD_READING),
+        (Reading('a', (-1, 2), 0.0, {'co2': 1.0}), Outcome.BAD_READING),
     ],
-    ids=['another tag', 'NaN', 'time without end', 'empty'],
+    ids=['another tag', 'NaN', 'time without end', 'empty', 'before 1970'],
 )
 def test_a_reading_that_cannot_be_is_refused_and_asked_for_again(bad, outcome):
     world = World('a')

@@ -9,11 +9,11 @@ import pytest
 import rclpy
 from action_msgs.srv import CancelGoal
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.testing import wait_until
 from lupin_mission.drive import Arrival
 from lupin_mission.mission import Limits, Mission, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive, navigate_to_pose
-from lupin_mission.report import Outcome
 from lupin_mission.settings import Settings
 from rclpy.context import Context
 

@@ -6,13 +6,13 @@ import sys
 import pytest
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.registration import Transform
+from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import read_layout
 from lupin_greenhouse_bridge.testing import wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS
 from lupin_mission.announcer import Announcer
 from lupin_mission.plan import Plan
-from lupin_mission.report import Outcome
 from lupin_mission.settings import Settings
 from lupin_msgs.msg import MissionState, Observation
 from mission_helpers import READER, WEB_QOS, Subscriber

@@ -8,11 +8,12 @@ import time
 import pytest
 import rclpy
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
 from lupin_mission import mission_orchestrator, tags
 from lupin_mission.mission import Service, State
-from lupin_mission.report import Outcome, read_report
+from lupin_mission.report import read_report
 from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import GetTagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, WEB_QOS, Subscriber

@@ -1,41 +1,16 @@
 """The report: its contents after a kill, and the files that it refuses."""
 
 import errno
-import math
 import os
 import subprocess
 import sys
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from lupin_mission.report import (
-    Observation,
-    Outcome,
-    Reading,
-    Report,
-    ReportError,
-    last_of_each_tag,
-    read_report,
-    summary_table,
-)
+from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
+from lupin_mission.report import Report, ReportError, last_of_each_tag, read_report, summary_table
 
 OK = Observation('7', Outcome.OK, '', 1, Reading('7', (12, 34), 43200.0, {'temperature': 21.5, 'co2': 600.0}))
 FAILED = Observation('8', Outcome.TIMEOUT, 'no reply before the timeout', 3)
-NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
-
-
-@given(
-    tag_id=st.text(),
-    stamp=st.tuples(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1)),
-    time_of_day=NUMBERS,
-    values=st.dictionaries(st.text(), NUMBERS),
-)
-def test_an_observation_comes_back_as_it_was(tag_id, stamp, time_of_day, values):
-    observation = Observation(tag_id, Outcome.OK, '', 1, Reading(tag_id, stamp, time_of_day, values))
-    line = observation.to_line()
-    assert '\n' not in line
-    assert Observation.from_line(line) == observation
 
 
 def test_a_report_is_continued(tmp_path):
@@ -82,22 +57,18 @@ def test_a_last_line_that_lost_only_its_newline_is_kept(tmp_path):
         '[' * 100_000 + '\n',
         OK.to_line().replace('{"temperature": 21.5, "co2": 600.0}', '[]') + '\n',
         OK.to_line() + '\nnotes',
+        '\x89PNG\r\n\x1a\n',
+        OK.to_line().replace('21.5', '-Infinity') + '\n',
     ],
 )
 def test_a_file_that_is_no_report_is_refused_and_left_alone(tmp_path, content):
     path = tmp_path / 'notes.txt'
-    path.write_text(content, encoding='utf-8')
-    with pytest.raises(ReportError, match=r'notes\.txt'):
-        Report(path)
-    assert path.read_text(encoding='utf-8') == content
-
-
-def test_a_file_that_was_refused_is_let_go(tmp_path):
-    path = tmp_path / 'notes.txt'
-    path.write_text('my notes\n', encoding='utf-8')
-    with pytest.raises(ReportError) as refusal:
-        Report(path)
-    path.write_text('', encoding='utf-8')
+    path.write_bytes(content.encode('latin-1'))
+    for use in (Report, read_report):
+        with pytest.raises(ReportError, match=r'notes\.txt.* not an observation') as refusal:
+            use(path)
+    assert path.read_bytes() == content.encode('latin-1')
+    path.write_bytes(b'')
     Report(path).close()  # otherwise another mission would seem to write it
     del refusal
 
@@ -105,13 +76,6 @@ def test_a_file_that_was_refused_is_let_go(tmp_path):
 def test_a_report_that_is_not_there_cannot_be_read():
     with pytest.raises(ReportError, match='No such file or directory: name the report of a mission'):
         read_report('/missing.jsonl')
-
-
-def test_a_file_of_other_bytes_is_refused(tmp_path):
-    path = tmp_path / 'picture.png'
-    path.write_bytes(b'\x89PNG\r\n\x1a\n\xff\xfe')
-    with pytest.raises(ReportError, match='is not an observation'):
-        Report(path)
 
 
 @pytest.mark.parametrize('path', ['', 'missing/report.jsonl', '.', 'nul\0'])
@@ -143,7 +107,8 @@ def test_a_full_disk_leaves_whole_lines_only(tmp_path):
     path = tmp_path / 'report.jsonl'
     program = f"""
 import resource
-from lupin_mission.report import Observation, Outcome, Report, ReportError
+from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome
+from lupin_mission.report import Report, ReportError
 report = Report({str(path)!r})
 report.record(Observation('1', Outcome.TIMEOUT, '', 1))
 resource.setrlimit(resource.RLIMIT_FSIZE, (150, 150))
@@ -158,13 +123,13 @@ except ReportError as error:
     assert path.read_bytes().endswith(b'\n')
 
 
+def fail(*_arguments):
+    raise OSError(errno.EIO, 'Input/output error')
+
+
 def test_an_observation_counts_only_once_it_is_on_the_disk(tmp_path, monkeypatch):
     report = Report(tmp_path / 'report.jsonl')
     report.record(OK)
-
-    def fail(_file):
-        raise OSError(errno.EIO, 'Input/output error')
-
     monkeypatch.setattr(os, 'fsync', fail)
     with pytest.raises(ReportError, match='Input/output error'):
         report.record(FAILED)
@@ -172,10 +137,22 @@ def test_an_observation_counts_only_once_it_is_on_the_disk(tmp_path, monkeypatch
     assert read_report(report.path) == [OK]
 
 
-@pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
-def test_a_number_that_json_does_not_have_is_never_written(value):
-    with pytest.raises(ValueError, match='JSON'):
-        Observation('7', Outcome.OK, '', 1, Reading('7', (1, 2), 0.0, {'co2': value})).to_line()
+def test_a_torn_line_that_cannot_be_removed_at_once_is_removed_before_the_next(tmp_path, monkeypatch):
+    report = Report(tmp_path / 'report.jsonl')
+    report.record(OK)
+
+    def write_a_part(file, line, write=os.write):
+        monkeypatch.setattr(os, 'ftruncate', fail)
+        return write(file, line[:20])
+
+    monkeypatch.setattr(os, 'write', write_a_part)
+    with pytest.raises(ReportError, match='No space left on device'):
+        report.record(FAILED)
+    monkeypatch.undo()
+    assert not report.path.read_bytes().endswith(b'\n')
+    report.record(FAILED)
+    report.close()
+    assert read_report(report.path) == [OK, FAILED]
 
 
 def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():
@@ -189,23 +166,3 @@ def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():
     assert table[5] == '1/3 tags read'
     assert last_of_each_tag([OK, FAILED, again]) == {'7': OK, '8': again}
     assert summary_table([OK, FAILED, again], ['7', '8']).endswith('2/2 tags read')
-
-
-@pytest.mark.parametrize(
-    ('word', 'other'),
-    [
-        ('"attempts": 1', '"attempts": 1e999'),
-        ('"sec": 12', '"sec": 1e999'),
-        ('43200.0', 'NaN'),
-        ('43200.0', '1e999'),
-        ('21.5', '-Infinity'),
-    ],
-)
-def test_a_line_with_a_number_that_is_not_finite_is_no_observation(tmp_path, word, other):
-    path = tmp_path / 'report.jsonl'
-    line = OK.to_line().replace(word, other)
-    assert other in line
-    path.write_text(f'{line}\n', encoding='utf-8')
-    for use in (Report, read_report):
-        with pytest.raises(ReportError, match='line 1 is not an observation'):
-            use(path)

@@ -7,12 +7,12 @@ import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, spinning_node, wait_until
 from lupin_mission import mission_orchestrator, transport
 from lupin_mission.announcer import Announcer
 from lupin_mission.mission import Severity
-from lupin_mission.report import Outcome
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState, Observation, TagReading
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Operator, Subscriber

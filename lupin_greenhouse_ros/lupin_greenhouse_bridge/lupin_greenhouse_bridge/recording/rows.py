@@ -1,13 +1,17 @@
-"""The rows in which readings are kept: one value each. Does not import ROS."""
+"""The rows in which readings are kept, one value each, and their CSV in UTF-8. Does not import ROS."""
 
+import csv
 import datetime
+import io
 import math
 from collections.abc import Iterable
+from types import SimpleNamespace
 from typing import NamedTuple
 
 from lupin_greenhouse_bridge.units import unit_of
 
 LATEST_STAMP_NS = 2**63 - 1  # the year 2262
+LONGEST_FIELD = 2**31 - 1  # characters; ROS does not limit the name of a sensor
 
 
 class Row(NamedTuple):
@@ -25,35 +29,32 @@ class Row(NamedTuple):
     source: str  # the topic or the command that the reading came from
 
 
+HEADER = ','.join(Row._fields)
+
+
 def rows_of(reading, source: str, place_m: tuple[float, float] | None = None) -> list[Row]:
     """Return the rows of a TagReading, in the order of its sensors."""
     stamp_ns = reading.stamp.sec * 1_000_000_000 + reading.stamp.nanosec
-    x_m, y_m = place_m or (None, None)
-    return [
-        Row(
-            stamp_ns,
-            utc_of(stamp_ns),
-            reading.tag_id,
-            each.name,
-            each.value,
-            unit_of(each.name),
-            x_m,
-            y_m,
-            reading.sim_time_of_day_seconds,
-            source,
-        )
-        for each in reading.readings
-    ]
+    values = ((each.name, each.value) for each in reading.readings)
+    return make_rows(stamp_ns, reading.tag_id, values, reading.sim_time_of_day_seconds, source, place_m)
 
 
-def fault_of(row: Row) -> str:
-    """Return which number of a row from a file cannot be right; '' if all can."""
-    if not 0 <= row.stamp_ns <= LATEST_STAMP_NS:
-        return f'stamp_ns is {row.stamp_ns}'
-    for name in ('value', 'x_m', 'y_m', 'sim_time_of_day_seconds'):
-        number = getattr(row, name)
-        if number is not None and not math.isfinite(number):
-            return f'{name} of {row.sensor} is {number}'
+def make_rows(stamp_ns, tag_id, values, sim_time_of_day_seconds, source, place_m=None) -> list[Row]:
+    """Return a row for each name and value; arguments as the columns, and a position in metres or None."""
+    head = stamp_ns, utc_of(stamp_ns), tag_id
+    tail = *(place_m or (None, None)), sim_time_of_day_seconds, source
+    return [Row(*head, sensor, value, unit_of(sensor), *tail) for sensor, value in values]
+
+
+def fault_of(rows: Iterable[Row]) -> str:
+    """Return the first number of rows from outside that cannot be right; '' if all can."""
+    for row in rows:
+        if not 0 <= row.stamp_ns <= LATEST_STAMP_NS:
+            return f'stamp_ns is {row.stamp_ns}'
+        for name in ('value', 'x_m', 'y_m', 'sim_time_of_day_seconds'):
+            number = getattr(row, name)
+            if number is not None and not math.isfinite(number):
+                return f'{name} of {row.sensor} is {number}'
     return ''
 
 
@@ -73,3 +74,47 @@ def last_of_each_tag(rows: Iterable[Row]) -> dict[str, dict[str, Row]]:
             reading.clear()
         reading[row.sensor] = row
     return last
+
+
+def csv_text(rows: Iterable[Row]) -> str:
+    r"""Return rows as lines of CSV that end in \n, without the header."""
+    lines = []
+    # The writer quotes each character of its own line end, \r\n: no tag id can end a line.
+    csv.writer(SimpleNamespace(write=lines.append)).writerows(rows)
+    return ''.join(f'{line[:-2]}\n' for line in lines)
+
+
+def parse_csv(content: bytes) -> tuple[list[Row], int]:
+    """
+    Return the rows of a CSV with its header, and the size in bytes of its complete lines.
+
+    The rest is a row that was torn when its writer was killed. Raises ValueError for anything else.
+    """
+    whole = content[: content.rfind(b'\n') + 1]
+    line_count = whole.count(b'\n')
+    csv.field_size_limit(LONGEST_FIELD)
+    reader = csv.reader(io.StringIO(whole.decode('utf-8-sig'), newline='\n'), strict=True)
+    if ','.join(next(reader, [])) != HEADER:
+        raise ValueError(f'the first line is not {HEADER}')
+    rows, complete_lines = [], 1
+    try:
+        for record in reader:
+            rows.append(_row_of(record))
+            complete_lines = reader.line_num
+    except (ValueError, csv.Error) as error:
+        if reader.line_num < line_count or not isinstance(error, csv.Error):
+            raise ValueError(f'line {complete_lines + 1}: {error}') from error
+    torn = whole.split(b'\n')[complete_lines:-1]
+    return rows, len(whole) - sum(len(line) + 1 for line in torn)
+
+
+def _row_of(record: list[str]) -> Row:
+    if len(record) != len(Row._fields):
+        raise ValueError(f'{len(record)} values in place of {len(Row._fields)}')
+    stamp_ns, stamp_utc, tag_id, sensor, value, unit, x_m, y_m, sim_time, source = record
+    head = int(stamp_ns), stamp_utc, tag_id, sensor, float(value), unit
+    place_m = (float(x_m) if x_m else None, float(y_m) if y_m else None)
+    row = Row(*head, *place_m, float(sim_time), source)
+    if fault := fault_of([row]):
+        raise ValueError(fault)
+    return row

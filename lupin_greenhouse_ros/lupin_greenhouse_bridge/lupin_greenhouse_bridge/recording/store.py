@@ -15,8 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.recording.csv_rows import HEADER, csv_text, parse_csv
-from lupin_greenhouse_bridge.recording.rows import Row
+from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, parse_csv
 
 APPLICATION_ID = 0x4C755250  # marks our SQLite files, in big-endian order at byte 68
 HEAD_BYTES = 72

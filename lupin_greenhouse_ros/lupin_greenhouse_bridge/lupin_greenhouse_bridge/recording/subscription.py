@@ -1,4 +1,4 @@
-"""Hear the topics of readings, whatever the durability of their publishers."""
+"""Subscribe to topics of readings, whatever the durability of their publishers."""
 
 from collections.abc import Callable, Iterable
 
@@ -49,24 +49,24 @@ def subscribe_to_readings(
 
     A latched reading is delivered again to each new subscriber, so also after a restart.
     """
-    heard = {}  # the last ones: stamp, tag and sensors
+    received = {}  # the last ones: stamp, tag and sensors
     names = {}  # the full name of each topic
 
     def once(reading, topic: str) -> None:
         sensors = (each.name for each in reading.readings)
         key = reading.stamp.sec, reading.stamp.nanosec, reading.tag_id, *sensors
-        if key not in heard:
-            heard[key] = None
-            if len(heard) > 2 * DEPTH:
-                del heard[next(iter(heard))]
+        if key not in received:
+            received[key] = None
+            if len(received) > 2 * DEPTH:
+                del received[next(iter(received))]
             on_reading(reading, names[topic])
 
     for topic in topics:
         try:
             validate_topic_name(topic)
             names[topic] = node.resolve_topic_name(topic)  # before a reading can arrive
-            # The latched subscription receives what was published before it, but hears no volatile publisher,
-            # of which rclpy would warn. The other one hears both.
+            # The latched subscription receives what was published before it, and nothing of a volatile
+            # publisher, of which rclpy would warn. The other one receives both.
             for durability, is_warning in ((LATCHED, False), (VOLATILE, True)):
                 node.create_subscription(
                     TagReading,

@@ -5,9 +5,8 @@ import os
 import sys
 
 from lupin_greenhouse_bridge.errors import escaped
-from lupin_greenhouse_bridge.recording.csv_rows import HEADER as CSV_HEADER
-from lupin_greenhouse_bridge.recording.csv_rows import csv_text
-from lupin_greenhouse_bridge.recording.rows import rows_of
+from lupin_greenhouse_bridge.recording.rows import HEADER as CSV_HEADER
+from lupin_greenhouse_bridge.recording.rows import csv_text, rows_of
 from lupin_greenhouse_bridge.runtime.output import aligned_table, column_widths
 from lupin_greenhouse_bridge.units import sensor_order, unit_of
 

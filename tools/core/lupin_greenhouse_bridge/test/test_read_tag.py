@@ -19,7 +19,7 @@ import rclpy
 from conftest import Terminal
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading
 from lupin_greenhouse_bridge.reading import client, read_tag
-from lupin_greenhouse_bridge.recording.csv_rows import parse_csv
+from lupin_greenhouse_bridge.recording.rows import parse_csv
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
 from lupin_greenhouse_bridge.testing import (

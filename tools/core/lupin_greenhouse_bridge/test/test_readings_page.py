@@ -125,8 +125,8 @@ def test_no_text_of_a_file_ends_the_data_of_the_page(report):
     assert data['sensors'][0]['name'] == EVIL
 
 
-def test_an_outcome_that_cannot_be_encoded_is_escaped(report):
-    assert shown(report(visit('1', '\ud800')))['tags'][0]['outcome'] == '\\ud800'
+def test_a_detail_that_cannot_be_encoded_is_escaped(report):
+    assert shown(report(visit('1', 'TIMEOUT', '\ud800')))['tags'][0]['detail'] == '\\ud800'
 
 
 def test_a_tag_id_of_any_length_and_a_file_of_any_name_are_shown(report, tmp_path):

@@ -30,7 +30,7 @@ class BufferedWriter:
     def add(self, rows: Iterable[Row], now: float) -> None:
         """Take rows. They are in the file after the next write()."""
         for row in rows:
-            if fault := fault_of(row):  # it would make the file unreadable
+            if fault := fault_of([row]):  # it would make the file unreadable
                 self._logger.warning(
                     f"tag '{escaped(row.tag_id, 64)}': {escaped(fault, 200)}: not kept",
                     throttle_duration_sec=ERROR_EVERY_SECONDS,

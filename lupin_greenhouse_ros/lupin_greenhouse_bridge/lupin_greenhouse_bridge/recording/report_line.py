@@ -1,0 +1,126 @@
+"""A line of a mission's report: the outcome at one tag, as JSON. Does not import ROS."""
+
+import json
+from dataclasses import dataclass
+from enum import Enum
+
+from lupin_greenhouse_bridge.recording.rows import Row, fault_of, make_rows
+
+SOURCE = 'mission report'
+_START = b'{"tag_id": '  # of each line
+# Of from_line(); int() raises OverflowError for 1e999.
+_NO_OBSERVATION = (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError)
+
+
+class Outcome(str, Enum):
+    """The outcome of the scan of one tag."""
+
+    OK = 'OK'
+    UNKNOWN_TAG = 'UNKNOWN_TAG'  # the bridge does not know the tag
+    SIMULATOR_ERROR = 'SIMULATOR_ERROR'  # the bridge knows the tag and cannot read it
+    NOT_CONFIRMED = 'NOT_CONFIRMED'  # the camera did not see it
+    WRONG_TAG = 'WRONG_TAG'  # the reply was for another tag
+    BAD_READING = 'BAD_READING'  # the reading was empty, or had a number that cannot be right
+    TIMEOUT = 'TIMEOUT'  # no reply before the timeout
+    NO_SERVICE = 'NO_SERVICE'  # the service was not available
+    UNREACHABLE = 'UNREACHABLE'  # the drive to the tag failed
+    SKIPPED = 'SKIPPED'  # skipped by a person, or not visited before an abort
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The climate at a tag, with its two clocks."""
+
+    tag_id: str
+    stamp: tuple[int, int]  # wall clock of the bridge: seconds and nanoseconds since 1970
+    sim_time_of_day_seconds: float  # greenhouse clock, in [0, 86400)
+    values: dict[str, float]  # by sensor name
+
+    @property
+    def rows(self) -> list[Row]:
+        """The reading as rows without a position."""
+        seconds, nanoseconds = self.stamp
+        stamp_ns = seconds * 1_000_000_000 + nanoseconds
+        return make_rows(stamp_ns, self.tag_id, self.values.items(), self.sim_time_of_day_seconds, SOURCE)
+
+    @property
+    def fault(self) -> str:
+        """Why the reading cannot be used; '' if it can."""
+        return fault_of(self.rows) if self.values else 'it has no value'
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The outcome at one tag; `reading` is set if and only if the outcome is OK."""
+
+    tag_id: str
+    outcome: Outcome
+    detail: str  # why it failed; empty if OK
+    attempts: int  # number of requests
+    reading: Reading | None = None
+
+    def to_line(self) -> str:
+        """Return the observation as JSON on one line; raises ValueError if a number is not finite."""
+        reading = self.reading
+        return json.dumps(
+            {
+                'tag_id': self.tag_id,
+                'outcome': self.outcome.value,
+                'detail': self.detail,
+                'attempts': self.attempts,
+                'stamp': reading and {'sec': reading.stamp[0], 'nanosec': reading.stamp[1]},
+                'sim_time_of_day_seconds': reading and reading.sim_time_of_day_seconds,
+                'readings': reading and reading.values,
+            },
+            allow_nan=False,
+            ensure_ascii=False,
+        )
+
+    @classmethod
+    def from_line(cls, line: bytes) -> 'Observation':
+        """Return the observation in a line; raises ValueError if there is none."""
+        try:
+            return cls._from_json(json.loads(line.decode()))
+        except _NO_OBSERVATION as error:
+            raise ValueError(f'is not an observation ({type(error).__name__}: {error})') from error
+
+    @classmethod
+    def _from_json(cls, data: dict) -> 'Observation':
+        tag_id, outcome, reading = str(data['tag_id']), Outcome(data['outcome']), None
+        if outcome is Outcome.OK:
+            reading = Reading(
+                tag_id,
+                (int(data['stamp']['sec']), int(data['stamp']['nanosec'])),
+                float(data['sim_time_of_day_seconds']),
+                {str(name): float(value) for name, value in data['readings'].items()},
+            )
+            if reading.fault:
+                raise ValueError(reading.fault)
+        return cls(tag_id, outcome, str(data['detail']), int(data['attempts']), reading)
+
+
+def is_start_of_report(content: bytes) -> bool:
+    """Return whether content can be a report, or what a killed mission left of its first line."""
+    return content[: len(_START)] == _START[: len(content)]
+
+
+def parse_report(content: bytes) -> tuple[list[Observation], int]:
+    """
+    Return the observations of a report and their size in bytes; the rest is an incomplete line.
+
+    The last line may lack its newline, which an editor can remove. Raises ValueError for anything else.
+    """
+    *lines, torn = content.split(b'\n')
+    observations = []
+    for number, line in enumerate(lines, start=1):
+        try:
+            observations.append(Observation.from_line(line))
+        except ValueError as error:
+            raise ValueError(f'line {number} {error}') from error
+    try:
+        return [*observations, Observation.from_line(torn)], len(content)
+    except ValueError as error:
+        is_whole = not isinstance(error.__cause__, (json.JSONDecodeError, UnicodeDecodeError))
+        if is_whole or not is_start_of_report(torn):
+            raise ValueError(f'the last line {error}') from error
+    return observations, len(content) - len(torn)
