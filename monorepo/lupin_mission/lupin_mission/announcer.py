@@ -69,9 +69,11 @@ class Announcer:
         else:
             logger.error(self._event)
 
-    def closed(self, observation: Observation, mission_id: str, place_m: tuple[float, float] | None) -> None:
+    def closed(
+        self, observation: Observation, mission_id: str, position_m: tuple[float, float] | None
+    ) -> None:
         """Publish the observation of a tag, and its reading if it was read, and log its outcome."""
-        message = observation_message(observation, mission_id, place_m)
+        message = observation_message(observation, mission_id, position_m)
         self._stamp(message.header)
         self._observations.publish(message)
         tag = f"tag '{escaped(observation.tag_id, 64)}'"
