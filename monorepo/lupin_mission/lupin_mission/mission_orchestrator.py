@@ -20,7 +20,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from lupin_mission.announcer import Announcer
-from lupin_mission.drive import Drive, TimedDrive
+from lupin_mission.drive import Drive, SimulatedDrive
 from lupin_mission.messages import MISSION_TYPE, accept_response
 from lupin_mission.mission import Mission, Request, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
@@ -42,6 +42,7 @@ ALL_READ, SOME_NOT_READ, REFUSED = 0, 1, 2
 NODE_NAME = 'mission_orchestrator'
 STEP_SECONDS = 0.02
 LONGEST_STOP_SECONDS = 2.0
+SIMULATED = 'simulated drive'  # what observations and events say where no robot moves
 RELEASE_ESTOP = 'the e-stop is engaged: release it first'
 
 
@@ -73,12 +74,17 @@ class MissionNode(Node):
         self._is_estop_engaged = False
         self._is_ending = False
         self._stop_deadline: float | None = None  # once the robot is told to stop
-        self._announcer = Announcer(self, settings.observations_topic, settings.frame_id)
-        self._drive: Drive = TimedDrive(settings.drive_seconds)
+        self._announcer = Announcer(
+            self,
+            settings.observations_topic,
+            settings.frame_id,
+            remark='' if settings.drive == 'nav2' else SIMULATED,
+        )
+        self._drive: Drive = SimulatedDrive(settings.drive_seconds)
         if settings.drive == 'nav2':
             self._drive = Nav2Drive(self, settings, self.note)
         else:
-            self.get_logger().info('drive is timed, so no robot is moved: set drive:=nav2 to drive with Nav2')
+            self.get_logger().info('the drive is simulated, so no robot moves: set drive:=nav2 on a robot')
         self._plan: Plan | None = None  # of Nav2's drives, once the tags are known
         for name in ('pause', 'resume', 'skip_current', 'abort'):
             verb = name.removesuffix('_current')

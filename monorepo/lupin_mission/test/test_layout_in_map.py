@@ -113,7 +113,7 @@ def test_a_registration_that_is_missing_is_refused(start_mission):
 def test_the_tags_of_a_file_are_moved_to_the_map(tmp_path, layout_file, parameter, text):
     path = tmp_path / 'tags'
     path.write_text(text, encoding='utf-8')
-    tags = Tags(Settings(**{parameter: str(path)}, layout_in_map=layout_file))
+    tags = Tags(Settings(drive='simulated', **{parameter: str(path)}, layout_in_map=layout_file))
     tags.find(None, lambda: None, lambda: None)
     assert tags.positions_m == {'7': pytest.approx((8.0, 21.0))}
 

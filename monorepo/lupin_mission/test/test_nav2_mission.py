@@ -45,7 +45,8 @@ def places(navigator):
     return [(goal.pose.position.x, goal.pose.position.y) for goal in navigator.goals]
 
 
-def test_the_robot_drives_to_each_tag_and_reads_it_there(start_mission, reader, navigator):
+def test_the_robot_drives_to_each_tag_and_reads_it_there(start_mission, reader, navigator, twin):
+    subscriber = twin()
     mission = start_mission(**NAV2, tag_sequence='7 1')
     for tag_id in '71':
         goal = navigator.accept()
@@ -58,6 +59,8 @@ def test_the_robot_drives_to_each_tag_and_reads_it_there(start_mission, reader, 
     assert places(navigator) == [tuple(goals[tag_id][:2]) for tag_id in '71']
     assert mission.outcomes() == [(tag_id, Outcome.OK) for tag_id in '71']
     assert mission.warnings() == []
+    wait_until(lambda: len(subscriber.received) == 2)
+    assert [each.status_detail for each in subscriber.received] == ['', '']
 
 
 def test_the_shortest_order_starts_at_the_dock_and_ends_there(start_mission, reader, navigator):
@@ -274,7 +277,7 @@ def test_without_nav2_msgs_the_mission_is_refused_in_one_line(start_mission, mon
     [
         ({'nav_action_name': '"no such name"'}, 'is not an action name'),
         ({'approach_overrides_file': '/missing.yaml'}, '/missing.yaml'),
-        ({'drive': 'fly'}, "parameter drive is 'fly': must be timed or nav2"),
+        ({'drive': 'fly'}, "parameter drive is 'fly': must be nav2 or simulated"),
     ],
 )
 def test_a_drive_that_cannot_be_is_refused_in_one_line(start_mission, parameters, fragment):

@@ -187,7 +187,7 @@ def test_a_bridge_killed_and_started_again_costs_no_reading(start_mission, start
     operator.wait_for(targets_completed=1, current_target='1')
     first.close()
     assert operator.trigger('skip_current')
-    operator.states.wait_for(lambda state: state.last_event.endswith('trying again'))  # at tag 2
+    operator.states.wait_for(lambda state: 'trying again' in state.last_event)  # at tag 2
     start_bridge(run)
     operator.wait_for(targets_completed=2, current_target='2')
     assert operator.trigger('skip_current')

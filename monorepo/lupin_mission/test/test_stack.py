@@ -48,7 +48,11 @@ def test_a_twin_that_joins_in_the_middle_has_every_tag_at_the_end(
     observations = mission.observations()
     assert received_tags(late) == [each.tag_id for each in observations] == ['9', '7', '1', '29']
     for received, written in zip(late.received, observations, strict=True):
-        assert (received.kind, received.status, received.status_detail) == (0, Observation.STATUS_OK, '')
+        assert (received.kind, received.status, received.status_detail) == (
+            0,
+            Observation.STATUS_OK,
+            'simulated drive',
+        )
         assert received.header.frame_id == 'map'
         assert received.header.stamp.sec > 0
         assert {each.name: each.value for each in received.tag_reading.readings} == written.reading.values
@@ -69,7 +73,7 @@ def test_an_observation_of_a_tag_that_was_not_read_names_it_in_its_detail_alone(
     received = subscriber.wait_for(lambda _observation: True)
     assert (received.status, received.status_detail) == (
         Observation.STATUS_SCAN_FAILED,
-        'tag 1: UNKNOWN_TAG: who?',  # named once, though the reply names it too
+        'tag 1: UNKNOWN_TAG: who? (simulated drive)',  # named once, though the reply names it too
     )
     assert received.tag_reading == TagReading()
     for pose in (received.tag_pose_in_map, received.flower.pose.pose, received.anomaly.pose.pose):
@@ -153,10 +157,14 @@ def test_a_web_client_receives_every_state_that_lasts(start_mission, reader, con
     reader.wait_for_request()
     operator.wait_for(mission_phase='SCANNING', current_target='1')
     reader.answer_ok('1', co2=1.0)
-    operator.wait_for(mission_phase='SCANNING', targets_completed=1, last_event="tag '1': co2 1.000")
+    operator.wait_for(
+        mission_phase='SCANNING', targets_completed=1, last_event="tag '1': co2 1.000 (simulated drive)"
+    )
     assert operator.trigger('skip_current')
     confirmer.answer(detected=False, error_message='no tag in view')
-    state = operator.wait_for(last_event="tag '2': NOT_CONFIRMED no tag in view: trying again")
+    state = operator.wait_for(
+        last_event="tag '2': NOT_CONFIRMED no tag in view: trying again (simulated drive)"
+    )
     assert (state.last_event_severity, state.mission_phase) == (MissionState.SEVERITY_WARN, 'CONFIRMING')
     confirmer.answer(detected=True, detection_confidence=1.0)
     reader.answer_ok('2', co2=1.0)
@@ -197,9 +205,9 @@ def test_abort_and_skip_over_ros(start_mission, confirmer, operate, twin):
     assert received_tags(subscriber) == ['', '', '']
     assert {each.status for each in subscriber.received} == {Observation.STATUS_SKIPPED}
     assert [each.status_detail for each in subscriber.received] == [
-        'tag 1: SKIPPED: skipped',
-        'tag 2: SKIPPED: aborted',
-        'tag 3: SKIPPED: aborted',
+        'tag 1: SKIPPED: skipped (simulated drive)',
+        'tag 2: SKIPPED: aborted (simulated drive)',
+        'tag 3: SKIPPED: aborted (simulated drive)',
     ]
     state = operator.wait_for(lifecycle_state='DONE')
     assert (state.targets_skipped, state.targets_failed, state.targets_completed) == (3, 0, 0)
@@ -338,7 +346,7 @@ def test_a_start_that_cannot_be_is_rejected_with_the_reason(start_mission, opera
     mission = start_mission(**READER, tag_sequence='1 2', wait_for_start=True)
     operator = operate(mission)
     assert operator.rejection(**request_fields) == reason
-    state = operator.wait_for(last_event=f'start rejected: {reason}')
+    state = operator.wait_for(last_event=f'start rejected: {reason} (simulated drive)')
     assert (state.lifecycle_state, state.last_event_severity) == ('READY', MissionState.SEVERITY_WARN)
 
 
@@ -349,7 +357,7 @@ def test_the_estop_stops_a_mission_and_rejects_a_start(start_mission, operate, n
     wait_until(lambda: estop.get_subscription_count() == 1)
     estop.publish(Bool(data=True))
     state = operator.wait_for(estop_engaged=True)
-    assert (state.lifecycle_state, state.last_event) == ('READY', 'e-stop engaged')
+    assert (state.lifecycle_state, state.last_event) == ('READY', 'e-stop engaged (simulated drive)')
     assert operator.rejection() == 'the e-stop is engaged: release it first'
     estop.publish(Bool(data=False))
     operator.wait_for(estop_engaged=False)
@@ -358,7 +366,7 @@ def test_the_estop_stops_a_mission_and_rejects_a_start(start_mission, operate, n
     operator.wait_for(targets_completed=1)
     estop.publish(Bool(data=True))
     state = operator.wait_for(estop_engaged=True, paused=True)
-    assert state.last_event == 'e-stop engaged'  # not the pause that follows
+    assert state.last_event == 'e-stop engaged (simulated drive)'  # not the pause that follows
     assert (state.lifecycle_state, state.mission_phase) == ('INSPECTING', 'SCANNING')
     estop.publish(Bool(data=False))
     operator.wait_for(estop_engaged=False, paused=True)
