@@ -1,4 +1,8 @@
-"""Inspect the greenhouse once: the bridge, the mission and, to confirm the tags, the camera's node."""
+"""
+Inspect the greenhouse once: the bridge, the mission and, to confirm the tags, the camera's node.
+
+The package lupin_tag_confirmation is needed only with require_visual_confirmation:=true.
+"""
 
 from launch import LaunchDescription
 from launch.actions import (

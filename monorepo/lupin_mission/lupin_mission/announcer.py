@@ -22,8 +22,10 @@ ACKNOWLEDGED_WITHIN_SECONDS = 0.2
 class Announcer:
     """Publishes and logs for a mission node."""
 
-    def __init__(self, node, observations_topic: str, frame_id: str = 'map'):
+    def __init__(self, node, observations_topic: str, frame_id: str = 'map', remark: str = ''):
+        """Create the publishers; `remark` ends the detail of each observation, and the last event."""
         self._node = node
+        self._remark = remark
         self._frame_id = frame_id
         self._at_tag = node.create_publisher(String, 'mission/at_tag', latched())
         self._observations = node.create_publisher(ObservationMessage, observations_topic, latched(50))
@@ -64,9 +66,12 @@ class Announcer:
         else:
             logger.error(self._event)
 
-    def closed(self, observation: Observation, mission_id: str, place_m: tuple[float, float] | None) -> None:
+    def closed(
+        self, observation: Observation, mission_id: str, position_m: tuple[float, float] | None
+    ) -> None:
         """Publish the observation of a tag, and its reading if it was read, and log its outcome."""
-        message = observation_message(observation, mission_id, place_m)
+        message = observation_message(observation, mission_id, position_m)
+        message.status_detail = self._with_remark(message.status_detail)
         self._stamp(message.header)
         self._observations.publish(message)
         tag = f"tag '{escaped(observation.tag_id, 64)}'"
@@ -104,9 +109,13 @@ class Announcer:
         message.started_at = started_at or message.started_at
         message.estop_engaged = is_estop_engaged
         message.last_error = self._last_error
-        message.last_event = self._event
+        message.last_event = self._with_remark(self._event)
         message.last_event_severity = self._severity.value
         self._states.publish(message)
+
+    def _with_remark(self, text: str) -> str:
+        remark = f' ({self._remark})' if text and self._remark else self._remark
+        return f'{text}{remark}'
 
     def _stamp(self, header) -> None:
         header.stamp = self._node.get_clock().now().to_msg()

@@ -1,4 +1,4 @@
-"""Drive to a tag: the interface that the mission needs, and a timed stand-in. nav2_drive.py has Nav2."""
+"""Drive to a tag: the interface that the mission needs, and a simulated drive. nav2_drive.py has Nav2."""
 
 from abc import ABC, abstractmethod
 from typing import NamedTuple
@@ -38,7 +38,7 @@ class Drive(ABC):
     def arrival(self, now_seconds: float) -> Arrival | None:
         """Return how the last drive ended; None while the robot drives."""
 
-    def stop(self) -> None:  # noqa: B027 - optional: a timed drive has nothing to stop
+    def stop(self) -> None:  # noqa: B027 - optional: a simulated drive has nothing to stop
         """Stand still, and give up the goal."""
 
     def pause(self) -> None:  # noqa: B027
@@ -52,8 +52,8 @@ class Drive(ABC):
         return True
 
 
-class TimedDrive(Drive):
-    """Takes the same time to every goal; with 0 it arrives at once."""
+class SimulatedDrive(Drive):
+    """Moves no robot: takes the same time to every goal; with 0 it arrives at once."""
 
     def __init__(self, drive_seconds: float):
         self._drive_seconds = drive_seconds

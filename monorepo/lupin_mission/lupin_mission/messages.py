@@ -39,12 +39,12 @@ def accept_response(mission: Mission, request: Request, response) -> bool:
 
 
 def observation_message(
-    observation: Observation, mission_id: str, place_m: tuple[float, float] | None
+    observation: Observation, mission_id: str, position_m: tuple[float, float] | None
 ) -> ObservationMessage:
     """
     Return the message for the observation of one tag, without its header.
 
-    `place_m` is the tag's x and y in the map. If it is None, the pose is unset, which the team marks by
+    `position_m` is the tag's x and y in the map. If it is None, the pose is unset, which the team marks by
     w = 0. The default pose of rosidl has w = 1. Only a tag that was read has a reading and a pose: the team
     takes every tag id that it finds in a reading for a tag that was inspected.
     """
@@ -62,8 +62,8 @@ def observation_message(
     message.status = ObservationMessage.STATUS_OK
     message.tag_reading.tag_id = observation.tag_id
     _fill(message.tag_reading, observation.reading)
-    if place_m:
-        message.tag_pose_in_map.position.x, message.tag_pose_in_map.position.y = map(float, place_m)
+    if position_m:
+        message.tag_pose_in_map.position.x, message.tag_pose_in_map.position.y = map(float, position_m)
         message.tag_pose_in_map.orientation.w = 1.0
     return message
 

@@ -25,14 +25,14 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from lupin_mission.announcer import Announcer
-from lupin_mission.drive import Drive, TimedDrive
-from lupin_mission.map_places import MapPlaces
+from lupin_mission.drive import Drive, SimulatedDrive
 from lupin_mission.messages import MISSION_TYPE, accept_response
 from lupin_mission.mission import Mission, Request, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.plan import Plan
 from lupin_mission.report import Report, ReportError, last_of_each_tag, summary_table
 from lupin_mission.settings import WITHOUT_EFFECT, Settings
+from lupin_mission.tag_positions import TagPositions
 from lupin_mission.tags import Tags
 from lupin_mission.transport import Transport
 
@@ -40,12 +40,13 @@ ALL_READ, SOME_NOT_READ, REFUSED = 0, 1, 2
 NODE_NAME = 'mission_orchestrator'
 STEP_SECONDS = 0.02
 LONGEST_STOP_SECONDS = 2.0
+SIMULATED = 'simulated drive'  # what observations and events say where no robot moves
 RELEASE_ESTOP = 'the e-stop is engaged: release it first'
 
 
 class MissionNode(Node):
     """
-    The surroundings of a Mission: clock, services, report and publishers.
+    What a Mission needs: clock, services, report and publishers.
 
     No callback waits. One mission runs at a time. It starts when mission/start is called, or at once.
     """
@@ -55,7 +56,9 @@ class MissionNode(Node):
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
         self._tags = Tags(settings)
-        self._places = MapPlaces(self, frame_id=settings.frame_id, amcl_pose_topic=settings.amcl_pose_topic)
+        self._positions = TagPositions(
+            self, frame_id=settings.frame_id, amcl_pose_topic=settings.amcl_pose_topic
+        )
         self._transport = Transport(
             self,
             confirm_service=settings.visual_confirmation_service,
@@ -69,12 +72,17 @@ class MissionNode(Node):
         self._is_estop_engaged = False
         self._is_ending = False
         self._stop_deadline: float | None = None  # once the robot is told to stop
-        self._announcer = Announcer(self, settings.observations_topic, settings.frame_id)
-        self._drive: Drive = TimedDrive(settings.drive_seconds)
+        self._announcer = Announcer(
+            self,
+            settings.observations_topic,
+            settings.frame_id,
+            remark='' if settings.drive == 'nav2' else SIMULATED,
+        )
+        self._drive: Drive = SimulatedDrive(settings.drive_seconds)
         if settings.drive == 'nav2':
             self._drive = Nav2Drive(self, settings, self.note)
         else:
-            self.get_logger().info('drive is timed, so no robot is moved: set drive:=nav2 to drive with Nav2')
+            self.get_logger().info('the drive is simulated, so no robot moves: set drive:=nav2 on a robot')
         self._plan: Plan | None = None  # of Nav2's drives, once the tags are known
         for name in ('pause', 'resume', 'skip_current', 'abort'):
             verb = name.removesuffix('_current')
@@ -84,7 +92,7 @@ class MissionNode(Node):
         clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it
         self.create_timer(1.0 / settings.state_publish_rate_hz, self._publish_state, clock=clock)
         self.create_timer(STEP_SECONDS, self._step, clock=clock)
-        self._tags.find(self, self._on_tags, self._on_places)
+        self._tags.find(self, self._on_tags, self._on_tag_positions)
 
     def is_done(self) -> bool:
         """Return True once every tag has its outcome, unless the node waits for mission/start."""
@@ -132,13 +140,13 @@ class MissionNode(Node):
     def _on_tags(self) -> None:
         """Start the mission, unless it waits for mission/start."""
         self.note(f'{len(self._tags.ids)} tags known', Severity.INFO)
-        self._on_places()
+        self._on_tag_positions()
         if not self._settings.wait_for_start:
             self._begin(self._new_mission_id(), self._chosen_ids(), self.report)
 
-    def _on_places(self) -> None:
+    def _on_tag_positions(self) -> None:
         """Plan the drives; raises StartUpError without a layout."""
-        if self._settings.has_poses_in_map and not self._tags.places_m:
+        if self._settings.has_poses_in_map and not self._tags.positions_m:
             self._announcer.warn(
                 "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file"
             )
@@ -180,7 +188,7 @@ class MissionNode(Node):
 
     def _shortest(self, tag_ids: list[str]) -> list[str]:
         """Return the tags in the order of the shortest way from the robot, else from its dock."""
-        robot = self._places.robot
+        robot = self._positions.robot_position
         starts = [(robot.x, robot.y)] if robot else []
         if self._settings.dock:
             starts.append(tuple(self._settings.dock[:2]))
@@ -191,7 +199,7 @@ class MissionNode(Node):
             return tag_ids
 
     def _step(self) -> None:
-        if self.mission is None or self._is_ending or self._tags.waits_for_tags():
+        if self.mission is None or self._is_ending or self._tags.is_waiting_for_tags():
             return
         if not self.mission.is_paused:
             self._transport.send_when_ready()
@@ -222,15 +230,15 @@ class MissionNode(Node):
     def record(self, observation: Observation) -> None:
         """Write an observation to the report, publish it and the state, and log it."""
         self.report.record(observation)
-        self._announcer.closed(observation, self._mission_id, self._place_of(observation.tag_id))
+        self._announcer.closed(observation, self._mission_id, self._position_of(observation.tag_id))
         self._publish_state()
 
-    def _place_of(self, tag_id: str) -> tuple[float, float] | None:
+    def _position_of(self, tag_id: str) -> tuple[float, float] | None:
         """Return x and y of a tag in the map: by the layout, as discovered, or where the robot stands."""
-        if tag_id in self._tags.places_m:
-            return self._tags.places_m[tag_id]
-        place = self._places.at(tag_id)
-        return (place.x, place.y) if place else None
+        if tag_id in self._tags.positions_m:
+            return self._tags.positions_m[tag_id]
+        position = self._positions.position_of(tag_id)
+        return (position.x, position.y) if position else None
 
     def note(self, event: str, severity: Severity) -> None:
         """Report an event."""

@@ -25,7 +25,8 @@ def navigate_to_pose():
         return importlib.import_module('nav2_msgs.action').NavigateToPose
     except ImportError as error:
         raise StartUpError(
-            f'drive:=nav2 needs the package nav2_msgs ({error}): sudo apt install ros-$ROS_DISTRO-nav2-msgs'
+            f'drive:=nav2 needs the package nav2_msgs ({error}): sudo apt install ros-$ROS_DISTRO-nav2-msgs,'
+            ' or set drive:=simulated on a machine without a robot'
         ) from error
 
 

@@ -20,7 +20,7 @@ from lupin_msgs.msg import MissionState, Observation, TagReading
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from lupin_mission.map_places import MapPlaces
+from lupin_mission.tag_positions import TagPositions
 
 NODE_NAME = 'passive_observer'
 SOURCE = 'PassiveObserver'
@@ -43,7 +43,7 @@ class Settings:
 
     layout_in_map: str = parameter(
         '',
-        'A file of register_layout: where the layout lies in the map; empty: the places of tags come from'
+        'A file of register_layout: where the layout lies in the map; empty: the positions of tags come from'
         ' perception, or from the robot.',
     )
     tag_locations_file: str = parameter(
@@ -60,8 +60,8 @@ class Settings:
         if self.tag_locations_file and not self.layout_in_map:
             raise StartUpError('parameter tag_locations_file has no effect without layout_in_map: set both')
 
-    def layout_places(self) -> dict[str, Point]:
-        """Return the layout's places in the map by tag id; {} without layout_in_map. Raises StartUpError."""
+    def layout_positions(self) -> dict[str, Point]:
+        """Return the layout's positions in the map by tag id; {} without one. Raises StartUpError."""
         if not self.layout_in_map:
             return {}
         transform = read_transform(self.layout_in_map, self.map_frame)
@@ -71,17 +71,17 @@ class Settings:
                 'layout_in_map needs the positions of the tags, but mdp-greenhouse is not installed:'
                 ' set tag_locations_file'
             )
-        places = {tag_id: transform.point(tag.x, tag.y) for tag_id, tag in layout.tags.items()}
-        return {tag_id: Point(x=x, y=y) for tag_id, (x, y) in places.items()}
+        positions = {tag_id: transform.point(tag.x, tag.y) for tag_id, tag in layout.tags.items()}
+        return {tag_id: Point(x=x, y=y) for tag_id, (x, y) in positions.items()}
 
 
-def pose_at(place: Point | None) -> Pose:
-    """Return the pose at a place, without a direction; w = 0 marks it as unset."""
-    return Pose(position=place or Point(), orientation=Quaternion(w=float(place is not None)))
+def pose_at(position: Point | None) -> Pose:
+    """Return the pose at a position, without a direction; w = 0 marks it as unset."""
+    return Pose(position=position or Point(), orientation=Quaternion(w=float(position is not None)))
 
 
 class PassiveObserver(Node):
-    """Publishes an observation of each reading, with the place of the tag or of the robot."""
+    """Publishes an observation of each reading, with the position of the tag or of the robot."""
 
     def __init__(self):
         """Read the layout and subscribe; raises StartUpError."""
@@ -89,9 +89,11 @@ class PassiveObserver(Node):
         settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
         self._lifecycle_state = ''
         self._frame_id = settings.map_frame
-        self._places = MapPlaces(self, frame_id=self._frame_id, layout_places=settings.layout_places())
+        self._positions = TagPositions(
+            self, frame_id=self._frame_id, layout_positions=settings.layout_positions()
+        )
         self._states = self.create_subscription(MissionState, 'mission/state', self._on_state, latched())
-        # Not latched: the robot has left the place of an old reading.
+        # Not latched: the robot has left the position of an old reading.
         readings = self.create_subscription(
             TagReading, 'read_on_sight/readings', self._on_reading, QoSProfile(depth=50)
         )
@@ -114,7 +116,7 @@ class PassiveObserver(Node):
         )
         observation.header.stamp = self.get_clock().now().to_msg()
         observation.header.frame_id = self._frame_id
-        observation.tag_pose_in_map = pose_at(self._places.at(reading.tag_id))
+        observation.tag_pose_in_map = pose_at(self._positions.position_of(reading.tag_id))
         observation.flower.pose.pose = observation.anomaly.pose.pose = pose_at(None)
         self._observations.publish(observation)
 

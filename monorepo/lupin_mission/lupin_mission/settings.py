@@ -11,7 +11,7 @@ from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid
 from lupin_mission.mission import Limits
 
 LONGEST_SECONDS = 86400.0
-DRIVES = ('timed', 'nav2')
+DRIVES = ('nav2', 'simulated')
 ORDERS = ('numeric', 'shortest')
 REPLY_SECONDS = 3.0  # a camera on a busy machine replies this long after its time is over
 # Arguments of the team's orchestrator for what this mission does not do: it does not explore, localize, or
@@ -67,12 +67,13 @@ class Settings:
         ' where the robot is; shortest needs drive nav2.',
     )
     drive: str = parameter(
-        'timed',
-        'How the robot gets to a tag: nav2 (it calls NavigateToPose), or timed (it takes drive_seconds).',
+        'nav2',
+        'How the robot gets to a tag: nav2 (it calls NavigateToPose), or simulated (no robot moves; a drive'
+        ' takes drive_seconds).',
     )
     drive_seconds: float = parameter(
         0.0,
-        'With drive timed: seconds for the drive to a tag; 0.0: the robot arrives at once.',
+        'With drive simulated: seconds for the drive to a tag; 0.0: the drive ends at once.',
         smallest=0.0,
         largest=LONGEST_SECONDS,
     )

@@ -1,4 +1,4 @@
-"""Find the tags of the greenhouse and their places: from the settings, or from the bridge."""
+"""Find the tags of the greenhouse and their positions: from the settings, or from the bridge."""
 
 import time
 from collections.abc import Callable
@@ -25,19 +25,19 @@ ASK_EVERY_SECONDS = 0.1
 
 
 class Tags:
-    """The tags that a mission may visit, and their places in the map, once they are known."""
+    """The tags that a mission may visit, and their positions in the map, once they are known."""
 
     def __init__(self, settings: Settings):
         """Read the files of the settings; raises StartUpError."""
         self.ids: list[str] = []  # empty until they are known
-        self.places_m: dict[str, tuple[float, float]] = {}  # in the map
+        self.positions_m: dict[str, tuple[float, float]] = {}  # in the map
         self._tag_file: str | Path | None = None  # once the tags are known
         self.layout_in_map = Transform()
         if settings.layout_in_map:
             self.layout_in_map = read_transform(settings.layout_in_map, settings.frame_id)
         self._client = None  # of the bridge's parameters
         self._is_settled = False  # the bridge has replied
-        self._doubt_end: float | None = None  # of its reply, once the bridge is there
+        self._reply_deadline: float | None = None  # of its reply, once the bridge is there
         self._settings = settings
         self._world = read_world(settings.world_file) if settings.world_file else {}
         self._given_ids = settings.chosen_tag_ids or list(self._world)
@@ -50,28 +50,28 @@ class Tags:
             raise StartUpError("the layout is unknown: set tag_locations_file to the bridge's tag_file")
         return read_layout(self._tag_file)
 
-    def find(self, node, on_found: Callable[[], None], on_places_lost: Callable[[], None]) -> None:
+    def find(self, node, on_found: Callable[[], None], on_positions_lost: Callable[[], None]) -> None:
         """
         Call on_found() once the tags are known: now, or when the bridge has replied.
 
-        Call on_places_lost() if they are known, and the bridge then tells that it has a tag file of its own.
+        Call on_positions_lost() if the bridge then replies that it has a tag file of its own.
         """
         if self._given_ids:
             self._set(self._given_ids, is_custom_file=False)
             on_found()
             if self._world or self._settings.tag_locations_file:
                 return
-        self._ask_the_bridge(node, on_found, on_places_lost)
+        self._ask_the_bridge(node, on_found, on_positions_lost)
 
-    def waits_for_tags(self) -> bool:
+    def is_waiting_for_tags(self) -> bool:
         """Return whether the bridge is there, and may still tell that it has a tag file of its own."""
         if self._is_settled or not self._client or not self._client.service_is_ready():
             return False
-        if self._doubt_end is None:
-            self._doubt_end = time.monotonic() + self._settings.dependency_timeout_s
-        return time.monotonic() < self._doubt_end
+        if self._reply_deadline is None:
+            self._reply_deadline = time.monotonic() + self._settings.dependency_timeout_s
+        return time.monotonic() < self._reply_deadline
 
-    def _ask_the_bridge(self, node, on_found, on_places_lost) -> None:
+    def _ask_the_bridge(self, node, on_found, on_positions_lost) -> None:
         """Ask the bridge for its tags. Repeat the request, because DDS can drop an early one."""
         service = parameter_service_of(node.resolve_service_name(self._settings.bridge_service_name))
         self._client = client = create_client(node, GetParameters, service)
@@ -90,21 +90,21 @@ class Tags:
                 client.call_async(tag_ids_request()).add_done_callback(on_reply)
 
         def on_reply(future):
-            self._on_reply(node, future.result(), on_found, on_places_lost)
+            self._on_reply(node, future.result(), on_found, on_positions_lost)
 
         if not self.ids:
             node.get_logger().info(f'waiting for the tags of {client.srv_name}')
         # Monotonic: use_sim_time does not affect it.
         timer = node.create_timer(ASK_EVERY_SECONDS, ask, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _on_reply(self, node, response, on_found, on_places_lost) -> None:
+    def _on_reply(self, node, response, on_found, on_positions_lost) -> None:
         if self._is_settled:
             return
         if self.ids:
             self._is_settled = True
             if response.values and has_tag_file(response):
                 self._set(self.ids, is_custom_file=True)
-                on_places_lost()
+                on_positions_lost()
         elif self._take_tags(node, response):
             self._is_settled = True
             on_found()
@@ -131,4 +131,4 @@ class Tags:
         layout = self._world
         if not layout and self._tag_file:
             layout = read_tags_with_sensors(self._tag_file)
-        self.places_m = {tag_id: self.layout_in_map.point(*tag[:2]) for tag_id, tag in layout.items()}
+        self.positions_m = {tag_id: self.layout_in_map.point(*tag[:2]) for tag_id, tag in layout.items()}

@@ -30,13 +30,13 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
         raise StartUpError(
             f'{where} is not an SDF world ({error}): use a world made by generate_world'
         ) from error
-    places: dict[int, tuple[float, float]] = {}
+    positions: dict[int, tuple[float, float]] = {}
     for model in (model for world in worlds for model in world.iter('model')):
         match = TAG_MODEL.fullmatch(model.get('name') or '')
         if not match:
             continue
         number = int(match[1])
-        if number in places:
+        if number in positions:
             raise StartUpError(f'{where} has the model tag_{number} twice: make it again with generate_world')
         try:
             x, y = map(float, (model.findtext('pose') or '').split()[:2])
@@ -44,10 +44,10 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
             raise StartUpError(f'{where}: the model tag_{number} has no pose: make it again') from error
         if not (math.isfinite(x) and math.isfinite(y)):
             raise StartUpError(f'{where}: the pose of tag_{number} is not finite: make it again')
-        places[number] = (x, y)
-    if not places:
+        positions[number] = (x, y)
+    if not positions:
         raise StartUpError(f'{where} has no model tag_<id>: use a world made by generate_world')
-    return {str(number): places[number] for number in sorted(places)}
+    return {str(number): positions[number] for number in sorted(positions)}
 
 
 def _content(path: Path, where: str) -> bytes:

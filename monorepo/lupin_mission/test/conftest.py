@@ -30,6 +30,7 @@ def settings(tmp_path):
     from mission_helpers import HOUR
 
     return {
+        'drive': 'simulated',
         'retry_delay_seconds': 0.05,
         'scan_timeout_s': HOUR,
         'visual_confirmation_timeout_s': HOUR,

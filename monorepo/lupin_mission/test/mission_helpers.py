@@ -110,12 +110,12 @@ class Subscriber:
     """Subscribes to one topic, and keeps its messages."""
 
     def __init__(self, node, message_type, topic: str, qos):
-        self.heard = []
+        self.received = []
         self._news = queue.SimpleQueue()
         node.create_subscription(message_type, topic, self._on_message, qos)
 
     def _on_message(self, message):
-        self.heard.append(message)
+        self.received.append(message)
         self._news.put(message)
 
     def wait_for(self, is_it):
@@ -125,7 +125,7 @@ class Subscriber:
             try:
                 message = self._news.get(timeout=max(deadline - time.monotonic(), 0.0))
             except queue.Empty:
-                last = self.heard[-1] if self.heard else None
+                last = self.received[-1] if self.received else None
                 raise AssertionError(f'no such message; the last one was {last}') from None
             if is_it(message):
                 return message
@@ -172,7 +172,7 @@ class Operator:
         return response.success
 
     def wait_for(self, **fields) -> MissionState:
-        """Return the first new state with these fields. The test holds such a state: others pass unheard."""
+        """Return the first new state with these fields. The test holds it: others can be missed."""
         return self.states.wait_for(
             lambda state: all(getattr(state, name) == value for name, value in fields.items())
         )

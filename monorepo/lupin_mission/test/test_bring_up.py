@@ -28,7 +28,13 @@ def generate_test_description():
     return launch.LaunchDescription(
         [
             included('lupin_greenhouse_bridge', 'greenhouse_bridge.launch.py', tag_file=TAG_FILE),
-            included('lupin_mission', 'mission.launch.py', tag_locations_file=TAG_FILE, discovery_goal='5'),
+            included(
+                'lupin_mission',
+                'mission.launch.py',
+                drive='simulated',
+                tag_locations_file=TAG_FILE,
+                discovery_goal='5',
+            ),
             launch_testing.actions.ReadyToTest(),
         ]
     )

@@ -36,7 +36,7 @@ def poses(start_mission, reader, confirmer, operate, twin, node):
     """
 
     def run(**parameters):
-        hearer = twin()
+        subscriber = twin()
         mission = start_mission(**CAMERA, tag_sequence='1 777 888', wait_for_start=True, **parameters)
         pose, tags = PoseWithCovarianceStamped(), DiscoveredTags()
         pose.header.frame_id = tags.header.frame_id = parameters.get('frame_id', 'map')
@@ -56,9 +56,9 @@ def poses(start_mission, reader, confirmer, operate, twin, node):
         for tag_id in ('1', '777', '888'):
             confirmer.answer(detected=True)
             reader.answer_ok(tag_id, co2=1.0)
-        wait_until(lambda: len(hearer.heard) == 3)
+        wait_until(lambda: len(subscriber.received) == 3)
         assert mission.stop() == 0
-        found = [each.tag_pose_in_map for each in hearer.heard]
+        found = [each.tag_pose_in_map for each in subscriber.received]
         return [(pose.position.x, pose.position.y, pose.orientation.w) for pose in found]
 
     return run
@@ -113,15 +113,15 @@ def test_a_registration_that_is_missing_is_refused(start_mission):
 def test_the_tags_of_a_file_are_moved_to_the_map(tmp_path, layout_file, parameter, text):
     path = tmp_path / 'tags'
     path.write_text(text, encoding='utf-8')
-    tags = Tags(Settings(**{parameter: str(path)}, layout_in_map=layout_file))
+    tags = Tags(Settings(drive='simulated', **{parameter: str(path)}, layout_in_map=layout_file))
     tags.find(None, lambda: None, lambda: None)
-    assert tags.places_m == {'7': pytest.approx((8.0, 21.0))}
+    assert tags.positions_m == {'7': pytest.approx((8.0, 21.0))}
 
 
 def test_a_sequence_has_no_poses_if_the_bridge_has_its_own_tag_file(start_mission, held_service, twin, node):
     """The mission awaits the bridge's word before it reads a tag."""
     bridge = held_service(GetParameters, '/held/get_parameters')
-    hearer = twin()
+    subscriber = twin()
     mission = start_mission(**READER, tag_sequence='1')
     bridge.wait_for_request()
     reader = held_service(GetTagReading, '/held/get_tag_reading')
@@ -134,6 +134,6 @@ def test_a_sequence_has_no_poses_if_the_bridge_has_its_own_tag_file(start_missio
     bridge.answer(values=[ParameterValue(string_array_value=['1']), own_file])
     reader.answer_ok('1', co2=1.0)
     assert mission.end() == 0
-    assert hearer.wait_for(lambda _heard: True).tag_pose_in_map.orientation.w == 0.0
+    assert subscriber.wait_for(lambda _received: True).tag_pose_in_map.orientation.w == 0.0
     (warning,) = mission.warnings()
     assert "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file" in warning

@@ -9,7 +9,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
-from lupin_mission.drive import Arrival, TimedDrive
+from lupin_mission.drive import Arrival, SimulatedDrive
 from lupin_mission.mission import Limits, Mission, Service, Severity, State
 from lupin_mission.report import Report
 
@@ -34,7 +34,7 @@ class World:
         self.now = now
         self.sent, self.abandoned, self.recorded, self.events = [], [], [], []
         self.is_service_there = True
-        self.mission = Mission(tag_ids, self, drive or TimedDrive(0.0), limits, **options)
+        self.mission = Mission(tag_ids, self, drive or SimulatedDrive(0.0), limits, **options)
         self.mission.start(self.now)
 
     def send(self, request):
@@ -69,7 +69,7 @@ class World:
 
 
 def test_a_mission_is_ready_until_it_is_started():
-    mission = Mission('a', None, TimedDrive(0.0), LIMITS)
+    mission = Mission('a', None, SimulatedDrive(0.0), LIMITS)
     assert (mission.state, mission.target, mission.tag_at_hand, mission.phase) == (
         State.READY,
         None,
@@ -89,7 +89,7 @@ def test_each_tag_is_read_once_and_in_order():
 
 
 def test_the_time_before_the_start_does_not_count():
-    world = World(drive=TimedDrive(10.0), now=1000.0)
+    world = World(drive=SimulatedDrive(10.0), now=1000.0)
     world.wait(9.75)
     assert world.mission.state is State.DRIVING
     world.wait(0.25)
@@ -151,7 +151,7 @@ def test_a_tag_that_is_confirmed_in_a_pause_is_read_after_it():
 
 
 def test_the_drive_is_told_of_a_pause_and_its_end():
-    class Motor(TimedDrive):
+    class Motor(SimulatedDrive):
         told = ()
 
         def pause(self):
@@ -168,7 +168,7 @@ def test_the_drive_is_told_of_a_pause_and_its_end():
 
 
 def test_the_robot_arrives_exactly_when_the_drive_is_over():
-    drive = TimedDrive(2.0)
+    drive = SimulatedDrive(2.0)
     drive.start('a', 10.0)
     assert drive.arrival(11.999) is None
     assert drive.arrival(12.0) == Arrival()
@@ -202,7 +202,7 @@ def test_attempts_do_not_leak_from_confirming_to_reading():
 
 
 def test_a_pause_stops_the_drive():
-    world = World(drive=TimedDrive(10.0))
+    world = World(drive=SimulatedDrive(10.0))
     world.wait(6.0)
     world.mission.pause()
     world.wait(100.0)
@@ -357,7 +357,7 @@ def test_a_tag_given_twice_is_refused():
 
 
 def test_a_tag_that_is_skipped_on_the_way_is_never_asked_for():
-    world = World('ab', drive=TimedDrive(10.0))
+    world = World('ab', drive=SimulatedDrive(10.0))
     assert world.mission.skip()
     world.wait(0.0)
     assert (world.mission.target, world.mission.phase) == ('b', 'NAVIGATING')
@@ -414,7 +414,7 @@ def test_an_abort_while_the_camera_is_awaited_closes_every_tag_left(is_paused):
     assert not world.mission.pause()
 
 
-class Motor(TimedDrive):
+class Motor(SimulatedDrive):
     """A drive that fails for these reasons by tag, and records what it is told."""
 
     def __init__(self, drive_seconds=10.0, **failures):
@@ -423,7 +423,7 @@ class Motor(TimedDrive):
         self._failures = failures
 
     def start(self, tag_id, now_seconds):
-        TimedDrive.start_return(self, now_seconds)
+        SimulatedDrive.start_return(self, now_seconds)
         self.told.append(tag_id)
         self._tag_id = tag_id
 
@@ -665,7 +665,7 @@ def test_a_mission_that_is_done_is_not_paused():
 
 
 def test_a_mission_can_be_paused_and_aborted_from_its_start_on_and_not_before():
-    mission = Mission('a', World(''), TimedDrive(10.0), LIMITS)
+    mission = Mission('a', World(''), SimulatedDrive(10.0), LIMITS)
     assert not mission.pause()
     mission.start(0.0)
     assert mission.pause()
@@ -700,7 +700,7 @@ def test_events_tell_what_happened_and_how_bad_it_is():
     ]
 
 
-class Robot(TimedDrive):
+class Robot(SimulatedDrive):
     """A drive that fails on demand, and knows whether the robot moves."""
 
     def __init__(self):

@@ -292,7 +292,7 @@ def test_a_reply_whose_executor_has_ended_is_taken_under_the_next(trip, navigato
 
 
 class Bystander:
-    """The surroundings of a mission that only drives."""
+    """The ports of a mission that only drives."""
 
     def __init__(self):
         self.outcomes = []

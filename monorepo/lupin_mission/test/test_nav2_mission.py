@@ -45,7 +45,8 @@ def places(navigator):
     return [(goal.pose.position.x, goal.pose.position.y) for goal in navigator.goals]
 
 
-def test_the_robot_drives_to_each_tag_and_reads_it_there(start_mission, reader, navigator):
+def test_the_robot_drives_to_each_tag_and_reads_it_there(start_mission, reader, navigator, twin):
+    subscriber = twin()
     mission = start_mission(**NAV2, tag_sequence='7 1')
     for tag_id in '71':
         goal = navigator.accept()
@@ -58,6 +59,8 @@ def test_the_robot_drives_to_each_tag_and_reads_it_there(start_mission, reader, 
     assert places(navigator) == [tuple(goals[tag_id][:2]) for tag_id in '71']
     assert mission.outcomes() == [(tag_id, Outcome.OK) for tag_id in '71']
     assert mission.warnings() == []
+    wait_until(lambda: len(subscriber.received) == 2)
+    assert [each.status_detail for each in subscriber.received] == ['', '']
 
 
 def test_the_shortest_order_starts_at_the_dock_and_ends_there(start_mission, reader, navigator):
@@ -107,7 +110,7 @@ def test_a_tag_that_cannot_be_reached_is_unreachable_with_its_reason(
     _, unreachable = goals_of(robot_radius_m=0.3)
     (no_pose, reason), goal = next(iter(unreachable.items())), '1'
     assert goal not in unreachable
-    hearer = twin()
+    subscriber = twin()
     mission = start_mission(**NAV2, tag_sequence=f'{no_pose} {goal}', robot_radius_m=0.3, wait_for_start=True)
     operator = operate(mission)
     started = operator.start(tag_sequence=[no_pose, goal])
@@ -116,11 +119,11 @@ def test_a_tag_that_cannot_be_reached_is_unreachable_with_its_reason(
     done = operator.wait_for(lifecycle_state='DONE')
     assert (done.targets_unreachable, done.targets_failed, done.targets_total) == (2, 0, 2)
     assert len(navigator.goals) == 2
-    hearer.wait_for(lambda heard: heard.status_detail == f'tag {no_pose}: UNREACHABLE: {reason}')
-    heard = hearer.wait_for(
-        lambda heard: heard.status_detail == f'tag 1: UNREACHABLE: {NAME} rejected the goal'
+    subscriber.wait_for(lambda received: received.status_detail == f'tag {no_pose}: UNREACHABLE: {reason}')
+    received = subscriber.wait_for(
+        lambda received: received.status_detail == f'tag 1: UNREACHABLE: {NAME} rejected the goal'
     )
-    assert (heard.status, heard.tag_reading.tag_id) == (Observation.STATUS_UNREACHABLE, '')
+    assert (received.status, received.tag_reading.tag_id) == (Observation.STATUS_UNREACHABLE, '')
     assert mission.stop() == 1
     assert mission.outcomes(started) == [(no_pose, Outcome.UNREACHABLE), (goal, Outcome.UNREACHABLE)]
     assert reader.tag_ids == []
@@ -134,7 +137,7 @@ def test_the_estop_cancels_the_goal_and_a_resume_sends_it_again(
     estop = node.create_publisher(Bool, '/held/estop', 10)
     operator.start()
     goal = navigator.accept()
-    while not navigator.has_cancel():  # the e-stop is repeated until it is heard
+    while not navigator.has_cancel():  # the e-stop is repeated until it is received
         estop.publish(Bool(data=True))
     navigator.grant_cancel(goal)
     operator.wait_for(estop_engaged=True, paused=True, mission_phase='NAVIGATING')
@@ -189,8 +192,8 @@ def test_what_ends_the_mission_cancels_the_goal_awaits_its_end_and_sends_no_othe
     clock.pass_seconds(3.0)  # a drive sends its next goal after 2 s at the latest
     end(mission, monkeypatch)
     navigator.wait_for_cancel()
-    heard = len(states.heard)
-    wait_until(lambda: len(states.heard) > heard + 2)  # the mission's steps are more frequent
+    received = len(states.received)
+    wait_until(lambda: len(states.received) > received + 2)  # the mission's steps are more frequent
     assert mission.is_running()
     navigator.answer_cancel()
     navigator.end(goal, 'canceled')
@@ -219,8 +222,8 @@ def test_the_end_of_a_goal_is_awaited_for_2_s(start_mission, navigator, clock, n
     mission.ask_to_end()
     navigator.wait_for_cancel()  # and never answered
     clock.pass_seconds(1.9)
-    heard = len(states.heard)
-    wait_until(lambda: len(states.heard) > heard + 2)  # the mission's steps are more frequent
+    received = len(states.received)
+    wait_until(lambda: len(states.received) > received + 2)  # the mission's steps are more frequent
     assert mission.is_running()
     clock.pass_seconds(0.1)
     assert mission.end() == 1
@@ -274,7 +277,7 @@ def test_without_nav2_msgs_the_mission_is_refused_in_one_line(start_mission, mon
     [
         ({'nav_action_name': '"no such name"'}, 'is not an action name'),
         ({'approach_overrides_file': '/missing.yaml'}, '/missing.yaml'),
-        ({'drive': 'fly'}, "parameter drive is 'fly': must be timed or nav2"),
+        ({'drive': 'fly'}, "parameter drive is 'fly': must be nav2 or simulated"),
     ],
 )
 def test_a_drive_that_cannot_be_is_refused_in_one_line(start_mission, parameters, fragment):

@@ -54,9 +54,9 @@ class Stack:
 
     def subscribe(self) -> list[Observation]:
         """Return the list that the observations from now on, and the latched ones, come into."""
-        heard = []
-        self.node.create_subscription(Observation, self._topic, heard.append, LATCHED)
-        return heard
+        received = []
+        self.node.create_subscription(Observation, self._topic, received.append, LATCHED)
+        return received
 
     def read(self, tag_id: str) -> None:
         reading = TagReading(tag_id=tag_id, readings=[SensorReading(name='co2', value=600.0)])
@@ -159,7 +159,7 @@ def test_the_layout_is_that_of_the_tag_file(tmp_path):
     tag_file.write_text(json.dumps({'7': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}}), encoding='utf-8')
     write_transform(tmp_path / 'layout.yaml', Transform(x=10.0))
     settings = Settings(layout_in_map=str(tmp_path / 'layout.yaml'), tag_locations_file=str(tag_file))
-    (place,) = settings.layout_places().values()
+    (place,) = settings.layout_positions().values()
     assert (place.x, place.y) == (11.0, 2.0)
 
 
@@ -170,17 +170,17 @@ def test_a_layout_that_cannot_be_used_is_refused(tmp_path):
         Settings(tag_locations_file='/tags.json')
     write_transform(tmp_path / 'layout.yaml', Transform(), 'odom')
     with pytest.raises(StartUpError, match="frame_id is 'odom', but the map's frame is 'map'"):
-        Settings(layout_in_map=str(tmp_path / 'layout.yaml')).layout_places()
+        Settings(layout_in_map=str(tmp_path / 'layout.yaml')).layout_positions()
 
 
-def test_a_localiser_that_does_not_latch_is_heard(run_nodes):
+def test_a_localiser_that_does_not_latch_is_used(run_nodes):
     *_, node = run_nodes(PassiveObserver)
     stack = Stack(node, amcl_qos=VOLATILE)
     stack.stand(1.0, 2.0)
     assert stack.place_of('7') == (1.0, 2.0)
 
 
-def test_a_localiser_that_is_older_than_the_observer_is_heard(run_nodes):
+def test_a_localiser_that_is_older_than_the_observer_is_used(run_nodes):
     """AMCL publishes its pose when the robot moves, and latches it."""
     with spinning_node('amcl') as amcl:
         poses = amcl.create_publisher(PoseWithCovarianceStamped, 'amcl_pose', LATCHED)
@@ -199,7 +199,7 @@ def test_a_place_in_another_frame_is_ignored(stack):
     assert stack.place_of('7') is None
 
 
-def test_an_unset_place_of_a_tag_is_ignored(stack):
+def test_an_unset_position_of_a_tag_is_ignored(stack):
     stack.stand(1.0, 2.0)
     stack.discover('7', 3.0, 4.0, w=0.0)
     assert stack.place_of('7') == (1.0, 2.0)

@@ -16,7 +16,7 @@ def test_in_a_pipe_nothing_is_shown():
     assert stream.getvalue() == ''
 
 
-def test_on_a_terminal_each_text_takes_the_place_of_the_last():
+def test_on_a_terminal_each_text_takes_the_position_of_the_last():
     screen, terminal = pty.openpty()
     with os.fdopen(terminal, 'w') as stream:
         line = ProgressLine(stream)

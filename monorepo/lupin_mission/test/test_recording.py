@@ -14,12 +14,12 @@ def test_the_reading_of_each_tag_that_was_read_is_published_and_latched(start_mi
     reader.answer(status=1, error_message='unknown')
     assert [reader.wait_for_request() for _ in range(3)] == ['9', '7', '1']
     late, observer = Subscriber(node, TagReading, f'{mission.namespace}/{READINGS}', TWIN_QOS), twin()
-    wait_until(lambda: len(late.heard) == 1 and len(observer.heard) == 2)
+    wait_until(lambda: len(late.received) == 1 and len(observer.received) == 2)
     reader.answer_ok('1', co2=1.0)
     assert mission.end() == 1
-    wait_until(lambda: len(late.heard) == 2 and len(observer.heard) == 3)
-    assert late.heard == [each.tag_reading for each in observer.heard if each.status == each.STATUS_OK]
-    assert [each.tag_id for each in late.heard] == ['9', '1']
+    wait_until(lambda: len(late.received) == 2 and len(observer.received) == 3)
+    assert late.received == [each.tag_reading for each in observer.received if each.status == each.STATUS_OK]
+    assert [each.tag_id for each in late.received] == ['9', '1']
 
 
 def test_a_recorded_mission_leaves_every_value_of_its_report(

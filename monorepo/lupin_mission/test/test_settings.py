@@ -103,15 +103,18 @@ def test_the_limits_of_a_number_are_inclusive(name, smallest, largest):
 
 def test_a_world_and_a_tag_file_exclude_each_other():
     with pytest.raises(StartUpError, match='world_file and tag_locations_file are both set: set one of them'):
-        Settings(world_file='/a.sdf', tag_locations_file='/b.json')
+        Settings(drive='simulated', world_file='/a.sdf', tag_locations_file='/b.json')
 
 
 @pytest.mark.parametrize(
     ('parameters', 'reason'),
     [
-        ({'drive': 'nav3'}, "parameter drive is 'nav3': must be timed or nav2"),
+        ({'drive': 'nav3'}, "parameter drive is 'nav3': must be nav2 or simulated"),
         ({'order': 'given'}, "parameter order is 'given': must be numeric or shortest"),
-        ({'order': 'shortest'}, 'order:=shortest is for a robot that drives: set drive to nav2'),
+        (
+            {'drive': 'simulated', 'order': 'shortest'},
+            'order:=shortest is for a robot that drives: set drive to nav2',
+        ),
         ({'drive': 'nav2', 'world_file': '/a.sdf'}, 'world_file does not name the tables'),
     ],
 )

@@ -23,11 +23,11 @@ from std_msgs.msg import Bool, String
 OK = Outcome.OK
 
 
-def heard_tags(hearer) -> list[str]:
-    return [each.tag_reading.tag_id for each in hearer.heard]
+def received_tags(subscriber) -> list[str]:
+    return [each.tag_reading.tag_id for each in subscriber.received]
 
 
-def test_a_twin_that_joins_in_the_middle_has_heard_every_tag_at_the_end(
+def test_a_twin_that_joins_in_the_middle_has_every_tag_at_the_end(
     start_mission, reader, twin, node, shipped_tags
 ):
     """The mission stands at its third tag until the twin has joined, and exits after its last."""
@@ -36,43 +36,47 @@ def test_a_twin_that_joins_in_the_middle_has_heard_every_tag_at_the_end(
     reader.answer_ok('7', co2=7.0, temperature=20.5)
     assert [reader.wait_for_request() for _ in range(3)] == ['9', '7', '1']
     late = twin()
-    wait_until(lambda: heard_tags(late) == ['9', '7'])
+    wait_until(lambda: received_tags(late) == ['9', '7'])
     states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
     states.wait_for(lambda state: state.current_target == '1')
     reader.answer_ok('1', co2=1.0)
     reader.answer_ok('29', co2=29.0)
     assert mission.end() == 0
-    wait_until(lambda: len(late.heard) == 4)
+    wait_until(lambda: len(late.received) == 4)
     done = states.wait_for(lambda state: state.lifecycle_state == 'DONE')
     assert done.targets_completed == 4
     observations = mission.observations()
-    assert heard_tags(late) == [each.tag_id for each in observations] == ['9', '7', '1', '29']
-    for heard, written in zip(late.heard, observations, strict=True):
-        assert (heard.kind, heard.status, heard.status_detail) == (0, Observation.STATUS_OK, '')
-        assert heard.header.frame_id == 'map'
-        assert heard.header.stamp.sec > 0
-        assert {each.name: each.value for each in heard.tag_reading.readings} == written.reading.values
-        assert heard.tag_reading.sim_time_of_day_seconds == 12 * 3600.0
-        place, pose = shipped_tags[written.tag_id], heard.tag_pose_in_map
+    assert received_tags(late) == [each.tag_id for each in observations] == ['9', '7', '1', '29']
+    for received, written in zip(late.received, observations, strict=True):
+        assert (received.kind, received.status, received.status_detail) == (
+            0,
+            Observation.STATUS_OK,
+            'simulated drive',
+        )
+        assert received.header.frame_id == 'map'
+        assert received.header.stamp.sec > 0
+        assert {each.name: each.value for each in received.tag_reading.readings} == written.reading.values
+        assert received.tag_reading.sim_time_of_day_seconds == 12 * 3600.0
+        place, pose = shipped_tags[written.tag_id], received.tag_pose_in_map
         assert (pose.position.x, pose.position.y, pose.orientation.w) == (place['x'], place['y'], 1.0)
-    assert {each.mission_id for each in late.heard} == {done.mission_id}
-    assert {each.source for each in late.heard} == {'InspectionMission'}
+    assert {each.mission_id for each in late.received} == {done.mission_id}
+    assert {each.source for each in late.received} == {'InspectionMission'}
 
 
 def test_an_observation_of_a_tag_that_was_not_read_names_it_in_its_detail_alone(
     start_mission, reader, operate, twin
 ):
-    hearer = twin()
+    subscriber = twin()
     mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
     operate(mission).start()
     reader.answer(status=1, error_message='tag 1: who?')
-    heard = hearer.wait_for(lambda _observation: True)
-    assert (heard.status, heard.status_detail) == (
+    received = subscriber.wait_for(lambda _observation: True)
+    assert (received.status, received.status_detail) == (
         Observation.STATUS_SCAN_FAILED,
-        'tag 1: UNKNOWN_TAG: who?',  # named once, though the reply names it too
+        'tag 1: UNKNOWN_TAG: who? (simulated drive)',  # named once, though the reply names it too
     )
-    assert heard.tag_reading == TagReading()
-    for pose in (heard.tag_pose_in_map, heard.flower.pose.pose, heard.anomaly.pose.pose):
+    assert received.tag_reading == TagReading()
+    for pose in (received.tag_pose_in_map, received.flower.pose.pose, received.anomaly.pose.pose):
         assert (pose.position.x, pose.orientation.w) == (0.0, 0.0)  # never populated
     assert mission.stop() == 1
 
@@ -90,7 +94,7 @@ def test_an_observation_of_a_tag_that_was_not_read_names_it_in_its_detail_alone(
 def test_poses_are_published_where_the_ids_are_trusted_or_as_told(
     start_mission, reader, confirmer, operate, twin, parameters, has_pose
 ):
-    hearer = twin()
+    subscriber = twin()
     mission = start_mission(
         **READER,
         visual_confirmation_service=confirmer.name,
@@ -101,8 +105,8 @@ def test_poses_are_published_where_the_ids_are_trusted_or_as_told(
     operate(mission).start()
     confirmer.answer(detected=True, detection_confidence=1.0)
     reader.answer_ok('1', co2=1.0)
-    heard = hearer.wait_for(lambda _observation: True)
-    assert (heard.tag_pose_in_map.orientation.w == 1.0) == has_pose
+    received = subscriber.wait_for(lambda _observation: True)
+    assert (received.tag_pose_in_map.orientation.w == 1.0) == has_pose
     assert mission.stop() == 0
 
 
@@ -112,14 +116,14 @@ def test_the_shipped_places_are_not_those_of_a_bridge_with_its_own_tag_file(
     tag_file = tmp_path / 'tags.json'
     tag_file.write_text(json.dumps({'1': {'x': 9.0, 'y': 9.5, 'sensors': ['co2']}}))
     service = {'bridge_service_name': start_bridge(tag_file=tag_file).service_name, **REAL}
-    hearer = twin()
+    subscriber = twin()
 
     def position(**parameters):
         mission = start_mission(**service, **parameters, wait_for_start=True)
         operator = operate(mission)
         operator.wait_for(lifecycle_state='READY')
         operator.start()
-        pose = hearer.wait_for(lambda _observation: True).tag_pose_in_map
+        pose = subscriber.wait_for(lambda _observation: True).tag_pose_in_map
         assert mission.stop() == 0
         is_warned = any('the positions of the tags are unknown' in line for line in mission.warnings())
         assert is_warned == (pose.orientation.w == 0.0)
@@ -129,7 +133,7 @@ def test_the_shipped_places_are_not_those_of_a_bridge_with_its_own_tag_file(
     assert position(tag_locations_file=f'"{tag_file}"') == (9.0, 9.5)
 
 
-def test_a_web_client_hears_every_state_that_lasts(start_mission, reader, confirmer, operate, node):
+def test_a_web_client_receives_every_state_that_lasts(start_mission, reader, confirmer, operate, node):
     mission = start_mission(**CAMERA, tag_sequence='1 2', flower_scan_dwell_s=HOUR, wait_for_start=True)
     operator = operate(mission)
     started = operator.start()
@@ -153,10 +157,14 @@ def test_a_web_client_hears_every_state_that_lasts(start_mission, reader, confir
     reader.wait_for_request()
     operator.wait_for(mission_phase='SCANNING', current_target='1')
     reader.answer_ok('1', co2=1.0)
-    operator.wait_for(mission_phase='SCANNING', targets_completed=1, last_event="tag '1': co2 1.000")
+    operator.wait_for(
+        mission_phase='SCANNING', targets_completed=1, last_event="tag '1': co2 1.000 (simulated drive)"
+    )
     assert operator.trigger('skip_current')
     confirmer.answer(detected=False, error_message='no tag in view')
-    state = operator.wait_for(last_event="tag '2': NOT_CONFIRMED no tag in view: trying again")
+    state = operator.wait_for(
+        last_event="tag '2': NOT_CONFIRMED no tag in view: trying again (simulated drive)"
+    )
     assert (state.last_event_severity, state.mission_phase) == (MissionState.SEVERITY_WARN, 'CONFIRMING')
     confirmer.answer(detected=True, detection_confidence=1.0)
     reader.answer_ok('2', co2=1.0)
@@ -173,7 +181,7 @@ def test_the_state_comes_within_a_second_even_if_nothing_changes(start_mission, 
     states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
 
     def has_two_within_a_second():
-        stamps = [each.header.stamp.sec + each.header.stamp.nanosec / 1e9 for each in states.heard]
+        stamps = [each.header.stamp.sec + each.header.stamp.nanosec / 1e9 for each in states.received]
         return any(after - before < 1.0 for before, after in itertools.pairwise(stamps))
 
     wait_until(has_two_within_a_second)
@@ -183,7 +191,7 @@ def test_the_state_comes_within_a_second_even_if_nothing_changes(start_mission, 
 
 def test_abort_and_skip_over_ros(start_mission, confirmer, operate, twin):
     """Both arrive while the mission waits for the camera."""
-    hearer = twin()
+    subscriber = twin()
     mission = start_mission(**CAMERA, tag_sequence='1 2 3', wait_for_start=True)
     operator = operate(mission)
     started = operator.start()
@@ -193,13 +201,13 @@ def test_abort_and_skip_over_ros(start_mission, confirmer, operate, twin):
     assert confirmer.wait_for_request() == '2'
     assert operator.trigger('abort')
     confirmer.answer(detected=True, detection_confidence=1.0)
-    wait_until(lambda: len(hearer.heard) == 3)
-    assert heard_tags(hearer) == ['', '', '']
-    assert {each.status for each in hearer.heard} == {Observation.STATUS_SKIPPED}
-    assert [each.status_detail for each in hearer.heard] == [
-        'tag 1: SKIPPED: skipped',
-        'tag 2: SKIPPED: aborted',
-        'tag 3: SKIPPED: aborted',
+    wait_until(lambda: len(subscriber.received) == 3)
+    assert received_tags(subscriber) == ['', '', '']
+    assert {each.status for each in subscriber.received} == {Observation.STATUS_SKIPPED}
+    assert [each.status_detail for each in subscriber.received] == [
+        'tag 1: SKIPPED: skipped (simulated drive)',
+        'tag 2: SKIPPED: aborted (simulated drive)',
+        'tag 3: SKIPPED: aborted (simulated drive)',
     ]
     state = operator.wait_for(lifecycle_state='DONE')
     assert (state.targets_skipped, state.targets_failed, state.targets_completed) == (3, 0, 0)
@@ -219,7 +227,7 @@ def test_at_tag_names_the_tag_that_the_robot_stands_at(start_mission, reader, no
         assert reader.wait_for_request() == tag_id
         reader.answer_ok(tag_id, co2=1.0)
     assert mission.end() == 0
-    assert [message.data for message in at_tag.heard[:4]] == ['', '1', '', '2']
+    assert [message.data for message in at_tag.received[:4]] == ['', '1', '', '2']
 
 
 def test_without_a_sequence_the_tags_are_visited_in_numeric_order(start_mission, reader, operate, tmp_path):
@@ -258,24 +266,24 @@ def test_a_mission_waits_for_its_start_and_lives_on_after_it(
     first = operator.start(tag_sequence=['7', '1'])
     operator.wait_for(lifecycle_state='DONE', mission_id=first)
     late = twin()  # after DONE, while the node keeps running
-    wait_until(lambda: heard_tags(late) == ['7', '1'])
+    wait_until(lambda: received_tags(late) == ['7', '1'])
 
     second = operator.start(mission_type='InspectionMission')
     assert second != first
     done = operator.wait_for(lifecycle_state='DONE', mission_id=second)
     assert done.targets_completed == len(shipped_tags)
-    wait_until(lambda: len(late.heard) == 2 + len(shipped_tags))
-    visited = [each for each in late.heard if each.mission_id == second]
+    wait_until(lambda: len(late.received) == 2 + len(shipped_tags))
+    visited = [each for each in late.received if each.mission_id == second]
     assert [each.tag_reading.tag_id for each in visited] == sorted(shipped_tags, key=int)
 
     assert mission.stop() == 0
     assert mission.outcomes(first) == [('7', OK), ('1', OK)]
-    for heard, written in zip(visited, mission.observations(second), strict=True):
-        readings = {each.name: each.value for each in heard.tag_reading.readings}
+    for received, written in zip(visited, mission.observations(second), strict=True):
+        readings = {each.name: each.value for each in received.tag_reading.readings}
         assert readings == written.reading.values
         assert list(readings) == shipped_tags[written.tag_id]['sensors']
-        assert heard.tag_reading.sim_time_of_day_seconds == 12 * 3600.0
-        place, pose = shipped_tags[written.tag_id], heard.tag_pose_in_map
+        assert received.tag_reading.sim_time_of_day_seconds == 12 * 3600.0
+        place, pose = shipped_tags[written.tag_id], received.tag_pose_in_map
         assert (pose.position.x, pose.position.y) == (place['x'], place['y'])
 
 
@@ -287,20 +295,20 @@ def test_the_tags_and_their_places_come_from_the_world(start_mission, reader, op
     )
     world_file = tmp_path / 'greenhouse.sdf'
     world_file.write_text(f'<sdf version="1.6"><world name="w">{models}</world></sdf>')
-    hearer = twin()
+    subscriber = twin()
     mission = start_mission(**READER, world_file=world_file, wait_for_start=True)
     operate(mission).start()
     reader.answer_ok('1', co2=1.0)
     reader.answer_ok('7', co2=1.0)
     reader.answer(status=1, error_message='who?')
-    wait_until(lambda: len(hearer.heard) == 3)
-    assert heard_tags(hearer) == ['1', '7', '']
-    assert [each.status for each in hearer.heard] == [
+    wait_until(lambda: len(subscriber.received) == 3)
+    assert received_tags(subscriber) == ['1', '7', '']
+    assert [each.status for each in subscriber.received] == [
         Observation.STATUS_OK,
         Observation.STATUS_OK,
         Observation.STATUS_SCAN_FAILED,
     ]
-    places = [each.tag_pose_in_map.position for each in hearer.heard]
+    places = [each.tag_pose_in_map.position for each in subscriber.received]
     assert [(place.x, place.y) for place in places] == [(1.5, 8.5), (2.5, 8.5), (0.0, 0.0)]
 
 
@@ -338,7 +346,7 @@ def test_a_start_that_cannot_be_is_rejected_with_the_reason(start_mission, opera
     mission = start_mission(**READER, tag_sequence='1 2', wait_for_start=True)
     operator = operate(mission)
     assert operator.rejection(**request_fields) == reason
-    state = operator.wait_for(last_event=f'start rejected: {reason}')
+    state = operator.wait_for(last_event=f'start rejected: {reason} (simulated drive)')
     assert (state.lifecycle_state, state.last_event_severity) == ('READY', MissionState.SEVERITY_WARN)
 
 
@@ -349,7 +357,7 @@ def test_the_estop_stops_a_mission_and_rejects_a_start(start_mission, operate, n
     wait_until(lambda: estop.get_subscription_count() == 1)
     estop.publish(Bool(data=True))
     state = operator.wait_for(estop_engaged=True)
-    assert (state.lifecycle_state, state.last_event) == ('READY', 'e-stop engaged')
+    assert (state.lifecycle_state, state.last_event) == ('READY', 'e-stop engaged (simulated drive)')
     assert operator.rejection() == 'the e-stop is engaged: release it first'
     estop.publish(Bool(data=False))
     operator.wait_for(estop_engaged=False)
@@ -358,7 +366,7 @@ def test_the_estop_stops_a_mission_and_rejects_a_start(start_mission, operate, n
     operator.wait_for(targets_completed=1)
     estop.publish(Bool(data=True))
     state = operator.wait_for(estop_engaged=True, paused=True)
-    assert state.last_event == 'e-stop engaged'  # not the pause that follows
+    assert state.last_event == 'e-stop engaged (simulated drive)'  # not the pause that follows
     assert (state.lifecycle_state, state.mission_phase) == ('INSPECTING', 'SCANNING')
     estop.publish(Bool(data=False))
     operator.wait_for(estop_engaged=False, paused=True)
@@ -384,7 +392,7 @@ def test_the_robot_returns_with_a_state_of_its_own(start_mission, operate, clock
 def test_a_tag_of_unknown_place_has_the_one_that_was_discovered_or_the_robots(
     start_mission, reader, confirmer, operate, twin, node
 ):
-    hearer = twin()
+    subscriber = twin()
     mission = start_mission(**CAMERA, tag_sequence='1 2 3', wait_for_start=True)
     robot = node.create_publisher(PoseWithCovarianceStamped, f'{mission.namespace}/amcl_pose', TWIN_QOS)
     discovered = node.create_publisher(
@@ -396,7 +404,7 @@ def test_a_tag_of_unknown_place_has_the_one_that_was_discovered_or_the_robots(
     def place_of_next():
         confirmer.answer(detected=True)
         reader.answer_ok(reader.wait_for_request(), co2=1.0)
-        pose = hearer.wait_for(lambda _observation: True).tag_pose_in_map
+        pose = subscriber.wait_for(lambda _observation: True).tag_pose_in_map
         return pose.position.x, pose.position.y, pose.orientation.w
 
     assert place_of_next() == (0.0, 0.0, 0.0)
@@ -449,7 +457,7 @@ def test_two_servers_of_a_service_are_named_once(start_mission, reader, operate,
 
 
 def test_two_robots_have_missions_of_their_own(start_process, node, reader, held_service, tmp_path):
-    """Each with its namespace: neither hears the camera, the services or the state of the other."""
+    """Each with its namespace: neither uses the camera, the services or the state of the other."""
     other_reader = held_service(GetTagReading, '/other/get_tag_reading')
     missions = [
         start_process(
@@ -502,8 +510,8 @@ def test_an_error_is_published_and_logged_as_one(node, capfd):
     states = Subscriber(node, MissionState, '/mission/state', WEB_QOS)
     announcer = Announcer(node, '/observations')
     announcer.note('the robot is stuck', Severity.ERROR)
-    wait_until(lambda: announcer.publish_state(None, '', 'READY', None) or states.heard)
-    state = states.heard[0]
+    wait_until(lambda: announcer.publish_state(None, '', 'READY', None) or states.received)
+    state = states.received[0]
     assert (state.last_event, state.last_event_severity) == (
         'the robot is stuck',
         MissionState.SEVERITY_ERROR,
@@ -539,7 +547,7 @@ def test_a_report_that_cannot_be_written_rejects_the_start(start_mission, operat
     assert not any('tags read' in line for line in mission.log)
 
 
-def test_a_mission_that_nobody_hears_ends_all_the_same(start_mission, reader):
+def test_a_mission_without_a_subscriber_ends_all_the_same(start_mission, reader):
     mission = start_mission(**READER, tag_sequence='1')
     reader.answer_ok('1', co2=1.0)
     assert mission.end() == 0

@@ -86,6 +86,8 @@ def nodes_of(options) -> tuple[list[list[str]], list[str]]:
         nodes.append([navigator, *parameters([*driving, *for_navigator])])
         suitable += ['drive:=nav2', 'order:=shortest']
         seeing = ['from_odometry:=true']
+    else:
+        suitable.append('drive:=simulated')
     if not options.camera:
         return nodes, [*suitable, *mission]
     suitable += ['require_visual_confirmation:=true', 'drive_seconds:=0.2']

@@ -1,4 +1,4 @@
-"""The places of tags in the map: by the layout, as discovered by perception, or where the robot stands."""
+"""The positions of tags in the map: from the layout, from perception, or that of the robot."""
 
 from geometry_msgs.msg import Point, PoseWithCovarianceStamped
 from lupin_msgs.msg import DiscoveredTags
@@ -7,17 +7,17 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
 
 
-class MapPlaces:
-    """Listens to `perception/discovered_tags` and to the pose of the robot."""
+class TagPositions:
+    """Subscribes to `perception/discovered_tags` and to the pose of the robot."""
 
     def __init__(
-        self, node, *, frame_id: str = 'map', amcl_pose_topic: str = 'amcl_pose', layout_places=None
+        self, node, *, frame_id: str = 'map', amcl_pose_topic: str = 'amcl_pose', layout_positions=None
     ):
-        """Subscribe; messages of another frame are ignored. The layout's places in the map come first."""
+        """Subscribe; messages of another frame are ignored. The layout's positions in the map come first."""
         self._frame_id = frame_id
-        self._layout_places: dict[str, Point] = layout_places or {}  # by tag id
-        self._tag_places: dict[str, Point] = {}  # by tag id
-        self._robot_place: Point | None = None
+        self._layout_positions: dict[str, Point] = layout_positions or {}  # by tag id
+        self._discovered_positions: dict[str, Point] = {}  # by tag id
+        self.robot_position: Point | None = None  # until it is known
         node.create_subscription(
             DiscoveredTags,
             'perception/discovered_tags',
@@ -29,18 +29,14 @@ class MapPlaces:
             qos = QoSProfile(depth=1, durability=durability)
             node.create_subscription(PoseWithCovarianceStamped, amcl_pose_topic, self._on_pose, qos)
 
-    def at(self, tag_id: str) -> Point | None:
-        """Return the place of a tag, else of the robot that stands at it; None if neither is known."""
-        return self._layout_places.get(tag_id) or self._tag_places.get(tag_id, self._robot_place)
-
-    @property
-    def robot(self) -> Point | None:
-        """The place of the robot; None if it is unknown."""
-        return self._robot_place
+    def position_of(self, tag_id: str) -> Point | None:
+        """Return the position of a tag, else of the robot that stands at it; None if neither is known."""
+        known = self._discovered_positions | self._layout_positions
+        return known.get(tag_id, self.robot_position)
 
     def _on_tags(self, message) -> None:
         if message.header.frame_id == self._frame_id:
-            self._tag_places = {
+            self._discovered_positions = {
                 tag.tag_id: tag.pose_in_map.position
                 for tag in message.tags
                 if tag.pose_in_map.orientation.w != 0.0  # 0: never populated
@@ -48,4 +44,4 @@ class MapPlaces:
 
     def _on_pose(self, message) -> None:
         if message.header.frame_id == self._frame_id:
-            self._robot_place = message.pose.pose.position
+            self.robot_position = message.pose.pose.position
