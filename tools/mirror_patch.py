@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import generate
+from check_drift import MIRROR_ALONE
 from mirror_publish import PLACEHOLDER
 
 PATH_LINE = re.compile(
@@ -30,12 +31,12 @@ def _translate_diff(diff: str, table: dict) -> str:
     renamed = {new: old for old, new in mirror['folders'].items()}
 
     def place(path: str) -> str:
-        if path in mirror['beside']:
-            return f'{mirror["root"]}/{path}'
         package, slash, rest = path.partition('/')
-        core_path = f'tools/core/{renamed.get(package, package)}{slash}{rest}'
-        if package in table['owned'] or (generate.ROOT / core_path).is_file():
-            return core_path
+        core_path = renamed.get(package, package) + slash + rest
+        if core_path in MIRROR_ALONE:
+            return f'{mirror["root"]}/{path}'
+        if package in table['owned'] or (generate.ROOT / generate.CORE / core_path).is_file():
+            return f'{generate.CORE}/{core_path}'
         raise generate.GenerationError(f'{path}: is not a file of the mirror in tools/twins.toml')
 
     def place_line(match: re.Match) -> str:
