@@ -31,7 +31,7 @@ DIVERGENT_LINE = {
     'mirror': '    return value or None',
 }
 
-# Files of the mirror that are kept by hand; every other file has its twin in the monorepo.
+# Files of the mirror that are kept by hand, with the monorepo's names; every other file has its twin.
 MIRROR_ALONE = {
     '.github/ISSUE_TEMPLATE/bug.md', '.github/PULL_REQUEST_TEMPLATE.md', '.github/workflows/ci.yml',
     '.gitignore', '.gitlab-ci.yml', 'CHANGELOG.rst', 'COLCON_IGNORE', 'CONTRIBUTING.md', 'LICENSE',
@@ -113,6 +113,7 @@ def compare(monorepo: Tree, mirror: Tree) -> list[Finding]:
         *_left_over_names(mirror, MSGS['monorepo']),
         *_one_sided(monorepo, mirror),
         *_one_sided(mirror, monorepo),
+        *_missing(mirror),
     ]
     for name in sorted(monorepo.files.keys() & mirror.files.keys()):
         findings += _modes(name, monorepo, mirror)
@@ -148,6 +149,12 @@ def _one_sided(tree: Tree, other: Tree) -> Iterator[Finding]:
         if not name.endswith('COLCON_IGNORE'):
             message = f'only the {tree.name} has this file, and it is not on the list of own files'
             yield Finding('only one side', str(tree.files[name]), 1, message)
+
+
+def _missing(mirror: Tree) -> Iterator[Finding]:
+    for name in sorted(MIRROR_ALONE - mirror.files.keys() - {'COLCON_IGNORE'}):
+        path = mirror.root / name.replace(MSGS['monorepo'], MSGS['mirror'])
+        yield Finding('missing', str(path), 1, 'is missing; the mirror keeps it by hand: put it back')
 
 
 def _modes(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
@@ -194,7 +201,8 @@ def _divergence(tree: Tree) -> Iterator[Finding]:
         yield Finding(heading, path, lines.index(foreign) + 1, message, f'{foreign}\n')
         return
     if lines.count(own) != 1:
-        message = f'the line {own.strip()!r} of the {tree.name} is there {lines.count(own)} times, not once'
+        times = pluralized(lines.count(own), 'time')
+        message = f'the line {own.strip()!r} of the {tree.name} is there {times}, not once'
         yield Finding(heading, path, 1, message)
         return
     try:
@@ -234,7 +242,9 @@ def _meaning(tree: Tree, name: str) -> list[str]:
     code = re.sub(r"""("[^"\n]*"|'[^'\n]*')|#.*""", lambda match: match[1] or '', text)
     parts = re.split(r'^---\s*$', code, flags=re.MULTILINE)
     if len(parts) != len(sections):
-        raise CannotCompareError(f'{path}: has {len(parts) - 1} lines ---, not {len(sections) - 1}')
+        raise CannotCompareError(
+            f'{path}: has {pluralized(len(parts) - 1, "line")} ---, not {len(sections) - 1}'
+        )
     meaning = []
     for section, part in zip(sections, parts, strict=True):
         for line in filter(None, map(str.strip, part.splitlines())):
@@ -257,11 +267,17 @@ def report(findings: list[Finding], compared: int, form: str) -> str:
             for found in findings
         )
     if not findings:
-        return f'{compared} files compared: only the allowed divergence'
+        return f'{pluralized(compared, "file")} compared: only the allowed divergence'
     blocks = [
         f'{found.path}:{found.line}: [{found.heading}] {found.message}\n{found.diff}' for found in findings
     ]
-    return '\n'.join([*blocks, f'{len(findings)} findings in {compared} files compared.', WHAT_TO_DO])
+    summary = f'{pluralized(len(findings), "finding")} in {pluralized(compared, "file")} compared.'
+    return '\n'.join([*blocks, summary, WHAT_TO_DO])
+
+
+def pluralized(count: int, thing: str) -> str:
+    """Return a count with its noun, such as 1 file or 29 files."""
+    return f'{count} {thing}' if count == 1 else f'{count} {thing}s'
 
 
 def _escaped(text: str, also: str = '') -> str:

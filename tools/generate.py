@@ -17,6 +17,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from check_drift import pluralized
+
 try:
     import tomllib
 except ModuleNotFoundError:  # Python 3.10
@@ -80,7 +82,7 @@ def _substituted(name: str, tree: dict, files: Rendered) -> Rendered:
             found = content.count(find.encode())
             if found != expected or found == 0:
                 raise GenerationError(
-                    f'twins.toml, {name}: {find!r} must match {expected} times in {path},'
+                    f'twins.toml, {name}: {find!r} must match {pluralized(expected, "time")} in {path},'
                     f' and matches {found}: correct the number there, or the core'
                 )
             files[path] = content.replace(find.encode(), replace.encode()), mode
@@ -129,10 +131,6 @@ def compare(root: Path, rendered: Rendered, table: dict) -> list[str]:
         if _mode(target) != mode:
             findings.append(f'{path}: has mode {_mode(target):o}, the core {mode:o}')
     findings += [f'{path}: not generated from the core' for path in extras(root, rendered, table)]
-    for tree in table['trees'].values():
-        for path in tree.get('beside', []):
-            if not (root / tree['root'] / path).is_file():
-                findings.append(f'{tree["root"]}/{path}: missing (kept by hand, listed in twins.toml)')
     return findings
 
 
@@ -199,7 +197,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(
         *changed, *(f'{path} (removed)' for path in unknown), sep='\n', end='\n' if changed or unknown else ''
     )
-    print(f'{len(rendered)} files generated, {len(changed)} changed')
+    print(f'{pluralized(len(rendered), "file")} generated, {len(changed)} changed')
     return 0
 
 
@@ -208,7 +206,8 @@ def _report(findings: list[str], rendered: Rendered) -> int:
         print(f'{len(rendered)} generated files are what the core generates')
         return 0
     print(*findings, sep='\n')
-    print(f'{len(findings)} findings. Edit tools/core, never a generated file; then: make generate')
+    counted = pluralized(len(findings), 'finding')
+    print(f'{counted}. Edit tools/core, never a generated file; then: make generate')
     return 1
 
 

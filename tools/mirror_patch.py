@@ -8,9 +8,11 @@ Exit code: 0 the translated patch is on standard output, 1 a file of the patch h
 
 import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import generate
+from check_drift import MIRROR_ALONE
 from mirror_publish import PLACEHOLDER
 
 PATH_LINE = re.compile(
@@ -30,12 +32,12 @@ def _translate_diff(diff: str, table: dict) -> str:
     renamed = {new: old for old, new in mirror['folders'].items()}
 
     def place(path: str) -> str:
-        if path in mirror['beside']:
-            return f'{mirror["root"]}/{path}'
         package, slash, rest = path.partition('/')
-        core_path = f'tools/core/{renamed.get(package, package)}{slash}{rest}'
-        if package in table['owned'] or (generate.ROOT / core_path).is_file():
-            return core_path
+        core_path = renamed.get(package, package) + slash + rest
+        if core_path in MIRROR_ALONE:
+            return f'{mirror["root"]}/{path}'
+        if package in table['owned'] or (generate.ROOT / generate.CORE / core_path).is_file():
+            return f'{generate.CORE}/{core_path}'
         raise generate.GenerationError(f'{path}: is not a file of the mirror in tools/twins.toml')
 
     def place_line(match: re.Match) -> str:
@@ -46,11 +48,22 @@ def _translate_diff(diff: str, table: dict) -> str:
     if f' b/{mirror["root"]}/README.md' in header:
         readme = generate.ROOT / mirror['root'] / 'README.md'
         hunks = without_address(hunks, readme.read_text(encoding='utf-8'))
-    if ' a/tools/core/' in header:
-        for substitution in mirror['substitutions']:
-            if substitution['replace']:
-                hunks = hunks.replace(substitution['replace'], substitution['find'])
+    for find, replace, path in _substitutions_in(header, mirror):
+        is_line = replace.endswith('\n')
+        if is_line and hunks.count(f'\n-{replace}') != hunks.count(f'\n+{replace}'):
+            raise generate.GenerationError(
+                f'{path}: {replace.strip()!r} differs from the monorepo on purpose: leave this line as it is'
+            )
+        hunks = hunks.replace(replace, find)
     return header + at + hunks
+
+
+def _substitutions_in(header: str, tree: dict) -> Iterator[tuple[str, str, str]]:
+    """Yield what the table replaces, and by what, in the file of a diff, and its path."""
+    for substitution in tree['substitutions']:
+        for path in substitution['matches']:
+            if f' a/{generate.CORE}/{path} ' in header:
+                yield substitution['find'], substitution['replace'], path
 
 
 def without_address(hunks: str, readme: str) -> str:

@@ -21,7 +21,7 @@ SENSOR = 'MSGS/msg/SensorReading.msg'
 WRAP, PLAIN = 'return Path(value) if value else None', 'return value or None'
 NODE_DIFFERS, PACKAGE_DIFFERS, INTERFACE = 'bridge_node.py', 'package file', 'interface'
 DIVERGENCE, LEFT_OVER, ONE_SIDE = 'allowed divergence', 'left-over name', 'only one side'
-IGNORE, MODE, LINK = 'COLCON_IGNORE', 'file mode', 'symlink'
+IGNORE, MODE, LINK, MISSING = 'COLCON_IGNORE', 'file mode', 'symlink', 'missing'
 
 
 class Trees:
@@ -207,6 +207,8 @@ CHANGES = [
     (ONE_SIDE, 'a deleted service', delete('monorepo', SRV)),
     (LEFT_OVER, 'a file named after the old package', touch('mirror', f'{BRIDGE}/test/lupin_msgs.txt')),
     (LEFT_OVER, 'the old package beside the new', touch('mirror', 'lupin_msgs/msg/SensorReading.msg', 'bool a\n')),
+    (MISSING, 'a file kept by hand', delete('mirror', 'README.md')),
+    (MISSING, 'a file of the messages kept by hand', delete('mirror', 'MSGS/CHANGELOG.rst')),
     (IGNORE, 'COLCON_IGNORE missing', delete('mirror', 'COLCON_IGNORE')),
     (IGNORE, 'COLCON_IGNORE not empty', touch('mirror', 'COLCON_IGNORE', '\n')),
     (IGNORE, 'COLCON_IGNORE in the monorepo', touch('monorepo', 'COLCON_IGNORE')),
@@ -343,6 +345,7 @@ def test_text_has_place_message_diff_and_remedy(trees, capsys):
     assert any(re.match(r"-.*output='screen'", line) for line in rest)
     assert any(re.match(r"\+.*output='log'", line) for line in rest)
     assert any('make generate' in line for line in rest)
+    assert any(re.match(r'1 finding in \d+ files compared\.', line) for line in rest)
 
 
 @pytest.mark.parametrize(

@@ -95,6 +95,30 @@ def test_a_new_file_is_added_to_both_trees(repositories):
     assert checks_pass(monorepo)
 
 
+def test_the_divergent_line_is_text_like_any_other_in_another_file(repositories):
+    monorepo, mirror = repositories
+    units = f'{BRIDGE}/units.py'
+    (mirror / units).write_text(
+        f'{(mirror / units).read_text()}\n\ndef f(value):\n    return value or None\n'
+    )
+    result = import_patch(monorepo, commit_in(mirror))
+    assert result.returncode == 0, result.stderr
+    assert (monorepo / 'tools/core' / units).read_text() == (mirror / units).read_text()
+
+
+@pytest.mark.parametrize('new', ['    return value\n', ''], ids=['changed', 'deleted'])
+def test_a_change_of_the_line_that_differs_on_purpose_is_refused(repositories, new):
+    monorepo, mirror = repositories
+    line = '    return value or None\n'
+    result = import_patch(monorepo, commit_in(mirror, (f'{BRIDGE}/bridge_node.py', line, new)))
+    assert result.returncode == 1
+    assert result.stderr.splitlines() == [
+        f"mirror_patch: {BRIDGE}/bridge_node.py: 'return value or None' differs from the monorepo on purpose:"
+        ' leave this line as it is',
+        "mirror-import: 'Mend it' cannot be translated: nothing was changed",
+    ]
+
+
 def test_a_file_without_a_place_here_is_refused(repositories):
     monorepo, mirror = repositories
     (mirror / 'NOTES.md').write_text('x\n')
