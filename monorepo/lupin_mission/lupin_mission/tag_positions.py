@@ -1,10 +1,9 @@
 """The positions of tags in the map: from the layout, from perception, or that of the robot."""
 
 from geometry_msgs.msg import Point, PoseWithCovarianceStamped
+from lupin_greenhouse_bridge.contract import latched
 from lupin_msgs.msg import DiscoveredTags
-from rclpy.qos import DurabilityPolicy, QoSProfile
-
-VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
+from rclpy.qos import QoSProfile
 
 
 class TagPositions:
@@ -22,11 +21,10 @@ class TagPositions:
             DiscoveredTags,
             'perception/discovered_tags',
             self._on_tags,
-            QoSProfile(depth=1, durability=LATCHED),
+            latched(),
         )
         # AMCL latches its pose, other localisers do not. Either subscription alone would miss something.
-        for durability in (LATCHED, VOLATILE):
-            qos = QoSProfile(depth=1, durability=durability)
+        for qos in (latched(), QoSProfile(depth=1)):
             node.create_subscription(PoseWithCovarianceStamped, amcl_pose_topic, self._on_pose, qos)
 
     def position_of(self, tag_id: str) -> Point | None:

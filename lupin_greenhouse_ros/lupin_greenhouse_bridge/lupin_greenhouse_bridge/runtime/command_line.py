@@ -17,7 +17,7 @@ def answer_help(node_type, args: list[str] | None) -> bool:
     Raises StartUpError for any other argument before --ros-args.
     """
     command_line = sys.argv if args is None else args
-    own = list(itertools.takewhile(lambda word: word != '--ros-args', command_line[1:]))
+    own = list(itertools.takewhile(lambda word: word != '--ros-args', command_line))[1:]
     if '--help' in own or '-h' in own:
         print(help_text(sys.modules[node_type.__module__]))
         return True
