@@ -14,6 +14,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, ManualClock, running, wait_until
 from lupin_simulation import fake_navigator
@@ -26,8 +27,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 LAYOUT = find_layout('')
 START = (0.5, 0.5)
-NEAR, FAR = (Pose(*find_approaches(LAYOUT, ViewingLimits()).poses[tag_id][:3]) for tag_id in ('1', '7'))
-NO_WAY = f'no way from 0.50, 0.50 to {FAR.x:.2f}, {FAR.y:.2f}'
+WALLS = find_walls(LAYOUT)
+POSES = find_approaches(LAYOUT, WALLS, ViewingLimits()).poses
+NEAR, FAR = (Pose(*POSES[tag_id][:3]) for tag_id in ('1', '7'))
+NO_PATH = f'no path from 0.50, 0.50 to {FAR.x:.2f}, {FAR.y:.2f}'
 HOUR = 3600.0
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -107,13 +110,13 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
     route = [tuple(map(float, line.split(','))) for line in lines]
     assert (header, route[0], route[-1]) == ('x,y', START, pytest.approx(FAR[:2], abs=1e-3))
     assert FreeSpace.length_m(route) > math.dist(START, FAR[:2]) + 0.1
-    assert FreeSpace(LAYOUT, 0.19).are_in_sight(route[:-1], route[1:]).all()
+    assert FreeSpace(LAYOUT, WALLS, 0.19).are_in_sight(route[:-1], route[1:]).all()
 
 
 @pytest.mark.parametrize(
     ('action', 'reason'),
     [
-        ('NavigateToPose', {'error_code': 208, 'error_msg': NO_WAY}),
+        ('NavigateToPose', {'error_code': 208, 'error_msg': NO_PATH}),
         ('NavigateToPoseIron', {'error_code': 208}),
         ('NavigateToPoseHumble', {}),
     ],

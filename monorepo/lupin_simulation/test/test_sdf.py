@@ -5,6 +5,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag
 from lupin_simulation.scene import printed_marker
 from lupin_simulation.sdf import SDF_FILE, world_files
@@ -21,7 +22,7 @@ SIDE_M = 0.08
 
 @pytest.fixture(scope='module')
 def files():
-    return world_files(LAYOUT, SIDE_M)
+    return world_files(LAYOUT, Walls(-2.6, 0.4, 6.6, 10.6), SIDE_M)
 
 
 @pytest.fixture(scope='module')

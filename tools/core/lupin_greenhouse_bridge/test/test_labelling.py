@@ -2,7 +2,7 @@
 
 import itertools
 
-from lupin_greenhouse_bridge.planning.labelling import Box, place_labels
+from lupin_greenhouse_bridge.planning.drawing import Box, place_labels
 
 
 def shared_m2(one: Box, other: Box) -> float:
@@ -25,7 +25,7 @@ def test_a_thousand_labels_cover_no_dot_and_no_other_label():
 
 
 def test_a_label_stays_within_the_walls_and_takes_the_nearest_place_that_is_free():
-    room, dot = Box(1.0, 1.0, 2.0, 2.0), Box(1.9, 1.0, 0.2, 0.2)
-    assert place_labels([dot], [(dot, 0.6, 0.2)], room) == [(1.5, 1.0)]
-    assert place_labels([dot, Box(1.5, 1.0, 0.2, 0.2)], [(dot, 0.4, 0.2)], room) != [(1.6, 1.0)]
+    walls, dot = Box(1.0, 1.0, 2.0, 2.0), Box(1.9, 1.0, 0.2, 0.2)
+    assert place_labels([dot], [(dot, 0.6, 0.2)], walls) == [(1.5, 1.0)]
+    assert place_labels([dot, Box(1.5, 1.0, 0.2, 0.2)], [(dot, 0.4, 0.2)], walls) != [(1.6, 1.0)]
     assert place_labels([dot], [(dot, 0.6, 0.2)]) == [(2.3, 1.0)]

@@ -7,11 +7,11 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
+from lupin_greenhouse_bridge.display.places import read_colour_ranges
 from lupin_greenhouse_bridge.display.plot_report import main
-from lupin_greenhouse_bridge.planning.visualization import read_visualization
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.recording.reading_files import read_file
 from lupin_greenhouse_bridge.recording.store import open_store
-from lupin_greenhouse_bridge.simulator.layout import find_layout
 from reading_helpers import visit, write_report
 
 Figure = pytest.importorskip(
@@ -90,15 +90,35 @@ def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, monk
         assert not any(box.contains(*dot) for box in boxes for dot in dots)
 
 
-def test_the_colours_of_a_sensor_are_those_of_the_config(tmp_path):
-    layout = find_layout('')
-    assert read_visualization(layout).colour_ranges['temperature'] == (0.0, 30.0)
-    config = tmp_path / 'config.yaml'
-    walls = 'greenhouse_width_m: 4, greenhouse_height_m: 8'
-    config.write_text(f'visualization: {{{walls}, colorbar_ranges: {{co2: {{min: 1, max: 2}}}}}}')
-    assert read_visualization(layout, str(config)).colour_ranges == {'co2': (1.0, 2.0)}
-    config.write_text(f'visualization: {{{walls}}}')
-    assert read_visualization(layout, str(config)) == ((4.0, 8.0), {})
+@pytest.fixture
+def config(tmp_path):
+    """Return a function that writes a config with this section, and returns its path."""
+
+    def write(section: str) -> str:
+        (tmp_path / 'config.yaml').write_text(f'visualization: {section}')
+        return str(tmp_path / 'config.yaml')
+
+    return write
+
+
+def test_the_colours_of_a_sensor_are_those_of_the_config(config):
+    assert read_colour_ranges()['temperature'] == (0.0, 30.0)
+    assert read_colour_ranges(config('{colorbar_ranges: {co2: {min: 1, max: 2}}}')) == {'co2': (1.0, 2.0)}
+    assert read_colour_ranges(config('{}')) == {}
+
+
+@pytest.mark.parametrize(
+    ('ranges', 'fault'),
+    [
+        ('[co2]', 'colorbar_ranges is a list, not a mapping'),
+        ('{co2: 5}', 'co2 is 5, not a mapping'),
+        ('{1: {min: 0}}', 'max is missing'),
+        ('{co2: {min: .inf}}', 'min is inf'),
+    ],
+)
+def test_colours_that_no_drawing_can_use_are_refused(config, ranges, fault):
+    with pytest.raises(StartUpError, match=fault):
+        read_colour_ranges(config(f'{{colorbar_ranges: {ranges}}}'))
 
 
 def test_the_picture_lies_beside_the_report(report, capsys):
