@@ -46,15 +46,15 @@ class FreeSpace:
         self._tolerance_m = 1e-9 + 4e-15 * max(map(abs, walls))  # of the numbers, far from the origin
         shapes = [_corners(each) for each in tables_of(layout)]
         shapes += [_ends(each) for each in self.tag_poses.values()]
-        octagons = {}  # without those that lie within another
+        octagons: list[tuple[np.ndarray, np.ndarray]] = []  # without those that lie within another
         for shape in shapes:
             along = shape @ AXES
             low, high = along.min(axis=0) - radius_m * LENGTHS, along.max(axis=0) + radius_m * LENGTHS
-            if not any((a <= low).all() and (high <= b).all() for a, b in octagons.values()):
-                octagons[len(octagons)] = low, high
-        self._low = np.array([low for low, _ in octagons.values()]) + self._tolerance_m
-        self._high = np.array([high for _, high in octagons.values()]) - self._tolerance_m
-        vertices = np.array([_vertices(*each) for each in octagons.values()])  # (octagon, 8, 2)
+            if not any((a <= low).all() and (high <= b).all() for a, b in octagons):
+                octagons.append((low, high))
+        self._low, self._high = np.array(octagons).swapaxes(0, 1)
+        self._low, self._high = self._low + self._tolerance_m, self._high - self._tolerance_m
+        vertices = np.array([_vertices(*each) for each in octagons])  # (octagon, 8, 2)
         points = vertices.reshape(-1, 2)
         is_free = self.are_free(points)
         self._corners = points[is_free]
@@ -133,10 +133,7 @@ class FreeSpace:
         """
         if self._between is None:
             self._between = [[] for _ in self._corners]
-            pairs = np.array(list(itertools.combinations(range(len(self._corners)), 2)), dtype=int).reshape(
-                -1, 2
-            )
-            self._link(self._between, self._corners, pairs)
+            self._link(self._between, self._corners, _pairs(len(self._corners)))
         count = len(self._corners)
         nodes = np.concatenate([self._corners, points])
         links = [list(each) for each in self._between] + [[] for _ in points]

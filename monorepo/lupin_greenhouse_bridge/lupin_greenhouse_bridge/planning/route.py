@@ -56,7 +56,11 @@ def plan_route(
     points = stops[:1]
     for here, there in itertools.pairwise(visits):
         if (path := graph.path(here, there)) is None:
-            raise _cut_off(stops[there], stops[here])
+            (x0, y0), (x1, y1) = stops[here], stops[there]
+            raise StartUpError(
+                f'({x1:.2f}, {y1:.2f}) is cut off from ({x0:.2f}, {y0:.2f}): leave its tag out,'
+                ' or choose another start'
+            )
         points += path[1:]
     first_tag = len(stops) - len(tag_ids)
     return Route(
@@ -70,13 +74,6 @@ def in_numeric_order(tag_id: str) -> tuple[bool, int, str, str]:
     """Return a sort key: '9' before '10', and numbers before other ids."""
     digits = tag_id.lstrip('0') if tag_id.isdecimal() else ''
     return not tag_id.isdecimal(), len(digits), digits, tag_id
-
-
-def _cut_off(there, here) -> StartUpError:
-    return StartUpError(
-        f'({there[0]:.2f}, {there[1]:.2f}) is cut off from ({here[0]:.2f}, {here[1]:.2f}): leave its tag out,'
-        ' or choose another start'
-    )
 
 
 def _shortest(graph: VisibilityGraph, count: int) -> list[int]:

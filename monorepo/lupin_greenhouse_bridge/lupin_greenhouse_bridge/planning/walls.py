@@ -48,10 +48,8 @@ def find_walls(layout: Layout, sim_config_file: str = '', walls=None) -> Walls:
         return given
     if found := read_visualization(sim_config_file):
         section, where = found
-        sides_m = (
-            number(section, f'greenhouse_{side}_m', where, 'metres', smallest=SMALLEST_SIDE_M)
-            for side in ('width', 'height')
-        )
+        names = ('greenhouse_width_m', 'greenhouse_height_m')
+        sides_m = (number(section, name, where, 'metres', smallest=SMALLEST_SIDE_M) for name in names)
         return Walls(0.0, 0.0, *map(float, sides_m))
     return walls_around(layout)
 

@@ -96,7 +96,20 @@ def draw_route(
     figure = Figure(figsize=(6.2, 8.8), layout='constrained')
     axes = figure.add_subplot()
     draw_greenhouse(axes, layout, walls)
-    draw_poses(axes, layout, poses, unreachable, route.points_m)
+    if route.points_m:
+        axes.plot(*zip(*route.points_m, strict=True), color=ROUTE_COLOUR, linewidth=1.8, label='route')
+        axes.plot(
+            *route.points_m[0], 'o', markersize=9, markerfacecolor='white', color=POSE_COLOUR, label='start'
+        )
+    arrows = [
+        (each.x, each.y, math.cos(each.yaw) * ARROW_M, math.sin(each.yaw) * ARROW_M)
+        for each in poses.values()
+    ]
+    if arrows:
+        scale = {'angles': 'xy', 'scale_units': 'xy', 'scale': 1, 'width': 0.008}
+        axes.quiver(*zip(*arrows, strict=True), **scale, color=POSE_COLOUR, zorder=4)
+        axes.plot([], [], ls='', marker=r'$\rightarrow$', markersize=12, color=POSE_COLOUR, label='pose')
+    _draw_tags(axes, layout, unreachable, [Box(x + dx / 2, y + dy / 2, 0.2, 0.2) for x, y, dx, dy in arrows])
     axes.set_ylabel('y (m)')
     axes.set_title(
         f'{len(poses)} of {len(layout.tags)} tags have a pose; route {route.length_m:.1f} m', fontsize=10
@@ -105,50 +118,21 @@ def draw_route(
     return figure
 
 
-def draw_poses(
-    axes: Any,
-    layout: Layout,
-    poses: Mapping[str, ApproachPose],
-    unreachable: Collection[str],
-    points_m: list[tuple[float, float]],
-) -> None:
-    """Draw the path of the robot, its poses, and the tags with their ids, into axes that have the tables."""
+def _draw_tags(axes: Any, layout: Layout, unreachable: Collection[str], taken: list[Box]) -> None:
+    """Draw the tags, and their ids where these boxes are not."""
     from matplotlib.patheffects import withStroke
 
-    if points_m:
-        axes.plot(*zip(*points_m, strict=True), color=ROUTE_COLOUR, linewidth=1.8, zorder=2, label='route')
-        axes.plot(*points_m[0], 'o', markersize=9, markerfacecolor='white', color=POSE_COLOUR, label='start')
-    arrows = [
-        (each.x, each.y, math.cos(each.yaw) * ARROW_M, math.sin(each.yaw) * ARROW_M)
-        for each in poses.values()
-    ]
-    if arrows:
-        axes.quiver(
-            *zip(*arrows, strict=True),
-            angles='xy',
-            scale_units='xy',
-            scale=1,
-            width=0.008,
-            color=POSE_COLOUR,
-            zorder=4,
-        )
-        axes.plot(
-            [], [], linestyle='', marker=r'$\rightarrow$', markersize=12, color=POSE_COLOUR, label='pose'
-        )
     for is_bad, style in (
         (False, {'marker': 's', 'markersize': 4.5, 'color': 'black', 'label': 'tag'}),
         (True, {'marker': 'X', 'markersize': 8, 'color': BAD_COLOUR, 'label': 'tag without a pose'}),
     ):
-        some = [tag for tag_id, tag in layout.tags.items() if (tag_id in unreachable) is is_bad]
-        if some:
-            axes.plot([tag.x for tag in some], [tag.y for tag in some], linestyle='', zorder=3, **style)
+        if some := [tag[:2] for tag_id, tag in layout.tags.items() if (tag_id in unreachable) is is_bad]:
+            axes.plot(*zip(*some, strict=True), ls='', zorder=3, **style)
     sizes_m = [BAD_TAG_M if tag_id in unreachable else TAG_M for tag_id in layout.tags]
     dots = [Box(tag.x, tag.y, side, side) for tag, side in zip(layout.tags.values(), sizes_m, strict=True)]
-    taken = [Box(x + dx / 2, y + dy / 2, 0.2, 0.2) for x, y, dx, dy in arrows]
     labels = [(dot, CHARACTER_M * len(tag_id), LINE_M) for tag_id, dot in zip(layout.tags, dots, strict=True)]
+    style = {'ha': 'center', 'va': 'center', 'fontsize': 8, 'fontweight': 'bold', 'zorder': 6}
+    outline = [withStroke(linewidth=2, foreground='white')]
     for place, tag_id in zip(place_labels([*dots, *taken], labels), layout.tags, strict=True):
         colour = BAD_COLOUR if tag_id in unreachable else 'black'
-        text = axes.text(
-            *place, tag_id, ha='center', va='center', fontsize=8, fontweight='bold', color=colour
-        )
-        text.set(zorder=6, path_effects=[withStroke(linewidth=2, foreground='white')])
+        axes.text(*place, tag_id, color=colour, path_effects=outline, **style)
