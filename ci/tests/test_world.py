@@ -51,7 +51,8 @@ def check_world(folder, layout, command=('-m', 'lupin_simulation.check_world')):
     """Run the check on a layout."""
     tag_file = folder / 'tags.json'
     tag_file.write_text(json.dumps(layout), encoding='utf-8')
-    return with_drake(*command, '--tag-file', str(tag_file))
+    walls = ('--walls', '-2', '-2', '7', '5')
+    return with_drake(*command, '--tag-file', str(tag_file), *walls)
 
 
 @needs_drake

@@ -12,7 +12,6 @@ from lupin_simulation.sdf import SDF_FILE, world_files
 from lupin_tag_confirmation.detector import TagDetector
 from PIL import Image
 
-# x from -1 to 5, y from 2 to 9: on each axis one end is a tag's, and one a table's.
 LAYOUT = Layout(
     {'7': Tag(-1.0, 2.5, ['co2']), '8': Tag(4.0, 9.0, ['co2'])},
     {'long': (1.0, 2.0, 5.0, 3.0), 'turned': (2.0, 6.5, 1.0, 5.0)},
