@@ -14,7 +14,7 @@ import sys
 import math
 from lupin_simulation import check_world, sdf
 found = sdf.tag_poses_by_number
-sdf.tag_poses_by_number = lambda layout: {n: each._replace({change}) for n, each in found(layout).items()}
+sdf.tag_poses_by_number = lambda *given: {n: each._replace({change}) for n, each in found(*given).items()}
 sys.exit(check_world.main(sys.argv[1:]))
 """
 TURNED = """
@@ -51,7 +51,8 @@ def check_world(folder, layout, command=('-m', 'lupin_simulation.check_world')):
     """Run the check on a layout."""
     tag_file = folder / 'tags.json'
     tag_file.write_text(json.dumps(layout), encoding='utf-8')
-    return with_drake(*command, '--tag-file', str(tag_file))
+    walls = ('--walls', '-2', '-2', '7', '5')
+    return with_drake(*command, '--tag-file', str(tag_file), *walls)
 
 
 @needs_drake

@@ -20,18 +20,8 @@ import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.planning import (
-    approach,
-    drawing,
-    free_space,
-    labelling,
-    route,
-    route_drawing,
-    tag_poses,
-    visualization,
-)
-from lupin_greenhouse_bridge.planning.drawing import COLOURS, draw_footprint
-from lupin_greenhouse_bridge.planning.labelling import Box, place_labels
+from lupin_greenhouse_bridge.planning import approach, drawing, free_space, route, tag_poses, walls
+from lupin_greenhouse_bridge.planning.drawing import COLOURS, Box, draw_greenhouse, place_labels
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import read_layout
@@ -56,17 +46,7 @@ TAG_RADIUS_M = 0.085
 CHARACTER_M, LINE_M = 0.085, 0.17  # of a label in the picture
 CLEAR_M = 0.2  # distance of a number on a contour line to a wall, at least; twice that to a tag
 
-DRAWN_BY = (
-    approach,
-    drawing,
-    free_space,
-    labelling,
-    route,
-    route_drawing,
-    tag_poses,
-    units,
-    visualization,
-)
+DRAWN_BY = (approach, drawing, free_space, route, tag_poses, units, walls)
 
 
 class Greenhouse:
@@ -78,7 +58,7 @@ class Greenhouse:
         paths = Path(self.tag_file), Path(self.sim_config_file)
         load(Settings(), *paths)  # validated like the bridge's
         self.layout = read_layout(self.tag_file)
-        self.footprint = visualization.read_visualization(self.layout, self.sim_config_file).footprint
+        self.walls = walls.find_walls(self.layout, self.sim_config_file)
         self._noisy, self._silent = (GreenhouseSimulator(*paths) for _ in range(2))
         for components in self._silent.sim_config['sensors'].values():
             for component in components:
@@ -108,8 +88,11 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
     """Return the figure of the layout, with each tag as a wheel of its sensors over one sensor's field."""
     layout = greenhouse.layout
     figure, axes = pyplot.subplots(figsize=(6.4, 8.4), layout='constrained')
+    x0, y0, x1, y1 = greenhouse.walls
+    width, length = x1 - x0, y1 - y0
     xs, ys = (
-        [FIELD_STEP_M * n for n in range(int(side / FIELD_STEP_M) + 1)] for side in greenhouse.footprint
+        [start + FIELD_STEP_M * n for n in range(int(side / FIELD_STEP_M) + 1)]
+        for start, side in ((x0, width), (y0, length))
     )
     field = [[greenhouse.value(sensor, (x, y), hour) for x in xs] for y in ys]
     extent = (xs[0], xs[-1], ys[0], ys[-1])
@@ -123,11 +106,10 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
         is_at_edge = min(x - xs[0], xs[-1] - x, y - ys[0], ys[-1] - y) < CLEAR_M
         if is_at_edge or any(math.hypot(x - u, y - v) < 2 * CLEAR_M for u, v in dots):
             label.remove()
-    draw_footprint(axes, layout, greenhouse.footprint)
+    draw_greenhouse(axes, layout, greenhouse.walls)
     for tag in layout.tags.values():
         _draw_tag(axes, tag)
-    width, length = greenhouse.footprint
-    _draw_labels(axes, layout, Box(width / 2, length / 2, width, length))
+    _draw_labels(axes, layout, Box((x0 + x1) / 2, (y0 + y1) / 2, width, length))
     figure.colorbar(shades, ax=axes, location='right', shrink=0.7, label=f'{label_of(sensor)} at {hour:g} h')
     for name in greenhouse.sensors:
         letter, colour = SENSORS[name]
@@ -142,9 +124,7 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
         )
     figure.legend(loc='outside lower center', ncols=3, frameon=False, fontsize=8)
     axes.set_ylabel('y (m)')
-    axes.set_title(
-        f'{len(layout.tags)} tags on {greenhouse.footprint.width_m:g} m x {greenhouse.footprint.length_m:g} m'
-    )
+    axes.set_title(f'{len(layout.tags)} tags on {width:g} m x {length:g} m')
     return figure
 
 
@@ -159,7 +139,7 @@ def _draw_tag(axes, tag) -> None:
         axes.add_patch(wedge)
 
 
-def _draw_labels(axes, layout, room: Box) -> None:
+def _draw_labels(axes, layout, bounds: Box) -> None:
     """Write each tag's id and sensors beside it."""
     texts = [
         f'{tag_id}  {"".join(SENSORS[name][0] for name in tag.sensors)}'
@@ -167,7 +147,7 @@ def _draw_labels(axes, layout, room: Box) -> None:
     ]
     dots = [Box(tag.x, tag.y, 2.2 * TAG_RADIUS_M, 2.2 * TAG_RADIUS_M) for tag in layout.tags.values()]
     labels = [(dot, CHARACTER_M * len(text), LINE_M) for dot, text in zip(dots, texts, strict=True)]
-    for place, text in zip(place_labels(dots, labels, room), texts, strict=True):
+    for place, text in zip(place_labels(dots, labels, bounds), texts, strict=True):
         axes.text(
             *place,
             text,
@@ -212,11 +192,10 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
 
 def draw_route(greenhouse: Greenhouse):
     """Return the figure of the approach poses and the shortest route of a robot of the default size."""
-    reach = approach.ViewingLimits()
-    approaches = approach.find_approaches(greenhouse.layout, reach)
-    way = free_space.FreeSpace(greenhouse.layout, reach.robot_radius_m + reach.clearance_m)
-    planned = route.plan_route(way, approaches.poses, None, 'shortest')
-    return route_drawing.draw_route(greenhouse.layout, *approaches, planned)
+    layout, found = greenhouse.layout, greenhouse.walls
+    poses, unreachable, free = approach.find_approaches(layout, found, approach.ViewingLimits())
+    planned = route.plan_route(free, poses, None, 'shortest')
+    return drawing.draw_route(layout, found, poses, unreachable, planned)
 
 
 def save(figure, path: Path, fingerprint: str) -> None:

@@ -28,8 +28,8 @@ def main() -> int:
     """Write both pictures."""
     COMMITTED.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
-        large, _ = make_world(Path(folder, 'large'), side_m=LARGEST_SIDE_M)
-        sdf_file, _ = make_world(Path(folder, 'usual'))
+        large, _, _ = make_world(Path(folder, 'large'), side_m=LARGEST_SIDE_M)
+        sdf_file, _, _ = make_world(Path(folder, 'usual'))
         above = World(large, width=1600, height=1100, focal_length_pixels=1250.0, nearest_m=2.0)
         eye = World(sdf_file, width=640, height=360)
         centres = np.array([tag.centre for tag in above.tags.values()])

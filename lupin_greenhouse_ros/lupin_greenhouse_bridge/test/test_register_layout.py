@@ -1,30 +1,24 @@
-"""register_layout: what it writes, what it prints, what it refuses, and the clicks and the frame over ROS."""
+"""register_layout: what it writes, what it prints, what it refuses, and the clicks over ROS."""
 
 import contextlib
-import importlib.util
 import json
 import math
 import os
+import shlex
 import signal
 import subprocess
-import sys
 import threading
 
 import pytest
 from conftest import SPINS
 from geometry_msgs.msg import PointStamped
 from lupin_greenhouse_bridge.planning import register_layout
-from lupin_greenhouse_bridge.planning.registration import Transform, read_registration, write_transform
+from lupin_greenhouse_bridge.planning.registration import Transform, read_registration
 from lupin_greenhouse_bridge.testing import executable
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import QoSProfile
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 TRANSFORM = Transform(2.0, -1.0, math.pi / 2)
-needs_tf2 = pytest.mark.skipif(
-    not importlib.util.find_spec('tf2_msgs'),
-    reason='tf2_msgs is missing: sudo apt install ros-$ROS_DISTRO-tf2-msgs',
-)
 
 
 @pytest.fixture
@@ -61,6 +55,13 @@ def test_pairs_of_a_file_are_fitted_and_written(register, places, tmp_path):
     assert rows['1'] == [f'{places["1"][0]:.3f}', f'{places["1"][1]:.3f}', '0.000']
     assert f'{len(places) - 1} of {len(places)} tags fit within 0.1 m.' in ended.out
     assert 'x 2.000 m, y -1.000 m, yaw 1.5708 rad in map.' in ended.out
+    command = shlex.split(ended.out.splitlines()[-1].removeprefix('To publish it: '))
+    assert command[:4] == ['ros2', 'run', 'tf2_ros', 'static_transform_publisher']
+    options = dict(zip(command[4::2], command[5::2], strict=True))
+    assert [float(options.pop(f'--{each}')) for each in ('x', 'y', 'yaw')] == pytest.approx(
+        TRANSFORM, abs=1e-6
+    )
+    assert options == {'--frame-id': 'map', '--child-frame-id': 'greenhouse'}
     frame_id, transform = read_registration(tmp_path / 'layout.yaml')
     assert (frame_id, transform) == ('map', pytest.approx(TRANSFORM))
 
@@ -99,7 +100,7 @@ def test_a_tag_that_the_layout_lacks_is_refused(register, places, tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'fault'),
     [
-        ([], 'one of the arguments --pairs --click --publish is required'),
+        ([], 'one of the arguments --pairs --click is required'),
         (['--pairs', 'none.json'], "pairs 'none.json': cannot be read"),
         (['--pairs', 'none.json', '-o', 'none/a.yaml'], "there is no folder 'none'"),
         (
@@ -111,7 +112,6 @@ def test_a_tag_that_the_layout_lacks_is_refused(register, places, tmp_path):
         (['--click', '1', '2', '-o', 'a' * 300], 'File name too long: name another file'),
         (['--click', '1', '1', '-o', 'a.yaml'], '--click needs at least 2 tags'),
         (['--click', '1', '99', '-o', 'a.yaml'], "tag '99' is not one of the"),
-        (['--publish', 'none.yaml'], "registration 'none.yaml': cannot be read"),
     ],
 )
 def test_wrong_usage_is_refused_in_one_line(run_here, tmp_path, monkeypatch, arguments, fault):
@@ -181,38 +181,3 @@ def test_ctrl_c_keeps_nothing_and_says_so(run_here, tmp_path):
     assert ended.code == 130
     assert refusal(ended) == 'interrupted: nothing is kept, and nothing is written'
     assert not (tmp_path / 'layout.yaml').exists()
-
-
-@needs_tf2
-def test_the_frame_of_the_layout_is_latched_on_tf_static(run_here, tmp_path):
-    from lupin_greenhouse_bridge.testing import wait_until
-    from tf2_msgs.msg import TFMessage
-
-    write_transform(tmp_path / 'layout.yaml', TRANSFORM, 'robot1/map')
-    heard = []
-
-    def listen(node):
-        try:
-            wait_until(lambda: node.count_publishers('/tf_static') == 1)
-            node.create_subscription(TFMessage, '/tf_static', heard.append, LATCHED)
-            wait_until(lambda: heard)
-        finally:
-            signal.raise_signal(signal.SIGTERM)
-
-    with person(listen):
-        ended = run_here(register_layout.main, '--publish', str(tmp_path / 'layout.yaml'))
-    assert ended.code == 0, ended
-    (transform,) = heard[0].transforms
-    assert (transform.header.frame_id, transform.child_frame_id) == ('robot1/map', 'greenhouse')
-    assert transform.header.stamp.sec > 0
-    shift, rotation = transform.transform.translation, transform.transform.rotation
-    assert (shift.x, shift.y, shift.z, rotation.x, rotation.y) == (2.0, -1.0, 0.0, 0.0, 0.0)
-    assert 2 * math.atan2(rotation.z, rotation.w) == pytest.approx(math.pi / 2)
-
-
-def test_without_tf2_msgs_one_line_names_the_package(run_here, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
-    write_transform(tmp_path / 'layout.yaml', TRANSFORM)
-    ended = run_here(register_layout.main, '--publish', str(tmp_path / 'layout.yaml'))
-    assert ended.code == 2
-    assert refusal(ended).endswith('sudo apt install ros-$ROS_DISTRO-tf2-msgs')

@@ -1,18 +1,22 @@
-"""Which way each tag of a layout faces."""
+"""The direction that each tag of a layout faces, and the walls around it."""
 
 import math
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.tag_poses import EAST, NORTH, SOUTH, WEST, Table, find_tag_poses
+from lupin_greenhouse_bridge.planning.walls import Walls, find_walls, parse_walls
+from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
 
 LONG = (1.0, 1.0, 3.0, 1.5)  # x0, y0, x1, y1
+FAR = Walls(-50.0, -50.0, 50.0, 50.0)
+LAYOUT = Layout({'7': Tag(1.0, 2.5, ['co2'])}, {'bench': (0.0, 0.0, 2.0, 1.0)})
 
 
-def facing(x, y, **tables):
+def facing(x, y, walls=FAR, **tables):
     layout = Layout({'7': Tag(x, y, ['co2'])}, tables or {'table': LONG})
-    return find_tag_poses(layout)['7'].facing
+    return find_tag_poses(layout, walls)['7'].facing
 
 
 @pytest.mark.parametrize(
@@ -25,7 +29,7 @@ def facing(x, y, **tables):
         (2.0, 1.4, NORTH),  # on the table
         (2.0, 0.2, SOUTH),  # beside it
         (5.0, 1.2, EAST),
-        (1.0, 1.0, SOUTH),  # on a corner, with room on both sides
+        (1.0, 1.0, SOUTH),  # on a corner, with as much space on both sides
         (3.0, 1.5, NORTH),
     ],
 )
@@ -33,31 +37,35 @@ def test_a_tag_faces_away_from_the_nearest_edge_of_its_table(x, y, expected):
     assert facing(x, y) == expected
 
 
-def test_on_a_corner_a_tag_faces_the_side_with_more_room():
+def test_on_a_corner_a_tag_faces_the_side_where_the_next_table_or_wall_is_farther():
     before_south = (1.0, 0.0, 3.0, 0.5)
     assert facing(1.0, 1.0, table=LONG, south=before_south) == WEST
     assert facing(1.0, 1.0, table=LONG, south=before_south, west=(0.0, 0.8, 0.9, 1.2)) == SOUTH
+    assert facing(1.0, 1.0, Walls(0.0, 0.1, 9.0, 9.0)) == WEST
+    assert facing(1.0, 1.0, Walls(0.1, 0.0, 9.0, 9.0)) == SOUTH
+    assert facing(3.0, 1.5, Walls(0.0, 0.0, 4.0, 2.4)) == EAST
+    assert facing(3.0, 1.5, Walls(0.0, 0.0, 3.8, 2.4)) == NORTH
 
 
 @pytest.mark.parametrize(
-    ('x', 'y', 'room'),
+    ('x', 'y', 'distances_m'),
     [
         # to the south, the west, the north and the east of the table
         (2.0, 0.4, {NORTH: 0.6, SOUTH: math.inf, EAST: math.inf, WEST: math.inf}),
         (0.3, 1.2, {NORTH: math.inf, SOUTH: math.inf, EAST: 0.7, WEST: math.inf}),
         (2.0, 1.8, {NORTH: math.inf, SOUTH: 0.3, EAST: math.inf, WEST: math.inf}),
         (3.4, 1.2, {NORTH: math.inf, SOUTH: math.inf, EAST: math.inf, WEST: 0.4}),
-        # on an edge: no room inwards and endless room outwards
+        # on an edge: none inwards, infinite outwards
         (2.0, 1.0, {NORTH: 0.0, SOUTH: math.inf}),
         (3.0, 1.2, {WEST: 0.0, EAST: math.inf}),
     ],
 )
-def test_the_room_before_a_tag_ends_at_a_table(x, y, room):
-    table = Table(*LONG)
-    assert {angle: table.room_before(x, y, angle) for angle in room} == pytest.approx(room)
+def test_the_distance_to_a_table_ahead_is_measured_along_an_axis(x, y, distances_m):
+    found = {angle: Table(*LONG).distance_ahead_m(x, y, angle) for angle in distances_m}
+    assert found == pytest.approx(distances_m)
 
 
-@pytest.mark.parametrize(('beside_m', 'room'), [(0.09, 0.5), (0.11, math.inf)])
+@pytest.mark.parametrize(('beside_m', 'distance_m'), [(0.09, 0.5), (0.11, math.inf)])
 @pytest.mark.parametrize(
     ('place_beside', 'angle'),
     [
@@ -69,11 +77,11 @@ def test_the_room_before_a_tag_ends_at_a_table(x, y, room):
         (lambda beside: (3.5, 1.5 + beside), WEST),
     ],
 )
-def test_a_table_further_than_10_cm_beside_is_not_in_the_way(beside_m, room, place_beside, angle):
-    assert Table(*LONG).room_before(*place_beside(beside_m), angle) == room
+def test_a_table_more_than_10_cm_aside_is_not_ahead(beside_m, distance_m, place_beside, angle):
+    assert Table(*LONG).distance_ahead_m(*place_beside(beside_m), angle) == distance_m
 
 
-def test_on_a_corner_a_table_that_is_beside_or_behind_takes_no_room():
+def test_on_a_corner_a_table_that_is_aside_or_behind_does_not_count():
     beside = (1.5, 0.0, 3.0, 0.5)  # half a metre to the east of the line to the south
     assert facing(1.0, 1.0, table=LONG, beside=beside) == SOUTH
     behind = (0.5, 2.0, 3.0, 2.5)  # to the north
@@ -111,14 +119,16 @@ def test_the_order_of_a_tables_corners_does_not_matter():
 
 def test_without_tables_tags_face_the_middle():
     places = {'0': (0.0, 0.0), '1': (2.0, 6.0), '2': (1.0, 3.0), '3': (0.0, 3.0), '4': (1.0, 6.0)}
-    tag_poses = find_tag_poses(Layout({tag_id: Tag(*each, ['co2']) for tag_id, each in places.items()}, {}))
+    tag_poses = find_tag_poses(
+        Layout({tag_id: Tag(*each, ['co2']) for tag_id, each in places.items()}, {}), FAR
+    )
     to_middle = [math.atan2(3.0, 1.0), math.atan2(-3.0, -1.0), SOUTH, EAST, SOUTH]
     assert [tag_poses[tag_id].facing for tag_id in '01234'] == pytest.approx(to_middle)
 
 
 def test_the_tags_come_in_the_order_of_the_layout_at_exactly_their_places():
     layout = find_layout('')
-    assert [(tag_id, each[:2]) for tag_id, each in find_tag_poses(layout).items()] == [
+    assert [(tag_id, each[:2]) for tag_id, each in find_tag_poses(layout, FAR).items()] == [
         (tag_id, tag[:2]) for tag_id, tag in layout.tags.items()
     ]
 
@@ -126,4 +136,46 @@ def test_the_tags_come_in_the_order_of_the_layout_at_exactly_their_places():
 @pytest.mark.parametrize('edges', [(1.0, 1.0, 1.0, 2.0), (1.0, 2.0, 3.0, 2.0), (1.0, 1.0, 1.0, 1.0)])
 def test_a_table_without_an_area_is_refused(edges):
     with pytest.raises(StartUpError, match="table 't' has no area"):
-        find_tag_poses(Layout({'7': Tag(0.0, 0.0, ['co2'])}, {'t': edges}))
+        find_tag_poses(Layout({'7': Tag(0.0, 0.0, ['co2'])}, {'t': edges}), FAR)
+
+
+def test_the_walls_are_those_of_the_config_or_go_around_everything(monkeypatch, tmp_path):
+    shipped = find_walls(LAYOUT)
+    assert shipped in ((0.0, 0.0, 4.0, 8.0), (0.0, 0.0, 5.0, 10.0))
+    assert shipped == find_walls(LAYOUT, shipped_file('greenhouse_config.yaml'))
+    config = tmp_path / 'config.yaml'
+    config.write_text('visualization: {greenhouse_width_m: 3, greenhouse_height_m: 6}')
+    assert find_walls(LAYOUT, str(config)) == (0.0, 0.0, 3.0, 6.0)
+    assert find_walls(LAYOUT, str(config), '-1, -2 5 6.5') == (-1.0, -2.0, 5.0, 6.5)
+    monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
+    assert find_walls(LAYOUT) == (-1.6, -1.6, 3.6, 4.1)
+
+
+@pytest.mark.parametrize('walls', ['0 0 4 8', '[0, 0, 4, 8]', ' 0.0,0.0,4.0,8.0 ', [0, 0, 4.0, 8]])
+def test_walls_are_text_or_an_array(walls):
+    assert parse_walls(walls) == (0.0, 0.0, 4.0, 8.0)
+
+
+@pytest.mark.parametrize('walls', ['0 0 4', 'wide', '0 0 4 nan', '4 0 0 8', [0.0, 8.0, 4.0, 8.0], 7, [1, 2]])
+def test_walls_that_are_no_rectangle_are_refused(walls):
+    with pytest.raises(StartUpError) as refusal:
+        parse_walls(walls)
+    assert str(refusal.value).startswith(f'walls is {walls!r}: must be x0 y0 x1 y1 in metres')
+
+
+@pytest.mark.parametrize(
+    ('section', 'fault'),
+    [
+        ('5', 'visualization is 5, not a mapping'),
+        ('{greenhouse_height_m: 8}', 'greenhouse_width_m is missing'),
+        ('{greenhouse_width_m: .nan, greenhouse_height_m: 8}', 'greenhouse_width_m is nan'),
+        ('{greenhouse_width_m: 4, greenhouse_height_m: 0}', 'greenhouse_height_m is 0'),
+    ],
+)
+def test_a_config_without_walls_is_refused(tmp_path, section, fault):
+    config = tmp_path / 'config.yaml'
+    config.write_text(f'visualization: {section}')
+    with pytest.raises(StartUpError) as refusal:
+        find_walls(LAYOUT, str(config))
+    assert f"sim_config_file '{config}': visualization" in str(refusal.value)
+    assert fault in str(refusal.value)

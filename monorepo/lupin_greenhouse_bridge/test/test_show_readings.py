@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 from lupin_greenhouse_bridge.display import show_readings
 from lupin_greenhouse_bridge.display.field import Grid, grid_over, interpolate, scaled
 from lupin_greenhouse_bridge.display.markers import FIELD_NAMESPACE, STALE_ALPHA, Scene
+from lupin_greenhouse_bridge.display.places import read_colour_ranges
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
-from lupin_greenhouse_bridge.planning.visualization import Footprint, read_visualization
+from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
 from lupin_greenhouse_bridge.testing import executable, running, spinning_node, wait_until
@@ -58,7 +59,7 @@ def texts(markers) -> list[str]:
 
 def markers_of(layout, *readings, at_seconds, stale_seconds=60.0, layout_in_map=None):
     """Return the markers of these readings at a time."""
-    return Scene(layout, layout_in_map or Transform()).markers(
+    return Scene(layout, find_walls(layout), layout_in_map or Transform()).markers(
         header_at(at_seconds), {each.tag_id: each for each in readings}, stale_seconds, 'a caption'
     )
 
@@ -98,7 +99,7 @@ def test_the_field_has_no_step_where_the_reach_of_a_reading_ends():
 )
 def test_every_cell_lies_between_the_readings_or_has_no_value(samples, resolution_m, radius_m):
     layout = Layout({str(n): Tag(x, y, ['co2']) for n, (x, y, _) in enumerate(samples)}, {})
-    grid = grid_over(layout, Footprint(1.0, 1.0), resolution_m)
+    grid = grid_over(layout, Walls(0.0, 0.0, 1.0, 1.0), resolution_m)
     values = interpolate(grid, samples, radius_m)
     assert values.shape == (grid.rows, grid.columns)
     known = values[~np.isnan(values)]
@@ -165,17 +166,17 @@ def test_tables_plates_and_ids_lie_where_the_layout_lies_in_the_map():
 def test_no_label_covers_another_one_in_the_picture_of_the_messages(tmp_path, shipped_tags):
     """Rendered as RViz does, with a reading of every sensor at every tag."""
     layout = find_layout('')
-    visualization = read_visualization(layout)
+    colour_ranges = read_colour_ranges()
     readings = [
         reading_of(
             tag_id,
             100 + 5 * n,
-            **{each: 0.98765 * visualization.colour_ranges[each][1] for each in tag.sensors},
+            **{each: 0.98765 * colour_ranges[each][1] for each in tag.sensors},
         )
         for n, (tag_id, tag) in enumerate(layout.tags.items())
     ]
     markers = markers_of(layout, *readings, at_seconds=260, stale_seconds=60.0)
-    grid = grid_over(layout, visualization.footprint, 0.1)
+    grid = grid_over(layout, find_walls(layout), 0.1)
     field = OccupancyGrid(data=[-1] * (grid.columns * grid.rows))
     field.info.resolution, field.info.width, field.info.height = 0.1, grid.columns, grid.rows
     boxes = render(tmp_path / 'markers.png', markers, field)

@@ -4,9 +4,9 @@ import math
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.approach import Override, ViewingLimits, find_approaches, read_overrides
-from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.planning.route import plan_route
+from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
 from lupin_mission.drive import Goal
@@ -14,40 +14,42 @@ from lupin_mission.settings import Settings
 
 
 class Plan:
-    """The approach poses of a layout in the map, and the ways between them."""
+    """The approach poses of a layout in the map, and the paths between them."""
 
     def __init__(self, layout: Layout, settings: Settings, layout_in_map: Transform):
         """Read the overrides and find the poses; raises StartUpError."""
         standoff_m = settings.approach_standoff_m
-        reach = ViewingLimits(
+        limits = ViewingLimits(
             robot_radius_m=settings.robot_radius_m,
-            smallest_distance_m=min(ViewingLimits.smallest_distance_m, standoff_m),
-            preferred_distance_m=standoff_m,
-            largest_distance_m=max(ViewingLimits.largest_distance_m, standoff_m),
+            smallest_standoff_m=min(ViewingLimits.smallest_standoff_m, standoff_m),
+            preferred_standoff_m=standoff_m,
+            largest_standoff_m=max(ViewingLimits.largest_standoff_m, standoff_m),
         )
         overrides, self.warnings = {}, []
         self._map_in_layout = _inverse(layout_in_map)
         if path := settings.approach_overrides_file:
             in_map, self.warnings = read_overrides(path, layout.tags)
             overrides = {tag_id: self._in_layout(tag_id, each, path) for tag_id, each in in_map.items()}
-        self._poses, self.unreachable = find_approaches(layout, reach, overrides=overrides)
+        walls = find_walls(layout, settings.sim_config_file, settings.walls)
+        self._poses, self.unreachable, self._free_space = find_approaches(
+            layout, walls, limits, overrides=overrides
+        )
         self.goals = {
             tag_id: Goal(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))
             for tag_id, pose in self._poses.items()
         }
-        self._floor = FreeSpace(layout, reach.robot_radius_m + reach.clearance_m)
 
     def shortest(self, tag_ids: list[str], *robot_in_map_m: tuple[float, float]) -> list[str]:
         """
-        Return the tags in the order of the shortest way, and then those without a pose.
+        Return the tags in the order of the shortest path, and then those without a pose.
 
-        The way starts at the first of these places in the map that is free, else at a tag. Raises
+        The path starts at the first of these places in the map that is free, else at a tag. Raises
         StartUpError if a tag is cut off from there.
         """
         starts = (self._map_in_layout.point(*each) for each in robot_in_map_m)
-        start_m = next((each for each in starts if self._floor.is_free(*each)), None)
+        start_m = next((each for each in starts if self._free_space.is_free(*each)), None)
         with_pose = [tag_id for tag_id in tag_ids if tag_id in self._poses]
-        route = plan_route(self._floor, self._poses, start_m, 'shortest', with_pose)
+        route = plan_route(self._free_space, self._poses, start_m, 'shortest', with_pose)
         return [*route.tag_ids, *(tag_id for tag_id in tag_ids if tag_id not in self._poses)]
 
     def _in_layout(self, tag_id: str, override: Override, path: str) -> Override:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.planning.walls import parse_walls, walls_parameter
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 
 from lupin_mission.mission import Limits
@@ -103,6 +104,10 @@ class Settings:
         'A YAML file of approach poses in the map that are set by hand, such as'
         ' overrides: {"7": {yaw: 1.57, standoff: 0.4}}.',
     )
+    sim_config_file: str = parameter(
+        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the simulator's own."
+    )
+    walls: str = walls_parameter()  # or an array
     dock_pose: str = parameter(  # or an array
         '', 'x and y in metres and yaw in radians of the dock in the map; empty: the robot does not return.'
     )
@@ -178,7 +183,8 @@ class Settings:
     )
 
     def __post_init__(self):
-        check_parameters(self, of_any_type=('tag_sequence', 'tag_poses_in_map', 'dock_pose'))
+        check_parameters(self, of_any_type=('tag_sequence', 'tag_poses_in_map', 'dock_pose', 'walls'))
+        parse_walls(self.walls)
         if self.tag_poses_in_map not in ('', True, False, 'true', 'false'):
             raise invalid('tag_poses_in_map', self.tag_poses_in_map, 'true, false or empty')
         for name, accepted in (('drive', DRIVES), ('order', ORDERS)):

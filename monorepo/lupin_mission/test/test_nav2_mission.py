@@ -90,7 +90,8 @@ def test_tags_that_are_cut_off_from_the_dock_keep_their_order_with_a_warning(
     tags = {tag_id: {'x': x, 'y': 0.0, 'sensors': ['co2']} for tag_id, x in (('1', 0.5), ('2', 2.5))}
     tag_file = tmp_path / 'yard.json'
     tag_file.write_text(json.dumps({'tags': tags, 'tables': tables}), encoding='utf-8')
-    yard = {'tag_locations_file': str(tag_file), 'dock_pose': '"1.5 1.75 0.0"'}
+    walls = '"-1.6 -1.6 4.6 5.1"'
+    yard = {'tag_locations_file': str(tag_file), 'dock_pose': '"1.5 1.75 0.0"', 'walls': walls}
     mission = start_mission(**NAV2, **yard, tag_sequence='2 1', order='shortest')
     for tag_id in '21':
         navigator.end(navigator.accept(), 'succeed')

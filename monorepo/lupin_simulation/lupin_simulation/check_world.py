@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
-from lupin_greenhouse_bridge.planning.free_space import MARGIN_M
 from lupin_greenhouse_bridge.planning.tag_poses import tables_of
+from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.settings import Criteria
 
@@ -59,9 +59,11 @@ def faces_outwards(tag: Tag, tables: list, middle: np.ndarray) -> bool:
     return before > behind or before == behind == 0.0  # the latter in the middle of a table
 
 
-def check_approaches(world, detector: TagDetector, layout, radius_m: float, side_m: float) -> bool:
+def check_approaches(
+    world, detector: TagDetector, layout, walls: Walls, radius_m: float, side_m: float
+) -> bool:
     """Return whether each tag is read from its approach pose, with the camera along the robot's x axis."""
-    poses = find_approaches(layout, ViewingLimits(radius_m)).poses
+    poses = find_approaches(layout, walls, ViewingLimits(radius_m)).poses
     missing = []
     for tag_id, pose in poses.items():
         eye = np.array([pose.x, pose.y, TAG_HEIGHT_M])
@@ -77,9 +79,11 @@ def check_approaches(world, detector: TagDetector, layout, radius_m: float, side
     return not missing
 
 
-def check(tag_file: str, side_m: float, folder: Path) -> bool:
+def check(options: argparse.Namespace, side_m: float, folder: Path) -> bool:
     """Make a world and check it; print a line for each setting; return whether it is right."""
-    sdf_file, layout = make_world(folder / f'{side_m:g}', tag_file, side_m)
+    sdf_file, layout, walls = make_world(
+        folder / f'{side_m:g}', options.tag_file, side_m, options.sim_config_file, options.walls
+    )
     world = open_world(sdf_file)
     places = {number: tuple(tag.centre[:2]) for number, tag in world.tags.items()}
     is_right = places == {int(tag_id): (tag.x, tag.y) for tag_id, tag in layout.tags.items()}
@@ -92,14 +96,11 @@ def check(tag_file: str, side_m: float, folder: Path) -> bool:
         f' {"where" if is_right else "NOT where"} the layout has them'
     )
     detector = TagDetector()
-    low, high = low - MARGIN_M, high + MARGIN_M
 
     def can_stand(eye) -> bool:
-        return (
-            all(low < eye[:2])
-            and all(eye[:2] < high)
-            and all(each.distance_m(*eye[:2]) > ROBOT_RADIUS_M for each in tables)
-        )
+        x, y = eye[:2]
+        to_wall_m = min(x - walls.x0, y - walls.y0, walls.x1 - x, walls.y1 - y)
+        return min(to_wall_m, *(each.distance_m(x, y) for each in tables)) > ROBOT_RADIUS_M
 
     for distance_m in DISTANCES_M:
         for angle_degrees in ANGLES_DEGREES:
@@ -119,7 +120,7 @@ def check(tag_file: str, side_m: float, folder: Path) -> bool:
             share = f'{len(read)} of {len(world.tags)} read{names}'
             print(f'{setting}: {share} (a robot can stand there at {free})', flush=True)
     for radius_m in RADII_M:
-        is_right &= check_approaches(world, detector, layout, radius_m, side_m)
+        is_right &= check_approaches(world, detector, layout, walls, radius_m, side_m)
     behind = [
         number
         for number, tag in world.tags.items()
@@ -133,10 +134,11 @@ def main(arguments: list[str] | None = None) -> int:
     """Check the world with both sizes of tags."""
     parser = argparse.ArgumentParser(prog='check_world', description='Check the SDF world with Drake.')
     parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
+    add_wall_options(parser)
     options = parser.parse_args(arguments)
     try:
         with tempfile.TemporaryDirectory(prefix='check_world-') as folder:
-            results = [check(options.tag_file, side_m, Path(folder)) for side_m in SIDES_M]
+            results = [check(options, side_m, Path(folder)) for side_m in SIDES_M]
     except OneLineError as error:
         print(f'check_world: {error}', file=sys.stderr)
         return 2

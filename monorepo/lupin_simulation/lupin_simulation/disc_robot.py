@@ -1,4 +1,4 @@
-"""A disc that drives along a way, and the parameters of the navigator around it. Does not import ROS."""
+"""A disc that drives along a path, and the parameters of the navigator around it. Does not import ROS."""
 
 import math
 from collections import deque
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.walls import find_walls, parse_numbers, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.simulator.layout import find_layout
@@ -22,6 +23,10 @@ class Settings:
     tag_locations_file: str = parameter(
         '', "The bridge's tag_locations.json, for the tables; empty: the simulator's own."
     )
+    sim_config_file: str = parameter(
+        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the simulator's own."
+    )
+    walls: str = walls_parameter()  # or an array
     robot_radius_m: float = parameter(0.2, 'The radius of the robot in metres.', smallest=0.01, largest=10.0)
     speed_m_per_s: float = parameter(0.5, 'The speed in metres per second.', smallest=0.001, largest=10.0)
     speedup: float = parameter(
@@ -34,15 +39,14 @@ class Settings:
         '',
         'Obstacles that the mission does not know, x0 y0 x1 y1 in metres each, as text or as an array.',
     )
-    route_file: str = parameter(
-        '', 'A CSV file to write, of x and y in metres along the way that was driven.'
-    )
+    route_file: str = parameter('', 'A CSV file to write, of x and y in metres along the driven path.')
 
     def __post_init__(self):
-        check_parameters(self, of_any_type=('start_pose', 'blocked'))
-        if len(_numbers(self.start_pose)) != 3:
+        check_parameters(self, of_any_type=('start_pose', 'blocked', 'walls'))
+        parse_walls(self.walls)
+        if len(parse_numbers(self.start_pose)) != 3:
             raise invalid('start_pose', self.start_pose, 'x, y and yaw: "0.5 0.5 0.0", or an array')
-        edges = _numbers(self.blocked)
+        edges = parse_numbers(self.blocked)
         if (
             (not edges and self.blocked)
             or len(edges) % 4
@@ -54,70 +58,62 @@ class Settings:
     @property
     def start(self) -> PoseInPlane:
         """Where the robot starts."""
-        return PoseInPlane(*_numbers(self.start_pose))
+        return PoseInPlane(*parse_numbers(self.start_pose))
 
     @property
     def obstacles(self) -> list[tuple[float, float, float, float]]:
         """x0, y0, x1 and y1 of each obstacle."""
-        edges = iter(_numbers(self.blocked))
+        edges = iter(parse_numbers(self.blocked))
         return list(zip(edges, edges, edges, edges, strict=False))
 
-    def floor(self) -> FreeSpace:
-        """Return where the robot can be, with the obstacles; raises StartUpError if it cannot start there."""
+    def free_space(self) -> FreeSpace:
+        """Return the free space, with the obstacles; raises StartUpError if it cannot start there."""
         layout = find_layout(self.tag_locations_file)
         if layout is None:
             raise StartUpError('mdp-greenhouse is not installed here: set tag_locations_file')
         obstacles = {f'blocked {number}': edges for number, edges in enumerate(self.obstacles, 1)}
-        floor = FreeSpace(layout._replace(tables={**layout.tables, **obstacles}), self.robot_radius_m)
-        if not floor.is_free(*self.start[:2]):
+        walls = find_walls(layout, self.sim_config_file, self.walls)
+        blocked = layout._replace(tables={**layout.tables, **obstacles})
+        free_space = FreeSpace(blocked, walls, self.robot_radius_m)
+        if not free_space.is_free(*self.start[:2]):
             raise StartUpError(
                 f'parameter start_pose is {self.start_pose}: a robot of radius {self.robot_radius_m:g} m'
                 ' does not fit there: choose another, or change blocked'
             )
-        return floor
-
-
-def _numbers(value) -> list[float]:
-    """Return the numbers of a text or an array; [] if one of them is not finite."""
-    words = value.replace(',', ' ').split() if isinstance(value, str) else value
-    try:
-        numbers = [float(word) for word in (words if isinstance(words, Iterable) else [words])]
-    except ValueError:
-        return []
-    return numbers if all(map(math.isfinite, numbers)) else []
+        return free_space
 
 
 class DiscRobot:
-    """Turns on the spot, and drives straight from one point of its way to the next."""
+    """Turns on the spot, and drives straight from one point of its path to the next."""
 
     def __init__(self, start: PoseInPlane, speed_m_per_s: float):
         self.pose = start
         self.route: list[tuple[float, float]] = [start[:2]]  # where it has driven
         self._speed_m_per_s = speed_m_per_s
-        self._way: deque[tuple[float, float]] = deque()
-        self._yaw = start.yaw  # at the end of the way
+        self._path: deque[tuple[float, float]] = deque()
+        self._yaw = start.yaw  # at the end of the path
 
     @property
     def is_moving(self) -> bool:
-        """Whether it is not yet at the end of its way, or not yet turned."""
-        return bool(self._way) or self.pose.yaw != self._yaw
+        """Whether it is not yet at the end of its path, or not yet turned."""
+        return bool(self._path) or self.pose.yaw != self._yaw
 
-    def set_off(self, way: Iterable[tuple[float, float]], yaw: float) -> None:
-        """Leave the way for another one, and turn to this direction at its end."""
+    def set_off(self, path: Iterable[tuple[float, float]], yaw: float) -> None:
+        """Leave the path for another one, and turn to this direction at its end."""
         self.stop()
-        self._way.extend(way)
+        self._path.extend(path)
         self._yaw = yaw
 
     def stop(self) -> None:
         """Stand still."""
-        self._way.clear()
+        self._path.clear()
         self._yaw = self.pose.yaw
         self._note_point()
 
     def advance(self, seconds: float) -> None:
-        """Move for this time, or up to the end of the way."""
-        while self._way and seconds > 0.0:
-            x, y = self._way[0]
+        """Move for this time, or up to the end of the path."""
+        while self._path and seconds > 0.0:
+            x, y = self._path[0]
             dx, dy = x - self.pose.x, y - self.pose.y
             left_m = math.hypot(dx, dy)
             if left_m > 0.0:
@@ -126,12 +122,12 @@ class DiscRobot:
             seconds -= step_m / self._speed_m_per_s
             if step_m == left_m:
                 self.pose = PoseInPlane(x, y, self.pose.yaw)
-                self._way.popleft()
+                self._path.popleft()
                 self._note_point()
             else:
                 share = step_m / left_m
                 self.pose = PoseInPlane(self.pose.x + share * dx, self.pose.y + share * dy, self.pose.yaw)
-        if not self._way:
+        if not self._path:
             self._turn(self._yaw, seconds)
 
     def _turn(self, yaw: float, seconds: float) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses
+from lupin_greenhouse_bridge.planning.walls import find_walls, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.reading.detections import detection_messages
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.runtime.run import run
@@ -48,9 +49,14 @@ class Settings:
     tag_locations_file: str = parameter(
         '', "The bridge's tag_locations.json, for from_odometry; empty: the simulator's own."
     )
+    sim_config_file: str = parameter(
+        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the simulator's own."
+    )
+    walls: str = walls_parameter()  # or an array
 
     def __post_init__(self):
-        check_parameters(self)
+        check_parameters(self, of_any_type=('walls',))
+        parse_walls(self.walls)
         check_source('publishes', self.publishes)
 
 
@@ -71,7 +77,7 @@ class FakeCamera(Node):
             message_type, TOPICS[settings.publishes], qos_profile_sensor_data
         )
         self._robot = RobotPose(self) if settings.from_odometry else None
-        self._tags = tag_poses_by_number(settings.tag_locations_file) if settings.from_odometry else {}
+        self._tags = tag_poses_by_number(settings) if settings.from_odometry else {}
         self._tag_id = ''
         self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched())
         self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
@@ -107,14 +113,14 @@ def has_marker(tag_id: str) -> bool:
     return tag_id.isdecimal() and int(tag_id) < TAG_COUNT
 
 
-def tag_poses_by_number(tag_file: str) -> dict[int, TagPose]:
+def tag_poses_by_number(settings: Settings) -> dict[int, TagPose]:
     """Return where each tag of a layout is, and faces, by its number; raises StartUpError."""
-    layout = find_layout(tag_file)
+    layout = find_layout(settings.tag_locations_file)
     if layout is None:
         raise StartUpError('mdp-greenhouse is not installed here: set tag_locations_file')
-    return {
-        int(tag_id): tag_pose for tag_id, tag_pose in find_tag_poses(layout).items() if has_marker(tag_id)
-    }
+    walls = find_walls(layout, settings.sim_config_file, settings.walls)
+    tag_poses = find_tag_poses(layout, walls)
+    return {int(tag_id): tag_pose for tag_id, tag_pose in tag_poses.items() if has_marker(tag_id)}
 
 
 def image_of(picture: np.ndarray) -> Image:

@@ -2,7 +2,7 @@
 A navigator for simulations without Nav2: serves NavigateToPose, and moves a disc robot around the tables.
 
 Publishes `odom` and `amcl_pose`, which agree: both say where the robot is in the layout. Aborts a goal that
-has no way to it, and the goal before a new one. There is no localisation, no costmap and no recovery.
+has no path to it, and the goal before a new one. There is no localisation, no costmap and no recovery.
 
     ros2 run lupin_simulation fake_navigator --ros-args -p speedup:=20.0
 """
@@ -41,7 +41,7 @@ class FakeNavigator(Node):
         """Read the layout, and serve the action; raises StartUpError."""
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
-        self._floor = settings.floor()
+        self._free_space = settings.free_space()
         self._action = navigate_to_pose()
         self._robot = DiscRobot(settings.start, settings.speed_m_per_s)
         self._goal = None  # the handle of the goal that the robot drives to
@@ -61,7 +61,7 @@ class FakeNavigator(Node):
         self.create_timer(STEP_SECONDS, self._step, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._publish()
         self._write_route()
-        self.get_logger().info(f'ready: a robot of radius {settings.robot_radius_m:.2f} m')
+        self.get_logger().info(f'ready: a robot of radius {settings.robot_radius_m:g} m')
 
     def destroy_node(self) -> None:
         """Destroy the action server too."""
@@ -87,12 +87,12 @@ class FakeNavigator(Node):
             self._end('a newer goal has come')
         self._goal = goal
         start, target = self._robot.pose, pose_in_plane(goal.request.pose.pose)
-        way = self._floor.way(start[:2], target[:2])
-        if way is None:
-            failure = f'no way from {start.x:.2f}, {start.y:.2f} to {target.x:.2f}, {target.y:.2f}'
+        path = self._free_space.path(start[:2], target[:2])
+        if path is None:
+            failure = f'no path from {start.x:.2f}, {start.y:.2f} to {target.x:.2f}, {target.y:.2f}'
             self._end(failure, NO_VALID_PATH)
         else:
-            self._robot.set_off(way, target.yaw)
+            self._robot.set_off(path, target.yaw)
 
     def _step(self) -> None:
         if self._goal and self._goal.is_cancel_requested:

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
 from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
 
 DONE, USAGE = 0, 2
@@ -19,6 +20,7 @@ def main(arguments: list[str] | None = None) -> int:
         prog='generate_world', description='Make an SDF world of the greenhouse, with its AprilTags.'
     )
     parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
+    add_wall_options(parser)
     parser.add_argument(
         '--side',
         type=float,
@@ -29,7 +31,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--output', type=Path, default=Path('.world'), metavar='FOLDER', help='%(default)s')
     options = parser.parse_args(arguments)
     try:
-        sdf_file, layout = make_world(options.output, options.tag_file, options.side)
+        sdf_file, layout, _ = make_world(
+            options.output, options.tag_file, options.side, options.sim_config_file, options.walls
+        )
     except OneLineError as error:
         print(f'generate_world: {error}', file=sys.stderr)
         return USAGE
@@ -39,26 +43,29 @@ def main(arguments: list[str] | None = None) -> int:
     return DONE
 
 
-def make_world(folder: Path, tag_file: str = '', side_m: float = SIDE_M) -> tuple[Path, Layout]:
-    """Write the world of a tag file; return its SDF file and its layout; raises StartUpError."""
+def make_world(
+    folder: Path, tag_file: str = '', side_m: float = SIDE_M, sim_config_file: str = '', walls=None
+) -> tuple[Path, Layout, Walls]:
+    """Write the world of a tag file; return its SDF file, its layout and walls; raises StartUpError."""
     if not SMALLEST_SIDE_M <= side_m <= LARGEST_SIDE_M:
         limits = f'{SMALLEST_SIDE_M:g} and {LARGEST_SIDE_M:g} m'
         raise StartUpError(f'--side is {side_m:g}: must be between {limits}')
     layout = find_layout(tag_file)
     if layout is None:
         raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
+    walls = find_walls(layout, sim_config_file, walls)
     try:
         from lupin_simulation.sdf import (
             SDF_FILE,
             world_files,
         )  # imported here: a missing library is a one-line error
 
-        write(folder, world_files(layout, side_m))
+        write(folder, world_files(layout, walls, side_m))
     except ImportError as error:
         raise StartUpError(f'{error}: sudo apt install python3-opencv python3-pil python3-numpy') from error
     except OSError as error:
         raise StartUpError(f"--output '{folder}': {error.strerror}") from error
-    return folder / SDF_FILE, layout
+    return folder / SDF_FILE, layout, walls
 
 
 def write(folder: Path, files: dict[str, bytes]) -> None:

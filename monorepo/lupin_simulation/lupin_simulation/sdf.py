@@ -4,8 +4,8 @@ import io
 from collections.abc import Iterable
 
 import numpy as np
-from lupin_greenhouse_bridge.planning.free_space import room_of
 from lupin_greenhouse_bridge.planning.tag_poses import Table, TagPose, tables_of
+from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 from PIL import Image
 
@@ -26,14 +26,14 @@ MODULE_PIXELS = 16  # sharp at 0.2 m, and coarse enough for renderers without mi
 WHITE, GREY, BROWN, GREEN = '0.9 0.9 0.9', '0.6 0.6 0.6', '0.45 0.35 0.25', '0.35 0.45 0.35'
 
 
-def world_files(layout: Layout, side_m: float) -> dict[str, bytes]:
+def world_files(layout: Layout, walls: Walls, side_m: float) -> dict[str, bytes]:
     """
     Return the content of each file of the world by its path. The same input gives the same files.
 
     `side_m` is the length of the black square of each tag. Raises StartUpError.
     """
-    tables, tag_poses = tables_of(layout), tag_poses_by_number(layout)
-    files = {SDF_FILE: _sdf(tables, tag_poses, side_m, layout).encode()}
+    tables, tag_poses = tables_of(layout), tag_poses_by_number(layout, walls)
+    files = {SDF_FILE: _sdf(tables, tag_poses, side_m, walls).encode()}
     for number in tag_poses:
         for path, content in _model_files(number, side_m).items():
             files[f'models/tag_{number}/{path}'] = content
@@ -64,8 +64,8 @@ def paper_m(side_m: float) -> float:
     return side_m * (MODULES + 2) / MODULES
 
 
-def _sdf(tables: list[Table], tag_poses: dict[int, TagPose], side_m: float, layout: Layout) -> str:
-    models = [*_room(room_of(layout))]
+def _sdf(tables: list[Table], tag_poses: dict[int, TagPose], side_m: float, walls: Walls) -> str:
+    models = [*_floor_and_walls(walls)]
     for number, table in enumerate(tables, 1):
         models.append(_box(f'table_{number}', table, 0.0, TABLE_HEIGHT_M, BROWN))
     models += [_tag(number, each, side_m) for number, each in tag_poses.items()]
@@ -104,19 +104,19 @@ def _lights() -> Iterable[str]:
         )
 
 
-def _room(room: Table) -> Iterable[str]:
-    yield _box('floor', room, -THICKNESS_M, 0.0, GREEN)
-    thick = THICKNESS_M
+def _floor_and_walls(walls: Walls) -> Iterable[str]:
+    (x0, y0, x1, y1), thick = walls, THICKNESS_M
+    yield _box('floor', walls, -THICKNESS_M, 0.0, GREEN)
     for name, wall in {
-        'wall_south': Table(room.x0 - thick, room.y0 - thick, room.x1 + thick, room.y0),
-        'wall_north': Table(room.x0 - thick, room.y1, room.x1 + thick, room.y1 + thick),
-        'wall_west': Table(room.x0 - thick, room.y0, room.x0, room.y1),
-        'wall_east': Table(room.x1, room.y0, room.x1 + thick, room.y1),
+        'wall_south': Table(x0 - thick, y0 - thick, x1 + thick, y0),
+        'wall_north': Table(x0 - thick, y1, x1 + thick, y1 + thick),
+        'wall_west': Table(x0 - thick, y0, x0, y1),
+        'wall_east': Table(x1, y0, x1 + thick, y1),
     }.items():
         yield _box(name, wall, 0.0, WALL_HEIGHT_M, GREY)
 
 
-def _box(name: str, footprint: Table, bottom_m: float, top_m: float, colour: str) -> str:
+def _box(name: str, footprint: Table | Walls, bottom_m: float, top_m: float, colour: str) -> str:
     x, y = (footprint.x0 + footprint.x1) / 2, (footprint.y0 + footprint.y1) / 2
     size = f'{footprint.x1 - footprint.x0!r} {footprint.y1 - footprint.y0!r} {top_m - bottom_m!r}'
     return _model(

@@ -4,6 +4,7 @@ import math
 
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses
+from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 from lupin_tag_confirmation.confirmation import UnknownTagId, tag_number
 
@@ -12,14 +13,15 @@ TABLE_HEIGHT_M = 0.20
 TAG_HEIGHT_M = 0.30  # of the centre of each tag
 
 
-def tag_poses_by_number(layout: Layout) -> dict[int, TagPose]:
+def tag_poses_by_number(layout: Layout, walls: Walls) -> dict[int, TagPose]:
     """
     Return the tag_pose of each tag by its number, in numeric order.
 
     Raises StartUpError for an id outside tag36h11, or a table without an area.
     """
     try:
-        return dict(sorted((tag_number(tag_id), each) for tag_id, each in find_tag_poses(layout).items()))
+        tag_poses = find_tag_poses(layout, walls).items()
+        return dict(sorted((tag_number(tag_id), each) for tag_id, each in tag_poses))
     except UnknownTagId as error:
         raise StartUpError(str(error)) from error
 

@@ -10,24 +10,24 @@ from lupin_simulation.disc_robot import TURN_RAD_PER_S, DiscRobot, Settings
 
 START = PoseInPlane(0.0, 0.0, 0.0)
 NORTH = math.pi / 2
-WAY = [(0.0, 0.0), (1.0, 0.0), (1.0, 2.0)]  # 3 m, with one turn
+PATH = [(0.0, 0.0), (1.0, 0.0), (1.0, 2.0)]  # 3 m, with one turn
 DURATION_SECONDS = 3.0 / 0.5 + NORTH / TURN_RAD_PER_S + NORTH / TURN_RAD_PER_S
 
 
-def robot_on(way, yaw: float = 0.0) -> DiscRobot:
+def robot_on(path, yaw: float = 0.0) -> DiscRobot:
     robot = DiscRobot(START, speed_m_per_s=0.5)
-    robot.set_off(way, yaw)
+    robot.set_off(path, yaw)
     return robot
 
 
 def test_it_drives_straight_at_its_speed():
-    robot = robot_on(WAY)
+    robot = robot_on(PATH)
     robot.advance(1.0)
     assert robot.pose == pytest.approx((0.5, 0.0, 0.0))
 
 
 def test_it_turns_on_the_spot_before_it_drives_on():
-    robot = robot_on(WAY)
+    robot = robot_on(PATH)
     robot.advance(2.0 + 0.5 * NORTH / TURN_RAD_PER_S)
     assert robot.pose == pytest.approx((1.0, 0.0, NORTH / 2))
 
@@ -46,7 +46,7 @@ def test_it_turns_the_shorter_way_round(start, yaw):
 
 @pytest.mark.parametrize('steps', [1, 7, 400])
 def test_it_ends_at_the_end_of_its_way_however_the_time_is_cut(steps):
-    robot = robot_on(WAY)
+    robot = robot_on(PATH)
     for _ in range(steps):
         assert robot.is_moving
         robot.advance(0.999 * DURATION_SECONDS / steps)
@@ -54,11 +54,11 @@ def test_it_ends_at_the_end_of_its_way_however_the_time_is_cut(steps):
     robot.advance(0.01 * DURATION_SECONDS)
     assert not robot.is_moving
     assert robot.pose == (1.0, 2.0, 0.0)
-    assert robot.route == WAY
+    assert robot.route == PATH
 
 
 def test_a_robot_that_is_stopped_stays_and_its_route_ends_there():
-    robot = robot_on(WAY)
+    robot = robot_on(PATH)
     robot.advance(1.0)
     robot.stop()
     assert not robot.is_moving
@@ -89,29 +89,32 @@ def test_obstacles_are_text_or_an_array(blocked, obstacles):
 
 
 def test_the_robot_can_be_where_no_obstacle_is():
-    floor = Settings(blocked='0.0 1.0 1.0 1.5').floor()
-    assert floor.is_free(0.5, 0.5)
-    assert not floor.is_free(0.5, 1.25)
-    assert Settings().floor().is_free(0.5, 1.25)
+    free_space = Settings(blocked='0.0 1.0 1.0 1.5').free_space()
+    assert free_space.is_free(0.5, 0.5)
+    assert not free_space.is_free(0.5, 1.25)
+    assert Settings().free_space().is_free(0.5, 1.25)
 
 
 @pytest.mark.parametrize(
     ('parameters', 'problem'),
     [
         ({'blocked': '0.4 0.4 0.6 0.6'}, 'start_pose is 0.5 0.5 0.0: a robot of radius 0.2 m does not fit'),
-        ({'robot_radius_m': 0.9}, 'a robot of radius 0.9 m does not fit: must be from 0 to below 0.8 m'),
+        (
+            {'robot_radius_m': 2.0},
+            'a robot of radius 2 m does not fit between the walls',
+        ),
         ({'tag_locations_file': '/none.json'}, '/none.json'),
     ],
 )
 def test_a_robot_that_cannot_start_is_refused(parameters, problem):
     with pytest.raises(StartUpError, match=problem):
-        Settings(**parameters).floor()
+        Settings(**parameters).free_space()
 
 
 def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
     monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
     with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_locations_file'):
-        Settings().floor()
+        Settings().free_space()
 
 
 @pytest.mark.parametrize(

@@ -118,13 +118,13 @@ def test_an_id_outside_the_family_has_no_place_in_the_picture(tmp_path):
     tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
     tags = {'7': tag, '587': tag, 'seven': tag, '-1': tag}
     tag_file.write_text(json.dumps({'tags': tags, 'tables': {}}), encoding='utf-8')
-    assert set(tag_poses_by_number(str(tag_file))) == {7}
+    assert set(tag_poses_by_number(Settings(tag_locations_file=str(tag_file)))) == {7}
 
 
 def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
     monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
     with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_locations_file'):
-        tag_poses_by_number('')
+        tag_poses_by_number(Settings())
 
 
 def test_a_camera_on_the_robot_sees_its_tag_only_from_where_the_robot_really_stands(run_nodes):
@@ -135,7 +135,7 @@ def test_a_camera_on_the_robot_sees_its_tag_only_from_where_the_robot_really_sta
     odometry = node.create_publisher(Odometry, f'/{ODOMETRY_TOPIC}', 1)
     confirming = Confirming(node)
     confirming.confirm_until('no tag in view in 4 images')  # no odometry yet
-    tag = tag_poses_by_number('')[7]
+    tag = tag_poses_by_number(Settings())[7]
     x, y = tag.x + 0.4 * math.cos(tag.facing), tag.y + 0.4 * math.sin(tag.facing)
     towards, aside = pose_message(x, y, tag.facing + math.pi), pose_message(x, y, tag.facing)
 

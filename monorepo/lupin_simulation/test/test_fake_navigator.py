@@ -15,6 +15,7 @@ from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, ManualClock, running, wait_until
@@ -25,10 +26,10 @@ from rclpy.action import ActionClient
 
 LAYOUT = find_layout('')
 START = (0.5, 0.5)
-NEAR, FAR = (
-    PoseInPlane(*find_approaches(LAYOUT, ViewingLimits()).poses[tag_id][:3]) for tag_id in ('1', '7')
-)
-NO_WAY = f'no way from 0.50, 0.50 to {FAR.x:.2f}, {FAR.y:.2f}'
+WALLS = find_walls(LAYOUT)
+POSES = find_approaches(LAYOUT, WALLS, ViewingLimits()).poses
+NEAR, FAR = (PoseInPlane(*POSES[tag_id][:3]) for tag_id in ('1', '7'))
+NO_PATH = f'no path from 0.50, 0.50 to {FAR.x:.2f}, {FAR.y:.2f}'
 HOUR = 3600.0
 
 
@@ -107,13 +108,13 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
     route = [tuple(map(float, line.split(','))) for line in lines]
     assert (header, route[0], route[-1]) == ('x,y', START, pytest.approx(FAR[:2], abs=1e-3))
     assert FreeSpace.length_m(route) > math.dist(START, FAR[:2]) + 0.1
-    assert FreeSpace(LAYOUT, 0.19).are_in_sight(route[:-1], route[1:]).all()
+    assert FreeSpace(LAYOUT, WALLS, 0.19).are_in_sight(route[:-1], route[1:]).all()
 
 
 @pytest.mark.parametrize(
     ('action', 'reason'),
     [
-        ('NavigateToPose', {'error_code': 208, 'error_msg': NO_WAY}),
+        ('NavigateToPose', {'error_code': 208, 'error_msg': NO_PATH}),
         ('NavigateToPoseIron', {'error_code': 208}),
         ('NavigateToPoseHumble', {}),
     ],

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from lupin_greenhouse_bridge.display.places import read_route
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
+from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, wait_until
@@ -76,17 +77,17 @@ def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path,
 
 
 def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path):
-    """A large robot has no way to tag 13; the navigator alone knows that the place before tag 7 is taken."""
+    """A large robot has no path to tag 13; the navigator alone knows that the pose of tag 6 is blocked."""
     layout = find_layout('')
-    x, y = find_approaches(layout, ViewingLimits(robot_radius_m=0.3)).poses['7'][:2]
+    x, y = find_approaches(layout, find_walls(layout), ViewingLimits(robot_radius_m=0.3)).poses['6'][:2]
     blocked = f'blocked:="{x - 0.1} {y - 0.1} {x + 0.1} {y + 0.1}"'
-    result = run_inspection(tmp_path, '--drive', 'robot_radius_m:=0.3', blocked, 'tag_sequence:="7 13 1"')
+    result = run_inspection(tmp_path, '--drive', 'robot_radius_m:=0.3', blocked, 'tag_sequence:="6 13 1"')
     assert result.returncode == 1, result.stdout + result.stderr
     lines = (tmp_path / 'simulation.jsonl').read_text(encoding='utf-8').splitlines()
     found = {each['tag_id']: (each['outcome'], each['detail']) for each in map(json.loads, lines)}
     assert found.pop('1') == ('OK', '')
-    assert found.pop('13') == ('UNREACHABLE', 'cut off from the rest of the floor')
-    outcome, detail = found.pop('7')
+    assert found.pop('13') == ('UNREACHABLE', 'cut off from the rest of the free space')
+    outcome, detail = found.pop('6')
     assert outcome == 'UNREACHABLE'
     assert detail.startswith('navigate_to_pose aborted the drive')
     assert '1/3 tags read' in result.stdout

@@ -5,13 +5,13 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag
 from lupin_simulation.scene import printed_marker
 from lupin_simulation.sdf import SDF_FILE, world_files
 from lupin_tag_confirmation.detector import TagDetector
 from PIL import Image
 
-# x from -1 to 5, y from 2 to 9: on each axis one end is a tag's, and one a table's.
 LAYOUT = Layout(
     {'7': Tag(-1.0, 2.5, ['co2']), '8': Tag(4.0, 9.0, ['co2'])},
     {'long': (1.0, 2.0, 5.0, 3.0), 'turned': (2.0, 6.5, 1.0, 5.0)},
@@ -21,7 +21,7 @@ SIDE_M = 0.08
 
 @pytest.fixture(scope='module')
 def files():
-    return world_files(LAYOUT, SIDE_M)
+    return world_files(LAYOUT, Walls(-2.6, 0.4, 6.6, 10.6), SIDE_M)
 
 
 @pytest.fixture(scope='module')

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lupin_greenhouse_bridge.planning.visualization import Footprint
+from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
 NEAREST_M = 1e-6  # a value that is nearer counts as if it were at this distance
@@ -21,13 +21,11 @@ class Grid(NamedTuple):
     rows: int  # along y
 
 
-def grid_over(layout: Layout, footprint: Footprint, resolution_m: float) -> Grid:
+def grid_over(layout: Layout, walls: Walls, resolution_m: float) -> Grid:
     """Return the grid that covers the walls, the tables and the tags."""
-    xs, ys = (
-        [0.0, footprint[axis], *(tag[axis] for tag in layout.tags.values())]
-        + [corner for table in layout.tables.values() for corner in (table[axis], table[axis + 2])]
-        for axis in (0, 1)
-    )
+    places = [tag[:2] for tag in layout.tags.values()]
+    corners = [corner for each in (walls, *layout.tables.values()) for corner in (each[:2], each[2:])]
+    xs, ys = zip(*places, *corners, strict=True)
     columns, rows = (max(math.ceil((max(each) - min(each)) / resolution_m), 1) for each in (xs, ys))
     return Grid(min(xs), min(ys), resolution_m, columns, rows)
 

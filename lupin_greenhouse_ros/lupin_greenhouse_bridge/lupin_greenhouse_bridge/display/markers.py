@@ -8,9 +8,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.interfaces import TagReading
-from lupin_greenhouse_bridge.planning.labelling import Box, place_labels
+from lupin_greenhouse_bridge.planning.drawing import Box, place_labels
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
+from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.simulator.layout import Layout
 from lupin_greenhouse_bridge.units import sensor_order, unit_of
@@ -38,9 +39,9 @@ class Plate(NamedTuple):
         return _marker('tags', number, Marker.CUBE, colour, size, pose=at)
 
 
-def place_plates(layout: Layout, layout_in_map: Transform) -> dict[str, Plate]:
+def place_plates(layout: Layout, walls: Walls, layout_in_map: Transform) -> dict[str, Plate]:
     """Return the tags in the map, by id; raises StartUpError for a table without an area."""
-    tag_poses = find_tag_poses(layout)
+    tag_poses = find_tag_poses(layout, walls)
     dots = {
         tag_id: Box(*layout_in_map.point(each.x, each.y), max(len(tag_id), 2) * LETTER_WIDTH_M, PLATE_M)
         for tag_id, each in tag_poses.items()
@@ -63,11 +64,11 @@ def place_plates(layout: Layout, layout_in_map: Transform) -> dict[str, Plate]:
 class Scene:
     """The greenhouse in the frame of a map."""
 
-    def __init__(self, layout: Layout, layout_in_map: Transform):
+    def __init__(self, layout: Layout, walls: Walls, layout_in_map: Transform):
         """Find a place for everything; raises StartUpError for a table without an area."""
         self._layout_in_map = layout_in_map
         self._tables = tables_of(layout)
-        self._plates = place_plates(layout, layout_in_map)
+        self._plates = place_plates(layout, walls, layout_in_map)
         labels = [plate.label for plate in self._plates.values()]
         middle_x = sum(each.x for each in labels) / len(labels)
         lowest_y = min(each.y - each.height / 2 for each in labels)

@@ -1,5 +1,5 @@
 """
-`ros2 run lupin_greenhouse_bridge approach_poses`: print where a robot stands to look at each tag.
+`ros2 run lupin_greenhouse_bridge approach_poses`: print the pose from which a robot sees each tag.
 
 Imports ROS only for --publish.
 """
@@ -18,9 +18,9 @@ from lupin_greenhouse_bridge.planning.approach import (
     find_approaches,
     read_overrides,
 )
-from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, plan_route
+from lupin_greenhouse_bridge.planning.walls import add_wall_options, find_walls
 from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
 from lupin_greenhouse_bridge.simulator.layout import find_layout
@@ -53,25 +53,25 @@ def _compute(options) -> tuple[dict, str, bool]:
     if layout is None:
         raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
     frame_id, transform = (
-        read_registration(options.transform) if options.transform else (MAP_FRAME, Transform())
+        read_registration(options.layout_in_map) if options.layout_in_map else (MAP_FRAME, Transform())
     )
     overrides, warnings = read_overrides(options.overrides, layout.tags) if options.overrides else ({}, [])
     for warning in warnings:
         print(f'approach_poses: {warning}', file=sys.stderr)
-    reach = ViewingLimits(
+    walls = find_walls(layout, options.sim_config_file, options.walls)
+    limits = ViewingLimits(
         options.radius,
-        options.smallest_distance,
-        options.largest_distance,
-        options.distance,
+        options.smallest_standoff,
+        options.largest_standoff,
+        options.standoff,
         math.radians(options.angle),
         options.clearance,
     )
     start_m = options.start and tuple(options.start)
-    approaches = find_approaches(layout, reach, start_m=start_m, overrides=overrides)
-    floor = FreeSpace(layout, reach.robot_radius_m + reach.clearance_m)
-    route = plan_route(floor, approaches.poses, start_m, options.order)
+    approaches = find_approaches(layout, walls, limits, start_m=start_m, overrides=overrides)
+    route = plan_route(approaches.free_space, approaches.poses, start_m, options.order)
     if options.picture:
-        _draw(options.picture, layout, approaches, route)
+        _draw(options.picture, layout, walls, approaches, route)
     poses = []
     for tag_id in route.tag_ids:
         pose = approaches.poses[tag_id]
@@ -86,14 +86,14 @@ def _compute(options) -> tuple[dict, str, bool]:
     return {'poses': poses, 'unreachable': unreachable, 'length_m': length_m}, frame_id, not unreachable
 
 
-def _draw(path: str, layout, approaches, route) -> None:
+def _draw(path: str, layout, walls, approaches, route) -> None:
     try:
         import matplotlib  # imported late: a missing library is a one-line error
 
         matplotlib.use('Agg')
-        from lupin_greenhouse_bridge.planning.route_drawing import draw_route
+        from lupin_greenhouse_bridge.planning.drawing import draw_route
 
-        draw_route(layout, *approaches, route).savefig(path, dpi=130)
+        draw_route(layout, walls, approaches.poses, approaches.unreachable, route).savefig(path, dpi=130)
     except ImportError as error:
         raise StartUpError(f'{error}: sudo apt install python3-matplotlib') from error
     except (OSError, ValueError) as error:  # unknown to matplotlib, or not writable
@@ -111,7 +111,7 @@ def _as_table(data: dict) -> str:
         )
         for each in data['poses']
     ]
-    rows.insert(0, ('tag', 'x (m)', 'y (m)', 'yaw (°)', 'distance (m)', 'angle (°)'))
+    rows.insert(0, ('tag', 'x (m)', 'y (m)', 'yaw (°)', 'standoff (m)', 'angle (°)'))
     lines = aligned_table(rows, range(1, len(rows[0])))
     count = len(data['poses'])
     total = count + len(data['unreachable'])
@@ -182,7 +182,7 @@ def _parser() -> argparse.ArgumentParser:
     default = ViewingLimits()
     parser = argparse.ArgumentParser(
         prog='approach_poses',
-        description='Print where a robot stands to look at each tag, in the order of visits.',
+        description='Print the pose from which a robot sees each tag, in the order of visits.',
     )
     parser.add_argument(
         '--tag-file',
@@ -190,13 +190,14 @@ def _parser() -> argparse.ArgumentParser:
         metavar='FILE',
         help="the bridge's tag_file; default: the one of mdp-greenhouse",
     )
+    add_wall_options(parser)
     for name, value, unit, what in (
         ('--radius', default.robot_radius_m, 'M', 'radius of the robot in metres'),
         ('--clearance', default.clearance_m, 'M', 'distance between the robot and tables, walls and plates'),
-        ('--distance', default.preferred_distance_m, 'M', 'preferred distance to the tag'),
-        ('--smallest-distance', default.smallest_distance_m, 'M', 'smallest distance to the tag'),
-        ('--largest-distance', default.largest_distance_m, 'M', 'largest distance to the tag'),
-        ('--angle', math.degrees(default.largest_angle_rad), 'DEGREES', "largest angle to the tag's normal"),
+        ('--standoff', default.preferred_standoff_m, 'M', 'preferred distance to the tag'),
+        ('--smallest-standoff', default.smallest_standoff_m, 'M', 'smallest distance to the tag'),
+        ('--largest-standoff', default.largest_standoff_m, 'M', 'largest distance to the tag'),
+        ('--angle', math.degrees(default.largest_angle_rad), 'DEGREES', 'largest incidence angle'),
     ):
         parser.add_argument(
             name, type=float, default=value, metavar=unit, help=f'{what} (default: %(default)g)'
@@ -209,7 +210,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument('--overrides', metavar='FILE', help='YAML file of poses that are set by hand')
     parser.add_argument(
-        '--transform', metavar='FILE', help='file of register_layout: print the poses in the map'
+        '--layout-in-map', metavar='FILE', help='file of register_layout: print the poses in the map'
     )
     parser.add_argument(
         '--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)'

@@ -4,11 +4,12 @@ import math
 from typing import NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
 SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0
 SAME_M = 1e-9
-PLATE_M = 0.1  # a table must stay this far from the line of sight to a tag
+PLATE_M = 0.1  # a table that is farther aside is not ahead of a tag
 
 
 class Table(NamedTuple):
@@ -37,8 +38,8 @@ class Table(NamedTuple):
         nearest = min(distances_m.values())
         return [angle for angle, distance in distances_m.items() if distance <= nearest + SAME_M]
 
-    def room_before(self, x: float, y: float, angle: float) -> float:
-        """Return the distance in metres from a point along an axis to this table."""
+    def distance_ahead_m(self, x: float, y: float, angle: float) -> float:
+        """Return the distance from a point to this table along an axis; infinite if it is not ahead."""
         along_x, along_y = round(math.cos(angle)), round(math.sin(angle))
         if along_x:
             is_beside = y < self.y0 - PLATE_M or y > self.y1 + PLATE_M
@@ -70,32 +71,32 @@ def tables_of(layout: Layout) -> list[Table]:
     return tables
 
 
-def find_tag_poses(layout: Layout) -> dict[str, TagPose]:
+def find_tag_poses(layout: Layout, walls: Walls) -> dict[str, TagPose]:
     """
-    Return the tag_pose of each tag by its id, in the order of the layout.
+    Return the pose of each tag by its id, in the order of the layout.
 
-    Each tag faces away from the nearest edge of its nearest table. Of two tables equally near, the first of
-    the file counts. On a corner, where two edges are equally near, the tag faces the one with more room up to
-    the next table; if that is the same too, the first of south, north, west and east. Without tables the tags
+    Each tag faces away from the nearest edge of its nearest table. If two tables are equally near, the first
+    in the file counts. On a corner, where two edges are equally near, the tag faces the side where the next
+    table or wall is farther away, or else the first of south, north, west and east. Without tables, the tags
     face the middle of the layout. Raises StartUpError for a table without an area.
     """
     tables = tables_of(layout)
     xs, ys = ([tag[axis] for tag in layout.tags.values()] for axis in (0, 1))
     middle = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
     tag_poses = {}
-    for tag_id, tag in layout.tags.items():
+    for tag_id, (x, y, _) in layout.tags.items():
         if tables:
-            table = min(tables, key=lambda each, tag=tag: each.distance_m(tag.x, tag.y))
+            nearest = min(tables, key=lambda each, x=x, y=y: each.distance_m(x, y))
+            others = [walls, *(each for each in tables if each is not nearest)]
             facing = max(
-                table.nearest_edges(tag.x, tag.y),
-                key=lambda angle, tag=tag, table=table: min(
-                    (each.room_before(tag.x, tag.y, angle) for each in tables if each is not table),
-                    default=math.inf,
+                nearest.nearest_edges(x, y),
+                key=lambda angle, x=x, y=y, others=others: min(
+                    round(each.distance_ahead_m(x, y, angle), 9) for each in others
                 ),
             )
-        elif (tag.x, tag.y) == middle:
+        elif (x, y) == middle:
             facing = SOUTH
         else:
-            facing = math.atan2(middle[1] - tag.y, middle[0] - tag.x)
-        tag_poses[tag_id] = TagPose(tag.x, tag.y, facing)
+            facing = math.atan2(middle[1] - y, middle[0] - x)
+        tag_poses[tag_id] = TagPose(x, y, facing)
     return tag_poses

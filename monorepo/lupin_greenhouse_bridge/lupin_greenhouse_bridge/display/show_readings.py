@@ -21,10 +21,11 @@ from visualization_msgs.msg import MarkerArray
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.display.field import Grid, grid_over, interpolate, scaled
 from lupin_greenhouse_bridge.display.markers import Scene
+from lupin_greenhouse_bridge.display.places import read_colour_ranges
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_transform
-from lupin_greenhouse_bridge.planning.visualization import Visualization, read_visualization
+from lupin_greenhouse_bridge.planning.walls import Walls, find_walls, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.recording.subscription import subscribe_to_readings, topics_of, topics_parameter
 from lupin_greenhouse_bridge.runtime.parameters import (
     check_parameters,
@@ -64,9 +65,11 @@ class Settings:
     )
     tag_locations_file: str = parameter('', "The bridge's tag_locations.json; empty: the simulator's.")
     sim_config_file: str = parameter('', "The bridge's greenhouse_config.yaml; empty: the simulator's.")
+    walls: str = walls_parameter()  # or an array
 
     def __post_init__(self):
-        check_parameters(self, of_any_type=('readings_topics',))
+        check_parameters(self, of_any_type=('readings_topics', 'walls'))
+        parse_walls(self.walls)
         topics_of(self.readings_topics)
         if not self.frame.strip():
             raise invalid('frame', self.frame, 'the name of a frame, such as map')
@@ -85,14 +88,14 @@ class ShowReadingsNode(Node):
                 'tag_locations_file is empty, and mdp-greenhouse is not installed:'
                 " set tag_locations_file to the bridge's tag_locations.json"
             )
-        visualization = read_visualization(layout, settings.sim_config_file)
+        walls = find_walls(layout, settings.sim_config_file, settings.walls)
         self._layout_in_map = (
             read_transform(settings.layout_in_map, settings.frame) if settings.layout_in_map else Transform()
         )
-        self._range = _range_of(settings, visualization)
-        self._grid = _grid_of(settings, layout, visualization)
+        self._range = _range_of(settings)
+        self._grid = _grid_of(settings, layout, walls)
         self._tags = layout.tags
-        self._scene = Scene(layout, self._layout_in_map)
+        self._scene = Scene(layout, walls, self._layout_in_map)
         self._readings: dict[str, TagReading] = {}  # the last one of each tag
         self._cells = None  # of the field; None if a reading has arrived since
         self._unknown_ids = set()
@@ -161,9 +164,9 @@ def _time(reading: TagReading) -> tuple[int, int]:
     return reading.stamp.sec, reading.stamp.nanosec
 
 
-def _range_of(settings: Settings, visualization: Visualization) -> tuple[float, float]:
+def _range_of(settings: Settings) -> tuple[float, float]:
     """Return the lowest and highest value of the sensor's scale; raises StartUpError if it has none."""
-    ranges = visualization.colour_ranges
+    ranges = read_colour_ranges(settings.sim_config_file)
     lowest, highest = ranges.get(settings.sensor, (0.0, 0.0))
     if not (math.isfinite(lowest) and math.isfinite(highest) and lowest < highest):
         shown = escaped(repr(settings.sensor), 60)
@@ -175,8 +178,8 @@ def _range_of(settings: Settings, visualization: Visualization) -> tuple[float, 
     return lowest, highest
 
 
-def _grid_of(settings: Settings, layout: Layout, visualization: Visualization) -> Grid:
-    grid = grid_over(layout, visualization.footprint, settings.resolution_m)
+def _grid_of(settings: Settings, layout: Layout, walls: Walls) -> Grid:
+    grid = grid_over(layout, walls, settings.resolution_m)
     if grid.columns * grid.rows > MOST_CELLS:
         raise StartUpError(
             f'parameter resolution_m is {settings.resolution_m:g}: the field would have {grid.columns} x'

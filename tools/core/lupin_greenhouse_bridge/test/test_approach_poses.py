@@ -60,7 +60,7 @@ def test_the_table_has_a_line_for_each_tag_and_the_length_of_the_route(poses_of)
 
 
 def test_the_json_has_poses_unreachable_tags_and_the_length(poses_of):
-    exit_code, out, err = poses_of('--format', 'json', '--order', 'given', '--start', '1', '0')
+    exit_code, out, err = poses_of('--format', 'json', '--order', 'given', '--start', '1', '0.3')
     data = json.loads(out)
     assert (exit_code, err) == (0, '')
     assert list(data) == ['poses', 'unreachable', 'length_m']
@@ -68,7 +68,7 @@ def test_the_json_has_poses_unreachable_tags_and_the_length(poses_of):
     assert list(data['poses'][0]) == ['tag_id', 'x', 'y', 'yaw', 'distance_m', 'angle_rad']
     for each in data['poses']:
         assert (each['x'], each['y'], each['yaw']) == pytest.approx(POSES[each['tag_id']], abs=1e-6)
-    assert data['length_m'] == pytest.approx(math.hypot(1.0, 0.5) + 1.7, abs=0.05)
+    assert data['length_m'] == pytest.approx(math.hypot(1.0, 0.2) + 1.7, abs=0.05)
 
 
 def test_each_format_has_the_same_poses(poses_of):
@@ -87,7 +87,7 @@ def test_each_format_has_the_same_poses(poses_of):
 
 
 def test_a_tag_without_a_pose_is_told_and_gives_exit_code_1(poses_of):
-    exit_code, out, err = poses_of('--radius', '0.79', '--largest-distance', '0.6', '--format', 'json')
+    exit_code, out, err = poses_of('--radius', '0.79', '--largest-standoff', '0.6', '--format', 'json')
     reason = 'no place for a robot of radius 0.79 m within 0.6 m and 45°'
     assert exit_code == 1
     assert json.loads(out)['unreachable'] == [{'tag_id': each, 'reason': reason} for each in ('7', '21')]
@@ -97,7 +97,7 @@ def test_a_tag_without_a_pose_is_told_and_gives_exit_code_1(poses_of):
 def test_a_transform_moves_the_poses_into_the_map(poses_of, tmp_path):
     path = tmp_path / 'transform.yaml'
     write_transform(path, Transform(10.0, 20.0, math.pi / 2))
-    data = json.loads(poses_of('--format', 'json', '--transform', str(path))[1])
+    data = json.loads(poses_of('--format', 'json', '--layout-in-map', str(path))[1])
     for each in data['poses']:
         x, y, yaw = POSES[each['tag_id']]
         moved = (10.0 - y, 20.0 + x, math.remainder(yaw + math.pi / 2, math.tau))
@@ -109,7 +109,7 @@ def test_an_id_that_no_terminal_can_show_is_escaped(poses_of, tmp_path):
     tags = {'7\n\x1b[2J': {'x': 2.0, 'y': 1.0, 'sensors': ['co2']}}
     (tmp_path / 'odd.json').write_text(json.dumps(tags), encoding='utf-8')
     _, out, err = poses_of(
-        '--tag-file', str(tmp_path / 'odd.json'), '--radius', '0.79', '--largest-distance', '0.5'
+        '--tag-file', str(tmp_path / 'odd.json'), '--radius', '0.79', '--largest-standoff', '0.5'
     )
     assert (out + err).count('7\\n\\x1b[2J') == 1
     assert '\x1b' not in out + err
@@ -118,7 +118,7 @@ def test_an_id_that_no_terminal_can_show_is_escaped(poses_of, tmp_path):
 @pytest.mark.parametrize('form', ['table', 'json'])
 def test_a_yaw_just_below_0_is_0(poses_of, tmp_path, form):
     write_transform(tmp_path / 'layout.yaml', Transform(yaw=-1e-9))
-    assert '-0' not in poses_of('--transform', str(tmp_path / 'layout.yaml'), '--format', form)[1]
+    assert '-0' not in poses_of('--layout-in-map', str(tmp_path / 'layout.yaml'), '--format', form)[1]
 
 
 def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_path):
@@ -135,9 +135,11 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
     [
         (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
         (['--overrides', '/missing.yaml'], "approach overrides '/missing.yaml': cannot be read"),
-        (['--transform', '/missing.yaml'], "'/missing.yaml': cannot be read"),
-        (['--radius', '2'], 'a robot of radius 2.005 m does not fit'),
-        (['--distance', 'nan'], 'the distances to a tag are 0.3, nan and 1 m'),
+        (['--layout-in-map', '/missing.yaml'], "'/missing.yaml': cannot be read"),
+        (['--radius', '3'], 'a robot of radius 3 m and clearance 0.005 m does not fit'),
+        (['--walls', '0', '0', '0', '8'], 'walls is [0.0, 0.0, 0.0, 8.0]: must be x0 y0 x1 y1'),
+        (['--sim-config-file', '/missing.yaml'], "sim_config_file '/missing.yaml': cannot be read"),
+        (['--standoff', 'nan'], 'the standoffs are 0.3, nan and 1 m'),
         (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),
         (['--start', 'inf', '0'], 'the start at (inf, 0) is not free'),
         (['--picture', '/missing/route.png'], "--picture '/missing/route.png': "),
@@ -170,7 +172,7 @@ def test_a_reader_that_closes_the_pipe_changes_neither_the_exit_code_nor_what_is
 ):
     reading, writing = os.pipe()
     os.close(reading)
-    few = ('--radius', '0.79', '--largest-distance', '0.6')
+    few = ('--radius', '0.79', '--largest-standoff', '0.6')
     with os.fdopen(writing, 'w', encoding='utf-8') as closed, monkeypatch.context() as patch:
         patch.setattr(sys, 'stdout', closed)
         ended = run_here(
@@ -206,8 +208,8 @@ def test_publish_keeps_the_poses_on_a_latched_topic_until_a_signal(run_here, tag
 
     listener = threading.Thread(target=listen)
     listener.start()
-    transform = ('--transform', str(tmp_path / 'layout.yaml'))
-    ended = run_here(approach_poses.main, '--tag-file', tag_file, '--publish', *transform)
+    layout_in_map = ('--layout-in-map', str(tmp_path / 'layout.yaml'))
+    ended = run_here(approach_poses.main, '--tag-file', tag_file, '--publish', *layout_in_map)
     listener.join()
     assert ended.code == 0, ended
     assert heard[0].header.frame_id == 'site'

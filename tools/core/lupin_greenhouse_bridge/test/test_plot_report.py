@@ -7,11 +7,12 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
+from lupin_greenhouse_bridge.display.places import read_colour_ranges
 from lupin_greenhouse_bridge.display.plot_report import main
-from lupin_greenhouse_bridge.planning.visualization import read_visualization
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.drawing import Box, place_labels
 from lupin_greenhouse_bridge.recording.reading_files import read_file
 from lupin_greenhouse_bridge.recording.store import open_store
-from lupin_greenhouse_bridge.simulator.layout import find_layout
 from reading_helpers import visit, write_report
 
 Figure = pytest.importorskip(
@@ -90,15 +91,35 @@ def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, monk
         assert not any(box.contains(*dot) for box in boxes for dot in dots)
 
 
-def test_the_colours_of_a_sensor_are_those_of_the_config(tmp_path):
-    layout = find_layout('')
-    assert read_visualization(layout).colour_ranges['temperature'] == (0.0, 30.0)
-    config = tmp_path / 'config.yaml'
-    walls = 'greenhouse_width_m: 4, greenhouse_height_m: 8'
-    config.write_text(f'visualization: {{{walls}, colorbar_ranges: {{co2: {{min: 1, max: 2}}}}}}')
-    assert read_visualization(layout, str(config)).colour_ranges == {'co2': (1.0, 2.0)}
-    config.write_text(f'visualization: {{{walls}}}')
-    assert read_visualization(layout, str(config)) == ((4.0, 8.0), {})
+@pytest.fixture
+def config(tmp_path):
+    """Return a function that writes a config with this section, and returns its path."""
+
+    def write(section: str) -> str:
+        (tmp_path / 'config.yaml').write_text(f'visualization: {section}')
+        return str(tmp_path / 'config.yaml')
+
+    return write
+
+
+def test_the_colours_of_a_sensor_are_those_of_the_config(config):
+    assert read_colour_ranges()['temperature'] == (0.0, 30.0)
+    assert read_colour_ranges(config('{colorbar_ranges: {co2: {min: 1, max: 2}}}')) == {'co2': (1.0, 2.0)}
+    assert read_colour_ranges(config('{}')) == {}
+
+
+@pytest.mark.parametrize(
+    ('ranges', 'fault'),
+    [
+        ('[co2]', 'colorbar_ranges is a list, not a mapping'),
+        ('{co2: 5}', 'co2 is 5, not a mapping'),
+        ('{1: {min: 0}}', 'max is missing'),
+        ('{co2: {min: .inf}}', 'min is inf'),
+    ],
+)
+def test_colours_that_no_drawing_can_use_are_refused(config, ranges, fault):
+    with pytest.raises(StartUpError, match=fault):
+        read_colour_ranges(config(f'{{colorbar_ranges: {ranges}}}'))
 
 
 def test_the_picture_lies_beside_the_report(report, capsys):
@@ -157,3 +178,29 @@ def test_without_the_simulator_a_layout_has_to_be_named(report, monkeypatch, cap
     assert main([str(report)]) == 2
     message = 'plot_report: mdp-greenhouse is not installed here: name the layout with --tag-file\n'
     assert capsys.readouterr().err == message
+
+
+def shared_m2(one: Box, other: Box) -> float:
+    """Return the common area of two boxes."""
+    lengths_m = [
+        min(a + a_size / 2, b + b_size / 2) - max(a - a_size / 2, b - b_size / 2)
+        for a, a_size, b, b_size in zip(one[:2], one[2:], other[:2], other[2:], strict=True)
+    ]
+    return max(lengths_m[0], 0.0) * max(lengths_m[1], 0.0)
+
+
+def test_a_thousand_labels_cover_no_dot_and_no_other_label():
+    dots = [Box(float(x), float(y), 0.2, 0.2) for x in range(40) for y in range(25)]
+    places = place_labels(dots, [(dot, 1.2, 0.3) for dot in dots])
+    labels = [Box(*place, 1.2, 0.3) for place in places]
+    near = (
+        (a, b) for a, b in itertools.combinations(dots + labels, 2) if abs(a.x - b.x) + abs(a.y - b.y) < 1.5
+    )
+    assert sum(shared_m2(*each) for each in near) < 1e-9
+
+
+def test_a_label_stays_within_the_walls_and_takes_the_nearest_place_that_is_free():
+    walls, dot = Box(1.0, 1.0, 2.0, 2.0), Box(1.9, 1.0, 0.2, 0.2)
+    assert place_labels([dot], [(dot, 0.6, 0.2)], walls) == [(1.5, 1.0)]
+    assert place_labels([dot, Box(1.5, 1.0, 0.2, 0.2)], [(dot, 0.4, 0.2)], walls) != [(1.6, 1.0)]
+    assert place_labels([dot], [(dot, 0.6, 0.2)]) == [(2.3, 1.0)]

@@ -1,4 +1,4 @@
-"""What the drawings of a file share: their arguments, and where tags and route lie. Does not import ROS."""
+"""What drawings share: options, places of tags and route, and ranges of colours. Does not import ROS."""
 
 import argparse
 import csv
@@ -7,8 +7,10 @@ import math
 from collections.abc import Iterable
 from pathlib import Path
 
-from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.planning.walls import add_wall_options, read_visualization
 from lupin_greenhouse_bridge.recording.rows import Row
+from lupin_greenhouse_bridge.simulator.files import mapping_of, number
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
 
 
@@ -24,11 +26,9 @@ def parser_of(prog: str, description: str) -> argparse.ArgumentParser:
     parser.add_argument(
         '--tag-file', default='', metavar='FILE', help="the bridge's tag_file, if you set one"
     )
+    add_wall_options(parser)
     parser.add_argument(
-        '--sim-config-file', default='', metavar='FILE', help="the bridge's sim_config_file, if you set one"
-    )
-    parser.add_argument(
-        '--route', type=Path, metavar='FILE', help='a CSV file of x and y along the way that a robot drove'
+        '--route', type=Path, metavar='FILE', help='a CSV file of x and y along the path that a robot drove'
     )
     return parser
 
@@ -71,3 +71,24 @@ def read_route(path: Path) -> list[tuple[float, float]]:
     if not (route and all(map(math.isfinite, itertools.chain(*route)))):
         raise StartUpError(f"--route '{path}': is not a CSV file of x,y in metres: name another")
     return route
+
+
+def read_colour_ranges(sim_config_file: str = '') -> dict[str, tuple[float, float]]:
+    """
+    Return the lowest and highest value of each sensor's colours, in its unit, of the greenhouse config.
+
+    '' selects the config of mdp-greenhouse; {} if that is not installed. Raises StartUpError.
+    """
+    found = read_visualization(sim_config_file)
+    if not found or not found[0].get('colorbar_ranges'):
+        return {}
+    section, where = found
+    ranges = mapping_of(section, 'colorbar_ranges', where)
+    return {str(sensor): _range(ranges, sensor, f'{where}: colorbar_ranges') for sensor in ranges}
+
+
+def _range(ranges: dict, sensor, where: str) -> tuple[float, float]:
+    limits = mapping_of(ranges, sensor, where)
+    here = f'{where}: {escaped(str(sensor), 64)}'
+    lowest, highest = (number(limits, key, here, 'the unit of the sensor') for key in ('min', 'max'))
+    return float(lowest), float(highest)

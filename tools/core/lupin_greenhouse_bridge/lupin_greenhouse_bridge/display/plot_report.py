@@ -6,10 +6,17 @@ import sys
 import time
 from pathlib import Path
 
-from lupin_greenhouse_bridge.display.places import beside, check_output, layout_of, parser_of, read_route
+from lupin_greenhouse_bridge.display.places import (
+    beside,
+    check_output,
+    layout_of,
+    parser_of,
+    read_colour_ranges,
+    read_route,
+)
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
-from lupin_greenhouse_bridge.planning.labelling import Box, place_labels
-from lupin_greenhouse_bridge.planning.visualization import read_visualization
+from lupin_greenhouse_bridge.planning.drawing import COLOURS, Box, draw_greenhouse, place_labels
+from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.reading_files import read_file
 from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import natural_order
@@ -50,11 +57,10 @@ def _draw(options: argparse.Namespace, output: Path) -> None:
     matplotlib.use('Agg')
     from matplotlib import pyplot
 
-    from lupin_greenhouse_bridge.planning.drawing import draw_footprint
-
     rows, visits = read_file(options.file, options.tag_file)
     layout = layout_of(rows, options.tag_file)
-    footprint, colour_ranges = read_visualization(layout, options.sim_config_file)
+    walls = find_walls(layout, options.sim_config_file, options.walls)
+    colour_ranges = read_colour_ranges(options.sim_config_file)
     route = read_route(options.route) if options.route else []
     outcomes = {visit.tag_id: visit.outcome for visit in visits}  # the last one of each tag
     failed = {tag_id for tag_id, outcome in outcomes.items() if outcome != 'OK'}
@@ -72,7 +78,7 @@ def _draw(options: argparse.Namespace, output: Path) -> None:
         1, len(sensors), sharey=True, squeeze=False, layout='constrained', figsize=(2.9 * len(sensors), 6.6)
     )
     for axes, sensor in zip(all_axes[0], sensors, strict=True):
-        draw_footprint(axes, layout, footprint)
+        draw_greenhouse(axes, layout, walls)
         if route:
             _draw_route(axes, route)
         _draw_readings(figure, axes, sensor, layout, readings, colour_ranges.get(sensor))
@@ -85,7 +91,7 @@ def _draw(options: argparse.Namespace, output: Path) -> None:
 
 
 def _draw_route(axes, route: list[tuple[float, float]]) -> None:
-    """Draw the way of the robot, with all of it in view."""
+    """Draw the path of the robot, with all of it in view."""
     xs, ys = zip(*route, strict=True)
     axes.plot(xs, ys, color='tab:blue', linewidth=1.0, zorder=1.5)
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
@@ -94,8 +100,6 @@ def _draw_route(axes, route: list[tuple[float, float]]) -> None:
 
 
 def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None:
-    from lupin_greenhouse_bridge.planning.drawing import COLOURS
-
     measured = {tag_id: each[sensor].value for tag_id, each in readings.items() if sensor in each}
     others = [tag for tag_id, tag in layout.tags.items() if tag_id not in measured]
     axes.scatter([tag.x for tag in others], [tag.y for tag in others], s=12, color='0.75', zorder=2)

@@ -9,9 +9,16 @@ import math
 import sys
 from pathlib import Path
 
-from lupin_greenhouse_bridge.display.places import beside, check_output, layout_of, parser_of, read_route
+from lupin_greenhouse_bridge.display.places import (
+    beside,
+    check_output,
+    layout_of,
+    parser_of,
+    read_colour_ranges,
+    read_route,
+)
 from lupin_greenhouse_bridge.errors import OneLineError, escaped
-from lupin_greenhouse_bridge.planning.visualization import Visualization, read_visualization
+from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFile, read_file
 from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
@@ -37,7 +44,8 @@ def main(arguments: list[str] | None = None) -> int:
         check_output(output, options.file)
         file = read_file(options.file, options.tag_file)
         layout = layout_of(file.rows, options.tag_file)
-        data = data_of(file, layout, read_visualization(layout, options.sim_config_file))
+        walls = find_walls(layout, options.sim_config_file, options.walls)
+        data = data_of(file, layout, walls, read_colour_ranges(options.sim_config_file))
         data |= {
             'title': escaped(options.file.name, LONGEST_NAME),
             'route': read_route(options.route) if options.route else [],
@@ -63,7 +71,7 @@ def fill(template: str, data: dict, script: str) -> str:
     return template.replace('PLOTLY', script, 1).replace('DATA', text, 1)
 
 
-def data_of(file: ReadingFile, layout: Layout, visualization: Visualization) -> dict:
+def data_of(file: ReadingFile, layout: Layout, walls: Walls, colour_ranges: dict) -> dict:
     """Return what the page shows. Stamps are in milliseconds, everything else is as in Row."""
     sensors = sorted({row.sensor for row in file.rows}, key=sensor_order)
     tags = tags_of(file, layout, sensors)
@@ -79,7 +87,7 @@ def data_of(file: ReadingFile, layout: Layout, visualization: Visualization) -> 
             {
                 'name': name,
                 'unit': unit_of(sensor),
-                'range': visualization.colour_ranges.get(sensor),
+                'range': colour_ranges.get(sensor),
                 'points': [
                     (
                         row.stamp_ns // NS_PER_MS,
@@ -105,7 +113,7 @@ def data_of(file: ReadingFile, layout: Layout, visualization: Visualization) -> 
         'tags': shown_tags,
         'span_ms': [row.stamp_ns // NS_PER_MS for row in (*file.rows[:1], *file.rows[-1:])],
         'is_report': bool(file.visits),
-        'walls': visualization.footprint,
+        'walls': walls,
         'tables': list(layout.tables.values()),
         'visits': [
             (tag['x'], tag['y']) for visit in file.visits if (tag := tags[visit.tag_id])['x'] is not None

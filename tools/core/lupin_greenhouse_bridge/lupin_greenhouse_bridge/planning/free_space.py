@@ -1,9 +1,9 @@
 """
-The free floor of a greenhouse for a disc robot, and the shortest ways on it. Does not import ROS.
+The free space of a disc robot in a greenhouse, and the shortest paths in it. Does not import ROS.
 
-A table or a plate is in the way of the robot's centre within an octagon around it, at the robot's radius. A
-shortest way is straight between corners of these octagons, so it is found on them exactly, and a robot passes
-wherever it fits. A grid would need cells as fine as the play of the robot in the narrowest aisle.
+Each table and each plate of a tag is inflated by the robot's radius to an octagon. A shortest path is
+straight between vertices of these octagons, so it is exact, and the robot passes wherever it fits. A grid
+would need cells as small as the clearance in the narrowest aisle.
 """
 
 import heapq
@@ -14,50 +14,47 @@ import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.tag_poses import Table, TagPose, find_tag_poses, tables_of
+from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
-MARGIN_M = 1.6  # between the layout and the walls: a robot can stand 1.5 m in front of every tag
 PLATE_WIDTH_M = 0.0625  # of a tag of 5 cm with its white border
-LARGEST_RADIUS_M = MARGIN_M / 2  # a larger robot cannot drive around the tables
 # An octagon is eight limits: the lowest and the highest value of x, y, x + y and x - y.
 AXES = np.array([(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0)]).T
 LENGTHS = np.linalg.norm(AXES, axis=0)
 
 
-def room_of(layout: Layout) -> Table:
-    """Return the floor within the walls, MARGIN_M around the tags and tables; raises StartUpError."""
-    tables = tables_of(layout)
-    xs = [tag.x for tag in layout.tags.values()] + [x for each in tables for x in (each.x0, each.x1)]
-    ys = [tag.y for tag in layout.tags.values()] + [y for each in tables for y in (each.y0, each.y1)]
-    return Table(min(xs) - MARGIN_M, min(ys) - MARGIN_M, max(xs) + MARGIN_M, max(ys) + MARGIN_M)
-
-
 class FreeSpace:
     """Where the centre of a disc robot can be: not within its radius of a table, a tag's plate or a wall."""
 
-    def __init__(self, layout: Layout, radius_m: float):
-        """Raise StartUpError for a table without an area, or a robot that is too large for the room."""
-        if not 0.0 <= radius_m < LARGEST_RADIUS_M:
+    def __init__(self, layout: Layout, walls: Walls, radius_m: float, clearance_m: float = 0.0):
+        """
+        Take the robot's radius and its clearance, which is added to the radius, in metres.
+
+        Raises StartUpError for a table without an area, or a robot that does not fit between the walls.
+        """
+        x0, y0, x1, y1 = walls
+        apart_m = min(x1 - x0, y1 - y0)
+        if not 0.0 <= 2 * (radius_m + clearance_m) < apart_m:
+            beside = f' and clearance {clearance_m:g} m' if clearance_m else ''
             raise StartUpError(
-                f'a robot of radius {radius_m:g} m does not fit: must be from 0 to below'
-                f' {LARGEST_RADIUS_M:g} m'
+                f'a robot of radius {radius_m:g} m{beside} does not fit between the walls, which are'
+                f' {apart_m:g} m apart: choose a smaller radius, or set walls'
             )
-        self.room = room_of(layout)
-        x0, y0, x1, y1 = self.room
+        self.tag_poses = find_tag_poses(layout, walls)
+        radius_m += clearance_m
         self._inside = np.array([x0, y0]) + radius_m, np.array([x1, y1]) - radius_m
-        self._tolerance_m = 1e-9 + 4e-15 * max(map(abs, self.room))  # of the numbers, far from the origin
-        shapes = [_corners(each) for each in tables_of(layout)] + [
-            _ends(each) for each in find_tag_poses(layout).values()
-        ]
-        octagons = {}  # without those that lie within another
+        self._tolerance_m = 1e-9 + 4e-15 * max(map(abs, walls))  # of the numbers, far from the origin
+        shapes = [_corners(each) for each in tables_of(layout)]
+        shapes += [_ends(each) for each in self.tag_poses.values()]
+        octagons: list[tuple[np.ndarray, np.ndarray]] = []  # without those that lie within another
         for shape in shapes:
             along = shape @ AXES
             low, high = along.min(axis=0) - radius_m * LENGTHS, along.max(axis=0) + radius_m * LENGTHS
-            if not any((a <= low).all() and (high <= b).all() for a, b in octagons.values()):
-                octagons[len(octagons)] = low, high
-        self._low = np.array([low for low, _ in octagons.values()]) + self._tolerance_m
-        self._high = np.array([high for _, high in octagons.values()]) - self._tolerance_m
-        vertices = np.array([_vertices(*each) for each in octagons.values()])  # (octagon, 8, 2)
+            if not any((a <= low).all() and (high <= b).all() for a, b in octagons):
+                octagons.append((low, high))
+        self._low, self._high = np.array(octagons).swapaxes(0, 1)
+        self._low, self._high = self._low + self._tolerance_m, self._high - self._tolerance_m
+        vertices = np.array([_vertices(*each) for each in octagons])  # (octagon, 8, 2)
         points = vertices.reshape(-1, 2)
         is_free = self.are_free(points)
         self._corners = points[is_free]
@@ -82,7 +79,7 @@ class FreeSpace:
 
     def are_in_sight(self, start, ends) -> np.ndarray:
         """
-        Return whether the straight way is free from one free point, or from each, to each of an array.
+        Return whether the straight line is free from one free point, or from each, to each of an array.
 
         The arrays have the shape (points, 2), in metres.
         """
@@ -90,42 +87,53 @@ class FreeSpace:
         starts = np.broadcast_to(starts, ends.shape)
         is_free = np.ones(len(ends), dtype=bool)
         if len(ends) < len(self._low):
-            for number, way in enumerate(zip(starts, ends, strict=True)):
-                is_free[number] = not len(_crossing(*way, self._low, self._high))
+            for number, line in enumerate(zip(starts, ends, strict=True)):
+                is_free[number] = not len(_crossing(*line, self._low, self._high))
             return is_free
         for low, high in zip(self._low, self._high, strict=True):
             left = np.flatnonzero(is_free)
             is_free[left[_crossing(starts[left], ends[left], low, high)]] = False
         return is_free
 
-    def outermost(self) -> tuple[float, float]:
-        """Return a free point at the walls, from where the robot can drive around all tables."""
-        return tuple(self._inside[0].tolist())
+    def point_of_largest_region(self) -> tuple[float, float]:
+        """Return a point of the free region with the most vertices of octagons and corners of the walls."""
+        (x0, y0), (x1, y1) = self._inside
+        corners = np.array([(x, y) for x in (x0, x1) for y in (y0, y1)])
+        corners = corners[self.are_free(corners)]
+        nodes, links = np.concatenate([self._corners, corners]), self.links(corners)
+        left, largest = set(range(len(nodes))), []
+        while left:
+            region = [left.pop()]
+            for node in region:  # grows
+                new = {other for other, _ in links[node]} & left
+                left -= new
+                region += new
+            largest = max(largest, region, key=len)
+        if not largest:
+            raise StartUpError('tables and tags leave no free space for the robot: choose a smaller radius')
+        return tuple(nodes[max(largest)].tolist())
 
-    def way(self, start_m, goal_m) -> list[tuple[float, float]] | None:
-        """Return the points of the shortest way, in metres; None if an end is not free, or cut off."""
+    def path(self, start_m, goal_m) -> list[tuple[float, float]] | None:
+        """Return the points of the shortest path, in metres; None if an end is not free, or cut off."""
         ends = np.array([start_m, goal_m], dtype=float)
         if not self.are_free(ends).all():
             return None
-        return VisibilityGraph(self, ends).way(0, 1)
+        return VisibilityGraph(self, ends).path(0, 1)
 
     @staticmethod
-    def length_m(way) -> float:
-        """Return the length of a way in metres."""
-        return sum(itertools.starmap(math.dist, itertools.pairwise(way)))
+    def length_m(path) -> float:
+        """Return the length of a path in metres."""
+        return sum(itertools.starmap(math.dist, itertools.pairwise(path)))
 
     def links(self, points: np.ndarray) -> list[list[tuple[int, float]]]:
         """
         Return for each corner, and then for each free point, the nodes in sight and their distances.
 
-        Nodes are numbered in this order. A shortest way turns only at a corner, and there only around it.
+        Nodes are numbered in this order. A shortest path turns only at a corner, and there only around it.
         """
         if self._between is None:
             self._between = [[] for _ in self._corners]
-            pairs = np.array(list(itertools.combinations(range(len(self._corners)), 2)), dtype=int).reshape(
-                -1, 2
-            )
-            self._link(self._between, self._corners, pairs)
+            self._link(self._between, self._corners, _pairs(len(self._corners)))
         count = len(self._corners)
         nodes = np.concatenate([self._corners, points])
         links = [list(each) for each in self._between] + [[] for _ in points]
@@ -156,16 +164,16 @@ class FreeSpace:
 
 
 class VisibilityGraph:
-    """The shortest ways between some free points, by their numbers."""
+    """The shortest paths between some free points, by their numbers."""
 
-    def __init__(self, floor: FreeSpace, points: np.ndarray):
+    def __init__(self, free_space: FreeSpace, points: np.ndarray):
         """Take an array (points, 2) in metres."""
-        self._links = floor.links(points)
+        self._links = free_space.links(points)
         self._first = len(self._links) - len(points)  # the node of point 0
-        self._nodes = [*map(tuple, floor._corners.tolist()), *map(tuple, points.tolist())]
+        self._nodes = [*map(tuple, free_space._corners.tolist()), *map(tuple, points.tolist())]
 
     def nearest(self, start: int):
-        """Yield each other point that can be reached, and the length of the way in metres, nearest first."""
+        """Yield each other point that can be reached, and the length of the path in metres, nearest first."""
         for node, length_m, _ in self._search(start):
             if node >= self._first:
                 yield node - self._first, length_m
@@ -175,16 +183,16 @@ class VisibilityGraph:
         nodes = [node for node, _, _ in self._search(start) if node < self._first]
         return np.array([self._nodes[node] for node in nodes]).reshape(-1, 2)
 
-    def way(self, start: int, goal: int) -> list[tuple[float, float]] | None:
-        """Return the points of the shortest way; None if there is none."""
+    def path(self, start: int, goal: int) -> list[tuple[float, float]] | None:
+        """Return the points of the shortest path; None if there is none."""
         if start == goal:
             return [self._nodes[self._first + start]] * 2
         for node, _, before in self._search(start):
             if node == self._first + goal:
-                way = [node]
-                while way[-1] != self._first + start:
-                    way.append(before[way[-1]])
-                return [self._nodes[each] for each in reversed(way)]
+                path = [node]
+                while path[-1] != self._first + start:
+                    path.append(before[path[-1]])
+                return [self._nodes[each] for each in reversed(path)]
         return None
 
     def _search(self, start: int):
@@ -200,7 +208,7 @@ class VisibilityGraph:
             if node != source:
                 yield node, distance_m, before
                 if node >= self._first:
-                    continue  # no way turns at another point
+                    continue  # no path turns at another point
             for other, length_m in self._links[node]:
                 if distance_m + length_m < distances_m.get(other, math.inf):
                     distances_m[other] = distance_m + length_m
@@ -210,9 +218,9 @@ class VisibilityGraph:
 
 def _crossing(start, end, low, high) -> np.ndarray:
     """
-    Return the numbers of the straight ways that enter an octagon.
+    Return the numbers of the straight lines that enter an octagon.
 
-    Takes each along the AXES: many ways and the limits of one octagon, or one way and many octagons.
+    Takes each along the AXES: many lines and the limits of one octagon, or one line and many octagons.
     """
     start, end, low, high = np.broadcast_arrays(start, end, low, high)
     near = np.arange(len(start))

@@ -1,14 +1,14 @@
 """`ros2 run lupin_greenhouse_bridge register_layout`: find where the layout lies in the robot's map."""
 
 import argparse
-import contextlib
 import math
+import shlex
 import sys
 from pathlib import Path
 
 import rclpy
-from geometry_msgs.msg import PointStamped, TransformStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from geometry_msgs.msg import PointStamped
+from rclpy.qos import QoSProfile
 from rclpy.utilities import remove_ros_args
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
@@ -19,7 +19,6 @@ from lupin_greenhouse_bridge.planning.registration import (
     CannotFit,
     fit,
     read_places,
-    read_registration,
     write_transform,
 )
 from lupin_greenhouse_bridge.reading.client import Interrupted, UsageError
@@ -40,8 +39,8 @@ CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
 
 
 def main(args=None) -> int:
-    """Fit and write, or publish, as the command line asks; return the exit code."""
-    return run(_parser(), _register_or_publish, args)
+    """Fit and write as the command line asks; return the exit code."""
+    return run(_parser(), _register, args)
 
 
 def run(parser, work, args=None) -> int:
@@ -60,10 +59,7 @@ def run(parser, work, args=None) -> int:
     return exit_code
 
 
-def _register_or_publish(executor, options) -> None:
-    if options.publish:
-        _publish(executor, options.publish)
-        return
+def _register(executor, options) -> None:
     layout = layout_of(options)
     if options.pairs:
         places, frame_id = read_places(options.pairs), MAP_FRAME
@@ -107,7 +103,9 @@ def register(layout: Layout, places: dict, frame_id: str, options) -> None:
     print_line(
         f'{len(places) - len(fitted.left_out)} of {len(places)} tags fit within {options.tolerance:g} m.'
         f' The layout lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame_id}.'
-        f' Written to {options.output}'
+        f' Written to {options.output}\n'
+        f'To publish it: ros2 run tf2_ros static_transform_publisher --x {x:.6f} --y {y:.6f} --yaw {yaw:.6f}'
+        f' --frame-id {shlex.quote(frame_id)} --child-frame-id {LAYOUT_FRAME}'
     )
 
 
@@ -187,30 +185,6 @@ def spin(executor, is_done) -> None:
         executor.spin_once(timeout_sec=process.LONGEST_WAIT_SECONDS)
 
 
-def _publish(executor, path: str) -> None:
-    """Keep the layout's frame on /tf_static until Ctrl-C or SIGTERM."""
-    frame_id, transform = read_registration(path)
-    try:
-        from tf2_msgs.msg import TFMessage  # only --publish needs it
-    except ImportError as error:
-        raise UsageError(
-            f'--publish needs the package tf2_msgs ({error}): sudo apt install ros-$ROS_DISTRO-tf2-msgs'
-        ) from error
-    node = node_in(executor, NAME)
-    message = TransformStamped(child_frame_id=LAYOUT_FRAME)
-    message.header.frame_id = frame_id
-    message.header.stamp = node.get_clock().now().to_msg()
-    message.transform.translation.x, message.transform.translation.y = transform.x, transform.y
-    message.transform.rotation.z = math.sin(transform.yaw / 2)
-    message.transform.rotation.w = math.cos(transform.yaw / 2)
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    publisher = node.create_publisher(TFMessage, '/tf_static', latched)
-    publisher.publish(TFMessage(transforms=[message]))
-    node.get_logger().info(f'{frame_id} -> {LAYOUT_FRAME} is on {publisher.topic_name}')
-    with contextlib.suppress(Interrupted):
-        spin(executor, lambda: False)
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=NAME,
@@ -223,9 +197,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     source.add_argument(
         '--click', nargs='+', metavar='ID', help='take a click of RViz (Publish Point) for each tag in turn'
-    )
-    source.add_argument(
-        '--publish', metavar='FILE', help=f'keep the frame {LAYOUT_FRAME} of a written file on /tf_static'
     )
     add_arguments(parser)
     return parser

@@ -1,4 +1,4 @@
-"""The order in which a robot visits the tags, and its way. Does not import ROS."""
+"""The order in which a robot visits the tags, and its path. Does not import ROS."""
 
 import itertools
 import math
@@ -13,12 +13,12 @@ from lupin_greenhouse_bridge.planning.free_space import FreeSpace, VisibilityGra
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 
 ORDERS = ('given', 'numeric', 'shortest')
-MOST_NEIGHBOURS = 40  # of a pose, by the way: a pair that is farther apart is not exchanged
+MOST_NEIGHBOURS = 40  # of a pose, by their paths: 2-opt exchanges no pair that is farther apart
 GAIN_M = 1e-9
 
 
 class Route(NamedTuple):
-    """The tags in the order of visits, and the way along their poses, in metres."""
+    """The tags in the order of visits, and the path along their poses, in metres."""
 
     tag_ids: list[str]
     points_m: list[tuple[float, float]]  # from the start, or from the first pose
@@ -26,7 +26,7 @@ class Route(NamedTuple):
 
 
 def plan_route(
-    floor: FreeSpace,
+    free_space: FreeSpace,
     poses: Mapping[str, ApproachPose],
     start_m: tuple[float, float] | None,
     order: str,
@@ -47,38 +47,37 @@ def plan_route(
     stops = [(each.x, each.y) for each in map(poses.__getitem__, tag_ids)]
     if start_m is not None:
         stops.insert(0, tuple(start_m))
-    if not floor.are_free(stops).all():
-        blocked = stops[int(np.argmin(floor.are_free(stops)))]
+    if not free_space.are_free(stops).all():
+        blocked = stops[int(np.argmin(free_space.are_free(stops)))]
         raise StartUpError(
             f'({blocked[0]:.2f}, {blocked[1]:.2f}) is not free: choose another start, or other poses'
         )
-    ways = VisibilityGraph(floor, np.array(stops, dtype=float).reshape(-1, 2))
-    visits = _shortest(ways, len(stops)) if order == 'shortest' else list(range(len(stops)))
+    graph = VisibilityGraph(free_space, np.array(stops, dtype=float).reshape(-1, 2))
+    visits = _shortest(graph, len(stops)) if order == 'shortest' else list(range(len(stops)))
     points = stops[:1]
     for here, there in itertools.pairwise(visits):
-        if (way := ways.way(here, there)) is None:
-            raise _cut_off(stops[there], stops[here])
-        points += way[1:]
+        if (path := graph.path(here, there)) is None:
+            (x0, y0), (x1, y1) = stops[here], stops[there]
+            raise StartUpError(
+                f'({x1:.2f}, {y1:.2f}) is cut off from ({x0:.2f}, {y0:.2f}): leave its tag out,'
+                ' or choose another start'
+            )
+        points += path[1:]
     first_tag = len(stops) - len(tag_ids)
     return Route(
-        [tag_ids[each - first_tag] for each in visits if each >= first_tag], points, floor.length_m(points)
+        [tag_ids[each - first_tag] for each in visits if each >= first_tag],
+        points,
+        free_space.length_m(points),
     )
 
 
-def _cut_off(there, here) -> StartUpError:
-    return StartUpError(
-        f'({there[0]:.2f}, {there[1]:.2f}) is cut off from ({here[0]:.2f}, {here[1]:.2f}): leave its tag out,'
-        ' or choose another start'
-    )
-
-
-def _shortest(ways: VisibilityGraph, count: int) -> list[int]:
-    """Return an order of all points that begins with the first, by the lengths of the ways."""
+def _shortest(graph: VisibilityGraph, count: int) -> list[int]:
+    """Return an order of all points that begins with the first, by the lengths of the paths."""
     lengths_m = np.full((count, count), math.inf)
     visits, left = [0] * bool(count), set(range(1, count))
     while left:
         here, following = visits[-1], None
-        for number, (other, length_m) in enumerate(ways.nearest(here)):
+        for number, (other, length_m) in enumerate(graph.nearest(here)):
             lengths_m[here, other] = lengths_m[other, here] = length_m
             if following is None and other in left:
                 following = other

@@ -1,0 +1,121 @@
+"""The walls of the greenhouse, which bound the free space and every drawing. Does not import ROS."""
+
+import argparse
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.runtime.parameters import parameter
+from lupin_greenhouse_bridge.simulator.files import mapping_of, number, read_yaml, shipped_file
+from lupin_greenhouse_bridge.simulator.layout import Layout
+
+MARGIN_M = 1.6  # without a config, the robot can stand 1.5 m in front of every tag
+SMALLEST_SIDE_M = 0.01
+
+
+class Walls(NamedTuple):
+    """The inner faces of the four walls, in metres in the frame of the layout."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    def has_inside(self, x: float, y: float) -> bool:
+        """Return whether a point is inside the walls, or on one."""
+        return self.x0 <= x <= self.x1 and self.y0 <= y <= self.y1
+
+    def distance_ahead_m(self, x: float, y: float, angle: float) -> float:
+        """Return the distance from a point to the wall ahead, along an axis; below 0 outside the walls."""
+        along_x, along_y = round(math.cos(angle)), round(math.sin(angle))
+        if along_x:
+            return self.x1 - x if along_x > 0 else x - self.x0
+        return self.y1 - y if along_y > 0 else y - self.y0
+
+    def __str__(self) -> str:
+        return f'x {self.x0:g} to {self.x1:g} m, y {self.y0:g} to {self.y1:g} m'
+
+
+def find_walls(layout: Layout, sim_config_file: str = '', walls=None) -> Walls:
+    """
+    Return these walls if any, else those of the greenhouse config, with a corner at the origin.
+
+    `walls` is what parse_walls() takes. '' selects the config of mdp-greenhouse; if that is not installed,
+    the walls are MARGIN_M from the tags and tables. Raises StartUpError if either is malformed.
+    """
+    if given := parse_walls(walls):
+        return given
+    if found := read_visualization(sim_config_file):
+        section, where = found
+        names = ('greenhouse_width_m', 'greenhouse_height_m')
+        sides_m = (number(section, name, where, 'metres', smallest=SMALLEST_SIDE_M) for name in names)
+        return Walls(0.0, 0.0, *map(float, sides_m))
+    return walls_around(layout)
+
+
+def walls_around(layout: Layout) -> Walls:
+    """Return walls that are MARGIN_M from the tags and tables."""
+    points = [tag[:2] for tag in layout.tags.values()]
+    points += [corner for table in layout.tables.values() for corner in (table[:2], table[2:])]
+    xs, ys = zip(*points, strict=True)
+    return Walls(min(xs) - MARGIN_M, min(ys) - MARGIN_M, max(xs) + MARGIN_M, max(ys) + MARGIN_M)
+
+
+def read_visualization(sim_config_file: str = '') -> tuple[dict, str] | None:
+    """
+    Return the section `visualization` of the greenhouse config, and its place for error messages.
+
+    '' selects the config of mdp-greenhouse; None if that is not installed. Raises StartUpError.
+    """
+    path = sim_config_file or shipped_file('greenhouse_config.yaml')
+    if not path:
+        return None
+    where = f"sim_config_file '{path}'"
+    config = read_yaml(path, where, 'a greenhouse config has 4 levels')
+    section = mapping_of(config if isinstance(config, dict) else {}, 'visualization', where)
+    return section, f'{where}: visualization'
+
+
+def parse_walls(value) -> Walls | None:
+    """Return the walls x0 y0 x1 y1 of a text or an array; None if it is empty. Raises StartUpError."""
+    if value is None or (isinstance(value, str) and not value.strip()):
+        return None
+    walls = parse_numbers(value)
+    if len(walls) != 4 or not (walls[0] < walls[2] and walls[1] < walls[3]):
+        raise StartUpError(
+            f'walls is {escaped(repr(value), 100)}: must be x0 y0 x1 y1 in metres, with x0 < x1 and y0 < y1,'
+            ' such as "0 0 4 8"'
+        )
+    return Walls(*walls)
+
+
+def parse_numbers(value) -> list[float]:
+    """Return the numbers of a text such as '0 1' or '[0, 1]', or of an array; [] if one is not finite."""
+    words = value.strip(' []').replace(',', ' ').split() if isinstance(value, str) else value
+    try:
+        numbers = [float(word) for word in (words if isinstance(words, Iterable) else [words])]
+    except ValueError:
+        return []
+    return numbers if all(map(math.isfinite, numbers)) else []
+
+
+def walls_parameter():
+    """Return the field of a node's settings for the walls, which parse_walls() takes."""
+    return parameter(
+        '', 'x0 y0 x1 y1 of the walls in metres, as text or as an array; empty: those of sim_config_file.'
+    )
+
+
+def add_wall_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that find_walls() takes."""
+    parser.add_argument(
+        '--sim-config-file', default='', metavar='FILE', help="the bridge's sim_config_file, if you set one"
+    )
+    parser.add_argument(
+        '--walls',
+        type=float,
+        nargs=4,
+        metavar=('X0', 'Y0', 'X1', 'Y1'),
+        help='the walls in metres, in the layout; default: those of the greenhouse config',
+    )
