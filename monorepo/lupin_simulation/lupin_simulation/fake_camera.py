@@ -43,7 +43,7 @@ class Settings:
     from_odometry: bool = parameter(
         False, 'Show what is in view from where `odom` says that the robot is; false: the tag of the mission.'
     )
-    tag_locations_file: str = parameter(
+    tag_file: str = parameter(
         '', "The bridge's tag_locations.json, for from_odometry; empty: the simulator's own."
     )
 
@@ -69,7 +69,7 @@ class FakeCamera(Node):
             message_type, TOPICS[settings.publishes], qos_profile_sensor_data
         )
         self._robot = RobotPose(self) if settings.from_odometry else None
-        self._tags = tag_poses_by_number(settings.tag_locations_file) if settings.from_odometry else {}
+        self._tags = tag_poses_by_number(settings.tag_file) if settings.from_odometry else {}
         self._tag_id = ''
         self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched())
         self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
@@ -109,7 +109,7 @@ def tag_poses_by_number(tag_file: str) -> dict[int, TagPose]:
     """Return where each tag of a layout is, and faces, by its number; raises StartUpError."""
     layout = find_layout(tag_file)
     if layout is None:
-        raise StartUpError('mdp-greenhouse is not installed here: set tag_locations_file')
+        raise StartUpError('mdp-greenhouse is not installed here: set tag_file')
     return {
         int(tag_id): tag_pose for tag_id, tag_pose in find_tag_poses(layout).items() if has_marker(tag_id)
     }

@@ -108,7 +108,7 @@ def test_a_world_with_another_camera_is_refused_in_one_line(tmp_path, capsys):
     assert inspection.main(['--camera', 'detections', '--world', '--output', str(tmp_path)]) == 2
     assert (
         capsys.readouterr().err
-        == 'mission: WORLD=1 publishes images only: leave CAMERA out, or set CAMERA=1\n'
+        == 'mission: --world publishes images only: leave --camera out, or name image\n'
     )
 
 

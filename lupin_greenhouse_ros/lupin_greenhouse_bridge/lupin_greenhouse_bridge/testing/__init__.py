@@ -17,7 +17,9 @@ pytest and domain_coordinator (ros-DISTRO-domain-coordinator): name both, and th
 """
 
 import contextlib
+import dataclasses
 import json
+import math
 import os
 import queue
 import signal
@@ -38,7 +40,9 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.runtime.parameters import descriptor_of
 from lupin_greenhouse_bridge.simulator import simulation
 
 PATIENCE_SECONDS = 30.0  # for a busy machine; a passing test never waits this long
@@ -127,6 +131,38 @@ def _spun(*nodes, context=None):
         executor.create_task(ended.set)
         spinner.join(PATIENCE_SECONDS)
         executor.shutdown()
+
+
+def check_settings(settings_type) -> None:
+    """
+    Fail unless each parameter of a settings dataclass takes its default and its limits, and nothing else.
+
+    A value of another type or beyond a limit has to be refused with an error that names the parameter.
+    """
+    settings_type()
+    wrong_types = {str: (5, True), bool: (1, 'true'), int: (1.5, True, '1'), float: (True, '1')}
+    for each in dataclasses.fields(settings_type):
+        refused = [] if each.metadata['of_any_type'] else [*wrong_types[each.type], None]
+        smallest, largest = limits = each.metadata['limits']
+        if each.type in (int, float):
+            refused += [*beyond(smallest, largest), math.nan, math.inf]
+            for value in limits:
+                assert getattr(settings_type(**{each.name: value}), each.name) == value
+            descriptor = descriptor_of(each, read_only=True)
+            (found,) = (*descriptor.integer_range, *descriptor.floating_point_range)
+            assert (found.from_value, found.to_value) == limits, each.name
+        for value in refused:
+            with pytest.raises(StartUpError) as refusal:
+                settings_type(**{each.name: value})
+            start = f'parameter {each.name} is {escaped(repr(value), 100)}: must be '
+            assert str(refusal.value).startswith(start), refusal.value
+
+
+def beyond(smallest: float, largest: float) -> tuple[float, float]:
+    """Return the nearest numbers outside two limits."""
+    if isinstance(smallest, int):
+        return smallest - 1, largest + 1
+    return math.nextafter(smallest, -math.inf), math.nextafter(largest, math.inf)
 
 
 class ManualClock:

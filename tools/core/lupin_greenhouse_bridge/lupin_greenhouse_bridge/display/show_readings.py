@@ -45,7 +45,7 @@ MOST_UNKNOWN_IDS_LOGGED = 1000  # a publisher of random ids must not fill the me
 class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
-    readings_topics: str = topics_parameter()  # or an array
+    readings_topics: str = topics_parameter()
     sensor: str = parameter('temperature', 'The sensor whose field is shown.')
     resolution_m: float = parameter(
         0.1, 'Width of a cell of the field, in metres.', smallest=0.01, largest=10.0
@@ -56,18 +56,18 @@ class Settings:
     stale_seconds: float = parameter(
         60.0, 'Age from which a reading is faded, in seconds.', smallest=0.0, largest=1e9
     )
-    frame: str = parameter(MAP_FRAME, 'The frame of the markers and of the field.')
+    map_frame: str = parameter(MAP_FRAME, 'The frame of the markers and of the field.')
     layout_in_map: str = parameter(
         '', 'File of register_layout with the pose of the layout in that frame; empty: the layout is the map.'
     )
-    tag_locations_file: str = parameter('', "The bridge's tag_locations.json; empty: the simulator's.")
+    tag_file: str = parameter('', "The bridge's tag_locations.json; empty: the simulator's.")
     sim_config_file: str = parameter('', "The bridge's greenhouse_config.yaml; empty: the simulator's.")
 
     def __post_init__(self):
-        check_parameters(self, of_any_type=('readings_topics',))
+        check_parameters(self)
         topics_of(self.readings_topics)
-        if not self.frame.strip():
-            raise invalid('frame', self.frame, 'the name of a frame, such as map')
+        if not self.map_frame.strip():
+            raise invalid('map_frame', self.map_frame, 'the name of a frame, such as map')
 
 
 class ShowReadingsNode(Node):
@@ -77,15 +77,17 @@ class ShowReadingsNode(Node):
         """Read the layout and subscribe; raises StartUpError."""
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
-        layout = find_layout(settings.tag_locations_file)
+        layout = find_layout(settings.tag_file)
         if layout is None:
             raise StartUpError(
-                'tag_locations_file is empty, and mdp-greenhouse is not installed:'
-                " set tag_locations_file to the bridge's tag_locations.json"
+                'tag_file is empty, and mdp-greenhouse is not installed:'
+                " set tag_file to the bridge's tag_locations.json"
             )
         visualization = read_visualization(layout, settings.sim_config_file)
         self._layout_in_map = (
-            read_transform(settings.layout_in_map, settings.frame) if settings.layout_in_map else Transform()
+            read_transform(settings.layout_in_map, settings.map_frame)
+            if settings.layout_in_map
+            else Transform()
         )
         self._range = _range_of(settings, visualization)
         self._grid = _grid_of(settings, layout, visualization)
@@ -117,7 +119,7 @@ class ShowReadingsNode(Node):
             self._cells = None
 
     def _publish(self) -> None:
-        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
+        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.map_frame)
         samples = self._samples()
         if self._cells is None:
             values = interpolate(self._grid, samples, self._settings.radius_m)

@@ -14,7 +14,7 @@ def column_widths(rows: Sequence[Sequence[str]], at_least: Sequence[int] | None 
 def aligned_table(
     rows: Sequence[Sequence[str]], numeric_columns: Collection[int], widths: Sequence[int] | None = None
 ) -> list[str]:
-    """Return a line for each row; numeric columns are aligned right. Columns are as wide as their widest cell."""
+    """Return a line for each row, with numeric columns aligned right and widths of the widest cells."""
     widths = widths or column_widths(rows)
     return [
         '  '.join(
