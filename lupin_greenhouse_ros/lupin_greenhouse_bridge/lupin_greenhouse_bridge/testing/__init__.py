@@ -76,6 +76,12 @@ FAST_DDS = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
+def require(is_so: bool, problem) -> None:
+    """Fail the test with a problem unless it is so; unlike assert, under python -O too."""
+    if not is_so:
+        raise AssertionError(problem)
+
+
 def executable(package: str, name: str) -> str:
     """Return the path of the executable that `ros2 run PACKAGE NAME` starts."""
     return str(Path(get_package_prefix(package), 'lib', package, name))
@@ -147,15 +153,15 @@ def check_settings(settings_type) -> None:
         if each.type in (int, float):
             refused += [*beyond(smallest, largest), math.nan, math.inf]
             for value in limits:
-                assert getattr(settings_type(**{each.name: value}), each.name) == value
+                require(getattr(settings_type(**{each.name: value}), each.name) == value, each.name)
             descriptor = descriptor_of(each, read_only=True)
             (found,) = (*descriptor.integer_range, *descriptor.floating_point_range)
-            assert (found.from_value, found.to_value) == limits, each.name
+            require((found.from_value, found.to_value) == limits, each.name)
         for value in refused:
             with pytest.raises(StartUpError) as refusal:
                 settings_type(**{each.name: value})
             start = f'parameter {each.name} is {escaped(repr(value), 100)}: must be '
-            assert str(refusal.value).startswith(start), refusal.value
+            require(str(refusal.value).startswith(start), refusal.value)
 
 
 def beyond(smallest: float, largest: float) -> tuple[float, float]:
@@ -172,6 +178,7 @@ class ManualClock:
         self._seconds = 1000.0
 
     def __call__(self) -> float:
+        """Return the time in seconds."""
         return self._seconds
 
     def pass_seconds(self, seconds: float) -> None:
@@ -184,7 +191,7 @@ def call(client, request):
     answered = threading.Event()
     future = client.call_async(request)
     future.add_done_callback(lambda _future: answered.set())
-    assert answered.wait(PATIENCE_SECONDS), f'{client.srv_name} did not answer'
+    require(answered.wait(PATIENCE_SECONDS), f'{client.srv_name} did not answer')
     return future.result()
 
 
@@ -193,7 +200,7 @@ def greet(client, request) -> None:
     answered = threading.Event()
     deadline = time.monotonic() + PATIENCE_SECONDS
     while not answered.is_set():
-        assert time.monotonic() < deadline, f'{client.srv_name} did not answer'
+        require(time.monotonic() < deadline, f'{client.srv_name} did not answer')
         client.call_async(request).add_done_callback(lambda _future: answered.set())
         answered.wait(1.0)
 
@@ -213,7 +220,7 @@ def wait_until(is_so) -> None:
     pause = threading.Event()
     deadline = time.monotonic() + PATIENCE_SECONDS
     while not is_so():
-        assert time.monotonic() < deadline, 'the condition did not become true'
+        require(time.monotonic() < deadline, 'the condition did not become true')
         pause.wait(0.002)
 
 
@@ -249,7 +256,8 @@ class NodeProcess:
         """Return the next log line that contains the fragment; fail if the process ends without it."""
         while True:
             line = self._lines.get(timeout=PATIENCE_SECONDS)
-            assert line is not None, f'no {fragment!r} in the log:\n' + '\n'.join(self.log)
+            if line is None:
+                raise AssertionError(f'no {fragment!r} in the log:\n' + '\n'.join(self.log))
             self.log.append(line)
             if fragment in line:
                 return line
@@ -269,7 +277,7 @@ class NodeProcess:
     def end(self) -> int:
         """Return the exit code of a process that ends; fail for a traceback in its log."""
         log = '\n'.join(self.rest_of_log())
-        assert 'Traceback' not in log, log
+        require('Traceback' not in log, log)
         return self.process.wait(PATIENCE_SECONDS)
 
     def stop(self, number: signal.Signals = signal.SIGTERM) -> int:
@@ -279,7 +287,7 @@ class NodeProcess:
 
     def refusal(self, exit_code: int = 1) -> str:
         """Return the one FATAL line of a node that refuses to start with this exit code."""
-        assert self.end() == exit_code, self.log
+        require(self.end() == exit_code, self.log)
         (fatal,) = [line for line in self.log if '[FATAL]' in line]
         return fatal
 
@@ -305,7 +313,8 @@ class Bridge(NodeProcess):
             self.wait_for_log('ready:')
             self.node = self._stack.enter_context(spinning_node('bridge_test'))
             self._client = self.node.create_client(GetTagReading, self.service_name, qos_profile=SERVICE_QOS)
-            assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+            has_service = self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+            require(has_service, f'no service {self.service_name}')
             greet(self._client, GetTagReading.Request(tag_id=greeting))
         return self._client
 
@@ -316,7 +325,8 @@ class Bridge(NodeProcess):
     def values(self, tag_id: str) -> dict[str, float]:
         """Return the readings at a tag by sensor name; fail for any status but OK."""
         response = self.call(tag_id)
-        assert (response.status, response.error_message) == (GetTagReading.Response.STATUS_OK, '')
+        is_read = (response.status, response.error_message) == (GetTagReading.Response.STATUS_OK, '')
+        require(is_read, response)
         return {each.name: each.value for each in response.reading.readings}
 
 
