@@ -247,8 +247,8 @@ def _meaning(tree: Tree, name: str) -> list[str]:
 def report(findings: list[Finding], compared: int, form: str) -> str:
     """Return the findings as text for people, annotations for GitHub, or JSON for tools."""
     if form == 'json':
-        counted = {'files_compared': compared, 'findings': [asdict(finding) for finding in findings]}
-        return json.dumps(counted, indent=2)
+        counts = {'files_compared': compared, 'findings': [asdict(finding) for finding in findings]}
+        return json.dumps(counts, indent=2)
     if form == 'github':
         return '\n'.join(
             f'::error file={_escaped(found.path, ",:")},line={found.line}'
@@ -261,7 +261,8 @@ def report(findings: list[Finding], compared: int, form: str) -> str:
     blocks = [
         f'{found.path}:{found.line}: [{found.heading}] {found.message}\n{found.diff}' for found in findings
     ]
-    return '\n'.join([*blocks, f'{len(findings)} findings in {compared} files compared.', WHAT_TO_DO])
+    count = '1 finding' if len(findings) == 1 else f'{len(findings)} findings'
+    return '\n'.join([*blocks, f'{count} in {compared} files compared.', WHAT_TO_DO])
 
 
 def _escaped(text: str, also: str = '') -> str:

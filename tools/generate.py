@@ -208,7 +208,8 @@ def _report(findings: list[str], rendered: Rendered) -> int:
         print(f'{len(rendered)} generated files are what the core generates')
         return 0
     print(*findings, sep='\n')
-    print(f'{len(findings)} findings. Edit tools/core, never a generated file; then: make generate')
+    count = '1 finding' if len(findings) == 1 else f'{len(findings)} findings'
+    print(f'{count}. Edit tools/core, never a generated file; then: make generate')
     return 1
 
 

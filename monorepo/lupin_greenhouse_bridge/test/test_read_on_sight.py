@@ -16,8 +16,8 @@ from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.reading import read_on_sight
+from lupin_greenhouse_bridge.reading.detections import Limits, Sightings
 from lupin_greenhouse_bridge.reading.read_on_sight import GetTagReading, ReadOnSightNode, Settings
-from lupin_greenhouse_bridge.reading.sightings import Limits, Sightings
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
 from lupin_greenhouse_bridge.testing import (
     PATIENCE_SECONDS,

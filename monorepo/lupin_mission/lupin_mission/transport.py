@@ -26,7 +26,7 @@ class Transport:
     def __init__(self, node, *, confirm_service: str, read_service: str):
         """Create the clients; raises StartUpError for an invalid name."""
         self._node = node
-        self._doubts: set[str] = set()  # logged
+        self._warnings: set[str] = set()  # logged
         self._clients = {
             Service.CONFIRM: create_client(node, ConfirmTag, confirm_service),
             Service.READ: create_client(node, GetTagReading, read_service),
@@ -53,10 +53,10 @@ class Transport:
         self._future.add_done_callback(lambda future: on_response(future.result()))
 
     def _warn_of_two_servers(self, service_name: str) -> None:
-        doubt = duplicate_server_warning(self._node, service_name)
-        if doubt and doubt not in self._doubts:
-            self._doubts.add(doubt)
-            self._node.get_logger().warning(doubt)
+        warning = duplicate_server_warning(self._node, service_name)
+        if warning and warning not in self._warnings:
+            self._warnings.add(warning)
+            self._node.get_logger().warning(warning)
 
     def abandon(self, request: Request) -> Outcome:
         """Forget a request, so that its late reply is ignored."""

@@ -15,22 +15,23 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses
 from lupin_greenhouse_bridge.reading.detections import detection_messages
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_tag_confirmation.confirmation import TAG_COUNT
 from lupin_tag_confirmation.settings import TOPICS, check_source
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
 
 from lupin_simulation import scene
-from lupin_simulation.odometry import RobotPose
 
 NODE_NAME = 'camera'
 FRAMES_PER_SECOND = 8
 JPEG_QUALITY = 80
-AT_TAG_TOPIC = 'mission/at_tag'
+AT_TAG_TOPIC, ODOMETRY_TOPIC = 'mission/at_tag', 'odom'  # relative: a namespace moves them
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,18 @@ class Settings:
     def __post_init__(self):
         check_parameters(self)
         check_source('publishes', self.publishes)
+
+
+class RobotPose:
+    """Listens to `odom`. Its frame is the layout's: a simulated robot does not slip."""
+
+    def __init__(self, node):
+        self.newest: PoseInPlane | None = None  # None before the first message
+        newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # fits every publisher
+        node.create_subscription(Odometry, ODOMETRY_TOPIC, self._on_odometry, newest)
+
+    def _on_odometry(self, message) -> None:
+        self.newest = pose_in_plane(message.pose.pose)
 
 
 class FakeCamera(Node):

@@ -14,6 +14,7 @@ from lupin_greenhouse_bridge.runtime.poses import pose_in_plane, pose_message
 from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
 from lupin_simulation.fake_camera import (
     AT_TAG_TOPIC,
+    ODOMETRY_TOPIC,
     FakeCamera,
     Settings,
     compressed_image_of,
@@ -21,7 +22,6 @@ from lupin_simulation.fake_camera import (
     image_of,
     tag_poses_by_number,
 )
-from lupin_simulation.odometry import ODOMETRY_TOPIC
 from lupin_simulation.scene import Camera, marker
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
 from lupin_tag_confirmation.settings import Settings as ConfirmTagSettings

@@ -9,7 +9,13 @@ import math
 import sys
 from pathlib import Path
 
-from lupin_greenhouse_bridge.display.places import beside, check_output, layout_of, parser_of, read_route
+from lupin_greenhouse_bridge.display.drawing_inputs import (
+    beside,
+    check_output,
+    layout_of,
+    parser_of,
+    read_route,
+)
 from lupin_greenhouse_bridge.errors import OneLineError, escaped
 from lupin_greenhouse_bridge.planning.visualization import Visualization, read_visualization
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFile, read_file

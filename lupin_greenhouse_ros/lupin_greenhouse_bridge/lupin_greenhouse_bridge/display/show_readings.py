@@ -1,8 +1,8 @@
 """
 ROS 2 node `show_readings`: shows received readings in RViz and Foxglove, as markers and as a field.
 
-It hears the readings that others publish, and requests none itself. The field is interpolated from them: it
-is not the model of the simulator, which no robot can see.
+It subscribes to the readings that others publish, and requests none itself. The field is interpolated from
+them: it is not the model of the simulator, which no robot can see.
 """
 
 import array
@@ -36,7 +36,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
 from lupin_greenhouse_bridge.units import unit_of
 
 NODE_NAME = 'show_readings'
-PUBLISH_EVERY_SECONDS = 1.0  # web clients hear a latched topic only when it is published again
+PUBLISH_EVERY_SECONDS = 1.0  # web clients receive a latched topic only when it is published again
 MOST_CELLS = 1_000_000
 MOST_UNKNOWN_IDS_LOGGED = 1000  # a publisher of random ids must not fill the memory
 
@@ -101,8 +101,8 @@ class ShowReadingsNode(Node):
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
         self.create_timer(PUBLISH_EVERY_SECONDS, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._publish()
-        tags, heard = pluralized(len(self._tags), 'tag'), ' and '.join(topics)
-        self.get_logger().info(f'ready: {tags}, field of {settings.sensor}, readings from {heard}')
+        tags, sources = pluralized(len(self._tags), 'tag'), ' and '.join(topics)
+        self.get_logger().info(f'ready: {tags}, field of {settings.sensor}, readings from {sources}')
 
     def _on_reading(self, reading: TagReading, _topic: str) -> None:
         tag_id = reading.tag_id
@@ -165,7 +165,7 @@ def _range_of(settings: Settings, visualization: Visualization) -> tuple[float, 
     """Return the lowest and highest value of the sensor's scale; raises StartUpError if it has none."""
     ranges = visualization.colour_ranges
     lowest, highest = ranges.get(settings.sensor, (0.0, 0.0))
-    if not (math.isfinite(lowest) and math.isfinite(highest) and lowest < highest):
+    if not lowest < highest:
         shown = escaped(repr(settings.sensor), 60)
         where = f"'{settings.sim_config_file}'" if settings.sim_config_file else 'the greenhouse config'
         raise StartUpError(

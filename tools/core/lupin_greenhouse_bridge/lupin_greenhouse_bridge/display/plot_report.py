@@ -6,7 +6,13 @@ import sys
 import time
 from pathlib import Path
 
-from lupin_greenhouse_bridge.display.places import beside, check_output, layout_of, parser_of, read_route
+from lupin_greenhouse_bridge.display.drawing_inputs import (
+    beside,
+    check_output,
+    layout_of,
+    parser_of,
+    read_route,
+)
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
 from lupin_greenhouse_bridge.planning.labelling import Box, place_labels
 from lupin_greenhouse_bridge.planning.visualization import read_visualization

@@ -40,7 +40,7 @@ class Settings:
 
 
 class RecordReadingsNode(Node):
-    """Writes what it has heard twice a second."""
+    """Writes what it has received, twice a second."""
 
     def __init__(self):
         """Open the file and subscribe; raises StartUpError."""
@@ -51,7 +51,7 @@ class RecordReadingsNode(Node):
         store = open_store(settings.file)
         if store.mended:
             self.get_logger().warning(store.mended)
-        self._keeper = BufferedWriter(store, self.get_logger())
+        self._writer = BufferedWriter(store, self.get_logger())
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
         self.create_timer(WRITE_EVERY_SECONDS, self._write, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(
@@ -59,14 +59,14 @@ class RecordReadingsNode(Node):
         )
 
     def _on_reading(self, reading, topic: str) -> None:
-        self._keeper.add(rows_of(reading, topic, self._places.get(reading.tag_id)), time.monotonic())
+        self._writer.add(rows_of(reading, topic, self._places.get(reading.tag_id)), time.monotonic())
 
     def _write(self) -> None:
-        self._keeper.write(time.monotonic())
+        self._writer.write(time.monotonic())
 
     def end(self) -> int:
         """Write the last rows; return the exit code."""
-        if lost := self._keeper.end():
+        if lost := self._writer.end():
             self.get_logger().error(f'{pluralized(lost, "row")} lost')
             return LOST_ROWS
         return ENDED

@@ -16,7 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.security import security_problem
+from lupin_greenhouse_bridge.runtime.process import security_problem
 
 
 @contextlib.contextmanager
