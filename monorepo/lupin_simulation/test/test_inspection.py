@@ -11,7 +11,7 @@ from argparse import Namespace
 from pathlib import Path
 
 import pytest
-from lupin_greenhouse_bridge.display.drawing_inputs import read_route
+from lupin_greenhouse_bridge.display.drawing_command import read_route
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.simulator.layout import find_layout
