@@ -231,3 +231,10 @@ def test_a_camera_of_a_drive_is_on_the_robot(tmp_path):
     assert 'from_odometry:=true' in camera
     assert mission[:2] == ['drive:=nav2', 'order:=shortest']
     assert mission[-1] == 'order:=given'  # the last assignment counts
+
+
+def test_the_tag_file_of_the_mission_is_the_navigator_s_too():
+    assert inspection.share(['tag_locations_file:=/a.json']) == (
+        ['tag_locations_file:=/a.json'],
+        ['tag_file:=/a.json'],
+    )
