@@ -33,6 +33,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
+from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.runtime.parameters import launch_arguments
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
@@ -208,7 +209,7 @@ def main(root: Path = ROOT) -> int:
     findings = [finding for path in paths for check in CHECKS for finding in check(root, path)]
     print(*(f'docs: {finding}' for finding in findings), sep='\n', end='\n' if findings else '')
     blocks = [block for path in paths for block in shell_blocks(root, path)]
-    print(f'{len(paths)} documents, {len(blocks)} shell blocks: {len(findings)} findings')
+    print(f'{len(paths)} documents, {len(blocks)} shell blocks:', pluralized(len(findings), 'finding'))
     return int(bool(findings))
 
 

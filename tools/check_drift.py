@@ -257,8 +257,8 @@ def _meaning(tree: Tree, name: str) -> list[str]:
 def report(findings: list[Finding], compared: int, form: str) -> str:
     """Return the findings as text for people, annotations for GitHub, or JSON for tools."""
     if form == 'json':
-        counted = {'files_compared': compared, 'findings': [asdict(finding) for finding in findings]}
-        return json.dumps(counted, indent=2)
+        counts = {'files_compared': compared, 'findings': [asdict(finding) for finding in findings]}
+        return json.dumps(counts, indent=2)
     if form == 'github':
         return '\n'.join(
             f'::error file={_escaped(found.path, ",:")},line={found.line}'

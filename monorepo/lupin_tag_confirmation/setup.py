@@ -4,7 +4,7 @@ package_name = 'lupin_tag_confirmation'
 
 setup(
     name=package_name,
-    version='1.2.0',
+    version='2.0.0',
     packages=[package_name],
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),

@@ -16,8 +16,8 @@ from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.reading import read_on_sight
+from lupin_greenhouse_bridge.reading.detections import Limits, Sightings
 from lupin_greenhouse_bridge.reading.read_on_sight import GetTagReading, ReadOnSightNode, Settings
-from lupin_greenhouse_bridge.reading.sightings import Limits, Sightings
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
 from lupin_greenhouse_bridge.testing import (
     PATIENCE_SECONDS,
@@ -544,17 +544,6 @@ def test_the_process_ends_with_exit_code_0(start_node):
     assert process.stop() == 0
 
 
-def test_the_parameters_have_these_defaults():
-    assert dataclasses.asdict(Settings()) == {
-        'detections_topic': '/detections',
-        'bridge_service_name': '/greenhouse_bridge/get_tag_reading',
-        'tag_id_format': '{id}',
-        'cooldown_seconds': 10.0,
-        'request_timeout_seconds': 2.0,
-        'max_attempts': 3,
-    }
-
-
 def test_without_apriltag_msgs_it_is_refused_in_one_line(run_here, monkeypatch):
     for name in ('apriltag_msgs', 'apriltag_msgs.msg'):
         monkeypatch.setitem(sys.modules, name, None)
@@ -563,22 +552,9 @@ def test_without_apriltag_msgs_it_is_refused_in_one_line(run_here, monkeypatch):
     assert 'sudo apt install ros-$ROS_DISTRO-apriltag-msgs' in refusal
 
 
-OUTSIDE = 'must be a number from'
-
-
 @pytest.mark.parametrize(
     ('name', 'value', 'fragment'),
     [
-        ('max_attempts', 0, 'parameter max_attempts is 0: must be a whole number from 1 to 1000'),
-        ('max_attempts', 1001, 'parameter max_attempts is 1001: must be a whole number from 1 to 1000'),
-        ('cooldown_seconds', -0.1, f'parameter cooldown_seconds is -0.1: {OUTSIDE} 0 to 86400'),
-        ('cooldown_seconds', 86400.1, f'parameter cooldown_seconds is 86400.1: {OUTSIDE} 0 to 86400'),
-        (
-            'request_timeout_seconds',
-            0.0,
-            f'parameter request_timeout_seconds is 0.0: {OUTSIDE} 0.001 to 3600',
-        ),
-        ('request_timeout_seconds', 3600.1, f'parameter request_timeout_seconds is 3600.1: {OUTSIDE} 0.001'),
         ('bridge_service_name', 'no name', 'parameter bridge_service_name is not a service name'),
         ('tag_id_format', 'tag', "parameter tag_id_format is 'tag': must hold {id} once"),
         pytest.param('detections_topic', 'no name', 'no name', marks=needs_detections),
@@ -586,15 +562,3 @@ OUTSIDE = 'must be a number from'
 )
 def test_a_wrong_parameter_is_refused_in_one_line(run_here, name, value, fragment):
     assert fragment in run_here(read_on_sight.main, '--ros-args', '-p', f'{name}:={value}').refusal
-
-
-@pytest.mark.parametrize(
-    ('name', 'values'),
-    [
-        ('max_attempts', [1, 1000]),
-        ('cooldown_seconds', [0, 86400.0]),
-        ('request_timeout_seconds', [0.001, 3600]),
-    ],
-)
-def test_a_parameter_at_its_limit_is_taken(name, values):
-    assert [getattr(Settings(**{name: value}), name) for value in values] == values

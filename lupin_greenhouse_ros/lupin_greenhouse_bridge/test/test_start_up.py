@@ -10,12 +10,14 @@ import yaml
 from ament_index_python.packages import get_package_share_path
 from conftest import TAKES_TAG_FILES
 from greenhouse_sim.simulator import GreenhouseSimulator
+from lupin_greenhouse_bridge import settings
 from lupin_greenhouse_bridge.display import show_readings
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.reading import read_on_sight
 from lupin_greenhouse_bridge.recording import record_readings
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
+from lupin_greenhouse_bridge.testing import check_settings
 
 PARAMETER_FILE = get_package_share_path('lupin_greenhouse_bridge') / 'config/greenhouse_bridge.yaml'
 
@@ -138,16 +140,9 @@ def test_a_bad_parameter_ends_the_process_with_one_line(start_bridge):
     assert 'debug_time_of_day is 24.5' in start_bridge(debug_time_of_day=24.5).refusal()
 
 
-@pytest.mark.parametrize(
-    ('parameter', 'values'),
-    [
-        ('debug_time_of_day', [-1.0, 0.0, 24.0]),
-        ('speedup_factor', [0.0, 1e-300, 1e300]),
-        ('debug_seed', [-1, 0]),
-    ],
-)
-def test_a_value_at_its_limit_is_taken(parameter, values):
-    assert [getattr(Settings(**{parameter: value}), parameter) for value in values] == values
+@pytest.mark.parametrize('node', [settings, read_on_sight, record_readings, show_readings])
+def test_each_parameter_has_its_type_and_its_limits(node):
+    check_settings(node.Settings)
 
 
 @pytest.mark.parametrize('parameter', ['tag_file', 'sim_config_file'])

@@ -9,6 +9,9 @@ from xml.etree import ElementTree
 import pytest
 
 PACKAGE = Path(__file__).resolve().parent.parent
+MODULES = PACKAGE / 'lupin_greenhouse_bridge'
+# A room imports only from those before it, and from the modules beside them.
+ROOMS = ('runtime', 'simulator', 'planning', 'recording', 'reading', 'display', 'testing')
 KEYS = {
     name: f'python3-{name}'
     for name in ('argcomplete', 'hypothesis', 'matplotlib', 'numpy', 'packaging', 'pytest', 'yaml')
@@ -49,14 +52,45 @@ def test_the_simulator_is_pinned_for_pip_and_named_for_rosdep_users():
 
 
 def imports(file: Path) -> set[str]:
-    """Return the packages that a file imports, wherever in it."""
+    """Return the modules that a file imports, and what it imports from them, wherever in it."""
     names = set()
     for node in ast.walk(ast.parse(file.read_text(encoding='utf-8'))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            names.add(node.module)
-    return {name.partition('.')[0] for name in names}
+            names |= {node.module, *(f'{node.module}.{alias.name}' for alias in node.names)}
+    return names
+
+
+def imported_rooms(file: Path) -> set[str]:
+    """Return the rooms and the modules beside them that a file imports."""
+    return {name.split('.')[1] for name in imports(file) if name.startswith('lupin_greenhouse_bridge.')}
+
+
+def test_the_package_has_these_rooms():
+    assert {file.parent.name for file in MODULES.glob('*/*.py')} == set(ROOMS)
+
+
+@pytest.mark.parametrize('room', ROOMS)
+def test_a_room_states_its_job_and_its_commands_in_one_line(room):
+    tree = ast.parse((MODULES / room / '__init__.py').read_text(encoding='utf-8'))
+    job = ast.get_docstring(tree).partition('\n')[0]
+    assert len(job.split()) > 4
+    assert job[-1] in '.:'
+    started = re.findall(rf'lupin_greenhouse_bridge\.{room}\.(\w+)', (MODULES / 'executables.py').read_text())
+    assert [command for command in started if command not in job] == []
+
+
+@pytest.mark.parametrize('room', ROOMS)
+def test_a_room_imports_only_from_those_above_it(room):
+    below = {*ROOMS[ROOMS.index(room) + 1 :], *(['reading'] if room == 'display' else [])}
+    files = (MODULES / room).glob('*.py')
+    assert {file.name: found for file in files if (found := imported_rooms(file) & below)} == {}
+
+
+def test_errors_units_and_the_runtime_stand_alone():
+    assert imported_rooms(MODULES / 'errors.py') | imported_rooms(MODULES / 'units.py') == set()
+    assert set().union(*map(imported_rooms, (MODULES / 'runtime').glob('*.py'))) == {'errors', 'runtime'}
 
 
 @pytest.mark.parametrize(
@@ -73,6 +107,7 @@ def imports(file: Path) -> set[str]:
 )
 def test_every_import_is_a_dependency(files, kinds, besides):
     declared = {depend.text for kind in kinds for depend in package_xml().iter(kind)}
-    imported = {name for file in files if file.parent.name != 'testing' for name in imports(file)}
+    products = [file for file in files if file.parent.name != 'testing']
+    imported = {name.partition('.')[0] for file in products for name in imports(file)}
     own = {PACKAGE.name, *(file.stem for file in files)} | sys.stdlib_module_names
     assert {KEYS.get(name, name) for name in imported - own - besides - NOT_IN_ROSDEP} <= declared

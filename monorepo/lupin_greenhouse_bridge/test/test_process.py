@@ -5,7 +5,7 @@ import subprocess
 import pytest
 from conftest import SPINS
 from lupin_greenhouse_bridge import bridge_node
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
 from lupin_greenhouse_bridge.runtime.parameters import launch_arguments
@@ -178,22 +178,6 @@ def test_one_thing_is_counted_in_the_singular():
 
 def test_an_error_is_one_line_that_keeps_the_spaces_of_a_name():
     assert str(OneLineError("'two  spaces': one\r\n  two\x1b[2J")) == "'two  spaces': one two\\x1b[2J"
-
-
-@pytest.mark.parametrize(
-    ('name', 'value', 'message'),
-    [
-        ('tag_file', 7, 'parameter tag_file is 7: must be text (put quotes around a number)'),
-        ('debug_seed', 1.5, 'parameter debug_seed is 1.5: must be a whole number'),
-        ('debug_seed', True, 'parameter debug_seed is True: must be a whole number'),
-        ('speedup_factor', 'fast', "parameter speedup_factor is 'fast': must be a number"),
-        ('speedup_factor', True, 'parameter speedup_factor is True: must be a number'),
-    ],
-)
-def test_a_parameter_of_another_type_is_refused(name, value, message):
-    with pytest.raises(StartUpError) as refusal:
-        Settings(**{name: value})
-    assert str(refusal.value) == message
 
 
 def test_launch_gets_every_parameter_as_it_writes_defaults():

@@ -61,7 +61,7 @@ def test_the_table_has_failures_first_and_the_last_reading_of_each_tag(report, s
     )
     assert [tag['id'] for tag in data['tags'][:2]] == ['9', '10']
     assert data['tags'][-1]['id'] == '1'
-    assert data['tags'][-1]['values'] == [700.0, None]
+    assert data['tags'][-1]['values'] == [None, 700.0]  # temperature comes before co2
     assert data['tags'][-1]['stamp_ms'] == (START_S + 5) * 1000
     assert len(data['tags']) == len(shipped_tags)
 

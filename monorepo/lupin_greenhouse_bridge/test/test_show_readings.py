@@ -339,7 +339,7 @@ def test_the_field_lies_where_the_layout_lies_in_the_map(
 ):
     transform = Transform(10.0, -5.0, 2.0)
     write_transform(tmp_path / 'layout_in_map.yaml', transform, 'site')
-    start_here(frame='site', layout_in_map=tmp_path / 'layout_in_map.yaml', radius_m=0.5)
+    start_here(map_frame='site', layout_in_map=tmp_path / 'layout_in_map.yaml', radius_m=0.5)
     viewer = Viewer(room)
     Publisher(room).readings = [reading_of(warm_tag_id, temperature=7.5)]
     viewer.wait_for('temperature 7.5 deg C')
@@ -359,7 +359,7 @@ def test_a_custom_layout_and_config_are_shown(start_here, room, tmp_path):
         )
     )
     start_here(
-        tag_locations_file=tmp_path / 'tags.json',
+        tag_file=tmp_path / 'tags.json',
         sim_config_file=tmp_path / 'greenhouse.yaml',
         sensor='ozone',
     )
@@ -415,14 +415,11 @@ def test_the_process_ends_with_exit_code_0(start_node):
     [
         ('sensor', 'ozone', "parameter sensor is 'ozone': the greenhouse config has no"),
         ('sensor', 'ozone', 'it has temperature, humidity, co2, light, soil_moisture'),
-        ('resolution_m', 0.001, 'parameter resolution_m is 0.001: must be a number from 0.01 to 10'),
-        ('radius_m', 0, 'parameter radius_m is 0: must be a number from 0.01 to 100'),
-        ('stale_seconds', -1.0, 'parameter stale_seconds is -1.0: must be a number from 0'),
-        ('frame', "' '", "parameter frame is ' ': must be the name of a frame, such as map"),
+        ('map_frame', "' '", "parameter map_frame is ' ': must be the name of a frame, such as map"),
         ('readings_topics', "''", "parameter readings_topics is '': must be the name of a topic"),
         ('readings_topics', 'no-name', 'no-name'),
         ('layout_in_map', '/nowhere.yaml', "'/nowhere.yaml'"),
-        ('tag_locations_file', '/nowhere.json', "'/nowhere.json'"),
+        ('tag_file', '/nowhere.json', "'/nowhere.json'"),
         ('sim_config_file', '/nowhere.yaml', "'/nowhere.yaml'"),
     ],
 )
@@ -432,7 +429,7 @@ def test_a_wrong_parameter_is_refused_in_one_line(run_here, name, value, fragmen
 
 def test_a_layout_too_large_for_the_resolution_is_refused(run_here, tmp_path):
     (tmp_path / 'tags.json').write_text('{"1": {"x": 1e9, "y": 0.0, "sensors": ["co2"]}}')
-    parameters = ['-p', f'tag_locations_file:={tmp_path / "tags.json"}']
+    parameters = ['-p', f'tag_file:={tmp_path / "tags.json"}']
     refusal = run_here(show_readings.main, '--ros-args', *parameters).refusal
     assert 'parameter resolution_m is 0.1: the field would have 10000000000 x ' in refusal
 
@@ -440,4 +437,4 @@ def test_a_layout_too_large_for_the_resolution_is_refused(run_here, tmp_path):
 def test_without_a_layout_it_is_refused_in_one_line(run_here, monkeypatch):
     monkeypatch.setattr(show_readings, 'find_layout', lambda _path: None)
     refusal = run_here(show_readings.main).refusal
-    assert "set tag_locations_file to the bridge's tag_locations.json" in refusal
+    assert "set tag_file to the bridge's tag_locations.json" in refusal

@@ -157,7 +157,7 @@ class MissionNode(Node):
                 self._announcer.warn(warning)
 
     def _chosen_ids(self) -> list[str]:
-        """Return the tags of tag_sequence, or else all tags in numeric order."""
+        """Return the tags of tag_sequence, or else all tags in natural order."""
         return self._settings.chosen_tag_ids or sorted(self._tags.ids, key=natural_order)
 
     def _begin(self, mission_id: str, tag_ids: list[str], report: Report) -> None:

@@ -46,7 +46,7 @@ class Settings:
         'A file of register_layout: where the layout lies in the map; empty: the positions of tags come from'
         ' perception, or from the robot.',
     )
-    tag_locations_file: str = parameter(
+    tag_file: str = parameter(
         '', "The bridge's tag_locations.json for layout_in_map; empty: the one of mdp-greenhouse."
     )
     observations_topic: str = parameter(
@@ -57,19 +57,19 @@ class Settings:
 
     def __post_init__(self):
         check_parameters(self)
-        if self.tag_locations_file and not self.layout_in_map:
-            raise StartUpError('parameter tag_locations_file has no effect without layout_in_map: set both')
+        if self.tag_file and not self.layout_in_map:
+            raise StartUpError('parameter tag_file has no effect without layout_in_map: set both')
 
     def layout_positions(self) -> dict[str, Point]:
         """Return the layout's positions in the map by tag id; {} without one. Raises StartUpError."""
         if not self.layout_in_map:
             return {}
         transform = read_transform(self.layout_in_map, self.map_frame)
-        layout = find_layout(self.tag_locations_file)
+        layout = find_layout(self.tag_file)
         if layout is None:
             raise StartUpError(
                 'layout_in_map needs the positions of the tags, but mdp-greenhouse is not installed:'
-                ' set tag_locations_file'
+                ' set tag_file'
             )
         positions = {tag_id: transform.point(tag.x, tag.y) for tag_id, tag in layout.tags.items()}
         return {tag_id: Point(x=x, y=y) for tag_id, (x, y) in positions.items()}

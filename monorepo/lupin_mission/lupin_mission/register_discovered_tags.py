@@ -5,6 +5,7 @@ import math
 import sys
 
 from lupin_greenhouse_bridge.contract import latched
+from lupin_greenhouse_bridge.errors import UsageError
 from lupin_greenhouse_bridge.planning.register_layout import (
     EPILOG,
     add_arguments,
@@ -14,7 +15,6 @@ from lupin_greenhouse_bridge.planning.register_layout import (
     run,
     spin,
 )
-from lupin_greenhouse_bridge.reading.client import UsageError
 from lupin_msgs.msg import DiscoveredTags
 
 NAME = 'register_discovered_tags'

@@ -40,14 +40,14 @@ WITHOUT_EFFECT = (
 class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
-    tag_sequence: str = parameter(  # or an array
+    tag_sequence: str = parameter(
         '',
         'The tags to visit, in this order, as text ("6 21 29") or as an array; empty: all tags of world_file,'
-        ' of tag_locations_file, or else of the bridge, in numeric order.',
-        old_name='tag_ids',
+        ' of tag_locations_file, or else of the bridge, in natural order.',
+        of_any_type=True,
     )
     tag_locations_file: str = parameter(
-        '', "The bridge's tag_locations.json; empty: ask the bridge for its tags.", old_name='tag_file'
+        '', "The bridge's tag_locations.json; empty: ask the bridge for its tags."
     )
     world_file: str = parameter(
         '', 'An SDF world: take the tags and their positions from its models tag_<id>.'
@@ -56,7 +56,6 @@ class Settings:
     visual_confirmation_service: str = parameter(
         'perception/confirm_tag',
         'The ConfirmTag service; a relative name is in the namespace of the node.',
-        old_name='confirm_service_name',
     )
     require_visual_confirmation: bool = parameter(
         False,
@@ -108,22 +107,22 @@ class Settings:
         '', "The bridge's greenhouse_config.yaml, for the walls; empty: the simulator's own."
     )
     walls: str = walls_parameter()  # or an array
-    dock_pose: str = parameter(  # or an array
-        '', 'x and y in metres and yaw in radians of the dock in the map; empty: the robot does not return.'
+    dock_pose: str = parameter(
+        '',
+        'x and y in metres and yaw in radians of the dock in the map; empty: the robot does not return.',
+        of_any_type=True,
     )
     flower_scan_dwell_s: float = parameter(
         Limits.dwell_seconds,
         'Minimum time at each tag in seconds.',
         smallest=0.0,
         largest=LONGEST_SECONDS,
-        old_name='dwell_seconds',
     )
     scan_timeout_s: float = parameter(
         Limits.read_timeout_seconds,
         'Seconds to wait for each reply of the bridge.',
         smallest=0.001,
         largest=LONGEST_SECONDS,
-        old_name='request_timeout_seconds',
     )
     visual_confirmation_timeout_s: float = parameter(
         Limits.confirm_timeout_seconds - REPLY_SECONDS,
@@ -176,14 +175,15 @@ class Settings:
         'A file of register_layout: where the layout of the tag file or world lies in the map; empty: the map'
         ' has the frame of the layout.',
     )
-    tag_poses_in_map: str = parameter(  # or a bool
+    tag_poses_in_map: str = parameter(
         '',
         'Publish the position of a tag in the tag file or world, moved by layout_in_map, as its pose in the'
         ' map; empty: true with layout_in_map, otherwise the opposite of require_visual_confirmation.',
+        of_any_type=True,
     )
 
     def __post_init__(self):
-        check_parameters(self, of_any_type=('tag_sequence', 'tag_poses_in_map', 'dock_pose', 'walls'))
+        check_parameters(self)
         parse_walls(self.walls)
         if self.tag_poses_in_map not in ('', True, False, 'true', 'false'):
             raise invalid('tag_poses_in_map', self.tag_poses_in_map, 'true, false or empty')

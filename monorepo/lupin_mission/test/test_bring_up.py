@@ -41,7 +41,7 @@ def generate_test_description():
 
 
 class WhileTheMissionWaits(unittest.TestCase):
-    def test_it_takes_its_own_tag_file_and_not_the_bridge_s_for_an_old_name(self, proc_output):
+    def test_it_takes_its_own_arguments_and_not_the_bridge_s(self, proc_output):
         proc_output.assertWaitFor('without effect in this node: discovery_goal', timeout=30)
 
 

@@ -421,12 +421,6 @@ def test_a_signal_at_any_moment_ends_the_mission_with_a_table(start_process, mom
     [
         ('tag_sequence', '1 2 1', "names '1' twice"),
         ('max_attempts', 0, 'must be a whole number from 1 to 1000'),
-        ('max_attempts', 1.5, 'must be a whole number'),
-        ('scan_timeout_s', 0, 'must be a number from 0.001 to 86400'),
-        ('scan_timeout_s', '.inf', 'must be a number from 0.001'),
-        ('flower_scan_dwell_s', -1, 'must be a number from 0 to 86400'),
-        ('flower_scan_dwell_s', 'long', 'must be a number'),
-        ('require_visual_confirmation', 1, 'must be true or false'),
         ('bridge_service_name', 'no such name', 'is not a service name'),
         ('visual_confirmation_service', 'no such name', 'is not a service name'),
         ('tag_locations_file', '/missing/tags.json', '/missing/tags.json'),
@@ -452,19 +446,6 @@ def test_one_whole_number_is_a_tag_id_too(start_mission):
     mission = start_mission(tag_sequence=5, max_attempts=1, scan_timeout_s=0.01)
     assert mission.end() == 1
     assert mission.outcomes() == [('5', Outcome.NO_SERVICE)]
-
-
-def test_a_parameter_may_be_set_by_its_old_name_with_a_warning(start_mission, reader):
-    mission = start_mission(**READER, tag_ids='7')
-    reader.answer_ok('7', co2=1.0)
-    assert mission.end() == 0
-    warnings = [line for line in mission.log if 'parameter tag_ids is now tag_sequence' in line]
-    assert len(warnings) == len([line for line in mission.log if '[WARN]' in line]) == 1
-
-
-def test_an_old_name_and_the_new_one_at_once_are_refused(start_mission):
-    refusal = start_mission(tag_ids='7', tag_sequence='8').refusal(exit_code=2)
-    assert 'parameters tag_ids and tag_sequence are both set: set tag_sequence alone' in refusal
 
 
 def test_the_arguments_of_the_team_that_have_no_effect_are_named_in_one_line(start_mission, reader):

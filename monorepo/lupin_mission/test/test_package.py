@@ -16,3 +16,9 @@ def test_the_version_is_the_same_everywhere():
         re.search(r'^(\d+\.\d+\.\d+) ', changelog, re.MULTILINE)[1],
     }
     assert len(versions) == 1
+
+
+def test_no_file_imports_another_package_of_the_monorepo_but_the_bridge_s():
+    others = re.compile(r'^ *(?:from|import) (lupin_simulation|lupin_tag_confirmation)\b', re.MULTILINE)
+    files = [file for folder in (PACKAGE.name, 'launch', 'test') for file in (PACKAGE / folder).glob('*.py')]
+    assert {file.name for file in files if others.search(file.read_text(encoding='utf-8'))} == set()

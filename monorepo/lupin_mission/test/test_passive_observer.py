@@ -158,16 +158,14 @@ def test_the_layout_is_that_of_the_tag_file(tmp_path):
     tag_file = tmp_path / 'tags.json'
     tag_file.write_text(json.dumps({'7': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}}), encoding='utf-8')
     write_transform(tmp_path / 'layout.yaml', Transform(x=10.0))
-    settings = Settings(layout_in_map=str(tmp_path / 'layout.yaml'), tag_locations_file=str(tag_file))
+    settings = Settings(layout_in_map=str(tmp_path / 'layout.yaml'), tag_file=str(tag_file))
     (place,) = settings.layout_positions().values()
     assert (place.x, place.y) == (11.0, 2.0)
 
 
 def test_a_layout_that_cannot_be_used_is_refused(tmp_path):
-    with pytest.raises(
-        StartUpError, match='tag_locations_file has no effect without layout_in_map: set both'
-    ):
-        Settings(tag_locations_file='/tags.json')
+    with pytest.raises(StartUpError, match='tag_file has no effect without layout_in_map: set both'):
+        Settings(tag_file='/tags.json')
     write_transform(tmp_path / 'layout.yaml', Transform(), 'odom')
     with pytest.raises(StartUpError, match="frame_id is 'odom', but the map's frame is 'map'"):
         Settings(layout_in_map=str(tmp_path / 'layout.yaml')).layout_positions()

@@ -8,7 +8,8 @@ import pytest
 import yaml
 from ament_index_python.packages import get_package_share_path
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_mission import announcer, mission
+from lupin_greenhouse_bridge.testing import check_settings
+from lupin_mission import announcer, mission, passive_observer, settings
 from lupin_mission.mission import Limits
 from lupin_mission.settings import Settings
 
@@ -76,29 +77,9 @@ def test_tag_poses_of_another_kind_are_refused(value):
         Settings(tag_poses_in_map=value)
 
 
-@pytest.mark.parametrize(
-    ('name', 'smallest', 'largest'),
-    [
-        ('drive_seconds', 0.0, 86400.0),
-        ('flower_scan_dwell_s', 0.0, 86400.0),
-        ('scan_timeout_s', 0.001, 86400.0),
-        ('visual_confirmation_timeout_s', 0.001, 86400.0),
-        ('dependency_timeout_s', 0.0, 86400.0),
-        ('retry_delay_seconds', 0.0, 86400.0),
-        ('max_attempts', 1, 1000),
-        ('nav_max_attempts', 1, 1000),
-        ('nav_timeout_s', 0.0, 86400.0),
-        ('robot_radius_m', 0.0, 0.75),
-        ('approach_standoff_m', 0.2, 1.5),
-    ],
-)
-def test_the_limits_of_a_number_are_inclusive(name, smallest, largest):
-    for value in (smallest, largest):
-        assert getattr(Settings(**{name: value}), name) == value
-    step = 1 if name.endswith('max_attempts') else 0.0001
-    for value in (smallest - step, largest + step):
-        with pytest.raises(StartUpError, match=f'parameter {name} is .* from {smallest:g} to {largest:g}'):
-            Settings(**{name: value})
+@pytest.mark.parametrize('node', [settings, passive_observer])
+def test_each_parameter_has_its_type_and_its_limits(node):
+    check_settings(node.Settings)
 
 
 def test_a_world_and_a_tag_file_exclude_each_other():

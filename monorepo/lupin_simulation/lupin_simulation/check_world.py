@@ -22,9 +22,8 @@ from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.settings import Criteria
 
 from lupin_simulation.generate_world import make_world
-from lupin_simulation.opening import open_world
 from lupin_simulation.tag_poses_in_world import TAG_HEIGHT_M
-from lupin_simulation.view import Tag, viewpoint
+from lupin_simulation.view import Tag, open_world, viewpoint
 
 SIDES_M = (0.04, 0.05)
 DISTANCES_M = (0.3, 0.5, 1.0)

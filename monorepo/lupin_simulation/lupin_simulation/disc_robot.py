@@ -20,7 +20,7 @@ class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     nav_action_name: str = parameter('navigate_to_pose', 'The NavigateToPose action to serve.')
-    tag_locations_file: str = parameter(
+    tag_file: str = parameter(
         '', "The bridge's tag_locations.json, for the tables; empty: the simulator's own."
     )
     sim_config_file: str = parameter(
@@ -33,16 +33,19 @@ class Settings:
         1.0, 'Seconds of driving and turning per second.', smallest=0.001, largest=1000.0
     )
     start_pose: str = parameter(
-        '0.5 0.5 0.0', 'x and y in metres and yaw in radians, where the robot starts.'
+        '0.5 0.5 0.0',
+        'x and y in metres and yaw in radians, where the robot starts, as text or as an array.',
+        of_any_type=True,
     )
-    blocked: str = parameter(  # or an array
+    blocked: str = parameter(
         '',
         'Obstacles that the mission does not know, x0 y0 x1 y1 in metres each, as text or as an array.',
+        of_any_type=True,
     )
     route_file: str = parameter('', 'A CSV file to write, of x and y in metres along the driven path.')
 
     def __post_init__(self):
-        check_parameters(self, of_any_type=('start_pose', 'blocked', 'walls'))
+        check_parameters(self)
         parse_walls(self.walls)
         if len(parse_numbers(self.start_pose)) != 3:
             raise invalid('start_pose', self.start_pose, 'x, y and yaw: "0.5 0.5 0.0", or an array')
@@ -68,9 +71,9 @@ class Settings:
 
     def free_space(self) -> FreeSpace:
         """Return the free space, with the obstacles; raises StartUpError if it cannot start there."""
-        layout = find_layout(self.tag_locations_file)
+        layout = find_layout(self.tag_file)
         if layout is None:
-            raise StartUpError('mdp-greenhouse is not installed here: set tag_locations_file')
+            raise StartUpError('mdp-greenhouse is not installed here: set tag_file')
         obstacles = {f'blocked {number}': edges for number, edges in enumerate(self.obstacles, 1)}
         walls = find_walls(layout, self.sim_config_file, self.walls)
         blocked = layout._replace(tables={**layout.tables, **obstacles})

@@ -18,22 +18,23 @@ from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses
 from lupin_greenhouse_bridge.planning.walls import find_walls, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.reading.detections import detection_messages
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_tag_confirmation.confirmation import TAG_COUNT
 from lupin_tag_confirmation.settings import TOPICS, check_source
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
 
 from lupin_simulation import scene
-from lupin_simulation.odometry import RobotPose
 
 NODE_NAME = 'camera'
 FRAMES_PER_SECOND = 8
 JPEG_QUALITY = 80
-AT_TAG_TOPIC = 'mission/at_tag'
+AT_TAG_TOPIC, ODOMETRY_TOPIC = 'mission/at_tag', 'odom'  # relative: a namespace moves them
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Settings:
     from_odometry: bool = parameter(
         False, 'Show what is in view from where `odom` says that the robot is; false: the tag of the mission.'
     )
-    tag_locations_file: str = parameter(
+    tag_file: str = parameter(
         '', "The bridge's tag_locations.json, for from_odometry; empty: the simulator's own."
     )
     sim_config_file: str = parameter(
@@ -55,9 +56,21 @@ class Settings:
     walls: str = walls_parameter()  # or an array
 
     def __post_init__(self):
-        check_parameters(self, of_any_type=('walls',))
+        check_parameters(self)
         parse_walls(self.walls)
         check_source('publishes', self.publishes)
+
+
+class RobotPose:
+    """Listens to `odom`. Its frame is the layout's: a simulated robot does not slip."""
+
+    def __init__(self, node):
+        self.newest: PoseInPlane | None = None  # None before the first message
+        newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # fits every publisher
+        node.create_subscription(Odometry, ODOMETRY_TOPIC, self._on_odometry, newest)
+
+    def _on_odometry(self, message) -> None:
+        self.newest = pose_in_plane(message.pose.pose)
 
 
 class FakeCamera(Node):
@@ -115,9 +128,9 @@ def has_marker(tag_id: str) -> bool:
 
 def tag_poses_by_number(settings: Settings) -> dict[int, TagPose]:
     """Return where each tag of a layout is, and faces, by its number; raises StartUpError."""
-    layout = find_layout(settings.tag_locations_file)
+    layout = find_layout(settings.tag_file)
     if layout is None:
-        raise StartUpError('mdp-greenhouse is not installed here: set tag_locations_file')
+        raise StartUpError('mdp-greenhouse is not installed here: set tag_file')
     walls = find_walls(layout, settings.sim_config_file, settings.walls)
     tag_poses = find_tag_poses(layout, walls)
     return {int(tag_id): tag_pose for tag_id, tag_pose in tag_poses.items() if has_marker(tag_id)}

@@ -50,7 +50,7 @@ class NodeEnded(OneLineError):
 
 
 def share(assignments: list[str]) -> tuple[list[str], list[str]]:
-    """Return the parameters of the mission, and those of the navigator; both have some of them."""
+    """Return the parameters of the mission, and those of the navigator; both have some, one by two names."""
     of_navigator, of_mission = (
         {each.name for each in fields(settings_type)}
         for settings_type in (disc_robot.Settings, settings.Settings)
@@ -58,7 +58,11 @@ def share(assignments: list[str]) -> tuple[list[str], list[str]]:
     named = [(each.partition(':=')[0], each) for each in assignments]
     return (
         [each for name, each in named if name in of_mission or name not in of_navigator],
-        [each for name, each in named if name in of_navigator],
+        [
+            each.replace('tag_locations_file', 'tag_file', 1)
+            for name, each in named
+            if name in of_navigator or name == 'tag_locations_file'
+        ],
     )
 
 
@@ -161,7 +165,7 @@ def exit_code_of(mission: subprocess.Popen, others: list[subprocess.Popen]) -> i
 def run_mission(options) -> int:
     """Run the nodes and the mission, and draw its report; return the exit code. Raises OneLineError."""
     if options.world and options.camera != 'image':
-        raise StartUpError('WORLD=1 publishes images only: leave CAMERA out, or set CAMERA=1')
+        raise StartUpError('--world publishes images only: leave --camera out, or name image')
     mission_node = executable('lupin_mission', 'mission_orchestrator')
     commands, for_mission = nodes_of(options)
     try:

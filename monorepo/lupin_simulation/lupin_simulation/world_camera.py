@@ -21,10 +21,8 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-from lupin_simulation.fake_camera import image_of
-from lupin_simulation.odometry import RobotPose
-from lupin_simulation.opening import open_world
-from lupin_simulation.view import Tag, ahead, viewpoint
+from lupin_simulation.fake_camera import RobotPose, image_of
+from lupin_simulation.view import Tag, ahead, open_world, viewpoint
 
 NODE_NAME = 'camera'
 IMAGE_TOPIC, AT_TAG_TOPIC = 'camera/color/image_raw', 'mission/at_tag'  # relative: a namespace moves them

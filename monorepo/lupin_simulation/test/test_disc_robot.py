@@ -6,6 +6,8 @@ import math
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
+from lupin_greenhouse_bridge.testing import check_settings
+from lupin_simulation import disc_robot, fake_camera, world_camera
 from lupin_simulation.disc_robot import TURN_RAD_PER_S, DiscRobot, Settings
 
 START = PoseInPlane(0.0, 0.0, 0.0)
@@ -103,7 +105,7 @@ def test_the_robot_can_be_where_no_obstacle_is():
             {'robot_radius_m': 2.0},
             'a robot of radius 2 m does not fit between the walls',
         ),
-        ({'tag_locations_file': '/none.json'}, '/none.json'),
+        ({'tag_file': '/none.json'}, '/none.json'),
     ],
 )
 def test_a_robot_that_cannot_start_is_refused(parameters, problem):
@@ -113,7 +115,7 @@ def test_a_robot_that_cannot_start_is_refused(parameters, problem):
 
 def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
     monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
-    with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_locations_file'):
+    with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_file'):
         Settings().free_space()
 
 
@@ -136,3 +138,8 @@ def test_a_start_that_is_no_pose_is_refused(start_pose):
     assert str(refusal.value) == (
         f'parameter start_pose is {start_pose!r}: must be x, y and yaw: "0.5 0.5 0.0", or an array'
     )
+
+
+@pytest.mark.parametrize('node', [disc_robot, fake_camera, world_camera])
+def test_each_parameter_has_its_type_and_its_limits(node):
+    check_settings(node.Settings)

@@ -14,6 +14,7 @@ from lupin_greenhouse_bridge.runtime.poses import pose_in_plane, pose_message
 from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
 from lupin_simulation.fake_camera import (
     AT_TAG_TOPIC,
+    ODOMETRY_TOPIC,
     FakeCamera,
     Settings,
     compressed_image_of,
@@ -21,7 +22,6 @@ from lupin_simulation.fake_camera import (
     image_of,
     tag_poses_by_number,
 )
-from lupin_simulation.odometry import ODOMETRY_TOPIC
 from lupin_simulation.scene import Camera, marker
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
 from lupin_tag_confirmation.settings import Settings as ConfirmTagSettings
@@ -118,12 +118,12 @@ def test_an_id_outside_the_family_has_no_place_in_the_picture(tmp_path):
     tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
     tags = {'7': tag, '587': tag, 'seven': tag, '-1': tag}
     tag_file.write_text(json.dumps({'tags': tags, 'tables': {}}), encoding='utf-8')
-    assert set(tag_poses_by_number(Settings(tag_locations_file=str(tag_file)))) == {7}
+    assert set(tag_poses_by_number(Settings(tag_file=str(tag_file)))) == {7}
 
 
 def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
     monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
-    with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_locations_file'):
+    with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_file'):
         tag_poses_by_number(Settings())
 
 

@@ -11,7 +11,7 @@ from argparse import Namespace
 from pathlib import Path
 
 import pytest
-from lupin_greenhouse_bridge.display.places import read_route
+from lupin_greenhouse_bridge.display.drawing_command import read_route
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.runtime import process
@@ -109,7 +109,7 @@ def test_a_world_with_another_camera_is_refused_in_one_line(tmp_path, capsys):
     assert inspection.main(['--camera', 'detections', '--world', '--output', str(tmp_path)]) == 2
     assert (
         capsys.readouterr().err
-        == 'mission: WORLD=1 publishes images only: leave CAMERA out, or set CAMERA=1\n'
+        == 'mission: --world publishes images only: leave --camera out, or name image\n'
     )
 
 
@@ -232,3 +232,10 @@ def test_a_camera_of_a_drive_is_on_the_robot(tmp_path):
     assert 'from_odometry:=true' in camera
     assert mission[:2] == ['drive:=nav2', 'order:=shortest']
     assert mission[-1] == 'order:=given'  # the last assignment counts
+
+
+def test_the_tag_file_of_the_mission_is_the_navigator_s_too():
+    assert inspection.share(['tag_locations_file:=/a.json']) == (
+        ['tag_locations_file:=/a.json'],
+        ['tag_file:=/a.json'],
+    )

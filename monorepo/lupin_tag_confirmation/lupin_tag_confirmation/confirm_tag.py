@@ -38,8 +38,6 @@ class ConfirmTagNode(Node):
         """Offer the service; raises StartUpError."""
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
-        for deprecation in settings.deprecations:
-            self.get_logger().warning(deprecation)
         self._source = open_source(settings)
         self._confirmer = Confirmer(settings)
         self._news = Future()  # done when a new frame arrives; then replaced

@@ -1,10 +1,7 @@
 """The entry points of `ros2 run`. Each handles signals first, because importing rclpy takes a moment."""
 
-from typing import NoReturn
+from functools import partial
 
 from lupin_greenhouse_bridge.runtime.process import start
 
-
-def confirm_tag() -> NoReturn:
-    """Serve until Ctrl-C or SIGTERM, then exit."""
-    start('lupin_tag_confirmation.confirm_tag')
+confirm_tag = partial(start, 'lupin_tag_confirmation.confirm_tag')

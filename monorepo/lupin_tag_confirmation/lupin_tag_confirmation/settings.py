@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError, pluralized
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, parameter
 
 DEFAULT_IMAGE_TOPIC = 'camera/color/image_raw'
@@ -11,13 +11,6 @@ TOPICS = {
     'compressed': f'{DEFAULT_IMAGE_TOPIC}/compressed',
     'detections': 'detections',
 }
-# The source that each deprecated parameter stands for.
-DEPRECATED = {
-    'image_topic': 'image',
-    'compressed_image_topic': 'compressed',
-    'detections_topic': 'detections',
-}
-SOURCES = ('source', *DEPRECATED)
 
 
 def check_source(name: str, value: str) -> None:
@@ -59,7 +52,9 @@ class Criteria:
     def flaw_of(self, detection) -> str:
         """Return why a Detection does not count; '' if it does."""
         if detection.hamming > self.max_hamming:
-            return f'{detection.hamming} bits were corrected, at most {self.max_hamming} are allowed'
+            return (
+                f'with {pluralized(detection.hamming, "corrected bit")}, at most {self.max_hamming} allowed'
+            )
         if detection.decision_margin != 0.0 and not detection.decision_margin >= self.min_decision_margin:
             margin = f'{detection.decision_margin:.0f}'
             return f'unclear: decision margin {margin}, {self.min_decision_margin:g} needed'
@@ -73,38 +68,7 @@ class Settings(Criteria):
     source: str = parameter(
         'image', 'image, compressed (JPEG or PNG), or detections (from a detector that is already running).'
     )
-    image_topic: str = parameter('', f'Deprecated: remap {TOPICS["image"]}.')
-    compressed_image_topic: str = parameter(
-        '', f'Deprecated: set source to compressed, and remap {TOPICS["compressed"]}.'
-    )
-    detections_topic: str = parameter(
-        '', f'Deprecated: set source to detections, and remap {TOPICS["detections"]}.'
-    )
 
     def __post_init__(self):
         super().__post_init__()
         check_source('source', self.source)
-        given = [('source', self.source)] if self.source != 'image' else []
-        given += self._deprecated()
-        if len({DEPRECATED.get(name, value) for name, value in given}) > 1:
-            shown = ' and '.join(f'{name} is {value}' for name, value in given)
-            raise StartUpError(f'{shown}: set source alone, and remap its topic')
-
-    def _deprecated(self) -> list[tuple[str, str]]:
-        return [(name, topic) for name in DEPRECATED if (topic := getattr(self, name))]
-
-    @property
-    def source_and_topic(self) -> tuple[str, str]:
-        """The source, and the name of its topic before remapping."""
-        for name, topic in self._deprecated():
-            return DEPRECATED[name], topic
-        return self.source, TOPICS[self.source]
-
-    @property
-    def deprecations(self) -> list[str]:
-        """A warning for each deprecated parameter that is set."""
-        return [
-            f'parameter {name} is deprecated: write -p source:={DEPRECATED[name]}'
-            f' -r {TOPICS[DEPRECATED[name]]}:={topic}'
-            for name, topic in self._deprecated()
-        ]

@@ -8,7 +8,7 @@ from lupin_greenhouse_bridge.reading.detections import FAMILIES, detection_messa
 
 from lupin_tag_confirmation.confirmation import Detection, Sight
 from lupin_tag_confirmation.images import decoded_picture, grey_picture
-from lupin_tag_confirmation.settings import Settings
+from lupin_tag_confirmation.settings import TOPICS, Settings
 
 
 class Source(NamedTuple):
@@ -21,9 +21,8 @@ class Source(NamedTuple):
 
 def open_source(settings: Settings) -> Source:
     """Return the source of the settings; raises StartUpError if a package that it needs is missing."""
-    source, topic = settings.source_and_topic
-    message_type, sight_of = _OPEN[source](settings)
-    return Source(message_type, topic, sight_of)
+    message_type, sight_of = _OPEN[settings.source](settings)
+    return Source(message_type, TOPICS[settings.source], sight_of)
 
 
 def _images(settings: Settings):

@@ -237,31 +237,13 @@ def run_main(monkeypatch, capfd):
     ('parameters', 'fragment'),
     [
         ({'min_frames': 0}, 'parameter min_frames is 0: must be a whole number from 1 to 100'),
-        (
-            {'min_decision_margin': 'high'},
-            "parameter min_decision_margin is 'high': must be a number from 0 to 255",
-        ),
-        ({'image_topic': '"no such name"'}, 'no such name'),
         ({'source': 'video'}, "parameter source is 'video': must be image, compressed or detections"),
-        ({'image_topic': 5}, 'parameter image_topic is 5: must be text'),
-        (
-            {'image_topic': '/a', 'compressed_image_topic': '/b'},
-            'image_topic is /a and compressed_image_topic is /b: set source alone, and remap its topic',
-        ),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(run_main, parameters, fragment):
     code, log = run_main(**parameters)
     (line,) = [line for line in log.splitlines() if '[FATAL]' in line]
     assert (code, fragment in line, 'Traceback' in log) == (1, True, False), log
-
-
-def test_a_deprecated_parameter_works_and_is_warned_of(run_nodes, tag_7, capfd):
-    _, node = run_nodes(confirm_tag.ConfirmTagNode, image_topic=TOPIC)
-    assert Perception(node).confirm('7', image_of(tag_7)).detected
-    log = capfd.readouterr().err
-    advice = f'parameter image_topic is deprecated: write -p source:=image -r camera/color/image_raw:={TOPIC}'
-    assert log.count('deprecated') == log.count(advice) == 1, log
 
 
 def test_a_mistyped_parameter_is_named_and_changes_nothing(start, capfd):
@@ -329,10 +311,11 @@ def test_without_apriltag_msgs_the_executable_refuses_detections(start_confirm_t
 
 
 def test_a_signal_ends_it_while_callers_wait(start_confirm_tag, tag_7):
-    process = start_confirm_tag(image_topic=TOPIC, timeout_seconds=60.0, max_image_age_seconds=3600.0)
-    process.wait_for_log(f'ready: images from {TOPIC}')
+    process = start_confirm_tag(timeout_seconds=60.0, max_image_age_seconds=3600.0)
+    process.wait_for_log('ready: images from ')
     with spinning_node('perception_test') as node:
-        perception = Perception(node, namespace=process.namespace)
+        topic = f'{process.namespace}/{TOPICS["image"]}'
+        perception = Perception(node, topic=topic, namespace=process.namespace)
         waiting = [perception.ask('9') for _ in range(4)]
         assert perception.confirm('7', image_of(tag_7)).detected
         assert process.stop() == 0

@@ -55,7 +55,7 @@ def test_one_frame_without_the_tag_among_enough_with_it_does_no_harm():
         ([[], []], 'no tag in view in 2 images'),
         ([[GOOD], []], 'seen in 1 of the 2 images needed'),
         ([[tag(9), tag(8)]] * 2, 'other tags in view: 8, 9'),
-        ([[tag(7, hamming=1)]] * 2, 'in view, but 1 bits were corrected, at most 0 are allowed'),
+        ([[tag(7, hamming=1)]] * 2, 'in view, but with 1 corrected bit, at most 0 allowed'),
         ([[tag(7, margin=19.9)]] * 2, 'in view, but unclear: decision margin 20, 20 needed'),
         ([frame_of([GOOD], NOW, NOW - 2.0)] * 2, 'the last image came 2.0 s ago: older than 1 s'),
         ([frame_of([GOOD], NOW - 2.0)] * 2, 'the last image is stamped 2.0 s ago: not within 1 s'),

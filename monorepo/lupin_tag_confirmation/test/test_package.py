@@ -22,3 +22,9 @@ def test_the_version_is_the_same_everywhere():
 def test_the_messages_of_detectors_are_a_dependency():
     """Only a source of detections imports apriltag_msgs, through the bridge's package."""
     assert 'apriltag_msgs' in {depend.text for depend in MANIFEST.iter('exec_depend')}
+
+
+def test_no_file_imports_another_package_of_the_monorepo_but_the_bridge_s():
+    others = re.compile(r'^ *(?:from|import) (lupin_mission|lupin_simulation)\b', re.MULTILINE)
+    files = [file for folder in (PACKAGE.name, 'launch', 'test') for file in (PACKAGE / folder).glob('*.py')]
+    assert {file.name for file in files if others.search(file.read_text(encoding='utf-8'))} == set()

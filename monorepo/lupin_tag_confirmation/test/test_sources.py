@@ -76,7 +76,7 @@ def tag_with_a_wrong_bit():
         (detections((9, 0, 50.0), (7, 0, 50.0)), ''),
         (detections((7, 0, 50.0), family='tf36h11'), ''),
         (detections((7, 0, 0.0)), ''),
-        (detections((7, 1, 50.0)), 'in view, but 1 bits were corrected, at most 0 are allowed'),
+        (detections((7, 1, 50.0)), 'in view, but with 1 corrected bit, at most 0 allowed'),
         (detections((7, 0, 5.0)), 'in view, but unclear: decision margin 5, 20 needed'),
         (detections((7, 0, 50.0), family='tag25h9'), 'no tag in view in 1 image'),
         (detections((-7, 0, 50.0), (2**31 - 1, 0, 50.0)), 'other tags in view: -7, 2147483647'),

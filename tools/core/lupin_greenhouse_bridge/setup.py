@@ -4,7 +4,7 @@ package_name = 'lupin_greenhouse_bridge'
 
 setup(
     name=package_name,
-    version='1.2.0',
+    version='2.0.0',
     packages=find_packages(include=[package_name, f'{package_name}.*']),
     package_data={f'{package_name}.display': ['*.html']},
     data_files=[

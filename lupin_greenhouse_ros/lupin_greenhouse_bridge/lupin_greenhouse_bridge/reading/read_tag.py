@@ -27,8 +27,8 @@ from lupin_greenhouse_bridge.reading.table import Screen, Sheet, json_line, term
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.parameters import warn_of_unknown_parameters
+from lupin_greenhouse_bridge.runtime.process import security_problem
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
-from lupin_greenhouse_bridge.runtime.security import security_problem
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.simulator.layout import find_layout, natural_order
 
@@ -93,7 +93,7 @@ def _read(node, bridge: client.Client, options) -> int:
     service_name = get_tag_reading.srv_name
     tag_ids = _all_tag_ids(bridge, service_name) if options.all else options.tag_ids
     rounds = 1 if options.watch is None else options.count
-    screen = Sheet(_places(bridge, service_name)) if options.csv else Screen(options.watch is not None)
+    screen = Sheet(_positions(bridge, service_name)) if options.csv else Screen(options.watch is not None)
     exit_code, started = INTERRUPTED, 0.0
     for number in itertools.count() if rounds is None else range(rounds):
         if number > 0:
@@ -128,8 +128,8 @@ def _connect(node, bridge: client.Client, service: str):
             security = f'; {SECURED}' if security_problem() else ''
             cause = _likely_cause(node, node.resolve_service_name(service))
             raise client.NoAnswer(f'{error}; {cause}{security}') from error
-    if doubt := duplicate_server_warning(node, get_tag_reading.srv_name):
-        print(f'read_tag: {doubt}', file=sys.stderr)
+    if warning := duplicate_server_warning(node, get_tag_reading.srv_name):
+        print(f'read_tag: {warning}', file=sys.stderr)
     return get_tag_reading
 
 
@@ -158,7 +158,7 @@ def _all_tag_ids(bridge: client.Client, service_name: str) -> list[str]:
     return sorted(tag_ids, key=natural_order)
 
 
-def _places(bridge: client.Client, service_name: str) -> dict[str, tuple[float, float]]:
+def _positions(bridge: client.Client, service_name: str) -> dict[str, tuple[float, float]]:
     """Return the positions of the tags in metres by id, from the bridge's tag file; {} if it is unknown."""
     try:
         parameters = bridge.connect(GetParameters, parameter_service_of(service_name))

@@ -30,16 +30,16 @@ ENDED, LOST_ROWS = 0, 1
 class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
-    readings_topics: str = topics_parameter()  # or an array
+    readings_topics: str = topics_parameter()
     file: str = parameter(
         'readings.sqlite', 'The file to write or to continue: .sqlite or .db for SQLite, or .csv.'
     )
-    tag_locations_file: str = parameter(
+    tag_file: str = parameter(
         '', "The bridge's tag_locations.json, for the positions; empty: the one of mdp-greenhouse."
     )
 
     def __post_init__(self):
-        check_parameters(self, of_any_type=('readings_topics',))
+        check_parameters(self)
         topics_of(self.readings_topics)
 
 
@@ -50,7 +50,7 @@ class RecordReadingsNode(Node):
         """Open the file and subscribe; raises StartUpError."""
         super().__init__(NODE_NAME)
         settings = declare_parameters(self, Settings)
-        layout = find_layout(settings.tag_locations_file)
+        layout = find_layout(settings.tag_file)
         self._places = {tag_id: (tag.x, tag.y) for tag_id, tag in layout.tags.items()} if layout else {}
         store = open_store(settings.file)
         if store.mended:

@@ -7,7 +7,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from lupin_greenhouse_bridge.runtime.parameters import launch_arguments, old_names
+from lupin_greenhouse_bridge.runtime.parameters import launch_arguments
 
 ARGUMENTS = {  # of every node: default, description, choices
     'namespace': ('', 'Namespace of the node.', None),
@@ -25,15 +25,12 @@ def node_with_arguments(
     Return the actions that declare the arguments of a node and start it.
 
     Each parameter of the settings dataclass is an argument of the same name and type. Only arguments that are
-    given are forwarded, so that the others come from params_file, or are the node's own defaults. Old names
-    and arguments `without_effect` are forwarded too: the node says what becomes of them. An old name beside
-    the new one is not: it can be what another launch file of the same bring-up left in the scope.
+    given are forwarded, so that the others come from params_file, or are the node's own defaults. Arguments
+    `without_effect` are forwarded too: the node says that they have none.
     """
     parameters = launch_arguments(settings_type)
     declared = {name: (default, description, None) for name, default, _, description in parameters}
     kinds = {name: kind for name, _, kind, _ in parameters} | dict.fromkeys(without_effect)
-    new_names = old_names(settings_type)
-    kinds |= {old_name: kinds[name] for old_name, name in new_names.items()}
     if has_sim_time:
         declared['use_sim_time'], kinds['use_sim_time'] = SIM_TIME, bool
     declared.update(ARGUMENTS)
@@ -49,7 +46,7 @@ def node_with_arguments(
         if forwarded := {
             name: ParameterValue(LaunchConfiguration(name), value_type=kind)
             for name, kind in kinds.items()
-            if name in given and new_names.get(name) not in given
+            if name in given
         }:
             sources.append(forwarded)
         return [

@@ -6,15 +6,14 @@ import sys
 import time
 from pathlib import Path
 
-from lupin_greenhouse_bridge.display.places import (
-    beside,
-    check_output,
+from lupin_greenhouse_bridge.display.drawing_command import (
+    draw_file,
     layout_of,
     parser_of,
     read_colour_ranges,
     read_route,
 )
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.drawing import COLOURS, Box, draw_greenhouse, place_labels
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.reading_files import read_file
@@ -22,7 +21,6 @@ from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, sensor_order
 
-DONE, USAGE = 0, 2
 # Sizes in the picture, where a metre is about 0.6 inch: a dot, and a character of a label.
 DOT_M, CHARACTER_M, LINE_M, GAP_M = 0.24, 0.095, 0.19, 0.1
 
@@ -33,22 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         '--output', type=Path, metavar='FILE', help='picture to write, also .svg or .pdf; default: FILE.png'
     )
-    options = parser.parse_args(arguments)
-    output = options.output or beside(options.file, '.png')
-    try:
-        check_output(output, options.file)
-        _draw(options, output)
-    except ImportError as error:
-        print(f'plot_report: {error}: sudo apt install python3-matplotlib', file=sys.stderr)
-        return USAGE
-    except OneLineError as error:
-        print(f'plot_report: {error}', file=sys.stderr)
-        return USAGE
-    except (OSError, ValueError) as error:  # unknown to matplotlib, or not writable
-        print(f"plot_report: --output '{output}': {error}", file=sys.stderr)
-        return USAGE
-    print(f'picture: {escaped(str(output), 500)}')
-    return DONE
+    return draw_file(parser, arguments, '.png', 'sudo apt install python3-matplotlib', _draw)
 
 
 def _draw(options: argparse.Namespace, output: Path) -> None:

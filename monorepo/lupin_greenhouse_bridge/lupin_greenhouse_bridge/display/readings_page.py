@@ -4,27 +4,26 @@
 The page is one HTML file that needs no server and no network. Does not import ROS.
 """
 
+import argparse
 import json
 import math
 import sys
 from pathlib import Path
 
-from lupin_greenhouse_bridge.display.places import (
-    beside,
-    check_output,
+from lupin_greenhouse_bridge.display.drawing_command import (
+    draw_file,
     layout_of,
     parser_of,
     read_colour_ranges,
     read_route,
 )
-from lupin_greenhouse_bridge.errors import OneLineError, escaped
+from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFile, read_file
 from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import label_of, sensor_order, unit_of
 
-DONE, USAGE = 0, 2
 MOST_POINTS = 2000  # in a chart: a browser draws them in a moment
 MOST_TAGS = 1000
 LONGEST_NAME = 64  # characters
@@ -36,33 +35,22 @@ def main(arguments: list[str] | None = None) -> int:
     """Write the page beside the file, or to --output; return the exit code."""
     parser = parser_of('readings_page', 'Make a page of readings.')
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='page to write; default: FILE.html')
-    options = parser.parse_args(arguments)
-    output = options.output or beside(options.file, '.html')
-    try:
-        from plotly.offline import get_plotlyjs  # imported late: only this command needs it
+    return draw_file(parser, arguments, '.html', 'pip install plotly', _write_page)
 
-        check_output(output, options.file)
-        file = read_file(options.file, options.tag_file)
-        layout = layout_of(file.rows, options.tag_file)
-        walls = find_walls(layout, options.sim_config_file, options.walls)
-        data = data_of(file, layout, walls, read_colour_ranges(options.sim_config_file))
-        data |= {
-            'title': escaped(options.file.name, LONGEST_NAME),
-            'route': read_route(options.route) if options.route else [],
-        }
-        page = fill(TEMPLATE.read_text(encoding='utf-8'), data, get_plotlyjs())
-        output.write_text(page, encoding='utf-8')
-    except ImportError as error:
-        print(f'readings_page: {error}: pip install plotly', file=sys.stderr)
-        return USAGE
-    except OneLineError as error:
-        print(f'readings_page: {error}', file=sys.stderr)
-        return USAGE
-    except OSError as error:
-        print(f"readings_page: --output '{output}': {error.strerror}", file=sys.stderr)
-        return USAGE
-    print(f'page: {escaped(str(output), 500)}')
-    return DONE
+
+def _write_page(options: argparse.Namespace, output: Path) -> None:
+    from plotly.offline import get_plotlyjs  # imported late: only this command needs it
+
+    file = read_file(options.file, options.tag_file)
+    layout = layout_of(file.rows, options.tag_file)
+    walls = find_walls(layout, options.sim_config_file, options.walls)
+    data = data_of(file, layout, walls, read_colour_ranges(options.sim_config_file))
+    data |= {
+        'title': escaped(options.file.name, LONGEST_NAME),
+        'route': read_route(options.route) if options.route else [],
+    }
+    page = fill(TEMPLATE.read_text(encoding='utf-8'), data, get_plotlyjs())
+    output.write_text(page, encoding='utf-8')
 
 
 def fill(template: str, data: dict, script: str) -> str:

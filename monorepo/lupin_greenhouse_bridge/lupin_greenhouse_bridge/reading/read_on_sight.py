@@ -19,15 +19,14 @@ from rclpy.qos import qos_profile_sensor_data
 from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, SERVICE_QOS, STATUS_NAMES, latched
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
-from lupin_greenhouse_bridge.reading.detections import FAMILIES, detection_messages
-from lupin_greenhouse_bridge.reading.sightings import Limits, Sightings
+from lupin_greenhouse_bridge.reading.detections import FAMILIES, Limits, Sightings, detection_messages
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.runtime.run import run
 
 NODE_NAME = 'read_on_sight'
 LOOK_EVERY_SECONDS = 0.1
-DOUBT_EVERY_SECONDS = 10.0
+LOOK_FOR_SERVERS_EVERY_SECONDS = 10.0
 NOW_AND_THEN = {'throttle_duration_sec': 5.0}  # each call of the logger for itself
 MOST_UNKNOWN_IDS_LOGGED = 1000  # a detector that reports random ids must not fill the memory
 
@@ -83,7 +82,7 @@ class ReadOnSightNode(Node):
         )
         self._futures = {}  # by tag id
         self._unknown_ids = set()
-        self._next_doubt = 0.0  # when to look for a second server of the service
+        self._next_look_for_servers = 0.0  # when to look for a second server of the service
         self._readings = self.create_publisher(TagReading, '~/readings', latched(50))
         try:
             self._client = self.create_client(
@@ -139,10 +138,10 @@ class ReadOnSightNode(Node):
 
     def _warn_of_two_servers(self) -> None:
         """Look once in a while: the second server may be found late."""
-        if self._sightings.next() is not None and time.monotonic() >= self._next_doubt:
-            self._next_doubt = time.monotonic() + DOUBT_EVERY_SECONDS
-            if doubt := duplicate_server_warning(self, self._client.srv_name):
-                self.get_logger().warning(doubt)
+        if self._sightings.next() is not None and time.monotonic() >= self._next_look_for_servers:
+            self._next_look_for_servers = time.monotonic() + LOOK_FOR_SERVERS_EVERY_SECONDS
+            if warning := duplicate_server_warning(self, self._client.srv_name):
+                self.get_logger().warning(warning)
 
     def _on_answer(self, tag_id: str, future) -> None:
         if self._futures.get(tag_id) is not future:  # given up meanwhile, in a multi-threaded executor

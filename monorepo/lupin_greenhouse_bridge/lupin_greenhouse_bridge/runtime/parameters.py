@@ -10,19 +10,19 @@ from lupin_greenhouse_bridge.errors import StartUpError, escaped
 
 
 def parameter(
-    default, description: str, *, smallest=None, largest=None, accepted: str = '', old_name: str = ''
+    default, description: str, *, smallest=None, largest=None, accepted: str = '', of_any_type=False
 ):
     """
     Return a dataclass field for one parameter.
 
-    A number may have inclusive limits. `accepted` is what the error says instead of the limits. The parameter
-    may still be set by its name of the release before.
+    A number may have inclusive limits. `accepted` is what the error says instead of the limits. The dataclass
+    checks a parameter `of_any_type`, such as a text or an array, by itself.
     """
     metadata = {
         'description': description,
         'limits': (smallest, largest),
         'accepted': accepted,
-        'old_name': old_name,
+        'of_any_type': of_any_type,
     }
     return field(default=default, metadata=metadata)
 
@@ -35,10 +35,10 @@ _KINDS = {
 }
 
 
-def check_parameters(settings, *, of_any_type: tuple[str, ...] = ()) -> None:
+def check_parameters(settings) -> None:
     """Raise StartUpError for the first parameter with a wrong type or a value outside its limits."""
     for each in fields(settings):
-        if each.name in of_any_type:
+        if each.metadata['of_any_type']:
             continue
         value, (kind, wanted) = getattr(settings, each.name), _KINDS[each.type]
         smallest, largest = each.metadata['limits']
@@ -52,11 +52,7 @@ def check_parameters(settings, *, of_any_type: tuple[str, ...] = ()) -> None:
 
 def invalid(name: str, value, accepted: str) -> StartUpError:
     """Return the error for a value that a parameter cannot have."""
-    return StartUpError(f'parameter {name} is {_shown(value)}: must be {accepted}')
-
-
-def _shown(value) -> str:
-    return escaped(repr(value), 100)
+    return StartUpError(f'parameter {name} is {escaped(repr(value), 100)}: must be {accepted}')
 
 
 def declare_parameters(node, settings_type, *, without_effect: tuple[str, ...] = ()):
@@ -66,28 +62,18 @@ def declare_parameters(node, settings_type, *, without_effect: tuple[str, ...] =
     Logs a warning for each parameter that the node does not have, which ROS would ignore silently, and one
     line with those that are known to have no effect.
     """
-    values = {each.name: _value(node, each) for each in fields(settings_type)}
+    values = {
+        each.name: node.declare_parameter(each.name, each.default, descriptor_of(each, read_only=False)).value
+        for each in fields(settings_type)
+    }
     if unused := [name for name in without_effect if _override(node, name) is not None]:
         node.get_logger().info(f'without effect in this node: {", ".join(unused)}')
-    warn_of_unknown_parameters(node, besides={*old_names(settings_type), *without_effect})
+    warn_of_unknown_parameters(node, besides=without_effect)
     settings = settings_type(**values)
     for each in fields(settings_type):
         # Not earlier: ROS would refuse a value outside its range, and not say which would be right.
-        node.set_descriptor(each.name, _descriptor(each, read_only=True))
+        node.set_descriptor(each.name, descriptor_of(each, read_only=True))
     return settings
-
-
-def _value(node, field):
-    """Declare a parameter and return its value, which may be set by the old name."""
-    name, old_name = field.name, field.metadata['old_name']
-    if not old_name or (old_value := _override(node, old_name)) is None:
-        return node.declare_parameter(name, field.default, _descriptor(field, read_only=False)).value
-    if _override(node, name) is not None:
-        raise StartUpError(f'parameters {old_name} and {name} are both set: set {name} alone')
-    node.get_logger().warning(f'parameter {old_name} is now {name}; the next release ignores the old name')
-    return node.declare_parameter(
-        name, old_value, _descriptor(field, read_only=False), ignore_override=True
-    ).value
 
 
 def _override(node, name: str):
@@ -99,7 +85,7 @@ def _override(node, name: str):
     return value
 
 
-def _descriptor(field, *, read_only: bool):
+def descriptor_of(field, *, read_only: bool):
     """Return the ROS description of a parameter; one that is read-only has its range too."""
     from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
@@ -118,7 +104,7 @@ def _descriptor(field, *, read_only: bool):
     return descriptor
 
 
-def warn_of_unknown_parameters(node, *, besides=frozenset()) -> None:
+def warn_of_unknown_parameters(node, *, besides=()) -> None:
     """Log a warning for each parameter that was set and that the node does not have, `besides` these."""
     for name in getattr(node, '_parameter_overrides', ()):  # private to rclpy: it may disappear
         if not node.has_parameter(name) and name not in besides:
@@ -132,10 +118,3 @@ def launch_arguments(settings_type) -> list[tuple[str, str, type, str]]:
         default = str(each.default).lower() if each.type is bool else str(each.default)
         arguments.append((each.name, default, each.type, each.metadata['description']))
     return arguments
-
-
-def old_names(settings_type) -> dict[str, str]:
-    """Return the name of each parameter that has an old one, by the old one."""
-    return {
-        each.metadata['old_name']: each.name for each in fields(settings_type) if each.metadata['old_name']
-    }

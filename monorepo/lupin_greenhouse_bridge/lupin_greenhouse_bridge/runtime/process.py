@@ -69,3 +69,15 @@ def end(exit_code: int) -> NoReturn:
         sys.stdout.flush()
     sys.stderr.flush()
     os._exit(exit_code)
+
+
+def security_problem() -> str:
+    """Return what may be wrong with the security settings; '' if SROS2 is not enabled."""
+    if os.environ.get('ROS_SECURITY_ENABLE') != 'true':
+        return ''
+    if not os.environ.get('ROS_SECURITY_KEYSTORE'):
+        return 'security is enabled, but ROS_SECURITY_KEYSTORE is not set: set it to the path of the keystore'
+    return (
+        'security is enabled (ROS_SECURITY_ENABLE): check the enclave (--enclave or'
+        ' ROS_SECURITY_ENCLAVE_OVERRIDE) in the keystore, and that the RMW was built with security'
+    )

@@ -17,7 +17,9 @@ pytest and domain_coordinator (ros-DISTRO-domain-coordinator): name both, and th
 """
 
 import contextlib
+import dataclasses
 import json
+import math
 import os
 import queue
 import signal
@@ -38,7 +40,9 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.runtime.parameters import descriptor_of
 from lupin_greenhouse_bridge.simulator import simulation
 
 PATIENCE_SECONDS = 30.0  # for a busy machine; a passing test never waits this long
@@ -70,6 +74,12 @@ FAST_DDS = """<?xml version="1.0" encoding="UTF-8"?>
   </participant>
 </profiles>
 """
+
+
+def require(is_so: bool, problem) -> None:
+    """Fail the test with a problem unless it is so; unlike assert, under python -O too."""
+    if not is_so:
+        raise AssertionError(problem)
 
 
 def executable(package: str, name: str) -> str:
@@ -129,6 +139,38 @@ def _spun(*nodes, context=None):
         executor.shutdown()
 
 
+def check_settings(settings_type) -> None:
+    """
+    Fail unless each parameter of a settings dataclass takes its default and its limits, and nothing else.
+
+    A value of another type or beyond a limit has to be refused with an error that names the parameter.
+    """
+    settings_type()
+    wrong_types = {str: (5, True), bool: (1, 'true'), int: (1.5, True, '1'), float: (True, '1')}
+    for each in dataclasses.fields(settings_type):
+        refused = [] if each.metadata['of_any_type'] else [*wrong_types[each.type], None]
+        smallest, largest = limits = each.metadata['limits']
+        if each.type in (int, float):
+            refused += [*beyond(smallest, largest), math.nan, math.inf]
+            for value in limits:
+                require(getattr(settings_type(**{each.name: value}), each.name) == value, each.name)
+            descriptor = descriptor_of(each, read_only=True)
+            (found,) = (*descriptor.integer_range, *descriptor.floating_point_range)
+            require((found.from_value, found.to_value) == limits, each.name)
+        for value in refused:
+            with pytest.raises(StartUpError) as refusal:
+                settings_type(**{each.name: value})
+            start = f'parameter {each.name} is {escaped(repr(value), 100)}: must be '
+            require(str(refusal.value).startswith(start), refusal.value)
+
+
+def beyond(smallest: float, largest: float) -> tuple[float, float]:
+    """Return the nearest numbers outside two limits."""
+    if isinstance(smallest, int):
+        return smallest - 1, largest + 1
+    return math.nextafter(smallest, -math.inf), math.nextafter(largest, math.inf)
+
+
 class ManualClock:
     """A clock in seconds that only the test moves, in place of time.monotonic."""
 
@@ -136,6 +178,7 @@ class ManualClock:
         self._seconds = 1000.0
 
     def __call__(self) -> float:
+        """Return the time in seconds."""
         return self._seconds
 
     def pass_seconds(self, seconds: float) -> None:
@@ -148,7 +191,7 @@ def call(client, request):
     answered = threading.Event()
     future = client.call_async(request)
     future.add_done_callback(lambda _future: answered.set())
-    assert answered.wait(PATIENCE_SECONDS), f'{client.srv_name} did not answer'
+    require(answered.wait(PATIENCE_SECONDS), f'{client.srv_name} did not answer')
     return future.result()
 
 
@@ -157,7 +200,7 @@ def greet(client, request) -> None:
     answered = threading.Event()
     deadline = time.monotonic() + PATIENCE_SECONDS
     while not answered.is_set():
-        assert time.monotonic() < deadline, f'{client.srv_name} did not answer'
+        require(time.monotonic() < deadline, f'{client.srv_name} did not answer')
         client.call_async(request).add_done_callback(lambda _future: answered.set())
         answered.wait(1.0)
 
@@ -177,7 +220,7 @@ def wait_until(is_so) -> None:
     pause = threading.Event()
     deadline = time.monotonic() + PATIENCE_SECONDS
     while not is_so():
-        assert time.monotonic() < deadline, 'the condition did not become true'
+        require(time.monotonic() < deadline, 'the condition did not become true')
         pause.wait(0.002)
 
 
@@ -213,7 +256,8 @@ class NodeProcess:
         """Return the next log line that contains the fragment; fail if the process ends without it."""
         while True:
             line = self._lines.get(timeout=PATIENCE_SECONDS)
-            assert line is not None, f'no {fragment!r} in the log:\n' + '\n'.join(self.log)
+            if line is None:
+                raise AssertionError(f'no {fragment!r} in the log:\n' + '\n'.join(self.log))
             self.log.append(line)
             if fragment in line:
                 return line
@@ -233,7 +277,7 @@ class NodeProcess:
     def end(self) -> int:
         """Return the exit code of a process that ends; fail for a traceback in its log."""
         log = '\n'.join(self.rest_of_log())
-        assert 'Traceback' not in log, log
+        require('Traceback' not in log, log)
         return self.process.wait(PATIENCE_SECONDS)
 
     def stop(self, number: signal.Signals = signal.SIGTERM) -> int:
@@ -243,7 +287,7 @@ class NodeProcess:
 
     def refusal(self, exit_code: int = 1) -> str:
         """Return the one FATAL line of a node that refuses to start with this exit code."""
-        assert self.end() == exit_code, self.log
+        require(self.end() == exit_code, self.log)
         (fatal,) = [line for line in self.log if '[FATAL]' in line]
         return fatal
 
@@ -269,7 +313,8 @@ class Bridge(NodeProcess):
             self.wait_for_log('ready:')
             self.node = self._stack.enter_context(spinning_node('bridge_test'))
             self._client = self.node.create_client(GetTagReading, self.service_name, qos_profile=SERVICE_QOS)
-            assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+            has_service = self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+            require(has_service, f'no service {self.service_name}')
             greet(self._client, GetTagReading.Request(tag_id=greeting))
         return self._client
 
@@ -280,7 +325,8 @@ class Bridge(NodeProcess):
     def values(self, tag_id: str) -> dict[str, float]:
         """Return the readings at a tag by sensor name; fail for any status but OK."""
         response = self.call(tag_id)
-        assert (response.status, response.error_message) == (GetTagReading.Response.STATUS_OK, '')
+        is_read = (response.status, response.error_message) == (GetTagReading.Response.STATUS_OK, '')
+        require(is_read, response)
         return {each.name: each.value for each in response.reading.readings}
 
 

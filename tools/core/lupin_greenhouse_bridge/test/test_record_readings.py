@@ -246,7 +246,7 @@ def test_a_thousand_readings_at_once_are_all_kept(start_recorder, robot, shipped
 
 def test_positions_come_from_the_tag_file(start_recorder, robot, tmp_path):
     (tmp_path / 'tags.json').write_text('{"7": {"x": 9.0, "y": 9.5, "sensors": ["co2"]}}')
-    recorder = start_recorder(tag_locations_file=tmp_path / 'tags.json', readings_topics=f'["{TOPIC}"]')
+    recorder = start_recorder(tag_file=tmp_path / 'tags.json', readings_topics=f'["{TOPIC}"]')
     readings = publisher_on(robot, LATCHED)
     for tag_id in ('7', '8'):
         readings.publish(reading(1, tag_id))
@@ -318,8 +318,7 @@ def test_a_torn_row_is_said(run_here, tmp_path):
         ('file', 'readings.txt', "file 'readings.txt' ends in none of .sqlite, .db, .csv: name it"),
         ('file', 'held.csv', "file 'held.csv': another recorder is writing it"),
         ('file', 'folder.db', "file 'folder.db': Is a directory: name another file"),
-        ('file', '7', 'parameter file is 7: must be text'),
-        ('tag_locations_file', '/no/tags.json', "tag_file '/no/tags.json': cannot be read"),
+        ('tag_file', '/no/tags.json', "tag_file '/no/tags.json': cannot be read"),
         ('readings_topics', '/a no-name', 'parameter readings_topics: Invalid topic name: '),
         ('readings_topics', '[7]', 'parameter readings_topics is'),
     ],

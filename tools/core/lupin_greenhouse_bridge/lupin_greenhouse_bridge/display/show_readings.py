@@ -1,8 +1,8 @@
 """
 ROS 2 node `show_readings`: shows received readings in RViz and Foxglove, as markers and as a field.
 
-It hears the readings that others publish, and requests none itself. The field is interpolated from them: it
-is not the model of the simulator, which no robot can see.
+It subscribes to the readings that others publish, and requests none itself. The field is interpolated from
+them: it is not the model of the simulator, which no robot can see.
 
     ros2 run lupin_greenhouse_bridge show_readings --ros-args -p sensor:=co2
 """
@@ -39,7 +39,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
 from lupin_greenhouse_bridge.units import unit_of
 
 NODE_NAME = 'show_readings'
-PUBLISH_EVERY_SECONDS = 1.0  # web clients hear a latched topic only when it is published again
+PUBLISH_EVERY_SECONDS = 1.0  # web clients receive a latched topic only when it is published again
 MOST_CELLS = 1_000_000
 MOST_UNKNOWN_IDS_LOGGED = 1000  # a publisher of random ids must not fill the memory
 
@@ -48,7 +48,7 @@ MOST_UNKNOWN_IDS_LOGGED = 1000  # a publisher of random ids must not fill the me
 class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
-    readings_topics: str = topics_parameter()  # or an array
+    readings_topics: str = topics_parameter()
     sensor: str = parameter('temperature', 'The sensor whose field is shown.')
     resolution_m: float = parameter(
         0.1, 'Width of a cell of the field, in metres.', smallest=0.01, largest=10.0
@@ -59,20 +59,20 @@ class Settings:
     stale_seconds: float = parameter(
         60.0, 'Age from which a reading is faded, in seconds.', smallest=0.0, largest=1e9
     )
-    frame: str = parameter(MAP_FRAME, 'The frame of the markers and of the field.')
+    map_frame: str = parameter(MAP_FRAME, 'The frame of the markers and of the field.')
     layout_in_map: str = parameter(
         '', 'File of register_layout with the pose of the layout in that frame; empty: the layout is the map.'
     )
-    tag_locations_file: str = parameter('', "The bridge's tag_locations.json; empty: the simulator's.")
+    tag_file: str = parameter('', "The bridge's tag_locations.json; empty: the simulator's.")
     sim_config_file: str = parameter('', "The bridge's greenhouse_config.yaml; empty: the simulator's.")
     walls: str = walls_parameter()  # or an array
 
     def __post_init__(self):
-        check_parameters(self, of_any_type=('readings_topics', 'walls'))
+        check_parameters(self)
         parse_walls(self.walls)
         topics_of(self.readings_topics)
-        if not self.frame.strip():
-            raise invalid('frame', self.frame, 'the name of a frame, such as map')
+        if not self.map_frame.strip():
+            raise invalid('map_frame', self.map_frame, 'the name of a frame, such as map')
 
 
 class ShowReadingsNode(Node):
@@ -82,15 +82,17 @@ class ShowReadingsNode(Node):
         """Read the layout and subscribe; raises StartUpError."""
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
-        layout = find_layout(settings.tag_locations_file)
+        layout = find_layout(settings.tag_file)
         if layout is None:
             raise StartUpError(
-                'tag_locations_file is empty, and mdp-greenhouse is not installed:'
-                " set tag_locations_file to the bridge's tag_locations.json"
+                'tag_file is empty, and mdp-greenhouse is not installed:'
+                " set tag_file to the bridge's tag_locations.json"
             )
         walls = find_walls(layout, settings.sim_config_file, settings.walls)
         self._layout_in_map = (
-            read_transform(settings.layout_in_map, settings.frame) if settings.layout_in_map else Transform()
+            read_transform(settings.layout_in_map, settings.map_frame)
+            if settings.layout_in_map
+            else Transform()
         )
         self._range = _range_of(settings)
         self._grid = _grid_of(settings, layout, walls)
@@ -104,8 +106,8 @@ class ShowReadingsNode(Node):
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
         self.create_timer(PUBLISH_EVERY_SECONDS, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._publish()
-        tags, heard = pluralized(len(self._tags), 'tag'), ' and '.join(topics)
-        self.get_logger().info(f'ready: {tags}, field of {settings.sensor}, readings from {heard}')
+        tags, sources = pluralized(len(self._tags), 'tag'), ' and '.join(topics)
+        self.get_logger().info(f'ready: {tags}, field of {settings.sensor}, readings from {sources}')
 
     def _on_reading(self, reading: TagReading, _topic: str) -> None:
         tag_id = reading.tag_id
@@ -122,7 +124,7 @@ class ShowReadingsNode(Node):
             self._cells = None
 
     def _publish(self) -> None:
-        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
+        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.map_frame)
         samples = self._samples()
         if self._cells is None:
             values = interpolate(self._grid, samples, self._settings.radius_m)
@@ -168,7 +170,7 @@ def _range_of(settings: Settings) -> tuple[float, float]:
     """Return the lowest and highest value of the sensor's scale; raises StartUpError if it has none."""
     ranges = read_colour_ranges(settings.sim_config_file)
     lowest, highest = ranges.get(settings.sensor, (0.0, 0.0))
-    if not (math.isfinite(lowest) and math.isfinite(highest) and lowest < highest):
+    if not lowest < highest:
         shown = escaped(repr(settings.sensor), 60)
         where = f"'{settings.sim_config_file}'" if settings.sim_config_file else 'the greenhouse config'
         raise StartUpError(

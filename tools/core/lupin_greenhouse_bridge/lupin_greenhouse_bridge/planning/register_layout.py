@@ -11,7 +11,7 @@ from geometry_msgs.msg import PointStamped
 from rclpy.qos import QoSProfile
 from rclpy.utilities import remove_ros_args
 
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.errors import Interrupted, StartUpError, UsageError, escaped
 from lupin_greenhouse_bridge.planning.registration import (
     DEFAULT_TOLERANCE_M,
     LAYOUT_FRAME,
@@ -21,7 +21,6 @@ from lupin_greenhouse_bridge.planning.registration import (
     read_places,
     write_transform,
 )
-from lupin_greenhouse_bridge.reading.client import Interrupted, UsageError
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros

@@ -103,7 +103,9 @@ def parse_numbers(value) -> list[float]:
 def walls_parameter():
     """Return the field of a node's settings for the walls, which parse_walls() takes."""
     return parameter(
-        '', 'x0 y0 x1 y1 of the walls in metres, as text or as an array; empty: those of sim_config_file.'
+        '',
+        'x0 y0 x1 y1 of the walls in metres, as text or as an array; empty: those of sim_config_file.',
+        of_any_type=True,
     )
 
 

@@ -7,8 +7,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.errors import Interrupted, OneLineError, UsageError
-from lupin_greenhouse_bridge.runtime.process import LONGEST_WAIT_SECONDS, is_asked_to_end
-from lupin_greenhouse_bridge.runtime.security import security_problem
+from lupin_greenhouse_bridge.runtime.process import LONGEST_WAIT_SECONDS, is_asked_to_end, security_problem
 
 REPEAT_AFTER_SECONDS = 1.0
 

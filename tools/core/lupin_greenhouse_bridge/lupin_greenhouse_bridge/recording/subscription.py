@@ -24,6 +24,7 @@ def topics_parameter():
     return parameter(
         '/read_on_sight/readings /mission/readings',
         'The TagReading topics, as text with spaces between them, or as an array.',
+        of_any_type=True,
     )
 
 

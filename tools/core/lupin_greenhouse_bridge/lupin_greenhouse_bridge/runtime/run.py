@@ -20,7 +20,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.command_line import answer_help
 from lupin_greenhouse_bridge.runtime.graph import namesake_warning
-from lupin_greenhouse_bridge.runtime.security import security_problem
+from lupin_greenhouse_bridge.runtime.process import security_problem
 
 LOOK_EVERY_SECONDS = 5.0  # for another node of the same name
 

@@ -12,6 +12,7 @@ from packaging.version import InvalidVersion, Version
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.settings import SECONDS_PER_DAY, Settings
 from lupin_greenhouse_bridge.simulator.files import read_config, read_tags, shipped_file
+from lupin_greenhouse_bridge.simulator.layout import read_tags_with_sensors
 
 OLDEST_SIMULATOR = '1.0.7'
 INSTALL_COMMAND = f"pip install --upgrade 'mdp-greenhouse>={OLDEST_SIMULATOR}'"
@@ -82,8 +83,7 @@ def load(settings: Settings, tag_file, sim_config_file) -> LoadedGreenhouse:
 def served_tag_ids(tag_file: str) -> list[str]:
     """Return the ids that a bridge serves with this tag_file, '' for the shipped one; raises StartUpError."""
     require_simulator()
-    tags = read_tags(tag_file or shipped_file('tag_locations.json'))
-    return [tag_id for tag_id, tag in tags.items() if tag['sensors']]
+    return list(read_tags_with_sensors(tag_file or shipped_file('tag_locations.json')))
 
 
 def require_simulator() -> str:

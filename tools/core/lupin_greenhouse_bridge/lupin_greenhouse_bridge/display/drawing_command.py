@@ -1,17 +1,20 @@
-"""What drawings share: options, places of tags and route, and ranges of colours. Does not import ROS."""
+"""A command that draws a file of readings: its options, its inputs and its errors. Does not import ROS."""
 
 import argparse
 import csv
 import itertools
 import math
-from collections.abc import Iterable
+import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
 from lupin_greenhouse_bridge.planning.walls import add_wall_options, read_visualization
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.simulator.files import mapping_of, number
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
+
+DONE, USAGE = 0, 2
 
 
 def parser_of(prog: str, description: str) -> argparse.ArgumentParser:
@@ -44,6 +47,33 @@ def layout_of(rows: Iterable[Row], tag_file: str) -> Layout:
     if not (layout.tags or placed):
         raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
     return layout._replace(tags=layout.tags | placed)
+
+
+def draw_file(
+    parser: argparse.ArgumentParser, arguments: list[str] | None, suffix: str, library: str, draw: Callable
+) -> int:
+    """
+    Run a command of parser_of(): call draw(options, output) and print the output; return the exit code.
+
+    `library` says how to install the library that `draw` imports.
+    """
+    options = parser.parse_args(arguments)
+    output = options.output or beside(options.file, suffix)
+    try:
+        check_output(output, options.file)
+        draw(options, output)
+    except ImportError as error:
+        problem = f'{error}: {library}'
+    except OneLineError as error:
+        problem = str(error)
+    except (OSError, ValueError) as error:  # unknown to matplotlib, or not writable
+        problem = f"--output '{output}': {getattr(error, 'strerror', None) or error}"
+    else:
+        kind = 'page' if suffix == '.html' else 'picture'
+        print(f'{kind}: {escaped(str(output), 500)}')
+        return DONE
+    print(f'{parser.prog}: {problem}', file=sys.stderr)
+    return USAGE
 
 
 def beside(file: Path, suffix: str) -> Path:
