@@ -14,6 +14,7 @@ has edited a generated file.
 import argparse
 import difflib
 import os
+import re
 import stat
 import subprocess
 import sys
@@ -32,6 +33,15 @@ except ModuleNotFoundError:  # Python 3.10
 
 ROOT = Path(__file__).resolve().parent.parent
 CORE = 'tools/core'
+# One text for both trees, so that they do not differ by it; each has a page of this name.
+HEADER = 'Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md'
+COMMENTS = dict.fromkeys(('.cfg', '.msg', '.py', '.rviz', '.srv', '.yaml'), '# {}')
+COMMENTS |= dict.fromkeys(('.html', '.md', '.xml'), '<!-- {} -->') | {
+    '.rst': '.. {}\n'
+}  # a blank line ends it
+FIRST_LINES = re.compile(
+    rb'(#!.*\n|#.*(PYTHON_ARGCOMPLETE_OK|coding[:=]).*\n|<\?xml.*\?>\n|<!doctype .*>\n)*', re.IGNORECASE
+)
 MERGE_HEADS = ('MERGE_HEAD', 'CHERRY_PICK_HEAD', 'REVERT_HEAD', 'REBASE_HEAD')  # one exists during a merge
 Rendered = dict[str, tuple[bytes, int]]  # path below the root, with /: content, and mode as git keeps it
 
@@ -70,7 +80,22 @@ def _render_tree(name: str, tree: dict, files: Rendered) -> Rendered:
                     f'twins.toml, {name}: {word!r} is left over in {path}:'
                     ' add the file, with its number of matches, to a substitution'
                 )
-    return {f'{tree["root"]}/{path}': entry for path, entry in placed}
+    return {f'{tree["root"]}/{path}': (with_header(path, content), mode) for path, (content, mode) in placed}
+
+
+def header_of(path: str) -> bytes:
+    """Return the comment that says that a file is generated; b'' for a type without comments."""
+    comment = COMMENTS.get(Path(path).suffix)
+    return f'{comment.format(HEADER)}\n'.encode() if comment else b''
+
+
+def with_header(path: str, content: bytes) -> bytes:
+    """Return a file's content with the header, after the lines that must stay first."""
+    header = header_of(path)
+    if header and header in content:
+        raise GenerationError(f'{CORE}: {path}: holds the line of a generated file: remove it')
+    first = FIRST_LINES.match(content)[0] if header else b''
+    return first + header + content[len(first) :]
 
 
 def _substituted(name: str, tree: dict, files: Rendered) -> Rendered:

@@ -1,5 +1,6 @@
 """generate.py --check reports every difference between a tree and the core."""
 
+import ast
 import re
 import shutil
 import subprocess
@@ -427,6 +428,47 @@ def test_a_table_that_does_not_fit_the_core_writes_nothing(checkout, mutate, mes
     assert error.startswith('generate: ')
     assert message in error
     assert snapshot(checkout) == before
+
+
+def test_every_generated_file_with_comments_says_so_in_its_first_lines(checkout):
+    rendered = generate.render(checkout, generate.load_table(checkout / 'tools/twins.toml'))
+    silent = [
+        path
+        for path, (content, _) in rendered.items()
+        if generate.HEADER.encode() not in b'\n'.join(content.split(b'\n')[:3])
+    ]
+    without_comments = {'.json', '.png', ''}
+    assert {generate.Path(path).suffix for path in silent} == without_comments
+
+
+@pytest.mark.parametrize(
+    ('name', 'first'),
+    [
+        ('a.py', '#!/usr/bin/env python3\n# PYTHON_ARGCOMPLETE_OK\n'),
+        ('a.py', '# -*- coding: utf-8 -*-\n'),
+        ('a.xml', '<?xml version="1.0"?>\n<?xml-model href="x"?>\n'),
+        ('a.html', '<!doctype html>\n'),
+        ('a.rst', ''),
+    ],
+)
+def test_the_header_comes_after_what_must_stay_first(name, first):
+    rest = 'x\n'
+    text = generate.with_header(name, f'{first}{rest}'.encode()).decode()
+    header = text.removeprefix(first).removesuffix(rest)
+    assert header.strip().strip('#<!->. ') == generate.HEADER
+    assert header.endswith('\n\n' if name == 'a.rst' else '\n')
+
+
+def test_a_module_keeps_its_docstring():
+    text = generate.with_header('a.py', b'"""Text."""\n').decode()
+    assert ast.get_docstring(ast.parse(text)) == 'Text.'
+
+
+def test_a_header_in_the_core_is_refused(checkout, capsys):
+    path = checkout / 'tools/core' / BRIDGE / 'settings.py'
+    path.write_text(f'# {generate.HEADER}\n{path.read_text()}')
+    assert generate.main(['--root', str(checkout)]) == 2
+    assert 'settings.py: holds the line of a generated file: remove it' in capsys.readouterr().err
 
 
 def test_every_generated_file_and_no_other_is_marked_as_generated():

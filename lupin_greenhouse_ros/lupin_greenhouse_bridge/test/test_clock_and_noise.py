@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The effect of the three debugging parameters on the clock and the noise."""
 
 import copy

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The contents of a reading: the tag's sensors, the model's values, two clocks."""
 
 import copy

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """What the drawings of a file share: their arguments, and where tags and route lie. Does not import ROS."""
 
 import argparse

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 ROS 2 node `show_readings`: shows received readings in RViz and Foxglove, as markers and as a field.
 

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Draw the greenhouse: footprint, tables and tags. Does not import ROS."""
 
 from typing import Any

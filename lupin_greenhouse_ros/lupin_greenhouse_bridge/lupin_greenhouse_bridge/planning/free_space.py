@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 The free floor of a greenhouse for a disc robot, and the shortest ways on it. Does not import ROS.
 

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Draw the approach poses of a greenhouse and the route along them. Does not import ROS."""
 
 import math

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """What the greenhouse config says about drawings: the walls and the colour scales. Does not import ROS."""
 
 from typing import NamedTuple

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Decide which of the tags in view to request next. Does not import ROS."""
 
 from dataclasses import dataclass

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Rows as CSV in UTF-8: what the recorder and `read_tag --csv` write. Does not import ROS."""
 
 import csv

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Where the robot stands to look at a tag: the approach poses. Does not import ROS."""
 
 import itertools

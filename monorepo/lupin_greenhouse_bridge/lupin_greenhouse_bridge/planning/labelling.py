@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Find places for labels beside what they name. Does not import ROS."""
 
 from typing import NamedTuple

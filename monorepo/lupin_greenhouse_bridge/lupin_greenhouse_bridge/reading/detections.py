@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The messages of AprilTag detectors: apriltag_msgs/AprilTagDetectionArray. Can be imported without ROS."""
 
 import importlib
