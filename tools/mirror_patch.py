@@ -48,6 +48,8 @@ def _translate_diff(diff: str, table: dict) -> str:
     if f' b/{mirror["root"]}/README.md' in header:
         readme = generate.ROOT / mirror['root'] / 'README.md'
         hunks = without_address(hunks, readme.read_text(encoding='utf-8'))
+    if generated := re.match(rf'diff --git a/{generate.CORE}/(.+) b/', header):
+        hunks = without_header(at + hunks, generate.header_of(generated[1]).decode()).removeprefix(at)
     for find, replace, path in _substitutions_in(header, mirror):
         is_line = replace.endswith('\n')
         if is_line and hunks.count(f'\n-{replace}') != hunks.count(f'\n+{replace}'):
@@ -56,6 +58,25 @@ def _translate_diff(diff: str, table: dict) -> str:
             )
         hunks = hunks.replace(replace, find)
     return header + at + hunks
+
+
+def without_header(hunks: str, comment: str) -> str:
+    """Return the hunks for the file without the comment, which the generator has put at its top."""
+    lines = re.compile(''.join(f'^([ +-]){re.escape(line)}\n' for line in comment.splitlines()), re.MULTILINE)
+    found = lines.search(hunks) if comment else None
+    if not found:
+        return hunks
+
+    def with_counts(match: re.Match) -> str:
+        old, new = (
+            int(count or 1) - sum(sign in (' ', side) for sign in found.groups())
+            for count, side in zip((match[2], match[4]), '-+', strict=True)
+        )
+        return f'{match[1]},{old}{match[3]},{new}'
+
+    # The comment is in the first hunk, if it is in one.
+    hunks = re.sub(r'(@@ -\d+)(?:,(\d+))?( \+\d+)(?:,(\d+))?', with_counts, hunks, count=1)
+    return lines.sub('', hunks, count=1)
 
 
 def _substitutions_in(header: str, tree: dict) -> Iterator[tuple[str, str, str]]:

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 from setuptools import find_packages, setup
 
 package_name = 'lupin_greenhouse_bridge'

@@ -9,7 +9,6 @@ with the middle half of them in brackets. --subject and --baseline replace the c
 the plain wrapper. If you swap them, the ratios invert. A second table has the times that a person waits for.
 """
 
-import argparse
 import contextlib
 import json
 import multiprocessing
@@ -22,19 +21,28 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
-import domain_coordinator
 import user_latency
-from traffic import status_of
+from lupin_greenhouse_bridge.errors import pluralized
+from shared import (
+    PATIENCE_SECONDS,
+    Server,
+    in_turns,
+    own_domain,
+    parser_of,
+    percentile,
+    print_head,
+    print_row,
+)
 
 HERE = Path(__file__).resolve().parent
-PATIENCE_SECONDS = 60.0
 BRIDGE = f'{os.environ["LUPIN_EXECUTABLES"]}/bridge_node'
 PLAIN_WRAPPER = f'{sys.executable} {HERE / "plain_wrapper.py"}'
 CANNED = f'{sys.executable} {HERE / "canned_replies.py"} tag_reading'
 TRIGGER = f'{sys.executable} {HERE / "canned_replies.py"} trigger'
-PROFILED = f'{sys.executable} {HERE / "profiled_bridge.py"}'
+PROFILED = f'{sys.executable} {HERE / "instrumented_bridge.py"} profile'
 CLI = f'{Path(sys.executable).parent}/mdp-greenhouse --read 1 --count 1'
 PARTS = (
     'latency',
@@ -67,36 +75,13 @@ TARGETS = {
 }
 
 
-class Server:
-    """A server process in a namespace of its own, ready to be asked."""
+class NodeServer(Server):
+    """A server in a namespace of its own."""
 
     def __init__(self, command: str, name: str, **parameters):
         self.service = f'/{name}/greenhouse_bridge/get_tag_reading'
         overrides = [word for item in parameters.items() for word in ('-p', '{}:={}'.format(*item))]
-        self.process = subprocess.Popen(
-            [*shlex.split(command), '--ros-args', '-r', f'__ns:=/{name}', *overrides],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        for line in self.process.stdout:
-            if 'ready:' in line:
-                return
-        raise SystemExit(f'bench: {command} did not start: exit code {self.process.wait()}')
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.process.kill()
-        self.process.wait()
-
-    def interrupted(self) -> str:
-        """Press Ctrl-C, and return the exit code and whether there was a traceback."""
-        self.process.send_signal(signal.SIGINT)
-        output, _ = self.process.communicate(timeout=PATIENCE_SECONDS)
-        traceback = ', traceback' if 'Traceback' in output else ''
-        return f'exit code {self.process.returncode}{traceback}'
+        super().__init__([*shlex.split(command), '--ros-args', '-r', f'__ns:=/{name}', *overrides])
 
     def cpu_seconds(self) -> float:
         """Return the processor time of all its threads so far, to the nanosecond."""
@@ -149,38 +134,30 @@ class Asker:
         client, request_type = self._clients[service]
         return client, request_type(tag_id=tag_id) if hasattr(request_type, 'tag_id') else request_type()
 
+    def _is_done(self, future, seconds: float) -> bool:
+        """Spin until a call is answered, or for this long."""
+        end = time.monotonic() + seconds
+        while not future.done() and (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+        return future.done()
+
     def _answers(self, client, request) -> bool:
         future = client.call_async(request)
-        end = time.monotonic() + LOST_AFTER_SECONDS
-        while not future.done() and time.monotonic() < end:
-            self._executor.spin_once(timeout_sec=0.02)
-        if not future.done():
+        if not self._is_done(future, LOST_AFTER_SECONDS):
             client.remove_pending_request(future)
         return future.done()
 
-    def _call(self, client, request) -> None:
-        future = client.call_async(request)
-        while not future.done():
-            started = time.monotonic()
-            self._executor.spin_once(timeout_sec=PATIENCE_SECONDS)
-            if not future.done() and time.monotonic() - started > PATIENCE_SECONDS / 2:
-                raise SystemExit(f'bench: a call of {client.srv_name} was lost')
+    def _microseconds(self, client, request) -> float:
+        """Return how long a call takes."""
+        started = time.perf_counter_ns()
+        if not self._is_done(client.call_async(request), PATIENCE_SECONDS):
+            raise SystemExit(f'bench: a call of {client.srv_name} was lost')
+        return (time.perf_counter_ns() - started) / 1000
 
     def latencies(self, sides: list[tuple[str, str]], calls: int) -> list[list[float]]:
-        """
-        Return the durations of this many calls to each (service, tag id) in microseconds, sorted.
-
-        Calls the sides in turns, so that whatever else the machine does slows all of them down.
-        """
-        calls_to = [self._call_to(*side) for side in sides]
-        durations = [[] for _ in sides]
-        for number in range(calls):
-            for position in range(len(sides)):
-                side = (number + position) % len(sides)
-                started = time.perf_counter_ns()
-                self._call(*calls_to[side])
-                durations[side].append((time.perf_counter_ns() - started) / 1000)
-        return [sorted(of_side) for of_side in durations]
+        """Return the durations of this many calls to each (service, tag id) in microseconds, sorted."""
+        measures = [partial(self._microseconds, *self._call_to(*side)) for side in sides]
+        return [sorted(of_side) for of_side in zip(*in_turns(measures, calls), strict=True)]
 
     def medians(self, sides: list[tuple[str, str]], calls: int) -> tuple[float, ...]:
         """Return the median duration of a call to each side in microseconds."""
@@ -212,23 +189,12 @@ class Asker:
                 client.remove_pending_request(future)
         return answered
 
-    def hurry(self, service: str, calls: int, run_parallel: int = 16) -> None:
-        """Have this many calls answered as fast as they can be, a few on their way at any time."""
+    def hurry(self, service: str, calls: int) -> None:
+        """Have this many calls answered as fast as they can be, 16 at once."""
         client, request = self._call_to(service)
-        on_their_way = []
-        for _ in range(calls):
-            on_their_way.append(client.call_async(request))
-            while len(on_their_way) >= run_parallel:
-                self._executor.spin_once(timeout_sec=PATIENCE_SECONDS)
-                on_their_way = [future for future in on_their_way if not future.done()]
-        while on_their_way:
-            self._executor.spin_once(timeout_sec=PATIENCE_SECONDS)
-            on_their_way = [future for future in on_their_way if not future.done()]
-
-
-def percentile(ordered: list[float], share: float) -> float:
-    """Return the value that this share of an ordered list does not exceed."""
-    return ordered[min(int(share * len(ordered)), len(ordered) - 1)]
+        for _ in range(calls // 16):
+            for future in [client.call_async(request) for _ in range(16)]:
+                self._is_done(future, PATIENCE_SECONDS)
 
 
 def verdict(ratio: float, low: float, high: float, target: float, side) -> str:
@@ -282,27 +248,13 @@ class Bench:
             note = f'{"<=" if side is max else ">="} {row["target"]:.2f} {row["verdict"]}'
         self.rows.append(row)
         spread = f' [{low:.3f}, {high:.3f}]' if len(pairs) > 1 else ''
-        print(
-            f'| {figure} | {digits(row["subject"])} {unit} | {digits(row["baseline"])} {unit}'
-            f' | {row["ratio"]:.3f}{spread} | {note} |',
-            flush=True,
-        )
+        sides = [f'{digits(row[side])} {unit}' for side in ('subject', 'baseline')]
+        print_row(figure, *sides, f'{row["ratio"]:.3f}{spread}', note)
 
     def texts(self, figure: str, subject: str, baseline: str) -> None:
         """Keep a figure that has no ratio."""
         self.rows.append({'figure': figure, 'subject': subject, 'baseline': baseline})
-        print(f'| {figure} | {subject} | {baseline} | | |', flush=True)
-
-    def rounds(self, measure, *sides, rounds: int | None = None) -> list[tuple]:
-        """Measure the sides in turns, and return what each round measured; each comes first as often."""
-        results = []
-        for number in range(rounds or self.options.rounds):
-            measured = [None] * len(sides)
-            for position in range(len(sides)):
-                side = (number + position) % len(sides)
-                measured[side] = measure(sides[side])
-            results.append(tuple(measured))
-        return results
+        print_row(figure, subject, baseline, '', '')
 
     def latency(self) -> None:
         """
@@ -316,7 +268,8 @@ class Bench:
         def durations(order: list[int]) -> list[list[float]]:
             with contextlib.ExitStack() as stack:
                 services = {
-                    side: stack.enter_context(Server(commands[side], f'side{side}')).service for side in order
+                    side: stack.enter_context(NodeServer(commands[side], f'side{side}')).service
+                    for side in order
                 }
                 asker = stack.enter_context(contextlib.closing(Asker()))
                 sides = [(services[side], '1') for side in range(len(commands))]
@@ -338,15 +291,17 @@ class Bench:
         with contextlib.closing(Asker()) as asker:
             for service in services:
                 asker.connect(service)
-            pairs = self.rounds(asker.burst, *services, rounds=2 if self.options.short else 6)
+            bursts = [partial(asker.burst, service) for service in services]
+            pairs = in_turns(bursts, 2 if self.options.short else 6)
         self.ratio(f'burst of {BURST} requests: answered', '', pairs)
 
     def interrupt(self) -> None:
         """Press Ctrl-C on each."""
         ends = []
         for command in (self.options.subject, self.options.baseline):
-            with Server(command, 'interrupted') as server:
-                ends.append(server.interrupted())
+            with NodeServer(command, 'interrupted') as server:
+                exit_code, output = server.stop(signal.SIGINT)
+                ends.append(f'exit code {exit_code}{", traceback" * ("Traceback" in output)}')
         self.texts('Ctrl-C', *ends)
 
     def throughput(self) -> None:
@@ -372,8 +327,9 @@ class Bench:
                 return calls / seconds, lost
 
             measure(self.subject.service)
-            results = self.rounds(measure, *services, rounds=max(4, self.options.rounds // 2))
-            name = f'{count} client{"s" * (count > 1)}'
+            sides = [partial(measure, service) for service in services]
+            results = in_turns(sides, max(4, self.options.rounds // 2))
+            name = pluralized(count, 'client')
             self.ratio(f'throughput, {name}', 'calls/s', [(ours[0], theirs[0]) for ours, theirs in results])
             lost = [str(sum(count for _, count in side)) for side in zip(*results, strict=True)]
             self.texts(f'{name}: no reply within {LOST_AFTER_SECONDS:g} s', *lost)
@@ -386,28 +342,24 @@ class Bench:
 
         def measure(command: str) -> float:
             started = time.perf_counter()
-            with Server(command, 'started') as server, contextlib.closing(Asker()) as asker:
+            with NodeServer(command, 'started') as server, contextlib.closing(Asker()) as asker:
                 asker.connect(server.service)
                 return 1000 * (time.perf_counter() - started)
 
-        pairs = self.rounds(
-            measure, self.options.subject, self.options.baseline, rounds=4 if self.options.short else 12
-        )
+        sides = [partial(measure, command) for command in (self.options.subject, self.options.baseline)]
+        pairs = in_turns(sides, 4 if self.options.short else 12)
         self.ratio('start to first answer', 'ms', pairs)
 
     def idle(self) -> None:
         """Compare memory, and processor time while no client asks."""
-        self.ratio(
-            'resident memory',
-            'kB',
-            [tuple(status_of(server.process.pid, 'VmRSS') for server in (self.subject, self.baseline))],
-        )
+        servers = (self.subject, self.baseline)
+        self.ratio('resident memory', 'kB', [tuple(server.status('VmRSS') for server in servers)])
         seconds = 1.0 if self.options.short else 3.0
 
         def spent() -> tuple[float, ...]:
-            before = self.subject.cpu_seconds(), self.baseline.cpu_seconds()
+            before = [server.cpu_seconds() for server in servers]
             time.sleep(seconds)
-            after = self.subject.cpu_seconds(), self.baseline.cpu_seconds()
+            after = [server.cpu_seconds() for server in servers]
             return tuple(max(b - a, 1e-9) / seconds * 1e6 for a, b in zip(before, after, strict=True))
 
         self.ratio('processor at idle', 'us/s', [spent() for _ in range(2 if self.options.short else 5)])
@@ -417,7 +369,7 @@ class Bench:
         calls = 200 if self.options.short else 500
         with contextlib.ExitStack() as stack:
             small, large, huge = (
-                stack.enter_context(Server(self.options.subject, f'tags{count}', **files)).service
+                stack.enter_context(NodeServer(self.options.subject, f'tags{count}', **files)).service
                 for count, files in grown_greenhouses(self.options.output, (29, 1000, 100_000))
             )
             asker = stack.enter_context(contextlib.closing(Asker()))
@@ -437,7 +389,7 @@ class Bench:
                 f'a call for one sensor of one component {one:.1f} us, for 4 sensors {sensors:+.1f} us,'
                 f' for 8 components {components:+.1f} us'
             )
-        with Server(self.options.subject, 'many') as server, contextlib.closing(Asker()) as asker:
+        with NodeServer(self.options.subject, 'many') as server, contextlib.closing(Asker()) as asker:
             asker.connect(server.service)
             calls = 7000 if self.options.short else 200_000
             sides = [(server.service, '1')]
@@ -450,8 +402,8 @@ class Bench:
     def alternatives(self) -> None:
         """Compare other designs: Trigger with JSON, and the simulator's own command for each reading."""
         with (
-            Server(CANNED, 'canned') as canned,
-            Server(TRIGGER, 'trigger') as trigger,
+            NodeServer(CANNED, 'canned') as canned,
+            NodeServer(TRIGGER, 'trigger') as trigger,
             contextlib.closing(Asker()) as asker,
         ):
             asker.connect(trigger.service, 'Trigger')
@@ -474,11 +426,11 @@ class Bench:
 
     def shares(self) -> None:
         """Measure where the bridge spends the time of a reply."""
-        with Server(PROFILED, 'profiled') as profiled, contextlib.closing(Asker()) as asker:
+        with NodeServer(PROFILED, 'profiled') as profiled, contextlib.closing(Asker()) as asker:
             asker.connect(profiled.service)
             asker.latencies([(profiled.service, '1')], 300 if self.options.short else 3000)
-            profiled.process.terminate()
-            shares = json.loads(profiled.process.stdout.read().splitlines()[-1])
+            _, output = profiled.stop()
+        shares = json.loads(output.splitlines()[-1])
         calls = shares.pop('calls')
         parts = ', '.join(f'{share} {us:.1f} us' for share, us in shares.items())
         self.lines.append(f'in the bridge (medians of {calls} calls): {parts}')
@@ -506,11 +458,9 @@ def grown_greenhouses(folder: Path, tag_counts: tuple[int, ...]) -> Iterator[tup
 
 def main() -> int:
     """Measure, print, write."""
-    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('--short', action='store_true', help='fewer rounds: for a look, not for quoting')
-    parser.add_argument(
-        '--only', nargs='+', default=PARTS, choices=PARTS, metavar='PART', help=' '.join(PARTS)
-    )
+    parser = parser_of(__doc__, 'fewer rounds: for a look, not for quoting')
+    parts = ' '.join(PARTS)
+    parser.add_argument('--only', nargs='+', default=PARTS, choices=PARTS, metavar='PART', help=parts)
     parser.add_argument('--subject', default=BRIDGE, metavar='COMMAND')
     parser.add_argument('--baseline', default=PLAIN_WRAPPER, metavar='COMMAND')
     parser.add_argument('--output', type=Path, default=HERE.parents[1] / '.bench', metavar='FOLDER')
@@ -519,11 +469,10 @@ def main() -> int:
     options.output.mkdir(parents=True, exist_ok=True)
     bench = Bench(options)
     started = time.monotonic()
-    print('| | bridge | plain wrapper, or as named | ratio [middle half] | target |\n|---|---|---|---|---|')
-    with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
-        os.environ.update(ROS_DOMAIN_ID=str(domain_id), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
-        bench.subject = stack.enter_context(Server(options.subject, 'subject'))
-        bench.baseline = stack.enter_context(Server(options.baseline, 'baseline'))
+    print_head('', 'bridge', 'plain wrapper, or as named', 'ratio [middle half]', 'target')
+    with own_domain(), contextlib.ExitStack() as stack:
+        bench.subject = stack.enter_context(NodeServer(options.subject, 'subject'))
+        bench.baseline = stack.enter_context(NodeServer(options.baseline, 'baseline'))
         for part in options.only:
             if part != 'felt':
                 getattr(bench, part)()
@@ -534,14 +483,11 @@ def main() -> int:
         'seconds': round(time.monotonic() - started),
         'short': options.short,
     }
-    result = options.output / 'bench.json'
     figures = {'conditions': conditions, 'figures': bench.rows, 'lines': bench.lines}
+    result = options.output / 'bench.json'
     result.write_text(json.dumps(figures, indent=2) + '\n')
-    print(
-        f'\n{conditions["seconds"]} s on {conditions["processors"]} processors; {result}',
-        *bench.lines,
-        sep='\n',
-    )
+    took = f'{conditions["seconds"]} s on {conditions["processors"]} processors; {result}'
+    print('', took, *bench.lines, sep='\n')
     if missed := [row['figure'] for row in bench.rows if row.get('verdict') == 'MISSED']:
         print(f'missed: {", ".join(missed)}')
     if 'felt' in options.only and not options.short:

@@ -9,7 +9,6 @@ but the kernels of many virtual machines lack it.) Each call has a timeout of tw
 phase. The exit code is 1 if a call was lost or handled twice, and 3 if this machine cannot run it.
 """
 
-import argparse
 import contextlib
 import fcntl
 import heapq
@@ -25,6 +24,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from shared import parser_of
 from soak import run
 from traffic import Bridge, ClientProcess
 
@@ -143,16 +143,12 @@ def across_a_bad_cable(scale: int) -> Iterator[tuple[str, bool]]:
             ('after', 0.0, 0.0, 40 * scale),
         ):
             carried, lost = cable.carried, cable.lost
-            result = ClientProcess('--calls', str(calls), '--timeout', CALL_SECONDS, prefix=laptop).result()
+            result = calls_from(laptop, calls)
             fewest, most = fewest + calls + 1, most + calls + result['greetings']
             carried, lost = cable.carried - carried, cable.lost - lost
-            yield (
-                (
-                    f'{phase}: {result["answered"]}/{calls} answered, {result["wrong"]} swapped, slowest'
-                    f' {result["slowest_seconds"]} s; {lost} of {carried + lost} frames lost'
-                ),
-                (result['answered'], result['wrong']) == (calls, 0) and (lost > 0) == (cable.loss > 0),
-            )
+            text = f'{summary_of(result)}, {result["wrong"]} swapped; {lost} of {carried + lost} frames lost'
+            is_kept = (result['answered'], result['wrong']) == (calls, 0) and (lost > 0) == (cable.loss > 0)
+            yield f'{phase}: {text}', is_kept
         call_on = ('--seconds', str(2.5 * pulled_seconds), '--pause', '0.01')
         client = ClientProcess(*call_on, '--timeout', CALL_SECONDS, prefix=laptop)
         client.wait_for_first_answer()
@@ -162,17 +158,38 @@ def across_a_bad_cable(scale: int) -> Iterator[tuple[str, bool]]:
         result = client.result()
         fewest, most = fewest + result['calls'] + 1, most + result['calls'] + result['greetings']
         yield (
-            (
-                f'cable pulled for {pulled_seconds:g} s: {result["answered"]}/{result["calls"]} answered,'
-                f' slowest {result["slowest_seconds"]} s'
-            ),
+            f'cable pulled for {pulled_seconds:g} s: {summary_of(result)}',
             result['answered'] == result['calls'] and result['slowest_seconds'] > pulled_seconds / 2,
         )
-        exit_code, handled = bridge.stop()
-        yield (
-            (f'{fewest} to {most} requests made, {handled} handled, exit code {exit_code}'),
-            exit_code == 0 and fewest <= handled <= most,
-        )
+        exit_code, handled = bridge.handled()
+        text = f'{fewest} to {most} requests made, {handled} handled, exit code {exit_code}'
+        yield text, exit_code == 0 and fewest <= handled <= most
+
+
+def calls_from(host: tuple[str, ...], calls: int) -> dict:
+    """Return the counts of a client in a host that calls this often."""
+    return ClientProcess('--calls', str(calls), '--timeout', CALL_SECONDS, prefix=host).result()
+
+
+def summary_of(result: dict) -> str:
+    """Return the counts of a client in words."""
+    return f'{result["answered"]}/{result["calls"]} answered, slowest {result["slowest_seconds"]} s'
+
+
+@contextlib.contextmanager
+def discovery_server(host: tuple[str, ...]) -> Iterator[None]:
+    """Run a discovery server in a host, and use it in each process started from here."""
+    address, _, port = DISCOVERY_SERVER.partition(':')
+    # 42 stands for `server`, which `fastdds discovery`, the command for people, fills in.
+    command = ['fast-discovery-server', '42', '-i', '0', '-l', address, '-p', port]
+    server = subprocess.Popen([*host, *command], stdout=subprocess.DEVNULL)
+    os.environ['ROS_DISCOVERY_SERVER'] = DISCOVERY_SERVER
+    try:
+        yield
+    finally:
+        del os.environ['ROS_DISCOVERY_SERVER']
+        server.kill()
+        server.wait()
 
 
 def an_id_that_is_no_text(_scale: int) -> Iterator[tuple[str, bool]]:
@@ -186,7 +203,7 @@ def an_id_that_is_no_text(_scale: int) -> Iterator[tuple[str, bool]]:
         refusal, summary = run.stderr.strip(), run.stdout.splitlines()[-1]
         is_refused = '\ufffd' in refusal and 'is not in the loaded greenhouse' in refusal
         yield f'{refusal}; {summary}', is_refused and summary == '1/2 tags read'
-        yield f'the bridge lives: exit code {bridge.stop()[0]}', bridge.process.returncode == 0
+        yield bridge.ends_cleanly()
 
 
 def without_multicast(scale: int) -> Iterator[tuple[str, bool]]:
@@ -203,28 +220,13 @@ def without_multicast(scale: int) -> Iterator[tuple[str, bool]]:
         exit_code = alone.returncode
         yield f'without a server: exit code {exit_code} after {seconds} s', exit_code == NO_ANSWER
 
-        address, _, port = DISCOVERY_SERVER.partition(':')
-        server = subprocess.Popen(
-            # 42 stands for `server`, which `fastdds discovery`, the command for people, fills in.
-            [*robot, 'fast-discovery-server', '42', '-i', '0', '-l', address, '-p', port],
-            stdout=subprocess.DEVNULL,
-        )
-        os.environ['ROS_DISCOVERY_SERVER'] = DISCOVERY_SERVER
-        try:
+        with discovery_server(robot):
             bridge = Bridge(*robot)
-            found = subprocess.run([*ask, '60'], capture_output=True, text=True, check=False)
-            calls = 40 * scale
-            result = ClientProcess('--calls', str(calls), '--timeout', CALL_SECONDS, prefix=laptop).result()
-            exit_code, answered = found.returncode, result['answered']
-            yield (
-                f'with a server: read_tag exit code {exit_code}, {answered}/{calls} answered',
-                (exit_code, answered) == (0, calls),
-            )
+            exit_code = subprocess.run([*ask, '60'], capture_output=True, check=False).returncode
+            result = calls_from(laptop, 40 * scale)
+            text = f'with a server: read_tag exit code {exit_code}, {summary_of(result)}'
+            yield text, (exit_code, result['answered']) == (0, result['calls'])
             bridge.stop()
-        finally:
-            del os.environ['ROS_DISCOVERY_SERVER']
-            server.kill()
-            server.wait()
 
 
 GRAPH = """
@@ -250,22 +252,16 @@ rclpy.spin(node)
 def the_graph_behind_a_server(scale: int) -> Iterator[tuple[str, bool]]:
     """List the topics of a node that shares none with the observer: only a super client sees them."""
     robot, laptop = map(inside, HOSTS)
-    address, _, port = DISCOVERY_SERVER.partition(':')
-    with two_hosts() as cable, contextlib.ExitStack() as stack:
+    with two_hosts() as cable, discovery_server(robot), contextlib.ExitStack() as stack:
         cable.blocks_multicast = True
-        environment = {**os.environ, 'ROS_DISCOVERY_SERVER': DISCOVERY_SERVER}
-        for command in (
-            ['fast-discovery-server', '42', '-i', '0', '-l', address, '-p', port],
-            [sys.executable, '-c', FOREIGN],
-        ):
-            process = subprocess.Popen([*robot, *command], env=environment, stdout=subprocess.DEVNULL)
-            stack.callback(process.wait)
-            stack.callback(process.kill)
+        foreign = subprocess.Popen([*robot, sys.executable, '-c', FOREIGN], stdout=subprocess.DEVNULL)
+        stack.callback(foreign.wait)
+        stack.callback(foreign.kill)
         look = [*laptop, sys.executable, '-c', GRAPH]
 
         def topics_seen(seconds: float, **variables: str) -> int:
             seen = subprocess.run(
-                [*look, str(seconds)], env=environment | variables, capture_output=True, text=True, check=True
+                [*look, str(seconds)], env=os.environ | variables, capture_output=True, text=True, check=True
             )
             return int(seen.stdout)
 
@@ -284,14 +280,10 @@ def a_robot_with_two_addresses(scale: int) -> Iterator[tuple[str, bool]]:
             ip(f'-n {HOSTS[0]} link set {end} up')
         ip(f'-n {HOSTS[0]} address add 10.66.0.1/24 dev arm0')
         bridge = Bridge(*robot, debug_time_of_day=12.0)
-        calls = 40 * scale
-        result = ClientProcess('--calls', str(calls), '--timeout', CALL_SECONDS, prefix=laptop).result()
+        result = calls_from(laptop, 40 * scale)
         bridge.stop()
-        yield (
-            f'a second address that cannot be reached: {result["answered"]}/{calls} answered, slowest'
-            f' {result["slowest_seconds"]} s',
-            result['answered'] == calls,
-        )
+        text = f'a second address that cannot be reached: {summary_of(result)}'
+        yield text, result['answered'] == result['calls']
 
 
 SCENARIOS = [
@@ -305,9 +297,7 @@ SCENARIOS = [
 
 def main() -> int:
     """Run the phases if this machine can; return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('--short', action='store_true', help='a fifth of everything')
-    options = parser.parse_args()
+    options = parser_of(__doc__, 'a fifth of everything').parse_args()
     if os.geteuid() != 0 or not shutil.which('ip') or not TUN.exists():
         print(f'test-network: cannot run here: it needs root, {TUN} and ip (sudo apt install iproute2)')
         return CANNOT_RUN

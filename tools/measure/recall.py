@@ -14,6 +14,7 @@ import statistics
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 
 import cv2
 import numpy as np
@@ -22,6 +23,7 @@ from lupin_simulation import scene
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.images import decoded_picture, grey_picture
 from lupin_tag_confirmation.settings import Criteria
+from shared import in_turns, print_head, print_row
 
 SIDES_M = (0.04, 0.05)
 DISTANCES_M = (0.2, 0.5, 0.8, 1.0, 1.25, 1.5)
@@ -69,6 +71,13 @@ def apriltag_detector():
     ]
 
 
+def timed(detect, *arguments) -> tuple[float, list[int]]:
+    """Return how many milliseconds a call takes, and what it returns."""
+    started = time.perf_counter()
+    found = detect(*arguments)
+    return 1e3 * (time.perf_counter() - started), found
+
+
 def one_row(task):
     """Return, for each condition, how many ids each detector finds, and the median milliseconds of each."""
     side_m, distance_m, angle_degrees, ids = task
@@ -87,9 +96,8 @@ def one_row(task):
                 **condition,
             )
             for index, detect in enumerate(detectors):
-                before = time.perf_counter()
-                numbers = detect(picture)
-                times_ms[index].append(1e3 * (time.perf_counter() - before))
+                milliseconds, numbers = timed(detect, picture)
+                times_ms[index].append(milliseconds)
                 found[index] += tag_number in numbers
         counts.append(found)
     return counts, list(map(statistics.median, times_ms))
@@ -113,8 +121,7 @@ def print_table(pool, ids: int) -> bool:
         f'{ids} ids each; found by AprilTag 3 with the defaults of confirm_tag / by OpenCV {cv2.__version__}'
     )
     print()
-    print(f'| tag | distance | side | angle | {" | ".join(CONDITIONS)} | AprilTag 3 | OpenCV |')
-    print('|---|---|---|---|' + '---|' * (len(CONDITIONS) + 2))
+    print_head('tag', 'distance', 'side', 'angle', *CONDITIONS, 'AprilTag 3', 'OpenCV')
     met = True
     tasks = list(itertools.product(SIDES_M, DISTANCES_M, ANGLES_DEGREES, [ids]))
     for (side_m, distance_m, angle_degrees, _), (counts, medians) in zip(
@@ -126,11 +133,8 @@ def print_table(pool, ids: int) -> bool:
             met = met and not is_missed
             cells.append(f'{ours} / {opencv}' + (' **missed**' if is_missed else ''))
         side = scene.Camera(tag_side_m=side_m).side_pixels(distance_m)
-        print(
-            f'| {100 * side_m:g} cm | {distance_m:g} m | {side:.0f} px | {angle_degrees}° |'
-            f' {" | ".join(cells)} | {medians[0]:.1f} ms | {medians[1]:.1f} ms |',
-            flush=True,
-        )
+        place = (f'{100 * side_m:g} cm', f'{distance_m:g} m', f'{side:.0f} px', f'{angle_degrees}°')
+        print_row(*place, *cells, *(f'{median:.1f} ms' for median in medians))
     return met
 
 
@@ -148,13 +152,11 @@ def print_cost() -> None:
         'rgb8': lambda: detect(grey_picture('rgb8', height, width, 3 * width, colours)),
         'JPEG': lambda: detect(decoded_picture(jpeg)),
     }
-    times_ms = {name: [] for name in cases}
-    for _ in range(60):  # in turns, so that other load on this machine slows all of them
-        for name, call in cases.items():
-            before = time.perf_counter()
-            call()
-            times_ms[name].append(1e3 * (time.perf_counter() - before))
-    medians = {name: statistics.median(times) for name, times in times_ms.items()}
+    rounds = in_turns([partial(timed, call) for call in cases.values()], 60)
+    medians = {
+        name: statistics.median(duration for duration, _ in calls)
+        for name, calls in zip(cases, zip(*rounds, strict=True), strict=True)
+    }
     print(f'one picture of {width} x {height}: ' + ', '.join(f'{k} {v:.1f} ms' for k, v in medians.items()))
 
 

@@ -24,16 +24,18 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import count, islice, repeat
 from pathlib import Path
-from queue import SimpleQueue
 
 import domain_coordinator
 from lupin_greenhouse_bridge.contract import latched
+from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.store import key_of
 from lupin_greenhouse_bridge.testing import executable
 from lupin_msgs.msg import SensorReading, TagReading
-from traffic import PATIENCE_SECONDS, TAG_IDS, Bridge, ClientProcess
+from shared import PATIENCE_SECONDS, own_domain, parser_of
+from traffic import TAG_IDS, Bridge, ClientProcess
 
+GROWTH = {'RSS in kB': 4096, 'open files': 2, 'threads': 0}  # the largest during many calls
 LATCHED = latched(50)
 
 
@@ -52,7 +54,7 @@ def client_killed_in_mid_call(scale: int) -> Iterator[tuple[str, bool]]:
     after = ClientProcess('--calls', '100').result()
     yield f'{8 * scale} clients killed, next one answered {after["answered"]}/100', after['answered'] == 100
     yield f'open files {files} -> {bridge.open_files()}', bridge.open_files() <= files + 8
-    yield f'exit code {bridge.stop()[0]}', bridge.process.returncode == 0
+    yield bridge.ends_cleanly()
 
 
 def bridge_killed_and_restarted(scale: int) -> Iterator[tuple[str, bool]]:
@@ -74,14 +76,11 @@ def bridge_killed_and_restarted(scale: int) -> Iterator[tuple[str, bool]]:
     )
     # After a kill, sending itself may take a second: Fast DDS then checks the queues in shared memory.
     slowest = max(result['slowest_seconds'] for result in results)
-    yield (
-        f'{2 * scale} kills, {answered} calls answered, {wrong} swapped, {timed_out} timed out after 2 s'
-        f' (slowest {slowest} s)',
-        wrong == 0,
-    )
+    timeouts = f'{timed_out} timed out after 2 s (slowest {slowest} s)'
+    yield f'{2 * scale} kills, {answered} calls answered, {wrong} swapped, {timeouts}', wrong == 0
     last = ClientProcess('--calls', '50').result()
     yield f'after the last restart {last["answered"]}/50 answered', last['answered'] == 50
-    yield f'exit code {bridge.stop()[0]}', bridge.process.returncode == 0
+    yield bridge.ends_cleanly()
 
 
 def sixteen_clients(scale: int) -> Iterator[tuple[str, bool]]:
@@ -99,39 +98,36 @@ def sixteen_clients(scale: int) -> Iterator[tuple[str, bool]]:
         client.go()
     results = [client.result() for client in clients]
     answered, wrong = (sum(result[key] for result in results) for key in ('answered', 'wrong'))
-    yield (
-        f'{16 * calls} calls, {16 * calls - answered} lost, {wrong} swapped',
-        (answered, wrong) == (16 * calls, 0),
-    )
+    lost = 16 * calls - answered
+    yield f'{16 * calls} calls, {lost} lost, {wrong} swapped', (lost, wrong) == (0, 0)
     greetings = sum(result['greetings'] for result in results)
-    exit_code, handled = bridge.stop()
-    yield (
-        (f'{handled} requests handled of {greetings} greetings and {16 * calls} calls, exit {exit_code}'),
-        (exit_code == 0 and 16 + 16 * calls <= handled <= greetings + 16 * calls),
-    )
+    exit_code, handled = bridge.handled()
+    text = f'{handled} requests handled of {greetings} greetings and {16 * calls} calls, exit {exit_code}'
+    yield text, exit_code == 0 and 16 + 16 * calls <= handled <= greetings + 16 * calls
 
 
 def many_calls(scale: int) -> Iterator[tuple[str, bool]]:
     """Call many times; no reply is lost, and memory, files and threads do not grow."""
     bridge = Bridge(debug_time_of_day=12.0)
     ClientProcess('--calls', '1000').result()
-    before = bridge.status('VmRSS'), bridge.open_files(), bridge.status('Threads')
+    before = resources_of(bridge)
     calls = 20_000 * scale if scale > 1 else 5_000
     started = time.monotonic()
     result = ClientProcess('--calls', str(calls), '--seconds', '3000').result()
     rate = calls / (time.monotonic() - started)
-    after = bridge.status('VmRSS'), bridge.open_files(), bridge.status('Threads')
+    after = resources_of(bridge)
     lost = calls - result['answered']
-    yield (
-        f'{calls} calls, {lost} lost, {result["wrong"]} swapped, {rate:.0f} calls/s',
-        (lost, result['wrong']) == (0, 0),
-    )
-    yield f'RSS {before[0]} -> {after[0]} kB', after[0] <= before[0] + 4096
-    yield (
-        f'open files {before[1]} -> {after[1]}, threads {before[2]} -> {after[2]}',
-        after[1] <= before[1] + 2 and after[2] <= before[2],
-    )
-    yield f'exit code {bridge.stop()[0]}', bridge.process.returncode == 0
+    text = f'{calls} calls, {lost} lost, {result["wrong"]} swapped, {rate:.0f} calls/s'
+    yield text, (lost, result['wrong']) == (0, 0)
+    for name, growth in GROWTH.items():
+        yield f'{name} {before[name]} -> {after[name]}', after[name] <= before[name] + growth
+    yield bridge.ends_cleanly()
+
+
+def resources_of(bridge: Bridge) -> dict[str, int]:
+    """Return what may grow by GROWTH."""
+    memory_kb, threads = bridge.status('VmRSS'), bridge.status('Threads')
+    return {'RSS in kB': memory_kb, 'open files': bridge.open_files(), 'threads': threads}
 
 
 def terminated_during_calls(scale: int) -> Iterator[tuple[str, bool]]:
@@ -145,11 +141,8 @@ def terminated_during_calls(scale: int) -> Iterator[tuple[str, bool]]:
         exit_codes.append(bridge.stop()[0])
         result = client.result()
         answered, timed_out = answered + result['answered'], timed_out + result['timed_out']
-    yield (
-        f'{len(exit_codes)} times, {answered} calls answered, {timed_out} timed out after 0.5 s,'
-        f' exit codes {sorted(set(exit_codes))}',
-        set(exit_codes) == {0},
-    )
+    calls = f'{answered} calls answered, {timed_out} timed out after 0.5 s'
+    yield f'{3 * scale} times, {calls}, exit codes {set(exit_codes)}', set(exit_codes) == {0}
 
 
 def two_bridges(scale: int) -> Iterator[tuple[str, bool]]:
@@ -193,10 +186,8 @@ def tags_in_view(_scale: int) -> Iterator[tuple[str, bool]]:
         show(tags, 3.0, len(tags))
         bridge = Bridge()
         show(tags, PATIENCE_SECONDS, len(TAG_IDS))
-    yield (
-        f'{len(tags)} tags in view, the bridge killed after 16 of them: {len(read)} readings',
-        sorted(read) == sorted(TAG_IDS),
-    )
+    text = f'{len(tags)} tags in view, the bridge killed after 16 of them: {len(read)} readings'
+    yield text, sorted(read) == sorted(TAG_IDS)
     codes = [reader.stop(), bridge.stop()[0]]
     yield f'exit codes {codes}', codes == [0, 0]
 
@@ -231,10 +222,8 @@ def recorder_killed(scale: int) -> Iterator[tuple[str, bool]]:
                 lost += max(before + count - len(rows[file]), 0)
         for each in rows.values():
             twice += len(each) - len(set(map(key_of, each)))
-    yield (
-        f'{20 * scale} kills, {acknowledged} rows acknowledged, {lost} of them lost, {twice} kept twice',
-        lost == twice == 0 < acknowledged,
-    )
+    text = f'{20 * scale} kills, {acknowledged} rows acknowledged, {lost} of them lost, {twice} kept twice'
+    yield text, lost == twice == 0 < acknowledged
 
 
 def results_of(commands: Iterator[list[str]], signals: tuple = ()) -> Iterator[tuple[int, str]]:
@@ -244,36 +233,27 @@ def results_of(commands: Iterator[list[str]], signals: tuple = ()) -> Iterator[t
     With signals, one to three arrive at random moments of the first second. Each process is alone on
     its domain: Fast DDS 3.2 can crash in a process that closes while another one asks for its types.
     """
-    free_domain_ids: SimpleQueue[int] = SimpleQueue()
 
-    def run(command: list[str]) -> tuple[int, str]:
-        domain_id = free_domain_ids.get()
-        try:
-            return run_on({**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}, command)
-        finally:
-            free_domain_ids.put(domain_id)
+    def result_of(command: list[str]) -> tuple[int, str]:
+        with domain_coordinator.domain_id() as domain_id:
+            environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain_id)}
+            process = subprocess.Popen(
+                command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
+            )
+            while signals and not takes_signals(process.pid) and process.poll() is None:
+                time.sleep(0.001)
+            for number in random.choices(signals, k=random.randint(1, 3)) if signals else ():  # noqa: S311
+                time.sleep(random.choice([0.0, random.uniform(0.0, 1.0)]))  # noqa: S311
+                process.send_signal(number)
+            try:
+                output, _ = process.communicate(timeout=PATIENCE_SECONDS)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                return -signal.SIGKILL, f'hung for {PATIENCE_SECONDS:g} s: {shlex.join(command)}'
+            return process.returncode, output
 
-    def run_on(environment: dict[str, str], command: list[str]) -> tuple[int, str]:
-        process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
-        )
-        while signals and not takes_signals(process.pid) and process.poll() is None:
-            time.sleep(0.001)
-        for number in random.choices(signals, k=random.randint(1, 3)) if signals else ():  # noqa: S311
-            time.sleep(random.choice([0.0, random.uniform(0.0, 1.0)]))  # noqa: S311
-            process.send_signal(number)
-        try:
-            output, _ = process.communicate(timeout=PATIENCE_SECONDS)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            return -signal.SIGKILL, f'hung for {PATIENCE_SECONDS:g} s: {shlex.join(command)}'
-        return process.returncode, output
-
-    with domain_coordinator.domain_id() as one, domain_coordinator.domain_id() as other:
-        free_domain_ids.put(one)
-        free_domain_ids.put(other)
-        with ThreadPoolExecutor(2) as pool:
-            yield from pool.map(run, commands)
+    with ThreadPoolExecutor(2) as pool:
+        yield from pool.map(result_of, commands)
 
 
 def takes_signals(pid: int) -> bool:
@@ -295,18 +275,20 @@ def refused_starts(_scale: int) -> Iterator[tuple[str, bool]]:
 
 def signalled_at_any_moment(_scale: int) -> Iterator[tuple[str, bool]]:
     """Send Ctrl-C and SIGTERM at random, up to three of them; each process ends as documented."""
-    service = ['--service', '/nobody/get_tag_reading', '--timeout', '60']
-    read_tag = executable('lupin_greenhouse_bridge', 'read_tag')
-    cases = [
-        ('bridge_node', repeat([executable('lupin_greenhouse_bridge', 'bridge_node')]), {0}),
-        ('read_tag', repeat([read_tag, '1', *service]), {130}),
-        ('read_tag --watch', repeat([read_tag, '1', '--watch', '1', *service]), {130}),
-        ('read_on_sight', repeat([executable('lupin_greenhouse_bridge', 'read_on_sight')]), {0}),
-    ]
+    bridge_node, read_tag, read_on_sight, record_readings = (
+        [executable('lupin_greenhouse_bridge', name)]
+        for name in ('bridge_node', 'read_tag', 'read_on_sight', 'record_readings')
+    )
+    read_nobody = [*read_tag, '1', '--service', '/nobody/get_tag_reading', '--timeout', '60']
     with tempfile.TemporaryDirectory() as folder:
-        record = [executable('lupin_greenhouse_bridge', 'record_readings'), '--ros-args', '-p']
         files = (f'file:={folder}/{number}.sqlite' for number in count())
-        cases.append(('record_readings', ([*record, file] for file in files), {0}))
+        cases = [
+            ('bridge_node', repeat(bridge_node), {0}),
+            ('read_tag', repeat(read_nobody), {130}),
+            ('read_tag --watch', repeat([*read_nobody, '--watch', '1']), {130}),
+            ('read_on_sight', repeat(read_on_sight), {0}),
+            ('record_readings', ([*record_readings, '--ros-args', '-p', file] for file in files), {0}),
+        ]
         if os.environ.get('TREE', 'monorepo') == 'monorepo':
             mission = [executable('lupin_mission', 'mission_orchestrator'), '--ros-args']
             mission += ['-p', 'wait_for_start:=false', '-p']
@@ -319,12 +301,17 @@ def signalled_at_any_moment(_scale: int) -> Iterator[tuple[str, bool]]:
             signals = (signal.SIGINT, signal.SIGINT, signal.SIGTERM)
             results = list(results_of(islice(commands, options.signals), signals))
             codes = dict(Counter(code for code, _ in results))
-            tracebacks = [output for _, output in results if 'Traceback' in output]
-            tables = sum('tags read' in output for _, output in results)
-            text = f'{name}: {options.signals} times, exit codes {codes}, {len(tracebacks)} tracebacks'
+            tracebacks = sum('Traceback' in output for _, output in results)
+            text = (
+                f'{name}: {options.signals} times, exit codes {codes}, {pluralized(tracebacks, "traceback")}'
+            )
             is_kept = set(codes) <= documented and not tracebacks
             if name == 'mission_orchestrator':
-                text, is_kept = f'{text}, {tables} tables', is_kept and tables == options.signals
+                tables = sum('tags read' in output for _, output in results)
+                text, is_kept = (
+                    f'{text}, {pluralized(tables, "table")}',
+                    is_kept and tables == options.signals,
+                )
             yield text, is_kept
             odd = [output for code, output in results if code not in documented or 'Traceback' in output]
             print(*odd[:1], sep='', end='')
@@ -353,7 +340,7 @@ def run(scenarios: list, scale: int) -> int:
         for text, is_kept in ended(scenario(scale)):
             broken += not is_kept
             print(f'{"kept  " if is_kept else "BROKEN"}  {scenario.__name__}: {text}', flush=True)
-    print(f'{broken} promises broken')
+    print(f'{pluralized(broken, "promise")} broken')
     return broken
 
 
@@ -367,12 +354,10 @@ def ended(promises: Iterator[tuple[str, bool]]) -> Iterator[tuple[str, bool]]:
 
 def main() -> int:
     """Run every scenario on a domain of its own; return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('--short', action='store_true', help='a tenth of everything')
+    parser = parser_of(__doc__, 'a tenth of everything')
     names = [scenario.__name__ for scenario in SCENARIOS]
-    parser.add_argument(
-        '--only', nargs='+', choices=names, default=names, metavar='NAME', help=', '.join(names)
-    )
+    text = ', '.join(names)
+    parser.add_argument('--only', nargs='+', choices=names, default=names, metavar='NAME', help=text)
     parser.add_argument('--refusals', type=int, help='default: 200, or 20')
     parser.add_argument('--signals', type=int, help='at each executable; default: 100, or 10')
     parser.parse_args(namespace=options)
@@ -380,8 +365,7 @@ def main() -> int:
     options.refusals = options.refusals or 200 // share
     options.signals = options.signals or 100 // share
     scenarios = [scenario for scenario in SCENARIOS if scenario.__name__ in options.only]
-    with domain_coordinator.domain_id() as domain_id:
-        os.environ |= {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    with own_domain():
         return 1 if run(scenarios, 1 if options.short else 10) else 0
 
 

@@ -20,6 +20,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
+from shared import print_head, print_row
+
 ROOT = Path(__file__).resolve().parents[2]
 LOGS = Path('.steady')
 
@@ -68,13 +70,6 @@ def run_once(command: list[str], log: Path) -> tuple[int, list[str]]:
     return ran, failed
 
 
-def table(failures: Counter, runs: int, failed_runs: int, load: int) -> str:
-    """Return the table of what failed."""
-    rows = [f'| {runs} runs beside {load} busy loops | {failed_runs} failed |', '|---|---|']
-    rows += [f'| {name} | {count} |' for name, count in failures.most_common()]
-    return '\n'.join(rows)
-
-
 def main() -> int:
     """Run the tests as often as asked; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
@@ -95,7 +90,7 @@ def main() -> int:
             failures.update(failed)
             failed_runs += bool(failed)
             print(
-                f'run {run}/{options.runs}: {ran} tests, {len(failed)} failed,'
+                f'run {run}/{options.runs}: tests: {ran}, failed: {len(failed)},'
                 f' {time.monotonic() - started:.0f} s',
                 *failed,
                 sep='\n  ',
@@ -103,7 +98,9 @@ def main() -> int:
             )
             if not failed:
                 log.unlink()
-    print(table(failures, options.runs, failed_runs, options.load))
+    print_head(f'runs: {options.runs}, busy loops: {options.load}', f'failed: {failed_runs}')
+    for name, count in failures.most_common():
+        print_row(name, str(count))
     return int(failed_runs > 0)
 
 

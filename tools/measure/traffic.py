@@ -9,7 +9,7 @@ import argparse
 import atexit
 import json
 import os
-import signal
+import re
 import subprocess
 import sys
 import time
@@ -22,55 +22,31 @@ from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading import client as blocking_client
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.runtime.run import ros
+from shared import PATIENCE_SECONDS, Server
 
 HERE = Path(__file__).resolve().parent
 TAG_IDS = [str(number) for number in range(1, 31) if number != 8]
-PATIENCE_SECONDS = 60.0
 blocking_client.REPEAT_AFTER_SECONDS = 3600.0  # a call is one request here, so that they can be counted
 
 
-class Bridge:
+class Bridge(Server):
     """A bridge process that counts its requests, and prints the count when it ends cleanly."""
 
     def __init__(self, *prefix: str, **parameters):
         overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-        self.process = subprocess.Popen(
-            [*prefix, sys.executable, str(HERE / 'counting_bridge.py'), '--ros-args', *overrides],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        atexit.register(self.process.kill)
-        for line in self.process.stdout:
-            if 'ready:' in line:
-                return
-        raise RuntimeError(f'the bridge did not start: exit code {self.process.wait()}')
+        script = [sys.executable, str(HERE / 'instrumented_bridge.py'), 'count']
+        super().__init__([*prefix, *script, '--ros-args', *overrides])
 
-    def status(self, key: str) -> int:
-        """Return a number of /proc/PID/status, such as VmRSS (kB) or Threads."""
-        return status_of(self.process.pid, key)
+    def handled(self) -> tuple[int, int]:
+        """End it; return the exit code and the number of requests it has handled."""
+        exit_code, output = self.stop()
+        found = re.search(r'^requests handled: (\d+)$', output, re.MULTILINE)
+        return exit_code, int(found[1]) if found else -1
 
-    def open_files(self) -> int:
-        """Return the number of open file descriptors."""
-        return len(list(Path(f'/proc/{self.process.pid}/fd').iterdir()))
-
-    def kill(self) -> None:
-        """Kill it without warning."""
-        self.process.kill()
-        self.process.wait()
-
-    def stop(self) -> tuple[int, int]:
-        """End it with SIGTERM; return the exit code and the number of requests it has handled."""
-        self.process.send_signal(signal.SIGTERM)
-        output, _ = self.process.communicate(timeout=PATIENCE_SECONDS)
-        handled = [line.split()[-1] for line in output.splitlines() if line.startswith('requests handled:')]
-        return self.process.returncode, int(handled[-1]) if handled else -1
-
-
-def status_of(pid: int, key: str) -> int:
-    """Return a number of /proc/PID/status, such as VmRSS (kB) or Threads."""
-    text = Path(f'/proc/{pid}/status').read_text()
-    return int(next(line for line in text.splitlines() if line.startswith(f'{key}:')).split()[1])
+    def ends_cleanly(self) -> tuple[str, bool]:
+        """End it; return its exit code as a promise."""
+        exit_code, _ = self.stop()
+        return f'exit code {exit_code}', exit_code == 0
 
 
 class ClientProcess:

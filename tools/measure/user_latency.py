@@ -8,21 +8,22 @@ By hand means pip, a plain `colcon build` of the same two packages, and the exec
 Each figure is the median of its rounds.
 """
 
-import argparse
 import contextlib
 import os
+import re
 import signal
 import statistics
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
-import domain_coordinator
+from shared import PATIENCE_SECONDS, Server, in_turns, own_domain, parser_of, print_head, print_row
 
 ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_SECONDS = 600.0
+SHELL = ('bash', '-eo', 'pipefail', '-c')
 PACKAGES = 'monorepo/lupin_msgs monorepo/lupin_greenhouse_bridge'
 BRIDGE_NODE = 'monorepo/lupin_greenhouse_bridge/lupin_greenhouse_bridge/bridge_node.py'
 # In a shell of the fresh clone. `by-hand` is an environment of its own, and so is its workspace.
@@ -39,64 +40,45 @@ BUILD_BY_HAND = (
 )
 OVERLAY = 'source by-hand/install/local_setup.bash'
 EXECUTABLES = 'by-hand/install/lupin_greenhouse_bridge/lib/lupin_greenhouse_bridge'
+KEPT_VARIABLES = re.compile(
+    '(HOME|LANG|CC|CXX|ROS_DOMAIN_ID|ROS_AUTOMATIC_DISCOVERY_RANGE)$|PIP_|UV_|SSL_'
+)  # variables
 TARGETS_SECONDS = {'smoke': 60.0, 'run': 2.0, 'read': 1.2, 'edit': 4.0}
 
 
 class Clone:
     """A fresh clone, and a shell in it without this environment."""
 
-    def __init__(self, folder: Path, domain_id: int):
+    def __init__(self, folder: Path):
         self.folder = folder / 'clone'
         subprocess.run(['git', 'clone', '--quiet', ROOT, self.folder], check=True)
         inside = os.environ.get('VIRTUAL_ENV', '/nowhere')
         paths = [path for path in os.environ['PATH'].split(':') if not path.startswith(inside)]
-        kept = {key: os.environ[key] for key in ('HOME', 'LANG', 'CC', 'CXX') if key in os.environ}
-        kept |= {key: value for key, value in os.environ.items() if key.startswith(('PIP_', 'UV_', 'SSL_'))}
-        self._environment = kept | {
-            'PATH': ':'.join(paths),
-            'ROS_DOMAIN_ID': str(domain_id),
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        }
-
-    def start(self, command: str) -> subprocess.Popen:
-        """Start a command in a process group of its own."""
-        return subprocess.Popen(
-            ['bash', '-eo', 'pipefail', '-c', command],
-            cwd=self.folder,
-            env=self._environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-        )
+        kept = {key: value for key, value in os.environ.items() if KEPT_VARIABLES.match(key)}
+        self._inside = {'cwd': self.folder, 'env': kept | {'PATH': ':'.join(paths)}}
 
     def seconds_of(self, command: str) -> float:
         """Return how long a command takes; raises SystemExit if it fails."""
         started = time.monotonic()
-        process = self.start(command)
-        output, _ = process.communicate(timeout=PATIENCE_SECONDS)
-        if process.returncode:
-            raise SystemExit(f'user_latency: {command}: exit code {process.returncode}\n{output[-2000:]}')
+        result = subprocess.run(
+            [*SHELL, command], **self._inside, capture_output=True, text=True, timeout=600.0, check=False
+        )
+        if result.returncode:
+            shown = (result.stdout + result.stderr)[-2000:]
+            raise SystemExit(f'user_latency: {command}: exit code {result.returncode}\n{shown}')
         return time.monotonic() - started
 
     @contextlib.contextmanager
-    def serving(self, command: str):
+    def serving(self, command: str) -> Iterator[float]:
         """Run a command that serves; yield the seconds to its line `ready:`."""
         started = time.monotonic()
-        process = self.start(command)
+        server = Server([*SHELL, command], **self._inside, start_new_session=True)
         try:
-            shown = []
-            for line in process.stdout:
-                shown.append(line)
-                if 'ready:' in line:
-                    break
-            else:
-                raise SystemExit(f'user_latency: {command}: never ready\n{"".join(shown)[-2000:]}')
             yield time.monotonic() - started
         finally:
             with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGTERM)
-            process.communicate(timeout=PATIENCE_SECONDS)
+                os.killpg(server.process.pid, signal.SIGTERM)
+            server.process.communicate(timeout=PATIENCE_SECONDS)
 
     def seconds_to_ready(self, command: str) -> float:
         """Return how long a command takes to its line `ready:`, and end it."""
@@ -109,18 +91,12 @@ class Clone:
             node.write(f'# {time.monotonic_ns()}\n')
 
 
-def row(text: str, ours: list[float], by_hand: list[float], target_seconds: float) -> str:
-    """Return one line of the table."""
-    median, other = statistics.median(ours), statistics.median(by_hand)
-    verdict = 'met' if median <= target_seconds else 'MISSED'
-    ratio = f'{median / other:.2f}'
-    return f'| {text} | {median:.1f} s | {other:.1f} s | {ratio} | <= {target_seconds} s {verdict} |'
-
-
-def taking_turns(rounds: int, ours: Callable, by_hand: Callable) -> tuple[list[float], list[float]]:
-    """Return what both return, called in turns."""
-    pairs = [(ours(), by_hand()) for _ in range(rounds)]
-    return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+def print_figure(text: str, rounds: list[tuple[float, float]], target_seconds: float) -> None:
+    """Print one line of the table: the medians of ours and of by hand."""
+    ours, by_hand = (statistics.median(side) for side in zip(*rounds, strict=True))
+    verdict = 'met' if ours <= target_seconds else 'MISSED'
+    target = f'<= {target_seconds} s {verdict}'
+    print_row(text, f'{ours:.1f} s', f'{by_hand:.1f} s', f'{ours / by_hand:.2f}', target)
 
 
 def print_table(*, short: bool) -> None:
@@ -128,39 +104,34 @@ def print_table(*, short: bool) -> None:
     rounds = 3 if short else 5
     read = f'{ENTER_BY_HAND} && {OVERLAY} && {EXECUTABLES}/read_tag 1'
     serve = f'{ENTER_BY_HAND} && {OVERLAY} && exec {EXECUTABLES}/bridge_node'
-    print('| | make | by hand | ratio | target |\n|---|---|---|---|---|')
-    with tempfile.TemporaryDirectory() as folder, domain_coordinator.domain_id() as domain_id:
-        clone = Clone(Path(folder), domain_id)
+    print_head('', 'make', 'by hand', 'ratio', 'target')
+    with tempfile.TemporaryDirectory() as folder, own_domain():
+        clone = Clone(Path(folder))
         smoke = clone.seconds_of('make smoke')
         by_hand = clone.seconds_of(f'{INSTALL_BY_HAND} && {BUILD_BY_HAND}')
         with clone.serving(serve):
             by_hand += clone.seconds_of(f'{read.removesuffix(" 1")} --all')
-        print(row('`make smoke` in a fresh clone', [smoke], [by_hand], TARGETS_SECONDS['smoke']), flush=True)
-        again = f'{BUILD_BY_HAND} && {serve}'
+        print_figure('`make smoke` in a fresh clone', [(smoke, by_hand)], TARGETS_SECONDS['smoke'])
+        commands = ('make run', f'{BUILD_BY_HAND} && {serve}')
+        starts = [partial(clone.seconds_to_ready, command) for command in commands]
         text = '`make run` to `ready:`, nothing changed'
-        figures = taking_turns(
-            rounds, lambda: clone.seconds_to_ready('make run'), lambda: clone.seconds_to_ready(again)
-        )
-        print(row(text, *figures, TARGETS_SECONDS['run']), flush=True)
+        print_figure(text, in_turns(starts, rounds), TARGETS_SECONDS['run'])
         with clone.serving('make run'):
-            figures = taking_turns(
-                2 * rounds, lambda: clone.seconds_of('make read TAG=1'), lambda: clone.seconds_of(read)
-            )
-        print(row('`make read TAG=1`', *figures, TARGETS_SECONDS['read']), flush=True)
+            reads = [partial(clone.seconds_of, command) for command in ('make read TAG=1', read)]
+            print_figure('`make read TAG=1`', in_turns(reads, 2 * rounds), TARGETS_SECONDS['read'])
 
         def after_an_edit(command: str) -> float:
             clone.edit()
             return clone.seconds_to_ready(command)
 
-        figures = taking_turns(rounds, lambda: after_an_edit('make run'), lambda: after_an_edit(again))
-        print(row('an edit of `bridge_node.py` to `ready:`', *figures, TARGETS_SECONDS['edit']), flush=True)
+        starts = [partial(after_an_edit, command) for command in commands]
+        text = 'an edit of `bridge_node.py` to `ready:`'
+        print_figure(text, in_turns(starts, rounds), TARGETS_SECONDS['edit'])
 
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
-    parser.add_argument('--short', action='store_true', help='fewer rounds')
-    print_table(short=parser.parse_args().short)
+    print_table(short=parser_of(__doc__, 'fewer rounds').parse_args().short)
 
 
 if __name__ == '__main__':

@@ -1,11 +1,14 @@
 """generate.py --check reports every difference between a tree and the core."""
 
+import ast
+import re
 import shutil
 import subprocess
 
 import check_drift
 import generate
 import pytest
+from commits import git
 
 ROOT = generate.ROOT
 BRIDGE = 'lupin_greenhouse_bridge/lupin_greenhouse_bridge'
@@ -51,7 +54,7 @@ def snapshot(folder):
     return {
         path: (path.stat().st_mtime_ns, path.stat().st_mode, path.read_bytes())
         for path in folder.rglob('*')
-        if path.is_file()
+        if path.is_file() and '.git' not in path.relative_to(folder).parts
     }
 
 
@@ -151,6 +154,140 @@ def test_an_unknown_file_is_kept_and_nothing_is_written(checkout, tree, capsys):
     assert generate.main(['--prune', '--root', str(checkout)]) == 0
     assert not own.exists()
     assert check(checkout) == 0
+
+
+@pytest.fixture
+def history(checkout):
+    """Return a checkout with one commit."""
+    assert generate.main(['--root', str(checkout)]) == 0
+    commit(checkout)
+    return checkout
+
+
+def commit(checkout):
+    git(checkout, 'add', '--all')
+    git(checkout, 'commit', '--quiet', '--message', 'x')
+
+
+def edit_the_core(checkout, value='86401.0'):
+    path = checkout / 'tools/core' / BRIDGE / 'settings.py'
+    path.write_text(re.sub(r'(?<=SECONDS_PER_DAY = )[\d.]+', value, path.read_text()))
+
+
+@pytest.mark.parametrize('is_staged', [False, True], ids=['', 'staged'])
+@pytest.mark.parametrize('tree', ['monorepo', 'lupin_greenhouse_ros'])
+def test_an_edit_of_a_generated_file_is_kept_until_it_is_forced(history, tree, is_staged, capsys):
+    add_a_line_at_the_end(history / tree)
+    if is_staged:
+        git(history, 'add', '--all')
+    edit_the_core(history)
+    before = snapshot(history)
+    assert generate.main(['--root', str(history)]) == 2
+    first, *diff = capsys.readouterr().err.splitlines()
+    assert first == (
+        'generate: nothing was written. Somebody has edited what is generated. Make this edit in tools/core;'
+        ' to drop it: make generate ARGS=--force'
+    )
+    assert [line for line in diff if line.startswith('+')][1:] == ['+x = 1']
+    assert f'--- {tree}/{BRIDGE}/simulator/simulation.py (generated)' in diff
+    assert snapshot(history) == before
+    assert generate.main(['--force', '--root', str(history)]) == 0
+    assert check(history) == 0
+
+
+def generate_twice(checkout):
+    edit_the_core(checkout)
+    assert generate.main(['--root', str(checkout)]) == 0
+
+
+def add_a_file_and_generate_twice(checkout):
+    (checkout / 'tools/core' / BRIDGE / 'extra.py').write_text('x = 1\n')
+    assert generate.main(['--root', str(checkout)]) == 0
+    (checkout / 'tools/core' / BRIDGE / 'extra.py').write_text('x = 2\n')
+
+
+def forget_to_generate(checkout):
+    edit_the_core(checkout)
+    commit(checkout)
+
+
+def switch_to_a_branch_that_was_not_generated(checkout):
+    git(checkout, 'switch', '--quiet', '--create', 'other')
+    forget_to_generate(checkout)
+    git(checkout, 'switch', '--quiet', '-')
+    generate_twice(checkout)
+    commit(checkout)
+    git(checkout, 'switch', '--quiet', 'other')
+
+
+def take_back_a_commit(checkout):
+    generate_twice(checkout)
+    commit(checkout)
+    (checkout / '.git/generated_from_core').unlink()  # as if another clone had generated it
+    git(checkout, 'reset', '--quiet', 'HEAD~1')
+
+
+def take_a_change_from_the_stash(checkout):
+    generate_twice(checkout)
+    git(checkout, 'stash', '--quiet')
+    assert generate.main(['--root', str(checkout)]) == 0
+    git(checkout, 'stash', 'pop', '--quiet')
+
+
+def take_a_conflict_from_the_stash(checkout):
+    generate_twice(checkout)
+    git(checkout, 'stash', '--quiet')
+    edit_the_core(checkout, '86402.0')
+    assert generate.main(['--root', str(checkout)]) == 0
+    commit(checkout)
+    with pytest.raises(subprocess.CalledProcessError):
+        git(checkout, 'stash', 'pop')
+    git(checkout, 'checkout', '--theirs', 'tools/core')
+
+
+def merge_with_a_conflict(checkout):
+    """Git itself merges one more file, which is edited in the core before the merge is committed."""
+    simulation = checkout / 'tools/core' / BRIDGE / 'simulator/simulation.py'
+    git(checkout, 'switch', '--quiet', '--create', 'other')
+    simulation.write_text(f'{simulation.read_text()}x = 1\n')
+    generate_twice(checkout)
+    commit(checkout)
+    git(checkout, 'switch', '--quiet', '-')
+    edit_the_core(checkout, '86402.0')
+    simulation.write_text(f'# y\n{simulation.read_text()}')
+    assert generate.main(['--root', str(checkout)]) == 0
+    commit(checkout)
+    with pytest.raises(subprocess.CalledProcessError):
+        git(checkout, 'merge', 'other')
+    git(checkout, 'checkout', '--theirs', f'tools/core/{BRIDGE}/settings.py')
+    simulation.write_text(f'{simulation.read_text()}z = 1\n')
+
+
+def lose_the_history(checkout):
+    shutil.rmtree(checkout / '.git')
+    git(checkout, 'init', '--quiet')
+
+
+@pytest.mark.parametrize(
+    'situation',
+    [
+        generate_twice,
+        add_a_file_and_generate_twice,
+        forget_to_generate,
+        switch_to_a_branch_that_was_not_generated,
+        take_back_a_commit,
+        take_a_change_from_the_stash,
+        take_a_conflict_from_the_stash,
+        merge_with_a_conflict,
+        lose_the_history,
+    ],
+)
+def test_an_edit_of_the_core_is_generated_in_every_situation(history, situation, capsys):
+    situation(history)
+    edit_the_core(history, '86403.0')
+    assert check(history) == 1
+    assert generate.main(['--root', str(history)]) == 0, capsys.readouterr().err
+    assert check(history) == 0
 
 
 def test_a_file_that_git_ignores_is_none_of_a_package(checkout):
@@ -291,6 +428,47 @@ def test_a_table_that_does_not_fit_the_core_writes_nothing(checkout, mutate, mes
     assert error.startswith('generate: ')
     assert message in error
     assert snapshot(checkout) == before
+
+
+def test_every_generated_file_with_comments_says_so_in_its_first_lines(checkout):
+    rendered = generate.render(checkout, generate.load_table(checkout / 'tools/twins.toml'))
+    silent = [
+        path
+        for path, (content, _) in rendered.items()
+        if generate.HEADER.encode() not in b'\n'.join(content.split(b'\n')[:3])
+    ]
+    without_comments = {'.json', '.png', ''}
+    assert {generate.Path(path).suffix for path in silent} == without_comments
+
+
+@pytest.mark.parametrize(
+    ('name', 'first'),
+    [
+        ('a.py', '#!/usr/bin/env python3\n# PYTHON_ARGCOMPLETE_OK\n'),
+        ('a.py', '# -*- coding: utf-8 -*-\n'),
+        ('a.xml', '<?xml version="1.0"?>\n<?xml-model href="x"?>\n'),
+        ('a.html', '<!doctype html>\n'),
+        ('a.rst', ''),
+    ],
+)
+def test_the_header_comes_after_what_must_stay_first(name, first):
+    rest = 'x\n'
+    text = generate.with_header(name, f'{first}{rest}'.encode()).decode()
+    header = text.removeprefix(first).removesuffix(rest)
+    assert header.strip().strip('#<!->. ') == generate.HEADER
+    assert header.endswith('\n\n' if name == 'a.rst' else '\n')
+
+
+def test_a_module_keeps_its_docstring():
+    text = generate.with_header('a.py', b'"""Text."""\n').decode()
+    assert ast.get_docstring(ast.parse(text)) == 'Text.'
+
+
+def test_a_header_in_the_core_is_refused(checkout, capsys):
+    path = checkout / 'tools/core' / BRIDGE / 'settings.py'
+    path.write_text(f'# {generate.HEADER}\n{path.read_text()}')
+    assert generate.main(['--root', str(checkout)]) == 2
+    assert 'settings.py: holds the line of a generated file: remove it' in capsys.readouterr().err
 
 
 def test_every_generated_file_and_no_other_is_marked_as_generated():

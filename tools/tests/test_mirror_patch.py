@@ -86,12 +86,39 @@ def test_a_patch_changes_the_core_and_both_trees(repositories):
     assert checks_pass(monorepo)
 
 
-def test_a_new_file_is_added_to_both_trees(repositories):
+@pytest.mark.parametrize(
+    'header', ['', f'# {generate.HEADER}\n'], ids=['', 'with the header of its neighbours']
+)
+def test_a_new_file_is_added_to_both_trees(repositories, header):
     monorepo, mirror = repositories
-    (mirror / 'lupin_greenhouse_bridge/test/test_more.py').write_text('"""More."""\n')
+    (mirror / 'lupin_greenhouse_bridge/test/test_more.py').write_text(f'{header}"""More."""\n')
     result = import_patch(monorepo, commit_in(mirror))
     assert result.returncode == 0, result.stderr
-    assert (monorepo / 'monorepo/lupin_greenhouse_bridge/test/test_more.py').exists()
+    test = 'lupin_greenhouse_bridge/test/test_more.py'
+    assert (monorepo / 'tools/core' / test).read_text() == '"""More."""\n'
+    assert (monorepo / 'monorepo' / test).read_text() == f'# {generate.HEADER}\n"""More."""\n'
+    assert checks_pass(monorepo)
+
+
+@pytest.mark.parametrize(
+    ('path', 'old', 'new'),
+    [
+        (f'{BRIDGE}/units.py', '"""The units', '"""All units'),
+        ('lupin_greenhouse_bridge/setup.py', 'from setuptools', 'import os\nfrom setuptools'),
+        ('lupin_greenhouse_bridge/package.xml', '<package format', '<!-- x -->\n<package format'),
+        ('lupin_greenhouse_bridge/CHANGELOG.rst', 'Changelog for package', 'Changes of package'),
+        ('lupin_greenhouse_bridge/doc/clients.md', '# Calling', '# How to call'),
+        ('lupin_greenhouse_msgs/srv/GetTagReading.srv', '# What is the climate', '# What is the weather'),
+        (f'{BRIDGE}/display/readings_page.html', '<html lang="en">', '<html lang="nl">'),
+    ],
+)
+def test_a_change_beside_the_header_applies_to_the_core(repositories, path, old, new):
+    monorepo, mirror = repositories
+    result = import_patch(monorepo, commit_in(mirror, (path, old, new)))
+    assert result.returncode == 0, result.stderr
+    assert (monorepo / 'lupin_greenhouse_ros' / path).read_text() == (mirror / path).read_text()
+    core = monorepo / 'tools/core' / path.replace('lupin_greenhouse_msgs', 'lupin_msgs')
+    assert generate.HEADER not in core.read_text()
     assert checks_pass(monorepo)
 
 
@@ -103,7 +130,8 @@ def test_the_divergent_line_is_text_like_any_other_in_another_file(repositories)
     )
     result = import_patch(monorepo, commit_in(mirror))
     assert result.returncode == 0, result.stderr
-    assert (monorepo / 'tools/core' / units).read_text() == (mirror / units).read_text()
+    assert 'return value or None' in (monorepo / 'tools/core' / units).read_text()
+    assert (monorepo / 'lupin_greenhouse_ros' / units).read_text() == (mirror / units).read_text()
 
 
 @pytest.mark.parametrize('new', ['    return value\n', ''], ids=['changed', 'deleted'])

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Start the greenhouse bridge: one node, one service, `/greenhouse_bridge/get_tag_reading`."""
 
 from launch import LaunchDescription

@@ -1,1 +1,2 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """A ROS 2 service that returns simulated climate readings for a greenhouse AprilTag."""

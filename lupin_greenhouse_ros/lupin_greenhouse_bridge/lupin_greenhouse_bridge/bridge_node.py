@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 ROS 2 node `greenhouse_bridge`: returns the simulated climate at a tag, at the time of the request.
 

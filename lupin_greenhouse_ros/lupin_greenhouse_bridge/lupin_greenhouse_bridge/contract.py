@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The names, the statuses and the QoS that the bridge and its clients share."""
 
 from rcl_interfaces.srv import GetParameters

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The messages of the bridge. Every module but bridge_node.py imports them from here."""
 
 from lupin_greenhouse_msgs.msg import SensorReading, TagReading

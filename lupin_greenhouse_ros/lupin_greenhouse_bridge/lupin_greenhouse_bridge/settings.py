@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The bridge's five parameters: names, defaults, limits and descriptions."""
 
 import sys

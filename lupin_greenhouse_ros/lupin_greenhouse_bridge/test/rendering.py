@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Draw a MarkerArray and an OccupancyGrid from above, as RViz does: from the messages alone."""
 
 import numpy as np

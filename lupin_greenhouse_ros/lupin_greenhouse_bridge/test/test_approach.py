@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The approach poses of a layout, the free space, and the order of visits."""
 
 import heapq

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Files that the bridge refuses in one line with the fix, and unusual files that it serves."""
 
 import copy

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Signals and exit codes: the bridge and read_tag end as documented at any moment."""
 
 import subprocess

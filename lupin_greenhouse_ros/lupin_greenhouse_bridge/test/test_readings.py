@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The contents of a reading, two clocks, and the effect of the debugging parameters."""
 
 import copy

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The SROS2 policy allows what the nodes create on the graph, and nothing else."""
 
 import signal

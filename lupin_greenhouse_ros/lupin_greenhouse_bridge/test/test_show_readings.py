@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """show_readings: what it publishes of the readings that it hears."""
 
 import contextlib

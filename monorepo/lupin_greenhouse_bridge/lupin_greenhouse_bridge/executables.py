@@ -1,4 +1,5 @@
 # PYTHON_ARGCOMPLETE_OK
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The entry points of `ros2 run`. A node handles signals first, because importing rclpy takes a moment."""
 
 from functools import partial

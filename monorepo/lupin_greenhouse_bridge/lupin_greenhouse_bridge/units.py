@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The units of the sensors, and how values are written. The simulator itself has no units."""
 
 UNITS = {

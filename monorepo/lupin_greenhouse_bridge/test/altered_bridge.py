@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 Run the real bridge_node and the real simulator with one alteration below the node.
 

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Write a report of a mission, as lupin_mission does."""
 
 import json

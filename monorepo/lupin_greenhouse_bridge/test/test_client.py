@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The blocking client: one call at a time, each with a timeout."""
 
 import threading

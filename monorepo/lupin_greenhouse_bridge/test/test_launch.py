@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The launch file under `ros2 launch` (collected only if launch is installed, see conftest.py)."""
 
 import unittest

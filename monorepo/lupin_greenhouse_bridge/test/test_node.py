@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The node in the ROS graph: one service, read-only parameters, one handler at a time."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """read_on_sight: what it requests, how often, and what it publishes."""
 
 import contextlib

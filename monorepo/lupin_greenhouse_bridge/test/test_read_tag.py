@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """read_tag on the command line: output and exit code."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The page of readings: what it holds, and what it refuses. A browser opens it in the monorepo's ci/tests."""
 
 import importlib.util

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """record_readings: what it receives, what it keeps, and what it says when it cannot."""
 
 import contextlib

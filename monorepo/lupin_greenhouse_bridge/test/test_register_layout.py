@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """register_layout: what it writes, what it prints, what it refuses, and the clicks over ROS."""
 
 import contextlib

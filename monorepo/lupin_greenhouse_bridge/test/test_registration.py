@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Where the layout lies in the map: what is fitted, left out and refused, and the file that keeps it."""
 
 import math

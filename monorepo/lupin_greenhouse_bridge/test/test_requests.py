@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """No request, and no fault of the simulator, kills, blocks or floods the bridge."""
 
 import math

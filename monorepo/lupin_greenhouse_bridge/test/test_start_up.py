@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Parameters and files that the bridge accepts, and those that it refuses."""
 
 import copy

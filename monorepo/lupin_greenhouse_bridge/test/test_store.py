@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The files of readings: what is kept, what is refused, and what can be read again. Without ROS."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The direction that each tag of a layout faces, and the walls around it."""
 
 import math

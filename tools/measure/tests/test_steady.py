@@ -40,9 +40,9 @@ def test_a_test_that_fails_once_in_three_runs_is_named(tmp_path):
     result = run(tmp_path, '--runs', '3', '--load', '1', '--', *command)
     assert result.returncode == 1
     lines = result.stdout.splitlines()
-    assert lines[0].startswith('run 1/3: 2 tests, 0 failed')
+    assert lines[0].startswith('run 1/3: tests: 2, failed: 0')
     assert lines[-3:] == [
-        '| 3 runs beside 1 busy loops | 1 failed |',
+        '| runs: 3, busy loops: 1 | failed: 1 |',
         '|---|---|',
         '| monorepo: test_it::test_flaky | 1 |',
     ]

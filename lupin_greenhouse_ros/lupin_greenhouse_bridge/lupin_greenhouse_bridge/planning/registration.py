@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Where the layout lies in the robot's map: a rotation and a shift in the plane. Does not import ROS."""
 
 import cmath

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Compute the direction that each tag of a layout faces. Does not import ROS."""
 
 import math

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The walls of the greenhouse, which bound the free space and every drawing. Does not import ROS."""
 
 import argparse

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 Read a file that holds readings: a recorder's, that of `read_tag --csv`, or a mission's report.
 

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 ROS 2 node `record_readings`: keeps each value that it receives as a row of a SQLite or CSV file.
 

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """A line of a mission's report: the outcome at one tag, as JSON. Does not import ROS."""
 
 import json

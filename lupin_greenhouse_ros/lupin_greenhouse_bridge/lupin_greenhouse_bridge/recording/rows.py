@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The rows in which readings are kept, one value each, and their CSV in UTF-8. Does not import ROS."""
 
 import csv

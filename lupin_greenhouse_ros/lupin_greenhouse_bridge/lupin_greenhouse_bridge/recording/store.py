@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 The file that readings are kept in: SQLite or CSV, with the columns of Row. Does not import ROS.
 

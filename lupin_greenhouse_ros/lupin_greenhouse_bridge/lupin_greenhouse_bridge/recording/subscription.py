@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Subscribe to topics of readings, whatever the durability of their publishers."""
 
 from collections.abc import Callable, Iterable

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Start a node from a launch file, with its parameters and what every node takes as launch arguments."""
 
 import os

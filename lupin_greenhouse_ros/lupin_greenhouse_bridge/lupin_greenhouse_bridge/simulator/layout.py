@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Read the layout of the greenhouse as data, without the simulator. Does not import ROS."""
 
 import re

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Load, validate and read the mdp-greenhouse simulator. Does not import ROS."""
 
 import importlib

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 Test your own consumer against a real bridge: pytest fixtures, installed with the package.
 

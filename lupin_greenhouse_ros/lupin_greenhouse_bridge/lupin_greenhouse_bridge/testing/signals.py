@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 Run an executable that sends itself signals at a chosen moment, for tests.
 

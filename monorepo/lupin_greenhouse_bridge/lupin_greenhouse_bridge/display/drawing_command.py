@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """A command that draws a file of readings: its options, its inputs and its errors. Does not import ROS."""
 
 import argparse

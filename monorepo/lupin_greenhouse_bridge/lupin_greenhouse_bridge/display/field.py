@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Interpolate values that were read at some places onto a grid. Does not import ROS."""
 
 import math

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The markers that show the greenhouse and the last reading of each tag."""
 
 from typing import NamedTuple

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """`ros2 run lupin_greenhouse_bridge plot_report FILE`: draw the last readings of a file."""
 
 import argparse

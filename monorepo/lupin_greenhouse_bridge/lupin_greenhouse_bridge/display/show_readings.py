@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 ROS 2 node `show_readings`: shows received readings in RViz and Foxglove, as markers and as a field.
 
@@ -19,9 +20,9 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from lupin_greenhouse_bridge.contract import latched
+from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges
 from lupin_greenhouse_bridge.display.field import Grid, grid_over, interpolate, scaled
 from lupin_greenhouse_bridge.display.markers import Scene
-from lupin_greenhouse_bridge.display.places import read_colour_ranges
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_transform

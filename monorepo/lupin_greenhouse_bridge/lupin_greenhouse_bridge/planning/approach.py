@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Compute the approach poses, from which the robot's camera sees a tag. Does not import ROS."""
 
 import itertools

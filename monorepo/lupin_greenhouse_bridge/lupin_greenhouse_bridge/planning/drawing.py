@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 Draw the greenhouse, its approach poses and a route, and find places for labels. Does not import ROS.
 

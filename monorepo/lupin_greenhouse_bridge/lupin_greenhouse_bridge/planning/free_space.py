@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 The free space of a disc robot in a greenhouse, and the shortest paths in it. Does not import ROS.
 

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The order in which a robot visits the tags, and its path. Does not import ROS."""
 
 import itertools

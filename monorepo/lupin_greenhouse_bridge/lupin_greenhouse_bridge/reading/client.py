@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """A client for scripts and tests: calls services one at a time, each with a timeout."""
 
 import time

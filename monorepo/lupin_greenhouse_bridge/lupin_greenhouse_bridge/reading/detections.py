@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """What an AprilTag detector sees: its messages, and which tag to request next. Importable without ROS."""
 
 import importlib

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 ROS 2 node `read_on_sight`: reads each tag that an AprilTag detector sees, and publishes the reading.
 

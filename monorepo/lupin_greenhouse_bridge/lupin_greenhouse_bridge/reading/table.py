@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Print readings as a table, as CSV or as JSON. Does not import ROS."""
 
 import json

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Rows on their way into the file. Does not import ROS."""
 
 import math

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The command line of a node: --help, and nothing else before --ros-args."""
 
 import inspect

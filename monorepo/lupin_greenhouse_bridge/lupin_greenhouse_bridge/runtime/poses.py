@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Poses in the plane, as numbers and as messages. Does not import ROS at the top, for those who only plan."""
 
 import math

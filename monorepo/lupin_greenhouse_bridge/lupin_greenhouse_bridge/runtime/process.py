@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
 The process of a node: it ends on a signal at any moment, with its exit code.
 

@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Run a node: start ROS, create the node, spin it, and close all in the right order."""
 
 import contextlib

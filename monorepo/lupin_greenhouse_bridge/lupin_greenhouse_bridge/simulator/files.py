@@ -1,3 +1,4 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Read and validate the simulator's two files, so that the simulator can serve everything in them."""
 
 import datetime

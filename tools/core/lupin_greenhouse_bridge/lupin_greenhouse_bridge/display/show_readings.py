@@ -19,9 +19,9 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from lupin_greenhouse_bridge.contract import latched
+from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges
 from lupin_greenhouse_bridge.display.field import Grid, grid_over, interpolate, scaled
 from lupin_greenhouse_bridge.display.markers import Scene
-from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_transform
