@@ -1,4 +1,4 @@
-"""A disc that drives along a way, and the parameters of the navigator around it. Does not import ROS."""
+"""A disc that follows a path, and the parameters of the navigator around it. Does not import ROS."""
 
 import math
 from collections import deque
@@ -43,7 +43,7 @@ class Settings:
         'Obstacles that the mission does not know, x0 y0 x1 y1 in metres each, as text or as an array.',
     )
     route_file: str = parameter(
-        '', 'A CSV file to write, of x and y in metres along the way that was driven.'
+        '', 'A CSV file to write, of x and y in metres along the path that was driven.'
     )
 
     def __post_init__(self):
@@ -70,19 +70,19 @@ class Settings:
         edges = iter(_numbers(self.blocked))
         return list(zip(edges, edges, edges, edges, strict=False))
 
-    def floor(self) -> FreeSpace:
+    def free_space(self) -> FreeSpace:
         """Return where the robot can be, with the obstacles; raises StartUpError if it cannot start there."""
         layout = find_layout(self.tag_locations_file)
         if layout is None:
             raise StartUpError('mdp-greenhouse is not installed here: set tag_locations_file')
         obstacles = {f'blocked {number}': edges for number, edges in enumerate(self.obstacles, 1)}
-        floor = FreeSpace(layout._replace(tables={**layout.tables, **obstacles}), self.robot_radius_m)
-        if not floor.is_free(*self.start[:2]):
+        free_space = FreeSpace(layout._replace(tables={**layout.tables, **obstacles}), self.robot_radius_m)
+        if not free_space.is_free(*self.start[:2]):
             raise StartUpError(
                 f'parameter start_pose is {self.start_pose}: a robot of radius {self.robot_radius_m:g} m'
                 ' does not fit there: choose another, or change blocked'
             )
-        return floor
+        return free_space
 
 
 def _numbers(value) -> list[float]:
@@ -96,36 +96,36 @@ def _numbers(value) -> list[float]:
 
 
 class DiscRobot:
-    """Turns on the spot, and drives straight from one point of its way to the next."""
+    """Turns on the spot, and drives straight from one point of its path to the next."""
 
     def __init__(self, start: Pose, speed_m_per_s: float):
         self.pose = start
         self.route: list[tuple[float, float]] = [start[:2]]  # where it has driven
         self._speed_m_per_s = speed_m_per_s
-        self._way: deque[tuple[float, float]] = deque()
-        self._yaw = start.yaw  # at the end of the way
+        self._path: deque[tuple[float, float]] = deque()
+        self._yaw = start.yaw  # at the end of the path
 
     @property
     def is_moving(self) -> bool:
-        """Whether it is not yet at the end of its way, or not yet turned."""
-        return bool(self._way) or self.pose.yaw != self._yaw
+        """Whether it is not yet at the end of its path, or not yet turned."""
+        return bool(self._path) or self.pose.yaw != self._yaw
 
-    def set_off(self, way: Iterable[tuple[float, float]], yaw: float) -> None:
-        """Leave the way for another one, and turn to this direction at its end."""
+    def follow(self, path: Iterable[tuple[float, float]], yaw: float) -> None:
+        """Leave the path for another one, and turn to this direction at its end."""
         self.stop()
-        self._way.extend(way)
+        self._path.extend(path)
         self._yaw = yaw
 
     def stop(self) -> None:
         """Stand still."""
-        self._way.clear()
+        self._path.clear()
         self._yaw = self.pose.yaw
         self._note_point()
 
     def advance(self, seconds: float) -> None:
-        """Move for this time, or up to the end of the way."""
-        while self._way and seconds > 0.0:
-            x, y = self._way[0]
+        """Move for this time, or up to the end of the path."""
+        while self._path and seconds > 0.0:
+            x, y = self._path[0]
             dx, dy = x - self.pose.x, y - self.pose.y
             left_m = math.hypot(dx, dy)
             if left_m > 0.0:
@@ -134,12 +134,12 @@ class DiscRobot:
             seconds -= step_m / self._speed_m_per_s
             if step_m == left_m:
                 self.pose = Pose(x, y, self.pose.yaw)
-                self._way.popleft()
+                self._path.popleft()
                 self._note_point()
             else:
                 share = step_m / left_m
                 self.pose = Pose(self.pose.x + share * dx, self.pose.y + share * dy, self.pose.yaw)
-        if not self._way:
+        if not self._path:
             self._turn(self._yaw, seconds)
 
     def _turn(self, yaw: float, seconds: float) -> float:

@@ -2,7 +2,7 @@
 A navigator for simulations without Nav2: serves NavigateToPose, and moves a disc robot around the tables.
 
 Publishes `odom` and `amcl_pose`, which agree: both say where the robot is in the layout. Aborts a goal that
-has no way to it, and the goal before a new one. There is no localisation, no costmap and no recovery.
+has no path to it, and the goal before a new one. There is no localisation, no costmap and no recovery.
 """
 
 import math
@@ -11,8 +11,7 @@ import time
 from functools import partial
 from pathlib import Path
 
-from geometry_msgs.msg import Point, PoseWithCovarianceStamped, Quaternion
-from geometry_msgs.msg import Pose as PoseMessage
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.run import run
@@ -23,8 +22,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from lupin_simulation.disc_robot import DiscRobot, Pose, Settings
-from lupin_simulation.odometry import pose_in_plane
+from lupin_simulation.disc_robot import DiscRobot, Settings
+from lupin_simulation.odometry import ODOMETRY_TOPIC, message_of, pose_of
 
 NODE_NAME = 'navigator'
 MAP_FRAME, ODOMETRY_FRAME, ROBOT_FRAME = 'map', 'odom', 'base_link'
@@ -39,13 +38,13 @@ class FakeNavigator(Node):
         """Read the layout, and serve the action; raises StartUpError."""
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
-        self._floor = settings.floor()
+        self._free_space = settings.free_space()
         self._action = navigate_to_pose()
         self._robot = DiscRobot(settings.start, settings.speed_m_per_s)
         self._goal = None  # the handle of the goal that the robot drives to
         self._ending = 0  # goals whose result is due
         self._moved_at = time.monotonic()
-        self._odometry = self.create_publisher(Odometry, 'odom', QoSProfile(depth=10))
+        self._odometry = self.create_publisher(Odometry, ODOMETRY_TOPIC, QoSProfile(depth=10))
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._poses = self.create_publisher(PoseWithCovarianceStamped, 'amcl_pose', latched)
         self._server = ActionServer(
@@ -53,8 +52,8 @@ class FakeNavigator(Node):
             self._action,
             settings.nav_action_name,
             execute_callback=self._result,
-            goal_callback=self._judge,
-            handle_accepted_callback=self._set_off,
+            goal_callback=self._on_goal,
+            handle_accepted_callback=self._on_accepted,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
         )
         self.create_timer(STEP_SECONDS, self._step, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -73,25 +72,25 @@ class FakeNavigator(Node):
             self.executor.spin_once(timeout_sec=0)
         return 0
 
-    def _judge(self, request) -> GoalResponse:
+    def _on_goal(self, request) -> GoalResponse:
         goal = request.pose
-        is_finite = all(map(math.isfinite, pose_in_plane(goal.pose)))
+        is_finite = all(map(math.isfinite, pose_of(goal.pose)))
         if goal.header.frame_id == MAP_FRAME and is_finite:
             return GoalResponse.ACCEPT
         self.get_logger().warning(f'goal rejected: must be finite and in the frame {MAP_FRAME}')
         return GoalResponse.REJECT
 
-    def _set_off(self, goal) -> None:
+    def _on_accepted(self, goal) -> None:
         if self._goal:
             self._end('a newer goal has come')
         self._goal = goal
-        start, target = self._robot.pose, pose_in_plane(goal.request.pose.pose)
-        way = self._floor.way(start[:2], target[:2])
-        if way is None:
-            failure = f'no way from {start.x:.2f}, {start.y:.2f} to {target.x:.2f}, {target.y:.2f}'
+        start, target = self._robot.pose, pose_of(goal.request.pose.pose)
+        path = self._free_space.way(start[:2], target[:2])
+        if path is None:
+            failure = f'no path from {start.x:.2f}, {start.y:.2f} to {target.x:.2f}, {target.y:.2f}'
             self._end(failure, NO_VALID_PATH)
         else:
-            self._robot.set_off(way, target.yaw)
+            self._robot.follow(path, target.yaw)
 
     def _step(self) -> None:
         if self._goal and self._goal.is_cancel_requested:
@@ -151,12 +150,6 @@ class FakeNavigator(Node):
             Path(path).write_text('\n'.join(lines), encoding='utf-8')
         except OSError as error:
             raise StartUpError(f"route_file '{path}': {error.strerror}: name another file") from error
-
-
-def message_of(pose: Pose) -> PoseMessage:
-    """Return the message of a pose in the plane."""
-    turn = Quaternion(z=math.sin(pose.yaw / 2), w=math.cos(pose.yaw / 2))
-    return PoseMessage(position=Point(x=pose.x, y=pose.y), orientation=turn)
 
 
 def main(args=None) -> int:

@@ -48,10 +48,7 @@ def make_world(folder: Path, tag_file: str = '', side_m: float = SIDE_M) -> tupl
     if layout is None:
         raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
     try:
-        from lupin_simulation.sdf import (
-            SDF_FILE,
-            world_files,
-        )  # imported here: a missing library is a one-line error
+        from lupin_simulation.sdf import SDF_FILE, world_files  # late: a missing library is one line
 
         write(folder, world_files(layout, side_m))
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""The robot of the navigator stand-in: how it moves, and its parameters. No time passes."""
+"""The robot of the fake navigator: how it moves, and its parameters. No time passes."""
 
 import importlib.util
 import math
@@ -9,24 +9,24 @@ from lupin_simulation.disc_robot import TURN_RAD_PER_S, DiscRobot, Pose, Setting
 
 START = Pose(0.0, 0.0, 0.0)
 NORTH = math.pi / 2
-WAY = [(0.0, 0.0), (1.0, 0.0), (1.0, 2.0)]  # 3 m, with one turn
+PATH = [(0.0, 0.0), (1.0, 0.0), (1.0, 2.0)]  # 3 m, with one turn
 DURATION_SECONDS = 3.0 / 0.5 + NORTH / TURN_RAD_PER_S + NORTH / TURN_RAD_PER_S
 
 
-def robot_on(way, yaw: float = 0.0) -> DiscRobot:
+def robot_on(path, yaw: float = 0.0) -> DiscRobot:
     robot = DiscRobot(START, speed_m_per_s=0.5)
-    robot.set_off(way, yaw)
+    robot.follow(path, yaw)
     return robot
 
 
 def test_it_drives_straight_at_its_speed():
-    robot = robot_on(WAY)
+    robot = robot_on(PATH)
     robot.advance(1.0)
     assert robot.pose == pytest.approx((0.5, 0.0, 0.0))
 
 
 def test_it_turns_on_the_spot_before_it_drives_on():
-    robot = robot_on(WAY)
+    robot = robot_on(PATH)
     robot.advance(2.0 + 0.5 * NORTH / TURN_RAD_PER_S)
     assert robot.pose == pytest.approx((1.0, 0.0, NORTH / 2))
 
@@ -34,7 +34,7 @@ def test_it_turns_on_the_spot_before_it_drives_on():
 @pytest.mark.parametrize(('start', 'yaw'), [(-3.0, 3.0), (3.0, -3.0), (0.5, -0.5)])
 def test_it_turns_the_shorter_way_round(start, yaw):
     robot = DiscRobot(Pose(0.0, 0.0, start), speed_m_per_s=0.5)
-    robot.set_off([], yaw)
+    robot.follow([], yaw)
     seconds = abs(math.remainder(yaw - start, math.tau)) / TURN_RAD_PER_S
     robot.advance(0.99 * seconds)
     assert robot.is_moving
@@ -44,8 +44,8 @@ def test_it_turns_the_shorter_way_round(start, yaw):
 
 
 @pytest.mark.parametrize('steps', [1, 7, 400])
-def test_it_ends_at_the_end_of_its_way_however_the_time_is_cut(steps):
-    robot = robot_on(WAY)
+def test_it_ends_at_the_end_of_its_path_however_the_time_is_cut(steps):
+    robot = robot_on(PATH)
     for _ in range(steps):
         assert robot.is_moving
         robot.advance(0.999 * DURATION_SECONDS / steps)
@@ -53,22 +53,22 @@ def test_it_ends_at_the_end_of_its_way_however_the_time_is_cut(steps):
     robot.advance(0.01 * DURATION_SECONDS)
     assert not robot.is_moving
     assert robot.pose == (1.0, 2.0, 0.0)
-    assert robot.route == WAY
+    assert robot.route == PATH
 
 
 def test_a_robot_that_is_stopped_stays_and_its_route_ends_there():
-    robot = robot_on(WAY)
+    robot = robot_on(PATH)
     robot.advance(1.0)
     robot.stop()
     assert not robot.is_moving
     robot.advance(100.0)
     assert robot.pose == pytest.approx((0.5, 0.0, 0.0))
-    robot.set_off([robot.pose[:2], (0.5, 1.0)], NORTH)
+    robot.follow([robot.pose[:2], (0.5, 1.0)], NORTH)
     robot.advance(100.0)
     assert robot.route == [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0)]
 
 
-def test_a_robot_without_a_way_has_not_moved():
+def test_a_robot_without_a_path_has_not_moved():
     robot = DiscRobot(START, speed_m_per_s=0.5)
     robot.advance(10.0)
     assert (robot.pose, robot.route, robot.is_moving) == (START, [(0.0, 0.0)], False)
@@ -88,10 +88,10 @@ def test_obstacles_are_text_or_an_array(blocked, obstacles):
 
 
 def test_the_robot_can_be_where_no_obstacle_is():
-    floor = Settings(blocked='0.0 1.0 1.0 1.5').floor()
-    assert floor.is_free(0.5, 0.5)
-    assert not floor.is_free(0.5, 1.25)
-    assert Settings().floor().is_free(0.5, 1.25)
+    free_space = Settings(blocked='0.0 1.0 1.0 1.5').free_space()
+    assert free_space.is_free(0.5, 0.5)
+    assert not free_space.is_free(0.5, 1.25)
+    assert Settings().free_space().is_free(0.5, 1.25)
 
 
 @pytest.mark.parametrize(
@@ -104,13 +104,13 @@ def test_the_robot_can_be_where_no_obstacle_is():
 )
 def test_a_robot_that_cannot_start_is_refused(parameters, problem):
     with pytest.raises(StartUpError, match=problem):
-        Settings(**parameters).floor()
+        Settings(**parameters).free_space()
 
 
 def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
     monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
     with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_locations_file'):
-        Settings().floor()
+        Settings().free_space()
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 from confirming import Confirming
-from geometry_msgs.msg import Point, Pose, Quaternion
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
+from lupin_simulation.disc_robot import Pose
 from lupin_simulation.fake_camera import (
     AT_TAG_TOPIC,
     FakeCamera,
@@ -19,7 +19,7 @@ from lupin_simulation.fake_camera import (
     image_of,
     tag_poses_by_number,
 )
-from lupin_simulation.odometry import ODOMETRY_TOPIC, pose_in_plane
+from lupin_simulation.odometry import ODOMETRY_TOPIC, message_of, pose_of
 from lupin_simulation.scene import Camera, marker
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
 from lupin_tag_confirmation.settings import Settings as ConfirmTagSettings
@@ -108,13 +108,9 @@ def test_a_mission_that_is_older_than_the_camera_is_heard(run_nodes):
         wait_until(lambda: confirming.confirm('7').detected)
 
 
-def message_of(x: float, y: float, yaw: float) -> Pose:
-    return Pose(position=Point(x=x, y=y), orientation=Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2)))
-
-
 @pytest.mark.parametrize('yaw', [-3.0, -math.pi / 2, 0.0, 0.3, 2.0, math.pi])
 def test_the_pose_of_the_robot_is_that_of_its_odometry(yaw):
-    assert pose_in_plane(message_of(1.5, -2.5, yaw)) == pytest.approx((1.5, -2.5, yaw))
+    assert pose_of(message_of(Pose(1.5, -2.5, yaw))) == pytest.approx((1.5, -2.5, yaw))
 
 
 def test_an_id_outside_the_family_has_no_place_in_the_picture(tmp_path):
@@ -141,11 +137,11 @@ def test_a_camera_on_the_robot_sees_its_tag_only_from_where_the_robot_really_sta
     confirming.confirm_until('no tag in view in 4 images')  # no odometry yet
     tag = tag_poses_by_number('')[7]
     x, y = tag.x + 0.4 * math.cos(tag.facing), tag.y + 0.4 * math.sin(tag.facing)
-    towards, aside = message_of(x, y, tag.facing + math.pi), message_of(x, y, tag.facing)
+    towards, aside = Pose(x, y, tag.facing + math.pi), Pose(x, y, tag.facing)
 
     def stands_at(pose: Pose):
         message = Odometry()
-        message.pose.pose = pose
+        message.pose.pose = message_of(pose)
         odometry.publish(message)
         return confirming.confirm('7')
 

@@ -1,4 +1,4 @@
-"""The navigator stand-in in the test's process, with a client of its action. The test moves its clock."""
+"""The fake navigator in the test's process, with a client of its action. The test moves its clock."""
 
 import contextlib
 import math
@@ -18,8 +18,8 @@ from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, ManualClock, running, wait_until
 from lupin_simulation import fake_navigator
 from lupin_simulation.disc_robot import Pose
-from lupin_simulation.fake_navigator import FakeNavigator, message_of
-from lupin_simulation.odometry import pose_in_plane
+from lupin_simulation.fake_navigator import FakeNavigator
+from lupin_simulation.odometry import message_of, pose_of
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -27,7 +27,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 LAYOUT = find_layout('')
 START = (0.5, 0.5)
 NEAR, FAR = (Pose(*find_approaches(LAYOUT, ViewingLimits()).poses[tag_id][:3]) for tag_id in ('1', '7'))
-NO_WAY = f'no way from 0.50, 0.50 to {FAR.x:.2f}, {FAR.y:.2f}'
+NO_PATH = f'no path from 0.50, 0.50 to {FAR.x:.2f}, {FAR.y:.2f}'
 HOUR = 3600.0
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -66,8 +66,8 @@ class Client:
     def wait_until_robot(self, is_it) -> Pose:
         """Return the pose of the robot once this is true of it."""
         heard = len(self.odometry)
-        wait_until(lambda: len(self.odometry) > heard and is_it(pose_in_plane(self.odometry[-1].pose.pose)))
-        return pose_in_plane(self.odometry[-1].pose.pose)
+        wait_until(lambda: len(self.odometry) > heard and is_it(pose_of(self.odometry[-1].pose.pose)))
+        return pose_of(self.odometry[-1].pose.pose)
 
 
 @pytest.fixture
@@ -99,7 +99,7 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
     assert goal.accepted
     clock.pass_seconds(HOUR)
     assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
-    wait_until(lambda: pose_in_plane(client.estimates[-1].pose.pose) == pytest.approx(FAR))
+    wait_until(lambda: pose_of(client.estimates[-1].pose.pose) == pytest.approx(FAR))
     assert client.wait_until_robot(lambda _pose: True) == pytest.approx(FAR)
     assert (client.odometry[-1].header.frame_id, client.odometry[-1].child_frame_id) == ('odom', 'base_link')
     assert client.estimates[-1].header.frame_id == 'map'
@@ -113,7 +113,7 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
 @pytest.mark.parametrize(
     ('action', 'reason'),
     [
-        ('NavigateToPose', {'error_code': 208, 'error_msg': NO_WAY}),
+        ('NavigateToPose', {'error_code': 208, 'error_msg': NO_PATH}),
         ('NavigateToPoseIron', {'error_code': 208}),
         ('NavigateToPoseHumble', {}),
     ],
