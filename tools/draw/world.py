@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from lupin_simulation.generate_world import LARGEST_SIDE_M, make_world
-from lupin_simulation.renderer import World
-from lupin_simulation.view import viewpoint
+from lupin_simulation.rendered_world import RenderedWorld, viewpoint
 from PIL import Image
 
 COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_simulation/doc'
@@ -30,8 +29,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         large, _, _ = make_world(Path(folder, 'large'), side_m=LARGEST_SIDE_M)
         sdf_file, _, _ = make_world(Path(folder, 'usual'))
-        above = World(large, width=1600, height=1100, focal_length_pixels=1250.0, nearest_m=2.0)
-        eye = World(sdf_file, width=640, height=360)
+        above = RenderedWorld(large, width=1600, height=1100, focal_length_pixels=1250.0, nearest_m=2.0)
+        eye = RenderedWorld(sdf_file, width=640, height=360)
         centres = np.array([tag.centre for tag in above.tags.values()])
         middle = (centres.min(axis=0) + centres.max(axis=0)) / 2
         pictures = {

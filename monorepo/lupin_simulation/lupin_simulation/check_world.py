@@ -7,7 +7,7 @@ Exit code: 0 the world is right, 1 it is wrong, 2 it cannot be checked.
 """
 
 import argparse
-import math
+import itertools
 import sys
 import tempfile
 from pathlib import Path
@@ -22,8 +22,7 @@ from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.settings import Criteria
 
 from lupin_simulation.generate_world import make_world
-from lupin_simulation.tag_poses_in_world import TAG_HEIGHT_M
-from lupin_simulation.view import Tag, open_world, viewpoint
+from lupin_simulation.rendered_world import RenderedWorld, Tag, view_ahead, viewpoint
 
 SIDES_M = (0.04, 0.05)
 DISTANCES_M = (0.3, 0.5, 1.0)
@@ -58,24 +57,60 @@ def faces_outwards(tag: Tag, tables: list, middle: np.ndarray) -> bool:
     return before > behind or before == behind == 0.0  # the latter in the middle of a table
 
 
-def check_approaches(
-    world, detector: TagDetector, layout, walls: Walls, radius_m: float, side_m: float
-) -> bool:
+def print_share(setting: str, ids, read: set, note: str = '') -> bool:
+    """Print how many of these tags were read, and which were not; return whether all were."""
+    missing = [each for each in ids if each not in read]
+    names = f', not {", ".join(map(str, missing))}' if missing else ''
+    print(f'{setting}: {len(ids) - len(missing)} of {len(ids)} read{names}{note}', flush=True)
+    return not missing
+
+
+def check_layout(world, layout) -> bool:
+    """Return whether the tags and tables are where the layout has them, and the tags face outwards."""
+    tables = tables_of(layout)
+    low, high = corners_of(world)
+    return (
+        {str(number): tuple(tag.centre[:2]) for number, tag in world.tags.items()}
+        == {tag_id: tag[:2] for tag_id, tag in layout.tags.items()}
+        and len(tables) == len(world.tables)
+        and np.allclose(tables, world.tables, rtol=0, atol=SAME_M)
+        and all(faces_outwards(tag, tables, (low + high) / 2) for tag in world.tags.values())
+    )
+
+
+def check_distances(world, detector: TagDetector, tables: list, walls: Walls, side: str) -> bool:
+    """Return whether each tag is read from each distance and angle, wherever a robot can stand."""
+
+    def can_stand(eye) -> bool:
+        x, y = eye[:2]
+        to_wall_m = min(x - walls.x0, y - walls.y0, walls.x1 - x, walls.y1 - y)
+        return min(to_wall_m, *(each.distance_m(x, y) for each in tables)) > ROBOT_RADIUS_M
+
+    are_read = []
+    for distance_m, angle_degrees in itertools.product(DISTANCES_M, ANGLES_DEGREES):
+        read, free = set(), 0
+        for number, tag in world.tags.items():
+            eyes = [viewpoint(tag, distance_m, turn * angle_degrees) for turn in (1, -1)]
+            # Where a robot cannot stand, a picture from above the tables counts, from either side.
+            standing = [eye for eye in eyes if can_stand(eye)]
+            free += bool(standing)
+            is_seen = [number in seen_from(world, detector, eye, tag.centre) for eye in standing or eyes]
+            if all(is_seen) if standing else any(is_seen):
+                read.add(number)
+        setting, note = f'{side}, {distance_m:g} m, {angle_degrees}°', f' (a robot can stand there at {free})'
+        are_read.append(print_share(setting, sorted(world.tags), read, note))
+    return all(are_read)
+
+
+def check_approaches(world, detector: TagDetector, layout, walls: Walls, radius_m: float, side: str) -> bool:
     """Return whether each tag is read from its approach pose, with the camera along the robot's x axis."""
     poses = find_approaches(layout, walls, ViewingLimits(radius_m)).poses
-    missing = []
-    for tag_id, pose in poses.items():
-        eye = np.array([pose.x, pose.y, TAG_HEIGHT_M])
-        ahead = np.array([math.cos(pose.yaw), math.sin(pose.yaw), 0.0])
-        if int(tag_id) not in seen_from(world, detector, eye, eye + ahead):
-            missing.append(tag_id)
-    names = f', not {", ".join(missing)}' if missing else ''
-    print(
-        f'{100 * side_m:g} cm, approach poses of a robot of radius {radius_m:.2f} m:'
-        f' {len(poses) - len(missing)} of {len(poses)} read{names}',
-        flush=True,
-    )
-    return not missing
+    read = {
+        tag_id
+        for tag_id, pose in poses.items()
+        if int(tag_id) in seen_from(world, detector, *view_ahead(pose.x, pose.y, pose.yaw))
+    }
+    return print_share(f'{side}, approach poses of a robot of radius {radius_m:.2f} m', poses, read)
 
 
 def check(options: argparse.Namespace, side_m: float, folder: Path) -> bool:
@@ -83,49 +118,19 @@ def check(options: argparse.Namespace, side_m: float, folder: Path) -> bool:
     sdf_file, layout, walls = make_world(
         folder / f'{side_m:g}', options.tag_file, side_m, options.sim_config_file, options.walls
     )
-    world = open_world(sdf_file)
-    places = {number: tuple(tag.centre[:2]) for number, tag in world.tags.items()}
-    is_right = places == {int(tag_id): (tag.x, tag.y) for tag_id, tag in layout.tags.items()}
-    tables = tables_of(layout)
-    is_right &= len(tables) == len(world.tables) and np.allclose(tables, world.tables, rtol=0, atol=SAME_M)
-    low, high = corners_of(world)
-    is_right &= all(faces_outwards(tag, tables, (low + high) / 2) for tag in world.tags.values())
-    print(
-        f'{100 * side_m:g} cm: {len(places)} tags and {len(world.tables)} tables,'
-        f' {"where" if is_right else "NOT where"} the layout has them'
-    )
-    detector = TagDetector()
-
-    def can_stand(eye) -> bool:
-        x, y = eye[:2]
-        to_wall_m = min(x - walls.x0, y - walls.y0, walls.x1 - x, walls.y1 - y)
-        return min(to_wall_m, *(each.distance_m(x, y) for each in tables)) > ROBOT_RADIUS_M
-
-    for distance_m in DISTANCES_M:
-        for angle_degrees in ANGLES_DEGREES:
-            read, free = set(), 0
-            for number, tag in world.tags.items():
-                eyes = [viewpoint(tag, distance_m, turn * angle_degrees) for turn in (1, -1)]
-                # Where a robot cannot stand, a picture from above the tables counts, from either side.
-                standing = [eye for eye in eyes if can_stand(eye)]
-                free += bool(standing)
-                are_read = [number in seen_from(world, detector, eye, tag.centre) for eye in standing or eyes]
-                if all(are_read) if standing else any(are_read):
-                    read.add(number)
-            missing = sorted(set(world.tags) - read)
-            is_right &= not missing
-            setting = f'{100 * side_m:g} cm, {distance_m:g} m, {angle_degrees}°'
-            names = f', not {", ".join(map(str, missing))}' if missing else ''
-            share = f'{len(read)} of {len(world.tags)} read{names}'
-            print(f'{setting}: {share} (a robot can stand there at {free})', flush=True)
+    world, detector, side = RenderedWorld(sdf_file), TagDetector(), f'{100 * side_m:g} cm'
+    is_right = check_layout(world, layout)
+    counts = f'{len(world.tags)} tags and {len(world.tables)} tables'
+    print(f'{side}: {counts}, {"where" if is_right else "NOT where"} the layout has them')
+    is_right &= check_distances(world, detector, tables_of(layout), walls, side)
     for radius_m in RADII_M:
-        is_right &= check_approaches(world, detector, layout, walls, radius_m, side_m)
+        is_right &= check_approaches(world, detector, layout, walls, radius_m, side)
     behind = [
         number
         for number, tag in world.tags.items()
         if number in seen_from(world, detector, tag.centre - DISTANCES_M[0] * tag.out, tag.centre)
     ]
-    print(f'{100 * side_m:g} cm, from behind: {len(behind)} of {len(world.tags)} read')
+    print(f'{side}, from behind: {len(behind)} of {len(world.tags)} read')
     return is_right and not behind
 
 

@@ -1,4 +1,4 @@
-"""A disc that drives along a path, and the parameters of the navigator around it. Does not import ROS."""
+"""A disc that follows a path, and the parameters of the navigator around it. Does not import ROS."""
 
 import math
 from collections import deque
@@ -101,7 +101,7 @@ class DiscRobot:
         """Whether it is not yet at the end of its path, or not yet turned."""
         return bool(self._path) or self.pose.yaw != self._yaw
 
-    def set_off(self, path: Iterable[tuple[float, float]], yaw: float) -> None:
+    def follow(self, path: Iterable[tuple[float, float]], yaw: float) -> None:
         """Leave the path for another one, and turn to this direction at its end."""
         self.stop()
         self._path.extend(path)

@@ -37,6 +37,13 @@ JPEG_QUALITY = 80
 AT_TAG_TOPIC, ODOMETRY_TOPIC = 'mission/at_tag', 'odom'  # relative: a namespace moves them
 
 
+def from_odometry_parameter():
+    """Return the field of a settings dataclass that puts a camera on the robot."""
+    return parameter(
+        False, 'Show what is in view from where `odom` says that the robot is; false: the tag of the mission.'
+    )
+
+
 @dataclass(frozen=True)
 class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
@@ -44,9 +51,7 @@ class Settings:
     publishes: str = parameter(
         'image', 'image, compressed (JPEG), or detections (of AprilTag 3 in the image).'
     )
-    from_odometry: bool = parameter(
-        False, 'Show what is in view from where `odom` says that the robot is; false: the tag of the mission.'
-    )
+    from_odometry: bool = from_odometry_parameter()
     tag_file: str = parameter(
         '', "The bridge's tag_locations.json, for from_odometry; empty: the simulator's own."
     )
@@ -73,52 +78,65 @@ class RobotPose:
         self.newest = pose_in_plane(message.pose.pose)
 
 
-class FakeCamera(Node):
+class CameraNode(Node):
+    """A camera that knows where the mission stands, or where the robot is. _look() returns its message."""
+
+    def __init__(self, settings_type):
+        super().__init__(NODE_NAME)
+        self._settings = declare_parameters(self, settings_type)
+        self._random = np.random.default_rng(0)
+        self._robot = RobotPose(self) if self._settings.from_odometry else None
+        self._tag_id = ''
+
+    def _publish(self, message_type, topic: str, frames_per_second: int) -> None:
+        """Publish from now on."""
+        self._publisher = self.create_publisher(message_type, topic, qos_profile_sensor_data)
+        self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched())
+        self.create_timer(1.0 / frames_per_second, self._on_timer)
+
+    def _on_tag(self, message) -> None:
+        self._tag_id = message.data
+
+    def _on_timer(self) -> None:
+        message = self._look()
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.frame_id = NODE_NAME
+        self._publisher.publish(message)
+
+
+class FakeCamera(CameraNode):
     """Publishes images that vary in distance, angle, blur and noise."""
 
     def __init__(self):
-        super().__init__(NODE_NAME)
-        settings = declare_parameters(self, Settings)
-        self._random = np.random.default_rng(0)
+        super().__init__(Settings)
+        publishes = self._settings.publishes
         self._camera = scene.Camera()
         message_type, self._message_of = {
             'image': lambda: (Image, image_of),
             'compressed': lambda: (CompressedImage, compressed_image_of),
             'detections': detections,
-        }[settings.publishes]()
-        self._publisher = self.create_publisher(
-            message_type, TOPICS[settings.publishes], qos_profile_sensor_data
-        )
-        self._robot = RobotPose(self) if settings.from_odometry else None
-        self._tags = tag_poses_by_number(settings) if settings.from_odometry else {}
-        self._tag_id = ''
-        self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched())
-        self.create_timer(1.0 / FRAMES_PER_SECOND, self._publish)
+        }[publishes]()
+        self._tags = tag_poses_by_number(self._settings) if self._robot else {}
+        self._publish(message_type, TOPICS[publishes], FRAMES_PER_SECOND)
 
-    def _on_tag(self, message) -> None:
-        self._tag_id = message.data
-
-    def _publish(self) -> None:
-        message = self._message_of(self._look())
-        message.header.stamp = self.get_clock().now().to_msg()
-        message.header.frame_id = 'camera'
-        self._publisher.publish(message)
-
-    def _look(self) -> np.ndarray:
+    def _look(self):
         conditions = {
             'blur_pixels': self._random.uniform(0.3, 1.2),
             'noise_levels': self._random.uniform(2.0, 8.0),
         }
         if self._robot and self._robot.newest:
-            return self._camera.look_around(self._tags, self._robot.newest, self._random, **conditions)
+            return self._message_of(
+                self._camera.look_around(self._tags, self._robot.newest, self._random, **conditions)
+            )
         has_tag = not self._robot and has_marker(self._tag_id)
-        return self._camera.look_at(
+        picture = self._camera.look_at(
             scene.marker(int(self._tag_id), scene.MODULE_PIXELS) if has_tag else None,
             self._random,
             distance_m=self._random.uniform(0.3, 1.0),
             angle_degrees=self._random.uniform(0.0, 40.0),
             **conditions,
         )
+        return self._message_of(picture)
 
 
 def has_marker(tag_id: str) -> bool:

@@ -54,8 +54,8 @@ class FakeNavigator(Node):
             self._action,
             settings.nav_action_name,
             execute_callback=self._result,
-            goal_callback=self._judge,
-            handle_accepted_callback=self._set_off,
+            goal_callback=self._on_goal,
+            handle_accepted_callback=self._on_accepted,
             cancel_callback=lambda _goal: CancelResponse.ACCEPT,
         )
         self.create_timer(STEP_SECONDS, self._step, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -74,7 +74,7 @@ class FakeNavigator(Node):
             self.executor.spin_once(timeout_sec=0)
         return 0
 
-    def _judge(self, request) -> GoalResponse:
+    def _on_goal(self, request) -> GoalResponse:
         goal = request.pose
         is_finite = all(map(math.isfinite, pose_in_plane(goal.pose)))
         if goal.header.frame_id == MAP_FRAME and is_finite:
@@ -82,7 +82,7 @@ class FakeNavigator(Node):
         self.get_logger().warning(f'goal rejected: must be finite and in the frame {MAP_FRAME}')
         return GoalResponse.REJECT
 
-    def _set_off(self, goal) -> None:
+    def _on_accepted(self, goal) -> None:
         if self._goal:
             self._end('a newer goal has come')
         self._goal = goal
@@ -92,7 +92,7 @@ class FakeNavigator(Node):
             failure = f'no path from {start.x:.2f}, {start.y:.2f} to {target.x:.2f}, {target.y:.2f}'
             self._end(failure, NO_VALID_PATH)
         else:
-            self._robot.set_off(path, target.yaw)
+            self._robot.follow(path, target.yaw)
 
     def _step(self) -> None:
         if self._goal and self._goal.is_cancel_requested:

@@ -55,10 +55,7 @@ def make_world(
         raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
     walls = find_walls(layout, sim_config_file, walls)
     try:
-        from lupin_simulation.sdf import (
-            SDF_FILE,
-            world_files,
-        )  # imported here: a missing library is a one-line error
+        from lupin_simulation.sdf import SDF_FILE, world_files  # late: a missing library is one line
 
         write(folder, world_files(layout, walls, side_m))
     except ImportError as error:

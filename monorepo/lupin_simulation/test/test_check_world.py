@@ -7,7 +7,7 @@ import pytest
 from lupin_greenhouse_bridge.planning.tag_poses import Table
 from lupin_greenhouse_bridge.testing import executable
 from lupin_simulation import check_world
-from lupin_simulation.view import Tag, viewpoint
+from lupin_simulation.rendered_world import Tag, viewpoint
 
 TABLES = [Table(1.0, 1.0, 3.0, 1.5), Table(1.0, 4.0, 3.0, 4.5)]
 

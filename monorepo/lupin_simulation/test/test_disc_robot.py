@@ -1,4 +1,4 @@
-"""The robot of the navigator stand-in: how it moves, and its parameters. No time passes."""
+"""The robot of the fake navigator: how it moves, and its parameters. No time passes."""
 
 import importlib.util
 import math
@@ -18,7 +18,7 @@ DURATION_SECONDS = 3.0 / 0.5 + NORTH / TURN_RAD_PER_S + NORTH / TURN_RAD_PER_S
 
 def robot_on(path, yaw: float = 0.0) -> DiscRobot:
     robot = DiscRobot(START, speed_m_per_s=0.5)
-    robot.set_off(path, yaw)
+    robot.follow(path, yaw)
     return robot
 
 
@@ -37,7 +37,7 @@ def test_it_turns_on_the_spot_before_it_drives_on():
 @pytest.mark.parametrize(('start', 'yaw'), [(-3.0, 3.0), (3.0, -3.0), (0.5, -0.5)])
 def test_it_turns_the_shorter_way_round(start, yaw):
     robot = DiscRobot(PoseInPlane(0.0, 0.0, start), speed_m_per_s=0.5)
-    robot.set_off([], yaw)
+    robot.follow([], yaw)
     seconds = abs(math.remainder(yaw - start, math.tau)) / TURN_RAD_PER_S
     robot.advance(0.99 * seconds)
     assert robot.is_moving
@@ -47,7 +47,7 @@ def test_it_turns_the_shorter_way_round(start, yaw):
 
 
 @pytest.mark.parametrize('steps', [1, 7, 400])
-def test_it_ends_at_the_end_of_its_way_however_the_time_is_cut(steps):
+def test_it_ends_at_the_end_of_its_path_however_the_time_is_cut(steps):
     robot = robot_on(PATH)
     for _ in range(steps):
         assert robot.is_moving
@@ -66,12 +66,12 @@ def test_a_robot_that_is_stopped_stays_and_its_route_ends_there():
     assert not robot.is_moving
     robot.advance(100.0)
     assert robot.pose == pytest.approx((0.5, 0.0, 0.0))
-    robot.set_off([robot.pose[:2], (0.5, 1.0)], NORTH)
+    robot.follow([robot.pose[:2], (0.5, 1.0)], NORTH)
     robot.advance(100.0)
     assert robot.route == [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0)]
 
 
-def test_a_robot_without_a_way_has_not_moved():
+def test_a_robot_without_a_path_has_not_moved():
     robot = DiscRobot(START, speed_m_per_s=0.5)
     robot.advance(10.0)
     assert (robot.pose, robot.route, robot.is_moving) == (START, [(0.0, 0.0)], False)

@@ -11,8 +11,8 @@ from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.testing import executable, wait_until
 from lupin_simulation import world_camera
-from lupin_simulation.view import Tag
-from lupin_simulation.world_camera import WorldCamera, approach
+from lupin_simulation.rendered_world import Tag
+from lupin_simulation.world_camera import WorldCamera, view_of
 from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
@@ -32,7 +32,7 @@ def look(_eye, at) -> np.ndarray:
 def test_the_camera_stands_in_front_of_the_tag_and_looks_at_it():
     random = np.random.default_rng(1)
     for _ in range(200):
-        eye, at = approach(TAG, random)
+        eye, at = view_of(TAG, random)
         right, up, out = (axis @ (eye - TAG.centre) for axis in (TAG.to_right, TAG.up, TAG.out))
         assert up == 0.0
         assert out > abs(right)  # less than 45 degrees from the normal
@@ -41,14 +41,15 @@ def test_the_camera_stands_in_front_of_the_tag_and_looks_at_it():
 
 
 def test_without_a_tag_the_camera_looks_at_the_sky():
-    eye, at = approach(None, np.random.default_rng(1))
+    eye, at = view_of(None, np.random.default_rng(1))
     assert at[2] > eye[2] > 0.0
 
 
 @pytest.fixture
 def run_camera(monkeypatch):
     """Return a function that runs a camera beside a robot whose mission stands at tag 7 already."""
-    monkeypatch.setattr(world_camera, 'open_world', lambda _file: SimpleNamespace(tags={7: TAG}, look=look))
+    world = SimpleNamespace(tags={7: TAG}, look=look)
+    monkeypatch.setattr(world_camera, 'RenderedWorld', lambda _file: world)
     with contextlib.ExitStack() as stack:
 
         def run(namespace='', **parameters):

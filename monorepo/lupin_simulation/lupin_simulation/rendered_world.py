@@ -1,0 +1,123 @@
+"""Render the SDF world with Drake, without a display. Imports Drake only when a world is opened."""
+
+import logging
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from lupin_greenhouse_bridge.errors import StartUpError
+
+from lupin_simulation.sdf import TAG_HEIGHT_M
+
+# Drake ignores the lights of the SDF.
+LIGHTS = ((1, 0, -0.15), (-1, 0, -0.15), (0, 1, -0.15), (0, -1, -0.15))
+NEAREST_M, FARTHEST_M = 0.01, 50.0
+SUPERSAMPLING = 2  # a camera's pixel averages the light of its area
+
+
+@dataclass(frozen=True)
+class Tag:
+    """A tag of the world: its centre in metres, and the axes of its model's frame."""
+
+    centre: np.ndarray
+    to_right: np.ndarray  # of the viewer
+    up: np.ndarray
+    out: np.ndarray  # of its face
+
+
+def viewpoint(tag: Tag, distance_m: float, angle_degrees: float) -> np.ndarray:
+    """Return a point at this distance from a tag and at its height, turned from its normal to its right."""
+    angle = math.radians(angle_degrees)
+    return tag.centre + distance_m * (math.cos(angle) * tag.out + math.sin(angle) * tag.to_right)
+
+
+def view_ahead(x: float, y: float, yaw: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the camera of a robot with this pose is, and a point before it, as high as the tags."""
+    eye = np.array([x, y, TAG_HEIGHT_M])
+    return eye, eye + np.array([math.cos(yaw), math.sin(yaw), 0.0])
+
+
+class RenderedWorld:
+    """The world of an SDF file."""
+
+    def __init__(
+        self,
+        sdf_file: str | Path,
+        width: int = 640,
+        height: int = 480,
+        focal_length_pixels: float = 600.0,
+        nearest_m: float = NEAREST_M,
+    ):
+        """
+        Read the world; raises StartUpError without Drake, and if the file is not a world.
+
+        From far away, a tag is drawn in front of its plate only if `nearest_m` is large.
+        """
+        try:
+            self._load(sdf_file, nearest_m, width, height, focal_length_pixels)
+        except ImportError as error:
+            raise StartUpError(f'Drake is missing ({error}): pip install drake') from error
+        except RuntimeError as error:
+            raise StartUpError(
+                f"'{sdf_file}' is not an SDF world: use a world made by generate_world: {error}"
+            ) from error
+
+    def _load(self, sdf_file, nearest_m: float, *size: float) -> None:
+        from pydrake import geometry
+        from pydrake.math import RigidTransform
+        from pydrake.multibody.parsing import Parser
+        from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+        from pydrake.systems.framework import DiagramBuilder
+        from pydrake.systems.sensors import CameraInfo
+
+        logging.getLogger('drake').setLevel(logging.ERROR)  # it warns of the lights
+        builder = DiagramBuilder()
+        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+        models = Parser(plant).AddModels(str(sdf_file))
+        lights = [
+            geometry.LightParameter(type='directional', frame='world', direction=each) for each in LIGHTS
+        ]
+        engine = geometry.MakeRenderEngineVtk(geometry.RenderEngineVtkParams(lights=lights))
+        scene_graph.AddRenderer('vtk', engine)
+        plant.Finalize()
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._query = scene_graph.get_query_output_port().Eval(
+            scene_graph.GetMyContextFromRoot(self._context)
+        )
+        self._frame = scene_graph.world_frame_id()
+        width, height, focal = (SUPERSAMPLING * each for each in size)
+        core = geometry.RenderCameraCore(
+            'vtk',
+            CameraInfo(width, height, focal, focal, width / 2, height / 2),
+            geometry.ClippingRange(nearest_m, FARTHEST_M),
+            RigidTransform(),
+        )
+        self._camera = geometry.ColorRenderCamera(core)
+        self.tags: dict[int, Tag] = {}
+        self.tables: list[tuple[float, float, float, float]] = []  # x0, y0, x1, y1
+        for model in models:
+            name = plant.GetModelInstanceName(model)
+            body = plant.get_body(plant.GetBodyIndices(model)[0])
+            pose = plant.EvalBodyPoseInWorld(plant.GetMyContextFromRoot(self._context), body)
+            if name.startswith('tag_'):
+                axes = pose.rotation().matrix().T
+                self.tags[int(name.removeprefix('tag_'))] = Tag(pose.translation(), *axes)
+            elif name.startswith('table_'):
+                (shape,) = plant.GetCollisionGeometriesForBody(body)
+                centre, size = pose.translation(), scene_graph.model_inspector().GetShape(shape).size()
+                self.tables.append((*(centre - size / 2)[:2], *(centre + size / 2)[:2]))
+
+    def look(self, eye: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """Return the picture from one point towards another, RGB, uint8 of the shape (height, width, 3)."""
+        from pydrake.math import RigidTransform, RotationMatrix
+
+        ahead = (at - eye) / np.linalg.norm(at - eye)
+        right = np.cross(ahead, (0.0, 0.0, 1.0))
+        right /= np.linalg.norm(right)
+        pose = RigidTransform(RotationMatrix(np.column_stack([right, np.cross(ahead, right), ahead])), eye)
+        picture = self._query.RenderColorImage(self._camera, self._frame, pose).data
+        smaller = 1 / SUPERSAMPLING
+        return cv2.resize(picture[..., :3], None, fx=smaller, fy=smaller, interpolation=cv2.INTER_AREA)
