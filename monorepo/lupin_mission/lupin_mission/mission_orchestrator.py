@@ -27,7 +27,7 @@ from std_srvs.srv import Trigger
 from lupin_mission.announcer import Announcer
 from lupin_mission.drive import Drive, SimulatedDrive
 from lupin_mission.messages import MISSION_TYPE, accept_response
-from lupin_mission.mission import Mission, Request, Severity, State
+from lupin_mission.mission import Mission, Request, Service, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.plan import Plan
 from lupin_mission.report import Report, ReportError, last_of_each_tag, summary_table
@@ -41,6 +41,7 @@ NODE_NAME = 'mission_orchestrator'
 STEP_SECONDS = 0.02
 LONGEST_STOP_SECONDS = 2.0
 SIMULATED = 'simulated drive'  # what observations and events say where no robot moves
+NOT_KNOWN_YET = 'the tags are not known yet: start the bridge'
 RELEASE_ESTOP = 'the e-stop is engaged: release it first'
 
 
@@ -92,7 +93,8 @@ class MissionNode(Node):
         clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it
         self.create_timer(1.0 / settings.state_publish_rate_hz, self._publish_state, clock=clock)
         self.create_timer(STEP_SECONDS, self._step, clock=clock)
-        self._tags.find(self, self._on_tags, self._on_tag_positions)
+        has_service = partial(self._transport.is_available, Service.READ)
+        self._tags.find(self, has_service, self._on_tags, self._on_tag_positions)
 
     def is_done(self) -> bool:
         """Return True once every tag has its outcome, unless the node waits for mission/start."""
@@ -139,7 +141,7 @@ class MissionNode(Node):
 
     def _on_tags(self) -> None:
         """Start the mission, unless it waits for mission/start."""
-        self.note(f'{len(self._tags.ids)} tags known', Severity.INFO)
+        self.note(f'{len(self._chosen_ids())} tags known', Severity.INFO)
         self._on_tag_positions()
         if not self._settings.wait_for_start:
             self._begin(self._new_mission_id(), self._chosen_ids(), self.report)
@@ -207,7 +209,7 @@ class MissionNode(Node):
         self._announcer.moved(self.mission)
 
     def _publish_state(self) -> None:
-        idle = 'READY' if self._tags.ids else 'BOOT'
+        idle = 'READY' if self._tags.has_tags_to_visit() else 'BOOT'
         self._announcer.publish_state(
             self.mission, self._mission_id, idle, self._started_at, is_estop_engaged=self._is_estop_engaged
         )
@@ -294,16 +296,18 @@ class MissionNode(Node):
             return f'mission already running: abort {self._mission_id}, or wait for its end'
         if self._is_estop_engaged:
             return RELEASE_ESTOP
-        if not self._tags.ids:
-            return 'the tags are not known yet: start the bridge'
+        if not self._tags.has_tags_to_visit():
+            return NOT_KNOWN_YET
         if request.mission_type not in ('', MISSION_TYPE):
             shown = escaped(request.mission_type, 40)
             return f"mission_type is '{shown}': must be {MISSION_TYPE} or empty"
         return self._fault_of(list(request.tag_sequence))
 
     def _fault_of(self, sequence: list[str]) -> str:
-        known = set(self._tags.ids)
+        known = set(self._tags.ids or self._settings.chosen_tag_ids)
         if unknown := [tag_id for tag_id in sequence if tag_id not in known]:
+            if not self._tags.ids:
+                return NOT_KNOWN_YET
             shown = escaped(unknown[0], 40)
             return f"tag '{shown}' is unknown: must be one of the {len(known)} tags of the greenhouse"
         if len(set(sequence)) != len(sequence):

@@ -25,6 +25,9 @@ WITHOUT_EFFECT = (
     'arm_travel_preset',
     'arm_travel_settle_s',
     'base_frame',
+    'battery_low_threshold',
+    'battery_topic',
+    'discovered_tags_topic',
     'discovery_goal',
     'dock_timeout_s',
     'exploration_timeout_s',
@@ -32,6 +35,7 @@ WITHOUT_EFFECT = (
     'localization_timeout_s',
     'map_topic',
     'map_yaml_path',
+    'monitoring_sweeps',
     'nav_localization_cov_threshold',
 )
 
@@ -257,4 +261,6 @@ def _words(value) -> list[str]:
         is_array = text.startswith('[') and text.endswith(']')
         words = (text[1:-1] if is_array else text).replace(',', ' ').split()
         return [word.strip('\'"') for word in words] if is_array else words
+    if value is None:  # rclpy's value of an empty array
+        return []
     return [str(item) for item in (value if isinstance(value, Iterable) else [value])]

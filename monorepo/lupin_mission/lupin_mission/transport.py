@@ -34,6 +34,10 @@ class Transport:
         self._unsent: tuple[Request, Callable] | None = None  # until its service is there
         self._future = None  # of the pending request
 
+    def is_available(self, service: Service) -> bool:
+        """Return whether a service is there."""
+        return self._clients[service].service_is_ready()
+
     def send(self, request: Request, on_response: Callable) -> None:
         """Send a request as soon as its service is available. The mission handles the timeout."""
         self._unsent = request, on_response
@@ -41,7 +45,7 @@ class Transport:
 
     def send_when_ready(self) -> None:
         """Send the waiting request if its service is available now."""
-        if not self._unsent or not self._clients[self._unsent[0].service].service_is_ready():
+        if not self._unsent or not self.is_available(self._unsent[0].service):
             return
         (request, on_response), self._unsent = self._unsent, None
         if request.service is Service.CONFIRM:

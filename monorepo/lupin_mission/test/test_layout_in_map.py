@@ -114,7 +114,7 @@ def test_the_tags_of_a_file_are_moved_to_the_map(tmp_path, layout_file, paramete
     path = tmp_path / 'tags'
     path.write_text(text, encoding='utf-8')
     tags = Tags(Settings(drive='simulated', **{parameter: str(path)}, layout_in_map=layout_file))
-    tags.find(None, lambda: None, lambda: None)
+    tags.find(None, None, lambda: None, lambda: None)
     assert tags.positions_m == {'7': pytest.approx((8.0, 21.0))}
 
 

@@ -9,7 +9,7 @@ import pytest
 import rclpy
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.recording.report_line import Outcome
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, has_found_a_client, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
 from lupin_mission import mission_orchestrator, tags
 from lupin_mission.mission import Service, State
@@ -22,6 +22,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 
 OK = Outcome.OK
+OF_OTHER_MISSIONS = ('battery_low_threshold', 'battery_topic', 'discovered_tags_topic', 'monitoring_sweeps')
 # One of each part of a run; the bridge's tests signal the same code in many more.
 MOMENTS = {
     'rclpy/__init__.py:<module>': 'signalled in',  # the import
@@ -108,6 +109,25 @@ def test_a_bridge_that_does_not_tell_its_tags_is_asked_for_the_shipped_ones(
     assert reader.tag_ids == sorted(shipped_tags, key=int)
     reason = 'the node of /held/get_tag_reading does not list its tags: using those of '
     assert len([line for line in mission.log if reason in line]) == 1
+
+
+def test_a_service_without_the_parameters_of_a_bridge_is_asked_for_the_shipped_tags_after_5_s(
+    start_mission, reader, shipped_tags, clock, node
+):
+    """As in the team's tests, whose node is not named as the prefix of its service."""
+    mission = start_mission(**READER)
+    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    wait_until(lambda: has_found_a_client(node, reader.name))
+    clock.pass_seconds(4.9)
+    for _ in range(3):  # the mission looks more often
+        assert states.wait_for(lambda _state: True).lifecycle_state == 'BOOT'
+    clock.pass_seconds(5.0)  # since its first look
+    for tag_id in sorted(shipped_tags, key=int):
+        reader.answer_ok(tag_id, co2=1.0)
+    assert mission.end() == 0
+    assert reader.tag_ids == sorted(shipped_tags, key=int)
+    (warning,) = mission.warnings()
+    assert 'no node offers /held/get_parameters: using those of ' in warning
 
 
 def test_the_tags_that_arrive_twice_start_one_mission(start_mission, held_service, reader):
@@ -435,6 +455,17 @@ def test_a_refusal_is_the_exit_code_of_the_process(start_process):
     assert 'must be a whole number' in start_process(max_attempts=0).refusal(exit_code=2)
 
 
+@pytest.mark.parametrize('name', ['tag_sequence', 'dock_pose'])
+def test_an_empty_array_is_no_tag_and_no_dock(start_mission, held_service, reader, name):
+    held_service(GetParameters, '/held/get_parameters').answer(
+        values=[ParameterValue(string_array_value=['7']), ParameterValue()]
+    )
+    mission = start_mission(**READER, **{name: '[]'})
+    reader.answer_ok('7', co2=1.0)
+    assert mission.end() == 0
+    assert mission.outcomes() == [('7', OK)]
+
+
 @pytest.mark.parametrize('ids', ['5 7', '5,7', '[5, 7]', '["5", "7"]'])
 def test_tag_ids_may_be_text_or_an_array(start_mission, ids):
     mission = start_mission(tag_sequence=ids, max_attempts=1, scan_timeout_s=0.01)
@@ -449,12 +480,13 @@ def test_one_whole_number_is_a_tag_id_too(start_mission):
 
 
 def test_the_arguments_of_the_team_that_have_no_effect_are_named_in_one_line(start_mission, reader):
-    mission = start_mission(**READER, tag_sequence='7', discovery_goal=5, map_topic='/map')
+    unused = {'discovery_goal': 5, 'map_topic': '/map', **dict.fromkeys(OF_OTHER_MISSIONS, '0.5')}
+    mission = start_mission(**READER, tag_sequence='7', **unused)
     reader.answer_ok('7', co2=1.0)
     assert mission.end() == 0
     assert mission.warnings() == []
     (line,) = [line for line in mission.log if 'without effect' in line]
-    assert line.endswith('without effect in this node: discovery_goal, map_topic')
+    assert line.endswith('without effect in this node: ' + ', '.join(sorted(unused)))
 
 
 def test_a_mistyped_parameter_is_named_and_changes_nothing(start_mission):

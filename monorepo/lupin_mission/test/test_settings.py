@@ -43,6 +43,7 @@ def test_the_limits_of_a_mission_are_its_parameters():
         ('', []),
         (' 6,21  29, ', ['6', '21', '29']),
         ([], []),
+        (None, []),  # of rclpy, for an empty array
         ('[]', []),
         ('[6, "21"]', ['6', '21']),  # of a launch argument
         ([6, 21], ['6', '21']),
@@ -121,6 +122,7 @@ def test_the_parameter_file_has_every_parameter_and_its_default():
         ('', []),
         (' ', []),
         ([], []),
+        (None, []),
         ('1.0, 0.5, 3.14', [1.0, 0.5, 3.14]),
         ('[1.0, 0.5, 3.14]', [1.0, 0.5, 3.14]),
         ([0.0, 0, 0], [0.0, 0.0, 0.0]),

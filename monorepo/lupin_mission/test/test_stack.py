@@ -16,11 +16,26 @@ from lupin_mission.mission import Severity
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState, Observation, TagReading
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Operator, Subscriber
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import GetParameters
 from rclpy.duration import Duration
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Bool, String
 
 OK = Outcome.OK
+
+
+@pytest.fixture
+def tag_file(tmp_path):
+    """Return a function that writes a tag file with these tags, and returns the parameter."""
+
+    def write(*tag_ids):
+        path = tmp_path / 'tags.json'
+        tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
+        path.write_text(json.dumps({'tags': dict.fromkeys(tag_ids, tag)}), encoding='utf-8')
+        return {'tag_locations_file': f'"{path}"'}
+
+    return write
 
 
 def received_tags(subscriber) -> list[str]:
@@ -230,17 +245,34 @@ def test_at_tag_names_the_tag_that_the_robot_stands_at(start_mission, reader, no
     assert [message.data for message in at_tag.received[:4]] == ['', '1', '', '2']
 
 
-def test_without_a_sequence_the_tags_are_visited_in_numeric_order(start_mission, reader, operate, tmp_path):
-    tag_file = tmp_path / 'tags.json'
-    tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
-    tag_file.write_text(json.dumps({'tags': dict.fromkeys(('b', '10', '9', 'a'), tag)}))
-    mission = start_mission(**READER, tag_locations_file=f'"{tag_file}"', wait_for_start=True)
+def test_without_a_sequence_the_tags_are_visited_in_numeric_order(start_mission, reader, operate, tag_file):
+    mission = start_mission(**READER, **tag_file('b', '10', '9', 'a'), wait_for_start=True)
     start_and_expect(['9', '10', 'a', 'b'], mission, reader, operate)
 
 
 def test_a_start_without_a_sequence_takes_the_one_of_the_parameter(start_mission, reader, operate):
     mission = start_mission(**READER, tag_sequence='b 10 9 a', wait_for_start=True)
     start_and_expect(['b', '10', '9', 'a'], mission, reader, operate)
+
+
+def test_a_start_may_name_any_tag_of_the_greenhouse(start_mission, reader, operate, tag_file):
+    mission = start_mission(**READER, **tag_file('1', '2', '3'), tag_sequence='1', wait_for_start=True)
+    operator = operate(mission)
+    reader.answer_ok('3', co2=1.0)
+    operator.start(tag_sequence=['3'])
+    operator.wait_for(lifecycle_state='DONE', targets_completed=1)
+
+
+def test_a_start_names_a_tag_of_the_bridge_once_it_has_replied(start_mission, held_service, reader, operate):
+    bridge = held_service(GetParameters, '/held/get_parameters')
+    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
+    operator = operate(mission)
+    assert operator.rejection(tag_sequence=['3']) == 'the tags are not known yet: start the bridge'
+    bridge.answer(values=[ParameterValue(string_array_value=['1', '3']), ParameterValue()])
+    while operator._call('start', tag_sequence=['3']).accepted is False:
+        operator.states.wait_for(lambda _state: True)
+    reader.answer_ok('3', co2=1.0)
+    operator.wait_for(lifecycle_state='DONE', targets_completed=1)
 
 
 def start_and_expect(tag_ids, mission, reader, operate) -> None:
@@ -338,12 +370,14 @@ def test_the_error_of_one_mission_is_not_that_of_the_next(start_mission, reader,
             {'mission_type': 'ExplorationMission'},
             "mission_type is 'ExplorationMission': must be InspectionMission or empty",
         ),
-        ({'tag_sequence': ['1', '99']}, "tag '99' is unknown: must be one of the 2 tags of the greenhouse"),
+        ({'tag_sequence': ['1', '99']}, "tag '99' is unknown: must be one of the 3 tags of the greenhouse"),
         ({'tag_sequence': ['1', '1']}, 'tag_sequence names a tag twice: a mission visits a tag once'),
     ],
 )
-def test_a_start_that_cannot_be_is_rejected_with_the_reason(start_mission, operate, request_fields, reason):
-    mission = start_mission(**READER, tag_sequence='1 2', wait_for_start=True)
+def test_a_start_that_cannot_be_is_rejected_with_the_reason(
+    start_mission, operate, tag_file, request_fields, reason
+):
+    mission = start_mission(**READER, **tag_file('1', '2', '3'), tag_sequence='1 2', wait_for_start=True)
     operator = operate(mission)
     assert operator.rejection(**request_fields) == reason
     state = operator.wait_for(last_event=f'start rejected: {reason} (simulated drive)')

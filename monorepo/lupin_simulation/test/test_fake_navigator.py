@@ -16,7 +16,7 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.walls import find_walls
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_message
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, ManualClock, running, wait_until
 from lupin_simulation import fake_navigator

@@ -20,6 +20,8 @@ LAYOUT = Layout(
 )
 SIDE_M = 0.08
 
+WALLS = Walls(0.0, 0.0, 4.0, 8.0)
+
 
 @pytest.fixture(scope='module')
 def files():
