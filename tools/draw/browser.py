@@ -9,6 +9,7 @@ from pathlib import Path
 
 LONGEST_LIFE_SECONDS = 120
 CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'chromium-browser', 'google-chrome'))), None)
+COMPLAINTS = ('Runtime.exceptionThrown', 'Runtime.consoleAPICalled', 'Log.entryAdded')
 NO_CHROMIUM = 'Chromium is missing, which opens the page of readings: sudo apt install chromium'
 
 
@@ -44,13 +45,8 @@ class Page:
         self._session = {'sessionId': session}
         for domain in ('Page', 'Runtime', 'Log', 'Network'):
             self._call(f'{domain}.enable')
-        self._call(
-            'Emulation.setDeviceMetricsOverride',
-            width=width,
-            height=height,
-            deviceScaleFactor=1,
-            mobile=width < 600,
-        )
+        view = {'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': width < 600}
+        self._call('Emulation.setDeviceMetricsOverride', **view)
         self._call('Page.navigate', url=path.resolve().as_uri())
         while next(self._messages).get('method') != 'Page.loadEventFired':
             pass
@@ -94,11 +90,7 @@ class Page:
             *messages, rest = (rest + part).split(b'\0')
             for message in map(json.loads, messages):
                 parameters = message.get('params', {})
-                if message.get('method') in (
-                    'Runtime.exceptionThrown',
-                    'Runtime.consoleAPICalled',
-                    'Log.entryAdded',
-                ):
+                if message.get('method') in COMPLAINTS:
                     self.complaints.append(json.dumps(parameters))
                 elif message.get('method') == 'Network.requestWillBeSent':
                     self.requests.append(parameters['request']['url'])

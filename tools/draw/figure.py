@@ -19,7 +19,7 @@ from pathlib import Path
 import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
 from lupin_greenhouse_bridge.planning import approach, drawing, free_space, route, tag_poses, walls
 from lupin_greenhouse_bridge.planning.drawing import COLOURS, Box, draw_greenhouse, place_labels
 from lupin_greenhouse_bridge.settings import Settings
@@ -65,23 +65,21 @@ class Greenhouse:
                 component['noise_sigma'] = 0.0
         self.sensors = self._noisy.sensors()
 
-    def value(
-        self, sensor: str, position: tuple[float, float], hour: float, *, is_noisy: bool = False
-    ) -> float:
+    def value(self, sensor: str, position: tuple[float, float], hour: float, *, is_noisy=False) -> float:
         """Return the value of a sensor at a position, in its unit."""
         simulator = self._noisy if is_noisy else self._silent
         return simulator.sensor_registry.get_sensor(sensor).retrieve_data(position, hour * 3600.0)
 
     def fingerprint(self, options) -> str:
         """Return a hash of everything that a figure is drawn from."""
-        files = [
-            Path(self.tag_file),
-            Path(self.sim_config_file),
-            Path(__file__),
-            *(Path(each.__file__) for each in DRAWN_BY),
-        ]
+        files = (self.tag_file, self.sim_config_file, __file__, *(each.__file__ for each in DRAWN_BY))
         choices = f'{options.sensor} {options.hour} {options.tag}'.encode()
-        return hashlib.sha256(b'\0'.join([*(file.read_bytes() for file in files), choices])).hexdigest()
+        return hash_of(*(Path(file).read_bytes() for file in files), choices)
+
+
+def hash_of(*contents: bytes) -> str:
+    """Return the fingerprint of what a picture is drawn from."""
+    return hashlib.sha256(b'\0'.join(contents)).hexdigest()
 
 
 def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
@@ -96,9 +94,7 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
     )
     field = [[greenhouse.value(sensor, (x, y), hour) for x in xs] for y in ys]
     extent = (xs[0], xs[-1], ys[0], ys[-1])
-    shades = axes.imshow(
-        field, cmap=COLOURS, alpha=0.55, origin='lower', extent=extent, interpolation='bilinear'
-    )
+    shades = axes.imshow(field, COLOURS, alpha=0.55, origin='lower', extent=extent, interpolation='bilinear')
     lines = axes.contour(xs, ys, field, colors='0.3', linewidths=0.6)
     dots = [(tag.x, tag.y) for tag in layout.tags.values()]
     for label in axes.clabel(lines, fontsize=7):
@@ -114,17 +110,11 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
     for name in greenhouse.sensors:
         letter, colour = SENSORS[name]
         count = sum(name in tag.sensors for tag in layout.tags.values())
-        axes.scatter(
-            [],
-            [],
-            color=colour,
-            edgecolor='black',
-            s=60,
-            label=f'{letter}  {name.replace("_", " ")}: {count} tags',
-        )
+        text = f'{letter}  {name.replace("_", " ")}: {pluralized(count, "tag")}'
+        axes.scatter([], [], color=colour, edgecolor='black', s=60, label=text)
     figure.legend(loc='outside lower center', ncols=3, frameon=False, fontsize=8)
     axes.set_ylabel('y (m)')
-    axes.set_title(f'{len(layout.tags)} tags on {width:g} m x {length:g} m')
+    axes.set_title(f'{pluralized(len(layout.tags), "tag")} on {width:g} m x {length:g} m')
     return figure
 
 
@@ -132,11 +122,8 @@ def _draw_tag(axes, tag) -> None:
     share = 360.0 / len(tag.sensors)
     for number, name in enumerate(tag.sensors):
         start = 90.0 + number * share
-        wedge = Wedge(
-            (tag.x, tag.y), TAG_RADIUS_M, start, start + share, facecolor=SENSORS[name][1], zorder=3
-        )
-        wedge.set(edgecolor='black', linewidth=0.8)
-        axes.add_patch(wedge)
+        style = {'facecolor': SENSORS[name][1], 'edgecolor': 'black', 'linewidth': 0.8, 'zorder': 3}
+        axes.add_patch(Wedge((tag.x, tag.y), TAG_RADIUS_M, start, start + share, **style))
 
 
 def _draw_labels(axes, layout, bounds: Box) -> None:
@@ -147,17 +134,10 @@ def _draw_labels(axes, layout, bounds: Box) -> None:
     ]
     dots = [Box(tag.x, tag.y, 2.2 * TAG_RADIUS_M, 2.2 * TAG_RADIUS_M) for tag in layout.tags.values()]
     labels = [(dot, CHARACTER_M * len(text), LINE_M) for dot, text in zip(dots, texts, strict=True)]
+    box = {'boxstyle': 'round,pad=0.12', 'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.8}
+    style = {'ha': 'center', 'va': 'center', 'fontsize': 7.5, 'fontweight': 'bold', 'bbox': box, 'zorder': 4}
     for place, text in zip(place_labels(dots, labels, bounds), texts, strict=True):
-        axes.text(
-            *place,
-            text,
-            ha='center',
-            va='center',
-            fontsize=7.5,
-            fontweight='bold',
-            bbox={'boxstyle': 'round,pad=0.12', 'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.8},
-            zorder=4,
-        )
+        axes.text(*place, text, **style)
 
 
 def draw_day(greenhouse: Greenhouse, tag_id: str):
@@ -165,14 +145,9 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
     tag = greenhouse.layout.tags[tag_id]
     position = (tag.x, tag.y)
     hours = [n / 4 for n in range(97)]
-    figure, all_axes = pyplot.subplots(
-        len(tag.sensors),
-        1,
-        sharex=True,
-        squeeze=False,
-        figsize=(6.4, 1.2 + 1.7 * len(tag.sensors)),
-        layout='constrained',
-    )
+    rows = len(tag.sensors)
+    figure = pyplot.figure(figsize=(6.4, 1.2 + 1.7 * rows), layout='constrained')
+    all_axes = figure.subplots(rows, 1, sharex=True, squeeze=False)
     random.seed(0)
     for axes, name in zip(all_axes[:, 0], tag.sensors, strict=True):
         samples = [
@@ -216,9 +191,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Draw or check; exit code 0: done, 1: not up to date, 2: cannot be drawn."""
     parser = argparse.ArgumentParser(prog='figure', description=__doc__.strip().splitlines()[0])
     parser.add_argument('--check', action='store_true', help='compare the committed figures; draw nothing')
-    parser.add_argument(
-        '--output', type=Path, default=COMMITTED, metavar='FOLDER', help='default: the documents'
-    )
+    output = {'type': Path, 'default': COMMITTED, 'metavar': 'FOLDER'}
+    parser.add_argument('--output', **output, help='default: the documents')
     parser.add_argument('--tag-file', default='', metavar='FILE')
     parser.add_argument('--sim-config-file', default='', metavar='FILE')
     parser.add_argument('--sensor', default='temperature', help='whose field lies under the tags')

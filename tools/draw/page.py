@@ -21,10 +21,8 @@ COMMITTED = ROOT / 'tools/core/lupin_greenhouse_bridge/doc/page.png'
 def main() -> int:
     """Write the picture of the page of the last mission."""
     if not (CHROMIUM and REPORT.exists()):
-        print(
-            f'page: {"make mission first, whose report it shows" if CHROMIUM else NO_CHROMIUM}',
-            file=sys.stderr,
-        )
+        missing = 'make mission first, whose report it shows' if CHROMIUM else NO_CHROMIUM
+        print(f'page: {missing}', file=sys.stderr)
         return 2
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, 'page.html')

@@ -5,12 +5,11 @@ Draw what confirm_tag publishes on ~/seen at the wrong tag, for the page of lupi
 """
 
 import argparse
-import hashlib
 import sys
 from pathlib import Path
 
 import numpy as np
-from figure import fingerprint_of
+from figure import fingerprint_of, hash_of
 from lupin_simulation import scene
 from lupin_tag_confirmation import drawing
 from lupin_tag_confirmation.confirmation import Confirmer, Frame, Sight
@@ -40,8 +39,7 @@ def draw() -> Image.Image:
 
 def fingerprint() -> str:
     """Return a hash of everything that the picture is drawn from."""
-    files = (__file__, drawing.__file__, scene.__file__)
-    return hashlib.sha256(b'\0'.join(Path(file).read_bytes() for file in files)).hexdigest()
+    return hash_of(*(Path(file).read_bytes() for file in (__file__, drawing.__file__, scene.__file__)))
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
 from lupin_greenhouse_bridge.simulator.simulation import served_tag_ids
 from lupin_simulation import scene
 from matplotlib import pyplot
@@ -64,24 +64,11 @@ def draw_tag(axes, tag_number: int, side_mm: float, corner: tuple[float, float])
     # One shape, so that no viewer shows seams between its squares.
     axes.add_patch(PathPatch(Outline.make_compound_path(*squares), facecolor='black', linewidth=0))
     width, height = cell_size(side_mm)
-    axes.add_patch(
-        Rectangle(
-            (corner[0], corner[1] - height),
-            width,
-            height,
-            fill=False,
-            edgecolor='0.6',
-            linewidth=0.3,
-            ls='--',
-        )
-    )
-    axes.text(
-        corner[0] + width / 2,
-        corner[1] - height + 2.0,
-        f'id {tag_number}',
-        ha='center',
-        fontsize=min(12.0, side_mm / 3),
-    )
+    lower = corner[1] - height
+    dashed = {'fill': False, 'edgecolor': '0.6', 'linewidth': 0.3, 'ls': '--'}
+    axes.add_patch(Rectangle((corner[0], lower), width, height, **dashed))
+    centred = {'ha': 'center', 'fontsize': min(12.0, side_mm / 3)}
+    axes.text(corner[0] + width / 2, lower + 2.0, f'id {tag_number}', **centred)
 
 
 def draw_page(tag_numbers: list[int], side_mm: float):
@@ -122,27 +109,21 @@ def main(arguments: list[str] | None = None) -> int:
     largest = (PAGE_MM[0] - 2 * MARGIN_MM) * MODULES / (MODULES + 2)
     try:
         if not 8.0 <= options.side <= largest:
-            raise StartUpError(
-                f'--side {options.side:g}: must be between 8 and {largest:g} mm, the width of an A4 page'
-            )
+            limits = f'must be between 8 and {largest:g} mm, the width of an A4 page'
+            raise StartUpError(f'--side {options.side:g}: {limits}')
         tag_ids = served_tag_ids(options.tag_file)
-        numbers = [
-            int(tag_id)
-            for tag_id in tag_ids
-            if tag_id.isascii() and tag_id.isdecimal() and int(tag_id) < TAG_COUNT
-        ]
-        if left_out := [tag_id for tag_id in tag_ids if tag_id not in map(str, numbers)]:
-            raise StartUpError(
-                f'tag {left_out[0]!r} is not in tag36h11: ids are 0 to {TAG_COUNT - 1} in decimal'
-            )
+        numbers = {str(number): number for number in range(TAG_COUNT)}
+        if left_out := [tag_id for tag_id in tag_ids if tag_id not in numbers]:
+            ids = f'0 to {TAG_COUNT - 1} in decimal'
+            raise StartUpError(f'tag {left_out[0]!r} is not in tag36h11: ids are {ids}')
         options.output.mkdir(parents=True, exist_ok=True)
         path = options.output / f'tag36h11-{options.side:g}mm.pdf'
         matplotlib.use('Agg')
-        pages = write(path, sorted(numbers), options.side)
+        pages = write(path, sorted(numbers[tag_id] for tag_id in tag_ids), options.side)
     except (OneLineError, OSError) as error:
         print(f'tags: {error}', file=sys.stderr)
         return 2
-    print(f'{path}: {len(numbers)} tags on {pages} pages')
+    print(f'{path}: {pluralized(len(tag_ids), "tag")} on {pluralized(pages, "page")}')
     return 0
 
 
