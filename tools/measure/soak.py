@@ -11,10 +11,13 @@ Prints one line per scenario. The exit code is 1 if a promise is broken.
 """
 
 import argparse
+import contextlib
 import os
 import random
+import re
 import shlex
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -31,6 +34,7 @@ from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.store import key_of
 from lupin_greenhouse_bridge.testing import executable
 from lupin_msgs.msg import SensorReading, TagReading
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from traffic import PATIENCE_SECONDS, TAG_IDS, Bridge, ClientProcess
 
@@ -237,6 +241,73 @@ def recorder_killed(scale: int) -> Iterator[tuple[str, bool]]:
     )
 
 
+def recorder_locked(scale: int) -> Iterator[tuple[str, bool]]:
+    """Lock the databases of recorders under 300 values a second, and end them: none goes without a word."""
+    from lupin_greenhouse_bridge.testing import spinning_node
+
+    longest_seconds, runs = 6.0 * scale, 2 * scale
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        spinning_node('robot') as node,
+        ThreadPoolExecutor(runs) as pool,
+    ):
+        files = [Path(folder, f'recorder_{number}.sqlite') for number in range(runs)]
+        ends = list(
+            pool.map(lambda file: locked(node, file, longest_seconds, is_killed=file in files[::2]), files)
+        )
+    killed, ended = ends[::2], ends[1::2]
+    published, _, lost, kept = map(sum, zip(*ended, strict=True))
+    yield (
+        f'{len(ended)} recorders ended: {published} rows published, {kept} kept, {lost} counted as lost',
+        all(published == kept + lost for published, _, lost, kept in ended),
+    )
+    published, acknowledged, _, kept = map(sum, zip(*killed, strict=True))
+    yield (
+        f'{len(killed)} recorders killed: {published} rows published, {acknowledged} acknowledged,'
+        f' {kept} kept',
+        all(acknowledged <= kept <= published for published, acknowledged, _, kept in killed),
+    )
+
+
+def locked(node, file: Path, longest_seconds: float, is_killed: bool) -> tuple[int, int, int, int]:
+    """
+    Publish to a recorder until a random moment, during or after a random lock of its file, and end it.
+
+    Returns how many values were published, acknowledged, counted as lost, and kept.
+    """
+    from lupin_greenhouse_bridge.testing import NodeProcess
+
+    topic, published = f'/soak/{file.stem}', 0
+    recorder = NodeProcess(
+        [executable('lupin_greenhouse_bridge', 'record_readings')], readings_topics=topic, file=file
+    )
+    recorder.wait_for_log('ready: ')
+    readings = node.create_publisher(TagReading, topic, QoSProfile(depth=2000, durability=LATCHED.durability))
+    values = [SensorReading(name=f'sensor {number}', value=1.0) for number in range(60)]
+    start = time.monotonic()
+    unlock = start + random.uniform(0.0, longest_seconds)  # noqa: S311 (any moment will do)
+    end = start + random.uniform(1.0, longest_seconds + 2.0)  # noqa: S311
+    with contextlib.closing(sqlite3.connect(file, isolation_level=None)) as other:
+        other.execute('BEGIN IMMEDIATE')
+        while time.monotonic() < end:
+            if other.in_transaction and time.monotonic() > unlock:
+                other.execute('ROLLBACK')
+            stamp = node.get_clock().now().to_msg()
+            readings.publish(TagReading(tag_id='7', stamp=stamp, readings=values))
+            published += len(values)
+            time.sleep(0.2)
+        if is_killed:
+            recorder.close()
+        else:
+            readings.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+            recorder.stop()
+    counts = {'kept': 0, 'lost': 0}
+    for line in recorder.rest_of_log():
+        if match := re.search(r'(\d+) rows (kept|lost)$', line):
+            counts[match[2]] = int(match[1])
+    return published, counts['kept'], counts['lost'], len(read_rows(file))
+
+
 def results_of(commands: Iterator[list[str]], signals: tuple = ()) -> Iterator[tuple[int, str]]:
     """
     Run commands, two at a time; yield exit code and output of each.
@@ -339,6 +410,7 @@ SCENARIOS: list[Callable[[int], Iterator[tuple[str, bool]]]] = [
     two_bridges,
     tags_in_view,
     recorder_killed,
+    recorder_locked,
     refused_starts,
     signalled_at_any_moment,
 ]
