@@ -31,13 +31,16 @@ from queue import SimpleQueue
 
 import domain_coordinator
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
-from lupin_greenhouse_bridge.recording.store import key_of
+from lupin_greenhouse_bridge.recording.rows import make_rows
+from lupin_greenhouse_bridge.recording.store import key_of, open_store
 from lupin_greenhouse_bridge.testing import executable
 from lupin_msgs.msg import SensorReading, TagReading
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from traffic import PATIENCE_SECONDS, TAG_IDS, Bridge, ClientProcess
 
+RECORD_READINGS = [executable('lupin_greenhouse_bridge', 'record_readings')]
+START_NS = 1_795_189_976_000_000_000
 LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -209,7 +212,7 @@ def recorder_killed(scale: int) -> Iterator[tuple[str, bool]]:
     """Kill recorders at any moment under 200 values a second; no row that they have acknowledged is lost."""
     from lupin_greenhouse_bridge.testing import NodeProcess, spinning_node
 
-    command, topic = [executable('lupin_greenhouse_bridge', 'record_readings')], '/soak/readings'
+    topic = '/soak/readings'
     acknowledged = lost = twice = 0
     with tempfile.TemporaryDirectory() as folder, spinning_node('robot') as node:
         files = [Path(folder, name) for name in ('readings.sqlite', 'readings.csv')]
@@ -222,7 +225,7 @@ def recorder_killed(scale: int) -> Iterator[tuple[str, bool]]:
 
         node.create_timer(0.01, publish)
         for _ in range(10 * scale):
-            recorders = [NodeProcess(command, readings_topics=topic, file=file) for file in files]
+            recorders = [NodeProcess(RECORD_READINGS, readings_topics=topic, file=file) for file in files]
             for recorder in recorders:
                 recorder.wait_for_log('rows kept')
             time.sleep(random.uniform(0.0, 1.0))  # noqa: S311 (any moment will do)
@@ -278,9 +281,7 @@ def locked(node, file: Path, longest_seconds: float, is_killed: bool) -> tuple[i
     from lupin_greenhouse_bridge.testing import NodeProcess
 
     topic, published = f'/soak/{file.stem}', 0
-    recorder = NodeProcess(
-        [executable('lupin_greenhouse_bridge', 'record_readings')], readings_topics=topic, file=file
-    )
+    recorder = NodeProcess(RECORD_READINGS, readings_topics=topic, file=file)
     recorder.wait_for_log('ready: ')
     readings = node.create_publisher(TagReading, topic, QoSProfile(depth=2000, durability=LATCHED.durability))
     values = [SensorReading(name=f'sensor {number}', value=1.0) for number in range(60)]
@@ -306,6 +307,28 @@ def locked(node, file: Path, longest_seconds: float, is_killed: bool) -> tuple[i
         if match := re.search(r'(\d+) rows (kept|lost)$', line):
             counts[match[2]] = int(match[1])
     return published, counts['kept'], counts['lost'], len(read_rows(file))
+
+
+def recorder_of_many_rows(scale: int) -> Iterator[tuple[str, bool]]:
+    """Start recorders with files of a million rows; their memory does not grow with the file."""
+    from lupin_greenhouse_bridge.testing import NodeProcess
+
+    count = 100_000 * scale
+    (first,) = make_rows(START_NS, '7', [('co2', 468.63)], 14400.0, '/soak/none', (1.5, 7.25))
+    for name in ('readings.sqlite', 'readings.csv'):
+        with tempfile.TemporaryDirectory() as folder:
+            store = open_store(str(Path(folder, name)))
+            for number in range(0, count, 1000):
+                store.keep([first._replace(stamp_ns=START_NS + n) for n in range(number, number + 1000)])
+            store.close()
+            start = time.monotonic()
+            recorder = NodeProcess(RECORD_READINGS, readings_topics='/soak/none', file=Path(folder, name))
+            recorder.wait_for_log('ready: ')
+            seconds = time.monotonic() - start
+            status = Path(f'/proc/{recorder.process.pid}/status').read_text()
+            megabytes = int(re.search(r'VmHWM:\s*(\d+) kB', status)[1]) / 1000
+            recorder.stop()
+        yield f'{name} of {count:,} rows: ready after {seconds:.1f} s, {megabytes:.0f} MB', megabytes < 150
 
 
 def results_of(commands: Iterator[list[str]], signals: tuple = ()) -> Iterator[tuple[int, str]]:
@@ -411,6 +434,7 @@ SCENARIOS: list[Callable[[int], Iterator[tuple[str, bool]]]] = [
     tags_in_view,
     recorder_killed,
     recorder_locked,
+    recorder_of_many_rows,
     refused_starts,
     signalled_at_any_moment,
 ]

@@ -311,14 +311,21 @@ def test_positions_are_those_of_the_bridges_own_tag_file(start_recorder, robot, 
     assert said not in capfd.readouterr().err  # once
 
 
-def test_a_tag_file_of_the_bridge_that_is_not_on_this_machine_is_said(start_recorder, capfd):
+@pytest.mark.parametrize(
+    ('parameters', 'reason'),
+    [
+        ({'tag_file': '/elsewhere/tags.json', 'loaded_tag_ids': ['7']}, "tag_file '/elsewhere/tags.json'"),
+        ({}, 'the bridge has not told its tag_file'),
+    ],
+)
+def test_a_tag_file_of_the_bridge_that_cannot_be_used_is_said(start_recorder, capfd, parameters, reason):
+    said = []
     with spinning_node('greenhouse_bridge') as bridge:
-        bridge.declare_parameter('tag_file', '/elsewhere/tags.json')
-        bridge.declare_parameter('loaded_tag_ids', ['7'])
+        for name, value in parameters.items():
+            bridge.declare_parameter(name, value)
         start_recorder()
-        said = []
-        wait_until(lambda: said.append(capfd.readouterr().err) or "/elsewhere/tags.json'" in ''.join(said))
-    assert 'positions are those of mdp-greenhouse' in ''.join(said)
+        wait_until(lambda: said.append(capfd.readouterr().err) or 'of mdp-greenhouse' in ''.join(said))
+    assert reason in ''.join(said)
 
 
 def test_positions_come_from_the_tag_file(start_recorder, robot, tmp_path):

@@ -25,6 +25,7 @@ from lupin_greenhouse_bridge.simulator.layout import find_layout
 
 NODE_NAME = 'record_readings'
 ASK_EVERY_SECONDS = 1.0
+UNTOLD = 'the bridge has not told its tag_file'
 SHIPPED_PLACES = 'positions are those of mdp-greenhouse: set tag_locations_file for others'
 ENDED, LOST_ROWS = 0, 1
 
@@ -71,7 +72,7 @@ class RecordReadingsNode(Node):
     def _on_reading(self, reading, topic: str) -> None:
         if not self._has_places:
             self._has_places = True  # say it once
-            self.get_logger().warning(f'the bridge has not told its tag_file: {SHIPPED_PLACES}')
+            self.get_logger().warning(f'{UNTOLD}: {SHIPPED_PLACES}')
         rows = rows_of(reading, topic, self._places_m.get(reading.tag_id))
         good = [row for row in rows if not fault_of([row])]  # others would make the file unreadable
         self._writer.add(good)
@@ -93,13 +94,13 @@ class RecordReadingsNode(Node):
     def _on_tag_file(self, asked) -> None:
         self._asking.cancel()
         self._has_places = True
-        values = asked.result().values
-        if not (tag_file := values[-1].string_value if values else ''):
-            return
         try:
-            self._places_m = _places_in(tag_file)
-            self.get_logger().info(f"positions: those of the bridge's tag_file {escaped(tag_file, 500)}")
-        except StartUpError as error:  # of a bridge on another machine
+            if not (values := asked.result().values):
+                raise StartUpError(UNTOLD)
+            if tag_file := values[-1].string_value:
+                self._places_m = _places_in(tag_file)
+                self.get_logger().info(f"positions: those of the bridge's tag_file {escaped(tag_file, 500)}")
+        except StartUpError as error:  # also of a bridge on another machine
             self.get_logger().warning(f'{error}: {SHIPPED_PLACES}')
 
     def end(self) -> int:
