@@ -100,12 +100,6 @@ def test_a_database_that_another_program_locks_is_written_after_it(opened, tmp_p
     assert store.keep([row()]) == 1
 
 
-def test_a_second_recorder_of_a_csv_file_is_refused(opened):
-    opened('readings.csv').keep([row()])
-    with pytest.raises(StartUpError, match='another recorder is writing it'):
-        opened('readings.csv')
-
-
 @pytest.fixture
 def full_disk():
     """Return a function that lets no file of this process grow beyond so many bytes, until the block ends."""
@@ -505,11 +499,6 @@ def test_a_value_of_another_type_in_a_database_is_one_line_of_error(opened, tmp_
     opened('a.sqlite').keep([row()._replace(**{column: value})])
     with pytest.raises(ReadingFileError, match=f"a.sqlite': {shown}: name a file of record_readings"):
         read_file(tmp_path / 'a.sqlite')
-
-
-def test_a_folder_is_no_file_of_readings(tmp_path):
-    with pytest.raises(ReadingFileError, match='not a regular file'):
-        read_file(tmp_path)
 
 
 def test_a_csv_file_that_a_spreadsheet_saved_is_read():
