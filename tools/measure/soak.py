@@ -11,10 +11,13 @@ Prints one line per scenario. The exit code is 1 if a promise is broken.
 """
 
 import argparse
+import contextlib
 import os
 import random
+import re
 import shlex
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -29,13 +32,18 @@ import domain_coordinator
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
-from lupin_greenhouse_bridge.recording.store import key_of
+from lupin_greenhouse_bridge.recording.rows import make_rows
+from lupin_greenhouse_bridge.recording.store import key_of, open_store
 from lupin_greenhouse_bridge.testing import executable
 from lupin_msgs.msg import SensorReading, TagReading
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile
 from shared import PATIENCE_SECONDS, own_domain, parser_of
 from traffic import TAG_IDS, Bridge, ClientProcess
 
 GROWTH = {'RSS in kB': 4096, 'open files': 2, 'threads': 0}  # the largest during many calls
+RECORD_READINGS = [executable('lupin_greenhouse_bridge', 'record_readings')]
+START_NS = 1_795_189_976_000_000_000
 LATCHED = latched(50)
 
 
@@ -196,7 +204,7 @@ def recorder_killed(scale: int) -> Iterator[tuple[str, bool]]:
     """Kill recorders at any moment under 200 values a second; no row that they have acknowledged is lost."""
     from lupin_greenhouse_bridge.testing import NodeProcess, spinning_node
 
-    command, topic = [executable('lupin_greenhouse_bridge', 'record_readings')], '/soak/readings'
+    topic = '/soak/readings'
     acknowledged = lost = twice = 0
     with tempfile.TemporaryDirectory() as folder, spinning_node('robot') as node:
         files = [Path(folder, name) for name in ('readings.sqlite', 'readings.csv')]
@@ -209,7 +217,7 @@ def recorder_killed(scale: int) -> Iterator[tuple[str, bool]]:
 
         node.create_timer(0.01, publish)
         for _ in range(10 * scale):
-            recorders = [NodeProcess(command, readings_topics=topic, file=file) for file in files]
+            recorders = [NodeProcess(RECORD_READINGS, readings_topics=topic, file=file) for file in files]
             for recorder in recorders:
                 recorder.wait_for_log('rows kept')
             time.sleep(random.uniform(0.0, 1.0))  # noqa: S311 (any moment will do)
@@ -224,6 +232,93 @@ def recorder_killed(scale: int) -> Iterator[tuple[str, bool]]:
             twice += len(each) - len(set(map(key_of, each)))
     text = f'{20 * scale} kills, {acknowledged} rows acknowledged, {lost} of them lost, {twice} kept twice'
     yield text, lost == twice == 0 < acknowledged
+
+
+def recorder_locked(scale: int) -> Iterator[tuple[str, bool]]:
+    """Lock the databases of recorders under 300 values a second, and end them: none goes without a word."""
+    from lupin_greenhouse_bridge.testing import spinning_node
+
+    longest_seconds, runs = 6.0 * scale, 2 * scale
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        spinning_node('robot') as node,
+        ThreadPoolExecutor(runs) as pool,
+    ):
+        files = [Path(folder, f'recorder_{number}.sqlite') for number in range(runs)]
+        ends = list(
+            pool.map(lambda file: locked(node, file, longest_seconds, is_killed=file in files[::2]), files)
+        )
+    killed, ended = ends[::2], ends[1::2]
+    published, _, lost, kept = map(sum, zip(*ended, strict=True))
+    yield (
+        f'{len(ended)} recorders ended: {published} rows published, {kept} kept, {lost} counted as lost',
+        all(published == kept + lost for published, _, lost, kept in ended),
+    )
+    published, acknowledged, _, kept = map(sum, zip(*killed, strict=True))
+    yield (
+        f'{len(killed)} recorders killed: {published} rows published, {acknowledged} acknowledged,'
+        f' {kept} kept',
+        all(acknowledged <= kept <= published for published, acknowledged, _, kept in killed),
+    )
+
+
+def locked(node, file: Path, longest_seconds: float, is_killed: bool) -> tuple[int, int, int, int]:
+    """
+    Publish to a recorder until a random moment, during or after a random lock of its file, and end it.
+
+    Returns how many values were published, acknowledged, counted as lost, and kept.
+    """
+    from lupin_greenhouse_bridge.testing import NodeProcess
+
+    topic, published = f'/soak/{file.stem}', 0
+    recorder = NodeProcess(RECORD_READINGS, readings_topics=topic, file=file)
+    recorder.wait_for_log('ready: ')
+    readings = node.create_publisher(TagReading, topic, QoSProfile(depth=2000, durability=LATCHED.durability))
+    values = [SensorReading(name=f'sensor {number}', value=1.0) for number in range(60)]
+    start = time.monotonic()
+    unlock = start + random.uniform(0.0, longest_seconds)  # noqa: S311 (any moment will do)
+    end = start + random.uniform(1.0, longest_seconds + 2.0)  # noqa: S311
+    with contextlib.closing(sqlite3.connect(file, isolation_level=None)) as other:
+        other.execute('BEGIN IMMEDIATE')
+        while time.monotonic() < end:
+            if other.in_transaction and time.monotonic() > unlock:
+                other.execute('ROLLBACK')
+            stamp = node.get_clock().now().to_msg()
+            readings.publish(TagReading(tag_id='7', stamp=stamp, readings=values))
+            published += len(values)
+            time.sleep(0.2)
+        if is_killed:
+            recorder.close()
+        else:
+            readings.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+            recorder.stop()
+    counts = {'kept': 0, 'lost': 0}
+    for line in recorder.rest_of_log():
+        if match := re.search(r'(\d+) rows (kept|lost)$', line):
+            counts[match[2]] = int(match[1])
+    return published, counts['kept'], counts['lost'], len(read_rows(file))
+
+
+def recorder_of_many_rows(scale: int) -> Iterator[tuple[str, bool]]:
+    """Start recorders with files of a million rows; their memory does not grow with the file."""
+    from lupin_greenhouse_bridge.testing import NodeProcess
+
+    count = 100_000 * scale
+    (first,) = make_rows(START_NS, '7', [('co2', 468.63)], 14400.0, '/soak/none', (1.5, 7.25))
+    for name in ('readings.sqlite', 'readings.csv'):
+        with tempfile.TemporaryDirectory() as folder:
+            store = open_store(str(Path(folder, name)))
+            for number in range(0, count, 1000):
+                store.keep([first._replace(stamp_ns=START_NS + n) for n in range(number, number + 1000)])
+            store.close()
+            start = time.monotonic()
+            recorder = NodeProcess(RECORD_READINGS, readings_topics='/soak/none', file=Path(folder, name))
+            recorder.wait_for_log('ready: ')
+            seconds = time.monotonic() - start
+            status = Path(f'/proc/{recorder.process.pid}/status').read_text()
+            megabytes = int(re.search(r'VmHWM:\s*(\d+) kB', status)[1]) / 1000
+            recorder.stop()
+        yield f'{name} of {count:,} rows: ready after {seconds:.1f} s, {megabytes:.0f} MB', megabytes < 150
 
 
 def results_of(commands: Iterator[list[str]], signals: tuple = ()) -> Iterator[tuple[int, str]]:
@@ -326,6 +421,8 @@ SCENARIOS: list[Callable[[int], Iterator[tuple[str, bool]]]] = [
     two_bridges,
     tags_in_view,
     recorder_killed,
+    recorder_locked,
+    recorder_of_many_rows,
     refused_starts,
     signalled_at_any_moment,
 ]

@@ -3,26 +3,39 @@
 
 import contextlib
 import sqlite3
+import threading
+from itertools import count
 from types import SimpleNamespace
 
 import pytest
+import rclpy
 from conftest import SPINS
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
 from lupin_greenhouse_bridge.recording import record_readings
 from lupin_greenhouse_bridge.recording.buffered_writer import (
     ERROR_EVERY_SECONDS,
-    MOST_WAITING,
+    MOST_BYTES,
+    MOST_ROWS,
     BufferedWriter,
 )
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import rows_of
 from lupin_greenhouse_bridge.recording.store import StoreError, open_store
 from lupin_greenhouse_bridge.recording.subscription import subscribe_to_readings, topics_of
-from lupin_greenhouse_bridge.testing import executable, running, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing import (
+    PATIENCE_SECONDS,
+    ManualClock,
+    executable,
+    running,
+    spinning_node,
+    wait_until,
+)
 from lupin_greenhouse_bridge.testing.signals import SIGNALS
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from test_store import row
+from rclpy.signals import SignalHandlerOptions
+from test_store import STAMP_NS, row
 
 LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
 TOPIC = '/tested/readings'
@@ -41,12 +54,16 @@ class Log:
 
 
 class Disk:
-    """A store in memory whose disk is full while the test says so."""
+    """A store in memory, whose disk is full or whose file is locked while the test says so."""
 
     def __init__(self):
-        self.rows, self.is_full = [], False
+        self.rows, self.notes, self.is_full = [], [], False
+        self.is_asked, self.is_free = threading.Event(), threading.Event()
+        self.is_free.set()
 
     def keep(self, rows):
+        self.is_asked.set()
+        assert self.is_free.wait(PATIENCE_SECONDS)
         if self.is_full:
             raise StoreError("file 'x.csv': No space left on device")
         self.rows += rows
@@ -56,81 +73,82 @@ class Disk:
         pass
 
 
-def test_rows_that_arrive_while_the_disk_is_full_are_written_afterwards():
-    disk, log = Disk(), Log()
-    writer = BufferedWriter(disk, log)
-    disk.is_full = True
+@pytest.fixture
+def kept():
+    """Return a writer with its disk, its log and its clock. Its thread writes if the test starts it."""
+    disk, log, clock = Disk(), Log(), ManualClock()
+    return SimpleNamespace(writer=BufferedWriter(disk, log, clock), disk=disk, log=log, clock=clock)
+
+
+def test_rows_that_arrive_while_the_disk_is_full_are_written_afterwards(kept):
+    kept.disk.is_full = True
     for number in range(5):
-        writer.add([row(number)], 0.0)
-        writer.write(0.0)
-    disk.is_full = False
-    writer.write(1.0)
-    assert disk.rows == [row(number) for number in range(5)]
-    assert (log.infos, log.warnings, len(log.errors)) == (['5 rows kept'], [], 1)
+        kept.writer.add([row(number)])
+        kept.writer.write()
+    kept.disk.is_full = False
+    kept.writer.write()
+    assert kept.disk.rows == [row(number) for number in range(5)]
+    assert (kept.log.infos, kept.log.warnings, len(kept.log.errors)) == (['5 rows kept'], [], 1)
 
 
-def test_a_full_disk_is_one_error_every_ten_seconds():
-    disk, log = Disk(), Log()
-    writer = BufferedWriter(disk, log)
-    disk.is_full = True
+def test_rows_that_arrive_while_the_file_is_locked_wait_for_nobody_and_are_written(kept):
+    kept.disk.is_free.clear()
+    kept.writer.start()
+    kept.writer.add([row(0)])
+    assert kept.disk.is_asked.wait(PATIENCE_SECONDS)
+    kept.writer.add([row(number) for number in range(1, 1000)])
+    assert kept.disk.rows == []
+    kept.disk.is_free.set()
+    assert kept.writer.end() == 0
+    assert kept.disk.rows == [row(number) for number in range(1000)]
+    assert kept.log.infos == ['1 rows kept', '1000 rows kept']
+
+
+def test_a_full_disk_is_one_error_every_ten_seconds(kept):
+    kept.disk.is_full = True
     said = []
-    for now in (100.0, 100.5, 109.9, 110.0, 119.9, 120.0):
-        writer.add([row(int(now * 10))], now)
-        writer.write(now)
-        said.append(len(log.errors))
+    for seconds in (0.0, 0.5, 9.4, 0.1, 9.9, 0.1):
+        kept.clock.pass_seconds(seconds)
+        kept.writer.add([row(len(said))])
+        kept.writer.write()
+        said.append(len(kept.log.errors))
     assert said == [1, 1, 1, 2, 2, 3]
-    assert log.errors[0].endswith(': 1 row waiting in memory, 0 dropped')
-    assert log.errors[-1] == "file 'x.csv': No space left on device: 6 rows waiting in memory, 0 dropped"
+    assert kept.log.errors[0].endswith(': 1 row waiting in memory, 0 dropped')
+    assert kept.log.errors[-1] == (
+        "file 'x.csv': No space left on device: 6 rows waiting in memory, 0 dropped"
+    )
     assert ERROR_EVERY_SECONDS == 10.0
 
 
-def test_ten_thousand_rows_wait_and_what_is_dropped_is_counted_and_said():
-    disk, log = Disk(), Log()
-    writer = BufferedWriter(disk, log)
-    disk.is_full = True
-    writer.add([row(number) for number in range(10_003)], 0.0)
-    writer.add([row(0)], 0.0)  # waits already
-    writer.write(10.0)
-    assert '10000 rows waiting in memory, 3 dropped' in log.errors[-1]
-    disk.is_full = False
-    writer.write(20.0)
-    writer.add([row(10_003)], 20.0)
-    writer.write(20.5)
-    assert len(disk.rows) == 10_001
-    assert log.infos == ['10000 rows kept', '10001 rows kept']
-    assert log.warnings == ['3 rows dropped: the file could not be written for too long']
-    assert writer.end() == 0
+@pytest.mark.parametrize(('fits', 'tag_id'), [(MOST_ROWS, '7'), (6, 'x' * 10_000_000)], ids=['rows', 'bytes'])
+def test_so_much_waits_and_what_does_not_fit_is_counted_and_said(kept, fits, tag_id):
+    assert (MOST_ROWS, MOST_BYTES) == (50_000, 64 * 2**20)
+    kept.disk.is_full = True
+    kept.writer.add([row(number, tag_id=tag_id) for number in range(fits + 3)])
+    kept.writer.write()
+    assert kept.log.errors[-1].endswith(f': {fits} rows waiting in memory, 3 dropped')
+    kept.disk.is_full = False
+    kept.writer.write()
+    kept.writer.add([row(number, tag_id=tag_id) for number in range(fits, 2 * fits)])
+    kept.writer.write()
+    assert [each.stamp_ns - STAMP_NS for each in kept.disk.rows] == list(range(2 * fits))
+    assert kept.log.infos == [f'{fits} rows kept', f'{2 * fits} rows kept']
+    assert kept.log.warnings == ['3 rows dropped so far: the file could not be written for too long']
+    assert kept.writer.end() == 3
 
 
-def test_more_rows_at_once_than_can_wait_are_all_written():
-    disk = Disk()
-    writer = BufferedWriter(disk, Log())
-    rows = [row(number) for number in range(3 * MOST_WAITING + 1)]
-    writer.add(rows, 0.0)
-    assert writer.end() == 0
-    assert disk.rows == rows
+def test_rows_that_cannot_be_written_at_the_end_are_lost_and_counted(kept):
+    kept.writer.add([row()])
+    kept.disk.is_full = True
+    kept.writer.write()
+    assert [kept.writer.end(), kept.writer.end()] == [1, 1]
+    assert len(kept.log.errors) == 2  # also within the ten seconds
 
 
-def test_rows_that_cannot_be_written_at_the_end_are_lost_and_counted():
-    disk, log = Disk(), Log()
-    writer = BufferedWriter(disk, log)
-    writer.add([row()], 0.0)
-    disk.is_full = True
-    writer.write(0.0)
-    assert writer.end() == 1
-    assert len(log.errors) == 2  # also within the ten seconds
-
-
-@pytest.mark.parametrize(
-    'bad', [{'value': float('nan')}, {'sim_time_of_day_seconds': float('inf')}, {'stamp_ns': -1}]
-)
-def test_a_row_that_no_file_can_be_read_with_is_not_kept_and_said(bad):
-    disk, log = Disk(), Log()
-    writer = BufferedWriter(disk, log)
-    writer.add([row()._replace(**bad), row(1)], 0.0)
-    writer.write(0.0)
-    assert disk.rows == [row(1)]
-    assert f"tag '7': {next(iter(bad))}" in log.warnings[0]
+def test_what_happened_to_the_file_is_said(kept):
+    kept.disk.notes += ['it was moved', 'it was torn']
+    kept.writer.write()
+    assert (kept.log.warnings, kept.disk.notes) == (['it was moved', 'it was torn'], [])
 
 
 @pytest.mark.parametrize(
@@ -243,6 +261,72 @@ def test_a_thousand_readings_at_once_are_all_kept(start_recorder, robot, shipped
     assert read_rows(recorder.file) == [
         each for number in range(1000) for each in rows_of(reading(number), TOPIC, place_m)
     ]
+
+
+def test_a_row_with_a_number_that_cannot_be_right_is_refused_and_counted(start_recorder, robot, capfd):
+    recorder, readings = start_recorder(), publisher_on(robot, LATCHED)
+    bad, good = reading(1), reading(2)
+    bad.readings[0].value = float('nan')
+    bad.tag_id = 'new\nline'
+    readings.publish(bad)
+    readings.publish(good)
+    wait_until(lambda: len(read_rows(recorder.file)) == 3)
+    assert recorder.node.end() == 0
+    said = capfd.readouterr().err
+    assert r"tag 'new\nline': value of co2 is nan: 1 row refused so far" in said
+    assert '1 row refused: a number cannot be right' in said
+
+
+def test_readings_that_have_arrived_at_the_end_are_kept(robot, tmp_path):
+    """The node is never spun, as one that a signal ends while it is busy."""
+    file, readings = tmp_path / 'readings.sqlite', publisher_on(robot, LATCHED)
+    arguments = ['--ros-args', '-p', f'readings_topics:={TOPIC}', '-p', f'file:={file}']
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    node = record_readings.RecordReadingsNode()
+    try:
+        wait_until(lambda: readings.get_subscription_count() == 2)
+        for number in range(100):
+            readings.publish(reading(number))
+        assert readings.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+        assert node.end() == 0
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+    assert len(read_rows(file)) == 200
+
+
+def test_positions_are_those_of_the_bridges_own_tag_file(start_recorder, robot, tmp_path, capfd):
+    (tmp_path / 'tags.json').write_text('{"7": {"x": 9.0, "y": 9.5, "sensors": ["co2"]}}')
+    recorder, readings = start_recorder(), publisher_on(robot, LATCHED)
+    readings.publish(reading(0))
+    wait_until(lambda: read_rows(recorder.file))
+    said = 'the bridge has not told its tag_file: positions are those of mdp-greenhouse'
+    assert said in capfd.readouterr().err
+    with spinning_node('greenhouse_bridge') as bridge:
+        bridge.declare_parameter('tag_file', str(tmp_path / 'tags.json'))
+        bridge.declare_parameter('loaded_tag_ids', ['7'])
+        numbers = count(1)
+        wait_until(
+            lambda: readings.publish(reading(next(numbers))) or read_rows(recorder.file)[-1].x_m == 9.0
+        )
+    assert said not in capfd.readouterr().err  # once
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'reason'),
+    [
+        ({'tag_file': '/elsewhere/tags.json', 'loaded_tag_ids': ['7']}, "tag_file '/elsewhere/tags.json'"),
+        ({}, 'the bridge has not told its tag_file'),
+    ],
+)
+def test_a_tag_file_of_the_bridge_that_cannot_be_used_is_said(start_recorder, capfd, parameters, reason):
+    said = []
+    with spinning_node('greenhouse_bridge') as bridge:
+        for name, value in parameters.items():
+            bridge.declare_parameter(name, value)
+        start_recorder()
+        wait_until(lambda: said.append(capfd.readouterr().err) or 'of mdp-greenhouse' in ''.join(said))
+    assert reason in ''.join(said)
 
 
 def test_positions_come_from_the_tag_file(start_recorder, robot, tmp_path):

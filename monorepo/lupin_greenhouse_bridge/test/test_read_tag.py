@@ -22,7 +22,7 @@ from lupin_greenhouse_bridge.contract import STATUS_NAMES
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading
 from lupin_greenhouse_bridge.reading import client, read_tag
 from lupin_greenhouse_bridge.reading.table import Screen, json_line, terminal_size
-from lupin_greenhouse_bridge.recording.rows import parse_csv, rows_of
+from lupin_greenhouse_bridge.recording.rows import HEADER, parse_csv, rows_of
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
 from lupin_greenhouse_bridge.testing import (
@@ -36,7 +36,7 @@ from rcl_interfaces.srv import GetParameters
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 READ_TAG = executable('lupin_greenhouse_bridge', 'read_tag')
-ALL_READ, SOME_FAILED, USAGE, NO_ANSWER = 0, 1, 2, 3
+ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, NO_OUTPUT = 0, 1, 2, 3, 4
 CANNOT_BE_PARSED = 'read_tag: the ROS arguments cannot be parsed (put other arguments before --ros-args): '
 
 
@@ -138,6 +138,27 @@ def test_csv_has_the_columns_of_the_recorder_and_one_header(read, noon_bridge, s
         assert (row.x_m, row.y_m) == (shipped_tags[row.tag_id]['x'], shipped_tags[row.tag_id]['y'])
         assert (row.sim_time_of_day_seconds, row.source) == (43200.0, 'read_tag')
         assert row.unit
+
+
+def test_csv_that_is_added_to_a_file_has_no_second_header(read, tmp_path, monkeypatch):
+    file = tmp_path / 'day.csv'
+    for _ in range(2):
+        with file.open('a', encoding='utf-8') as output, monkeypatch.context() as patch:
+            patch.setattr(sys, 'stdout', output)
+            assert read('6', '--csv').code == ALL_READ
+    header, *lines = file.read_text(encoding='utf-8').splitlines()
+    assert header == HEADER
+    assert header not in lines
+    assert len(lines) == len(parse_csv(file.read_bytes())[0])
+
+
+@pytest.mark.parametrize('options', [['--csv'], ['--json'], []])
+def test_a_full_disk_under_the_output_is_one_line_and_exit_code_4(read, monkeypatch, options):
+    with open('/dev/full', 'w', encoding='utf-8') as full:
+        monkeypatch.setattr(sys, 'stdout', full)
+        ended = read('6', *options)
+    reason = 'No space left on device: make room, or name another'
+    assert (ended.code, ended.said) == (NO_OUTPUT, f'read_tag: standard output: {reason}')
 
 
 def test_csv_keeps_the_failures_apart(read):

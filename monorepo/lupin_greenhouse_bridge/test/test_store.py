@@ -2,6 +2,7 @@
 """The files of readings: what is kept, what is refused, and what can be read again. Without ROS."""
 
 import contextlib
+import csv
 import errno
 import itertools
 import json
@@ -17,6 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.recording import store as store_module
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, read_file, read_rows
 from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
 from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, parse_csv, utc_of
@@ -90,19 +92,13 @@ def test_two_recorders_share_a_database(opened, tmp_path):
 
 
 def test_a_database_that_another_program_locks_is_written_after_it(opened, tmp_path, monkeypatch):
-    monkeypatch.setattr('lupin_greenhouse_bridge.recording.store.LOCKED_FOR_SECONDS', 0.0)
+    monkeypatch.setattr(store_module, 'LOCKED_FOR_SECONDS', 0.0)
     store = opened('readings.sqlite')
     with contextlib.closing(sqlite3.connect(tmp_path / 'readings.sqlite', isolation_level=None)) as other:
         other.execute('BEGIN IMMEDIATE')
         with pytest.raises(StoreError, match='database is locked'):
             store.keep([row()])
     assert store.keep([row()]) == 1
-
-
-def test_a_second_recorder_of_a_csv_file_is_refused(opened):
-    opened('readings.csv').keep([row()])
-    with pytest.raises(StartUpError, match='another recorder is writing it'):
-        opened('readings.csv')
 
 
 @pytest.fixture
@@ -159,12 +155,138 @@ def test_a_torn_row_that_cannot_be_removed_at_once_is_removed_before_the_next_on
     assert path.read_bytes() == before + csv_text([row(1), row(2)]).encode()
 
 
+LOSSES = {
+    'deleted': Path.unlink,
+    'moved': lambda path: path.rename(path.with_name('moved')),
+    'truncated': lambda path: os.truncate(path, 0),
+}
+
+
 @pytest.mark.parametrize('name', FILES)
-def test_a_file_that_was_deleted_takes_no_more_rows(opened, tmp_path, name):
-    store = opened(name)
-    (tmp_path / name).unlink()
-    with pytest.raises(StoreError, match=name):
-        store.keep([row()])
+@pytest.mark.parametrize('lose', LOSSES.values(), ids=LOSSES)
+def test_after_a_file_that_was_lost_the_rows_go_on_in_a_new_one(opened, tmp_path, name, lose):
+    path, store = tmp_path / name, opened(name)
+    store.keep([row()])
+    lose(path)
+    assert store.keep([row(1), row(2)]) == 2
+    assert store.keep([row(2), row(3)]) == 1
+    assert read_rows(path) == [row(1), row(2), row(3)]
+    assert store.notes == [f"file '{path}' was moved, deleted or truncated: made a new one"]
+    if (moved := tmp_path / 'moved').exists():
+        assert read_rows(moved) == [row()]
+
+
+@pytest.mark.parametrize('lose', LOSSES.values(), ids=LOSSES)
+@pytest.mark.parametrize('step', ['write', 'fsync'])
+def test_a_file_that_is_lost_in_the_middle_of_a_write_loses_none_of_its_rows(
+    opened, tmp_path, monkeypatch, lose, step
+):
+    path, store = tmp_path / 'readings.csv', opened('readings.csv')
+    store.keep([row()])
+    real, is_lost = getattr(os, step), []
+
+    def lose_and_do(*arguments):
+        if not is_lost:
+            is_lost.append(lose(path))
+        return real(*arguments)
+
+    monkeypatch.setattr(os, step, lose_and_do)
+    assert store.keep([row(1)]) == 1
+    assert read_rows(path) == [row(1)]
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_a_file_that_something_else_replaces_stays_unchanged_and_the_rows_wait(opened, tmp_path, name):
+    path, store = tmp_path / name, opened(name)
+    path.rename(tmp_path / 'moved')
+    path.write_text('dear diary\n' * 1000)
+    for _ in range(2):
+        with pytest.raises(StoreError, match=r'the first line is not|not a file of record_readings'):
+            store.keep([row()])
+    assert path.read_text() == 'dear diary\n' * 1000
+    (tmp_path / 'moved').replace(path)
+    assert store.keep([row()]) == 1
+    assert read_rows(path) == [row()]
+
+
+@pytest.mark.parametrize('name', FILES)
+def test_without_its_folder_a_file_takes_no_rows_and_goes_on_when_it_is_back(opened, tmp_path, name):
+    folder = tmp_path / 'folder'
+    folder.mkdir()
+    store = opened(f'folder/{name}')
+    folder.rename(tmp_path / 'moved')
+    for _ in range(2):
+        with pytest.raises(StoreError, match='No such file or directory'):
+            store.keep([row()])
+    folder.mkdir()
+    assert store.keep([row()]) == 1
+    assert read_rows(folder / name) == [row()]
+
+
+def test_a_csv_file_to_which_another_program_adds_rows_keeps_them(opened, tmp_path, full_disk):
+    path, store = tmp_path / 'readings.csv', opened('readings.csv')
+    with path.open('a') as other:
+        other.write(f'{HEADER}\n{csv_text([row(5)])}')
+    store.keep([row()])
+    with full_disk(path.stat().st_size + 30), pytest.raises(StoreError, match='No space left'):
+        store.keep([row(1)])
+    assert read_rows(path) == [row(), row(5)]
+
+
+@pytest.mark.parametrize('tail_bytes', range(60, 700, 80))
+def test_of_a_long_csv_file_the_last_rows_are_known_again(opened, tmp_path, monkeypatch, tail_bytes):
+    monkeypatch.setattr(store_module, 'TAIL_BYTES', tail_bytes)
+    ids = ['7', 'a\n"b"\n', '"', ',\n', f'\n{csv_text([row()])}', 'ä']
+    rows = [row(number, tag_id=ids[number % len(ids)]) for number in range(60)]
+    store = opened('readings.csv')
+    store.keep(rows)
+    store.close()
+    before = (tmp_path / 'readings.csv').read_bytes()
+    with (tmp_path / 'readings.csv').open('ab') as end:
+        end.write(b'1795"')
+    store = opened('readings.csv')
+    assert 'removed an incomplete last row' in store.notes[0]
+    assert (tmp_path / 'readings.csv').read_bytes() == before
+    assert store.keep([rows[0], rows[-1], row(99)]) == 2  # the first one is forgotten
+    store.close()
+    with (tmp_path / 'readings.csv').open('a') as end:
+        end.write('dear diary\n')
+    lines = before.count(b'\n') + 3
+    with pytest.raises(StartUpError, match=f'line {lines}: 1 values in place of 10'):
+        opened('readings.csv')
+
+
+def test_a_csv_file_knows_so_many_of_its_last_rows(opened, monkeypatch):
+    monkeypatch.setattr(store_module, 'MOST_KEYS', 2)
+    store = opened('readings.csv')
+    assert store.keep([row(1), row(2), row(3)]) == 3
+    assert store.keep([row(2), row(3)]) == 0
+    assert store.keep([row(1)]) == 1
+
+
+FORMULAS = ['=1+1', '+1', '-1', '@SUM(A1)', '\t=1', '\r=1', "'=1", "'", "'x"]
+
+
+def test_a_spreadsheet_takes_no_text_of_a_csv_file_for_a_formula(opened, tmp_path):
+    rows = [row(n, tag_id=text, sensor=text, value=-1.5) for n, text in enumerate(FORMULAS)]
+    opened('readings.csv').keep(rows)
+    with (tmp_path / 'readings.csv').open(newline='') as file:
+        cells = [(each['tag_id'], each['sensor'], each['value']) for each in csv.DictReader(file)]
+    assert cells == [(f"'{text}", f"'{text}", '-1.5') for text in FORMULAS]
+    assert read_rows(tmp_path / 'readings.csv') == rows
+
+
+def test_an_apostrophe_of_an_older_file_stays(tmp_path):
+    (tmp_path / 'readings.csv').write_text(f'{HEADER}\n{csv_text([row(tag_id="x")])}'.replace(',x,', ",'x,"))
+    assert [each.tag_id for each in read_rows(tmp_path / 'readings.csv')] == ["'x"]
+
+
+def test_a_header_that_is_repeated_is_left_out(opened, tmp_path):
+    (tmp_path / 'readings.csv').write_text(
+        f'{HEADER}\n{csv_text([row()])}{HEADER}\n{csv_text([row(1)])}{HEADER}\n'
+    )
+    assert read_rows(tmp_path / 'readings.csv') == [row(), row(1)]
+    assert opened('readings.csv').keep([row(), row(2)]) == 1
 
 
 WRITER = """
@@ -224,7 +346,7 @@ def test_the_torn_last_row_of_a_csv_file_is_removed(opened, tmp_path, torn):
     path.write_bytes(whole + csv_text([last]).encode()[:torn])
     assert read_rows(path) == [kept]
     store = opened('readings.csv')
-    assert 'removed an incomplete last row' in store.mended
+    assert 'removed an incomplete last row' in store.notes[0]
     assert path.read_bytes() == whole
     assert store.keep([kept, last]) == 1
     assert read_rows(path) == [kept, last]
@@ -378,11 +500,6 @@ def test_a_value_of_another_type_in_a_database_is_one_line_of_error(opened, tmp_
     opened('a.sqlite').keep([row()._replace(**{column: value})])
     with pytest.raises(ReadingFileError, match=f"a.sqlite': {shown}: name a file of record_readings"):
         read_file(tmp_path / 'a.sqlite')
-
-
-def test_a_folder_is_no_file_of_readings(tmp_path):
-    with pytest.raises(ReadingFileError, match='not a regular file'):
-        read_file(tmp_path)
 
 
 def test_a_csv_file_that_a_spreadsheet_saved_is_read():

@@ -34,7 +34,7 @@ from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.simulator.layout import find_layout, natural_order
 
 SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
-ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
+ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, NO_OUTPUT, INTERRUPTED = 0, 1, 2, 3, 4, 130
 COMPLETION_TIMEOUT_SECONDS = 0.3
 
 
@@ -76,9 +76,12 @@ def main(args=None):
     except (client.UsageError, StartUpError) as error:
         print(f'read_tag: {error}', file=sys.stderr)
         return USAGE
-    except BrokenPipeError:  # the reader has closed the pipe
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return ALL_READ
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is left in its buffer
+        if isinstance(error, BrokenPipeError):  # the reader has closed the pipe
+            return ALL_READ
+        print(f'read_tag: standard output: {error.strerror}: make room, or name another', file=sys.stderr)
+        return NO_OUTPUT
 
 
 def _node_in(executor):
@@ -212,7 +215,8 @@ def _parser(executor) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='read_tag',
         description='Read the climate at greenhouse tags from a running greenhouse_bridge.',
-        epilog='Exit code: 0 all read, 1 a tag failed, 2 usage, 3 no service or no reply before the timeout.'
+        epilog='Exit code: 0 all read, 1 a tag failed, 2 usage, 3 no service or no reply before the timeout,'
+        ' 4 the output cannot be written.'
         ' With --watch, the code of the last round.',
     )
     ids = parser.add_argument('tag_ids', nargs='*', metavar='ID', help='a tag id, such as 1')

@@ -1,75 +1,100 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""Rows on their way into the file. Does not import ROS."""
+"""Write rows in a thread of their own. Does not import ROS."""
 
 import math
+import sys
+import threading
+import time
 from collections.abc import Iterable
 
-from lupin_greenhouse_bridge.errors import escaped, pluralized
-from lupin_greenhouse_bridge.recording.rows import Row, fault_of
-from lupin_greenhouse_bridge.recording.store import StoreError, key_of
+from lupin_greenhouse_bridge.errors import pluralized
+from lupin_greenhouse_bridge.recording.rows import Row
+from lupin_greenhouse_bridge.recording.store import StoreError
 
-MOST_WAITING = 10_000
+MOST_ROWS = 50_000
+MOST_BYTES = 64 * 2**20  # of memory
+WRITE_EVERY_SECONDS = 0.5
 ERROR_EVERY_SECONDS = 10.0
+LAST_TRIES = 6  # at the end: three seconds for a file that another program locks
 
 
 class BufferedWriter:
     """
-    Writes rows together. While the file cannot be written, up to MOST_WAITING rows wait in memory.
+    Writes rows together, twice a second after start(). A file that cannot be written delays nobody else.
 
-    All times are seconds of one steady clock. The line "N rows kept" acknowledges the first N rows that were
-    not in the file before: they are on the disk.
+    Meanwhile up to MOST_ROWS rows and MOST_BYTES wait in memory. Rows that do not fit are counted as lost.
+    The line "N rows kept" acknowledges the first N rows that were not in the file before: they are on disk.
     """
 
-    def __init__(self, store, logger):
-        """Keep rows in an open store, and close it at the end."""
-        self._store, self._logger = store, logger
-        self._waiting: dict[tuple, Row] = {}
-        self._kept = self._dropped = 0
-        self._is_failing = False
+    def __init__(self, store, logger, clock=time.monotonic):
+        """Keep rows in an open store, and close it at the end. The clock is in seconds, and steady."""
+        self._store, self._logger, self._clock = store, logger, clock
+        self._lock = threading.Lock()
+        self._waiting: list[Row] = []
+        self._bytes = self._kept = self._lost = self._lost_said = 0
         self._next_error = -math.inf  # when to log an ERROR again
+        self._is_ended = threading.Event()
+        self._thread = threading.Thread(target=self._write_all, name='writer', daemon=True)
 
-    def add(self, rows: Iterable[Row], now: float) -> None:
-        """Take rows. They are in the file after the next write()."""
-        for row in rows:
-            if fault := fault_of([row]):  # it would make the file unreadable
-                self._logger.warning(
-                    f"tag '{escaped(row.tag_id, 64)}': {escaped(fault, 200)}: not kept",
-                    throttle_duration_sec=ERROR_EVERY_SECONDS,
-                )
-                continue
-            if len(self._waiting) >= MOST_WAITING and not self._is_failing:
-                self.write(now)
-            if len(self._waiting) < MOST_WAITING or key_of(row) in self._waiting:
-                self._waiting.setdefault(key_of(row), row)
-            else:
-                self._dropped += 1
+    def start(self) -> None:
+        """Start to write."""
+        self._thread.start()
 
-    def write(self, now: float) -> None:
-        """Write what waits, and log it."""
-        if not self._waiting:
-            return
+    def add(self, rows: Iterable[Row]) -> None:
+        """Take rows, without waiting for the file."""
+        with self._lock:
+            for row in rows:
+                size = sys.getsizeof(row) + sum(map(sys.getsizeof, row))
+                if len(self._waiting) < MOST_ROWS and self._bytes + size <= MOST_BYTES:
+                    self._waiting.append(row)
+                    self._bytes += size
+                else:
+                    self._lost += 1
+
+    def _write_all(self) -> None:
+        while not self._is_ended.wait(WRITE_EVERY_SECONDS):
+            self.write()
+
+    def write(self) -> bool:
+        """Write what waits, and log it; return whether nothing of it waits any more."""
+        with self._lock:
+            rows, size = list(self._waiting), self._bytes
         try:
-            kept = self._store.keep(list(self._waiting.values()))
+            kept = self._store.keep(rows) if rows else 0
         except StoreError as error:
-            self._is_failing = True
-            if now >= self._next_error:
-                self._next_error = now + ERROR_EVERY_SECONDS
-                waiting = pluralized(len(self._waiting), 'row')
-                self._logger.error(f'{error}: {waiting} waiting in memory, {self._dropped} dropped')
-            return
-        self._waiting.clear()
-        self._is_failing = False
+            self._log_notes()
+            if self._clock() >= self._next_error:
+                self._next_error = self._clock() + ERROR_EVERY_SECONDS
+                waiting = pluralized(len(rows), 'row')
+                self._logger.error(f'{error}: {waiting} waiting in memory, {self._lost} dropped')
+            return False
+        with self._lock:
+            del self._waiting[: len(rows)]
+            self._bytes -= size
+            lost = self._lost
+        self._log_notes()
         self._kept += kept
         if kept:
             self._logger.info(f'{self._kept} rows kept')
-        if self._dropped:
+        if lost > self._lost_said:
+            self._lost_said = lost
             self._logger.warning(
-                f'{pluralized(self._dropped, "row")} dropped: the file could not be written for too long'
+                f'{pluralized(lost, "row")} dropped so far: the file could not be written for too long'
             )
-            self._dropped = 0
+        return True
+
+    def _log_notes(self) -> None:
+        while self._store.notes:
+            self._logger.warning(self._store.notes.pop(0))
 
     def end(self) -> int:
-        """Write what waits, close the file, and return how many rows are lost."""
-        self.write(math.inf)
+        """Write what waits, close the file, and return how many rows were lost since the start."""
+        self._is_ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._next_error = -math.inf
+        any(self.write() for _ in range(LAST_TRIES))
         self._store.close()
-        return len(self._waiting) + self._dropped
+        self._lost += len(self._waiting)
+        self._waiting.clear()
+        return self._lost

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from lupin_greenhouse_bridge.units import unit_of
 
 LATEST_STAMP_NS = 2**63 - 1  # the year 2262
+FORMULAS = ('=', '+', '-', '@', '\t', '\r', "'")  # a text cell that starts so gets an apostrophe before it
 LONGEST_FIELD = 2**31 - 1  # characters; ROS does not limit the name of a sensor
 
 
@@ -81,30 +82,46 @@ def csv_text(rows: Iterable[Row]) -> str:
     r"""Return rows as lines of CSV that end in \n, without the header."""
     lines = []
     # The writer quotes each character of its own line end, \r\n: no tag id can end a line.
-    csv.writer(SimpleNamespace(write=lines.append)).writerows(rows)
+    csv.writer(SimpleNamespace(write=lines.append)).writerows(map(_escaped, row) for row in rows)
     return ''.join(f'{line[:-2]}\n' for line in lines)
 
 
-def parse_csv(content: bytes) -> tuple[list[Row], int]:
+def _escaped(cell):
+    """Return a cell that no spreadsheet takes for a formula."""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULAS) else cell
+
+
+def _unescaped(cell: str) -> str:
+    return cell[1:] if cell.startswith("'") and cell.startswith(FORMULAS, 1) else cell
+
+
+def has_header(content: bytes) -> bool:
+    """Return whether content starts as a CSV file of rows does."""
+    return content.removeprefix(b'\xef\xbb\xbf').startswith(HEADER.encode())
+
+
+def parse_csv(content: bytes, lines_before: int = 0) -> tuple[list[Row], int]:
     """
     Return the rows of a CSV with its header, and the size in bytes of its complete lines.
 
+    A header that is repeated is left out. With `lines_before`, content starts with a row after so many lines.
     The rest is a row that was torn when its writer was killed. Raises ValueError for anything else.
     """
     whole = content[: content.rfind(b'\n') + 1]
     line_count = whole.count(b'\n')
     csv.field_size_limit(LONGEST_FIELD)
     reader = csv.reader(io.StringIO(whole.decode('utf-8-sig'), newline='\n'), strict=True)
-    if ','.join(next(reader, [])) != HEADER:
+    if not lines_before and ','.join(next(reader, [])) != HEADER:
         raise ValueError(f'the first line is not {HEADER}')
-    rows, complete_lines = [], 1
+    rows, complete_lines = [], reader.line_num
     try:
         for record in reader:
-            rows.append(_row_of(record))
+            if tuple(record) != Row._fields:
+                rows.append(_row_of(record))
             complete_lines = reader.line_num
     except (ValueError, csv.Error) as error:
         if reader.line_num < line_count or not isinstance(error, csv.Error):
-            raise ValueError(f'line {complete_lines + 1}: {error}') from error
+            raise ValueError(f'line {lines_before + complete_lines + 1}: {error}') from error
     torn = whole.split(b'\n')[complete_lines:-1]
     return rows, len(whole) - sum(len(line) + 1 for line in torn)
 
@@ -112,7 +129,7 @@ def parse_csv(content: bytes) -> tuple[list[Row], int]:
 def _row_of(record: list[str]) -> Row:
     if len(record) != len(Row._fields):
         raise ValueError(f'{len(record)} values in place of {len(Row._fields)}')
-    stamp_ns, stamp_utc, tag_id, sensor, value, unit, x_m, y_m, sim_time, source = record
+    stamp_ns, stamp_utc, tag_id, sensor, value, unit, x_m, y_m, sim_time, source = map(_unescaped, record)
     head = int(stamp_ns), stamp_utc, tag_id, sensor, float(value), unit
     place_m = (float(x_m) if x_m else None, float(y_m) if y_m else None)
     row = Row(*head, *place_m, float(sim_time), source)

@@ -12,15 +12,18 @@ import fcntl
 import os
 import sqlite3
 import stat
+from collections import OrderedDict
 from collections.abc import Sequence
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, parse_csv
+from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, has_header, parse_csv
 
 APPLICATION_ID = 0x4C755250  # marks our SQLite files, in big-endian order at byte 68
 HEAD_BYTES = 72
 LOCKED_FOR_SECONDS = 0.5  # how long a commit waits for another program; then its rows wait in memory
+TAIL_BYTES = 2 * 2**20  # of a CSV file: at the start, one to two times as many are read
+MOST_KEYS = 20_000  # of the last rows of a CSV file; a latched topic repeats at most 2,000 readings
 _TABLE = """
 CREATE TABLE IF NOT EXISTS readings (
     stamp_ns INTEGER NOT NULL,
@@ -37,6 +40,7 @@ CREATE TABLE IF NOT EXISTS readings (
 )"""
 _MARKS = ', '.join('?' * len(Row._fields))
 _INSERT = f'INSERT OR IGNORE INTO readings ({HEADER}) VALUES ({_MARKS})'  # noqa: S608 (no text of a user)
+_ERRORS = (OSError, ValueError, sqlite3.Error)
 
 
 class StoreError(OneLineError):
@@ -53,7 +57,7 @@ def is_sqlite_of_readings(head: bytes) -> bool:
     return head.startswith(b'SQLite format 3\0') and head[68:72] == APPLICATION_ID.to_bytes(4, 'big')
 
 
-def open_store(path: str) -> 'SqliteStore | CsvStore':
+def open_store(path: str) -> 'Store':
     """
     Open or make the file that a name stands for, by its suffix.
 
@@ -66,39 +70,80 @@ def open_store(path: str) -> 'SqliteStore | CsvStore':
         )
     try:
         return kind(path)
-    except (OSError, ValueError, sqlite3.Error) as error:
-        reason = getattr(error, 'strerror', None) or error
-        raise StartUpError(f"file '{path}': {reason}: name another file, or a new one") from error
+    except _ERRORS as error:
+        raise StartUpError(f"file '{path}': {_reason(error)}: name another file, or a new one") from error
 
 
-def _open(path: str) -> int:
-    """Open or make a regular file; raises OSError, and ValueError for anything else."""
-    file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NONBLOCK, 0o666)
-    if not stat.S_ISREG(os.fstat(file).st_mode):
-        os.close(file)
-        raise ValueError('not a regular file')
-    return file
+def _reason(error: Exception):
+    return getattr(error, 'strerror', None) or error
 
 
-class SqliteStore:
-    """A database with the table `readings`. Several programs can write it at a time."""
+class Store:
+    """A file of readings. If it is moved, deleted or truncated, the rows go on in a new one of its name."""
 
-    mended = ''
+    _identity = None  # device and inode while the file is open
+    _size = 0  # bytes that the file has at least
 
     def __init__(self, path: str):
-        """Open or make the database; raises OSError, ValueError and sqlite3.Error."""
-        file = _open(path)
+        """Open or make the file; raises OSError, ValueError and sqlite3.Error."""
+        self.notes: list[str] = []  # what happened to the file, for the log
+        self._path = path
+        self._open()
+
+    def keep(self, rows: Sequence[Row]) -> int:
+        """Write the rows that are not in the file yet, all or none; return how many. Raises StoreError."""
+        try:
+            while True:
+                if not self._is_in_place():
+                    self._identity = None
+                    self.close()
+                    self._open()
+                    self.notes.append(f"file '{self._path}' was moved, deleted or truncated: made a new one")
+                kept = self._write(rows)
+                if self._is_in_place():  # otherwise nobody may find these rows
+                    return kept
+        except _ERRORS as error:
+            raise StoreError(f"file '{self._path}': {_reason(error)}") from error
+
+    def _is_in_place(self) -> bool:
+        try:
+            there = os.stat(self._path)
+        except FileNotFoundError:
+            return False
+        return (there.st_dev, there.st_ino) == self._identity and there.st_size >= self._size
+
+    def _open_regular_file(self) -> tuple[int, tuple[int, int]]:
+        """Open or make the file, and return it with its device and inode; raises OSError and ValueError."""
+        file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NONBLOCK, 0o666)
+        status = os.fstat(file)
+        if not stat.S_ISREG(status.st_mode):
+            os.close(file)
+            raise ValueError('not a regular file')
+        return file, (status.st_dev, status.st_ino)
+
+
+class SqliteStore(Store):
+    """A database with the table `readings`. Several programs can write it at a time."""
+
+    _size = 1  # an empty file has no table
+
+    def _open(self) -> None:
+        file, identity = self._open_regular_file()
         head = os.pread(file, HEAD_BYTES, 0)
         os.close(file)
         if head and not is_sqlite_of_readings(head):
             raise ValueError('not a file of record_readings')
-        self._path = path
         self._connection = sqlite3.connect(
-            path, timeout=LOCKED_FOR_SECONDS, isolation_level=None, check_same_thread=False
+            self._path, timeout=LOCKED_FOR_SECONDS, isolation_level=None, check_same_thread=False
         )
-        with self._transaction():
-            self._connection.execute(f'PRAGMA application_id = {APPLICATION_ID}')
-            self._connection.execute(_TABLE)
+        try:
+            with self._transaction():
+                self._connection.execute(f'PRAGMA application_id = {APPLICATION_ID}')
+                self._connection.execute(_TABLE)
+        except sqlite3.Error:
+            self.close()
+            raise
+        self._identity = identity
 
     @contextlib.contextmanager
     def _transaction(self):
@@ -111,14 +156,10 @@ class SqliteStore:
             if self._connection.in_transaction:
                 self._connection.execute('ROLLBACK')
 
-    def keep(self, rows: Sequence[Row]) -> int:
-        """Write the rows that are not in the file yet, all or none; return how many. Raises StoreError."""
+    def _write(self, rows: Sequence[Row]) -> int:
         before = self._connection.total_changes
-        try:
-            with self._transaction():
-                self._connection.executemany(_INSERT, rows)
-        except sqlite3.Error as error:
-            raise StoreError(f"file '{self._path}': {error}") from error
+        with self._transaction():
+            self._connection.executemany(_INSERT, rows)
         return self._connection.total_changes - before
 
     def close(self) -> None:
@@ -126,25 +167,33 @@ class SqliteStore:
         self._connection.close()
 
 
-class CsvStore:
-    """A CSV file. Only one program can write it at a time, and it keeps the keys of all rows in memory."""
+class CsvStore(Store):
+    """A CSV file. Only one recorder can write it at a time, and it knows the last MOST_KEYS rows."""
 
-    def __init__(self, path: str):
-        """Open or make the file, and remove a row that was torn by a kill; raises OSError and ValueError."""
-        self._path, self._file = path, _open(path)
+    _file = -1
+    _is_torn = False
+
+    def _open(self) -> None:
+        """Open or make the file, and remove a row that was torn by a kill."""
+        self._file, identity = self._open_regular_file()
         try:
             self._lock()
-            content, header = Path(path).read_bytes(), f'{HEADER}\n'.encode()
-            if header.startswith(content):  # new, or torn when it was new
+            size, header = os.fstat(self._file).st_size, f'{HEADER}\n'.encode()
+            start, lines_before = _start_of_tail(self._file, size)
+            content = os.pread(self._file, size - start, start)
+            if not start and header.startswith(content):  # new, or torn when it was new
                 os.ftruncate(self._file, 0)
-                content = header[: os.write(self._file, header)]
-            rows, self._size = parse_csv(content)
-            self._keys = {key_of(row) for row in rows}
+                _append(self._file, content := header)
+            rows, complete = parse_csv(content, lines_before)
+            self._size = start + complete
             self._mend()
         except BaseException:
-            os.close(self._file)
+            self.close()
             raise
-        self.mended = f"file '{path}': removed an incomplete last row" if self._size < len(content) else ''
+        self._identity = identity
+        self._keys = OrderedDict.fromkeys(map(key_of, rows[-MOST_KEYS:]))
+        if complete < len(content):
+            self.notes.append(f"file '{self._path}': removed an incomplete last row")
 
     def _mend(self) -> None:
         """Remove what follows the last row that was kept; raises OSError."""
@@ -158,28 +207,55 @@ class CsvStore:
             reason = 'another recorder is writing it (a SQLite file takes more than one)'
             raise ValueError(reason) from error
 
-    def keep(self, rows: Sequence[Row]) -> int:
-        """Write the rows that are not in the file yet, all or none; return how many. Raises StoreError."""
+    def _write(self, rows: Sequence[Row]) -> int:
         new = {key: row for row in rows if (key := key_of(row)) not in self._keys}
         lines = csv_text(new.values()).encode()
         try:
-            if os.fstat(self._file).st_nlink == 0:
-                raise FileNotFoundError(errno.ENOENT, 'it was deleted')
             if self._is_torn:
                 self._mend()
+            self._size = os.fstat(self._file).st_size  # another program may have added rows
             self._is_torn = True  # until all is written
-            if os.write(self._file, lines) != len(lines):
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            _append(self._file, lines)
             os.fsync(self._file)
             self._is_torn = False
-        except OSError as error:
+        except OSError:
             with contextlib.suppress(OSError):  # the next write, or the next recorder, mends it
                 self._mend()
-            raise StoreError(f"file '{self._path}': {error.strerror}") from error
+            raise
+        if os.fstat(self._file).st_size == len(lines):  # truncated just before: these rows have no header
+            os.ftruncate(self._file, 0)
         self._size += len(lines)
-        self._keys |= new.keys()
+        self._keys.update(dict.fromkeys(new))
+        while len(self._keys) > MOST_KEYS:
+            self._keys.popitem(last=False)
         return len(new)
 
     def close(self) -> None:
         """Close the file, so that another recorder can write it."""
-        os.close(self._file)
+        if self._file >= 0:
+            os.close(self._file)
+        self._file = -1
+
+
+def _append(file: int, data: bytes) -> None:
+    if os.write(file, data) != len(data):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def _start_of_tail(file: int, size: int) -> tuple[int, int]:
+    """Return where a row starts in the last bytes of a CSV file, and how many lines come before it."""
+    marks = [(0, 0, 0)]  # by part of the file: its offset, and the lines and the quotes before it
+    if not has_header(os.pread(file, 4 * len(HEADER), 0)):
+        return 0, 0
+    while marks[-1][0] + TAIL_BYTES < size:
+        offset, lines, quotes = marks[-1]
+        part = os.pread(file, TAIL_BYTES, offset)
+        marks.append((offset + len(part), lines + part.count(b'\n'), quotes + part.count(b'"')))
+    for offset, lines, quotes in reversed(marks[1:-1]):  # the last part may be short
+        text, position = os.pread(file, TAIL_BYTES, offset), 0
+        for number, piece in enumerate(text.split(b'"'), start=quotes):
+            if number % 2 == 0 and b'\n' in piece:  # not within a quoted cell: this line end ends a row
+                start = position + piece.index(b'\n') + 1
+                return offset + start, lines + text[:start].count(b'\n')
+            position += len(piece) + 1
+    return 0, 0

@@ -2,6 +2,7 @@
 
 import json
 import os
+import stat
 import sys
 
 from lupin_greenhouse_bridge.errors import escaped
@@ -60,7 +61,9 @@ class Sheet:
 
     def __init__(self, places_m: dict[str, tuple[float, float]]):
         self._places_m = places_m
-        self._header = f'{CSV_HEADER}\n'
+        output = os.fstat(sys.stdout.fileno())
+        is_continued = stat.S_ISREG(output.st_mode) and output.st_size > 0  # by >> FILE
+        self._header = '' if is_continued else f'{CSV_HEADER}\n'
 
     def show(self, responses: dict, status_names: dict[int, str]) -> None:
         """Print readings by tag id. Failures go to standard error."""

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from lupin_greenhouse_bridge.errors import OneLineError, escaped
 from lupin_greenhouse_bridge.recording.report_line import Observation, is_start_of_report, parse_report
-from lupin_greenhouse_bridge.recording.rows import HEADER, Row, fault_of, parse_csv
+from lupin_greenhouse_bridge.recording.rows import HEADER, Row, fault_of, has_header, parse_csv
 from lupin_greenhouse_bridge.recording.store import HEAD_BYTES, is_sqlite_of_readings
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 
@@ -68,7 +68,7 @@ def _parse(path: Path) -> tuple[list[Row], list[Observation]]:
     if is_sqlite_of_readings(head):
         return _rows_of_sqlite(path), []
     content = path.read_bytes()
-    if content.removeprefix(b'\xef\xbb\xbf').startswith(HEADER.encode()):
+    if has_header(content):
         return parse_csv(content)[0], []
     if not (content and is_start_of_report(content)):
         raise ValueError('not a file of readings' if content else 'empty')

@@ -5,24 +5,32 @@ ros2 run lupin_greenhouse_bridge record_readings --ros-args -p file:=readings.cs
 """
 
 import sys
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from lupin_greenhouse_bridge.errors import pluralized
-from lupin_greenhouse_bridge.recording.buffered_writer import BufferedWriter
-from lupin_greenhouse_bridge.recording.rows import rows_of
+from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, parameter_service_of, tag_ids_request
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.recording.buffered_writer import ERROR_EVERY_SECONDS, BufferedWriter
+from lupin_greenhouse_bridge.recording.rows import fault_of, rows_of
 from lupin_greenhouse_bridge.recording.store import open_store
-from lupin_greenhouse_bridge.recording.subscription import subscribe_to_readings, topics_of, topics_parameter
+from lupin_greenhouse_bridge.recording.subscription import (
+    subscribe_to_readings,
+    take_what_has_arrived,
+    topics_of,
+    topics_parameter,
+)
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 
 NODE_NAME = 'record_readings'
-WRITE_EVERY_SECONDS = 0.5
+ASK_EVERY_SECONDS = 1.0
+UNTOLD = 'the bridge has not told its tag_file'
+SHIPPED_PLACES = 'positions are those of mdp-greenhouse: set tag_file for others'
 ENDED, LOST_ROWS = 0, 1
 
 
@@ -35,7 +43,7 @@ class Settings:
         'readings.sqlite', 'The file to write or to continue: .sqlite or .db for SQLite, or .csv.'
     )
     tag_file: str = parameter(
-        '', "The bridge's tag_locations.json, for the positions; empty: the one of mdp-greenhouse."
+        '', "The bridge's tag_locations.json, for the positions; empty: the one that the bridge uses."
     )
 
     def __post_init__(self):
@@ -44,36 +52,81 @@ class Settings:
 
 
 class RecordReadingsNode(Node):
-    """Writes what it has received twice a second."""
+    """Takes readings, and lets a thread write them twice a second."""
 
     def __init__(self):
         """Open the file and subscribe; raises StartUpError."""
         super().__init__(NODE_NAME)
         settings = declare_parameters(self, Settings)
-        layout = find_layout(settings.tag_file)
-        self._places = {tag_id: (tag.x, tag.y) for tag_id, tag in layout.tags.items()} if layout else {}
-        store = open_store(settings.file)
-        if store.mended:
-            self.get_logger().warning(store.mended)
-        self._writer = BufferedWriter(store, self.get_logger())
+        self._places_m = _places_in(settings.tag_file)
+        self._has_places = bool(settings.tag_file)
+        self._refused = 0
+        self._writer = BufferedWriter(open_store(settings.file), self.get_logger())
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
-        self.create_timer(WRITE_EVERY_SECONDS, self._write, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        if not self._has_places:
+            self._bridge = self.create_client(GetParameters, parameter_service_of(DEFAULT_SERVICE))
+            self._asked = None
+            clock = Clock(clock_type=ClockType.STEADY_TIME)
+            self._asking = self.create_timer(ASK_EVERY_SECONDS, self._ask_for_tag_file, clock=clock)
+        self._writer.start()
         self.get_logger().info(
             f'ready: readings from {", ".join(topics)} into {Path(settings.file).resolve()}'
         )
 
     def _on_reading(self, reading, topic: str) -> None:
-        self._writer.add(rows_of(reading, topic, self._places.get(reading.tag_id)), time.monotonic())
+        if not self._has_places:
+            self._has_places = True  # say it once
+            self.get_logger().warning(f'{UNTOLD}: {SHIPPED_PLACES}')
+        rows = rows_of(reading, topic, self._places_m.get(reading.tag_id))
+        good = [row for row in rows if not fault_of([row])]  # others would make the file unreadable
+        self._writer.add(good)
+        if refused := len(rows) - len(good):
+            self._refused += refused
+            self.get_logger().warning(
+                f"tag '{escaped(reading.tag_id, 64)}': {escaped(fault_of(rows), 200)}:"
+                f' {pluralized(self._refused, "row")} refused so far',
+                throttle_duration_sec=ERROR_EVERY_SECONDS,
+            )
 
-    def _write(self) -> None:
-        self._writer.write(time.monotonic())
+    def _ask_for_tag_file(self) -> None:
+        if self._asked:  # DDS can drop a request that comes before discovery is complete
+            self._bridge.remove_pending_request(self._asked)
+        if self._bridge.service_is_ready():
+            self._asked = self._bridge.call_async(tag_ids_request())
+            self._asked.add_done_callback(self._on_tag_file)
+
+    def _on_tag_file(self, asked) -> None:
+        self._asking.cancel()
+        self._has_places = True
+        try:
+            if not (values := asked.result().values):
+                raise StartUpError(UNTOLD)
+            if tag_file := values[-1].string_value:
+                self._places_m = _places_in(tag_file)
+                self.get_logger().info(f"positions: those of the bridge's tag_file {escaped(tag_file, 500)}")
+        except StartUpError as error:  # also of a bridge on another machine
+            self.get_logger().warning(f'{error}: {SHIPPED_PLACES}')
 
     def end(self) -> int:
         """Write the last rows; return the exit code."""
-        if lost := self._writer.end():
+        take_what_has_arrived(self)
+        lost = self._writer.end()
+        if self._refused:
+            self.get_logger().warning(f'{pluralized(self._refused, "row")} refused: a number cannot be right')
+        if lost:
             self.get_logger().error(f'{pluralized(lost, "row")} lost')
-            return LOST_ROWS
-        return ENDED
+        return LOST_ROWS if lost else ENDED
+
+    def destroy_node(self) -> None:
+        """End the thread, also of a node that nobody has ended."""
+        self._writer.end()
+        super().destroy_node()
+
+
+def _places_in(tag_file: str) -> dict[str, tuple[float, float]]:
+    """Return the positions in metres by tag, of the shipped file for ''; raises StartUpError."""
+    layout = find_layout(tag_file)
+    return {tag_id: (tag.x, tag.y) for tag_id, tag in layout.tags.items()} if layout else {}
 
 
 def main(args=None) -> int:

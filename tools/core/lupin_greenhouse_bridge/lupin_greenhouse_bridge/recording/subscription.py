@@ -79,3 +79,14 @@ def subscribe_to_readings(
         except InvalidTopicNameException as error:
             raise StartUpError(f'parameter readings_topics: {error}') from error
     return list(names.values())
+
+
+def take_what_has_arrived(node) -> None:
+    """Call on_reading for the readings that wait in the subscriptions of a node that spins no more."""
+    for subscription in node.subscriptions:
+        for _ in range(DEPTH if subscription.msg_type is TagReading else 0):
+            with subscription.handle:
+                taken = subscription.handle.take_message(TagReading, False)
+            if not taken:
+                break
+            subscription.callback(taken[0])
