@@ -108,7 +108,9 @@ class Settings:
         ' overrides: {"7": {yaw: 1.57, standoff: 0.4}}.',
     )
     dock_pose: str = parameter(  # or an array
-        '', 'x and y in metres and yaw in radians of the dock in the map; empty: the robot does not return.'
+        '[0.0, 0.0, 0.0]',
+        'x and y in metres and yaw in radians of the dock in the map, where every mission ends; empty: the'
+        ' robot does not return.',
     )
     flower_scan_dwell_s: float = parameter(
         Limits.dwell_seconds,
