@@ -17,6 +17,8 @@ class Arrival(NamedTuple):
 
     failure: str = ''  # why the robot is not at its goal; empty if it is
     is_final: bool = False  # another attempt would fail too
+    needs_person: bool = False  # the mission keeps the tag, and pauses until somebody resumes it
+    is_stuck: bool = False  # the robot hardly moved
 
 
 class Drive(ABC):

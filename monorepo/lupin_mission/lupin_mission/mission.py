@@ -4,6 +4,7 @@ The mission's state machine: visits each tag once, and records one outcome for e
 The caller passes the time to step(), in seconds of a monotonic clock. The package's README draws the states.
 """
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum, IntEnum
@@ -14,6 +15,7 @@ from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, 
 from lupin_mission.drive import Arrival, Drive
 
 LONGEST_RETRY_DELAY_SECONDS = 10.0
+STUCK_DRIVES = 2  # in a row, after which the robot needs a person
 
 
 class State(Enum):
@@ -116,6 +118,9 @@ class Mission:
         self._tag_id: str | None = None
         self._drives = 0  # to this tag, or to the dock
         self._departure: float | None = None  # of the next of them, until the robot sets off
+        self._stuck_drives = 0  # in a row
+        self._stuck_tag_id: str | None = None  # at the last pause for them
+        self._is_docking = self._is_docked = False  # with tags left
         self._now = 0.0
         self._active_seconds = 0.0  # stops during a pause; drive, dwell and back-off use it
         self._dwell_end = 0.0
@@ -175,7 +180,8 @@ class Mission:
 
     def _take_transition(self) -> bool:
         """Take the transition that is due; return whether there was one."""
-        if self.state is State.READY:
+        if self.state is State.READY or self._is_docked:
+            self._is_docked = False
             self._drive_on()
         elif self.target and self._scan_reading_done:
             if self._active_seconds < self._dwell_end:
@@ -202,16 +208,18 @@ class Mission:
 
     def _drive_on(self) -> None:
         self._tag_id = next(self._to_visit, None)
+        if self._tag_id is not None:
+            self._depart(State.DRIVING)
+        elif self._returns_to_dock:
+            self._depart(State.RETURNING)
+        else:
+            self._end()
+
+    def _depart(self, state: State) -> None:
+        self.state = state
         self._scan_reading_done = False
         self._requests_before = self._requests
         self._drives = 0
-        if self._tag_id is not None:
-            self.state = State.DRIVING
-        elif self._returns_to_dock:
-            self.state = State.RETURNING
-        else:
-            self._end()
-            return
         self._departure = self._active_seconds
         self._retry_delay = self._limits.retry_delay_seconds
         if not self.is_paused:
@@ -233,19 +241,41 @@ class Mission:
 
     def _end(self) -> None:
         self.state = State.DONE
-        self.is_paused = False
+        self.is_paused = self._is_docking = self._is_docked = False
         self._departure = None
         self._ports.note(f'done: {self.count(Outcome.OK)} tags read', Severity.INFO)
 
+    def _hold(self, reason: str) -> None:
+        """Pause with an error; resume() sets off to the same goal again, with all its attempts."""
+        self.is_paused = True
+        self._drive.pause()
+        self._drives, self._departure, self._stuck_drives = 0, self._active_seconds, 0
+        self._retry_delay = self._limits.retry_delay_seconds
+        self._ports.note(f'{reason}: resume to go on', Severity.ERROR)
+
+    def _is_stuck(self) -> bool:
+        """Return whether the robot needs a person; a second time at the same tag, the goal is at fault."""
+        is_new = self.state is State.DRIVING and self._tag_id != self._stuck_tag_id
+        return is_new and self._stuck_drives >= STUCK_DRIVES
+
     def _end_drive(self, arrival: Arrival) -> None:
-        if arrival.failure and not arrival.is_final and self._drives < self._limits.max_drives:
+        self._stuck_drives = self._stuck_drives + 1 if arrival.is_stuck else 0
+        if arrival.needs_person:
+            self._hold(arrival.failure)
+        elif self._is_stuck():
+            self._stuck_tag_id = self._tag_id
+            self._hold(f'the robot is stuck: it did not move in {STUCK_DRIVES} drives: {arrival.failure}')
+        elif arrival.failure and not arrival.is_final and self._drives < self._limits.max_drives:
             event = f'the drive to {self._goal} failed: {arrival.failure}: trying again'
             self._ports.note(event, Severity.WARN)
             self._departure = self._next_try()
         elif self.state is State.RETURNING:
             if arrival.failure:
                 self._ports.note(f'the robot is not at the dock: {arrival.failure}', Severity.WARN)
-            self._end()
+            if self._is_docking:
+                self._rest()
+            else:
+                self._end()
         elif arrival.failure:
             self._close(Outcome.UNREACHABLE, arrival.failure, None)
             self._dwell_end = self._active_seconds
@@ -253,6 +283,11 @@ class Mission:
             self.state = State.INSPECTING
             self._dwell_end = self._active_seconds + self._limits.dwell_seconds
             self._turn_to(self._first_service)
+
+    def _rest(self) -> None:
+        self._is_docking, self._is_docked = False, True
+        self.is_paused = True
+        self._ports.note('paused after the return: resume to go on with the tags left', Severity.INFO)
 
     def _turn_to(self, service: Service) -> None:
         self._service = service
@@ -297,6 +332,23 @@ class Mission:
         """Allow resume(); nothing moves yet."""
         self.is_estop_engaged = False
 
+    def dock(self) -> bool:
+        """
+        Return to the dock and pause there; return False without a dock, or if the robot visits no tag.
+
+        resume() goes on with the tags left, and with the target unless it has its outcome.
+        """
+        if not (self.target and self._returns_to_dock):
+            return False
+        self._ports.note('heading to dock', Severity.INFO)
+        self._stop_work()
+        if not self._scan_reading_done:
+            self._to_visit = itertools.chain([self._tag_id], self._to_visit)
+        self._is_docking = True
+        self.is_paused = self.is_estop_engaged
+        self._depart(State.RETURNING)
+        return True
+
     def skip(self) -> bool:
         """
         Leave the target; return False if there is none.
@@ -321,27 +373,31 @@ class Mission:
         if self.state is State.DONE or (has_not_set_off and not self.is_paused):
             return False
         self._ports.note('aborted', Severity.WARN)
-        if self.state is State.RETURNING:
+        is_returning = self.state is State.RETURNING
+        if is_returning:
             self._drive.stop()
-            self._end()
-            return True
-        if not has_not_set_off:
+        elif not has_not_set_off:
             self._leave('aborted')
         for tag_id in self._to_visit:
             self._tag_id, self._requests_before = tag_id, self._requests
             self._close(Outcome.SKIPPED, 'aborted', None)
-        if has_not_set_off:
+        if has_not_set_off or is_returning:
             self._end()
         else:
             self.is_paused = self.is_estop_engaged  # then resume() lets the robot return
             self._drive_on()
         return True
 
-    def _leave(self, detail: str) -> None:
+    def _stop_work(self) -> None:
+        """Stop the drive to the tag, or give up the request there."""
         if self.state is State.DRIVING:
             self._drive.stop()
         if self._request:
             self._ports.abandon(self._request)
+            self._request = None
+
+    def _leave(self, detail: str) -> None:
+        self._stop_work()
         if not self._scan_reading_done:
             self._close(Outcome.SKIPPED, detail, None)
         self._dwell_end = self._active_seconds

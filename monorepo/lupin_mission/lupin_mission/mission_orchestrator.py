@@ -88,6 +88,7 @@ class MissionNode(Node):
         for name in ('pause', 'resume', 'skip_current', 'abort'):
             verb = name.removesuffix('_current')
             self.create_service(Trigger, f'mission/{name}', partial(self._trigger, verb))
+        self.create_service(Trigger, 'mission/dock', self._dock)
         self.create_service(StartMission, 'mission/start', self._start)
         self.create_subscription(Bool, settings.estop_topic, self._on_estop, QoSProfile(depth=10))
         clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it
@@ -263,6 +264,20 @@ class MissionNode(Node):
         response.message = f'{name}: done' if response.success else f'there is nothing to {name}'
         if name == 'resume' and self._is_estop_engaged:
             response.message = RELEASE_ESTOP
+        self._step()
+        return response
+
+    def _dock(self, _request, response):
+        state = self.mission.state if self.mission else State.READY
+        response.success = state is not State.DONE
+        if state is State.RETURNING:
+            response.message = 'already returning to dock'
+        elif state in (State.READY, State.DONE):
+            is_done = state is State.DONE
+            response.message = 'cannot dock in state DONE' if is_done else 'no mission runs: nothing moves'
+        else:
+            response.success = self.mission.dock()
+            response.message = 'heading to dock' if response.success else 'there is no dock: set dock_pose'
         self._step()
         return response
 

@@ -1,13 +1,17 @@
 """Drive with Nav2: an action client of nav2_msgs/action/NavigateToPose. No call waits."""
 
 import importlib
+import math
+import uuid
 from collections.abc import Callable
 
-from action_msgs.msg import GoalStatus
+from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.runtime.poses import pose_message
 from rclpy.action import ActionClient
+from rclpy.qos import qos_profile_action_status_default
+from unique_identifier_msgs.msg import UUID
 
 from lupin_mission.drive import Arrival, Drive, Goal
 from lupin_mission.mission import Severity
@@ -16,6 +20,11 @@ from lupin_mission.settings import Settings
 DISCOVERY_SECONDS = 2.0  # a server may be found that late
 LONGEST_REPLY_SECONDS = 5.0  # from a goal to its acceptance or rejection
 LONGEST_END_SECONDS = 2.0  # from a cancel to the end of the goal
+RESEND_SECONDS = 0.5  # between two goals to a server that rejects them
+STATUS_SECONDS = 1.0  # the status of a goal follows its result within this time
+STUCK_M = 0.05  # a robot that moves less in a drive is stuck
+MOVING = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING)
+ANOTHER_CLIENT = 'another client drives the robot'
 NOT_IN_LAYOUT = 'the layout does not have this tag'
 
 
@@ -35,13 +44,15 @@ class Nav2Drive(Drive):
     Sends the robot to one pose at a time.
 
     `goals` has the pose for each tag, `unreachable` the reason why a tag has none. A goal is sent when its
-    server is there and the goal before has ended, and it is cancelled by stop() and pause().
+    server is there and the goal before has ended, and it is cancelled by stop() and pause(). A server that is
+    missing or rejects goals is not ready: it is tried again for dependency_timeout_s.
     """
 
     def __init__(self, node, settings: Settings, note: Callable[[str, Severity], None]):
         """Create the client; raises StartUpError for an invalid name, or without nav2_msgs."""
         self.goals: dict[str, Goal] = {}
         self.unreachable: dict[str, str] = {}
+        self._node = node
         self._settings = settings
         self._note = note
         self._action = navigate_to_pose()
@@ -50,12 +61,21 @@ class Nav2Drive(Drive):
             self._client = ActionClient(node, self._action, self._name)
         except ValueError as error:
             raise StartUpError(f'{self._name!r} is not an action name: {error}') from error
+        self._statuses: dict[bytes, int] = {}  # of all goals of the server, by id
+        self._own_goals: set[bytes] = set()
+        self._tolerated_goals: set[bytes] = set()  # of other clients, before a resume
+        self._status_topic = f'{self._name}/_action/status'
+        node.create_subscription(
+            GoalStatusArray, self._status_topic, self._on_statuses, qos_profile_action_status_default
+        )
         self._goal: Goal | None = None
         self._no_goal = ''  # why there is none
         self._sent: _SentGoal | None = None  # for this goal
         self._not_over: list[_SentGoal] = []
         self._since: float | None = None  # the start, the end of the pause, or the sending
-        self._has_warned = False  # of a server that is not there
+        self._rejected_since: float | None = None  # the first rejection in a row, or the end of the pause
+        self._ended_at: float | None = None  # the goal, by its result
+        self._has_warned = False  # of a server that is not ready
 
     def start(self, tag_id, now_seconds):
         """Set off for the approach pose of a tag."""
@@ -68,6 +88,7 @@ class Nav2Drive(Drive):
     def _set_off(self, goal: Goal | None, no_goal: str, now_seconds: float) -> None:
         self._goal, self._no_goal = goal, no_goal
         self._sent, self._since = None, now_seconds
+        self._rejected_since = self._ended_at = None
 
     def arrival(self, now_seconds):
         """Return how the drive ended; None while the robot drives, or waits for its server."""
@@ -78,12 +99,13 @@ class Nav2Drive(Drive):
         is_over = self.is_over()  # takes what has arrived
         elapsed_seconds, sent = now_seconds - self._since, self._sent
         if sent and sent.is_over and not (sent.is_given_up and sent.failure):
-            return Arrival(sent.failure)  # a robot that was there at the moment of a pause need not go again
+            # A robot that was there at the moment of a pause need not go again.
+            return self._after_rejection(now_seconds) if sent.is_rejected else self._after_end(now_seconds)
         if sent and not sent.is_given_up:
             failure = self._failure_under_way(elapsed_seconds)
             if failure:
                 sent.give_up()
-            return Arrival(failure) if failure else None
+            return Arrival(failure, is_stuck=sent.is_stuck()) if failure else None
         if not self._client.server_is_ready():
             return self._wait_for_server(elapsed_seconds)
         if is_over or elapsed_seconds >= LONGEST_END_SECONDS:
@@ -94,19 +116,65 @@ class Nav2Drive(Drive):
         if not self._client.server_is_ready():
             self._not_over.clear()
             return f'{self._name} has gone'
+        servers = self._servers()
+        if self._sent.servers and servers - self._sent.servers:
+            self._not_over.clear()
+            return f'{self._name} has restarted'
+        self._sent.servers = self._sent.servers or servers
         if not self._sent.is_accepted:
             is_late = elapsed_seconds >= LONGEST_REPLY_SECONDS
             return f'{self._name} did not reply to the goal' if is_late else ''
+        self._has_warned = False
         limit_seconds = self._settings.nav_timeout_s
         is_late = limit_seconds and elapsed_seconds >= limit_seconds
         return f'the robot did not arrive within {limit_seconds:g} s' if is_late else ''
 
+    def _servers(self) -> set[bytes]:
+        """Return an id of each server; one that starts again under the same name has another id."""
+        publishers = self._node.get_publishers_info_by_topic(self._status_topic)
+        return {bytes(each.endpoint_gid) for each in publishers}
+
+    def _after_rejection(self, now_seconds: float) -> Arrival | None:
+        if self._rejected_since is None:
+            self._rejected_since = now_seconds
+            self._warn_once(f'{self._name} rejects goals: activate Nav2; trying again')
+        if now_seconds - self._rejected_since >= self._settings.dependency_timeout_s:
+            return Arrival(f'{self._name} rejects every goal: activate Nav2', needs_person=True)
+        if not self._client.server_is_ready():
+            self._sent, self._since = None, now_seconds
+        elif now_seconds - self._since >= RESEND_SECONDS:
+            self._send(now_seconds)
+        return None
+
+    def _after_end(self, now_seconds: float) -> Arrival | None:
+        """Return how a goal ended. After a failure its status tells, too, whose goal the robot has now."""
+        if not self._sent.failure:
+            return Arrival()
+        if self._ended_at is None:
+            self._ended_at = now_seconds
+        has_status = self._statuses.get(self._sent.goal_id, GoalStatus.STATUS_UNKNOWN) > max(MOVING)
+        if not has_status and now_seconds - self._ended_at < STATUS_SECONDS:
+            return None
+        if self._goals_of_others() - self._tolerated_goals:
+            return Arrival(ANOTHER_CLIENT, needs_person=True)
+        return Arrival(self._sent.failure, is_stuck=self._sent.is_stuck())
+
+    def _goals_of_others(self) -> set[bytes]:
+        return {each for each, status in self._statuses.items() if status in MOVING} - self._own_goals
+
+    def _on_statuses(self, message) -> None:
+        self._statuses = {bytes(each.goal_info.goal_id.uuid): each.status for each in message.status_list}
+
+    def _warn_once(self, event: str) -> None:
+        if not self._has_warned:
+            self._has_warned = True
+            self._note(event, Severity.WARN)
+
     def _wait_for_server(self, elapsed_seconds: float) -> Arrival | None:
         if elapsed_seconds >= self._settings.dependency_timeout_s:
-            return Arrival(f'there is no action server {self._name}: start Nav2', is_final=True)
-        if elapsed_seconds >= DISCOVERY_SECONDS and not self._has_warned:
-            self._has_warned = True
-            self._note(f'waiting for the action server {self._name}: start Nav2', Severity.WARN)
+            return Arrival(f'there is no action server {self._name}: start Nav2', needs_person=True)
+        if elapsed_seconds >= DISCOVERY_SECONDS:
+            self._warn_once(f'waiting for the action server {self._name}: start Nav2')
         return None
 
     def _send(self, now_seconds: float) -> None:
@@ -115,6 +183,8 @@ class Nav2Drive(Drive):
         message.pose.header.frame_id = self._settings.frame_id
         message.pose.pose = pose_message(*goal)
         self._sent, self._since = _SentGoal(self._client, message, self._name, self._note), now_seconds
+        self._ended_at = None
+        self._own_goals.add(self._sent.goal_id)
         self._not_over.append(self._sent)
 
     def stop(self):
@@ -125,7 +195,11 @@ class Nav2Drive(Drive):
     def pause(self):
         """Cancel the goal. After the pause it is sent again, unless the robot is there already."""
         self.stop()
-        self._since = None
+        self._since = self._rejected_since = None
+
+    def resume(self):
+        """Go on to the same goal, even if another client drives the robot now."""
+        self._tolerated_goals = self._goals_of_others()
 
     def is_over(self):
         """Return whether every goal that was sent has ended, as far as its server can still tell."""
@@ -140,12 +214,27 @@ class _SentGoal:
 
     def __init__(self, client: ActionClient, message, name: str, note: Callable[[str, Severity], None]):
         """Send it."""
-        self.is_accepted = self.is_given_up = self.is_over = False
+        self.is_accepted = self.is_rejected = self.is_given_up = self.is_over = False
+        self.servers: set[bytes] = set()  # once they are known
+        self._start: tuple[float, float] | None = None  # where the robot was at the first feedback
+        self._moved_m = 0.0  # at most, from there
         self.failure = ''  # of a goal that is over
         self._name = name
         self._note = note
         self._handle = self._result = self._cancel_reply = None
-        self._reply = self._expect(client.send_goal_async(message))
+        self.goal_id = uuid.uuid4().bytes
+        goal_uuid = UUID(uuid=list(self.goal_id))
+        self._reply = self._expect(client.send_goal_async(message, self._on_feedback, goal_uuid))
+
+    def is_stuck(self) -> bool:
+        """Return whether the robot hardly moved, as far as the server told where it is."""
+        return self._start is not None and self._moved_m < STUCK_M
+
+    def _on_feedback(self, message) -> None:
+        position = message.feedback.current_pose.pose.position
+        at = (position.x, position.y)
+        self._start = self._start or at
+        self._moved_m = max(self._moved_m, math.dist(self._start, at))
 
     def give_up(self) -> None:
         """Cancel the goal: at once, or when it is accepted."""
@@ -175,6 +264,7 @@ class _SentGoal:
     def _on_reply(self, handle) -> None:
         self._handle, self.is_accepted = handle, handle.accepted
         if not self.is_accepted:
+            self.is_rejected = True
             self._end(f'{self._name} rejected the goal')
             return
         self._result = self._expect(handle.get_result_async())

@@ -112,8 +112,9 @@ class Settings:
     )
     walls: str = walls_parameter()  # or an array
     dock_pose: str = parameter(
-        '',
-        'x and y in metres and yaw in radians of the dock in the map; empty: the robot does not return.',
+        '[0.0, 0.0, 0.0]',
+        'x and y in metres and yaw in radians of the dock in the map, where every mission ends; empty: the'
+        ' robot does not return.',
         of_any_type=True,
     )
     flower_scan_dwell_s: float = parameter(

@@ -30,24 +30,29 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
         raise StartUpError(
             f'{where} is not an SDF world ({error}): use a world made by generate_world'
         ) from error
-    positions: dict[int, tuple[float, float]] = {}
+    positions: dict[str, tuple[float, float]] = {}
     for model in (model for world in worlds for model in world.iter('model')):
         match = TAG_MODEL.fullmatch(model.get('name') or '')
         if not match:
             continue
-        number = int(match[1])
+        number = match[1]
         if number in positions:
-            raise StartUpError(f'{where} has the model tag_{number} twice: make it again with generate_world')
+            raise StartUpError(
+                f'{where} has the model tag_{escaped(number, 40)} twice: make it again with generate_world'
+            )
         try:
             x, y = map(float, (model.findtext('pose') or '').split()[:2])
         except ValueError as error:
-            raise StartUpError(f'{where}: the model tag_{number} has no pose: make it again') from error
+            raise StartUpError(
+                f'{where}: the model tag_{escaped(number, 40)} has no pose: make it again'
+            ) from error
         if not (math.isfinite(x) and math.isfinite(y)):
-            raise StartUpError(f'{where}: the pose of tag_{number} is not finite: make it again')
+            raise StartUpError(f'{where}: the pose of tag_{escaped(number, 40)} is not finite: make it again')
         positions[number] = (x, y)
     if not positions:
         raise StartUpError(f'{where} has no model tag_<id>: use a world made by generate_world')
-    return {str(number): positions[number] for number in sorted(positions)}
+    in_order = sorted(positions, key=lambda number: (len(number), number))  # int() refuses 5,000 digits
+    return {number: positions[number] for number in in_order}
 
 
 def _content(path: Path, where: str) -> bytes:

@@ -31,6 +31,7 @@ def settings(tmp_path):
 
     return {
         'drive': 'simulated',
+        'dock_pose': "''",
         'retry_delay_seconds': 0.05,
         'scan_timeout_s': HOUR,
         'visual_confirmation_timeout_s': HOUR,

@@ -38,7 +38,7 @@ REAL = {'scan_timeout_s': 1.0, 'retry_delay_seconds': 0.0, 'max_attempts': 1000}
 TWIN_QOS = latched(50)  # reliable, as by default
 WEB_QOS = QoSProfile(depth=10)  # a web client has no durability
 SERVICES = {
-    **dict.fromkeys(['pause', 'resume', 'skip_current', 'abort'], Trigger),
+    **dict.fromkeys(['pause', 'resume', 'skip_current', 'abort', 'dock'], Trigger),
     'start': StartMission,
 }
 
@@ -170,6 +170,11 @@ class Operator:
         verb = name.removesuffix('_current')
         assert response.message == (f'{verb}: done' if response.success else f'there is nothing to {verb}')
         return response.success
+
+    def dock(self) -> tuple[bool, str]:
+        """Call mission/dock, and return its response."""
+        response = self._call('dock')
+        return response.success, response.message
 
     def wait_for(self, **fields) -> MissionState:
         """Return the first new state with these fields. The test holds it: others can be missed."""

@@ -98,6 +98,12 @@ class HeldNavigator:
 
         goal.execute(execute)
 
+    def tell_position(self, goal, x: float, y: float) -> None:
+        """Send the feedback that the robot is here."""
+        feedback = self._type.Feedback()
+        feedback.current_pose.pose.position.x, feedback.current_pose.pose.position.y = x, y
+        goal.publish_feedback(feedback)
+
     def grant_cancel(self, goal) -> None:
         """Accept a request to cancel a goal, and end the goal."""
         self.wait_for_cancel()

@@ -567,6 +567,143 @@ def test_a_return_that_fails_is_tried_again_and_then_a_warning():
     assert ('the robot is not at the dock: the door is shut', Severity.WARN) in world.events
 
 
+def to_the_dock(world):
+    world.wait(1.0)
+    assert world.mission.dock()
+    assert not world.mission.dock()
+    world.wait(0.0)
+    assert (world.mission.state, world.mission.is_paused, world.mission.target) == (
+        State.RETURNING,
+        False,
+        None,
+    )
+    world.wait(1.0)
+    assert (world.mission.state, world.mission.is_paused) == (State.RETURNING, True)
+
+
+def test_a_mission_that_docked_goes_on_with_the_tags_left():
+    world = World('abc', drive=(motor := Motor(1.0)), returns_to_dock=True)
+    to_the_dock(world)
+    late = world.sent[0]
+    assert world.abandoned == [late]
+    world.wait(100.0)
+    assert (motor.told, world.outcomes) == (['a', 'return'], [])
+    assert world.mission.resume()
+    world.wait(0.0)
+    assert not world.mission.on_reading(late.number, reading('a'))
+    while world.mission.state is not State.RETURNING:
+        world.wait(1.0)
+        world.answer()
+    assert motor.told == ['a', 'return', *'abc', 'return']
+    assert world.outcomes == [(tag, Outcome.OK) for tag in 'abc']
+    world.wait(1.0)
+    assert world.mission.state is State.DONE
+
+
+def test_a_mission_docks_from_the_way_from_the_dwell_and_from_a_pause():
+    world = World('ab', drive=(motor := Motor(1.0)), returns_to_dock=True)
+    assert world.mission.dock()
+    world.wait(1.0)
+    world.mission.resume()
+    world.wait(0.0)
+    world.wait(1.0)
+    world.answer()
+    assert world.mission.pause()
+    assert world.mission.dock()
+    world.wait(1.0)
+    world.mission.resume()
+    world.wait(0.0)
+    assert motor.told == ['a', 'stop', 'return', 'a', 'pause', 'return', 'b']
+    assert world.outcomes == [('a', Outcome.OK)]
+
+
+def test_an_abort_at_the_dock_skips_the_tags_left():
+    world = World('abc', drive=Motor(1.0), returns_to_dock=True)
+    to_the_dock(world)
+    assert world.mission.abort()
+    assert (world.mission.state, world.mission.is_paused) == (State.DONE, False)
+    assert world.outcomes == [(tag, Outcome.SKIPPED) for tag in 'abc']
+
+
+def test_a_dock_that_is_not_reached_pauses_the_mission_too():
+    world = World('a', drive=Motor(1.0, dock='the door is shut'), returns_to_dock=True)
+    assert world.mission.dock()
+    for seconds in (1.0, 0.5, 1.0):
+        world.wait(seconds)
+    assert (world.mission.state, world.mission.is_paused) == (State.RETURNING, True)
+    assert ('the robot is not at the dock: the door is shut', Severity.WARN) in world.events
+
+
+def test_a_mission_without_a_dock_does_not_dock():
+    world = World('a', drive=(motor := Motor(1.0)))
+    assert not world.mission.dock()
+    assert (world.mission.target, motor.told) == ('a', ['a'])
+
+
+class Wheels(SimulatedDrive):
+    """A drive whose arrivals the test sets."""
+
+    def __init__(self, *arrivals):
+        super().__init__(0.0)
+        self.arrivals, self.goals = list(arrivals), []
+
+    def start(self, tag_id, now_seconds):
+        self.goals.append(tag_id)
+        super().start(tag_id, now_seconds)
+
+    def arrival(self, now_seconds):  # noqa: ARG002
+        return self.arrivals.pop(0) if self.arrivals else None
+
+
+def test_a_drive_that_needs_a_person_pauses_the_mission_and_keeps_the_tag():
+    world = World('ab', drive=(wheels := Wheels(Arrival('Nav2 sleeps', needs_person=True))))
+    assert world.events[-1] == ('Nav2 sleeps: resume to go on', Severity.ERROR)
+    assert (world.mission.is_paused, world.mission.target, world.outcomes) == (True, 'a', [])
+    world.wait(100.0)
+    assert wheels.goals == ['a']
+    wheels.arrivals = [Arrival('blocked'), Arrival()]  # all attempts are left
+    assert world.mission.resume()
+    world.wait(0.0)
+    world.wait(0.5)
+    assert wheels.goals == ['a', 'a', 'a']
+    assert world.mission.tag_at_hand == 'a'
+
+
+@pytest.mark.parametrize('do', ['skip', 'abort'])
+def test_a_mission_that_needs_a_person_can_be_skipped_and_aborted(do):
+    world = World('ab', drive=(wheels := Wheels(Arrival('Nav2 sleeps', needs_person=True))))
+    assert getattr(world.mission, do)()
+    world.mission.resume()
+    world.wait(0.0)
+    assert world.outcomes[0] == ('a', Outcome.SKIPPED)
+    assert wheels.goals == {'skip': ['a', 'b'], 'abort': ['a']}[do]
+
+
+def test_two_drives_in_a_row_without_a_move_pause_the_mission_once_for_each_tag():
+    stuck = Arrival('aborted', is_stuck=True)
+    world = World('ab', drive=(wheels := Wheels(stuck, stuck)))
+    world.wait(0.5)
+    event = 'the robot is stuck: it did not move in 2 drives: aborted: resume to go on'
+    assert world.events[-1] == (event, Severity.ERROR)
+    assert (world.mission.is_paused, world.mission.target, world.outcomes) == (True, 'a', [])
+    wheels.arrivals = [stuck, stuck]
+    assert world.mission.resume()
+    world.wait(0.0)
+    world.wait(0.5)
+    assert world.outcomes == [('a', Outcome.UNREACHABLE)]  # it was the goal
+    wheels.arrivals = [stuck]
+    world.wait(0.0)
+    assert (world.mission.is_paused, world.mission.target) == (True, 'b')  # the third in a row
+
+
+def test_a_drive_that_moved_is_between_two_that_did_not():
+    stuck = Arrival('aborted', is_stuck=True)
+    world = World('a', drive=Wheels(stuck, Arrival('aborted'), stuck), limits=Limits(max_drives=3))
+    for seconds in (0.5, 1.0):
+        world.wait(seconds)
+    assert world.outcomes == [('a', Outcome.UNREACHABLE)]
+
+
 def to_driving(world):
     pass
 
@@ -783,6 +920,12 @@ class AnyOrder(RuleBasedStateMachine):
     def resume(self):
         self.mission.resume()
 
+    @rule()
+    def dock(self):
+        target, closed = self.mission.target, list(self.closed)
+        assert self.mission.dock() == bool(target)
+        assert self.closed == closed
+
     @rule(is_blocked=st.booleans())
     def the_way_is(self, is_blocked):
         self.robot.is_blocked = is_blocked
@@ -861,7 +1004,8 @@ class AnyOrder(RuleBasedStateMachine):
         # The longest time at a tag: two drives and three attempts of each service, with their delays, and the
         # dwell.
         longest = 2 * 0.02 + 0.5 + 2 * (3 * 2.0 + 0.5 + 1.0) + 1.0
-        for _ in range(int(len(self.tag_ids) * longest / 0.5) + 2):
+        for _ in range(int(len(self.tag_ids) * longest / 0.5) + 10):
+            self.mission.resume()  # at the dock, once more
             self.now += 0.5
             self.mission.step(self.now)
         assert self.mission.state is State.DONE

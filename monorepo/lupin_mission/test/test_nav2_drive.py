@@ -1,6 +1,6 @@
 """The drive with Nav2, against a real action server whose every step the test holds."""
 
-import importlib
+import importlib.util
 import math
 import sys
 import uuid
@@ -10,17 +10,20 @@ import rclpy
 from action_msgs.srv import CancelGoal
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.recording.report_line import Outcome
-from lupin_greenhouse_bridge.testing import wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
 from lupin_mission.drive import Arrival
 from lupin_mission.mission import Limits, Mission, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive, navigate_to_pose
 from lupin_mission.settings import Settings
+from navigator_helpers import Trip
+from rclpy.action import ActionClient
 from rclpy.context import Context
 
-actions = pytest.importorskip(
-    'nav2_msgs.action', reason='nav2_msgs is missing: sudo apt install ros-$ROS_DISTRO-nav2-msgs'
+HAS_NAV2 = importlib.util.find_spec('nav2_msgs') is not None
+pytestmark = pytest.mark.skipif(
+    not HAS_NAV2, reason='nav2_msgs is missing: sudo apt install ros-$ROS_DISTRO-nav2-msgs'
 )
-navigator_helpers = importlib.import_module('navigator_helpers')
+actions = importlib.import_module('nav2_msgs.action') if HAS_NAV2 else None
 HOUR = 3600.0
 HERE = Arrival()
 
@@ -35,7 +38,7 @@ def make_trip():
     trips = []
 
     def make(**options):
-        trips.append(navigator_helpers.Trip(driver, **options))
+        trips.append(Trip(driver, **options))
         return trips[-1]
 
     yield make
@@ -99,7 +102,7 @@ def test_a_tag_without_a_pose_fails_for_good_with_its_reason_and_without_a_drive
     assert navigator.wait_for_goal().pose.position.x == 3.0
 
 
-def test_without_a_server_a_drive_fails_for_good_after_its_time(make_trip):
+def test_without_a_server_a_drive_needs_a_person_after_its_time(make_trip):
     trip = make_trip()
     trip.now_seconds = 100.0
     trip.start('a')
@@ -110,7 +113,7 @@ def test_without_a_server_a_drive_fails_for_good_after_its_time(make_trip):
         assert trip.spin() is None
         assert trip.notes == [(f'waiting for the action server {trip.name}: start Nav2', Severity.WARN)]
     trip.now_seconds = 130.0
-    assert trip.spin() == Arrival(f'there is no action server {trip.name}: start Nav2', is_final=True)
+    assert trip.spin() == Arrival(f'there is no action server {trip.name}: start Nav2', needs_person=True)
 
 
 def test_a_server_that_starts_late_is_waited_for(trip, held_navigator):
@@ -122,11 +125,80 @@ def test_a_server_that_starts_late_is_waited_for(trip, held_navigator):
     assert trip.arrival() == HERE
 
 
-def test_a_goal_that_is_rejected_is_a_failed_drive(trip, navigator):
-    trip.start('a')
+def rejected(trip, navigator):
+    """Reject a goal, and return once the drive knows it."""
+    trip.drive_until(navigator.has_goal)
+    navigator.wait_for_goal()
     navigator.reject()
-    assert trip.arrival() == Arrival(f'{trip.name} rejected the goal')
+    trip.drive_until(lambda: trip.drive._sent.is_rejected)
+
+
+def test_a_server_that_rejects_goals_is_not_ready_and_gets_the_goal_again(trip, navigator):
+    warning = (f'{trip.name} rejects goals: activate Nav2; trying again', Severity.WARN)
+    trip.start('a')
+    for count in (1, 2, 3):
+        rejected(trip, navigator)
+        assert trip.spin() is None
+        assert (trip.notes, len(navigator.goals)) == ([warning], count)
+        trip.now_seconds += 0.5
+    navigator.end(accepted(trip, navigator), 'succeed')
+    assert trip.arrival() == HERE
     assert trip.drive.is_over()
+
+
+def test_a_server_that_rejects_goals_for_30_s_needs_a_person(trip, navigator):
+    trip.start('a')
+    rejected(trip, navigator)
+    assert trip.spin() is None
+    trip.now_seconds = 29.9
+    rejected(trip, navigator)
+    assert trip.spin() is None
+    trip.now_seconds = 30.0
+    needs_person = Arrival(f'{trip.name} rejects every goal: activate Nav2', needs_person=True)
+    assert trip.spin() == needs_person
+    trip.start('a')
+    rejected(trip, navigator)
+    assert trip.spin() is None  # for 30 s again
+
+
+def test_a_goal_that_another_client_preempts_needs_a_person(trip, navigator, node):
+    """As RViz's 2D Goal Pose does; Nav2 aborts the goal before."""
+    trip.start('a')
+    goal = accepted(trip, navigator)
+    someone = ActionClient(node, actions.NavigateToPose, trip.name)
+    assert someone.wait_for_server(PATIENCE_SECONDS)
+    someone.send_goal_async(actions.NavigateToPose.Goal())
+    trip.drive_until(navigator.has_goal)
+    navigator.wait_for_goal()
+    navigator.accept()
+    navigator.end(goal, 'abort')
+    assert trip.arrival() == Arrival('another client drives the robot', needs_person=True)
+    trip.drive.resume()
+    trip.start('a')  # takes the robot back
+    goal = accepted(trip, navigator)
+    navigator.end(goal, 'abort')
+    assert trip.arrival() == Arrival(f'{trip.name} aborted the drive')
+    someone.destroy()
+
+
+@pytest.mark.parametrize(
+    ('positions', 'is_stuck'),
+    [([], False), ([(1.0, 1.0), (1.0, 1.04)], True), ([(1.0, 1.0), (1.0, 1.06), (1.0, 1.0)], False)],
+)
+@pytest.mark.parametrize('how', ['abort', 'is late'])
+def test_a_drive_that_fails_where_it_began_is_stuck(trip, navigator, positions, is_stuck, how):
+    trip.start('a')
+    goal = accepted(trip, navigator)
+    sent = trip.drive._sent
+    moved_m = max((math.dist(positions[0], each) for each in positions), default=0.0)
+    for position in positions:
+        navigator.tell_position(goal, *position)
+    trip.drive_until(lambda: bool(sent._start) == bool(positions) and sent._moved_m >= moved_m)
+    if how == 'abort':
+        navigator.end(goal, how)
+    else:
+        trip.now_seconds = 60.0
+    assert trip.arrival().is_stuck == is_stuck
 
 
 ABORTS = [
@@ -247,6 +319,19 @@ def test_a_server_that_dies_under_way_is_a_failed_drive_and_its_successor_gets_t
     assert trip.drive.is_over()
 
 
+def test_a_server_that_starts_again_between_two_looks_is_noticed(make_trip, held_navigator):
+    trip = make_trip(nav_timeout_s=0.0)
+    navigator = held_navigator(trip.name)
+    trip.start('a')
+    accepted(trip, navigator)
+    trip.drive_until(lambda: trip.drive._sent.servers)
+    navigator.close()
+    held_navigator(trip.name)
+    before, drive = trip.drive._sent.servers, trip.drive
+    trip.spin_until(lambda: drive._client.server_is_ready() and drive._servers() - before)
+    assert trip.arrival() == Arrival(f'{trip.name} has restarted')
+
+
 @pytest.mark.parametrize('how', ['succeed', 'canceled'])
 def test_a_result_that_comes_after_a_cancel_is_not_that_of_the_next_drive(trip, navigator, how):
     trip.start('a')
@@ -360,6 +445,8 @@ def test_each_outcome_of_a_drive_that_fails_twice_reaches_the_report(trip, navig
     mission = Mission('a', bystander := Bystander(), trip.drive, limits)
     mission.start(0.0)
     for _ in range(2):
-        navigator.reject()
+        trip.spin_until(navigator.has_goal, lambda: mission.step(0.0))
+        navigator.wait_for_goal()
+        navigator.end(navigator.accept(), 'abort')
     trip.spin_until(lambda: mission.state is State.DONE, lambda: mission.step(0.0))
-    assert bystander.outcomes == [(Outcome.UNREACHABLE, f'{trip.name} rejected the goal')]
+    assert bystander.outcomes == [(Outcome.UNREACHABLE, f'{trip.name} aborted the drive')]

@@ -53,7 +53,7 @@ def without_optional(rights: dict[str, set[str]]) -> dict[str, set[str]]:
 
 @pytest.mark.parametrize('enclave', ['/mission', '/mission_launch'])
 def test_the_mission_may_do_what_it_does_and_nothing_more(start_mission, node, enclave):
-    pytest.importorskip('nav2_msgs.action', reason='without nav2_msgs the mission does not call its action')
+    pytest.importorskip('nav2_msgs', reason='without nav2_msgs the mission does not call its action')
     rights = without_optional(rights_of('mission_orchestrator', enclave))
     namespace = start_mission(drive='nav2').namespace
 

@@ -119,6 +119,7 @@ def test_the_parameter_file_has_every_parameter_and_its_default():
 @pytest.mark.parametrize(
     ('dock_pose', 'dock'),
     [
+        (Settings.dock_pose, [0.0, 0.0, 0.0]),
         ('', []),
         (' ', []),
         ([], []),

@@ -423,6 +423,44 @@ def test_the_robot_returns_with_a_state_of_its_own(start_mission, operate, clock
     assert mission.stop() == 1
 
 
+def test_the_robot_docks_and_goes_on(start_mission, operate, clock, reader):
+    docked = {'dock_pose': '[1.0, 0.5, 3.14]', 'drive_seconds': HOUR}
+    mission = start_mission(**READER, **docked, tag_sequence='1', wait_for_start=True)
+    operator = operate(mission)
+    answers = [operator.dock()]
+    operator.start()
+    answers.append(operator.dock())
+    state = operator.wait_for(lifecycle_state='RETURNING', paused=False, current_target='')
+    assert state.last_event == 'driving to the dock (simulated drive)'
+    answers.append(operator.dock())
+    clock.pass_seconds(HOUR)
+    operator.wait_for(lifecycle_state='RETURNING', paused=True)
+    answers.append(operator.dock())
+    assert operator.trigger('resume')
+    operator.wait_for(current_target='1', mission_phase='NAVIGATING')
+    clock.pass_seconds(HOUR)
+    reader.answer_ok('1', co2=1.0)
+    operator.wait_for(lifecycle_state='RETURNING', targets_completed=1)
+    clock.pass_seconds(HOUR)
+    operator.wait_for(lifecycle_state='DONE')
+    answers.append(operator.dock())
+    assert answers == [
+        (True, 'no mission runs: nothing moves'),
+        (True, 'heading to dock'),
+        (True, 'already returning to dock'),
+        (True, 'already returning to dock'),
+        (False, 'cannot dock in state DONE'),
+    ]
+    assert mission.stop() == 0
+
+
+def test_without_a_dock_the_robot_does_not_dock(start_mission, operate):
+    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
+    operator = operate(mission)
+    operator.start()
+    assert operator.dock() == (False, 'there is no dock: set dock_pose')
+
+
 def test_a_tag_of_unknown_place_has_the_one_that_was_discovered_or_the_robots(
     start_mission, reader, confirmer, operate, twin, node
 ):

@@ -22,8 +22,14 @@ def world_file(tmp_path):
 
 
 def test_the_tags_come_in_numeric_order_with_their_places(world_file):
-    models = [MODEL.format(10, '1.5 -2 0.3 0 0 0'), MODEL.format(9, '0.1 7.3 0'), '<model name="table_1"/>']
-    assert read_world(world_file(*models)) == {'9': (0.1, 7.3), '10': (1.5, -2.0)}
+    longest = '1' * 5000  # digits, more than int() takes
+    models = [
+        MODEL.format(longest, '3 4 0'),
+        MODEL.format(10, '1.5 -2 0.3 0 0 0'),
+        MODEL.format(9, '0.1 7.3 0'),
+        '<model name="table_1"/>',
+    ]
+    assert read_world(world_file(*models)) == {'9': (0.1, 7.3), '10': (1.5, -2.0), longest: (3.0, 4.0)}
 
 
 @pytest.mark.parametrize(

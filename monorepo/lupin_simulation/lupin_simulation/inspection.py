@@ -88,7 +88,8 @@ def nodes_of(options) -> tuple[list[list[str]], list[str]]:
         driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{file_of(options, "-route.csv")}"']
         navigator = executable('lupin_simulation', 'fake_navigator')
         nodes.append([navigator, *parameters([*driving, *for_navigator])])
-        suitable += ['drive:=nav2', 'order:=shortest']
+        dock = f'dock_pose:="{disc_robot.Settings.start_pose}"'
+        suitable += ['drive:=nav2', 'order:=shortest', dock]
         seeing = ['from_odometry:=true']
     else:
         suitable.append('drive:=simulated')
