@@ -22,6 +22,7 @@ from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parents[2]
 LOGS = Path('.steady')
+BOTH_TREES = [sys.executable, 'ci/run_tests.py', 'trees']
 
 
 @contextlib.contextmanager
@@ -80,7 +81,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--runs', type=int, default=20, help='how often to run all tests')
     parser.add_argument('--load', type=int, default=3, help='busy loops beside them')
-    parser.add_argument('command', nargs='*', default=['ci/both_trees'], help='what runs the tests')
+    parser.add_argument('command', nargs='*', default=BOTH_TREES, help='what runs the tests')
     options = parser.parse_args()
     if options.runs < 1 or options.load < 0:
         parser.error(f'RUNS is {options.runs} and LOAD is {options.load}: must be at least 1 and 0')
