@@ -24,7 +24,10 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import time
 from pathlib import Path
+
+from jobs import TICK_SECONDS, Status
 
 HERE = Path(__file__).resolve().parent
 REQUIREMENTS = HERE / 'requirements'
@@ -133,8 +136,14 @@ def install_pinned(venv: Path, pins: Path, log: Path) -> None:
 
 def run(command: list[str], log: Path) -> None:
     """Run one step, with its output in the log; raises StepFailed with the end of the log."""
+    status, started_s = Status(), time.monotonic()
     with log.open('a', encoding='utf-8') as output:
-        step = subprocess.run(command, stdout=output, stderr=subprocess.STDOUT, check=False)
+        step = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
+        while step.poll() is None:
+            status.show(f'environment: {Path(command[-1]).name} ({time.monotonic() - started_s:.0f} s)')
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                step.wait(TICK_SECONDS)
+    status.clear()
     if step.returncode:
         end_of_log = log.read_text(encoding='utf-8', errors='replace').splitlines()[-15:]
         raise StepFailed(

@@ -255,7 +255,7 @@ def test_a_sourced_ros_is_found_used_and_only_completed(tmp_path):
     base_python = getattr(sys, '_base_executable', sys.executable)
     result = subprocess.run(
         ['make', 'smoke', f'PYTHON={base_python}'],
-        cwd=ROOT, env=sourced, capture_output=True, text=True, timeout=300, check=False,
+        cwd=ROOT, env=sourced, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert 'from the sourced ROS 2 testros' in result.stderr
     assert result.returncode == 0, result.stderr
