@@ -10,6 +10,7 @@ import argparse
 import math
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import cv2
@@ -33,6 +34,30 @@ ROBOT_RADIUS_M = 0.15
 RADII_M = (0.15, 0.20, 0.30)  # of the approach poses
 SAME_M = 1e-9
 STEP_M = 0.02
+LINE_SECONDS = 15.0  # where no terminal can rewrite a line
+
+
+class Views:
+    """Counts the views of tags that are rendered, and shows the count on standard error."""
+
+    def __init__(self, total: int):
+        self._done, self._total = 0, total
+        self._next_s = 0.0
+
+    def count(self) -> None:
+        """Count one, and show it: on a terminal in one line, elsewhere in a line every 15 s."""
+        self._done += 1
+        text = f'check_world: {self._done} of {self._total} views of tags are rendered'
+        if sys.stderr.isatty():
+            print(f'\r{text}', end='', file=sys.stderr, flush=True)
+        elif time.monotonic() >= self._next_s:
+            print(text, file=sys.stderr, flush=True)
+            self._next_s = time.monotonic() + LINE_SECONDS
+
+    def clear(self) -> None:
+        """Remove the count from a terminal, for another line."""
+        if sys.stderr.isatty():
+            print('\r\033[K', end='', file=sys.stderr, flush=True)
 
 
 def seen_from(world, detector: TagDetector, eye: np.ndarray, at: np.ndarray) -> set[int]:
@@ -59,7 +84,9 @@ def faces_outwards(tag: Tag, tables: list, middle: np.ndarray) -> bool:
     return before > behind or before == behind == 0.0  # the latter in the middle of a table
 
 
-def check_approaches(world, detector: TagDetector, layout, radius_m: float, side_m: float) -> bool:
+def check_approaches(
+    world, detector: TagDetector, layout, radius_m: float, side_m: float, views: Views
+) -> bool:
     """Return whether each tag is read from its approach pose, with the camera along the robot's x axis."""
     poses = find_approaches(layout, ViewingLimits(radius_m)).poses
     missing = []
@@ -68,7 +95,9 @@ def check_approaches(world, detector: TagDetector, layout, radius_m: float, side
         ahead = np.array([math.cos(pose.yaw), math.sin(pose.yaw), 0.0])
         if int(tag_id) not in seen_from(world, detector, eye, eye + ahead):
             missing.append(tag_id)
+        views.count()
     names = f', not {", ".join(missing)}' if missing else ''
+    views.clear()
     print(
         f'{100 * side_m:g} cm, approach poses of a robot of radius {radius_m:.2f} m:'
         f' {len(poses) - len(missing)} of {len(poses)} read{names}',
@@ -92,6 +121,8 @@ def check(tag_file: str, side_m: float, folder: Path) -> bool:
         f' {"where" if is_right else "NOT where"} the layout has them'
     )
     detector = TagDetector()
+    settings = len(DISTANCES_M) * len(ANGLES_DEGREES) + len(RADII_M) + 1
+    views = Views(settings * len(world.tags))
     low, high = low - MARGIN_M, high + MARGIN_M
 
     def can_stand(eye) -> bool:
@@ -112,19 +143,22 @@ def check(tag_file: str, side_m: float, folder: Path) -> bool:
                 are_read = [number in seen_from(world, detector, eye, tag.centre) for eye in standing or eyes]
                 if all(are_read) if standing else any(are_read):
                     read.add(number)
+                views.count()
             missing = sorted(set(world.tags) - read)
             is_right &= not missing
             setting = f'{100 * side_m:g} cm, {distance_m:g} m, {angle_degrees}°'
             names = f', not {", ".join(map(str, missing))}' if missing else ''
             share = f'{len(read)} of {len(world.tags)} read{names}'
+            views.clear()
             print(f'{setting}: {share} (a robot can stand there at {free})', flush=True)
     for radius_m in RADII_M:
-        is_right &= check_approaches(world, detector, layout, radius_m, side_m)
-    behind = [
-        number
-        for number, tag in world.tags.items()
-        if number in seen_from(world, detector, tag.centre - DISTANCES_M[0] * tag.out, tag.centre)
-    ]
+        is_right &= check_approaches(world, detector, layout, radius_m, side_m, views)
+    behind = []
+    for number, tag in world.tags.items():
+        if number in seen_from(world, detector, tag.centre - DISTANCES_M[0] * tag.out, tag.centre):
+            behind.append(number)
+        views.count()
+    views.clear()
     print(f'{100 * side_m:g} cm, from behind: {len(behind)} of {len(world.tags)} read')
     return is_right and not behind
 
