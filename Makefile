@@ -26,10 +26,15 @@ IN_ENV := source ci/ros_env.bash &&
 EXECUTABLE = "$$LUPIN_WORKSPACE/install/$(1)/lib/$(1)/$(2)"
 # Ctrl-C ends all that it has started.
 KILL_TREE := python ci/kill_tree.py
+RUN_TESTS := $(IN_ENV) $(KILL_TREE) python ci/run_tests.py
+# These two start with every `make run`: -ES, because the environment's own modules take 0.1 s to find.
+QUICK_PYTHON := $(PYTHON) -ES
+BUILD := '$(VENV)/bin/python' -ES ci/build.py
+WITHIN := '$(VENV)/bin/python' -ES ci/within.py
 
 figure tags recall world world-check: override TREE := monorepo
 
-.PHONY: help bridge run smoke read mission page world world-check tags env build generate generate-check drift test lint docs-check figure clean bench soak steady test-network recall test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
+.PHONY: help bridge run smoke read mission page world world-check tags env build generate generate-check drift test test-tree lint docs-check figure clean lock bench soak steady test-network recall test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -48,7 +53,7 @@ read: bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TA
 
 mission: $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world, DRIVE=1 drives a robot there
 	@[ $(TREE) = monorepo ] || { echo 'mission: it is in the monorepo only: make mission TREE=monorepo' >&2; exit 2; }
-	@$(IN_ENV) $(if $(WORLD),ci/with_drake) $(if $(DRIVE)$(filter detections,$(CAMERA)),ci/with_stand_ins) \
+	@$(IN_ENV) $(addprefix $(WITHIN) ,$(strip $(if $(WORLD),--drake) $(if $(DRIVE)$(filter detections,$(CAMERA)),--stand-ins))) \
 	    $(call EXECUTABLE,lupin_simulation,inspection) --output '$(CURDIR)/.mission' \
 	    $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(if $(DRIVE),--drive) $(ARGS)
 
@@ -61,7 +66,7 @@ world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file
 	@$(IN_ENV) $(call EXECUTABLE,lupin_simulation,generate_world) $(ARGS)
 
 world-check: build  ## check with Drake that the camera can detect each tag of that world
-	@$(IN_ENV) ci/with_drake $(call EXECUTABLE,lupin_simulation,check_world) $(ARGS)
+	@$(IN_ENV) $(WITHIN) --drake $(call EXECUTABLE,lupin_simulation,check_world) $(ARGS)
 
 tags: build  ## make a PDF of the tags to print, SIDE millimetres each: make tags SIDE=40
 	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(SIDE) $(ARGS)
@@ -69,15 +74,15 @@ tags: build  ## make a PDF of the tags to print, SIDE millimetres each: make tag
 # change
 
 env:  ## make the Python environment (.venv) of all targets
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null \
+	@$(QUICK_PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null \
 	    || { echo 'environment: $(PYTHON) is not Python 3.10 or newer: sudo apt install python3, or make PYTHON=python3.12' >&2; exit 1; }
-	@$(PYTHON) ci/environment.py --venv '$(VENV)' --distro $(DISTRO)
+	@$(QUICK_PYTHON) ci/environment.py --venv '$(VENV)' --distro $(DISTRO)
 
 build: env  ## build TREE with colcon
-	@ci/build
+	@$(BUILD) $(PACKAGES)
 
 bridge: env
-	@PACKAGES="$$(echo $(TREE)/lupin_*msgs $(TREE)/lupin_greenhouse_bridge)" ci/build
+	@$(BUILD) $(TREE)/lupin_*msgs $(TREE)/lupin_greenhouse_bridge
 
 generate: env  ## write both trees from tools/core (ARGS=--prune: remove what a rename left)
 	@$(IN_ENV) python tools/generate.py $(ARGS)
@@ -88,11 +93,17 @@ generate-check: env  ## check that both trees are what tools/core generates
 drift:  ## check that the two trees differ in the one allowed line only
 	@$(PYTHON) tools/check_drift.py --monorepo monorepo --mirror lupin_greenhouse_ros
 
-test: env  ## run all that CI checks of every change
-	@$(IN_ENV) $(KILL_TREE) ci/test
+test: lint generate-check drift  ## run all that CI checks of every change
+	@$(RUN_TESTS) all
+
+test-tree: env  ## run the tests of the packages of TREE: make test-tree PACKAGES=monorepo/lupin_mission WORKERS=4
+	@$(RUN_TESTS) tree
 
 lint: env  ## check the code with ruff, the spelling, and the workflows against their schema
-	@$(IN_ENV) ci/lint
+	@$(IN_ENV) ruff check . && ruff format --check .
+	@$(IN_ENV) git ls-files -z ':!*.png' ':!ci/requirements' | xargs -0 codespell
+	@$(IN_ENV) check-jsonschema --builtin-schema vendor.github-workflows $(wildcard .github/workflows/*.yml lupin_greenhouse_ros/.github/workflows/*.yml)
+	@$(IN_ENV) check-jsonschema --builtin-schema vendor.gitlab-ci .gitlab-ci.yml lupin_greenhouse_ros/.gitlab-ci.yml
 
 docs-check: build  ## check links, shell blocks, parameter tables and names of tests in the documents
 	@$(IN_ENV) python ci/docs_check.py
@@ -100,11 +111,16 @@ docs-check: build  ## check links, shell blocks, parameter tables and names of t
 figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
 	@$(if $(ARGS),,$(IN_ENV) python tools/draw/seen.py)
-	@$(if $(WORLD),ci/with_drake python tools/draw/world.py)
+	@$(if $(WORLD),$(WITHIN) --drake python tools/draw/world.py)
 	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
 
 clean:  ## remove what was built (not the environment .venv)
 	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .mission .bench .steady .tags .world
+
+lock:  ## pin every wheel of ci/requirements/*.in, direct and transitive, for Python 3.10 and newer (needs uv)
+	@cd ci/requirements && for distro in kilted jazzy; do \
+	    uv pip compile --quiet --upgrade --universal --python-version 3.10 --annotation-style line \
+	        --custom-compile-command 'make lock' $$distro.in --output-file $$distro.txt; done
 
 # measure
 
@@ -112,7 +128,7 @@ bench: bridge  ## compare the bridge with a plain wrapper of the simulator (SHOR
 	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)
 
 soak: build  ## check the promises under faults and load (SHORT=1, REFUSALS=12000, SIGNALS=500)
-	@$(IN_ENV) $(KILL_TREE) ci/with_stand_ins python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
+	@$(IN_ENV) $(KILL_TREE) python ci/within.py --stand-ins python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
 
 test-network: bridge  ## call between two network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
 	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short)
@@ -121,16 +137,16 @@ recall: build  ## measure how often the camera's detector finds a tag, by distan
 	@$(IN_ENV) python tools/measure/recall.py $(ARGS)
 
 test-heavy: env  ## run the tests that take minutes, as CI does after make test
-	@$(IN_ENV) $(KILL_TREE) ci/test_heavy
+	@$(RUN_TESTS) heavy
 
-matrix:  ## run the contract tests on every Python, distro and simulator available here
-	@ci/matrix
+matrix: env  ## run the bridge's tests on every Python, distro and simulator here: PYTHONS= DISTROS= SIMULATORS=
+	@$(RUN_TESTS) matrix
 
 test-apriltag: env  ## run the detector's tests with apt's python3-apriltag (Debian 12, Ubuntu 22.04 and newer)
-	@ci/test_apriltag
+	@$(RUN_TESTS) apriltag
 
 test-22-04: env  ## run the tests of the bridge and of the monorepo's nodes with the versions of Ubuntu 22.04
-	@ci/test_22_04
+	@$(RUN_TESTS) ubuntu-22-04
 
 steady: env  ## repeat the contract tests of both trees RUNS=20 times beside LOAD=3 busy loops, and count failures
 	@$(IN_ENV) $(KILL_TREE) python tools/measure/steady.py --runs $(RUNS) --load $(LOAD)

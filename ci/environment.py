@@ -7,7 +7,7 @@ There are two kinds:
   gets only what is missing.
 - Without ROS, it gets real rclpy, Fast DDS, ament_cmake and rosidl as pinned wheels, and is an ament prefix.
 
-Does nothing if nothing has changed. An interrupted environment has no `complete` mark and is made again.
+Does nothing if nothing has changed. If it is incomplete or out of date, it is removed and made again.
 """
 
 from __future__ import annotations
@@ -18,16 +18,21 @@ import fcntl
 import hashlib
 import importlib.util
 import os
+import re
 import shlex
 import shutil
 import subprocess
 import sys
 import sysconfig
+import time
 from pathlib import Path
+
+from jobs import TICK_SECONDS, Status
 
 HERE = Path(__file__).resolve().parent
 REQUIREMENTS = HERE / 'requirements'
 DISTROS = ('kilted', 'jazzy')
+BUILD_PYTHON = r'/opt/python/cp3\d+-cp3\d+'  # of the container that the wheels were built in
 MARK = '.lupin-environment'  # its text: 'incomplete', or the fingerprint of what was installed
 
 
@@ -68,9 +73,7 @@ def sourced_ros() -> str | None:
 def fingerprint(venv: Path, kind: str, requirements: list[Path]) -> str:
     """Return a hash of everything that the environment is made from; a change makes it again."""
     parts = [str(venv), kind, sys.base_prefix, sys.version]
-    parts += [
-        path.read_text(encoding='utf-8') for path in (*requirements, Path(__file__), HERE / 'repair_cmake.py')
-    ]
+    parts += [path.read_text(encoding='utf-8') for path in (*requirements, Path(__file__))]
     return hashlib.sha256('\0'.join(parts).encode()).hexdigest()
 
 
@@ -82,7 +85,7 @@ def is_complete(venv: Path, wanted: str) -> bool:
 
 
 def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
-    """Make the environment from scratch, and write the mark `complete` last."""
+    """Make the environment from scratch, and write the fingerprint last."""
     if venv.exists():
         if any(venv.iterdir()) and not (venv / MARK).exists():
             raise ForeignFolder(
@@ -92,7 +95,6 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
         shutil.rmtree(venv)
     venv.mkdir(parents=True)
     (venv / MARK).write_text('incomplete', encoding='utf-8')
-    python = str(venv / 'bin/python')
     log = venv / 'install.log'
     if ros_distro:
         pip = pip_install(venv)
@@ -103,7 +105,7 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
     else:
         run([sys.executable, '-m', 'venv', str(venv)], log)
         install_pinned(venv, REQUIREMENTS / f'{distro}.txt', log)
-        run([python, str(HERE / 'repair_cmake.py')], log)
+        repair_cmake(venv)
         (venv / 'local_setup.bash').write_text(setup_script(venv, distro), encoding='utf-8')
     (venv / MARK).write_text(wanted, encoding='utf-8')
 
@@ -134,13 +136,44 @@ def install_pinned(venv: Path, pins: Path, log: Path) -> None:
 
 def run(command: list[str], log: Path) -> None:
     """Run one step, with its output in the log; raises StepFailed with the end of the log."""
+    status, started_s = Status(), time.monotonic()
     with log.open('a', encoding='utf-8') as output:
-        step = subprocess.run(command, stdout=output, stderr=subprocess.STDOUT, check=False)
+        step = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
+        while step.poll() is None:
+            status.show(f'environment: {Path(command[-1]).name} ({time.monotonic() - started_s:.0f} s)')
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                step.wait(TICK_SECONDS)
+    status.clear()
     if step.returncode:
         end_of_log = log.read_text(encoding='utf-8', errors='replace').splitlines()[-15:]
         raise StepFailed(
             '\n'.join([*end_of_log, f'environment: making the environment stopped at: {shlex.join(command)}'])
         )
+
+
+def repair_cmake(venv: Path) -> list[Path]:
+    """
+    Correct the paths of Python in the exported CMake files of the wheels; return the files that changed.
+
+    They name folders of the container that built them. CMake then fails with "Imported target ... includes
+    non-existent path". A second run changes nothing.
+    """
+    (packages,) = venv.glob('lib/python3*/site-packages')
+    folders = (
+        (re.compile(BUILD_PYTHON + r'/include/python3\.\d+'), sysconfig.get_path('include')),
+        (re.compile(BUILD_PYTHON + r'/lib/python3\.\d+/site-packages'), str(packages)),
+    )
+    changed = []
+    for path in sorted(venv.glob('share/*/cmake/**/*.cmake')):
+        before = after = path.read_text(encoding='utf-8')
+        for build_folder, here in folders:
+            after = build_folder.sub(lambda _match, here=here: here, after)
+        if after != before:
+            # A new file: the old one may be a hard link into the cache of uv, which other environments share.
+            path.unlink()
+            path.write_text(after, encoding='utf-8')
+            changed.append(path)
+    return changed
 
 
 def setup_script(venv: Path, distro: str) -> str:
@@ -160,13 +193,17 @@ export ROS_DISTRO={distro} ROS_VERSION=2 ROS_PYTHON_VERSION=3
 
 def main(arguments: list[str] | None = None) -> int:
     """Make the environment if it is not complete; return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--venv', type=Path, default=HERE.parent / '.venv', help='folder to make it in')
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        '--venv', type=Path, default=HERE.parent / '.venv', help='folder to make it in (default: %(default)s)'
+    )
     parser.add_argument(
         '--distro',
         choices=DISTROS,
         default='kilted',
-        help='the wheels to install if no ROS is sourced',
+        help='the wheels to install if no ROS is sourced (default: %(default)s)',
     )
     options = parser.parse_args(arguments)
     venv = options.venv.absolute()

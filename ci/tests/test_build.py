@@ -98,12 +98,15 @@ def test_a_build_does_only_what_has_changed(tmp_path, workspace):
         **os.environ,
         'TREE': workspace.name,
         'VENV': str(ENVIRONMENTS['monorepo']),
-        'PACKAGES': ' '.join(map(str, packages)),
     }
 
     def built() -> set[str]:
         result = subprocess.run(
-            [ROOT / 'ci/build'], env=environment, capture_output=True, text=True, check=True
+            [sys.executable, ROOT / 'ci/build.py', *packages],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
         )
         lines = [line for line in result.stderr.splitlines() if line.startswith('build: ')]
         return set(lines[0].split()[1:]) if lines else set()

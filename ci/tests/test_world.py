@@ -43,7 +43,7 @@ TAGS = {
 
 def with_drake(*arguments: str) -> subprocess.CompletedProcess:
     """Run Python with Drake."""
-    command = ['ci/with_drake', sys.executable, *arguments]
+    command = [sys.executable, 'ci/within.py', '--drake', 'python', *arguments]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 

@@ -24,6 +24,7 @@ from shared import print_head, print_row
 
 ROOT = Path(__file__).resolve().parents[2]
 LOGS = Path('.steady')
+BOTH_TREES = [sys.executable, 'ci/run_tests.py', 'trees']
 
 
 @contextlib.contextmanager
@@ -75,7 +76,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--runs', type=int, default=20, help='how often to run all tests')
     parser.add_argument('--load', type=int, default=3, help='busy loops beside them')
-    parser.add_argument('command', nargs='*', default=['ci/both_trees'], help='what runs the tests')
+    parser.add_argument('command', nargs='*', default=BOTH_TREES, help='what runs the tests')
     options = parser.parse_args()
     if options.runs < 1 or options.load < 0:
         parser.error(f'RUNS is {options.runs} and LOAD is {options.load}: must be at least 1 and 0')

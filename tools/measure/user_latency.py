@@ -30,7 +30,8 @@ BRIDGE_NODE = 'monorepo/lupin_greenhouse_bridge/lupin_greenhouse_bridge/bridge_n
 ENTER_BY_HAND = 'export VENV=$PWD/by-hand && source ci/ros_env.bash without-overlay'
 INSTALL_BY_HAND = (
     'python3 -m venv by-hand && by-hand/bin/pip install -q -r ci/requirements/kilted.txt'
-    ' && by-hand/bin/python ci/repair_cmake.py && cp .venv/local_setup.bash by-hand/'
+    ' && PYTHONPATH=ci python3 -c \'import environment as e; e.repair_cmake(e.Path("by-hand").absolute())\''
+    ' && cp .venv/local_setup.bash by-hand/'
     ' && sed -i "s|/.venv|/by-hand|g" by-hand/local_setup.bash'
 )
 BUILD_BY_HAND = (

@@ -10,6 +10,7 @@ import argparse
 import itertools
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import cv2
@@ -31,6 +32,30 @@ ROBOT_RADIUS_M = 0.15
 RADII_M = (0.15, 0.20, 0.30)  # of the approach poses
 SAME_M = 1e-9
 STEP_M = 0.02
+LINE_SECONDS = 15.0  # where no terminal can rewrite a line
+
+
+class Views:
+    """Counts the views of tags that are rendered, and shows the count on standard error."""
+
+    def __init__(self, total: int):
+        self._done, self._total = 0, total
+        self._next_s = 0.0
+
+    def count(self) -> None:
+        """Count one, and show it: on a terminal in one line, elsewhere in a line every 15 s."""
+        self._done += 1
+        text = f'check_world: {self._done} of {self._total} views of tags are rendered'
+        if sys.stderr.isatty():
+            print(f'\r{text}', end='', file=sys.stderr, flush=True)
+        elif time.monotonic() >= self._next_s:
+            print(text, file=sys.stderr, flush=True)
+            self._next_s = time.monotonic() + LINE_SECONDS
+
+    def clear(self) -> None:
+        """Remove the count from a terminal, for another line."""
+        if sys.stderr.isatty():
+            print('\r\033[K', end='', file=sys.stderr, flush=True)
 
 
 def seen_from(world, detector: TagDetector, eye: np.ndarray, at: np.ndarray) -> set[int]:
@@ -78,7 +103,9 @@ def check_layout(world, layout) -> bool:
     )
 
 
-def check_distances(world, detector: TagDetector, tables: list, walls: Walls, side: str) -> bool:
+def check_distances(
+    world, detector: TagDetector, tables: list, walls: Walls, side: str, views: Views
+) -> bool:
     """Return whether each tag is read from each distance and angle, wherever a robot can stand."""
 
     def can_stand(eye) -> bool:
@@ -97,19 +124,24 @@ def check_distances(world, detector: TagDetector, tables: list, walls: Walls, si
             is_seen = [number in seen_from(world, detector, eye, tag.centre) for eye in standing or eyes]
             if all(is_seen) if standing else any(is_seen):
                 read.add(number)
+            views.count()
+        views.clear()
         setting, note = f'{side}, {distance_m:g} m, {angle_degrees}°', f' (a robot can stand there at {free})'
         are_read.append(print_share(setting, sorted(world.tags), read, note))
     return all(are_read)
 
 
-def check_approaches(world, detector: TagDetector, layout, walls: Walls, radius_m: float, side: str) -> bool:
+def check_approaches(
+    world, detector: TagDetector, layout, walls: Walls, radius_m: float, side: str, views: Views
+) -> bool:
     """Return whether each tag is read from its approach pose, with the camera along the robot's x axis."""
     poses = find_approaches(layout, walls, ViewingLimits(radius_m)).poses
-    read = {
-        tag_id
-        for tag_id, pose in poses.items()
-        if int(tag_id) in seen_from(world, detector, *view_ahead(pose.x, pose.y, pose.yaw))
-    }
+    read = set()
+    for tag_id, pose in poses.items():
+        if int(tag_id) in seen_from(world, detector, *view_ahead(pose.x, pose.y, pose.yaw)):
+            read.add(tag_id)
+        views.count()
+    views.clear()
     return print_share(f'{side}, approach poses of a robot of radius {radius_m:.2f} m', poses, read)
 
 
@@ -122,9 +154,11 @@ def check(options: argparse.Namespace, side_m: float, folder: Path) -> bool:
     is_right = check_layout(world, layout)
     counts = f'{len(world.tags)} tags and {len(world.tables)} tables'
     print(f'{side}: {counts}, {"where" if is_right else "NOT where"} the layout has them')
-    is_right &= check_distances(world, detector, tables_of(layout), walls, side)
+    settings = len(DISTANCES_M) * len(ANGLES_DEGREES) + len(RADII_M)
+    views = Views(settings * len(world.tags))
+    is_right &= check_distances(world, detector, tables_of(layout), walls, side, views)
     for radius_m in RADII_M:
-        is_right &= check_approaches(world, detector, layout, walls, radius_m, side)
+        is_right &= check_approaches(world, detector, layout, walls, radius_m, side, views)
     behind = [
         number
         for number, tag in world.tags.items()

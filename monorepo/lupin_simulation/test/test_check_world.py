@@ -1,6 +1,8 @@
 """The check of a world, as far as it needs no Drake; ci/tests/test_world.py has the rest."""
 
+import re
 import subprocess
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -43,6 +45,21 @@ def test_a_viewpoint_is_in_front_of_a_tag_and_turned_to_its_right(angle_degrees,
 )
 def test_a_tag_must_face_away_from_its_table_or_else_to_the_middle(x, y, out, tables, is_right):
     assert check_world.faces_outwards(tag(x, y, out), tables, np.array([2.0, 2.0])) == is_right
+
+
+@pytest.mark.parametrize(('is_terminal', 'shown'), [(False, '1 16 31'), (True, '1 2 3')])
+def test_how_many_views_are_rendered_is_shown(monkeypatch, capsys, is_terminal, shown):
+    """The clock advances a second with each look at it."""
+    seconds = iter(range(1000))
+    monkeypatch.setattr(check_world, 'time', SimpleNamespace(monotonic=lambda: next(seconds)))
+    monkeypatch.setattr(check_world.sys.stderr, 'isatty', lambda: is_terminal)
+    views = check_world.Views(40)
+    for _ in range(40):
+        views.count()
+    printed = capsys.readouterr().err
+    numbers = re.findall(r'check_world: (\d+) of 40 views of tags are rendered', printed)
+    assert ' '.join(numbers[:3]) == shown
+    assert ('\n' in printed) != is_terminal
 
 
 def refusal(*arguments: str) -> str:

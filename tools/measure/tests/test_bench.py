@@ -32,12 +32,12 @@ def figures(output: Path, part: str, *arguments: str) -> dict[str, dict]:
 
 
 def test_swapping_the_sides_inverts_the_ratios(tmp_path):
-    """One side sleeps 2 ms in each call, so that the order does not depend on the noise of the machine."""
+    """One side sleeps 2 ms in each call; how much that is beside a reply depends on the machine's load."""
     slow = f'{CANNED} 0.002'
     as_subject = figures(tmp_path, 'latency', '--subject', slow, '--baseline', CANNED)
     as_baseline = figures(tmp_path, 'latency', '--subject', CANNED, '--baseline', slow)
-    assert as_subject['round trip p50']['ratio'] > 2.0
-    assert as_baseline['round trip p50']['ratio'] < 0.5
+    assert as_subject['round trip p50']['ratio'] > 1.0
+    assert as_baseline['round trip p50']['ratio'] < 1.0
 
 
 def test_the_bridge_answers_a_whole_burst_and_the_plain_wrapper_loses_requests(tmp_path):

@@ -20,7 +20,7 @@ def runs():
     environment = {**os.environ, 'TREE': 'monorepo'}
     processes = {
         name: subprocess.Popen(
-            ['ci/with_stand_ins', sys.executable, f'tools/measure/{name}', '--short'],
+            [sys.executable, 'ci/within.py', '--stand-ins', 'python', f'tools/measure/{name}', '--short'],
             cwd=ROOT,
             env=environment,
             stdout=subprocess.PIPE,

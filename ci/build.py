@@ -1,0 +1,121 @@
+"""
+Build packages of TREE with colcon into its workspace in the environment, each only if its files have changed.
+
+    python ci/build.py [PACKAGE...]      default: every package of the tree
+
+VENV is the environment (default: .venv), TREE the tree (default: monorepo). The packages are named one by
+one, because the mirror's COLCON_IGNORE hides its root. It imports little: every `make run` starts it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import os
+import re
+import shutil
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+from jobs import Build, run
+
+ROOT = Path(__file__).resolve().parents[1]
+SHOWN = re.compile(r'^--- stderr:(?s:.*?)^---$|^.*WARNING.*$|^Summary.*$', re.MULTILINE)
+
+
+class Workspace(NamedTuple):
+    """Where a tree is built: a folder in an environment."""
+
+    venv: Path
+    tree: str
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the tree's build, install and log folders."""
+        return self.venv / 'workspace' / self.tree
+
+    def packages(self, pattern: str = 'lupin_*') -> list[Path]:
+        """Return the folders of the tree's packages."""
+        return sorted(ROOT.glob(f'{self.tree}/{pattern}'))
+
+    def inside(self, *command: str, is_overlaid: bool = True, above: tuple[Workspace, ...] = ()) -> list[str]:
+        """Return what runs a command in this environment, with its packages and those of other workspaces."""
+        script = 'source ci/ros_env.bash' if is_overlaid else 'source ci/ros_env.bash without-overlay'
+        for each in above:
+            script += f' && source "$VIRTUAL_ENV/workspace/{each.tree}/install/local_setup.bash"'
+        settings = [f'VENV={self.venv}', f'TREE={self.tree}']
+        return ['env', *settings, 'bash', '-ec', f'{script} && exec "$@"', 'bash', *map(str, command)]
+
+
+def here() -> Workspace:
+    """Return the workspace that VENV and TREE select."""
+    return Workspace(ROOT / os.environ.get('VENV', '.venv'), os.environ.get('TREE', 'monorepo'))
+
+
+def fingerprint(package: Path, venv: Path) -> str:
+    """Return a hash of everything that a package is built from."""
+    digest = hashlib.sha256(Path(__file__).read_bytes())
+    digest.update((venv / '.lupin-environment').read_bytes())
+    for folder, folders, names in os.walk(package):
+        folders[:] = sorted(name for name in folders if not name.startswith('.'))
+        for name in sorted(names):
+            path = Path(folder, name)
+            if not name.startswith('.') and not name.endswith('.pyc') and not path.is_symlink():
+                digest.update(f'\0{path.relative_to(package)}\0'.encode())
+                digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def build(workspace: Workspace, packages: list[Path]) -> int:
+    """Build what has changed; return the exit code."""
+    folder = workspace.folder
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(f'{folder}.lock', 'w', encoding='utf-8') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # of two builds at once, the second waits, then finds nothing to do
+        changed = {}
+        for package in packages:
+            mark, now = folder / f'{package.name}.built', fingerprint(package, workspace.venv)
+            if not mark.exists() or mark.read_text(encoding='utf-8') != now:
+                changed[mark] = now
+                mark.unlink(missing_ok=True)
+                if (package / 'setup.py').exists():  # it would install a deleted or renamed module once more
+                    shutil.rmtree(folder / 'build' / package.name, ignore_errors=True)
+                    shutil.rmtree(folder / 'install' / package.name, ignore_errors=True)
+        if not changed:
+            return 0
+        code = run_colcon(workspace, packages, [mark.stem for mark in changed])
+        if not code:
+            for mark, now in changed.items():
+                mark.write_text(now, encoding='utf-8')
+    return code
+
+
+def run_colcon(workspace: Workspace, packages: list[Path], names: list[str]) -> int:
+    """Build the packages of these names; show warnings and the summary, or everything if it fails."""
+    print('build:', *names, file=sys.stderr)
+    folder, log = workspace.folder, workspace.folder / 'build.log'
+    command = ['python', '-m', 'colcon', '--log-base', folder / 'log', 'build']
+    command += ['--build-base', folder / 'build', '--install-base', folder / 'install']
+    command += ['--paths', *packages, '--packages-select', *names]
+    # Only Python uses what is built here, so the messages leave out C++, which takes most of the time.
+    command += ['--cmake-args', f'-DPython3_EXECUTABLE={workspace.venv}/bin/python']
+    command += ['-DBUILD_TESTING=OFF', '-DWITH_CPP=OFF', '--no-warn-unused-cli']
+    if (workspace.venv / 'local_setup.bash').exists():  # the wheels have Fast DDS and no other middleware
+        command += ['-DWITH_INTROSPECTION=OFF']
+    command += ['--event-handlers', 'console_direct+']
+    # colcon's own -l would leave cores unused beside other work.
+    os.environ['MAKEFLAGS'] = f'-j{os.cpu_count()}'
+    changed = [path for path in packages if path.name in names]
+    job = Build(workspace.inside(*command, is_overlaid=False), log, changed)
+    if not run([job]):
+        return 1
+    print('\n'.join(SHOWN.findall(log.read_text(encoding='utf-8', errors='replace'))), file=sys.stderr)
+    return 0
+
+
+if __name__ == '__main__':
+    try:
+        sys.exit(build(here(), [Path(name).absolute() for name in sys.argv[1:]] or here().packages()))
+    except KeyboardInterrupt:
+        sys.exit(130)

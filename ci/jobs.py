@@ -1,0 +1,205 @@
+"""Run commands at once, each with its output in a log, and show how far they are."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import re
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+TICK_SECONDS = 0.2
+LINE_SECONDS = 15.0  # where no terminal can rewrite a line
+FIRST_SECONDS = 3.0  # a shorter wait needs no line
+END_OF_LOG_LINES = 60
+
+
+class Job:
+    """A command, whose output is shown line by line."""
+
+    def __init__(self, name: str, command: list, log: Path):
+        self.name = name
+        self.command = [str(part) for part in command]
+        self.log = log
+        self.exit_code: int | None = None
+        self.summary = ''
+
+    def read(self, line: str) -> str | None:
+        """Take a line of the output; return what to show of it at once."""
+        return f'{self.name}: {line}'
+
+    def state(self) -> str:
+        """Return how far the command is."""
+        return self.name
+
+    def explain_failure(self) -> str:
+        """Return what its output has not shown yet."""
+        return ''
+
+
+class Build(Job):
+    """A build by colcon, which names its packages, and make in them its files."""
+
+    PACKAGE = re.compile(r'^Starting >>> (\S+)')
+    STEP = re.compile(r'^\[ *(\d+)%\] (.*)')
+    SOURCE = re.compile(r'/((?:msg|srv|action)/)(?:detail/|_)?(\w+?)(?:__|_s\.c|\.)')
+
+    def __init__(self, command: list, log: Path, packages: list[Path]):
+        super().__init__('build', command, log)
+        self._counts = {path.name: len([*path.glob('*/*.msg'), *path.glob('*/*.srv')]) for path in packages}
+        self._started: list[str] = []
+        self._interfaces: list[str] = []
+        self._step = ''
+
+    def read(self, line: str) -> None:
+        """Note the package, the share of its steps and the interface."""
+        if package := self.PACKAGE.match(line):
+            self._started.append(package[1])
+            self._interfaces, self._step = [], ''
+        elif step := self.STEP.match(line):
+            self._step = f', {step[1]} %'
+            if source := self.SOURCE.search(line):
+                self._step += self.place_of(source[1] + source[2])
+            elif step[2].startswith('Generating '):
+                self._step += f': {step[2]}'
+
+    def place_of(self, interface: str) -> str:
+        """Return the place of an interface in its package: every target builds them in the same order."""
+        if interface not in self._interfaces:
+            self._interfaces.append(interface)
+        number, count = self._interfaces.index(interface) + 1, self._counts.get(self._started[-1], 0)
+        return f': interface {number} of {count}, {interface}'
+
+    def state(self) -> str:
+        """Return the package, its place among the packages, and how far it is."""
+        if not self._started:
+            return 'build'
+        count = f'{len(self._started)} of {len(self._counts)}'
+        return f'build: package {count}, {self._started[-1]}{self._step}'
+
+    def explain_failure(self) -> str:
+        """Return the whole output."""
+        return self.log.read_text(encoding='utf-8', errors='replace')
+
+
+class Tests(Job):
+    """A run of pytest, --verbose and --instafail: counts the tests, shows what failed or was skipped."""
+
+    TOTAL = re.compile(r'\b(\d+) items?\b(?:.* (\d+) selected)?')
+    RESULT = re.compile(r'^(?:\[gw\d+\] \[ *\d+%\] |.*::.* )(PASSED|FAILED|ERROR|SKIPPED|XFAIL|XPASS)\b')
+    STARTED = re.compile(r'^\S+\.py::')
+    REPORT = re.compile(r'^_{3,} .+ _{3,}$|^=+ (?:FAILURES|ERRORS|short test summary info) =+$')
+    SUMMARY = re.compile(r'^=+ .*(?:passed|failed|skipped|errors?|no tests ran).* in [\d.]+s.* =+$')
+
+    def __init__(self, name: str, command: list, log: Path):
+        super().__init__(name, command, log)
+        self.total, self.done, self.failed = 0, 0, 0
+        self._is_report = False
+
+    def read(self, line: str) -> str | None:
+        """Count a result; return a line of a report."""
+        if not self.total and (total := self.TOTAL.search(line)):
+            self.total = int(total[2] or total[1])
+        elif result := self.RESULT.match(line):
+            self._is_report = False
+            self.done += 1
+            self.failed += result[1] in ('FAILED', 'ERROR')
+        elif self.SUMMARY.match(line):
+            self._is_report = False
+            self.summary = line
+        elif self.REPORT.match(line):
+            self._is_report = True
+            return f'{self.name}: {line}'
+        return line if self._is_report and not self.STARTED.match(line) else None
+
+    def state(self) -> str:
+        """Return how many tests are done and failed."""
+        if not self.total:
+            return f'{self.name} starts'
+        return f'{self.name} {self.done} of {self.total}' + (f', {self.failed} failed' if self.failed else '')
+
+    def explain_failure(self) -> str:
+        """Return the end of the output, if no test has failed."""
+        if self.failed:
+            return ''
+        return '\n'.join(
+            self.log.read_text(encoding='utf-8', errors='replace').splitlines()[-END_OF_LOG_LINES:]
+        )
+
+
+class Status:
+    """A line on a stream: rewritten on a terminal, written every 15 s elsewhere."""
+
+    def __init__(self, stream=sys.stderr):
+        self._stream = stream
+        self._is_terminal = stream.isatty()
+        self._next_s = time.monotonic() + (0 if self._is_terminal else FIRST_SECONDS)
+
+    def show(self, text: str) -> None:
+        """Show the text, unless the last one is too fresh."""
+        if time.monotonic() < self._next_s:
+            return
+        if self._is_terminal:
+            text = '\r\033[K' + text[: shutil.get_terminal_size().columns - 1]
+        print(text, end='' if self._is_terminal else '\n', file=self._stream, flush=True)
+        self._next_s = time.monotonic() + (TICK_SECONDS if self._is_terminal else LINE_SECONDS)
+
+    def clear(self) -> None:
+        """Remove the line from a terminal."""
+        if self._is_terminal:
+            print('\r\033[K', end='', file=self._stream, flush=True)
+
+
+def follow(job: Job, events: queue.SimpleQueue) -> None:
+    """Run a job; put each line of its output, and None at its end."""
+    job.log.parent.mkdir(parents=True, exist_ok=True)
+    with job.log.open('w', encoding='utf-8') as log, subprocess.Popen(
+        job.command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors='replace'
+    ) as process:  # fmt: skip
+        for line in process.stdout:
+            log.write(line)
+            log.flush()
+            events.put((job, line.rstrip('\n')))
+        job.exit_code = process.wait()
+    events.put((job, None))
+
+
+def take(job: Job, line: str | None, status: Status) -> None:
+    """Show what is new in a line of a job's output, or, at its end, why it failed."""
+    if line is not None:
+        shown = job.read(line)
+    else:
+        shown = f'== {job.name}\n{job.explain_failure()}' if job.exit_code and job.explain_failure() else None
+    if shown is not None:
+        status.clear()
+        print(shown, flush=True)
+
+
+def run(jobs: list[Job], at_once: int = 1) -> bool:
+    """Run jobs, some at once; return whether all ended with exit code 0."""
+    waiting, running, events, status = list(jobs), [], queue.SimpleQueue(), Status()
+    started_s = time.monotonic()
+    while waiting or running:
+        while waiting and len(running) < at_once:
+            running.append(waiting.pop(0))
+            threading.Thread(target=follow, args=(running[-1], events), daemon=True).start()
+        with contextlib.suppress(queue.Empty):
+            job, line = events.get(timeout=TICK_SECONDS)
+            take(job, line, status)
+            if line is None:
+                running.remove(job)
+        states = ' | '.join(each.state() for each in running)
+        status.show(f'{states} ({time.monotonic() - started_s:.0f} s)')
+    status.clear()
+    failed = [job.name for job in jobs if job.exit_code]
+    if failed:
+        print('failed:', ', '.join(failed), flush=True)
+    for job in jobs:
+        if job.summary:
+            print(f'== {job.name}', job.summary, sep='\n', flush=True)
+    return not failed

@@ -1,0 +1,280 @@
+"""
+Run the tests.
+
+    python ci/run_tests.py tree          build TREE and run its packages' tests; PACKAGES selects some of them
+    python ci/run_tests.py trees         both trees, each in its environment
+    python ci/run_tests.py all           both trees, then tools/ and ci/
+    python ci/run_tests.py heavy         what takes minutes: other environments, the world, measurements
+    python ci/run_tests.py ubuntu-22-04  with Python 3.10 and the versions of Ubuntu 22.04's apt
+    python ci/run_tests.py apriltag      the detector with apt's python3-apriltag and the system's Python
+    python ci/run_tests.py matrix        both trees on every Python, distro and simulator of this machine;
+                                         PYTHONS, DISTROS and SIMULATORS select some of them
+
+VENV is the environment, WORKERS how many tests of a package run at once. Exit code 1: a test failed.
+"""
+
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import environment
+from build import ROOT, Workspace, build, here
+from jobs import Job, Tests, run
+from within import within
+
+TREES = ('monorepo', 'lupin_greenhouse_ros')
+WORKERS = os.environ.get('WORKERS', '2')
+AT_ONCE = 3  # tests often wait, so there are more workers than cores
+PYTEST = ('python', '-m', 'pytest', '-p', 'no:cacheprovider', '--verbose', '--instafail', '-rs')
+# Many times the longest run: a hang must fail. What a run leaves behind ends with it.
+BOUNDED = (sys.executable, 'ci/kill_tree.py', 'timeout', '30m')
+APRILTAG_PACKAGES = ('hypothesis', 'opencv-python-headless<4.11', 'pillow', 'pytest', 'pytest-instafail')
+APRILTAG_TESTS = (
+    'lupin_tag_confirmation/test/test_images.py',
+    'lupin_tag_confirmation/test/test_settings.py',
+    'lupin_tag_confirmation/test/test_confirmation.py',
+    'lupin_simulation/test/test_detector.py',
+)
+VERSIONS_OF_22_04 = (
+    'argcomplete==1.8.1', 'attrs<22', 'hypothesis==6.36.0', 'matplotlib==3.5.1', 'numpy==1.21.5',
+    'opencv-contrib-python-headless==4.5.4.60', 'packaging==21.3', 'pillow==9.0.1', 'pytest==6.2.5',
+)  # fmt: skip
+NOT_IN_22_04 = (
+    'opencv-python-headless',
+    'pytest-cov',
+    'pytest-repeat',
+    'pytest-rerunfailures',
+    'pytest-xdist',
+)
+OLDEST_SIMULATOR = '1.0.7'
+
+
+def checked(code: int) -> None:
+    """End with an exit code that is not 0."""
+    if code:
+        sys.exit(code)
+
+
+def pip(venv: Path, *arguments: str) -> None:
+    """Run the pip of an environment; end with its output if it fails."""
+    command = [venv / 'bin/python', '-m', 'pip', '--disable-pip-version-check', *arguments]
+    result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+    if result.returncode:
+        sys.exit(result.stdout)
+
+
+def starts(python: str) -> bool:
+    """Return whether a Python starts and can make environments."""
+    return subprocess.run([python, '-c', 'import venv'], capture_output=True, check=False).returncode == 0
+
+
+def make_environment(python: str, venv: Path, distro: str) -> None:
+    """Make an environment of another Python; end if it fails."""
+    command = [python, 'ci/environment.py', '--venv', venv, '--distro', distro]
+    checked(subprocess.run(command, cwd=ROOT, check=False).returncode)
+
+
+def use_simulator(venv: Path, version: str) -> None:
+    """Install a release of the simulator, if the environment has another one."""
+    (packages,) = venv.glob('lib/python3*/site-packages')
+    if not list(packages.glob(f'mdp_greenhouse-{version}.dist-info')):
+        pip(venv, 'install', '--quiet', '--no-deps', f'mdp-greenhouse=={version}')
+
+
+def mirror_environment(venv: Path) -> Path:
+    """
+    Make the environment that the mirror is tested in; return its folder.
+
+    With the wheels it has the other distro and the oldest simulator: two corners of the matrix at once.
+    """
+    if not (venv / 'local_setup.bash').exists():
+        return venv
+    other = 'jazzy' if os.environ['ROS_DISTRO'] == 'kilted' else 'kilted'
+    mirror_venv = Path(f'{venv}-{other}')
+    checked(environment.main(['--venv', str(mirror_venv), '--distro', other]))
+    use_simulator(mirror_venv, OLDEST_SIMULATOR)
+    return mirror_venv
+
+
+def tests_of_tree(workspace: Workspace, packages: list[Path]) -> list[Job]:
+    """Build packages; return a job for the tests of each that has some, by colcon."""
+    checked(build(workspace, packages))
+    folder = workspace.folder
+    jobs = []
+    for package in packages:
+        if not (package / 'test').is_dir():
+            continue
+        name = f'{workspace.tree}/{package.name}'
+        colcon = ['python', '-m', 'colcon', '--log-base', folder / 'log/test' / package.name, 'test']
+        colcon += ['--paths', *packages, '--packages-select', package.name, '--return-code-on-test-failure']
+        colcon += ['--build-base', folder / 'build', '--install-base', folder / 'install']
+        colcon += ['--event-handlers', 'console_direct+', 'console_cohesion-', 'console_stderr-']
+        colcon += ['--pytest-args', ' -n', WORKERS, ' --verbose', ' --instafail', ' -rs']  # not colcon's own
+        command = [*BOUNDED, *within(workspace, *colcon, has_stand_ins=True)]
+        jobs.append(Tests(name, command, folder / f'{package.name}.test.log'))
+    return jobs
+
+
+def bridge_of(workspace: Workspace) -> list[Path]:
+    """Return the packages of the bridge alone."""
+    return workspace.packages('lupin_*msgs') + workspace.packages('lupin_greenhouse_bridge')
+
+
+def test_tree() -> bool:
+    """Run the tests of one tree, or of the packages in PACKAGES."""
+    named = [ROOT / name for name in os.environ.get('PACKAGES', '').split()]
+    return run(tests_of_tree(here(), named or here().packages()), AT_ONCE)
+
+
+def test_trees() -> bool:
+    """Run the tests of both trees, each in its environment."""
+    monorepo = Workspace(here().venv, TREES[0])
+    mirror = Workspace(mirror_environment(here().venv), TREES[1])
+    return run([job for each in (mirror, monorepo) for job in tests_of_tree(each, each.packages())], AT_ONCE)
+
+
+def test_all() -> bool:
+    """Run the tests of both trees, then those of tools/ and ci/."""
+    if not test_trees():
+        return False
+    monorepo = Workspace(here().venv, TREES[0])
+    both = monorepo._replace(tree='both')  # what compares the two on the wire needs the messages of both
+    checked(build(both, [ROOT / 'lupin_greenhouse_ros/lupin_greenhouse_msgs']))
+    os.environ['MIRROR_VENV'] = str(mirror_environment(here().venv))
+    tests = ['-n', '2', '-m', 'not heavy', 'tools/tests', 'tools/draw/tests', 'ci/tests']
+    command = [*BOUNDED, *monorepo.inside(*PYTEST, *tests, above=(both,))]
+    return run([Tests('tools and ci', command, both.folder / 'test.log')])
+
+
+def test_heavy() -> bool:
+    """Run what takes minutes."""
+    for tree in TREES:
+        workspace = Workspace(here().venv, tree)
+        checked(build(workspace, workspace.packages()))
+    monorepo = Workspace(here().venv, TREES[0])
+    logs = monorepo.folder / 'heavy'
+    executable = monorepo.folder / 'install/lupin_simulation/lib/lupin_simulation/check_world'
+    itself = (sys.executable, 'ci/run_tests.py')
+    jobs = [
+        Job('Ubuntu 22.04', [*itself, 'ubuntu-22-04'], logs / 'ubuntu_22_04.log'),
+        Tests(
+            'measurements',
+            [*BOUNDED, *within(monorepo, *PYTEST, 'tools/measure/tests', has_stand_ins=True)],
+            logs / 'measurements.log',
+        ),
+    ]
+    if platform.machine() == 'x86_64':  # Drake has no wheel for other processors
+        world = [*BOUNDED, *within(monorepo, executable, has_drake=True)]
+        jobs.append(Job('world', world, logs / 'world.log'))
+    jobs.append(Job('apriltag', [*itself, 'apriltag'], logs / 'apriltag.log'))
+    heavy = [*BOUNDED, *monorepo.inside(*PYTEST, '-m', 'heavy', 'ci/tests')]
+    jobs.append(Tests('environments', heavy, logs / 'environments.log'))
+    return run(jobs, AT_ONCE)
+
+
+def test_apriltag() -> bool:
+    """Run the detector's tests with apt's python3-apriltag and the system's Python, which it is built for."""
+    venv, python = Path(f'{here().venv}-apriltag'), '/usr/bin/python3'
+    if subprocess.run([python, '-c', 'import apriltag'], capture_output=True, check=False).returncode:
+        packages = 'python3-apriltag python3-venv'
+        if os.getuid() or not shutil.which('apt-get'):
+            print(f'test-apriltag: skipped, python3-apriltag is missing: sudo apt install {packages}')
+            return True
+        install = f'apt-get update -qq && apt-get install -qq --yes {packages}'
+        subprocess.run(['bash', '-c', install], stdout=subprocess.DEVNULL, check=True)
+    if not (venv / 'bin/pytest').exists():
+        shutil.rmtree(venv, ignore_errors=True)
+        subprocess.run([python, '-m', 'venv', '--system-site-packages', venv], check=True)
+        pip(venv, 'install', '--quiet', *APRILTAG_PACKAGES)
+    os.environ.pop('PYTHONPATH', None)
+    command = ['env', '--chdir=monorepo', venv / 'bin/python', *PYTEST[1:], '--noconftest', *APRILTAG_TESTS]
+    return run([Tests("apt's python3-apriltag", command, venv / 'test.log')])
+
+
+def python_3_10() -> str | None:
+    """Return a Python 3.10 that works: the shim of a version manager may not start."""
+    pyenv = Path(os.environ.get('PYENV_ROOT') or Path.home() / '.pyenv')
+    found = [shutil.which('python3.10'), '/usr/bin/python3.10', *pyenv.glob('versions/3.10.*/bin/python3.10')]
+    for each in found:
+        if each and Path(each).exists() and starts(each):
+            return str(each)
+    return None
+
+
+def test_ubuntu_22_04() -> bool:
+    """Run the tests of the mirror's bridge and of the monorepo's nodes with the versions of Ubuntu 22.04."""
+    python = python_3_10()
+    if not python:
+        print('test-22-04: skipped, there is no working Python 3.10: sudo apt install python3.10-venv')
+        return True
+    venv = Path(f'{here().venv}-22.04')
+    mark, versions = venv / 'workspace/versions-22.04', ' '.join(VERSIONS_OF_22_04)
+    monorepo, mirror = (Workspace(venv, tree) for tree in TREES)
+    if not mark.exists() or mark.read_text(encoding='utf-8') != versions:
+        shutil.rmtree(venv, ignore_errors=True)
+        checked(
+            subprocess.run(
+                [python, 'ci/environment.py', '--venv', venv, '--distro', 'kilted'], cwd=ROOT, check=False
+            ).returncode
+        )
+        within(mirror, 'true', has_stand_ins=True)
+        for each in (mirror, monorepo):
+            checked(build(each, each.packages()))
+        pip(venv, 'uninstall', '--quiet', '--yes', *NOT_IN_22_04)
+        pip(venv, 'install', '--quiet', *VERSIONS_OF_22_04)
+        mark.write_text(versions, encoding='utf-8')
+    nodes = [package for package in monorepo.packages() if package not in bridge_of(monorepo)]
+    jobs = []
+    for workspace, package in [(mirror, mirror.packages()[0]), *((monorepo, node) for node in nodes)]:
+        tests = ['env', f'--chdir={package}', *PYTEST]
+        command = [*BOUNDED, *within(workspace, *tests, has_stand_ins=True)]
+        jobs.append(
+            Tests(f'{workspace.tree}/{package.name}', command, workspace.folder / f'{package.name}.log')
+        )
+    return run(jobs, at_once=2)
+
+
+def test_matrix() -> bool:
+    """Build both trees and test the bridge on each combination; print a row for each."""
+    print('| Python | ROS 2 | mdp-greenhouse | monorepo | lupin_greenhouse_ros |\n|---|---|---|---|---|')
+    are_good = True
+    for version in os.environ.get('PYTHONS', '3.10 3.11 3.12 3.13').split():
+        python = shutil.which(f'python{version}')
+        if not python or not starts(python):
+            print(f'matrix: no Python {version} here', file=sys.stderr)
+            continue
+        for distro in os.environ.get('DISTROS', 'kilted jazzy').split():
+            venv = ROOT / f'.venv-matrix/{distro}-{version}'
+            checked(
+                subprocess.run(
+                    [python, 'ci/environment.py', '--venv', venv, '--distro', distro], cwd=ROOT, check=False
+                ).returncode
+            )
+            for simulator in os.environ.get('SIMULATORS', '1.0.7 1.0.8').split():
+                use_simulator(venv, simulator)
+                workspaces = [Workspace(venv, tree) for tree in TREES]
+                jobs = [job for each in workspaces for job in tests_of_tree(each, bridge_of(each))]
+                are_good &= run(jobs, AT_ONCE)
+                cells = [f'**failed**: {job.log}' if job.exit_code else f'{job.done} passed' for job in jobs]
+                print('|', ' | '.join([version, distro, simulator, *cells]), '|', flush=True)
+    return are_good
+
+
+STEPS = {
+    'tree': test_tree,
+    'trees': test_trees,
+    'all': test_all,
+    'heavy': test_heavy,
+    'ubuntu-22-04': test_ubuntu_22_04,
+    'apriltag': test_apriltag,
+    'matrix': test_matrix,
+}
+
+
+if __name__ == '__main__':
+    if sys.argv[1:] not in [[name] for name in STEPS]:
+        sys.exit(f'run_tests: name one step: {", ".join(STEPS)}')
+    sys.exit(not STEPS[sys.argv[1]]())

@@ -1,0 +1,138 @@
+"""ci/jobs.py: how far a build and the tests are, and what failed, as soon as it is known."""
+
+import io
+import itertools
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import jobs
+import pytest
+
+TESTS = """
+import pytest
+@pytest.mark.parametrize('number', range(5))
+def test_each(number):
+    if number == 3:
+        pytest.skip('three')
+    assert number != 1, 'one is wrong'
+"""
+
+
+@pytest.fixture
+def run_tests(tmp_path):
+    """Return a function that runs five tests with the given options; it returns the job and what it read."""
+
+    def run(*options):
+        (tmp_path / 'test_five.py').write_text(TESTS, encoding='utf-8')
+        command = [sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', '--verbose', '-rs', *options]
+        result = subprocess.run(
+            [*command, '-c', '/dev/null', '--rootdir', tmp_path, tmp_path],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        job = jobs.Tests('five', [], tmp_path / 'log')
+        read = [(line, job.read(line), job.state()) for line in result.stdout.splitlines()]
+        return job, read
+
+    return run
+
+
+@pytest.mark.parametrize('options', [(), ('-n', '2')], ids=['one process', 'xdist'])
+def test_the_tests_are_counted_as_they_end(run_tests, options):
+    job, read = run_tests('--instafail', *options)
+    assert (job.total, job.done, job.failed) == (5, 5, 1)
+    states = list(dict.fromkeys(state for _, _, state in read))
+    assert states[0] == 'five starts'
+    assert [int(state.split()[1]) for state in states[1:]] == list(range(6))
+    assert states[-1] == 'five 5 of 5, 1 failed'
+    assert '1 failed, 3 passed, 1 skipped' in job.summary
+
+
+def test_the_report_of_a_failed_test_appears_before_the_next_result(run_tests):
+    _, read = run_tests('--instafail')
+    lines = [line for line, _, _ in read]
+    reported = next(number for number, (_, shown, _) in enumerate(read) if shown and 'one is wrong' in shown)
+    assert reported < next(number for number, line in enumerate(lines) if 'test_each[2]' in line)
+
+
+def test_without_instafail_the_report_is_not_lost(run_tests):
+    _, read = run_tests()
+    assert any(shown and 'one is wrong' in shown for _, shown, _ in read)
+
+
+def test_why_a_test_was_skipped_is_shown_and_what_passed_is_not(run_tests):
+    _, read = run_tests('--instafail')
+    shown = '\n'.join(each for _, each, _ in read if each)
+    assert 'SKIPPED [1]' in shown
+    assert 'PASSED' not in shown
+    assert 'test_each[0]' not in shown
+
+
+def test_a_build_names_package_and_interface(tmp_path):
+    package = tmp_path / 'team_msgs'
+    (package / 'msg').mkdir(parents=True)
+    for name in ('TagReading.msg', 'Other.msg'):
+        (package / 'msg' / name).touch()
+    job = jobs.Build([], tmp_path / 'log', [package, tmp_path / 'team_node'])
+    job.read('Starting >>> team_msgs')
+    prefix = '[ 42%] Building C object CMakeFiles/x.dir/rosidl_generator_c/team_msgs/msg/detail'
+    job.read(f'{prefix}/other__functions.c.o')
+    job.read(f'{prefix}/tag_reading__functions.c.o')
+    assert job.state() == 'build: package 1 of 2, team_msgs, 42 %: interface 2 of 2, msg/tag_reading'
+    job.read('[ 60%] Generating Python code for ROS interfaces')
+    assert job.state().endswith('60 %: Generating Python code for ROS interfaces')
+    job.read('Starting >>> team_node')
+    assert job.state() == 'build: package 2 of 2, team_node'
+
+
+class Terminal(io.StringIO):
+    """A stream that is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(('stream', 'after'), [(Terminal(), 0.0), (io.StringIO(), 3.0)])
+def test_a_wait_of_three_seconds_shows_that_it_lives(monkeypatch, stream, after):
+    now_s = 100.0
+    monkeypatch.setattr(jobs.time, 'monotonic', lambda: now_s)
+    status = jobs.Status(stream)
+    for tenths in range(300):
+        now_s = 100.0 + tenths / 10
+        status.show(f'{tenths / 10} s')
+    shown = [float(each) for each in re.findall(r'([\d.]+) s', stream.getvalue())]
+    assert shown[0] == after
+    gaps = [later - earlier for earlier, later in itertools.pairwise(shown)]
+    assert max(gaps) <= (0.5 if stream.isatty() else 15.0)
+    assert ('\n' in stream.getvalue()) != stream.isatty()
+
+
+def make_job(name, script, folder: Path) -> jobs.Job:
+    return jobs.Job(name, [sys.executable, '-c', script], folder / f'{name}.log')
+
+
+def test_jobs_end_in_failure_if_one_fails_and_all_run(tmp_path, capsys):
+    each = [
+        make_job('bad', 'print("from bad"); exit(3)', tmp_path),
+        make_job('good', 'print("yes")', tmp_path),
+    ]
+    assert not jobs.run(each)
+    assert [job.exit_code for job in each] == [3, 0]
+    printed = capsys.readouterr().out
+    assert 'bad: from bad\n' in printed
+    assert 'good: yes\n' in printed
+    assert printed.endswith('failed: bad\n')
+
+
+def test_the_summary_of_pytest_closes_the_output(tmp_path, capsys):
+    summary = '===== 3 passed in 0.10s ====='
+    job = jobs.Tests('three', [sys.executable, '-c', f'print("{summary}")'], tmp_path / 'log')
+    assert jobs.run([make_job('other', 'print("yes")', tmp_path), job], at_once=2)
+    assert capsys.readouterr().out.splitlines()[-1] == summary
+
+
+def test_a_test_run_that_fails_without_a_failed_test_shows_the_end_of_its_output(tmp_path, capsys):
+    job = jobs.Tests('none', [sys.executable, '-c', 'exit("cannot import rclpy")'], tmp_path / 'log')
+    assert not jobs.run([job])
+    assert 'cannot import rclpy' in capsys.readouterr().out

@@ -1,0 +1,88 @@
+"""
+Run a command in the project's environment, with what it needs beside the packages of TREE.
+
+    python ci/within.py [--stand-ins] [--drake] COMMAND [ARGUMENT...]
+
+--stand-ins: apriltag_msgs and nav2_msgs, built from ci/stand_ins where ROS does not have them.
+--drake: reads and renders the SDF world. Exit code 3: Drake has no wheel for this machine.
+"""
+
+import argparse
+import filecmp
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from build import ROOT, Workspace, build, here
+
+MESSAGES = ('apriltag_msgs', 'nav2_msgs')
+DRAKE = ROOT / 'ci/requirements/world.txt'
+NO_DRAKE = 3
+
+
+def can_import(workspace: Workspace, module: str) -> bool:
+    """Return whether Python finds a module in the environment of a workspace."""
+    command = workspace.inside('python', '-c', f'import {module}')
+    return subprocess.run(command, cwd=ROOT, capture_output=True, check=False).returncode == 0
+
+
+def stand_ins(workspace: Workspace) -> tuple[Workspace, ...]:
+    """Build the stand-ins that this environment needs; return their workspace, or none."""
+    missing = [ROOT / 'ci/stand_ins' / name for name in MESSAGES if not can_import(workspace, name)]
+    if not missing:
+        return ()
+    built = workspace._replace(tree='stand_ins')
+    if code := build(built, missing):
+        sys.exit(code)
+    return (built,)
+
+
+def drake(workspace: Workspace) -> Path:
+    """Install Drake beside the environment, without what it depends on; return its folder."""
+    packages = Path(f'{workspace.venv}-world')
+    installed = packages / 'installed.txt'
+    if installed.exists() and filecmp.cmp(DRAKE, installed, shallow=False):
+        return packages
+    print(f'world: installing Drake into {packages} (about 420 MB, once)', file=sys.stderr)
+    shutil.rmtree(packages, ignore_errors=True)
+    pip = [workspace.venv / 'bin/python', '-m', 'pip', '--disable-pip-version-check', 'install', '--quiet']
+    result = subprocess.run(
+        [*pip, '--no-deps', '--target', packages, '--requirement', DRAKE],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if 'No matching distribution' in result.stderr:
+        machine = f'Python {platform.python_version()} on {platform.machine()}'
+        print(f'world: Drake has no wheel for {machine}: the world cannot be rendered here', file=sys.stderr)
+        sys.exit(NO_DRAKE)
+    if result.returncode:
+        sys.exit(result.stderr)
+    shutil.copy(DRAKE, installed)
+    return packages
+
+
+def within(
+    workspace: Workspace, *command: str, has_stand_ins: bool = False, has_drake: bool = False
+) -> list[str]:
+    """Return what runs a command with the packages of a workspace and the stand-ins or Drake."""
+    if has_drake:
+        command = ('bash', '-c', 'PYTHONPATH=$PYTHONPATH:$0 exec "$@"', drake(workspace), *command)
+    return workspace.inside(*command, above=stand_ins(workspace) if has_stand_ins else ())
+
+
+def main() -> None:
+    """Replace this process by the command."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--stand-ins', action='store_true', help='with apriltag_msgs and nav2_msgs')
+    parser.add_argument('--drake', action='store_true', help='with Drake, which renders the world')
+    parser.add_argument('command', nargs=argparse.REMAINDER, help='what to run')
+    options = parser.parse_args()
+    command = within(here(), *options.command, has_stand_ins=options.stand_ins, has_drake=options.drake)
+    os.chdir(ROOT)
+    os.execvp(command[0], command)  # noqa: S606 - no shell is wanted
+
+
+if __name__ == '__main__':
+    main()
