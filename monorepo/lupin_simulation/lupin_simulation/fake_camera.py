@@ -47,7 +47,7 @@ class Settings:
         'image', 'image, compressed (JPEG), or detections (of AprilTag 3 in the image).'
     )
     from_odometry: bool = from_odometry_parameter()
-    tag_locations_file: str = parameter(
+    tag_file: str = parameter(
         '', "The bridge's tag_locations.json, for from_odometry; empty: the simulator's own."
     )
 
@@ -95,7 +95,7 @@ class FakeCamera(CameraNode):
             'compressed': lambda: (CompressedImage, compressed_image_of),
             'detections': detections,
         }[publishes]()
-        self._tags = tag_poses_by_number(self._settings.tag_locations_file) if self._robot else {}
+        self._tags = tag_poses_by_number(self._settings.tag_file) if self._robot else {}
         self._publish(message_type, TOPICS[publishes], FRAMES_PER_SECOND)
 
     def _look(self):
@@ -127,7 +127,7 @@ def tag_poses_by_number(tag_file: str) -> dict[int, TagPose]:
     """Return where each tag of a layout is, and faces, by its number; raises StartUpError."""
     layout = find_layout(tag_file)
     if layout is None:
-        raise StartUpError('mdp-greenhouse is not installed here: set tag_locations_file')
+        raise StartUpError('mdp-greenhouse is not installed here: set tag_file')
     return {
         int(tag_id): tag_pose for tag_id, tag_pose in find_tag_poses(layout).items() if has_marker(tag_id)
     }

@@ -5,7 +5,7 @@ import math
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_simulation.disc_robot import TURN_RAD_PER_S, DiscRobot, Pose, Settings
+from lupin_simulation.disc_robot import TURN_RAD_PER_S, ArrivalError, DiscRobot, Pose, Settings
 
 START = Pose(0.0, 0.0, 0.0)
 NORTH = math.pi / 2
@@ -52,6 +52,8 @@ def test_it_ends_at_the_end_of_its_path_however_the_time_is_cut(steps):
     assert robot.is_moving
     robot.advance(0.01 * DURATION_SECONDS)
     assert not robot.is_moving
+    assert isinstance(robot.left_m, float)  # a message takes no int
+    assert robot.left_m == 0.0
     assert robot.pose == (1.0, 2.0, 0.0)
     assert robot.route == PATH
 
@@ -99,7 +101,7 @@ def test_the_robot_can_be_where_no_obstacle_is():
     [
         ({'blocked': '0.4 0.4 0.6 0.6'}, 'start_pose is 0.5 0.5 0.0: a robot of radius 0.2 m does not fit'),
         ({'robot_radius_m': 0.9}, 'a robot of radius 0.9 m does not fit: must be from 0 to below 0.8 m'),
-        ({'tag_locations_file': '/none.json'}, '/none.json'),
+        ({'tag_file': '/none.json'}, '/none.json'),
     ],
 )
 def test_a_robot_that_cannot_start_is_refused(parameters, problem):
@@ -109,7 +111,7 @@ def test_a_robot_that_cannot_start_is_refused(parameters, problem):
 
 def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
     monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
-    with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_locations_file'):
+    with pytest.raises(StartUpError, match='mdp-greenhouse is not installed here: set tag_file'):
         Settings().free_space()
 
 
@@ -132,3 +134,34 @@ def test_a_start_that_is_no_pose_is_refused(start_pose):
     assert str(refusal.value) == (
         f'parameter start_pose is {start_pose!r}: must be x, y and yaw: "0.5 0.5 0.0", or an array'
     )
+
+
+def arrivals(goal: Pose, **parameters) -> list[Pose]:
+    """Return where a robot arrives that is sent to one goal a hundred times."""
+    error = ArrivalError(Settings(arrival_error_m=0.06, arrival_error_rad=0.15, **parameters))
+    return [error.applied_to(goal) for _ in range(100)]
+
+
+def test_a_robot_arrives_beside_its_goal_within_the_errors_and_each_seed_repeats_itself():
+    goal = Pose(0.5, 0.5, 1.0)
+    found = arrivals(goal)
+    assert 0.05 < max(math.dist(each[:2], goal[:2]) for each in found) <= 0.06
+    assert 0.14 < max(abs(each.yaw - goal.yaw) for each in found) <= 0.15
+    assert len(set(found)) == 100
+    assert arrivals(goal) == found
+    assert arrivals(goal, arrival_seed=1) != found
+    assert ArrivalError(Settings()).applied_to(goal) == goal
+
+
+def test_a_table_stops_a_robot_that_arrives_beside_its_goal():
+    settings = {'robot_radius_m': 0.2, 'blocked': '0.0 1.0 1.0 1.5'}
+    found = arrivals(Pose(0.5, 0.79, 0.0), **settings)
+    assert Settings(**settings).free_space().are_free([each[:2] for each in found]).all()
+    assert max(each.y for each in found) > 0.79
+    assert min(each.y for each in found) < 0.75  # the way from the table is free
+
+
+def test_the_padding_keeps_the_planner_farther_from_a_table():
+    settings = Settings(robot_radius_m=0.2, blocked='0.0 1.0 1.0 1.5')
+    assert settings.free_space().is_free(0.5, 0.785)
+    assert not settings.free_space(0.02).is_free(0.5, 0.785)
