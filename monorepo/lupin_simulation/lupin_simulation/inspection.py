@@ -40,7 +40,8 @@ SOURCES = ('image', 'compressed', 'detections')
 TAG_FILE_OF_RECORDER = 'tag_locations_file'
 SET_HERE = {'report_file', 'wait_for_start', 'route_file'}
 # What belongs to a run is beside its report, and starts with the same name.
-ROUTE, TAG_FILE, SIM_CONFIG_FILE = '-route.csv', '-tag_locations.json', '-greenhouse_config.yaml'
+ROUTE = '-route.csv'
+GREENHOUSE = {'tag_file': '-tag_locations.json', 'sim_config_file': '-greenhouse_config.yaml'}
 
 
 def executable(package: str, name: str) -> str:
@@ -51,9 +52,10 @@ def executable(package: str, name: str) -> str:
         raise StartUpError(f'the package {package} is not found: build it and source its setup') from error
 
 
-def parameters(assignments: list[str]) -> list[str]:
-    """Turn name:=value of `ros2 launch` into arguments of a node."""
-    return ['--ros-args', *(word for each in assignments for word in ('-p', each))]
+def node(package: str, name: str, *assignments: str) -> list[str]:
+    """Return the command of a node with these parameters, each as name:=value."""
+    words = (word for each in assignments for word in ('-p', each))
+    return [executable(package, name), '--ros-args', *words]
 
 
 class NodeEnded(OneLineError):
@@ -129,40 +131,36 @@ def commands_of(options, report: Path) -> list[list[str]]:
     """Return the commands of the nodes; the first one is ended last, and the last one is the mission."""
     given = arguments_by_node(options)
     tag_file = value_of(options.arguments, 'tag_file')
-    with_tag_file = [f'tag_file:="{tag_file}"'] if tag_file else []
-    nodes = [[executable('lupin_greenhouse_bridge', 'bridge_node'), *parameters(given['bridge_node'])]]
+    nodes = [node('lupin_greenhouse_bridge', 'bridge_node', *given['bridge_node'])]
     if options.record:
-        recorder = executable('lupin_greenhouse_bridge', 'record_readings')
-        positions = [f'{TAG_FILE_OF_RECORDER}:="{tag_file}"'] if tag_file else []
-        nodes.insert(0, [recorder, *parameters([f'file:="{options.record}"', *positions])])
+        keeping = [f'file:="{options.record}"']
+        keeping += [f'{TAG_FILE_OF_RECORDER}:="{tag_file}"'] if tag_file else []
+        nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', *keeping))
     own = [f'report_file:="{report}"', 'wait_for_start:=false']
-    on_robot = []
+    showing = []
     if options.drive:
         driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{beside(report, ROUTE)}"']
-        navigator = executable('lupin_simulation', 'fake_navigator')
-        nodes.append([navigator, *parameters([*driving, *given['fake_navigator']])])
+        nodes.append(node('lupin_simulation', 'fake_navigator', *driving, *given['fake_navigator']))
         own += ['drive:=nav2', 'order:=shortest']
-        on_robot = ['from_odometry:=true']
-    has_world_file = options.world and not options.drive  # it does not name the tables to drive around
-    if tag_file and not has_world_file:
+        showing.append('from_odometry:=true')
+    world_file = f'world_file:="{options.output / "world/greenhouse.sdf"}"' if options.world else ''
+    if world_file and not options.drive:  # it does not name the tables to drive around
+        own.append(world_file)
+    elif tag_file:
         own.append(f'tag_locations_file:="{tag_file}"')
     if options.camera:
         own += ['require_visual_confirmation:=true', 'drive_seconds:=0.2']
-        if options.world:
-            world_file = f'world_file:="{options.output / "world/greenhouse.sdf"}"'
+        if world_file:
             # Rendering an image takes a while.
             own.append(f'visual_confirmation_timeout_s:={PATIENCE_SECONDS}')
-            own += [world_file] if has_world_file else []
             listening = [f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']
-            camera = [executable('lupin_simulation', 'world_camera'), *parameters([world_file, *on_robot])]
+            camera = node('lupin_simulation', 'world_camera', world_file, *showing)
         else:
             listening = [f'source:={options.camera}']
-            showing = [f'publishes:={options.camera}', *on_robot, *with_tag_file]
-            camera = [executable('lupin_simulation', 'fake_camera'), *parameters(showing)]
-        confirm_tag = executable('lupin_tag_confirmation', 'confirm_tag')
-        nodes += [[confirm_tag, *parameters([*listening, *given['confirm_tag']])], camera]
-    mission = executable('lupin_mission', 'mission_orchestrator')
-    return [*nodes, [mission, *parameters([*own, *given['mission_orchestrator']])]]
+            showing += [f'publishes:={options.camera}', *([f'tag_file:="{tag_file}"'] if tag_file else [])]
+            camera = node('lupin_simulation', 'fake_camera', *showing)
+        nodes += [node('lupin_tag_confirmation', 'confirm_tag', *listening, *given['confirm_tag']), camera]
+    return [*nodes, node('lupin_mission', 'mission_orchestrator', *own, *given['mission_orchestrator'])]
 
 
 def make_world(options) -> None:
@@ -178,7 +176,7 @@ def make_world(options) -> None:
 def greenhouse_options(options, report: Path | None = None) -> list[str]:
     """Return the files of your own greenhouse, or their copies beside a report, as options of a command."""
     words = []
-    for name, ending in (('tag_file', TAG_FILE), ('sim_config_file', SIM_CONFIG_FILE)):
+    for name, ending in GREENHOUSE.items():
         if path := value_of(options.arguments, name):
             words += [f'--{name.replace("_", "-")}', str(beside(report, ending) if report else path)]
     return words
@@ -190,7 +188,7 @@ def prepare(options, report: Path) -> None:
         options.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StartUpError(f"--output '{options.output}': {error.strerror}: name a folder") from error
-    for name, ending in (('tag_file', TAG_FILE), ('sim_config_file', SIM_CONFIG_FILE)):
+    for name, ending in GREENHOUSE.items():
         if path := value_of(options.arguments, name):
             try:
                 shutil.copyfile(path, beside(report, ending))
