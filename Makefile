@@ -48,19 +48,22 @@ run: bridge  ## run the bridge in the foreground: make run ARGS="debug_seed:=42 
 smoke: bridge  ## start the bridge on a private domain and read every tag
 	@$(IN_ENV) python ci/smoke.py
 
-read: bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TAG=--all
-	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(ARGS)
+read: bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TAG=--all, NAMESPACE=/team7
+	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(if $(NAMESPACE),--service '/$(patsubst /%,%,$(NAMESPACE:/=))/greenhouse_bridge/get_tag_reading') $(ARGS)
 
-mission: $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world, DRIVE=1 drives a robot there
+mission: $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world, DRIVE=1 drives a robot there, RECORD=FILE keeps the readings
 	@[ $(TREE) = monorepo ] || { echo 'mission: it is in the monorepo only: make mission TREE=monorepo' >&2; exit 2; }
 	@$(IN_ENV) $(addprefix $(WITHIN) ,$(strip $(if $(WORLD),--drake) $(if $(DRIVE)$(filter detections,$(CAMERA)),--stand-ins))) \
 	    $(call EXECUTABLE,lupin_simulation,inspection) --output '$(CURDIR)/.mission' \
-	    $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(if $(DRIVE),--drive) $(ARGS)
+	    $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(if $(DRIVE),--drive) $(if $(RECORD),--record '$(RECORD)') $(ARGS)
 
 page: bridge  ## make a page of the readings of the last mission, or of FILE=readings.sqlite (or .csv, .jsonl)
-	@file='$(FILE)'; file=$${file:-$$(ls -t .mission/*.jsonl 2>/dev/null | head -1 || true)}; \
+	@file='$(FILE)'; file=$${file:-$$(find .mission -name '*.jsonl' -size +0 -printf '%T@ %p\n' 2>/dev/null | sort -n | tail -1 | cut -d' ' -f2- || true)}; \
 	    [ "$$file" ] || { echo 'page: .mission holds no report: make mission, or make page FILE=readings.sqlite' >&2; exit 2; }; \
-	    $(IN_ENV) "$$LUPIN_EXECUTABLES/readings_page" "$$file" $(ARGS)
+	    $(if $(FILE),,echo "page: of the newest report, $$file";) \
+	    beside=(); for each in route:route.csv tag-file:tag_locations.json sim-config-file:greenhouse_config.yaml; do \
+	        path="$${file%.*}-$${each#*:}"; [ ! -f "$$path" ] || beside+=("--$${each%:*}" "$$path"); done; \
+	    $(IN_ENV) "$$LUPIN_EXECUTABLES/readings_page" "$$file" "$${beside[@]}" $(ARGS)
 
 world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"
 	@$(IN_ENV) $(call EXECUTABLE,lupin_simulation,generate_world) $(ARGS)
@@ -114,8 +117,8 @@ figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-
 	@$(if $(WORLD),$(WITHIN) --drake python tools/draw/world.py)
 	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
 
-clean:  ## remove what was built (not the environment .venv)
-	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .mission .bench .steady .tags .world
+clean:  ## remove what was built (not the environment .venv, and not .mission, .tags and .world)
+	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .bench .steady
 
 lock:  ## pin every wheel of ci/requirements/*.in, direct and transitive, for Python 3.10 and newer (needs uv)
 	@cd ci/requirements && for distro in kilted jazzy; do \

@@ -131,18 +131,15 @@ def check_distances(
     return all(are_read)
 
 
-def check_approaches(
-    world, detector: TagDetector, layout, walls: Walls, radius_m: float, side: str, views: Views
-) -> bool:
+def check_approaches(world, detector: TagDetector, poses: dict, setting: str, views: Views) -> bool:
     """Return whether each tag is read from its approach pose, with the camera along the robot's x axis."""
-    poses = find_approaches(layout, walls, ViewingLimits(radius_m)).poses
     read = set()
     for tag_id, pose in poses.items():
         if int(tag_id) in seen_from(world, detector, *view_ahead(pose.x, pose.y, pose.yaw)):
             read.add(tag_id)
         views.count()
     views.clear()
-    return print_share(f'{side}, approach poses of a robot of radius {radius_m:.2f} m', poses, read)
+    return print_share(setting, poses, read)
 
 
 def check(options: argparse.Namespace, side_m: float, folder: Path) -> bool:
@@ -158,7 +155,9 @@ def check(options: argparse.Namespace, side_m: float, folder: Path) -> bool:
     views = Views(settings * len(world.tags))
     is_right &= check_distances(world, detector, tables_of(layout), walls, side, views)
     for radius_m in RADII_M:
-        is_right &= check_approaches(world, detector, layout, walls, radius_m, side, views)
+        poses = find_approaches(layout, walls, ViewingLimits(radius_m)).poses
+        setting = f'{side}, approach poses of a robot of radius {radius_m:.2f} m'
+        is_right &= check_approaches(world, detector, poses, setting, views)
     behind = [
         number
         for number, tag in world.tags.items()

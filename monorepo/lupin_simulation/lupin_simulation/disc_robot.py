@@ -1,10 +1,12 @@
 """A disc that follows a path, and the parameters of the navigator around it. Does not import ROS."""
 
 import math
+import random
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.walls import find_walls, parse_numbers, parse_walls, walls_parameter
@@ -28,6 +30,35 @@ class Settings:
     )
     walls: str = walls_parameter()  # or an array
     robot_radius_m: float = parameter(0.2, 'The radius of the robot in metres.', smallest=0.01, largest=10.0)
+    padding_m: float = parameter(
+        0.0,
+        'Metres that the planner adds to the radius, as footprint_padding of Nav2: a robot that stands nearer'
+        ' to a table finds no path away from it.',
+        smallest=0.0,
+        largest=1.0,
+    )
+    arrival_error_m: float = parameter(
+        0.0,
+        'The robot arrives up to this far from its goal, in metres, as within xy_goal_tolerance of Nav2.',
+        smallest=0.0,
+        largest=1.0,
+    )
+    arrival_error_rad: float = parameter(
+        0.0,
+        'The robot arrives up to this angle from its goal, in radians, as within yaw_goal_tolerance of Nav2.',
+        smallest=0.0,
+        largest=math.pi,
+    )
+    arrival_seed: int = parameter(0, 'Seed of the arrival errors.', smallest=0, largest=2**31 - 1)
+    wedged_after: int = parameter(
+        -1,
+        'The robot cannot move any more after this many goals; -1: never. ~/set_wedged changes it.',
+        smallest=-1,
+        largest=2**31 - 1,
+    )
+    autostart: bool = parameter(
+        True, 'Configure and activate the node at its start; false: wait for ~/change_state.'
+    )
     speed_m_per_s: float = parameter(0.5, 'The speed in metres per second.', smallest=0.001, largest=10.0)
     speedup: float = parameter(
         1.0, 'Seconds of driving and turning per second.', smallest=0.001, largest=1000.0
@@ -69,21 +100,42 @@ class Settings:
         edges = iter(parse_numbers(self.blocked))
         return list(zip(edges, edges, edges, edges, strict=False))
 
-    def free_space(self) -> FreeSpace:
+    def free_space(self, padding_m: float = 0.0) -> FreeSpace:
         """Return the free space, with the obstacles; raises StartUpError if it cannot start there."""
         layout = find_layout(self.tag_file)
         if layout is None:
             raise StartUpError('mdp-greenhouse is not installed here: set tag_file')
         obstacles = {f'blocked {number}': edges for number, edges in enumerate(self.obstacles, 1)}
         walls = find_walls(layout, self.sim_config_file, self.walls)
-        blocked = layout._replace(tables={**layout.tables, **obstacles})
-        free_space = FreeSpace(blocked, walls, self.robot_radius_m)
+        layout = layout._replace(tables={**layout.tables, **obstacles})
+        free_space = FreeSpace(layout, walls, self.robot_radius_m + padding_m)
         if not free_space.is_free(*self.start[:2]):
             raise StartUpError(
                 f'parameter start_pose is {self.start_pose}: a robot of radius {self.robot_radius_m:g} m'
                 ' does not fit there: choose another, or change blocked'
             )
         return free_space
+
+
+class ArrivalError:
+    """The pose at which a robot arrives, beside that of its goal."""
+
+    def __init__(self, settings: Settings):
+        """Take the sizes of the errors, their seed, and the tables; raises StartUpError."""
+        self._largest_m, self._largest_rad = settings.arrival_error_m, settings.arrival_error_rad
+        self._random = random.Random(settings.arrival_seed)  # noqa: S311 - not for cryptography
+        self._free_space = settings.free_space()  # without the padding: only a table stops the robot
+
+    def applied_to(self, goal: PoseInPlane) -> PoseInPlane:
+        """Return where the robot arrives: no farther than up to the next table."""
+        distance_m = self._random.uniform(0.0, self._largest_m)
+        direction = self._random.uniform(-math.pi, math.pi)
+        yaw = goal.yaw + self._random.uniform(-self._largest_rad, self._largest_rad)
+        step_m = distance_m * np.array([math.cos(direction), math.sin(direction)])
+        points = goal[:2] + np.linspace(0.0, 1.0, 50)[:, None] * step_m
+        is_free = self._free_space.are_free(points)
+        reached = points[-1] if is_free.all() else points[max(np.argmin(is_free) - 1, 0)]
+        return PoseInPlane(*reached.tolist(), yaw)
 
 
 class DiscRobot:
@@ -95,6 +147,11 @@ class DiscRobot:
         self._speed_m_per_s = speed_m_per_s
         self._path: deque[tuple[float, float]] = deque()
         self._yaw = start.yaw  # at the end of the path
+
+    @property
+    def left_m(self) -> float:
+        """The length of the rest of the path in metres."""
+        return float(FreeSpace.length_m([self.pose[:2], *self._path]))
 
     @property
     def is_moving(self) -> bool:

@@ -2,34 +2,47 @@
 `ros2 run lupin_simulation inspection`: run a whole mission on its own ROS domain.
 
 Starts the bridge, the mission and, with --camera, a camera that confirms tags. With --drive, a navigator
-moves a robot that has the camera on it. Writes a report, its picture and its page. Exit code: the mission's,
-0 if all tags were read; 1 if another node ends first; 2 if it cannot start; 130 after Ctrl-C or SIGTERM.
+moves a robot that has the camera on it. With --record, a recorder keeps the readings. Writes a report, its
+picture and its page, whose names start with the time. Exit code: the mission's, 0 if all tags were read; 1 if
+another node ends first, or if a reading was not recorded; 2 if it cannot start; 130 after Ctrl-C or SIGTERM.
 """
 
 import argparse
 import contextlib
 import importlib.util
 import os
+import re
+import shutil
 import subprocess
 import sys
+import textwrap
 import time
 from dataclasses import fields
 from pathlib import Path
 
 import domain_coordinator
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge import settings as bridge_settings
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.planning.walls import parse_numbers
+from lupin_greenhouse_bridge.recording.reading_files import read_rows
+from lupin_greenhouse_bridge.recording.store import key_of, open_store
 from lupin_greenhouse_bridge.runtime.process import install_signal_handlers, is_asked_to_end
-from lupin_mission import settings
+from lupin_mission import settings as mission_settings
+from lupin_tag_confirmation import settings as confirm_tag_settings
 
 from lupin_simulation import disc_robot
 
 USAGE = 2
-LONGEST_MISSION_SECONDS = 900
 LOOK_EVERY_SECONDS = 0.2  # at the nodes
 DRIVING_SPEEDUP = 20
 PATIENCE_SECONDS = 10.0
 SOURCES = ('image', 'compressed', 'detections')
+SET_HERE = {'report_file', 'wait_for_start', 'route_file'}
+# What belongs to a run is beside its report, and starts with the same name.
+ROUTE = '-route.csv'
+LAYOUT = ('tag_file', 'sim_config_file', 'walls')
+GREENHOUSE = {'tag_file': '-tag_locations.json', 'sim_config_file': '-greenhouse_config.yaml'}
 
 
 def executable(package: str, name: str) -> str:
@@ -40,30 +53,54 @@ def executable(package: str, name: str) -> str:
         raise StartUpError(f'the package {package} is not found: build it and source its setup') from error
 
 
-def parameters(assignments: list[str]) -> list[str]:
-    """Turn name:=value of `ros2 launch` into arguments of a node."""
-    return ['--ros-args', *(word for each in assignments for word in ('-p', each))]
+def node(package: str, name: str, *assignments: str) -> list[str]:
+    """Return the command of a node with these parameters, each as name:=value."""
+    words = (word for each in assignments for word in ('-p', each))
+    return [executable(package, name), '--ros-args', *words]
 
 
 class NodeEnded(OneLineError):
     """A node ended before the mission."""
 
 
-def share(assignments: list[str]) -> tuple[list[str], list[str]]:
-    """Return the parameters of the mission, and those of the navigator; both have some, one by two names."""
-    of_navigator, of_mission = (
-        {each.name for each in fields(settings_type)}
-        for settings_type in (disc_robot.Settings, settings.Settings)
-    )
-    named = [(each.partition(':=')[0], each) for each in assignments]
-    return (
-        [each for name, each in named if name in of_mission or name not in of_navigator],
-        [
-            each.replace('tag_locations_file', 'tag_file', 1)
-            for name, each in named
-            if name in of_navigator or name == 'tag_locations_file'
-        ],
-    )
+class UnknownArgument(Exception):
+    """No node of the run has such a parameter. The text lists those that there are, which is no one line."""
+
+    def __init__(self, argument: str, names: set[str]):
+        error = f"'{escaped(argument, 64)}' sets no parameter of this run: write name:=value, with one of"
+        listed = textwrap.fill(', '.join(sorted(names)), 100, initial_indent='  ', subsequent_indent='  ')
+        super().__init__(f'{error}\n{listed}')
+
+
+def arguments_by_node(options) -> dict[str, list[str]]:
+    """
+    Return the arguments of each node: those that it has as parameters.
+
+    Raises UnknownArgument for one that no node of this run has.
+    """
+    types = {
+        'bridge_node': bridge_settings.Settings,
+        'mission_orchestrator': mission_settings.Settings,
+        **({'confirm_tag': confirm_tag_settings.Settings} if options.camera else {}),
+        **({'fake_navigator': disc_robot.Settings} if options.drive else {}),
+    }
+    names = {node: {each.name for each in fields(settings_type)} for node, settings_type in types.items()}
+    settable = set().union(*names.values()) - SET_HERE
+    names['mission_orchestrator'] |= set(mission_settings.WITHOUT_EFFECT)
+    for each in options.arguments:
+        name, is_assigned, _ = each.partition(':=')
+        if not is_assigned or name not in settable | set(mission_settings.WITHOUT_EFFECT):
+            raise UnknownArgument(each, settable)
+    return {
+        node: [each for each in options.arguments if each.partition(':=')[0] in own]
+        for node, own in names.items()
+    }
+
+
+def value_of(arguments: list[str], name: str) -> str:
+    """Return the last value of an argument, without quotes; '' if it is not set."""
+    values = [each.partition(':=')[2] for each in arguments if each.startswith(f'{name}:=')]
+    return values[-1].strip('"\'') if values else ''
 
 
 def raise_if_asked_to_end() -> None:
@@ -79,55 +116,108 @@ def run_to_end(command: list[str]) -> int:
     return exit_code
 
 
-def nodes_of(options) -> tuple[list[list[str]], list[str]]:
-    """Return the commands of the nodes around the mission, and the mission's parameters."""
-    nodes = [[executable('lupin_greenhouse_bridge', 'bridge_node')]]
-    mission, for_navigator = share(options.arguments) if options.drive else (options.arguments, [])
-    suitable, seeing = [], []
+def report_of(options) -> Path:
+    """Return the report of this run: its name has the time and the kind of the inspection."""
+    kind = 'world' if options.world else 'camera' if options.camera else 'simulation'
+    report = options.output / f'{time.strftime("%Y-%m-%d-%H%M%S")}-{kind}.jsonl'
+    return beside(report, f'-{os.getpid()}.jsonl') if report.exists() else report
+
+
+def beside(report: Path, ending: str) -> Path:
+    """Return another file of the same run."""
+    return report.with_name(report.stem + ending)
+
+
+def commands_of(options, report: Path) -> list[list[str]]:
+    """Return the commands of the nodes; the first one is ended last, and the last one is the mission."""
+    given = arguments_by_node(options)
+    tag_file = value_of(options.arguments, 'tag_file')
+    nodes = [node('lupin_greenhouse_bridge', 'bridge_node', *given['bridge_node'])]
+    if options.record:
+        keeping = [f'file:="{options.record}"']
+        keeping += [f'tag_file:="{tag_file}"'] if tag_file else []
+        nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', *keeping))
+    own = [f'report_file:="{report}"', 'wait_for_start:=false']
+    showing = []
     if options.drive:
-        driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{file_of(options, "-route.csv")}"']
-        navigator = executable('lupin_simulation', 'fake_navigator')
-        nodes.append([navigator, *parameters([*driving, *for_navigator])])
+        driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{beside(report, ROUTE)}"']
+        nodes.append(node('lupin_simulation', 'fake_navigator', *driving, *given['fake_navigator']))
         dock = f'dock_pose:="{disc_robot.Settings.start_pose}"'
-        suitable += ['drive:=nav2', 'order:=shortest', dock]
-        seeing = ['from_odometry:=true']
+        own += ['drive:=nav2', 'order:=shortest', dock]
+        showing.append('from_odometry:=true')
     else:
-        suitable.append('drive:=simulated')
-    if not options.camera:
-        return nodes, [*suitable, *mission]
-    suitable += ['require_visual_confirmation:=true', 'drive_seconds:=0.2']
-    if options.world:
-        folder = options.output / 'world'
-        command = [
-            executable('lupin_simulation', 'generate_world'),
-            '--side',
-            '0.04',
-            '--output',
-            str(folder),
-        ]
-        if not importlib.util.find_spec('pydrake'):
-            raise StartUpError('Drake is missing, which renders the world: pip install drake')
-        if run_to_end(command):
-            raise StartUpError('the world cannot be made')
-        world_file = f'world_file:="{folder / "greenhouse.sdf"}"'
-        if not options.drive:  # a world does not name the tables that a robot drives around
-            suitable.append(world_file)
-        # Rendering an image takes a while.
-        suitable.append(f'visual_confirmation_timeout_s:={PATIENCE_SECONDS}')
-        listening = [f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']
-        camera = [executable('lupin_simulation', 'world_camera'), *parameters([world_file, *seeing])]
-    else:
-        listening = [f'source:={options.camera}']
-        stand_in = executable('lupin_simulation', 'fake_camera')
-        camera = [stand_in, *parameters([f'publishes:={options.camera}', *seeing])]
-    confirm_tag = [executable('lupin_tag_confirmation', 'confirm_tag'), *parameters(listening)]
-    return [*nodes, confirm_tag, camera], [*suitable, *mission]
+        own.append('drive:=simulated')
+    world_file = f'world_file:="{options.output / "world/greenhouse.sdf"}"' if options.world else ''
+    if world_file and not options.drive:  # it does not name the tables to drive around
+        own.append(world_file)
+    elif tag_file:
+        own.append(f'tag_locations_file:="{tag_file}"')
+    if options.camera:
+        own += ['require_visual_confirmation:=true', 'drive_seconds:=0.2']
+        if world_file:
+            # Rendering an image takes a while.
+            own.append(f'visual_confirmation_timeout_s:={PATIENCE_SECONDS}')
+            listening = [f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']
+            camera = node('lupin_simulation', 'world_camera', world_file, *showing)
+        else:
+            listening = [f'source:={options.camera}']
+            showing.append(f'publishes:={options.camera}')
+            showing += [
+                f'{name}:="{value}"' for name in LAYOUT if (value := value_of(options.arguments, name))
+            ]
+            camera = node('lupin_simulation', 'fake_camera', *showing)
+        nodes += [node('lupin_tag_confirmation', 'confirm_tag', *listening, *given['confirm_tag']), camera]
+    return [*nodes, node('lupin_mission', 'mission_orchestrator', *own, *given['mission_orchestrator'])]
 
 
-def file_of(options, ending: str) -> Path:
-    """Return the file of this kind of inspection with such an ending."""
-    name = 'world' if options.world else 'camera' if options.camera else 'simulation'
-    return options.output / f'{name}{ending}'
+def make_world(options) -> None:
+    """Write the SDF world into the output; raises StartUpError."""
+    command = [executable('lupin_simulation', 'generate_world'), '--side', '0.04']
+    command += ['--output', str(options.output / 'world'), *greenhouse_options(options)]
+    if not importlib.util.find_spec('pydrake'):
+        raise StartUpError('Drake is missing, which renders the world: pip install drake')
+    if run_to_end(command):
+        raise StartUpError('the world cannot be made')
+
+
+def greenhouse_options(options, report: Path | None = None) -> list[str]:
+    """Return the files and walls of your own greenhouse as options; the files are copies beside a report."""
+    words = []
+    for name, ending in GREENHOUSE.items():
+        if path := value_of(options.arguments, name):
+            words += [f'--{name.replace("_", "-")}', str(beside(report, ending) if report else path)]
+    if walls := value_of(options.arguments, 'walls'):
+        words += ['--walls', *map(str, parse_numbers(walls))]
+    return words
+
+
+def prepare(options, report: Path) -> None:
+    """Make the folder, and copy the files of your own greenhouse beside the report; raises StartUpError."""
+    try:
+        options.output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StartUpError(f"--output '{options.output}': {error.strerror}: name a folder") from error
+    for name, ending in GREENHOUSE.items():
+        if path := value_of(options.arguments, name):
+            try:
+                shutil.copyfile(path, beside(report, ending))
+            except OSError as error:
+                reason = error.strerror or error
+                raise StartUpError(f"{name} '{path}': {reason}: name a file that can be read") from error
+    if options.record:  # here, because nothing shall start if it cannot be written
+        open_store(options.record).close()
+
+
+def check_record(options, report: Path) -> int:
+    """Print how many readings of the report were recorded; return the exit code, 1 if one was not."""
+    in_report = {key_of(row) for row in read_rows(report)} if report.stat().st_size else set()
+    lost = len(in_report - {key_of(row) for row in read_rows(options.record)})
+    print(f'{pluralized(len(in_report) - lost, "row")} kept in {options.record}')
+    if lost:
+        verb = 'was' if lost == 1 else 'were'
+        rows = pluralized(lost, 'row')
+        print(f'mission: {rows} of {report} {verb} not recorded: see the log above', file=sys.stderr)
+    return 1 if lost else 0
 
 
 def stop(process: subprocess.Popen) -> None:
@@ -142,11 +232,10 @@ def stop(process: subprocess.Popen) -> None:
 
 def exit_code_of(mission: subprocess.Popen, others: list[subprocess.Popen]) -> int:
     """
-    Return the exit code of the mission.
+    Return the exit code of the mission, however long it takes.
 
-    Raises NodeEnded if another node ends first, TimeoutExpired, or KeyboardInterrupt after Ctrl-C or SIGTERM.
+    Raises NodeEnded if another node ends first, or KeyboardInterrupt after Ctrl-C or SIGTERM.
     """
-    deadline = time.monotonic() + LONGEST_MISSION_SECONDS
     while True:
         with contextlib.suppress(subprocess.TimeoutExpired):
             mission.wait(LOOK_EVERY_SECONDS)
@@ -159,25 +248,17 @@ def exit_code_of(mission: subprocess.Popen, others: list[subprocess.Popen]) -> i
                 raise NodeEnded(
                     f'{name} ended before the mission, with exit code {each.returncode}: its log is above'
                 )
-        if time.monotonic() >= deadline:
-            raise subprocess.TimeoutExpired(mission.args[0], LONGEST_MISSION_SECONDS)
 
 
 def run_mission(options) -> int:
     """Run the nodes and the mission, and draw its report; return the exit code. Raises OneLineError."""
     if options.world and options.camera != 'image':
         raise StartUpError('--world publishes images only: leave --camera out, or name image')
-    mission_node = executable('lupin_mission', 'mission_orchestrator')
-    commands, for_mission = nodes_of(options)
-    try:
-        options.output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StartUpError(f"--output '{options.output}': {error.strerror}: name a folder") from error
-    report, route = file_of(options, '.jsonl'), file_of(options, '-route.csv')
-    report.unlink(missing_ok=True)
-    route.unlink(missing_ok=True)
-    own = [f'report_file:="{report}"', 'wait_for_start:=false']
-    commands.append([mission_node, *parameters([*own, *for_mission])])
+    report = report_of(options)
+    commands = commands_of(options, report)
+    prepare(options, report)
+    if options.world:
+        make_world(options)
     with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
         alone = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
         processes = []
@@ -188,12 +269,16 @@ def run_mission(options) -> int:
         exit_code = exit_code_of(mission, others)
     if exit_code == USAGE:
         return USAGE
-    drawing = [str(report), *(['--route', str(route)] if route.exists() else [])]
+    print('drawing the picture and the page ...', flush=True)
+    drawing = [str(report), *greenhouse_options(options, report)]
+    if (route := beside(report, ROUTE)).exists():
+        drawing += ['--route', str(route)]
     plotted = run_to_end([executable('lupin_greenhouse_bridge', 'plot_report'), *drawing])
     # Plotly is optional: without it, this prints how to install it.
     run_to_end([executable('lupin_greenhouse_bridge', 'readings_page'), *drawing])
-    print(f'report: {report}')
-    return exit_code or plotted
+    print(f'report: {report}', flush=True)
+    recorded = check_record(options, report) if options.record else 0
+    return exit_code or plotted or recorded
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -210,20 +295,28 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         '--drive', action='store_true', help='drive to each tag with nav2, here a stand-in for it'
     )
+    parser.add_argument(
+        '--record', metavar='FILE', help='keep the readings in a .sqlite, .db or .csv file, new or not'
+    )
     parser.add_argument('--output', type=Path, default=Path('.mission'), metavar='FOLDER', help='%(default)s')
     parser.add_argument(
-        'arguments', nargs='*', metavar='name:=value', help='parameters of the mission, and of the navigator'
+        'arguments',
+        nargs='*',
+        metavar='name:=value',
+        help='parameters of the nodes',
     )
     options = parser.parse_args(arguments)
+    # The mission's name for the tag file: a run has one greenhouse.
+    options.arguments = [re.sub('^tag_locations_file:=', 'tag_file:=', each) for each in options.arguments]
     if options.world and options.camera is None:
         options.camera = 'image'
     install_signal_handlers()
     try:
         return run_mission(options)
-    except (NodeEnded, subprocess.TimeoutExpired) as error:
+    except NodeEnded as error:
         print(f'mission: {error}', file=sys.stderr)
         return 1
-    except OneLineError as error:
+    except (OneLineError, UnknownArgument) as error:
         print(f'mission: {error}', file=sys.stderr)
         return USAGE
     except KeyboardInterrupt:

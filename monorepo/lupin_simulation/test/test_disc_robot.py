@@ -8,7 +8,7 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.testing import check_settings
 from lupin_simulation import disc_robot, fake_camera, world_camera
-from lupin_simulation.disc_robot import TURN_RAD_PER_S, DiscRobot, Settings
+from lupin_simulation.disc_robot import TURN_RAD_PER_S, ArrivalError, DiscRobot, Settings
 
 START = PoseInPlane(0.0, 0.0, 0.0)
 NORTH = math.pi / 2
@@ -55,6 +55,8 @@ def test_it_ends_at_the_end_of_its_path_however_the_time_is_cut(steps):
     assert robot.is_moving
     robot.advance(0.01 * DURATION_SECONDS)
     assert not robot.is_moving
+    assert isinstance(robot.left_m, float)  # a message takes no int
+    assert robot.left_m == 0.0
     assert robot.pose == (1.0, 2.0, 0.0)
     assert robot.route == PATH
 
@@ -143,3 +145,34 @@ def test_a_start_that_is_no_pose_is_refused(start_pose):
 @pytest.mark.parametrize('node', [disc_robot, fake_camera, world_camera])
 def test_each_parameter_has_its_type_and_its_limits(node):
     check_settings(node.Settings)
+
+
+def arrivals(goal: PoseInPlane, **parameters) -> list[PoseInPlane]:
+    """Return where a robot arrives that is sent to one goal a hundred times."""
+    error = ArrivalError(Settings(arrival_error_m=0.06, arrival_error_rad=0.15, **parameters))
+    return [error.applied_to(goal) for _ in range(100)]
+
+
+def test_a_robot_arrives_beside_its_goal_within_the_errors_and_each_seed_repeats_itself():
+    goal = PoseInPlane(0.5, 0.5, 1.0)
+    found = arrivals(goal)
+    assert 0.05 < max(math.dist(each[:2], goal[:2]) for each in found) <= 0.06
+    assert 0.14 < max(abs(each.yaw - goal.yaw) for each in found) <= 0.15
+    assert len(set(found)) == 100
+    assert arrivals(goal) == found
+    assert arrivals(goal, arrival_seed=1) != found
+    assert ArrivalError(Settings()).applied_to(goal) == goal
+
+
+def test_a_table_stops_a_robot_that_arrives_beside_its_goal():
+    settings = {'robot_radius_m': 0.2, 'blocked': '0.0 1.0 1.0 1.5'}
+    found = arrivals(PoseInPlane(0.5, 0.79, 0.0), **settings)
+    assert Settings(**settings).free_space().are_free([each[:2] for each in found]).all()
+    assert max(each.y for each in found) > 0.79
+    assert min(each.y for each in found) < 0.75  # the way from the table is free
+
+
+def test_the_padding_keeps_the_planner_farther_from_a_table():
+    settings = Settings(robot_radius_m=0.2, blocked='0.0 1.0 1.0 1.5')
+    assert settings.free_space().is_free(0.5, 0.785)
+    assert not settings.free_space(0.02).is_free(0.5, 0.785)

@@ -10,7 +10,10 @@ import nav2_msgs.action
 import pytest
 import rclpy
 from action_msgs.msg import GoalStatus
+from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
@@ -18,11 +21,13 @@ from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from lupin_greenhouse_bridge.simulator.layout import find_layout
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, ManualClock, running, wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, ManualClock, call, running, wait_until
 from lupin_simulation import fake_navigator
-from lupin_simulation.fake_navigator import FakeNavigator
+from lupin_simulation.disc_robot import Pose
+from lupin_simulation.fake_navigator import PROGRESS_SECONDS, FakeNavigator
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
+from std_srvs.srv import SetBool
 
 LAYOUT = find_layout('')
 START = (0.5, 0.5)
@@ -45,19 +50,39 @@ class Client:
     """A client of the navigator, and what it hears of the robot."""
 
     def __init__(self, node, action_type):
-        self._type = action_type
+        self._type, self._node = action_type, node
         self._client = ActionClient(node, action_type, 'navigate_to_pose')
-        self.odometry, self.estimates = [], []
+        self.odometry, self.estimates, self.feedback = [], [], []
         node.create_subscription(Odometry, '/odom', self.odometry.append, 10)
         node.create_subscription(PoseWithCovarianceStamped, '/amcl_pose', self.estimates.append, latched())
+
+    def wait_for_server(self) -> 'Client':
+        """Wait until the action is offered; return this client."""
         assert self._client.wait_for_server(timeout_sec=PATIENCE_SECONDS)
+        return self
+
+    def has_server(self) -> bool:
+        """Return whether the action is offered."""
+        return self._client.server_is_ready()
+
+    def call(self, service_type, name: str, request):
+        """Call a service of the navigator; return its response."""
+        client = self._node.create_client(service_type, f'/navigator/{name}')
+        assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+        return call(client, request)
+
+    def change_state(self, *transitions: int) -> None:
+        """Take the navigator through these transitions of its life cycle."""
+        for each in transitions:
+            request = ChangeState.Request(transition=Transition(id=each))
+            assert self.call(ChangeState, 'change_state', request).success
 
     def send(self, pose: PoseInPlane, frame_id: str = 'map'):
         """Send a goal; return its handle."""
         goal = self._type.Goal()
         goal.pose.header.frame_id = frame_id
         goal.pose.pose = pose_message(*pose)
-        return result_of(self._client.send_goal_async(goal))
+        return result_of(self._client.send_goal_async(goal, feedback_callback=self.feedback.append))
 
     def end_of(self, goal):
         """Return the status of a goal that ends, and its result."""
@@ -89,7 +114,8 @@ def start(monkeypatch, clock):  # noqa: ARG001 - the robot has its clock from th
             # One participant for both: their endpoints find each other at once.
             beside = partial(rclpy.create_node, 'navigator_test')
             _, node = stack.enter_context(running(FakeNavigator, beside, **parameters))
-            return Client(node, action_type)
+            client = Client(node, action_type)
+            return client.wait_for_server() if parameters.get('autostart', True) else client
 
         yield start_navigator
 
@@ -178,3 +204,89 @@ def test_a_route_that_cannot_be_written_is_refused(start):
     problem = "'/none/route.csv': No such file or directory: name another file"
     with pytest.raises(StartUpError, match=problem):
         start(route_file='/none/route.csv')
+
+
+@pytest.mark.parametrize('name', ['', '//', 'a b'])
+def test_an_action_name_that_ros_does_not_allow_is_refused(start, name):
+    with pytest.raises(StartUpError, match='parameter nav_action_name: Invalid topic name'):
+        start(nav_action_name=f'"{name}"')
+
+
+def test_a_goal_on_its_way_tells_where_the_robot_is_and_how_far_it_has_to_go(start, clock):
+    client = start()
+    client.send(FAR)
+    wait_until(lambda: client.feedback)
+    clock.pass_seconds(5.0)
+    wait_until(lambda: client.feedback[-1].feedback.distance_remaining < FreeSpace.length_m([START, FAR[:2]]))
+    feedback = client.feedback[-1].feedback
+    assert feedback.current_pose.header.frame_id == 'map'
+    assert feedback.current_pose.pose == client.odometry[-1].pose.pose
+    assert 0.0 < feedback.distance_remaining < client.feedback[0].feedback.distance_remaining
+    client.send(client.wait_until_robot(lambda _pose: True)._replace(yaw=3.0))
+    clock.pass_seconds(0.1)  # it only turns
+    wait_until(lambda: client.feedback[-1].feedback.distance_remaining == 0.0)
+
+
+def test_a_navigator_that_is_configured_offers_its_action_and_rejects_goals_until_it_is_active(start, clock):
+    client = start(autostart=False)
+    client.change_state(Transition.TRANSITION_CONFIGURE)
+    client.wait_for_server()
+    assert not client.send(NEAR).accepted
+    client.change_state(Transition.TRANSITION_ACTIVATE)
+    goal = client.send(NEAR)
+    clock.pass_seconds(HOUR)
+    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_a_navigator_that_is_deactivated_aborts_its_goal_and_stops_the_robot(start, clock):
+    client = start()
+    goal = client.send(FAR)
+    clock.pass_seconds(5.0)
+    client.wait_until_robot(lambda pose: math.dist(pose[:2], START) > 0.5)
+    client.change_state(Transition.TRANSITION_DEACTIVATE)
+    status, result = client.end_of(goal)
+    assert (status, result.error_msg) == (GoalStatus.STATUS_ABORTED, 'the navigator was deactivated')
+    here = client.wait_until_robot(lambda _pose: True)
+    clock.pass_seconds(HOUR)
+    assert client.wait_until_robot(lambda _pose: True) == here
+    assert client.has_server()
+    assert not client.send(NEAR).accepted
+
+
+def test_a_navigator_that_is_restarted_withdraws_its_action_and_does_not_know_the_goals_before(start, clock):
+    client = start()
+    goal = client.send(FAR)
+    client.change_state(Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
+    wait_until(lambda: not client.has_server())
+    client.change_state(Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
+    client.wait_for_server()
+    assert result_of(goal.cancel_goal_async()).return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
+    goal = client.send(NEAR)
+    clock.pass_seconds(HOUR)
+    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_a_robot_that_arrived_too_near_to_a_table_finds_no_path_away(start, clock):
+    """It is sent to 2.5 cm from the obstacle, where the planner keeps 2 cm, and arrives nearer."""
+    client = start(blocked='"0.3 1.225 0.7 1.3"', padding_m=0.02, arrival_error_m=0.06)
+    goal = client.send(Pose(0.5, 1.0, 0.0))
+    clock.pass_seconds(HOUR)
+    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+    status, result = client.end_of(client.send(NEAR))
+    assert (status, result.error_code) == (GoalStatus.STATUS_ABORTED, 205)
+
+
+def test_a_wedged_robot_fails_to_make_progress_until_it_is_freed(start, clock):
+    client = start(wedged_after=1)
+    goal = client.send(NEAR)
+    clock.pass_seconds(HOUR)
+    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+    goal = client.send(FAR)
+    clock.pass_seconds(PROGRESS_SECONDS)
+    status, result = client.end_of(goal)
+    assert (status, result.error_code) == (GoalStatus.STATUS_ABORTED, 105)
+    assert client.wait_until_robot(lambda _pose: True) == pytest.approx(NEAR)
+    assert client.call(SetBool, 'set_wedged', SetBool.Request(data=False)).success
+    goal = client.send(FAR)
+    clock.pass_seconds(HOUR)
+    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED

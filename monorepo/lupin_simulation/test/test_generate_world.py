@@ -12,8 +12,6 @@ from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_mission.world import read_world
 from lupin_simulation import generate_world
 from lupin_simulation.sdf import SDF_FILE, paper_m
-from lupin_tag_confirmation.detector import TagDetector
-from PIL import Image
 
 TAGS = {'tags': {str(n): {'x': n / 10, 'y': 0.0, 'sensors': ['co2']} for n in (0, 7, 586)}}
 TABLES = {
@@ -68,15 +66,6 @@ def test_the_same_input_gives_the_same_bytes(tmp_path, tag_file):
     assert content(tmp_path / 'one') == content(tmp_path / 'two')
     assert make(tmp_path / 'one', '--tag-file', tag_file) == 0  # over its own files
     assert content(tmp_path / 'one') == content(tmp_path / 'two')
-
-
-@pytest.mark.parametrize('number', [0, 7, 586])
-def test_the_texture_is_the_tag_with_its_white_border(tmp_path, tag_file, number):
-    make(tmp_path / 'world', '--tag-file', tag_file)
-    with Image.open(tmp_path / f'world/models/tag_{number}/tag_{number}.png') as picture:
-        grey = np.pad(np.asarray(picture.convert('L')), 20, constant_values=255)
-    (detection,) = TagDetector().detect(grey)
-    assert (detection.tag_number, detection.hamming) == (number, 0)
 
 
 def test_the_mesh_is_as_wide_as_the_tag_with_its_border(tmp_path, tag_file):

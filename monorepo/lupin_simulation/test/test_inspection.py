@@ -4,6 +4,7 @@ import importlib.util
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 from lupin_greenhouse_bridge.display.drawing_command import read_route
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
 from lupin_greenhouse_bridge.planning.walls import find_walls
+from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, wait_until
@@ -27,11 +29,18 @@ def run_inspection(output: Path, *arguments: str, attempts: int = 1000) -> subpr
     return subprocess.run([*command, *patience], capture_output=True, text=True, check=False)
 
 
-def options_of(output: Path, **options) -> Namespace:
-    """Return the options of a command line."""
-    return Namespace(
-        **{'camera': None, 'world': False, 'drive': False, 'output': output, 'arguments': [], **options}
-    )
+def report_in(output: Path) -> tuple[Path, list[dict]]:
+    """Return the path of the one report in a folder, and its observations."""
+    (report,) = output.glob('*.jsonl')
+    return report, list(map(json.loads, report.read_text(encoding='utf-8').splitlines()))
+
+
+def commands(*arguments: str, **options) -> dict[str, list[str]]:
+    """Return the command of each node of a run, by its executable."""
+    defaults = {'camera': None, 'world': False, 'drive': False, 'record': None, 'output': Path('out')}
+    options = Namespace(**{**defaults, 'arguments': list(arguments), **options})
+    found = inspection.commands_of(options, Path('out/2026-11-22-camera.jsonl'))
+    return {Path(command[0]).name: command[1:] for command in found}
 
 
 @pytest.fixture(autouse=True)
@@ -64,15 +73,14 @@ def stand_in(tmp_path, monkeypatch):
 def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path, arguments, name, tag_ids):
     result = run_inspection(tmp_path, *arguments)
     assert result.returncode == 0, result.stdout + result.stderr
-    lines = [
-        json.loads(line) for line in (tmp_path / f'{name}.jsonl').read_text(encoding='utf-8').splitlines()
-    ]
+    report, lines = report_in(tmp_path)
+    assert re.fullmatch(rf'\d{{4}}-\d\d-\d\d-\d{{6}}-{name}.jsonl', report.name)
     assert {line['outcome'] for line in lines} == {'OK'}
     assert len(lines) == len({line['tag_id'] for line in lines})
     assert tag_ids in (None, [line['tag_id'] for line in lines])
     assert f'{len(lines)}/{len(lines)} tags read' in result.stdout
-    assert (tmp_path / f'{name}.png').read_bytes().startswith(b'\x89PNG')
-    assert (tmp_path / f'{name}.html').exists()
+    assert report.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
+    assert report.with_suffix('.html').exists()
     assert 'Traceback' not in result.stderr
 
 
@@ -83,15 +91,15 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path):
     blocked = f'blocked:="{x - 0.1} {y - 0.1} {x + 0.1} {y + 0.1}"'
     result = run_inspection(tmp_path, '--drive', 'robot_radius_m:=0.3', blocked, 'tag_sequence:="6 13 1"')
     assert result.returncode == 1, result.stdout + result.stderr
-    lines = (tmp_path / 'simulation.jsonl').read_text(encoding='utf-8').splitlines()
-    found = {each['tag_id']: (each['outcome'], each['detail']) for each in map(json.loads, lines)}
+    report, lines = report_in(tmp_path)
+    found = {each['tag_id']: (each['outcome'], each['detail']) for each in lines}
     assert found.pop('1') == ('OK', '')
     assert found.pop('13') == ('UNREACHABLE', 'cut off from the rest of the free space')
     outcome, detail = found.pop('6')
     assert outcome == 'UNREACHABLE'
     assert detail.startswith('navigate_to_pose aborted the drive')
     assert '1/3 tags read' in result.stdout
-    route = read_route(tmp_path / 'simulation-route.csv')
+    route = read_route(report.with_name(f'{report.stem}-route.csv'))
     assert math.dist(route[-1], layout.tags['1'][:2]) < 1.0
     assert 'Traceback' not in result.stderr
 
@@ -99,8 +107,7 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path):
 def test_a_tag_that_is_none_of_the_cameras_family_is_not_read(tmp_path):
     result = run_inspection(tmp_path, '--camera', 'image', 'tag_sequence:="600"', attempts=5)
     assert result.returncode == 1
-    (line,) = (tmp_path / 'camera.jsonl').read_text(encoding='utf-8').splitlines()
-    observation = json.loads(line)
+    _, (observation,) = report_in(tmp_path)
     assert observation['outcome'] == 'NOT_CONFIRMED'
     assert 'tag36h11' in observation['detail']
 
@@ -209,33 +216,148 @@ def test_a_signal_ends_what_comes_before_or_after_a_mission(tmp_path, monkeypatc
     assert inspection.main(['--world', '--output', str(tmp_path / 'output')]) == 130
 
 
-def test_each_argument_reaches_the_node_that_has_such_a_parameter():
-    of_both, of_mission, of_navigator, unknown = (
+def test_each_argument_reaches_each_node_that_has_such_a_parameter():
+    found = commands(
         'robot_radius_m:=0.3',
         'order:=numeric',
         'blocked:=0 0 1 1',
-        'a:=1',
+        'debug_seed:=3',
+        'min_frames:=4',
+        camera='image',
+        drive=True,
     )
-    assert inspection.share([of_both, of_mission, of_navigator, unknown]) == (
-        [of_both, of_mission, unknown],
-        [of_both, of_navigator],
+    assert 'debug_seed:=3' in found['bridge_node']
+    assert {'robot_radius_m:=0.3', 'order:=numeric'} <= set(found['mission_orchestrator'])
+    assert {'robot_radius_m:=0.3', 'blocked:=0 0 1 1'} <= set(found['fake_navigator'])
+    assert 'min_frames:=4' in found['confirm_tag']
+    given = [word.partition(':=')[0] for command in found.values() for word in command]
+    assert [given.count(name) for name in ('robot_radius_m', 'blocked', 'debug_seed')] == [2, 1, 1]
+    assert found['mission_orchestrator'][-1] == 'order:=numeric'  # the last assignment counts
+
+
+@pytest.mark.parametrize(
+    ('argument', 'drive'),
+    [
+        ('debug_sed:=3', True),
+        ('blocked:=0 0 1 1', False),
+        ('min_frames:=1', True),
+        ('debug_seed', True),
+        ('report_file:=x.jsonl', True),
+    ],
+)
+def test_an_argument_of_no_node_ends_the_run_before_it_starts(tmp_path, capsys, stand_in, argument, drive):
+    stand_in('bridge_node', f'touch {tmp_path}/started')
+    options = ['--output', str(tmp_path / 'output'), *(['--drive'] if drive else [])]
+    assert inspection.main([*options, argument]) == 2
+    error, *names = capsys.readouterr().err.splitlines()
+    assert error == f"mission: '{argument}' sets no parameter of this run: write name:=value, with one of"
+    assert {'debug_seed', 'tag_file', 'tag_sequence'} <= set(''.join(names).replace(',', ' ').split())
+    assert not (tmp_path / 'started').exists()
+    assert not (tmp_path / 'output').exists()
+
+
+def test_your_own_greenhouse_reaches_all_that_plan_or_draw():
+    found = commands('tag_file:="a b.json"', camera='image', drive=True, record='r.sqlite')
+    assert 'tag_locations_file:="a b.json"' in found['mission_orchestrator']
+    for name in ('fake_navigator', 'fake_camera', 'bridge_node'):
+        assert 'tag_file:="a b.json"' in found[name], name
+    assert f'{inspection.TAG_FILE_OF_RECORDER}:="a b.json"' in found['record_readings']
+
+
+@pytest.mark.parametrize(('drive', 'source'), [(False, 'world_file'), (True, 'tag_locations_file')])
+def test_a_mission_in_the_world_takes_its_tags_from_there_unless_it_drives_around_tables(drive, source):
+    mission = commands('tag_file:=t.json', camera='image', world=True, drive=drive)['mission_orchestrator']
+    given = {word.partition(':=')[0] for word in mission}
+    assert given & {'world_file', 'tag_locations_file'} == {source}
+
+
+def test_a_recorder_starts_first_and_ends_last():
+    assert next(iter(commands(record='r.sqlite'))) == 'record_readings'
+
+
+def test_your_own_greenhouse_is_served_visited_recorded_and_drawn(tmp_path, monkeypatch):
+    tags = {tag_id: {'x': x, 'y': 1.0, 'sensors': ['co2']} for tag_id, x in (('7', 1.0), ('own', 2.0))}
+    (tmp_path / 'my tags.json').write_text(json.dumps({'tags': tags, 'tables': {}}), encoding='utf-8')
+    monkeypatch.chdir(tmp_path)  # paths are relative to the folder of the command
+    result = run_inspection(
+        tmp_path / 'out',
+        '--record',
+        'kept.csv',
+        'tag_file:=my tags.json',
+        'debug_time_of_day:=12',
+        'debug_seed:=3',
     )
+    assert result.returncode == 0, result.stdout + result.stderr
+    report, lines = report_in(tmp_path / 'out')
+    assert [(line['tag_id'], line['outcome']) for line in lines] == [('7', 'OK'), ('own', 'OK')]
+    assert {line['sim_time_of_day_seconds'] for line in lines} == {43200.0}
+    assert result.stdout.splitlines()[-1] == '2 rows kept in kept.csv'
+    rows = {(row.tag_id, row.x_m, row.value) for row in read_rows(tmp_path / 'kept.csv')}
+    values = {line['tag_id']: line['readings']['co2'] for line in lines}
+    assert rows == {('7', 1.0, values['7']), ('own', 2.0, values['own'])}
+    assert report.with_name(f'{report.stem}-tag_locations.json').read_text() == json.dumps(
+        {'tags': tags, 'tables': {}}
+    )
+    assert '"own"' in report.with_suffix('.html').read_text(encoding='utf-8')
+
+
+@pytest.mark.parametrize(
+    ('name', 'error'),
+    [
+        ('kept.txt', "file '{path}' ends in none of .sqlite, .db, .csv"),
+        ('none/kept.csv', "file '{path}': No such file or directory"),
+    ],
+)
+def test_a_recorder_that_cannot_start_ends_the_run_before_anything_else(
+    tmp_path, capsys, stand_in, name, error
+):
+    stand_in('bridge_node', f'touch {tmp_path}/started')
+    path = str(tmp_path / name)
+    assert inspection.main(['--output', str(tmp_path / 'output'), '--record', path]) == 2
+    assert capsys.readouterr().err.startswith(f'mission: {error.format(path=path)}')
+    assert not (tmp_path / 'started').exists()
+
+
+def test_a_reading_of_the_report_that_was_not_recorded_is_said(tmp_path, capfd, monkeypatch, stand_in):
+    """The recorder of this run keeps nothing."""
+    report = tmp_path / 'output/now.jsonl'
+    monkeypatch.setattr(inspection, 'report_of', lambda _options: report)
+    observation = {
+        'tag_id': '7',
+        'outcome': 'OK',
+        'detail': '',
+        'attempts': 1,
+        'stamp': {'sec': 1795190000, 'nanosec': 0},
+        'sim_time_of_day_seconds': 0.0,
+        'readings': {'co2': 400.0, 'humidity': 0.5},
+    }
+    (tmp_path / 'report.jsonl').write_text(json.dumps(observation) + '\n', encoding='utf-8')
+    stand_in('mission_orchestrator', f'cp {tmp_path}/report.jsonl {report}')
+    for name in ('bridge_node', 'record_readings'):
+        stand_in(name, 'exec sleep 600')
+    for name in ('plot_report', 'readings_page'):
+        stand_in(name, '')
+    assert inspection.main(['--output', str(report.parent), '--record', str(tmp_path / 'kept.csv')]) == 1
+    assert capfd.readouterr().err == f'mission: 2 rows of {report} were not recorded: see the log above\n'
 
 
 @pytest.mark.usefixtures('stand_in')
-def test_a_camera_of_a_drive_is_on_the_robot(tmp_path):
-    (_, navigator, _, camera), mission = inspection.nodes_of(
-        options_of(tmp_path, camera='image', drive=True, arguments=['blocked:=0 0 1 1', 'order:=given'])
+@pytest.mark.parametrize('name', ['tag_file', 'tag_locations_file'])
+def test_a_tag_file_that_cannot_be_read_is_refused_in_one_line(tmp_path, capsys, name):
+    assert inspection.main(['--output', str(tmp_path), f'{name}:=/none.json']) == 2
+    assert capsys.readouterr().err == (
+        "mission: tag_file '/none.json': No such file or directory: name a file that can be read\n"
     )
-    assert Path(navigator[0]).name == 'fake_navigator'
-    assert 'blocked:=0 0 1 1' in navigator
-    assert 'from_odometry:=true' in camera
-    assert mission[:2] == ['drive:=nav2', 'order:=shortest']
-    assert mission[-1] == 'order:=given'  # the last assignment counts
 
 
-def test_the_tag_file_of_the_mission_is_the_navigator_s_too():
-    assert inspection.share(['tag_locations_file:=/a.json']) == (
-        ['tag_locations_file:=/a.json'],
-        ['tag_file:=/a.json'],
-    )
+def test_two_runs_in_one_second_have_a_report_each(tmp_path):
+    options = Namespace(output=tmp_path, world=False, camera=None)
+    first = inspection.report_of(options)
+    first.touch()
+    assert inspection.report_of(options) != first
+
+
+def test_a_camera_of_a_drive_is_on_the_robot():
+    found = commands(camera='image', drive=True)
+    assert 'from_odometry:=true' in found['fake_camera']
+    assert {'drive:=nav2', 'order:=shortest'} <= set(found['mission_orchestrator'])

@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,14 +10,12 @@ import pytest
 import rclpy
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.runtime.poses import pose_message
-from lupin_greenhouse_bridge.testing import executable, wait_until
+from lupin_greenhouse_bridge.testing import executable, running, wait_until
 from lupin_simulation import world_camera
 from lupin_simulation.rendered_world import Tag
 from lupin_simulation.world_camera import WorldCamera, view_of
 from nav_msgs.msg import Odometry
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import qos_profile_sensor_data
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
@@ -53,29 +52,16 @@ def run_camera(monkeypatch):
     with contextlib.ExitStack() as stack:
 
         def run(namespace='', **parameters):
-            overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-            remapped = ['-r', f'__ns:={namespace}'] if namespace else []
-            rclpy.init(
-                args=['--ros-args', *remapped, *overrides], signal_handler_options=SignalHandlerOptions.NO
-            )
-            stack.callback(rclpy.try_shutdown)
-            executor = SingleThreadedExecutor()
+            arguments = ['-r', f'__ns:={namespace}'] if namespace else []
+            # One participant for both: their endpoints find each other at once.
+            beside = partial(rclpy.create_node, 'robot')
+            _, robot = stack.enter_context(running(WorldCamera, beside, arguments=arguments, **parameters))
             images = []
-            robot = rclpy.create_node('robot')
             topic = f'{namespace}/camera/color/image_raw'
             robot.create_subscription(Image, topic, images.append, qos_profile_sensor_data)
             at_tag = robot.create_publisher(String, f'{namespace}/mission/at_tag', latched())
             at_tag.publish(String(data='7'))
-            for node in (robot, WorldCamera()):
-                executor.add_node(node)
-                stack.callback(node.destroy_node)
-            stack.callback(executor.shutdown)
-
-            def shows(level: int) -> bool:
-                executor.spin_once(timeout_sec=0.1)
-                return bool(images) and images[-1].data[0] == level
-
-            return robot, at_tag, images, shows
+            return robot, at_tag, images, lambda level: bool(images) and images[-1].data[0] == level
 
         yield run
 

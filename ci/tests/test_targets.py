@@ -1,0 +1,111 @@
+"""Targets of make: what they take from a person, and what they leave."""
+
+import json
+import os
+import signal
+import subprocess
+from pathlib import Path
+
+import domain_coordinator
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+REPORT = {
+    'tag_id': '7',
+    'outcome': 'OK',
+    'detail': '',
+    'attempts': 1,
+    'stamp': {'sec': 1795190000, 'nanosec': 0},
+    'sim_time_of_day_seconds': 43200.0,
+    'readings': {'co2': 400.0},
+}
+
+
+def make(*words: str, cwd: Path = ROOT, **variables: str) -> subprocess.CompletedProcess:
+    """Run make with what is built already; its bridge is older than nothing."""
+    of_a_user = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
+    return subprocess.run(
+        ['make', '-f', ROOT / 'Makefile', '-o', 'bridge', *words],
+        cwd=cwd,
+        env=of_a_user | variables,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_clean_leaves_what_a_person_may_want_to_keep(tmp_path):
+    kept = ['.mission/report.jsonl', '.tags/tags.pdf', '.world/greenhouse.sdf', '.venv/bin/python']
+    for each in [*kept, '.venv/workspace/monorepo/build.log', '.hypothesis/examples']:
+        (tmp_path / each).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / each).touch()
+    result = make('clean', 'VENV=.venv', cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert {str(each.relative_to(tmp_path)) for each in tmp_path.rglob('*') if each.is_file()} == set(kept)
+
+
+@pytest.fixture
+def reports(tmp_path):
+    """Return a folder with two reports. The newer one has a route and a greenhouse of its own."""
+    for each in ('ci', 'tools', 'monorepo', 'lupin_greenhouse_ros'):
+        (tmp_path / each).symlink_to(ROOT / each)
+    folder = tmp_path / '.mission'
+    folder.mkdir()
+    for number, name in enumerate(('2026-11-21-120000-simulation', '2026-11-20-130000-simulation')):
+        report = folder / f'{name}.jsonl'
+        report.write_text(json.dumps(REPORT) + '\n', encoding='utf-8')
+        os.utime(report, (number, number))
+    (folder / '2026-11-22-080000-simulation.jsonl').touch()  # of a run that ended at its start
+    tags = {'tags': {'7': {'x': 1.25, 'y': 3.5, 'sensors': ['co2']}}, 'tables': {}}
+    report.with_name(f'{name}-tag_locations.json').write_text(json.dumps(tags), encoding='utf-8')
+    report.with_name(f'{name}-route.csv').write_text('x,y\n0.625,0.375\n1.375,3.125\n', encoding='utf-8')
+    return tmp_path
+
+
+def test_a_page_shows_the_newest_report_with_the_route_and_the_greenhouse_beside_it(reports):
+    result = make('page', f'VENV={os.environ["VIRTUAL_ENV"]}', cwd=reports)
+    assert result.returncode == 0, result.stderr
+    newest = '.mission/2026-11-20-130000-simulation'
+    assert result.stdout.splitlines() == [
+        f'page: of the newest report, {newest}.jsonl',
+        f'page: {newest}.html',
+    ]
+    page = (reports / f'{newest}.html').read_text(encoding='utf-8')
+    assert '[[0.625, 0.375], [1.375, 3.125]]' in page
+    assert '"x": 1.25, "y": 3.5' in page
+
+
+def test_a_page_of_another_file_has_what_lies_beside_that_file_and_names_it_once(reports):
+    older = '.mission/2026-11-21-120000-simulation'
+    result = make('page', f'FILE={older}.jsonl', f'VENV={os.environ["VIRTUAL_ENV"]}', cwd=reports)
+    assert (result.returncode, result.stdout) == (0, f'page: {older}.html\n'), result.stderr
+    assert '"route": []' in (reports / f'{older}.html').read_text(encoding='utf-8')
+
+
+def test_without_a_report_make_page_names_the_command_that_makes_one(tmp_path):
+    result = make('page', f'VENV={os.environ["VIRTUAL_ENV"]}', cwd=tmp_path)
+    assert result.returncode == 2
+    assert result.stderr.startswith('page: .mission holds no report: make mission, or make page FILE=')
+
+
+@pytest.mark.parametrize('namespace', ['/team7', 'team7/'])
+def test_a_bridge_in_a_namespace_is_read_there(namespace):
+    with domain_coordinator.domain_id() as domain_id:
+        alone = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+        bridge = subprocess.Popen(
+            ['ci/serve', f'namespace:={namespace}', 'debug_time_of_day:=12'], cwd=ROOT, env=os.environ | alone
+        )
+        try:
+            result = make(
+                'read',
+                'TAG=1',
+                f'NAMESPACE={namespace}',
+                'ARGS=--json --timeout 60',
+                f'VENV={os.environ["VIRTUAL_ENV"]}',
+                **alone,
+            )
+        finally:
+            bridge.send_signal(signal.SIGINT)
+            bridge.wait()
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)['sim_time_of_day_seconds'] == 43200.0
