@@ -33,7 +33,6 @@ from rclpy.validate_topic_name import validate_topic_name
 from std_srvs.srv import SetBool
 
 from lupin_simulation.disc_robot import ArrivalError, DiscRobot, Settings
-from lupin_simulation.odometry import message_of
 
 NODE_NAME = 'navigator'
 MAP_FRAME, ODOMETRY_FRAME, ROBOT_FRAME = 'map', 'odom', 'base_link'
@@ -214,7 +213,7 @@ class FakeNavigator(LifecycleNode):
         feedback = self._action.Feedback(distance_remaining=self._robot.left_m)
         feedback.current_pose.header.stamp = self.get_clock().now().to_msg()
         feedback.current_pose.header.frame_id = MAP_FRAME
-        feedback.current_pose.pose = message_of(self._robot.pose)
+        feedback.current_pose.pose = pose_message(*self._robot.pose)
         self._goal.publish_feedback(feedback)
 
     def _write_route(self) -> None:

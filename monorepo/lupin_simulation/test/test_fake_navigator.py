@@ -23,7 +23,6 @@ from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, po
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, ManualClock, call, running, wait_until
 from lupin_simulation import fake_navigator
-from lupin_simulation.disc_robot import Pose
 from lupin_simulation.fake_navigator import PROGRESS_SECONDS, FakeNavigator
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionClient
@@ -269,7 +268,7 @@ def test_a_navigator_that_is_restarted_withdraws_its_action_and_does_not_know_th
 def test_a_robot_that_arrived_too_near_to_a_table_finds_no_path_away(start, clock):
     """It is sent to 2.5 cm from the obstacle, where the planner keeps 2 cm, and arrives nearer."""
     client = start(blocked='"0.3 1.225 0.7 1.3"', padding_m=0.02, arrival_error_m=0.06)
-    goal = client.send(Pose(0.5, 1.0, 0.0))
+    goal = client.send(PoseInPlane(0.5, 1.0, 0.0))
     clock.pass_seconds(HOUR)
     assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
     status, result = client.end_of(client.send(NEAR))
