@@ -5,6 +5,7 @@ from xml.etree import ElementTree
 import mirror_publish
 import pytest
 from commits import git
+from generate import HEADER
 from test_mirror_patch import BRIDGE, LOG_MORE, NEW_TITLE, commit_in, import_patch
 
 README = 'lupin_greenhouse_ros/README.md'
@@ -224,7 +225,7 @@ def test_an_imported_series_is_published_unchanged(repositories, remote, publish
     base = git(contributor, 'rev-parse', 'HEAD').strip()
     commit_in(contributor, LOG_MORE)
     commit_in(contributor, ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One simulated', 'A simulated'))
-    (contributor / 'lupin_greenhouse_bridge/test/test_more.py').write_text('"""More."""\n')
+    (contributor / 'lupin_greenhouse_bridge/test/test_more.py').write_text(f'# {HEADER}\n"""More."""\n')
     commit_in(contributor, NEW_TITLE)
     line = next(line for line in (contributor / 'README.md').read_text().splitlines() if 'git clone' in line)
     commit_in(contributor, ('README.md', line, f'{line}  # from {remote}'))
