@@ -127,9 +127,8 @@ class Tests(Job):
         """Return the end of the output, if no test has failed."""
         if self.failed:
             return ''
-        return '\n'.join(
-            self.log.read_text(encoding='utf-8', errors='replace').splitlines()[-END_OF_LOG_LINES:]
-        )
+        lines = self.log.read_text(encoding='utf-8', errors='replace').splitlines()
+        return '\n'.join(lines[-END_OF_LOG_LINES:])
 
 
 class Status:
