@@ -79,7 +79,9 @@ def test_a_build_names_package_and_interface(tmp_path):
     prefix = '[ 42%] Building C object CMakeFiles/x.dir/rosidl_generator_c/team_msgs/msg/detail'
     job.read(f'{prefix}/other__functions.c.o')
     job.read(f'{prefix}/tag_reading__functions.c.o')
-    assert job.state() == 'build: package 1 of 2, team_msgs, 42 %: interface 2 of 2, msg/tag_reading'
+    assert (
+        job.state() == 'build: package 1 of 2, team_msgs, 42 %: interface 2 of 2, team_msgs/msg/tag_reading'
+    )
     job.read('[ 60%] Generating Python code for ROS interfaces')
     assert job.state().endswith('60 %: Generating Python code for ROS interfaces')
     job.read('Starting >>> team_node')
