@@ -76,7 +76,8 @@ class Build(Job):
         interfaces = self._interfaces.setdefault(package, [])
         if interface not in interfaces:
             interfaces.append(interface)
-        number, count = interfaces.index(interface) + 1, self._counts.get(package, 0)
+        number = interfaces.index(interface) + 1
+        count = max(number, self._counts.get(package, 0))  # CMake can make more of them
         return f': interface {number} of {count}, {package}/{interface}'
 
     def state(self) -> str:
