@@ -98,7 +98,7 @@ class Tests(Job):
     TOTAL = re.compile(r'\b(\d+) items?\b(?:.* (\d+) selected)?')
     RESULT = re.compile(r'^(?:\[gw\d+\] \[ *\d+%\] |.*::.* )(PASSED|FAILED|ERROR|SKIPPED|XFAIL|XPASS)\b')
     STARTED = re.compile(r'^\S+\.py::')
-    REPORT = re.compile(r'^_{3,} .+ _{3,}$|^=+ (?:FAILURES|ERRORS|short test summary info) =+$')
+    REPORT = re.compile(r'^_+ .+ _+$|^=+ (?:FAILURES|ERRORS|short test summary info) =+$')
     SUMMARY = re.compile(r'^=+ .*(?:passed|failed|skipped|errors?|no tests ran).* in [\d.]+s.* =+$')
 
     def __init__(self, name: str, command: list, log: Path):

@@ -142,21 +142,6 @@ def test_without_a_switch_the_messages_are_built_for_cpp_too(tmp_path):
     assert not (ENVIRONMENTS[tree] / 'workspace' / tree / 'install' / library).exists()
 
 
-def test_by_hand_the_messages_are_built_for_other_middlewares_too(tmp_path):
-    """`make build` leaves them out where only Fast DDS is installed."""
-    configured = run_in(
-        'monorepo',
-        'source ci/ros_env.bash without-overlay'
-        f' && cmake -S monorepo/lupin_msgs -B {tmp_path}/build -DBUILD_TESTING=OFF'
-        f' && cmake --build {tmp_path}/build --target help',
-    )
-    libraries = ENVIRONMENTS['monorepo'] / 'workspace/monorepo/install/lupin_msgs/lib'
-    for kind in ('introspection_c', 'introspection_cpp', 'fastrtps_c', 'fastrtps_cpp'):
-        assert f'lupin_msgs__rosidl_typesupport_{kind}\n' in configured.stdout
-        is_needed = kind == 'fastrtps_c'
-        assert (libraries / f'liblupin_msgs__rosidl_typesupport_{kind}.so').exists() == is_needed
-
-
 @pytest.mark.heavy
 @pytest.mark.parametrize(
     ('setuptools', 'is_linked'),
