@@ -101,8 +101,6 @@ def run_colcon(workspace: Workspace, packages: list[Path], names: list[str]) -> 
     # Only Python uses what is built here, so the messages leave out C++, which takes most of the time.
     command += ['--cmake-args', f'-DPython3_EXECUTABLE={workspace.venv}/bin/python']
     command += ['-DBUILD_TESTING=OFF', '-DWITH_CPP=OFF', '--no-warn-unused-cli']
-    if (workspace.venv / 'local_setup.bash').exists():  # the wheels have Fast DDS and no other middleware
-        command += ['-DWITH_INTROSPECTION=OFF']
     command += ['--event-handlers', 'console_direct+']
     # colcon's own -l would leave cores unused beside other work.
     os.environ['MAKEFLAGS'] = f'-j{os.cpu_count()}'

@@ -47,33 +47,38 @@ class Build(Job):
 
     PACKAGE = re.compile(r'^Starting >>> (\S+)')
     STEP = re.compile(r'^\[ *(\d+)%\] (.*)')
-    SOURCE = re.compile(r'/((?:msg|srv|action)/)(?:detail/|_)?(\w+?)(?:__|_s\.c|\.)')
+    SOURCE = re.compile(r'/(\w+)/((?:msg|srv|action)/)(?:detail/|_)?(\w+?)(?:__|_s\.c|\.)')
 
     def __init__(self, command: list, log: Path, packages: list[Path]):
         super().__init__('build', command, log)
-        self._counts = {path.name: len([*path.glob('*/*.msg'), *path.glob('*/*.srv')]) for path in packages}
+        self._counts = {
+            path.name: len([*path.glob('msg/*'), *path.glob('srv/*'), *path.glob('action/*')])
+            for path in packages
+        }
         self._started: list[str] = []
-        self._interfaces: list[str] = []
+        self._interfaces: dict[str, list[str]] = {}
         self._step = ''
 
     def read(self, line: str) -> None:
         """Note the package, the share of its steps and the interface."""
         if package := self.PACKAGE.match(line):
             self._started.append(package[1])
-            self._interfaces, self._step = [], ''
+            self._step = ''
         elif step := self.STEP.match(line):
             self._step = f', {step[1]} %'
             if source := self.SOURCE.search(line):
-                self._step += self.place_of(source[1] + source[2])
+                self._step += self.place_of(source[1], source[2] + source[3])
             elif step[2].startswith('Generating '):
                 self._step += f': {step[2]}'
 
-    def place_of(self, interface: str) -> str:
+    def place_of(self, package: str, interface: str) -> str:
         """Return the place of an interface in its package: every target builds them in the same order."""
-        if interface not in self._interfaces:
-            self._interfaces.append(interface)
-        number, count = self._interfaces.index(interface) + 1, self._counts.get(self._started[-1], 0)
-        return f': interface {number} of {count}, {interface}'
+        interfaces = self._interfaces.setdefault(package, [])
+        if interface not in interfaces:
+            interfaces.append(interface)
+        number = interfaces.index(interface) + 1
+        count = max(number, self._counts.get(package, 0))  # CMake can make more of them
+        return f': interface {number} of {count}, {package}/{interface}'
 
     def state(self) -> str:
         """Return the package, its place among the packages, and how far it is."""
@@ -93,7 +98,7 @@ class Tests(Job):
     TOTAL = re.compile(r'\b(\d+) items?\b(?:.* (\d+) selected)?')
     RESULT = re.compile(r'^(?:\[gw\d+\] \[ *\d+%\] |.*::.* )(PASSED|FAILED|ERROR|SKIPPED|XFAIL|XPASS)\b')
     STARTED = re.compile(r'^\S+\.py::')
-    REPORT = re.compile(r'^_{3,} .+ _{3,}$|^=+ (?:FAILURES|ERRORS|short test summary info) =+$')
+    REPORT = re.compile(r'^_+ .+ _+$|^=+ (?:FAILURES|ERRORS|short test summary info) =+$')
     SUMMARY = re.compile(r'^=+ .*(?:passed|failed|skipped|errors?|no tests ran).* in [\d.]+s.* =+$')
 
     def __init__(self, name: str, command: list, log: Path):
@@ -127,9 +132,8 @@ class Tests(Job):
         """Return the end of the output, if no test has failed."""
         if self.failed:
             return ''
-        return '\n'.join(
-            self.log.read_text(encoding='utf-8', errors='replace').splitlines()[-END_OF_LOG_LINES:]
-        )
+        lines = self.log.read_text(encoding='utf-8', errors='replace').splitlines()
+        return '\n'.join(lines[-END_OF_LOG_LINES:])
 
 
 class Status:

@@ -233,6 +233,21 @@ def test_the_pins_are_whole_and_name_no_registry():
         assert not any('://' in line for line in lines)
 
 
+def test_pre_commit_comes_with_the_environment():
+    command = [sys.executable, '-m', 'pre_commit', 'validate-config', ROOT / '.pre-commit-config.yaml']
+    assert subprocess.run(command, check=False).returncode == 0
+
+
+def test_the_help_says_what_the_program_does_and_each_default(capsys):
+    with pytest.raises(SystemExit) as ended:
+        environment.main(['--help'])
+    assert ended.value.code == 0
+    text = ' '.join(capsys.readouterr().out.split())
+    assert 'Make the Python environment of the project.' in text
+    assert f'(default: {ROOT / ".venv"})' in text
+    assert '(default: kilted)' in text
+
+
 @pytest.mark.heavy
 def test_a_sourced_ros_is_found_used_and_only_completed(tmp_path):
     """A second prefix, set up like a sourced setup.bash, replaces the wheels."""

@@ -12,7 +12,7 @@ import pytest
 
 TESTS = """
 import pytest
-@pytest.mark.parametrize('number', range(5))
+@pytest.mark.parametrize('number', range(5), ids=lambda number: f'{number}{90 * "a"}')  # as wide as a line
 def test_each(number):
     if number == 3:
         pytest.skip('three')
@@ -53,7 +53,7 @@ def test_the_report_of_a_failed_test_appears_before_the_next_result(run_tests):
     _, read = run_tests('--instafail')
     lines = [line for line, _, _ in read]
     reported = next(number for number, (_, shown, _) in enumerate(read) if shown and 'one is wrong' in shown)
-    assert reported < next(number for number, line in enumerate(lines) if 'test_each[2]' in line)
+    assert reported < next(number for number, line in enumerate(lines) if 'test_each[2a' in line)
 
 
 def test_without_instafail_the_report_is_not_lost(run_tests):
@@ -66,7 +66,7 @@ def test_why_a_test_was_skipped_is_shown_and_what_passed_is_not(run_tests):
     shown = '\n'.join(each for _, each, _ in read if each)
     assert 'SKIPPED [1]' in shown
     assert 'PASSED' not in shown
-    assert 'test_each[0]' not in shown
+    assert 'test_each[0a' not in shown
 
 
 def test_a_build_names_package_and_interface(tmp_path):
@@ -79,7 +79,9 @@ def test_a_build_names_package_and_interface(tmp_path):
     prefix = '[ 42%] Building C object CMakeFiles/x.dir/rosidl_generator_c/team_msgs/msg/detail'
     job.read(f'{prefix}/other__functions.c.o')
     job.read(f'{prefix}/tag_reading__functions.c.o')
-    assert job.state() == 'build: package 1 of 2, team_msgs, 42 %: interface 2 of 2, msg/tag_reading'
+    assert (
+        job.state() == 'build: package 1 of 2, team_msgs, 42 %: interface 2 of 2, team_msgs/msg/tag_reading'
+    )
     job.read('[ 60%] Generating Python code for ROS interfaces')
     assert job.state().endswith('60 %: Generating Python code for ROS interfaces')
     job.read('Starting >>> team_node')

@@ -8,7 +8,7 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
-from lupin_greenhouse_bridge.display.places import read_colour_ranges
+from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges
 from lupin_greenhouse_bridge.display.plot_report import main
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.drawing import Box, place_labels

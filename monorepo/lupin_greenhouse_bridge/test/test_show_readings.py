@@ -13,9 +13,9 @@ from geometry_msgs.msg import PoseArray
 from hypothesis import given
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.display import show_readings
+from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges
 from lupin_greenhouse_bridge.display.field import Grid, grid_over, interpolate, scaled
 from lupin_greenhouse_bridge.display.markers import FIELD_NAMESPACE, STALE_ALPHA, Scene
-from lupin_greenhouse_bridge.display.places import read_colour_ranges
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
