@@ -43,12 +43,9 @@ BUILD_BY_HAND = (
 )
 OVERLAY = 'source by-hand/install/local_setup.bash'
 EXECUTABLES = 'by-hand/install/lupin_greenhouse_bridge/lib/lupin_greenhouse_bridge'
-<<<<<<< HEAD
 KEPT_VARIABLES = re.compile(
     '(HOME|LANG|CC|CXX|ROS_DOMAIN_ID|ROS_AUTOMATIC_DISCOVERY_RANGE)$|PIP_|UV_|SSL_'
 )  # variables
-TARGETS_SECONDS = {'smoke': 60.0, 'run': 2.0, 'read': 1.2, 'edit': 4.0}
-=======
 TARGETS_SECONDS = {'smoke': 45.0, 'run': 2.0, 'read': 1.2, 'edit': 4.0}
 # Of the standard library alone, which differs little between compilers.
 YARDSTICK = """
@@ -68,7 +65,6 @@ def yardstick_seconds() -> float:
         subprocess.run(command, input=YARDSTICK, text=True, check=True)
         seconds.append(time.monotonic() - started)
     return statistics.median(seconds)
->>>>>>> ci
 
 
 class Clone:
@@ -129,16 +125,10 @@ def print_table(*, short: bool) -> None:
     rounds = 3 if short else 5
     read = f'{ENTER_BY_HAND} && {OVERLAY} && {EXECUTABLES}/read_tag 1'
     serve = f'{ENTER_BY_HAND} && {OVERLAY} && exec {EXECUTABLES}/bridge_node'
-<<<<<<< HEAD
+    print(f'yardstick, a fixed file compiled: {yardstick_seconds():.1f} s\n', flush=True)
     print_head('', 'make', 'by hand', 'ratio', 'target')
     with tempfile.TemporaryDirectory() as folder, own_domain():
         clone = Clone(Path(folder))
-=======
-    print(f'yardstick, a fixed file compiled: {yardstick_seconds():.1f} s\n', flush=True)
-    print('| | make | by hand | ratio | target |\n|---|---|---|---|---|')
-    with tempfile.TemporaryDirectory() as folder, domain_coordinator.domain_id() as domain_id:
-        clone = Clone(Path(folder), domain_id)
->>>>>>> ci
         smoke = clone.seconds_of('make smoke')
         by_hand = clone.seconds_of(f'{INSTALL_BY_HAND} && {BUILD_BY_HAND}')
         with clone.serving(serve):

@@ -49,7 +49,12 @@ class Client:
     """A client of the navigator, and what it hears of the robot."""
 
     def __init__(self, node, action_type):
-        self._type, self._node = action_type, node
+        self._type = action_type
+        # Not later: a client that is made while another thread destroys a server may not find its own.
+        self._services = {
+            name: node.create_client(service_type, f'/navigator/{name}')
+            for name, service_type in (('change_state', ChangeState), ('set_wedged', SetBool))
+        }
         self._client = ActionClient(node, action_type, 'navigate_to_pose')
         self.odometry, self.estimates, self.feedback = [], [], []
         node.create_subscription(Odometry, '/odom', self.odometry.append, 10)
@@ -64,17 +69,16 @@ class Client:
         """Return whether the action is offered."""
         return self._client.server_is_ready()
 
-    def call(self, service_type, name: str, request):
+    def call(self, name: str, request):
         """Call a service of the navigator; return its response."""
-        client = self._node.create_client(service_type, f'/navigator/{name}')
-        assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
-        return call(client, request)
+        assert self._services[name].wait_for_service(timeout_sec=PATIENCE_SECONDS)
+        return call(self._services[name], request)
 
     def change_state(self, *transitions: int) -> None:
         """Take the navigator through these transitions of its life cycle."""
         for each in transitions:
             request = ChangeState.Request(transition=Transition(id=each))
-            assert self.call(ChangeState, 'change_state', request).success
+            assert self.call('change_state', request).success
 
     def send(self, pose: PoseInPlane, frame_id: str = 'map'):
         """Send a goal; return its handle."""
@@ -285,7 +289,7 @@ def test_a_wedged_robot_fails_to_make_progress_until_it_is_freed(start, clock):
     status, result = client.end_of(goal)
     assert (status, result.error_code) == (GoalStatus.STATUS_ABORTED, 105)
     assert client.wait_until_robot(lambda _pose: True) == pytest.approx(NEAR)
-    assert client.call(SetBool, 'set_wedged', SetBool.Request(data=False)).success
+    assert client.call('set_wedged', SetBool.Request(data=False)).success
     goal = client.send(FAR)
     clock.pass_seconds(HOUR)
     assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
