@@ -16,7 +16,9 @@ from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approa
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, wait_until
+from lupin_mission.settings import Settings as MissionSettings
 from lupin_simulation import inspection
+from lupin_tag_confirmation.settings import Settings as CameraSettings
 
 
 def run_inspection(output: Path, *arguments: str, attempts: int = 1000) -> subprocess.CompletedProcess:
@@ -160,7 +162,9 @@ def test_sigterm_ends_all_that_an_inspection_started(tmp_path, stand_in):
         stand_in(name, f'echo $$ >{tmp_path / name}.id; exec sleep 600')
     program = f"""
 import sys
+from lupin_mission.settings import Settings as MissionSettings
 from lupin_simulation import inspection
+from lupin_tag_confirmation.settings import Settings as CameraSettings
 inspection.executable = lambda _package, name: f'{tmp_path}/{{name}}'
 sys.exit(inspection.main(['--output', '{tmp_path}/output']))
 """
@@ -231,3 +235,10 @@ def test_a_camera_of_a_drive_is_on_the_robot(tmp_path):
     assert 'from_odometry:=true' in camera
     assert mission[:2] == ['drive:=nav2', 'order:=shortest']
     assert mission[-1] == 'order:=given'  # the last assignment counts
+
+
+def test_the_camera_replies_before_the_missions_give_up():
+    """Otherwise a tag that is not in view has no reason in the report."""
+    camera_seconds = CameraSettings().timeout_seconds
+    of_the_team = 3.0  # its visual_confirmation_timeout_s
+    assert camera_seconds < min(of_the_team, MissionSettings().visual_confirmation_timeout_s)
