@@ -54,6 +54,7 @@ class Observation:
     detail: str  # why it failed; empty if OK
     attempts: int  # number of requests
     reading: Reading | None = None
+    drive: str = ''  # 'simulated' if no robot moved
 
     def to_line(self) -> str:
         """Return the observation as JSON on one line; raises ValueError if a number is not finite."""
@@ -67,6 +68,7 @@ class Observation:
                 'stamp': reading and {'sec': reading.stamp[0], 'nanosec': reading.stamp[1]},
                 'sim_time_of_day_seconds': reading and reading.sim_time_of_day_seconds,
                 'readings': reading and reading.values,
+                **({'drive': self.drive} if self.drive else {}),
             },
             allow_nan=False,
             ensure_ascii=False,
@@ -86,7 +88,8 @@ class Observation:
             )
             if not all(map(math.isfinite, (reading.sim_time_of_day_seconds, *reading.values.values()))):
                 raise ValueError('it has a number that is not finite')
-        return cls(str(data['tag_id']), outcome, str(data['detail']), int(data['attempts']), reading)
+        drive = str(data.get('drive', ''))
+        return cls(str(data['tag_id']), outcome, str(data['detail']), int(data['attempts']), reading, drive)
 
 
 def fault_of(reading: Reading) -> str:

@@ -1,6 +1,7 @@
 """The report: its contents after a kill, and the files that it refuses."""
 
 import errno
+import json
 import math
 import os
 import subprocess
@@ -32,10 +33,13 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
     values=st.dictionaries(st.text(), NUMBERS),
 )
 def test_an_observation_comes_back_as_it_was(tag_id, stamp, time_of_day, values):
-    observation = Observation(tag_id, Outcome.OK, '', 1, Reading(tag_id, stamp, time_of_day, values))
-    line = observation.to_line()
-    assert '\n' not in line
-    assert Observation.from_line(line) == observation
+    reading = Reading(tag_id, stamp, time_of_day, values)
+    for drive in ('', 'simulated'):
+        observation = Observation(tag_id, Outcome.OK, '', 1, reading, drive)
+        line = observation.to_line()
+        assert '\n' not in line
+        assert ('drive' in json.loads(line)) == bool(drive)  # older releases wrote none
+        assert Observation.from_line(line) == observation
 
 
 def test_a_report_is_continued(tmp_path):
