@@ -35,6 +35,8 @@ NO_VALID_PATH = 208  # as Nav2's planner says it
 class FakeNavigator(Node):
     """One goal at a time. No callback waits: a timer moves the robot."""
 
+    _server = None  # ROS destroys a node whose constructor raised, too
+
     def __init__(self):
         """Read the layout, and serve the action; raises StartUpError."""
         super().__init__(NODE_NAME)
@@ -64,7 +66,8 @@ class FakeNavigator(Node):
 
     def destroy_node(self) -> None:
         """Destroy the action server too."""
-        self._server.destroy()
+        if self._server:
+            self._server.destroy()
         super().destroy_node()
 
     def farewell(self) -> int:
