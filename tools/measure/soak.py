@@ -386,7 +386,7 @@ def signalled_at_any_moment(_scale: int) -> Iterator[tuple[str, bool]]:
         ]
         if os.environ.get('TREE', 'monorepo') == 'monorepo':
             mission = [executable('lupin_mission', 'mission_orchestrator'), '--ros-args']
-            mission += ['-p', 'wait_for_start:=false', '-p']
+            mission += ['-p', 'drive:=simulated', '-p', 'wait_for_start:=false', '-p']
             reports = (f'report_file:={folder}/{number}.jsonl' for number in count())
             cases += [
                 ('mission_orchestrator', ([*mission, report] for report in reports), {0, 1}),

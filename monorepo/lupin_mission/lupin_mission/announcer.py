@@ -1,6 +1,8 @@
 """Publish the mission's observations and state, write its log, and show a progress line at a terminal."""
 
+import math
 import time
+from collections import deque
 
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import escaped
@@ -9,6 +11,7 @@ from lupin_greenhouse_bridge.runtime import process
 from lupin_msgs.msg import MissionState, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
 from rclpy.duration import Duration
+from rclpy.qos import QoSProfile
 from std_msgs.msg import String
 
 from lupin_mission.messages import observation_message, state_message
@@ -17,6 +20,7 @@ from lupin_mission.progress import ProgressLine
 
 LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS = 5.0
 ACKNOWLEDGED_WITHIN_SECONDS = 0.2
+OTHER_MISSION_SECONDS = 2.0  # a mission publishes its state at 5 Hz
 
 
 class Announcer:
@@ -31,6 +35,9 @@ class Announcer:
         self._observations = node.create_publisher(ObservationMessage, observations_topic, latched(50))
         self._readings = node.create_publisher(TagReading, 'mission/readings', latched(50))
         self._states = node.create_publisher(MissionState, 'mission/state', latched())
+        self._own_stamps: deque[tuple[int, int]] = deque(maxlen=100)  # of the last states
+        self._other_mission_at = -math.inf  # the last state of another node
+        node.create_subscription(MissionState, 'mission/state', self._on_state, QoSProfile(depth=10))
         self._tag_at_hand = None
         self._progress = ProgressLine()
         self._event, self._severity, self._last_error = 'the node has started', Severity.INFO, ''
@@ -111,7 +118,16 @@ class Announcer:
         message.last_error = self._last_error
         message.last_event = self._with_remark(self._event)
         message.last_event_severity = self._severity.value
+        self._own_stamps.append((message.header.stamp.sec, message.header.stamp.nanosec))
         self._states.publish(message)
+
+    def _on_state(self, message) -> None:
+        if (message.header.stamp.sec, message.header.stamp.nanosec) not in self._own_stamps:
+            self._other_mission_at = time.monotonic()
+
+    def has_other_mission(self) -> bool:
+        """Return whether another node published a state of this name a moment ago."""
+        return time.monotonic() - self._other_mission_at < OTHER_MISSION_SECONDS
 
     def _with_remark(self, text: str) -> str:
         remark = f' ({self._remark})' if text and self._remark else self._remark

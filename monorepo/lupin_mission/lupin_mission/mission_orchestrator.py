@@ -5,9 +5,11 @@ ros2 run lupin_mission mission_orchestrator --ros-args -p tag_sequence:="6 21 29
 """
 
 import contextlib
+import os
 import sys
 import time
 import uuid
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -36,12 +38,13 @@ from lupin_mission.tag_positions import TagPositions
 from lupin_mission.tags import Tags
 from lupin_mission.transport import Transport
 
-ALL_READ, SOME_NOT_READ, REFUSED = 0, 1, 2
+ALL_READ, SOME_NOT_READ, REFUSED, NOT_WRITTEN = 0, 1, 2, 4
 NODE_NAME = 'mission_orchestrator'
 STEP_SECONDS = 0.02
 LONGEST_STOP_SECONDS = 2.0
 SIMULATED = 'simulated drive'  # what observations and events say where no robot moves
 NOT_KNOWN_YET = 'the tags are not known yet: start the bridge'
+OTHER_MISSION = 'another mission publishes mission/state: end it, or give one of them a namespace'
 RELEASE_ESTOP = 'the e-stop is engaged: release it first'
 
 
@@ -51,6 +54,10 @@ class MissionNode(Node):
 
     No callback waits. One mission runs at a time. It starts when mission/start is called, or at once.
     """
+
+    # ROS destroys a node whose constructor raised, too.
+    _drive: Drive | None = None
+    report: Report | None = None
 
     def __init__(self):
         """Open the report and start; raises StartUpError and ReportError."""
@@ -67,7 +74,10 @@ class MissionNode(Node):
         )
         self.tag_ids: list[str] = []  # of the mission
         self.mission: Mission | None = None
-        self.report: Report | None = None if settings.wait_for_start else self._open_report('')
+        self._report_status: os.stat_result | None = None  # of the file, once it is open
+        self._report_fault = ''  # why the report is lost; the mission ends then
+        if not settings.wait_for_start:
+            self.report = self._open_report('')
         self._mission_id = ''
         self._started_at = None
         self._is_estop_engaged = False
@@ -79,7 +89,7 @@ class MissionNode(Node):
             settings.frame_id,
             remark='' if settings.drive == 'nav2' else SIMULATED,
         )
-        self._drive: Drive = SimulatedDrive(settings.drive_seconds)
+        self._drive = SimulatedDrive(settings.drive_seconds)
         if settings.drive == 'nav2':
             self._drive = Nav2Drive(self, settings, self.note)
         else:
@@ -98,9 +108,9 @@ class MissionNode(Node):
         self._tags.find(self, has_service, self._on_tags, self._on_tag_positions)
 
     def is_done(self) -> bool:
-        """Return True once every tag has its outcome, unless the node waits for mission/start."""
+        """Return True once a mission that was not started by a call is done, or its report is lost."""
         is_over = bool(self.mission and self.mission.state is State.DONE)
-        return is_over and not self._settings.wait_for_start
+        return bool(self._report_fault) or (is_over and not self._settings.wait_for_start)
 
     def is_idle(self) -> bool:
         """Return True if the node still waits for its first mission/start."""
@@ -108,7 +118,9 @@ class MissionNode(Node):
 
     def _open_report(self, mission_id: str) -> Report:
         path = Path(self._settings.report_file or time.strftime('mission-%Y%m%dT%H%M%S.jsonl'))
-        return Report(path.with_name(f'{path.stem}-{mission_id}{path.suffix}') if mission_id else path)
+        report = Report(path.with_name(f'{path.stem}-{mission_id}{path.suffix}') if mission_id else path)
+        self._report_status = report.path.stat()
+        return report
 
     def farewell(self) -> None:
         """Stop the robot, and publish the state once more; wait for both, with timeouts."""
@@ -127,7 +139,7 @@ class MissionNode(Node):
 
     def destroy_node(self) -> None:
         """Stop the robot, whatever ended the mission; close the report, so that another can continue it."""
-        if not self._drive.is_over():
+        if self._drive and not self._drive.is_over():
             executor = SingleThreadedExecutor(context=self.context)  # that of run() is closed
             executor.add_node(self)
             with contextlib.suppress(OneLineError):  # the first one has been logged
@@ -232,9 +244,33 @@ class MissionNode(Node):
 
     def record(self, observation: Observation) -> None:
         """Write an observation to the report, publish it and the state, and log it."""
-        self.report.record(observation)
+        if self._report_fault:
+            return
+        drive = '' if self._settings.drive == 'nav2' else self._settings.drive
+        try:
+            self.report.record(replace(observation, drive=drive))
+        except ReportError as error:
+            self._report_fault = str(error)
+        if self.has_lost_report():
+            return
         self._announcer.closed(observation, self._mission_id, self._position_of(observation.tag_id))
         self._publish_state()
+
+    def has_lost_report(self) -> bool:
+        """Return whether the report cannot be written, or its file was deleted; log the reason once."""
+        if self.report and not self._report_fault:
+            try:
+                is_there = os.path.samestat(self.report.path.stat(), self._report_status)
+            except OSError:
+                is_there = False
+            if not is_there:
+                self._report_fault = (
+                    f"report_file '{self.report.path}' was deleted or replaced: start the mission again"
+                )
+        if self._report_fault and not self._is_ending:
+            self._is_ending = True
+            self.get_logger().fatal(self._report_fault)
+        return bool(self._report_fault)
 
     def _position_of(self, tag_id: str) -> tuple[float, float] | None:
         """Return x and y of a tag in the map: by the layout, as discovered, or where the robot stands."""
@@ -305,18 +341,18 @@ class MissionNode(Node):
 
     def _reason_against(self, request) -> str:
         """Return why a mission cannot be started as requested; '' if it can."""
-        if self._is_ending:
-            return 'the node is about to end'
-        if self.mission and self.mission.state is not State.DONE:
-            return f'mission already running: abort {self._mission_id}, or wait for its end'
-        if self._is_estop_engaged:
-            return RELEASE_ESTOP
-        if not self._tags.has_tags_to_visit():
-            return NOT_KNOWN_YET
-        if request.mission_type not in ('', MISSION_TYPE):
-            shown = escaped(request.mission_type, 40)
-            return f"mission_type is '{shown}': must be {MISSION_TYPE} or empty"
-        return self._fault_of(list(request.tag_sequence))
+        is_running = bool(self.mission and self.mission.state is not State.DONE)
+        shown = escaped(request.mission_type, 40)
+        reasons = (
+            (self._is_ending, 'the node is about to end'),
+            (is_running, f'mission already running: abort {self._mission_id}, or wait for its end'),
+            (self._is_estop_engaged, RELEASE_ESTOP),
+            (self._announcer.has_other_mission(), OTHER_MISSION),
+            (not self._tags.has_tags_to_visit(), NOT_KNOWN_YET),
+            (shown not in ('', MISSION_TYPE), f"mission_type is '{shown}': must be {MISSION_TYPE} or empty"),
+        )
+        reason = next((reason for is_so, reason in reasons if is_so), '')
+        return reason or self._fault_of(list(request.tag_sequence))
 
     def _fault_of(self, sequence: list[str]) -> str:
         known = set(self._tags.ids or self._settings.chosen_tag_ids)
@@ -331,17 +367,27 @@ class MissionNode(Node):
 
 
 def main(args=None):
-    """Run the mission; exit code 0: all tags read, 1: some not read, 2: start-up error."""
+    """Run the mission; exit code 0: all tags read, 1: some not, 2: start-up error, 4: output not written."""
     return run(NODE_NAME, MissionNode, args, is_done=MissionNode.is_done, conclude=_conclude, refused=REFUSED)
 
 
 def _conclude(node: MissionNode) -> int:
     """Print the table, even of an interrupted mission; return the exit code."""
+    is_lost = bool(node.mission) and node.has_lost_report()
     node.farewell()
     if node.is_idle():
         return ALL_READ
     observations = node.report.observations if node.report else []
-    print(summary_table(observations, node.tag_ids), flush=True)
+    try:
+        print(summary_table(observations, node.tag_ids), flush=True)
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is left in its buffer
+        node.get_logger().fatal(
+            f'standard output: {error.strerror}: the table is not printed, and the report is complete'
+        )
+        return NOT_WRITTEN
+    if is_lost:
+        return NOT_WRITTEN
     found = last_of_each_tag(observations)
     all_read = all(tag in found and found[tag].outcome is Outcome.OK for tag in node.tag_ids)
     return ALL_READ if node.tag_ids and all_read else SOME_NOT_READ

@@ -8,7 +8,7 @@ class ProgressLine:
     """Shows a text in the last line of a terminal, in place of the text before."""
 
     def __init__(self, stream=sys.stdout):
-        self._stream = stream if stream.isatty() else None
+        self._stream = stream if stream and stream.isatty() else None  # none: it was closed
         self._text = ''
 
     def show(self, text: str) -> None:

@@ -1,5 +1,7 @@
 """The positions of tags in the map: from the layout, from perception, or that of the robot."""
 
+import math
+
 from geometry_msgs.msg import Point, PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_msgs.msg import DiscoveredTags
@@ -38,8 +40,14 @@ class TagPositions:
                 tag.tag_id: tag.pose_in_map.position
                 for tag in message.tags
                 if tag.pose_in_map.orientation.w != 0.0  # 0: never populated
+                and is_finite(tag.pose_in_map.position)
             }
 
     def _on_pose(self, message) -> None:
-        if message.header.frame_id == self._frame_id:
+        if message.header.frame_id == self._frame_id and is_finite(message.pose.pose.position):
             self.robot_position = message.pose.pose.position
+
+
+def is_finite(position: Point) -> bool:
+    """Return whether all coordinates are numbers, as those of a localiser without a pose are not."""
+    return all(map(math.isfinite, (position.x, position.y, position.z)))

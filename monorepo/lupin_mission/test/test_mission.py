@@ -585,8 +585,8 @@ def test_a_mission_that_docked_goes_on_with_the_tags_left():
     world = World('abc', drive=(motor := Motor(1.0)), returns_to_dock=True)
     to_the_dock(world)
     late = world.sent[0]
-    assert world.abandoned == [late]
     world.wait(100.0)
+    assert world.abandoned == [late]
     assert (motor.told, world.outcomes) == (['a', 'return'], [])
     assert world.mission.resume()
     world.wait(0.0)
@@ -621,6 +621,7 @@ def test_an_abort_at_the_dock_skips_the_tags_left():
     world = World('abc', drive=Motor(1.0), returns_to_dock=True)
     to_the_dock(world)
     assert world.mission.abort()
+    world.wait(1.0)
     assert (world.mission.state, world.mission.is_paused) == (State.DONE, False)
     assert world.outcomes == [(tag, Outcome.SKIPPED) for tag in 'abc']
 

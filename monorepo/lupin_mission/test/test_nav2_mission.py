@@ -63,6 +63,7 @@ def test_the_robot_drives_to_each_tag_and_reads_it_there(start_mission, reader, 
     assert mission.warnings() == []
     wait_until(lambda: len(subscriber.received) == 2)
     assert [each.status_detail for each in subscriber.received] == ['', '']
+    assert [each.drive for each in mission.observations()] == ['', '']
 
 
 def test_the_shortest_order_starts_at_the_dock_and_ends_there(start_mission, reader, navigator):

@@ -1,7 +1,9 @@
 """The real mission node over real services. A process is started only where a process is what is proved."""
 
+import errno
 import json
 import os
+import subprocess
 import sys
 import time
 
@@ -36,6 +38,7 @@ def test_every_tag_that_the_bridge_has_loaded_is_read(start_process, start_bridg
     mission = start_process(bridge_service_name=start_bridge().service_name, **REAL)
     assert mission.end() == 0
     assert mission.outcomes() == [(tag_id, OK) for tag_id in sorted(shipped_tags, key=int)]
+    assert {each.drive for each in mission.observations()} == {'simulated'}
     assert mission.log[-1] == f'{len(shipped_tags)}/{len(shipped_tags)} tags read'
 
 
@@ -412,6 +415,76 @@ def test_the_executor_is_never_blocked_while_a_reply_is_withheld(reader, mission
     while node.mission.state is not State.DONE:
         executor.spin_once(timeout_sec=PATIENCE_SECONDS)
     assert node.mission.outcomes == {'1': OK}
+
+
+def test_an_error_in_the_middle_of_the_start_is_one_line(start_mission, monkeypatch):
+    def fail(*_arguments, **_keywords):
+        raise ValueError('the pose is odd')
+
+    monkeypatch.setattr(mission_orchestrator, 'TagPositions', fail)
+    assert 'the node cannot start (ValueError: the pose is odd)' in start_mission().refusal(exit_code=2)
+
+
+def is_deleted(mission, _monkeypatch):
+    mission.report_file.unlink()
+    return 'was deleted or replaced: start the mission again'
+
+
+def is_full(_mission, monkeypatch):
+    def fail(_file):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, 'fsync', fail)
+    return 'No space left on device'
+
+
+@pytest.mark.parametrize('what', [is_deleted, is_full])
+@pytest.mark.parametrize('tag_ids', ['1 2', '1 2 3'])
+def test_a_report_that_is_lost_ends_the_mission_with_its_table(
+    start_mission, reader, monkeypatch, what, tag_ids
+):
+    mission = start_mission(**READER, tag_sequence=tag_ids)
+    reader.answer_ok('1', co2=1.0)
+    assert [reader.wait_for_request(), reader.wait_for_request()] == ['1', '2']
+    reason = what(mission, monkeypatch)
+    reader.answer_ok('2', co2=2.0)
+    assert mission.end() == 4
+    (fatal,) = [line for line in mission.log if '[FATAL]' in line]
+    assert reason in fatal
+    assert mission.log[-1].endswith(f'/{len(tag_ids.split())} tags read')
+    assert reader.tag_ids == ['1', '2']
+
+
+def test_a_report_that_is_deleted_after_the_last_tag_is_not_a_success(start_mission, reader, operate):
+    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
+    operator = operate(mission)
+    started = operator.start()
+    reader.answer_ok('1', co2=1.0)
+    operator.wait_for(lifecycle_state='DONE')
+    mission.report_file.with_name(f'report-{started}.jsonl').unlink()
+    assert mission.stop() == 4
+
+
+@pytest.mark.parametrize('output', ['/dev/full', 'a closed pipe'])
+def test_a_table_that_cannot_be_printed_is_one_line_and_the_report_is_kept(
+    reader, settings, tmp_path, output
+):
+    if output == 'a closed pipe':
+        read_end, write_end = os.pipe()
+        os.close(read_end)
+    else:
+        write_end = os.open(output, os.O_WRONLY)
+    parameters = {**settings, **READER, 'tag_sequence': '"1"'}
+    words = [word for item in parameters.items() for word in ('-p', '{}:={}'.format(*item))]
+    command = [executable('lupin_mission', 'mission_orchestrator'), '--ros-args', *words]
+    with subprocess.Popen(command, stdout=write_end, stderr=subprocess.PIPE, text=True) as process:
+        os.close(write_end)
+        reader.answer_ok('1', co2=1.0)
+        log = process.communicate(timeout=PATIENCE_SECONDS)[1]
+    assert process.returncode == 4, log
+    assert 'Traceback' not in log
+    assert len([line for line in log.splitlines() if 'standard output: ' in line]) == 1
+    assert [each.tag_id for each in read_report(tmp_path / 'report.jsonl')] == ['1']
 
 
 @pytest.mark.parametrize('signals', ['Ctrl-C twice', 'SIGTERM'])

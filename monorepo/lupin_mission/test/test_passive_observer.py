@@ -58,14 +58,15 @@ class Stack:
         self.node.create_subscription(Observation, self._topic, received.append, LATCHED)
         return received
 
-    def read(self, tag_id: str) -> None:
-        reading = TagReading(tag_id=tag_id, readings=[SensorReading(name='co2', value=600.0)])
+    def read(self, tag_id: str, *values: float, sim_time: float = 0.0) -> None:
+        sensors = [SensorReading(name='co2', value=value) for value in values]
+        reading = TagReading(tag_id=tag_id, readings=sensors, sim_time_of_day_seconds=sim_time)
         self._send(self._readings, reading)
 
     def observe(self, tag_id: str) -> Observation:
         """Read a tag, and return its observation, which must be the next."""
         before = len(self.observations)
-        self.read(tag_id)
+        self.read(tag_id, 600.0)
         wait_until(lambda: len(self.observations) > before)
         assert self.observations[before].tag_reading.tag_id == tag_id
         return self.observations[before]
@@ -203,10 +204,34 @@ def test_an_unset_position_of_a_tag_is_ignored(stack):
     assert stack.place_of('7') == (1.0, 2.0)
 
 
+@pytest.mark.parametrize(
+    ('tag_id', 'values', 'sim_time'),
+    [
+        ('7', [math.nan], 0.0),
+        ('7', [600.0, math.inf], 0.0),
+        ('7', [600.0], math.nan),
+        ('7', [], 0.0),
+        ('', [600.0], 0.0),
+    ],
+)
+def test_a_reading_that_cannot_be_is_no_observation(stack, capfd, tag_id, values, sim_time):
+    stack.read(tag_id, *values, sim_time=sim_time)
+    stack.observe('8')
+    assert len(stack.observations) == 1
+    assert f"reading of tag '{tag_id}' ignored: it " in capfd.readouterr().err
+
+
+def test_a_position_that_is_not_finite_is_ignored(stack):
+    for x, y in ((math.nan, 2.0), (1.0, math.inf)):
+        stack.stand(x, y)
+        stack.discover('7', x, y)
+    assert stack.place_of('7') is None
+
+
 @pytest.mark.parametrize('busy', ['PREPARE', 'EXPLORING', 'INSPECTING', 'MONITORING', 'RETURNING'])
 def test_it_is_silent_while_a_mission_runs(stack, busy):
     stack.mission(busy)
-    stack.read('7')
+    stack.read('7', 600.0)
     stack.mission('READY')
     stack.observe('8')
     assert len(stack.observations) == 1

@@ -603,6 +603,23 @@ def test_a_start_is_rejected_while_a_mission_runs(start_mission, reader, operate
     operator.wait_for(lifecycle_state='DONE', mission_id=first)
 
 
+def test_a_start_is_rejected_while_another_mission_of_that_name_lives(
+    start_mission, reader, operate, node, clock
+):
+    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
+    operator = operate(mission)
+    other = node.create_publisher(MissionState, f'{mission.namespace}/mission/state', TWIN_QOS)
+    wait_until(lambda: other.get_subscription_count() == 2)  # of the mission and of the operator
+    other.publish(MissionState(lifecycle_state='READY'))
+    event = 'another mission publishes mission/state: end it, or give one of them a namespace'
+    assert other.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+    assert operator.rejection() == event
+    clock.pass_seconds(2.0)  # it says no more
+    operator.start()
+    reader.answer_ok('1', co2=1.0)
+    operator.wait_for(lifecycle_state='DONE')
+
+
 def test_a_start_is_rejected_before_the_tags_are_known(start_mission, operate):
     mission = start_mission(bridge_service_name='/nobody/get_tag_reading', wait_for_start=True)
     operator = operate(mission)

@@ -19,7 +19,9 @@ from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, wait_until
+from lupin_mission.settings import Settings as MissionSettings
 from lupin_simulation import inspection
+from lupin_tag_confirmation.settings import Settings as CameraSettings
 
 
 def run_inspection(output: Path, *arguments: str, attempts: int = 1000) -> subprocess.CompletedProcess:
@@ -100,7 +102,8 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path):
     assert detail.startswith('navigate_to_pose aborted the drive')
     assert '1/3 tags read' in result.stdout
     route = read_route(report.with_name(f'{report.stem}-route.csv'))
-    assert math.dist(route[-1], layout.tags['1'][:2]) < 1.0
+    assert min(math.dist(each, layout.tags['1'][:2]) for each in route) < 1.0
+    assert route[-1] == (0.5, 0.5)  # the dock is where the robot started
     assert 'Traceback' not in result.stderr
 
 
@@ -168,7 +171,9 @@ def test_sigterm_ends_all_that_an_inspection_started(tmp_path, stand_in):
         stand_in(name, f'echo $$ >{tmp_path / name}.id; exec sleep 600')
     program = f"""
 import sys
+from lupin_mission.settings import Settings as MissionSettings
 from lupin_simulation import inspection
+from lupin_tag_confirmation.settings import Settings as CameraSettings
 inspection.executable = lambda _package, name: f'{tmp_path}/{{name}}'
 sys.exit(inspection.main(['--output', '{tmp_path}/output']))
 """
@@ -361,3 +366,10 @@ def test_a_camera_of_a_drive_is_on_the_robot():
     found = commands(camera='image', drive=True)
     assert 'from_odometry:=true' in found['fake_camera']
     assert {'drive:=nav2', 'order:=shortest'} <= set(found['mission_orchestrator'])
+
+
+def test_the_camera_replies_before_the_missions_give_up():
+    """Otherwise a tag that is not in view has no reason in the report."""
+    camera_seconds = CameraSettings().timeout_seconds
+    of_the_team = 3.0  # its visual_confirmation_timeout_s
+    assert camera_seconds < min(of_the_team, MissionSettings().visual_confirmation_timeout_s)

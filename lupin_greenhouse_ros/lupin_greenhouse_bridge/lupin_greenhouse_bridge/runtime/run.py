@@ -81,7 +81,7 @@ def woken_by_signals(executor):
 
 @contextlib.contextmanager
 def node_creation():
-    """Wrap the creation of a node; raises StartUpError if ROS refuses it."""
+    """Wrap the creation of a node; raises StartUpError for any error in it but a OneLineError."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter('ignore', RuntimeWarning)  # rclpy's, of a node that it could not create
@@ -90,6 +90,10 @@ def node_creation():
         raise StartUpError(f'the ROS arguments do not fit the node: {error}') from error
     except rclpy_implementation.RCLError as error:
         raise StartUpError(f'{security_problem() or "ROS cannot create the node"}: {error}') from error
+    except OneLineError:
+        raise
+    except Exception as error:
+        raise StartUpError(f'the node cannot start ({type(error).__name__}: {error})') from error
 
 
 def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refused: int = 1) -> int:

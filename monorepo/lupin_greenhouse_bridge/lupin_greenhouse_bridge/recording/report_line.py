@@ -59,6 +59,7 @@ class Observation:
     detail: str  # why it failed; empty if OK
     attempts: int  # number of requests
     reading: Reading | None = None
+    drive: str = ''  # 'simulated' if no robot moved
 
     def to_line(self) -> str:
         """Return the observation as JSON on one line; raises ValueError if a number is not finite."""
@@ -72,6 +73,7 @@ class Observation:
                 'stamp': reading and {'sec': reading.stamp[0], 'nanosec': reading.stamp[1]},
                 'sim_time_of_day_seconds': reading and reading.sim_time_of_day_seconds,
                 'readings': reading and reading.values,
+                **({'drive': self.drive} if self.drive else {}),  # older reports have none
             },
             allow_nan=False,
             ensure_ascii=False,
@@ -97,7 +99,8 @@ class Observation:
             )
             if reading.fault:
                 raise ValueError(reading.fault)
-        return cls(tag_id, outcome, str(data['detail']), int(data['attempts']), reading)
+        drive = str(data.get('drive', ''))
+        return cls(tag_id, outcome, str(data['detail']), int(data['attempts']), reading, drive)
 
 
 def is_start_of_report(content: bytes) -> bool:

@@ -431,10 +431,13 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
     values=st.dictionaries(st.text(), NUMBERS, min_size=1),
 )
 def test_an_observation_comes_back_as_it_was(tag_id, stamp, time_of_day, values):
-    observation = Observation(tag_id, Outcome.OK, '', 1, Reading(tag_id, stamp, time_of_day, values))
-    line = observation.to_line()
-    assert '\n' not in line
-    assert Observation.from_line(line.encode()) == observation
+    reading = Reading(tag_id, stamp, time_of_day, values)
+    for drive in ('', 'simulated'):
+        observation = Observation(tag_id, Outcome.OK, '', 1, reading, drive)
+        line = observation.to_line()
+        assert '\n' not in line
+        assert ('"drive": "simulated"}' in line[-22:]) == bool(drive)  # older reports have none
+        assert Observation.from_line(line.encode()) == observation
 
 
 @pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
