@@ -7,11 +7,22 @@ UNITS = {
     'light': 'lx',
     'soil_moisture': 'm³/m³',
 }
+DECIMALS = {'temperature': 1, 'humidity': 1, 'co2': 0, 'light': 0, 'soil_moisture': 3}
 
 
 def unit_of(sensor: str) -> str:
     """Return the unit of a sensor's values; '' for a sensor that is not one of the simulator's five."""
     return UNITS.get(sensor, '')
+
+
+def decimals_of(sensor: str) -> int:
+    """Return how many decimals the values of a sensor are shown with; 2 for one that is not known."""
+    return DECIMALS.get(sensor, 2)
+
+
+def value_text(sensor: str, value: float) -> str:
+    """Return a value as it is shown, without its unit."""
+    return f'{value:.{decimals_of(sensor)}f}'
 
 
 def label_of(sensor: str) -> str:

@@ -183,7 +183,6 @@ def run_mission(options) -> int:
         return USAGE
     drawing = [str(report), *(['--route', str(route)] if route.exists() else [])]
     plotted = run_to_end([executable('lupin_greenhouse_bridge', 'plot_report'), *drawing])
-    # Plotly is optional: without it, this prints how to install it.
     run_to_end([executable('lupin_greenhouse_bridge', 'readings_page'), *drawing])
     print(f'report: {report}')
     return exit_code or plotted

@@ -4,16 +4,31 @@ import argparse
 import csv
 import itertools
 import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
-from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.planning.visualization import Visualization
+from lupin_greenhouse_bridge.recording.reading_files import ReadingFile, Visit
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
+from lupin_greenhouse_bridge.units import UNITS
+
+LONGEST_REASON = 300  # characters
 
 
-def parser_of(prog: str, description: str) -> argparse.ArgumentParser:
-    """Return the parser of a command that draws a file of readings, without its --output."""
+class Failures(NamedTuple):
+    """The tags that were not read for one reason."""
+
+    word: str  # the outcome, such as `not confirmed`
+    reason: str
+    tag_ids: list[str]
+
+
+def parser_of(prog: str, description: str, output_help: str) -> argparse.ArgumentParser:
+    """Return the parser of a command that draws a file of readings."""
     parser = argparse.ArgumentParser(prog=prog, description=description)
     parser.add_argument(
         'file',
@@ -28,22 +43,52 @@ def parser_of(prog: str, description: str) -> argparse.ArgumentParser:
         '--sim-config-file', default='', metavar='FILE', help="the bridge's sim_config_file, if you set one"
     )
     parser.add_argument(
-        '--route', type=Path, metavar='FILE', help='a CSV file of x and y along the way that a robot drove'
+        '--route',
+        type=Path,
+        metavar='FILE',
+        help='a CSV file of x and y along the way that a robot drove; default: NAME-route.csv beside FILE',
     )
+    parser.add_argument('-o', '--output', type=Path, metavar='FILE', help=output_help)
     return parser
 
 
-def layout_of(rows: Iterable[Row], tag_file: str) -> Layout:
+def layout_of(file: ReadingFile, tag_file: str) -> Layout:
     """
     Return the layout of tag_file, or the shipped one for '', with the tags where the rows have them.
 
-    Raises StartUpError for a bad tag_file, and if no position is known at all.
+    Raises StartUpError for a bad tag_file, for one of another greenhouse, and if no position is known at all.
     """
     layout = find_layout(tag_file) or Layout({}, {})
-    placed = {row.tag_id: Tag(row.x_m, row.y_m, []) for row in rows if row.x_m is not None}
+    placed = {row.tag_id: Tag(row.x_m, row.y_m, []) for row in file.rows if row.x_m is not None}
     if not (layout.tags or placed):
         raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
+    tag_ids = {each.tag_id for each in (*file.rows, *file.visits)}
+    strangers = tag_ids - set(layout.tags)
+    if tag_file and strangers:
+        raise StartUpError(
+            f"--tag-file '{tag_file}': {len(strangers)} of the file's {pluralized(len(tag_ids), 'tag')} are"
+            f" not in it, such as '{escaped(min(strangers), 64)}': name the tag_file of its bridge"
+        )
     return layout._replace(tags=layout.tags | placed)
+
+
+def sensors_of(rows: Iterable[Row]) -> list[str]:
+    """Return the sensors of rows: the simulator's in the order of their units, then others by name."""
+    known = list(UNITS)
+    return sorted(
+        {row.sensor for row in rows},
+        key=lambda sensor: (known.index(sensor) if sensor in UNITS else len(known), sensor),
+    )
+
+
+def walls_of(visualization: Visualization) -> tuple[float, float, float, float]:
+    """Return the walls as x0, y0, x1 and y1 in metres."""
+    return 0.0, 0.0, *visualization.footprint
+
+
+def words_of(outcome: str) -> str:
+    """Return the outcome of a visit in words, such as `not confirmed`."""
+    return 'read' if outcome == 'OK' else escaped(outcome.lower().replace('_', ' '), 64)
 
 
 def beside(file: Path, suffix: str) -> Path:
@@ -55,6 +100,30 @@ def check_output(output: Path, file: Path) -> None:
     """Raise StartUpError for a drawing that would replace the file that it shows."""
     if output.exists() and file.exists() and output.samefile(file):
         raise StartUpError(f"--output '{output}' is the file of readings itself: name another")
+
+
+def find_route(options: argparse.Namespace) -> list[tuple[float, float]]:
+    """Return the points of --route, or of the file that a mission left beside its report; else none."""
+    if options.route:
+        return read_route(options.route)
+    found = options.file.with_name(f'{options.file.stem}-route.csv')
+    return read_route(found) if found.is_file() else []
+
+
+def failures_of(visits: Iterable[Visit]) -> list[Failures]:
+    """Return the tags whose last visit failed, by reason: the largest group first."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for visit in {each.tag_id: each for each in visits}.values():
+        if visit.outcome != 'OK':
+            reason = escaped(visit.detail, LONGEST_REASON)
+            groups.setdefault((words_of(visit.outcome), reason), []).append(visit.tag_id)
+    largest_first = sorted(groups.items(), key=lambda item: -len(item[1]))
+    return [Failures(*key, sorted(tag_ids, key=natural_order)) for key, tag_ids in largest_first]
+
+
+def natural_order(tag_id: str) -> tuple:
+    """Return a sort key for tag ids: numbers by their value."""
+    return [float(part) if part.isdecimal() else 0 for part in re.split(r'(\d+)', tag_id)], tag_id
 
 
 def read_route(path: Path) -> list[tuple[float, float]]:
