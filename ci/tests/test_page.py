@@ -290,3 +290,28 @@ def test_a_hundred_thousand_rows_open(tmp_path, open_page):
     assert 'the line is their median' in page.evaluate("document.getElementById('lines').textContent")
     assert page.evaluate(LINES) == 5 * 29
     assert page.evaluate("document.querySelectorAll('.band').length") >= 5 * 29
+
+
+def test_of_many_tags_one_is_found_by_its_name(tmp_path, open_page):
+    count = readings_page.MOST_TAGS
+    lines = [visit(n, f'far {n}', [], 'TIMEOUT') for n in range(count)]
+    path = tmp_path / 'report.jsonl'
+    path.write_text('\n'.join([*lines, visit(0, '1', ['co2'])]), encoding='utf-8')
+    page = open_page(path)
+    total = count + len(find_layout('').tags)
+    assert page.evaluate(HEAD).startswith(f'1 of {total:,} tags read · {count:,} timeout · ')
+    page.evaluate("document.querySelector('input[type=search]').value = 'FAR 99'")
+    page.evaluate("document.querySelector('input[type=search]').dispatchEvent(new Event('input'))")
+    shown = "[...document.querySelectorAll('tbody tr')].filter(each => each.offsetHeight).length"
+    assert page.evaluate(shown) == 11  # 99, and 990 to 999
+    assert page.complaints == []  # none of the tags in the page has a value of co2
+
+
+def test_a_value_outside_the_scale_is_marked(report, open_page):
+    page, highest = open_page(report), 30.0  # of the shipped config
+    tags = enumerate(find_layout('').tags.items())
+    hot = [tag_id for n, (tag_id, tag) in tags if 'temperature' in tag.sensors and 20 + n > highest]
+    labels = page.evaluate("[...document.querySelectorAll('#map a > text')].map(each => each.textContent)")
+    assert sorted(text.split()[0] for text in labels if '▲' in text) == sorted(hot)
+    assert not any('▼' in text for text in labels)
+    assert f'scale: {len(hot)}' in page.evaluate("document.getElementById('scale').textContent")
