@@ -32,7 +32,7 @@ def main() -> int:
             return exit_code
         with Page(path, width=1400, height=900) as page:
             picture = Image.open(io.BytesIO(page.picture())).convert('RGB')
-    picture.quantize(256).save(COMMITTED, optimize=True)
+    picture.save(COMMITTED, optimize=True)
     print(COMMITTED)
     return 0
 

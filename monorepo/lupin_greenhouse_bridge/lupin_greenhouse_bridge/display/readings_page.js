@@ -25,6 +25,7 @@ const drawing = (parent, width, height, more) => {
   parent.replaceChildren();
   return draw(parent, 'svg', { width, height, viewBox: `0 0 ${width} ${height}`, ...more });
 };
+const grouped = number => number.toLocaleString('en');
 const pad = number => String(number).padStart(2, '0');
 const clock = ms => { const there = new Date(ms); return [there.getHours(), there.getMinutes(), there.getSeconds()].map(pad).join(':'); };
 const date = ms => new Date(ms).toLocaleDateString('en-GB', { day: 'numeric', month: 'short', year: 'numeric' });
@@ -57,12 +58,12 @@ function choose(tag) {
 
 function write_head() {
   document.title = `Readings of ${data.title}`;
-  const parts = [`${data.read_count} of ${data.tag_count} tags read`, ...data.counts.map(([word, count]) => `${count} ${word}`)];
+  const parts = [`${grouped(data.read_count)} of ${grouped(data.tag_count)} tags read`, ...data.counts.map(([word, count]) => `${grouped(count)} ${word}`)];
   if (data.span_ms.length) {
     const [first, last] = data.span_ms;
     parts.push(`${is_one_day ? '' : `${date(first)} `}${clock(first)} to ${is_one_day ? '' : `${date(last)} `}${clock(last)} (${lasting(last - first)})`);
     const [from, to, midnights] = data.day_span;
-    parts.push(`greenhouse ${day_time(from)} to ${day_time(to)}${midnights > (to < from) ? ` over ${(midnights + 1).toLocaleString('en')} days` : ''}`);
+    parts.push(`greenhouse ${day_time(from)} to ${day_time(to)}${midnights > (to < from) ? ` over ${grouped(midnights + 1)} days` : ''}`);
   }
   parts.forEach((part, number) => {
     if (number) document.querySelector('h1').append(' · ');
@@ -71,13 +72,13 @@ function write_head() {
   element('file').textContent = [data.title, ...data.span_ms.slice(0, 1).map(ms => is_one_day ? date(ms) : ''), `times in ${zone}`].filter(Boolean).join(' · ');
   for (const { word, reason, tags, count } of data.failures) {
     const line = add(element('failures'), 'li');
-    add(line, 'span', `${count} ${word}`, 'bad');
+    add(line, 'span', `${grouped(count)} ${word}`, 'bad');
     line.append(`${reason ? ` (${reason})` : ''}: tag${count > 1 ? 's' : ''} `);
     tags.forEach((number, place) => {
       if (place) line.append(', ');
       add(line, 'a', data.tags[number].id).href = address(data.tags[number]);
     });
-    if (count > tags.length) line.append(` and ${count - tags.length} more`);
+    if (count > tags.length) line.append(` and ${grouped(count - tags.length)} more`);
   }
   data.notes.forEach(note => add(element('notes'), 'p', note));
 }
@@ -201,7 +202,7 @@ function draw_map() {
     const text = value === null ? tag.has_failed ? ` ${tag.outcome}` : '' : ` ${written(sensor, value)}${mark}`;
     const width = pen.measureText(tag.id + text).width + Math.min(tag.id.length, 12) + 6;
     const { box, covered, is_far } = place_label(x, y, mine, width, 13, taken, way, room);
-    if (covered > 0.3 * width * 13) continue;
+    if (covered > 0.12 * width * 13) continue;
     taken.push(box);
     if (is_far) draw(leaders, 'line', { class: 'leader', x1: x, y1: y, x2: Math.min(Math.max(x, box[0]), box[2]), y2: Math.min(Math.max(y, box[1]), box[3]) });
     const label = draw(group, 'text', { class: urgent({ tag }) === 2 ? 'muted halo' : 'halo', x: (box[0] + box[2]) / 2, y: box[3] - 3, 'text-anchor': 'middle' });
@@ -265,7 +266,7 @@ function draw_tabs() {
     for (const tag of data.tags.filter(each => each.x !== null)) {
       const value = value_of(tag, number), [cx, cy] = [frame.x(tag.x), frame.y(tag.y)], arm = radius * 0.8;
       if (value !== null) draw(svg, 'circle', { cx, cy, r: radius, stroke: 'currentColor', 'stroke-width': 0.5, fill: colour((value - limits[0]) / (limits[1] - limits[0])) });
-      else if (tag.has_failed) draw(svg, 'path', { class: 'cross', 'stroke-width': 1, d: `M${cx - arm} ${cy - arm}l${2 * arm} ${2 * arm}m${-2 * arm} 0l${2 * arm} ${-2 * arm}` });
+      else if (tag.has_failed) draw(svg, 'path', { class: 'cross thin', d: `M${cx - arm} ${cy - arm}l${2 * arm} ${2 * arm}m${-2 * arm} 0l${2 * arm} ${-2 * arm}` });
     }
     const values = data.tags.map(tag => value_of(tag, number)).filter(value => value !== null);
     add(tab, 'span', values.length ? `${written(sensor, Math.min(...values))} to ${with_unit(sensor, Math.max(...values))}` : 'no value');
@@ -385,7 +386,7 @@ const day_axis = width => ({ low: 0, high: 86400, start: 0, text: day_time, tick
 function draw_charts() {
   const grid = element('figures');
   grid.replaceChildren();
-  const figures = data.sensors.map(sensor => {
+  const figures = data.sensors.filter(sensor => sensor.lines.length).map(sensor => {
     const figure = add(grid, 'figure'), caption = add(figure, 'figcaption');
     add(caption, 'b', sensor.label);
     return [sensor, add(figure, 'div', '', 'charting'), add(caption, 'span')];  // all, before one is measured

@@ -91,13 +91,14 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
         draw_footprint(axes, layout, footprint)
         axes.spines[:].set_visible(False)  # the walls are the frame
         axes.tick_params(length=0)
-        axes.set_anchor('N')  # the route's panel has no colour bar below it
     all_axes[0].set_ylabel('y (m)')
     if has_ways:
         _draw_ways(all_axes[0], layout, route, failed)
     for axes, sensor in zip(all_axes[has_ways:], sensors, strict=True):
         _draw_readings(figure, axes, sensor, layout, readings, colour_ranges.get(sensor))
         _cross(axes, layout, failed, 30)
+    for axes in all_axes:
+        axes.set_anchor('N')  # the panel of the route has no colour bar below it
     caption = _caption(options.file, readings, failures, route)
     _draw_legend(figure, caption, has_route=bool(route), has_failures=bool(failed))
     figure.suptitle(_headline(readings, failures, len(layout.tags)), fontsize=14, fontweight='bold', y=1.04)
