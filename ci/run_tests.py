@@ -50,6 +50,7 @@ NOT_IN_22_04 = (
     'pytest-xdist',
 )
 OLDEST_SIMULATOR = '1.0.7'
+AXE = 'axe-core@4.14.1'
 
 
 def checked(code: int) -> None:
@@ -149,6 +150,13 @@ def test_all() -> bool:
     return run([Tests('tools and ci', command, both.folder / 'test.log')])
 
 
+def install_axe(venv: Path) -> None:
+    """Install axe-core, which looks for what keeps people from reading a page. Without npm its test is skipped."""
+    if shutil.which('npm'):
+        options = ['--silent', '--no-audit', '--no-fund', '--prefix', venv / 'axe']
+        subprocess.run(['npm', 'install', *options, AXE], check=False)
+
+
 def test_heavy() -> bool:
     """Run what takes minutes."""
     for tree in TREES:
@@ -170,6 +178,7 @@ def test_heavy() -> bool:
         world = [*BOUNDED, *within(monorepo, executable, has_drake=True)]
         jobs.append(Job('world', world, logs / 'world.log'))
     jobs.append(Job('apriltag', [*itself, 'apriltag'], logs / 'apriltag.log'))
+    install_axe(monorepo.venv)
     heavy = [*BOUNDED, *monorepo.inside(*PYTEST, '-m', 'heavy', 'ci/tests')]
     jobs.append(Tests('environments', heavy, logs / 'environments.log'))
     return run(jobs, AT_ONCE)

@@ -2,37 +2,62 @@
 
 import contextlib
 import json
+import os
+import re
+from pathlib import Path
 
+import pypdfium2
 import pytest
 from browser import CHROMIUM, NO_CHROMIUM, Page
 from lupin_greenhouse_bridge.display import readings_page
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.simulator.layout import find_layout
-from lupin_greenhouse_bridge.units import label_of
+from lupin_greenhouse_bridge.units import value_text
 
 pytestmark = pytest.mark.skipif(not CHROMIUM, reason=NO_CHROMIUM)
 START_S = 1795190000
 EVIL = '<img src=x onerror=alert(1)><script>alert(1)</script><b>&amp;'
-POINTS = "document.querySelectorAll('#map .points path.point').length"
-COLOURS = "[...document.querySelectorAll('#map .points path.point')].map(each => each.style.fill).join()"
-TEXTS = "[...document.querySelectorAll('#map .textpoint')].map(each => each.textContent)"
-PICK_NEXT = """
-    const select = document.getElementById('sensor');
-    select.selectedIndex += 1;
-    select.dispatchEvent(new Event('change'));
+# ci/test_heavy installs it with npm.
+AXE = Path(os.environ['VIRTUAL_ENV'], 'axe/node_modules/axe-core/axe.min.js')
+DOTS = "document.querySelectorAll('#map a').length"
+COLOURS = "[...document.querySelectorAll('#map .dot')].map(each => each.getAttribute('fill')).join()"
+NAMES = "[...document.querySelectorAll('#map a > title')].map(each => each.textContent)"
+LABELS = "[...document.querySelectorAll('#map tspan:first-child')].map(each => each.textContent)"
+CELLS = "[...document.querySelectorAll('tbody tr > :first-child')].map(each => each.textContent)"
+TABS = "[...document.querySelectorAll('[role=tab] > b')].map(each => each.textContent)"
+LINES = "document.querySelectorAll('.series').length"
+HEAD = "document.querySelector('h1').textContent"
+CHOSEN = """[...document.querySelectorAll('.chosen')].map(
+    each => each.dataset.tag ?? each.firstChild.textContent)"""
+# Each label on the map whose box shares an area with another's, or with the dot of another tag.
+COVERED = """
+[...document.querySelectorAll('#map a > text, #map a > .dot')]
+    .map(each => [each.parentNode.dataset.tag, each.getBoundingClientRect()])
+    .flatMap(([tag, a], n, all) => all.slice(n + 1)
+        .filter(([other, b]) => tag !== other
+            && Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2
+            && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4)
+        .map(([other]) => `${tag} ${other}`))
 """
-# Charts that are drawn wider than their place, and so cover the one beside them.
-OVERLAPS = """[...document.querySelectorAll('.chart')].filter(
-    each => each.querySelector('.main-svg').getBoundingClientRect().width > each.clientWidth).length"""
-OPTIONS = "[...document.querySelectorAll('option')].map(each => each.textContent)"
-SHOW_HOVER = "((curveNumber, pointNumber) => Plotly.Fx.hover('map', [{ curveNumber, pointNumber }]))"
-HOVER = "document.querySelector('#map .hoverlayer').textContent"
+# Elements that reach over the edge of the window, or of the box that would cut them.
+CUT = """
+[...document.querySelectorAll('th, td, h1, button, figure text')].filter(each => {
+    const box = each.getBoundingClientRect(), frame = each.closest('.scroll')?.getBoundingClientRect();
+    return box.left < -1 || box.right > (frame?.right ?? innerWidth) + 1
+        || (frame && each.scrollWidth > each.clientWidth + 1);
+}).map(each => each.textContent)
+"""
 SUM = 'match(/[0-9]+/g).slice(0, 3).reduce((sum, part) => sum + Number(part), 0)'
 BACKGROUND = f'getComputedStyle(document.body).backgroundColor.{SUM}'
-AXIS_TITLE = f"getComputedStyle(document.querySelector('#map .xtitle')).fill.{SUM}"
+AXIS_TEXT = f"getComputedStyle(document.querySelector('#map .muted')).fill.{SUM}"
 MIDDLE = 3 * 128  # between dark and light
-CELLS = "[...document.querySelectorAll('tbody td:first-child')].map(each => each.textContent)"
+COLOURS_OF_SCHEME = """
+Object.fromEntries(['text', 'muted', 'bad', 'accent', 'page', 'chosen', 'table'].map(name =>
+    [name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`)]))
+"""
+LEAST_CONTRAST = 4.5  # of WCAG 2.2, level AA
+PRESS = 'document.activeElement.dispatchEvent(new KeyboardEvent("keydown", {{ key: "{}", bubbles: true }}))'
 
 
 def visit(number, tag_id, sensors, outcome='OK'):
@@ -76,39 +101,154 @@ def report(tmp_path):
     return path
 
 
+def contrast(one: str, other: str) -> float:
+    """Return the contrast of two colours such as #fff, as WCAG 2.2 defines it."""
+
+    def brightness(colour: str) -> float:
+        digits = re.sub(r'^#(.)(.)(.)$', r'#\1\1\2\2\3\3', colour.strip())[1:]
+        parts = [int(digits[at : at + 2], 16) / 255 for at in (0, 2, 4)]
+        linear = [part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts]
+        return sum(share * part for share, part in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
+
+    low, high = sorted(map(brightness, (one, other)))
+    return (high + 0.05) / (low + 0.05)
+
+
 def test_the_page_shows_each_tag_and_asks_no_host_for_anything(report, open_page):
-    page = open_page(report)
+    page, tags = open_page(report, width=1400), find_layout('').tags
+    assert page.evaluate(HEAD).startswith(f'{len(tags) - 2} of {len(tags)} tags read · 2 timeout · ')
+    assert page.evaluate(DOTS) == len(tags)
+    assert sorted(page.evaluate(LABELS)) == sorted(tags)
+    assert page.evaluate(COVERED) == []
+    assert page.evaluate(CUT) == []
+    read = [tag for number, tag in enumerate(tags.values()) if number not in (3, 4)]
+    assert page.evaluate(LINES) == sum(len(tag.sensors) for tag in read)
     assert page.complaints == []
     assert page.requests == [report.with_suffix('.html').as_uri()]
-    assert page.evaluate(POINTS) == len(find_layout('').tags)
-    assert sorted(page.evaluate(TEXTS)) == sorted(find_layout('').tags)
-    before = page.evaluate(COLOURS)
-    page.evaluate(PICK_NEXT)
-    assert page.evaluate(POINTS) == len(find_layout('').tags)
-    assert page.evaluate(COLOURS) != before
-    assert page.evaluate(OVERLAPS) == 0
-    assert page.complaints == []
 
 
-def test_the_hover_text_of_a_tag_has_its_values_outcome_attempts_and_times(report, open_page):
+def test_a_sensor_is_chosen_by_its_tab_with_mouse_and_keys(report, open_page):
     page = open_page(report)
-    page.evaluate(f'{SHOW_HOVER}(3, 0)')
-    tags = find_layout('').tags
-    value = 20 + list(tags).index('1')
-    lines = [f'{label_of(sensor)}: {value}' for sensor in tags['1'].sensors]
-    hover = page.evaluate(HOVER)
-    for fragment in ('tag 1: OK', *lines, '2026-11-2', 'greenhouse time', 'attempts: 1'):
-        assert fragment in hover
-    assert 'TIMEOUT' in page.evaluate("document.getElementById('map').data[4].hovertext[0]")
+    assert page.evaluate(TABS) == ['temperature', 'humidity', 'co2', 'light', 'soil moisture']
+    before = page.evaluate(COLOURS)
+    page.evaluate("document.querySelectorAll('[role=tab]')[2].click()")
+    assert page.evaluate("document.getElementById('shown').textContent") == 'co2 (ppm)'
+    assert page.evaluate(COLOURS) != before
+    page.evaluate("document.querySelectorAll('[role=tab]')[2].focus()")
+    page.evaluate(PRESS.format('ArrowRight'))
+    assert page.evaluate('document.activeElement.firstChild.textContent') == 'light'
+    assert page.evaluate("document.querySelector('[aria-selected=true] > b').textContent") == 'light'
 
 
-def test_the_page_fits_a_phone_and_follows_its_colour_scheme(report, open_page):
-    page = open_page(report, width=360, height=740)
+CLICK = "dispatchEvent(new MouseEvent('click', { bubbles: true, cancelable: true }))"
+
+
+@pytest.mark.parametrize(
+    'act',
+    [
+        "location.hash = '#tag=5'",
+        f"""document.querySelector('#map a[data-tag="5"]').{CLICK}""",
+        "[...document.querySelectorAll('tbody a')].find(each => each.textContent === '5').click()",
+    ],
+)
+def test_a_tag_that_is_chosen_anywhere_is_chosen_everywhere(report, open_page, act):
+    page, sensors = open_page(report), find_layout('').tags['5'].sensors
+    page.evaluate(act)
+    page.wait_for(f'{CHOSEN}.length > 0')
+    assert page.evaluate(CHOSEN) == ['5'] * (2 + len(sensors))  # in the map, the table and its charts
+    assert page.evaluate("document.getElementById('chosen').textContent").startswith(
+        'tag 5: read · temperature '
+    )
+    page.evaluate("document.querySelectorAll('[name=clock]')[1].click()")
+    assert len(page.evaluate(CHOSEN)) == 2 + len(sensors)
+    page.evaluate(PRESS.format('Escape'))
+    assert page.evaluate(CHOSEN) == []
+
+
+def test_the_arrow_keys_choose_the_next_tag_of_the_map(report, open_page):
+    page = open_page(report)
+    page.evaluate('document.querySelector(\'#map a[tabindex="0"]\').focus()')
+    first = page.evaluate('document.activeElement.dataset.tag')
+    page.evaluate(PRESS.format('ArrowRight'))
+    page.evaluate(PRESS.format('ArrowRight'))
+    chosen = page.evaluate('document.activeElement.dataset.tag')
+    cells = page.evaluate(CELLS)
+    assert cells.index(chosen) == cells.index(first) + 2
+    assert page.evaluate("document.querySelector('tr.chosen').firstChild.textContent") == chosen
+
+
+def test_the_name_of_a_tag_has_its_values_outcome_and_times(report, open_page):
+    page, tags = open_page(report), find_layout('').tags
+    number = list(tags).index('1')
+    (name,) = [each for each in page.evaluate(NAMES) if each.startswith('tag 1:')]
+    values = [f'{each} {value_text(each, 20 + number)}' for each in tags['1'].sensors]
+    for fragment in ('tag 1: read', *values, 'greenhouse '):
+        assert fragment in name
+    failed = list(tags)[3]
+    assert f'tag {failed}: timeout ({EVIL})' in page.evaluate(NAMES)
+
+
+def test_the_table_sorts_by_a_column_with_failures_first(report, open_page):
+    page, tags = open_page(report), find_layout('').tags
+    failed = {list(tags)[3], list(tags)[4]}
+    page.evaluate("document.querySelectorAll('thead button')[2].click()")
+    page.evaluate("document.querySelectorAll('thead button')[2].click()")
+    assert page.evaluate("document.querySelectorAll('thead th')[2].ariaSort") == 'descending'
+    cells = page.evaluate(CELLS)
+    warmest = [
+        tag_id for tag_id, tag in tags.items() if 'temperature' in tag.sensors and tag_id not in failed
+    ]
+    assert set(cells[:2]) == failed
+    assert cells[2 : 2 + len(warmest)] == warmest[::-1]
+
+
+def test_both_clocks_of_the_charts_have_the_same_scale(report, open_page):
+    page = open_page(report)
+    scale = "[...document.querySelectorAll('figure text[text-anchor=end]')].map(each => each.textContent)"
+    before = page.evaluate(scale)
+    page.evaluate("document.querySelectorAll('[name=clock]')[1].click()")
+    assert page.evaluate(scale) == before
+    assert '12:00' in page.evaluate("document.querySelector('figure').textContent")
+    assert page.evaluate(CUT) == []
+
+
+@pytest.mark.parametrize('width', [1400, 800, 390])
+def test_the_page_fits_a_window_and_follows_its_colour_scheme(report, open_page, width):
+    page = open_page(report, width=width, height=740)
     for scheme, ground, text in (('light', '>', '<'), ('dark', '<', '>')):
         page.prefer(scheme)
-        page.wait_for(f'{BACKGROUND} {ground} {MIDDLE} && {AXIS_TITLE} {text} {MIDDLE}')
-        assert page.evaluate('document.documentElement.scrollWidth') == 360
+        page.wait_for(f'{BACKGROUND} {ground} {MIDDLE} && {AXIS_TEXT} {text} {MIDDLE}')
+        assert page.evaluate('document.documentElement.scrollWidth') == width
+        colours = page.evaluate(COLOURS_OF_SCHEME)
+        for name in ('text', 'muted', 'bad', 'accent'):
+            for below in ('page', 'chosen', 'table'):
+                assert contrast(colours[name], colours[below]) >= LEAST_CONTRAST, (scheme, name, below)
     assert page.complaints == []
+
+
+@pytest.mark.heavy
+@pytest.mark.skipif(
+    not AXE.exists(), reason='axe-core is missing: sudo apt install npm, then make test-heavy'
+)
+@pytest.mark.parametrize('width', [1400, 390])
+def test_axe_finds_no_fault(report, open_page, width):
+    page = open_page(report, width=width)
+    page.evaluate(AXE.read_text(encoding='utf-8') + '; 0')
+    for scheme in ('light', 'dark'):
+        page.prefer(scheme)
+        for act in ('0', "location.hash = '#tag=5'"):
+            page.evaluate(act)
+            found = page.evaluate('axe.run().then(found => JSON.stringify(found.violations))')
+            assert json.loads(found) == []
+
+
+def test_two_sheets_of_paper_hold_the_page(report, open_page):
+    sheets = pypdfium2.PdfDocument(open_page(report, width=390).paper())
+    texts = [sheet.get_textpage().get_text_range() for sheet in sheets]
+    assert len(texts) == 2
+    assert 'temperature (°C)' in texts[0]
+    assert 'Over time' in texts[1]
+    assert all(tag_id in texts[1].split() for tag_id in find_layout('').tags)
 
 
 def test_what_a_file_holds_is_shown_as_text_and_never_run(tmp_path, open_page):
@@ -116,11 +256,21 @@ def test_what_a_file_holds_is_shown_as_text_and_never_run(tmp_path, open_page):
     path.write_text(visit(0, EVIL, [EVIL]) + '\n', encoding='utf-8')
     tag_file.write_text(json.dumps({EVIL: {'x': 1, 'y': 2, 'sensors': ['co2']}}), encoding='utf-8')
     page = open_page(path, '--tag-file', str(tag_file))
-    page.evaluate(f'{SHOW_HOVER}(3, 0)')
-    for texts in (CELLS, TEXTS, OPTIONS, HOVER):
+    for texts in (CELLS, LABELS, TABS):
         assert EVIL in page.evaluate(texts)
+    assert any(EVIL in name for name in page.evaluate(NAMES))
+    page.evaluate("document.querySelector('tbody a').click()")
+    page.wait_for(f'{CHOSEN}.length > 0')
+    assert EVIL in page.evaluate("document.getElementById('chosen').textContent")
     assert page.complaints == []
     assert page.requests == [path.with_suffix('.html').as_uri()]
+
+
+def test_a_script_that_is_not_the_page_s_own_does_not_run(report, open_page):
+    page = open_page(report)
+    script = "Object.assign(document.createElement('script'), { textContent: 'window.ran = 1' })"
+    page.evaluate(f'document.body.append({script})')
+    assert page.evaluate('window.ran') is None
 
 
 def test_a_hundred_thousand_rows_open(tmp_path, open_page):
@@ -137,5 +287,31 @@ def test_a_hundred_thousand_rows_open(tmp_path, open_page):
     store.close()
     page = open_page(path)
     assert page.complaints == []
-    assert 'of 20,000 values of s0' in page.evaluate("document.getElementById('notes').textContent")
-    assert 0 < page.evaluate("document.querySelectorAll('.chart .points path.point').length") <= 20_000
+    assert 'the line is their median' in page.evaluate("document.getElementById('lines').textContent")
+    assert page.evaluate(LINES) == 5 * 29
+    assert page.evaluate("document.querySelectorAll('.band').length") >= 5 * 29
+
+
+def test_of_many_tags_one_is_found_by_its_name(tmp_path, open_page):
+    count = readings_page.MOST_TAGS
+    lines = [visit(n, f'far {n}', [], 'TIMEOUT') for n in range(count)]
+    path = tmp_path / 'report.jsonl'
+    path.write_text('\n'.join([*lines, visit(0, '1', ['co2'])]), encoding='utf-8')
+    page = open_page(path)
+    total = count + len(find_layout('').tags)
+    assert page.evaluate(HEAD).startswith(f'1 of {total:,} tags read · {count:,} timeout · ')
+    page.evaluate("document.querySelector('input[type=search]').value = 'FAR 99'")
+    page.evaluate("document.querySelector('input[type=search]').dispatchEvent(new Event('input'))")
+    shown = "[...document.querySelectorAll('tbody tr')].filter(each => each.offsetHeight).length"
+    assert page.evaluate(shown) == 11  # 99, and 990 to 999
+    assert page.complaints == []  # none of the tags in the page has a value of co2
+
+
+def test_a_value_outside_the_scale_is_marked(report, open_page):
+    page, highest = open_page(report), 30.0  # of the shipped config
+    tags = enumerate(find_layout('').tags.items())
+    hot = [tag_id for n, (tag_id, tag) in tags if 'temperature' in tag.sensors and 20 + n > highest]
+    labels = page.evaluate("[...document.querySelectorAll('#map a > text')].map(each => each.textContent)")
+    assert sorted(text.split()[0] for text in labels if '▲' in text) == sorted(hot)
+    assert not any('▼' in text for text in labels)
+    assert f'scale: {len(hot)}' in page.evaluate("document.getElementById('scale').textContent")

@@ -16,7 +16,7 @@ KNOWN = {
 KEYS = {'PIL': 'python3-pil', 'cv2': 'python3-opencv', 'yaml': 'python3-yaml'}
 OPTIONAL = {'argcomplete'}  # read_tag works without it
 # rosdep has no key: pip or apt brings them, as the documents say.
-WITHOUT_KEY = {'apriltag', 'greenhouse_sim', 'plotly', 'pydrake'}
+WITHOUT_KEY = {'apriltag', 'greenhouse_sim', 'pydrake'}
 
 
 def imported_by(folder: Path) -> dict[str, Path]:

@@ -7,7 +7,7 @@ setup(
     name=package_name,
     version='2.0.0',
     packages=find_packages(include=[package_name, f'{package_name}.*']),
-    package_data={f'{package_name}.display': ['*.html']},
+    package_data={f'{package_name}.display': ['*.html', '*.js']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
@@ -21,8 +21,7 @@ setup(
     # mdp-greenhouse is not in rosdistro: pip brings it. Before 1.0.7 its clock is wrong.
     install_requires=['setuptools', 'mdp-greenhouse>=1.0.7', 'numpy', 'packaging', 'PyYAML'],
     extras_require={
-        'page': ['plotly'],
-        'test': ['argcomplete', 'hypothesis', 'matplotlib', 'plotly', 'pytest'],
+        'test': ['argcomplete', 'hypothesis', 'matplotlib', 'pytest'],
     },
     zip_safe=True,
     maintainer='Lupin team',

@@ -73,6 +73,11 @@ class Page:
         reply = self._call('Page.captureScreenshot', format='png', captureBeyondViewport=is_whole)
         return base64.b64decode(reply['data'])
 
+    def paper(self) -> bytes:
+        """Return the page as it is printed, as PDF."""
+        reply = self._call('Page.printToPDF', printBackground=True, preferCSSPageSize=True)
+        return base64.b64decode(reply['data'])
+
     def _call(self, method: str, **parameters) -> dict:
         self._last_id += 1
         message = {'id': self._last_id, 'method': method, 'params': parameters, **self._session}

@@ -1,7 +1,7 @@
 """
 Take a picture of the page of readings for the documents.
 
-    make mission ARGS=drive_seconds:=0.5 && make figure PAGE=1
+    make mission DRIVE=1 ARGS=robot_radius_m:=0.3; make figure PAGE=1   # too wide for five tags
 """
 
 import io
@@ -28,9 +28,9 @@ def main() -> int:
         path = Path(folder, 'page.html')
         if exit_code := readings_page.main([str(REPORT), '-o', str(path)]):
             return exit_code
-        with Page(path, width=1180, height=1168) as page:
+        with Page(path, width=1400, height=900) as page:
             picture = Image.open(io.BytesIO(page.picture())).convert('RGB')
-    picture.quantize(256).save(COMMITTED, optimize=True)
+    picture.save(COMMITTED, optimize=True)
     print(COMMITTED)
     return 0
 

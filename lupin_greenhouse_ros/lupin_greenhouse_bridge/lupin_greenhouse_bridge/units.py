@@ -8,6 +8,7 @@ UNITS = {
     'light': 'lx',
     'soil_moisture': 'm³/m³',
 }
+DECIMALS = {'temperature': 1, 'humidity': 1, 'co2': 0, 'light': 0, 'soil_moisture': 3}
 
 
 def unit_of(sensor: str) -> str:
@@ -18,6 +19,16 @@ def unit_of(sensor: str) -> str:
 def sensor_order(sensor: str) -> tuple[int, str]:
     """Return a sort key for sensors: those of the simulator in the order of UNITS, then others by name."""
     return (list(UNITS).index(sensor) if sensor in UNITS else len(UNITS)), sensor
+
+
+def decimals_of(sensor: str) -> int:
+    """Return how many decimals the values of a sensor are shown with; 2 for one that is not known."""
+    return DECIMALS.get(sensor, 2)
+
+
+def value_text(sensor: str, value: float) -> str:
+    """Return a value as it is shown, without its unit."""
+    return f'{value:.{decimals_of(sensor)}f}'
 
 
 def label_of(sensor: str) -> str:

@@ -42,7 +42,10 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, tmp_pa
     # Text is drawn as outlines, with a comment beside each.
     for text in ('temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615', 'y (m)'):
         assert f'<!-- {text} -->' in drawn
-    assert f'2 of {len(shipped_tags)} tags read, 2 failed (x)' in drawn
+    assert f'2 of {len(shipped_tags)} tags read · 1 timeout · 1 unknown tag · ' in drawn
+    reasons = '1 timeout (no reply before the timeout): 7', '1 unknown tag (no such tag): unknown'
+    for text in ('7 timeout', *reasons):
+        assert f'<!-- {text} -->' in drawn
 
 
 @pytest.mark.parametrize('name', ['day.sqlite', 'day.csv'])
@@ -58,20 +61,21 @@ def test_a_recording_is_drawn_like_a_report(report, tmp_path, name):
 
 
 def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report, tmp_path, monkeypatch):
-    route = tmp_path / 'route.csv'
+    route = tmp_path / 'report-route.csv'  # taken by itself
     route.write_text('x,y\n0.5,0.5\n0.5,-3.5\n3.5,-3.5\n', encoding='utf-8')
     output, save, drawn = tmp_path / 'picture.svg', Figure.savefig, []
     monkeypatch.setattr(
         Figure, 'savefig', lambda *args, **options: drawn.append(args[0]) or save(*args, **options)
     )
-    assert main([str(report), '--route', str(route), '--output', str(output)]) == 0
-    assert '2 failed (x); the robot drove 7.0 m' in output.read_text(encoding='utf-8')
+    assert main([str(report), '-o', str(output)]) == 0
+    assert 'the robot drove 7.0 m' in output.read_text(encoding='utf-8')
     (figure,) = drawn
-    for axes in (axes for axes in figure.axes if axes.get_title()):
-        assert [(0.5, 0.5), (0.5, -3.5), (3.5, -3.5)] in [
-            list(map(tuple, line.get_xydata())) for line in axes.lines
-        ]
-        assert axes.get_ylim()[0] < -3.5
+    way = [(0.5, 0.5), (0.5, -3.5), (3.5, -3.5)]
+    drawn_in = [
+        axes for axes in figure.axes for line in axes.lines if list(map(tuple, line.get_xydata())) == way
+    ]
+    assert [axes.get_title() for axes in drawn_in] == ['route and tags not read']
+    assert drawn_in[0].get_ylim()[0] < -3.5
 
 
 def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, monkeypatch):
@@ -131,7 +135,7 @@ def test_the_picture_lies_beside_the_report(report, capsys):
 
 
 def test_a_custom_tag_file_places_the_tags(report, tmp_path):
-    tags = {tag_id: {'x': 1.0, 'y': 2.0, 'sensors': ['co2']} for tag_id in ('1', '5', '7')}
+    tags = {tag_id: {'x': 1.0, 'y': 2.0, 'sensors': ['co2']} for tag_id in ('1', '5', '7', 'unknown')}
     tag_file = tmp_path / 'tags.json'
     tag_file.write_text(json.dumps(tags), encoding='utf-8')
     assert main([str(report), '--tag-file', str(tag_file)]) == 0
@@ -144,11 +148,10 @@ def test_a_custom_tag_file_places_the_tags(report, tmp_path):
         (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
         (['REPORT', '--tag-file', 'REPORT'], 'is not JSON'),
         (['REPORT', '--sim-config-file', 'TAGS'], 'visualization is missing'),
-        (['REPORT', '--tag-file', 'TAGS'], "tag '1' has no position in the tag file"),
+        (['REPORT', '--tag-file', 'TAGS'], "4 of the file's 4 tags are not in it, such as '1'"),
         (['REPORT', '--output', '/missing/picture.png'], '/missing/picture.png'),
         (['REPORT', '--output', 'picture.docx'], 'picture.docx'),
         (['REPORT', '--output', 'REPORT'], 'is the file of readings itself: name another'),
-        (['EMPTY'], 'no tag was read'),
         (['REPORT', '--route', '/missing.csv'], "--route '/missing.csv': No such file or directory"),
         (['REPORT', '--route', 'TAGS'], 'is not a CSV file of x,y in metres: name another'),
         (['REPORT', '--route', 'FIFO'], 'is not a regular file: name another'),
@@ -157,15 +160,24 @@ def test_a_custom_tag_file_places_the_tags(report, tmp_path):
     ],
 )
 def test_what_cannot_be_drawn_is_said_in_one_line(report, tmp_path, capsys, arguments, fragment):
-    tags, empty = tmp_path / 'tags.json', tmp_path / 'empty.jsonl'
+    tags = tmp_path / 'tags.json'
     tags.write_text('{"x": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}', encoding='utf-8')
-    write_report(empty, visit('1', 'TIMEOUT'))
     os.mkfifo(tmp_path / 'fifo')
-    known = {'REPORT': report, 'TAGS': tags, 'EMPTY': empty, 'FIFO': tmp_path / 'fifo'}
+    known = {'REPORT': report, 'TAGS': tags, 'FIFO': tmp_path / 'fifo'}
     assert main([str(known.get(each, each)) for each in arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith('plot_report: ')
     assert fragment in line
+
+
+def test_of_a_file_without_rows_there_is_no_picture(tmp_path, capsys):
+    report = write_report(tmp_path / 'report.jsonl', visit('1', 'TIMEOUT'))
+    assert main([str(report)]) == 1
+    assert capsys.readouterr().err == f"plot_report: '{report}': no tag was read: there is no picture\n"
+    open_store(str(tmp_path / 'day.sqlite')).close()
+    assert main([str(tmp_path / 'day.sqlite')]) == 1
+    assert capsys.readouterr().err.endswith("day.sqlite': holds no readings: there is no picture\n")
+    assert not [*tmp_path.glob('*.png')]
 
 
 def test_without_matplotlib_the_package_to_install_is_named(report, monkeypatch, capsys):

@@ -1,20 +1,26 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The page of readings: what it holds, and what it refuses. A browser opens it in the monorepo's ci/tests."""
 
+import base64
+import hashlib
 import importlib.util
 import json
 import os
 import re
-import sys
+from collections import defaultdict
+from pathlib import Path
 
 import pytest
+from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge.display import readings_page
+from lupin_greenhouse_bridge.planning.visualization import read_visualization
+from lupin_greenhouse_bridge.recording.reading_files import ReadingFile
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from reading_helpers import START_S, visit, write_report
 
-pytest.importorskip('plotly', reason='plotly, which draws the page, is missing: pip install plotly')
 EVIL = '</script><script>alert(1)</script>'
 
 
@@ -47,6 +53,7 @@ def shown(path, *options):
     """Make the page of a file, and return the data in it."""
     assert readings_page.main([str(path), *options]) == 0
     page = path.with_suffix('.html').read_text(encoding='utf-8')
+    assert len(page) < 5e6
     (text,) = re.findall('<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)
     return json.loads(text)
 
@@ -62,29 +69,59 @@ def test_the_table_has_failures_first_and_the_last_reading_of_each_tag(report, s
     )
     assert [tag['id'] for tag in data['tags'][:2]] == ['9', '10']
     assert data['tags'][-1]['id'] == '1'
-    assert data['tags'][-1]['values'] == [None, 700.0]  # temperature comes before co2
+    assert [sensor['name'] for sensor in data['sensors']] == ['temperature', 'co2']
+    assert data['tags'][-1]['values'] == [None, 700.0]
     assert data['tags'][-1]['stamp_ms'] == (START_S + 5) * 1000
     assert len(data['tags']) == len(shipped_tags)
 
 
-def test_a_report_shows_its_order_of_visits_and_a_recording_has_none(report, recording):
-    tags = find_layout('').tags
-    visits = [
-        visit('5', co2=1.0),
-        visit('2', 'UNREACHABLE'),
-        visit('nowhere', 'UNKNOWN_TAG'),
-        visit('1', co2=1.0),
+def test_the_failures_are_counted_and_grouped_by_reason_the_largest_first(report, shipped_tags):
+    data = shown(
+        report(
+            visit('7', 'TIMEOUT', 'no reply'),
+            visit('10', 'UNREACHABLE', 'cut off'),
+            visit('9', 'UNREACHABLE', 'cut off'),
+            visit('5', 'UNREACHABLE', 'no pose'),
+            visit('2', 'TIMEOUT', 'no reply'),
+            visit('1', co2=1.0),
+            visit('2', co2=1.0),
+        )
+    )
+    ids = [tag['id'] for tag in data['tags']]
+    groups = [
+        (each['count'], each['word'], each['reason'], [ids[number] for number in each['tags']])
+        for each in data['failures']
     ]
-    assert shown(report(*visits))['visits'] == [
-        [tags[tag_id].x, tags[tag_id].y] for tag_id in ('5', '2', '1')
+    assert groups == [
+        (2, 'unreachable', 'cut off', ['9', '10']),
+        (1, 'timeout', 'no reply', ['7']),
+        (1, 'unreachable', 'no pose', ['5']),
     ]
-    assert shown(recording('day.csv', [7.0]))['visits'] == []
+    unvisited = len(shipped_tags) - 6
+    assert data['counts'] == [
+        ['unreachable', 3, True],
+        ['timeout', 1, True],
+        ['not visited', unvisited, False],
+    ]
+    assert (data['read_count'], data['tag_count']) == (2, len(shipped_tags))
+
+
+def test_more_tags_than_are_shown_are_counted(report):
+    count = readings_page.MOST_TAGS + 2
+    data = shown(report(*(visit(f't{number}', co2=1.0) for number in range(count))))
+    total = count + len(find_layout('').tags)
+    assert (data['read_count'], data['tag_count']) == (count, total)
+    assert len(data['tags']) == readings_page.MOST_TAGS
+    assert data['notes'][0] == f'The map, the table and the charts show 1,000 of {total:,} tags.'
 
 
 def test_the_route_that_a_robot_drove_is_shown(report, tmp_path):
     route = tmp_path / 'route.csv'
     route.write_text('x,y\n0.5,0.5\n0.5,3.5\n', encoding='utf-8')
     assert shown(report(visit('1', co2=1.0)), '--route', str(route))['route'] == [[0.5, 0.5], [0.5, 3.5]]
+    assert shown(report(visit('1', co2=1.0)))['route'] == []
+    route.rename(tmp_path / 'report-route.csv')
+    assert shown(report(visit('1', co2=1.0)))['route'] == [[0.5, 0.5], [0.5, 3.5]]
 
 
 def test_without_the_simulator_a_recording_shows_its_own_places(recording, report, monkeypatch, capsys):
@@ -102,32 +139,75 @@ def test_without_the_simulator_a_recording_shows_its_own_places(recording, repor
 def test_a_recording_shows_its_own_places_and_no_unit_for_an_unknown_sensor(recording, name):
     data = shown(recording(name, [7.0, 6.5]))
     (tag,) = [tag for tag in data['tags'] if tag['id'] == 'a1']
-    assert (tag['x'], tag['y'], tag['values'], tag['outcome']) == (1.0, 2.0, [6.5], '')
+    assert (tag['x'], tag['y'], tag['values'], tag['outcome']) == (1.0, 2.0, [6.5], 'read')
     (sensor,) = data['sensors']
     assert (sensor['name'], sensor['unit'], sensor['range']) == ('ph', '', None)
-    assert [point[2] for point in sensor['points']] == [7.0, 6.5]
+    assert [line['wall'] for line in sensor['lines']] == [[[0, 7.0], [1000, 6.5]]]
+    assert [line['day'] for line in sensor['lines']] == [[[60, 6.75, 6.5, 7.0]]]
 
 
-def test_a_long_recording_is_thinned_to_its_extremes_and_says_so(recording):
+def test_a_long_line_keeps_the_median_and_the_range_of_each_bin(recording):
     values = [7.0 + number % 10 / 10 for number in range(20_000)]
     values[12_345], values[6_789] = 99.0, -99.0
     data = shown(recording('day.sqlite', values))
-    points = [point[2] for point in data['sensors'][0]['points']]
-    assert len(points) <= readings_page.MOST_POINTS
-    assert (min(points), max(points)) == (-99.0, 99.0)
-    assert data['notes'] == [
-        'The charts show 2,000 of 20,000 values of ph: the lowest and the highest of each few in a row.'
-    ]
+    (line,) = data['sensors'][0]['lines']
+    points = line['wall']
+    assert len(points) == readings_page.WALL_BINS
+    assert [min(point[2] for point in points), max(point[3] for point in points)] == [-99.0, 99.0]
+    assert all(7.0 <= median <= 7.9 for _, median, *_ in points)
+    assert data['is_binned']
+
+
+def test_a_day_of_the_simulator_shows_each_tag_in_each_half_hour():
+    """24 h of the wall clock, in which the greenhouse has 1,800 days: 249,000 values."""
+    layout = find_layout('')
+    files = [Path(shipped_file(name)) for name in ('tag_locations.json', 'greenhouse_config.yaml')]
+    simulator = GreenhouseSimulator(*files)
+    sensors = {name: simulator.sensor_registry.get_sensor(name) for name in simulator.sensors()}
+    series = [(tag_id, tag, sensor) for tag_id, tag in layout.tags.items() for sensor in tag.sensors]
+    rounds = 249_000 // len(series)
+    rows, bounds = [], defaultdict(lambda: (float('inf'), -float('inf')))
+    for number in range(rounds):
+        seconds = 86_400 * number / rounds
+        ns, sim_time = START_S * 10**9 + round(seconds * 1e9), float(int(seconds) * 1800 % 86_400)
+        for tag_id, tag, sensor in series:
+            value = float(sensors[sensor].retrieve_data((tag.x, tag.y), sim_time))
+            rows.append(Row(ns, '', tag_id, sensor, value, '', tag.x, tag.y, sim_time, 'test'))
+            low, high = bounds[sensor, tag_id, sim_time]
+            bounds[sensor, tag_id, sim_time] = min(low, value), max(high, value)
+    data = readings_page.data_of(ReadingFile(rows, []), layout, read_visualization(layout))
+    seen = set()
+    for sensor in data['sensors']:
+        for line in sensor['lines']:
+            tag_id, name = data['tags'][line['tag']]['id'], sensor['name'].replace(' ', '_')
+            assert len(line['wall']) == readings_page.WALL_BINS
+            for at, median, *ends in line['day']:
+                low, high = bounds[name, tag_id, float(at)]
+                assert [low, high] == pytest.approx(ends or [median, median], rel=1e-5)
+                assert low * 0.99999 <= median <= high * 1.00001
+                seen.add((name, tag_id, at))
+    assert seen == set(bounds)
+    assert len(seen) == 48 * len(series)
+    assert len(readings_page.fill(data)) < 5e6
+
+
+def test_only_the_script_of_the_page_itself_may_run(report):
+    path = report(visit('1', co2=1.0))
+    shown(path)
+    page = path.with_suffix('.html').read_text(encoding='utf-8')
+    (digest,) = re.findall("script-src 'sha256-([^']+)'", page)
+    (script,) = re.findall('<script>(.*?)</script>', page, re.DOTALL)
+    assert base64.b64decode(digest) == hashlib.sha256(script.encode()).digest()
 
 
 def test_no_text_of_a_file_ends_the_data_of_the_page(report):
     data = shown(report(visit(EVIL, 'UNKNOWN_TAG', EVIL), visit('1', **{EVIL: 1.0})))
-    assert (data['tags'][0]['id'], data['tags'][0]['detail']) == (EVIL, EVIL)
+    assert (data['tags'][0]['id'], data['tags'][0]['reason']) == (EVIL, EVIL)
     assert data['sensors'][0]['name'] == EVIL
 
 
-def test_a_detail_that_cannot_be_encoded_is_escaped(report):
-    assert shown(report(visit('1', 'TIMEOUT', '\ud800')))['tags'][0]['detail'] == '\\ud800'
+def test_an_outcome_that_cannot_be_encoded_is_escaped(report):
+    assert shown(report(visit('1', '\ud800')))['tags'][0]['outcome'] == '\\ud800'
 
 
 def test_a_tag_id_of_any_length_and_a_file_of_any_name_are_shown(report, tmp_path):
@@ -166,7 +246,19 @@ def test_what_cannot_be_shown_is_said_in_one_line(report, tmp_path, capsys, argu
     assert fragment in line
 
 
-def test_without_plotly_the_command_that_installs_it_is_named(report, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, 'plotly.offline', None)
-    assert readings_page.main([str(report(visit('1', co2=1.0)))]) == 2
-    assert capsys.readouterr().err.endswith(': pip install plotly\n')
+def test_of_a_file_without_rows_there_is_no_page(recording, capsys):
+    path = recording('day.sqlite', [])
+    assert readings_page.main([str(path)]) == 1
+    assert capsys.readouterr().err == f"readings_page: '{path}': holds no readings: there is no page\n"
+    assert not path.with_suffix('.html').exists()
+
+
+def test_a_tag_file_of_another_greenhouse_is_refused(report, tmp_path, capsys):
+    tag_file = tmp_path / 'tags.json'
+    tag_file.write_text('{"5": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}', encoding='utf-8')
+    path = report(visit('5', co2=1.0), visit('8', co2=1.0), visit('11', 'TIMEOUT'))
+    assert readings_page.main([str(path), '--tag-file', str(tag_file)]) == 2
+    assert capsys.readouterr().err == (
+        f"readings_page: --tag-file '{tag_file}': 2 of the file's 3 tags are not in it, such as '11':"
+        ' name the tag_file of its bridge\n'
+    )

@@ -274,7 +274,6 @@ def run_mission(options) -> int:
     if (route := beside(report, ROUTE)).exists():
         drawing += ['--route', str(route)]
     plotted = run_to_end([executable('lupin_greenhouse_bridge', 'plot_report'), *drawing])
-    # Plotly is optional: without it, this prints how to install it.
     run_to_end([executable('lupin_greenhouse_bridge', 'readings_page'), *drawing])
     print(f'report: {report}', flush=True)
     recorded = check_record(options, report) if options.record else 0

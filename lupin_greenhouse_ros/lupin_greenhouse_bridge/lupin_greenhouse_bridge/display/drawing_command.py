@@ -8,18 +8,33 @@ import math
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import NamedTuple
 
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.walls import add_wall_options, read_visualization
-from lupin_greenhouse_bridge.recording.rows import Row
+from lupin_greenhouse_bridge.recording.reading_files import ReadingFile, read_file
+from lupin_greenhouse_bridge.recording.report_line import Observation
 from lupin_greenhouse_bridge.simulator.files import mapping_of, number
-from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order
 
-DONE, USAGE = 0, 2
+DONE, NO_ROWS, USAGE = 0, 1, 2
+LONGEST_REASON = 300  # characters
 
 
-def parser_of(prog: str, description: str) -> argparse.ArgumentParser:
-    """Return the parser of a command that draws a file of readings, without its --output."""
+class NothingToDraw(OneLineError):
+    """A file has no reading that can be drawn."""
+
+
+class Failures(NamedTuple):
+    """The tags that were not read for one reason."""
+
+    word: str  # the outcome, such as `not confirmed`
+    reason: str
+    tag_ids: list[str]
+
+
+def parser_of(prog: str, description: str, output_help: str) -> argparse.ArgumentParser:
+    """Return the parser of a command that draws a file of readings."""
     parser = argparse.ArgumentParser(prog=prog, description=description)
     parser.add_argument(
         'file',
@@ -32,39 +47,49 @@ def parser_of(prog: str, description: str) -> argparse.ArgumentParser:
     )
     add_wall_options(parser)
     parser.add_argument(
-        '--route', type=Path, metavar='FILE', help='a CSV file of x and y along the path that a robot drove'
+        '--route',
+        type=Path,
+        metavar='FILE',
+        help='a CSV file of x and y along the path that a robot drove; default: NAME-route.csv beside FILE',
     )
+    parser.add_argument('-o', '--output', type=Path, metavar='FILE', help=output_help)
     return parser
 
 
-def layout_of(rows: Iterable[Row], tag_file: str) -> Layout:
+def layout_of(file: ReadingFile, tag_file: str) -> Layout:
     """
     Return the layout of tag_file, or the shipped one for '', with the tags where the rows have them.
 
-    Raises StartUpError for a bad tag_file, and if no position is known at all.
+    Raises StartUpError for a bad tag_file, for one of another greenhouse, and if no position is known at all.
     """
     layout = find_layout(tag_file) or Layout({}, {})
-    placed = {row.tag_id: Tag(row.x_m, row.y_m, []) for row in rows if row.x_m is not None}
+    placed = {row.tag_id: Tag(row.x_m, row.y_m, []) for row in file.rows if row.x_m is not None}
     if not (layout.tags or placed):
         raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
+    tag_ids = {each.tag_id for each in (*file.rows, *file.visits)}
+    strangers = tag_ids - set(layout.tags)
+    if tag_file and strangers:
+        raise StartUpError(
+            f"--tag-file '{tag_file}': {len(strangers)} of the file's {pluralized(len(tag_ids), 'tag')} are"
+            f" not in it, such as '{escaped(min(strangers, key=natural_order), 64)}':"
+            ' name the tag_file of its bridge'
+        )
     return layout._replace(tags=layout.tags | placed)
 
 
 def draw_file(
-    parser: argparse.ArgumentParser, arguments: list[str] | None, suffix: str, library: str, draw: Callable
+    parser: argparse.ArgumentParser, arguments: list[str] | None, suffix: str, draw: Callable
 ) -> int:
-    """
-    Run a command of parser_of(): call draw(options, output) and print the output; return the exit code.
-
-    `library` says how to install the library that `draw` imports.
-    """
-    options = parser.parse_args(arguments)
+    """Run a command of parser_of(): call draw(options, file, output), and return the exit code."""
+    options, exit_code = parser.parse_args(arguments), USAGE
     output = options.output or beside(options.file, suffix)
     try:
         check_output(output, options.file)
-        draw(options, output)
+        draw(options, read_file(options.file, options.tag_file), output)
+    except NothingToDraw as error:
+        problem, exit_code = str(error), NO_ROWS
     except ImportError as error:
-        problem = f'{error}: {library}'
+        problem = f'{error}: sudo apt install python3-matplotlib'
     except OneLineError as error:
         problem = str(error)
     except (OSError, ValueError) as error:  # unknown to matplotlib, or not writable
@@ -74,7 +99,12 @@ def draw_file(
         print(f'{kind}: {escaped(str(output), 500)}')
         return DONE
     print(f'{parser.prog}: {problem}', file=sys.stderr)
-    return USAGE
+    return exit_code
+
+
+def words_of(outcome: str) -> str:
+    """Return the outcome of a visit in words, such as `not confirmed`."""
+    return 'read' if outcome == 'OK' else escaped(outcome.lower().replace('_', ' '), 64)
 
 
 def beside(file: Path, suffix: str) -> Path:
@@ -86,6 +116,25 @@ def check_output(output: Path, file: Path) -> None:
     """Raise StartUpError for a drawing that would replace the file that it shows."""
     if output.exists() and file.exists() and output.samefile(file):
         raise StartUpError(f"--output '{output}' is the file of readings itself: name another")
+
+
+def find_route(options: argparse.Namespace) -> list[tuple[float, float]]:
+    """Return the points of --route, or of the file that a mission left beside its report; else none."""
+    if options.route:
+        return read_route(options.route)
+    found = options.file.with_name(f'{options.file.stem}-route.csv')
+    return read_route(found) if found.is_file() else []
+
+
+def failures_of(visits: Iterable[Observation]) -> list[Failures]:
+    """Return the tags whose last visit failed, by reason: the largest group first."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for visit in {each.tag_id: each for each in visits}.values():
+        if visit.outcome != 'OK':
+            reason = escaped(visit.detail, LONGEST_REASON)
+            groups.setdefault((words_of(visit.outcome), reason), []).append(visit.tag_id)
+    largest_first = sorted(groups.items(), key=lambda item: -len(item[1]))
+    return [Failures(*key, sorted(tag_ids, key=natural_order)) for key, tag_ids in largest_first]
 
 
 def read_route(path: Path) -> list[tuple[float, float]]:

@@ -6,107 +6,119 @@ The page is one HTML file that needs no server and no network. Does not import R
 """
 
 import argparse
+import base64
+import hashlib
 import json
-import math
+import re
 import sys
+from collections import Counter, defaultdict
 from pathlib import Path
 
+import numpy as np
+
 from lupin_greenhouse_bridge.display.drawing_command import (
+    LONGEST_REASON,
+    Failures,
+    NothingToDraw,
     draw_file,
+    failures_of,
+    find_route,
     layout_of,
     parser_of,
     read_colour_ranges,
-    read_route,
+    words_of,
 )
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
-from lupin_greenhouse_bridge.recording.reading_files import ReadingFile, read_file
+from lupin_greenhouse_bridge.recording.reading_files import ReadingFile
 from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
-from lupin_greenhouse_bridge.units import label_of, sensor_order, unit_of
+from lupin_greenhouse_bridge.units import decimals_of, label_of, sensor_order, unit_of
 
-MOST_POINTS = 2000  # in a chart: a browser draws them in a moment
-MOST_TAGS = 1000
+MOST_TAGS, MOST_NAMED = 1000, 50  # in the table, and in a line of failures
+WALL_BINS, DAY_BINS = 150, 48  # of a line: one for two pixels of a chart, and the half hours of a day
+MOST_BINS = 60_000  # in all lines of one clock, so that the page stays below 5 MB
+DAY_SECONDS = 86_400
 LONGEST_NAME = 64  # characters
 NS_PER_MS = 1_000_000
 TEMPLATE = Path(__file__).with_suffix('.html')
+SCRIPT = Path(__file__).with_suffix('.js')
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the page beside the file, or to --output; return the exit code."""
-    parser = parser_of('readings_page', 'Make a page of readings.')
-    parser.add_argument('-o', '--output', type=Path, metavar='FILE', help='page to write; default: FILE.html')
-    return draw_file(parser, arguments, '.html', 'pip install plotly', _write_page)
+    parser = parser_of('readings_page', 'Make a page of readings.', 'page to write; default: FILE.html')
+    return draw_file(parser, arguments, '.html', _write_page)
 
 
-def _write_page(options: argparse.Namespace, output: Path) -> None:
-    from plotly.offline import get_plotlyjs  # imported late: only this command needs it
-
-    file = read_file(options.file, options.tag_file)
-    layout = layout_of(file.rows, options.tag_file)
+def _write_page(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
+    if not (file.rows or file.visits):
+        raise NothingToDraw(f"'{options.file}': holds no readings: there is no page")
+    layout = layout_of(file, options.tag_file)
     walls = find_walls(layout, options.sim_config_file, options.walls)
     data = data_of(file, layout, walls, read_colour_ranges(options.sim_config_file))
-    data |= {
-        'title': escaped(options.file.name, LONGEST_NAME),
-        'route': read_route(options.route) if options.route else [],
-    }
-    page = fill(TEMPLATE.read_text(encoding='utf-8'), data, get_plotlyjs())
-    output.write_text(page, encoding='utf-8')
+    data |= {'title': escaped(options.file.name, LONGEST_NAME), 'route': find_route(options)}
+    output.write_text(fill(data), encoding='utf-8')
 
 
-def fill(template: str, data: dict, script: str) -> str:
-    """Return the page. No text of a file can end the element that holds the data."""
-    text = json.dumps(data, allow_nan=False, ensure_ascii=False).replace('<', '\\u003c')
-    return template.replace('PLOTLY', script, 1).replace('DATA', text, 1)
+def fill(data: dict) -> str:
+    """Return the page. No text of a file can end the element that holds the data, or run as a script."""
+    script = SCRIPT.read_text(encoding='utf-8')
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    text = json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(',', ':'))
+    parts = {'HASH': digest, 'SCRIPT': script, 'DATA': text.replace('<', '\\u003c')}
+    return re.sub(
+        r'(?<=sha256-)HASH|(?<=>)(SCRIPT|DATA)(?=<)',
+        lambda match: parts[match[0]],
+        TEMPLATE.read_text(encoding='utf-8'),
+    )
 
 
 def data_of(file: ReadingFile, layout: Layout, walls: Walls, colour_ranges: dict) -> dict:
     """Return what the page shows. Stamps are in milliseconds, everything else is as in Row."""
     sensors = sorted({row.sensor for row in file.rows}, key=sensor_order)
     tags = tags_of(file, layout, sensors)
-    shown_tags = list(tags.values())[:MOST_TAGS]
-    charts, thin = [], []
-    for sensor in sensors:
-        rows = [row for row in file.rows if row.sensor == sensor]
-        points = thinned(rows)
-        name = escaped(label_of(sensor), LONGEST_NAME)
-        if len(points) < len(rows):
-            thin.append(f'{len(points):,} of {len(rows):,} values of {name}')
-        charts.append(
-            {
-                'name': name,
-                'unit': unit_of(sensor),
-                'range': colour_ranges.get(sensor),
-                'points': [
-                    (
-                        row.stamp_ns // NS_PER_MS,
-                        row.sim_time_of_day_seconds,
-                        row.value,
-                        escaped(row.tag_id, LONGEST_NAME),
-                    )
-                    for row in points
-                ],
-            }
-        )
+    shown = dict(list(tags.items())[:MOST_TAGS])
+    numbers = {tag_id: number for number, tag_id in enumerate(shown)}
+    lines = lines_of(file.rows, numbers)
+    failures = failures_of(file.visits)
     notes = []
-    if thin:
-        notes.append(f'The charts show {", ".join(thin)}: the lowest and the highest of each few in a row.')
     if len(tags) > MOST_TAGS:
-        notes.append(f'The map and the table show {MOST_TAGS:,} of {len(tags):,} tags.')
-    if lost := [tag['id'] for tag in shown_tags if tag['x'] is None]:
+        notes.append(f'The map, the table and the charts show {MOST_TAGS:,} of {len(tags):,} tags.')
+    if lost := [tag['id'] for tag in tags.values() if tag['x'] is None]:
         notes.append(
             f'Tags without a position: {len(lost):,}, such as {lost[0]}. Name the layout with --tag-file.'
         )
     return {
-        'sensors': charts,
-        'tags': shown_tags,
+        'sensors': [
+            {
+                'name': escaped(sensor.replace('_', ' '), LONGEST_NAME),
+                'label': escaped(label_of(sensor), LONGEST_NAME),
+                'unit': unit_of(sensor),
+                'decimals': decimals_of(sensor),
+                'range': colour_ranges.get(sensor),
+                'lines': lines[sensor],
+            }
+            for sensor in sensors
+        ],
+        'tags': list(shown.values()),
+        'read_count': sum(tag['stamp_ms'] is not None and not tag['has_failed'] for tag in tags.values()),
+        'tag_count': len(tags),
+        'counts': _counts(tags, failures),
+        'failures': [
+            {
+                'word': word,
+                'reason': reason,
+                'count': len(tag_ids),
+                'tags': [numbers[tag_id] for tag_id in tag_ids if tag_id in numbers][:MOST_NAMED],
+            }
+            for word, reason, tag_ids in failures
+        ],
         'span_ms': [row.stamp_ns // NS_PER_MS for row in (*file.rows[:1], *file.rows[-1:])],
-        'is_report': bool(file.visits),
+        'day_span': _day_span(file.rows),
+        'is_binned': any('is_binned' in line for each in lines.values() for line in each),
         'walls': walls,
         'tables': list(layout.tables.values()),
-        'visits': [
-            (tag['x'], tag['y']) for visit in file.visits if (tag := tags[visit.tag_id])['x'] is not None
-        ],
         'notes': notes,
     }
 
@@ -118,42 +130,101 @@ def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, 
     for tag_id, reading in last.items():
         tag = tags.setdefault(tag_id, _tag(tag_id, None, None))
         row = next(iter(reading.values()))
-        tag |= {'stamp_ms': row.stamp_ns // NS_PER_MS, 'time_of_day': row.sim_time_of_day_seconds}
+        tag |= {
+            'outcome': words_of('OK'),
+            'stamp_ms': row.stamp_ns // NS_PER_MS,
+            'time_of_day': row.sim_time_of_day_seconds,
+        }
     for visit in file.visits:
         tag = tags.setdefault(visit.tag_id, _tag(visit.tag_id, None, None))
-        tag |= {
-            'outcome': escaped(visit.outcome, LONGEST_NAME),
-            'detail': escaped(visit.detail, 300),
-            'attempts': visit.attempts,
-        }
+        tag |= {'outcome': words_of(visit.outcome), 'attempts': visit.attempts}
+        tag |= {'reason': escaped(visit.detail, LONGEST_REASON), 'has_failed': visit.outcome != 'OK'}
     for tag_id, tag in tags.items():
         reading = last.get(tag_id, {})
         tag['values'] = [reading[sensor].value if sensor in reading else None for sensor in sensors]
+        tag['outcome'] = tag['outcome'] or ('not visited' if file.visits else 'not in the file')
     return dict(sorted(tags.items(), key=_urgency))
 
 
 def _tag(tag_id: str, x_m: float | None, y_m: float | None) -> dict:
-    return {'id': escaped(tag_id, LONGEST_NAME), 'x': x_m, 'y': y_m, 'stamp_ms': None, 'outcome': ''}
+    nothing = {'stamp_ms': None, 'time_of_day': None, 'outcome': '', 'reason': '', 'attempts': None}
+    return {'id': escaped(tag_id, LONGEST_NAME), 'x': x_m, 'y': y_m, 'has_failed': False, **nothing}
 
 
 def _urgency(item: tuple[str, dict]) -> tuple:
-    """Return what sorts tags: failures first, then those without a reading, then in natural order."""
+    """Return what sorts tags: failures first, then those without a reading, then by number."""
     tag_id, tag = item
-    return (
-        tag['outcome'] in ('', 'OK'),
-        tag['stamp_ms'] is not None,
-        natural_order(tag_id),
+    return not tag['has_failed'], tag['stamp_ms'] is not None, natural_order(tag_id)
+
+
+def _counts(tags: dict[str, dict], failures: list[Failures]) -> list[tuple[str, int, bool]]:
+    """Return each outcome but a reading, its number of tags, and if it is a failure: the largest first."""
+    failed, unread = Counter(), Counter()
+    for each in failures:
+        failed[each.word] += len(each.tag_ids)
+    unread.update(
+        tag['outcome'] for tag in tags.values() if not tag['has_failed'] and tag['stamp_ms'] is None
     )
+    return [
+        (word, count, counter is failed)
+        for counter in (failed, unread)
+        for word, count in counter.most_common()
+    ]
 
 
-def thinned(rows: list[Row]) -> list[Row]:
-    """Return the rows with the lowest and the highest value of each few in a row, at most MOST_POINTS."""
-    if len(rows) <= MOST_POINTS:
-        return rows
-    size = math.ceil(2 * len(rows) / MOST_POINTS)
-    groups = (range(start, min(start + size, len(rows))) for start in range(0, len(rows), size))
-    kept = ({pick(group, key=lambda n: rows[n].value) for pick in (min, max)} for group in groups)
-    return [rows[n] for each in kept for n in sorted(each)]
+def _day_span(rows: list[Row]) -> tuple[float, float, int] | None:
+    """Return the greenhouse's time of day at the first and the last row, and how often it was midnight."""
+    if not rows:
+        return None
+    times = np.array([row.sim_time_of_day_seconds for row in rows])
+    return rows[0].sim_time_of_day_seconds, rows[-1].sim_time_of_day_seconds, int((np.diff(times) < 0).sum())
+
+
+def lines_of(rows: list[Row], numbers: dict[str, int]) -> dict[str, list[dict]]:
+    """
+    Return the lines of the charts by sensor, one for each tag: over wall time and over the time of day.
+
+    A point is [time, value], or [mean time, median, lowest, highest] of the values of a bin. Wall time is in
+    milliseconds since the first row, and has bins only where a line has more values than bins.
+    """
+    groups = defaultdict(list)
+    for row in rows:
+        if row.tag_id in numbers:
+            groups[row.sensor, row.tag_id].append((row.stamp_ns, row.sim_time_of_day_seconds, row.value))
+    most_bins = max(MOST_BINS // max(len(groups), 1), 1)
+    lines = defaultdict(list)
+    for (sensor, tag_id), group in sorted(groups.items(), key=lambda item: numbers[item[0][1]]):
+        stamps_ns, times_of_day, values = (np.array(each) for each in zip(*group, strict=True))
+        stamps_ms = (stamps_ns - rows[0].stamp_ns) // NS_PER_MS
+        line = {'tag': numbers[tag_id]}
+        if len(values) > (wall_bins := min(WALL_BINS, most_bins)):
+            span_ms = int(stamps_ms[-1]) + 1
+            line |= {'wall': binned(stamps_ms, values, span_ms / wall_bins), 'is_binned': True}
+        else:
+            line['wall'] = [[int(ms), rounded(value)] for ms, value in zip(stamps_ms, values, strict=True)]
+        line['day'] = binned(times_of_day, values, DAY_SECONDS / min(DAY_BINS, most_bins))
+        lines[sensor].append(line)
+    return lines
+
+
+def binned(times: np.ndarray, values: np.ndarray, width: float) -> list[list[float]]:
+    """Return the mean time, median, lowest and highest value of each bin of this width that has any."""
+    bins = (times // width).astype(int)
+    order = np.argsort(bins, kind='stable')
+    starts = np.flatnonzero(np.diff(bins[order])) + 1
+    points = []
+    for group in np.split(order, starts):
+        each, at = values[group], round(float(times[group].mean()))
+        if each.min() == each.max():
+            points.append([at, rounded(each[0])])
+        else:
+            points.append([at, *map(rounded, (np.median(each), each.min(), each.max()))])
+    return points
+
+
+def rounded(value: float) -> float:
+    """Return a value with six digits, more than any pixel shows."""
+    return float(f'{value:.6g}')
 
 
 if __name__ == '__main__':
