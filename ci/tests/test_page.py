@@ -18,7 +18,7 @@ from lupin_greenhouse_bridge.units import value_text
 pytestmark = pytest.mark.skipif(not CHROMIUM, reason=NO_CHROMIUM)
 START_S = 1795190000
 EVIL = '<img src=x onerror=alert(1)><script>alert(1)</script><b>&amp;'
-# ci/test_heavy installs it with npm.
+# ci/run_tests.py installs it with npm.
 AXE = Path(os.environ['VIRTUAL_ENV'], 'axe/node_modules/axe-core/axe.min.js')
 DOTS = "document.querySelectorAll('#map a').length"
 COLOURS = "[...document.querySelectorAll('#map .dot')].map(each => each.getAttribute('fill')).join()"

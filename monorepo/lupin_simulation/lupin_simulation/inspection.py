@@ -142,7 +142,8 @@ def commands_of(options, report: Path) -> list[list[str]]:
     if options.drive:
         driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{beside(report, ROUTE)}"']
         nodes.append(node('lupin_simulation', 'fake_navigator', *driving, *given['fake_navigator']))
-        dock = f'dock_pose:="{disc_robot.Settings.start_pose}"'
+        start_pose = value_of(options.arguments, 'start_pose') or disc_robot.Settings.start_pose
+        dock = f'dock_pose:="{start_pose}"'
         own += ['drive:=nav2', 'order:=shortest', dock]
         showing.append('from_odometry:=true')
     else:
