@@ -177,6 +177,14 @@ def test_the_arrow_keys_choose_the_next_tag_of_the_map(report, open_page):
     assert page.evaluate("document.querySelector('tr.chosen').firstChild.textContent") == chosen
 
 
+def test_the_dot_that_a_key_chose_keeps_the_focus(report, open_page):
+    page = open_page(report)
+    page.evaluate('document.querySelector(\'#map a[data-tag="5"]\').focus()')
+    page.evaluate(f'document.activeElement.{CLICK}')  # as Enter does
+    page.wait_for(f'{CHOSEN}.length > 0')
+    assert page.evaluate('document.activeElement.dataset.tag') == '5'
+
+
 def test_the_name_of_a_tag_has_its_values_outcome_and_times(report, open_page):
     page, tags = open_page(report), find_layout('').tags
     number = list(tags).index('1')

@@ -266,7 +266,7 @@ def test_your_own_greenhouse_reaches_all_that_plan_or_draw():
     assert 'tag_locations_file:="a b.json"' in found['mission_orchestrator']
     for name in ('fake_navigator', 'fake_camera', 'bridge_node'):
         assert 'tag_file:="a b.json"' in found[name], name
-    assert f'{inspection.TAG_FILE_OF_RECORDER}:="a b.json"' in found['record_readings']
+    assert 'tag_file:="a b.json"' in found['record_readings']
 
 
 @pytest.mark.parametrize(('drive', 'source'), [(False, 'world_file'), (True, 'tag_locations_file')])

@@ -73,13 +73,13 @@ def test_why_a_tag_is_not_confirmed(frames, message):
 @pytest.mark.parametrize(
     ('frames', 'criteria', 'message'),
     [
-        ([[GOOD]], {}, '1 image in 3 s: 2 are needed'),
-        ([[tag(7, margin=5.0)]], {}, '1 image in 3 s: 2 are needed'),
-        ([[tag(9)], [tag(9)]], {'min_frames': 3}, '2 images in 3 s: 3 are needed'),
+        ([[GOOD]], {}, '1 image in 2 s: 2 are needed'),
+        ([[tag(7, margin=5.0)]], {}, '1 image in 2 s: 2 are needed'),
+        ([[tag(9)], [tag(9)]], {'min_frames': 3}, '2 images in 2 s: 3 are needed'),
         ([[GOOD]], {'timeout_seconds': 0.5}, '1 image in 0.5 s: 2 are needed'),
         ([[GOOD]], {'timeout_seconds': 0.0}, '1 image in 1 s: 2 are needed'),  # of the last second
-        ([frame_of([GOOD], NOW - 2.0, NOW - 2.0), [GOOD]], {}, '1 image in 3 s: 2 are needed'),
-        ([[GOOD], refused(stamp=NOW + 9.0)], {}, '1 image in 3 s: 2 are needed'),
+        ([frame_of([GOOD], NOW - 2.0, NOW - 2.0), [GOOD]], {}, '1 image in 2 s: 2 are needed'),
+        ([[GOOD], refused(stamp=NOW + 9.0)], {}, '1 image in 2 s: 2 are needed'),
     ],
 )
 def test_too_few_images_are_said_before_what_is_in_them(frames, criteria, message):

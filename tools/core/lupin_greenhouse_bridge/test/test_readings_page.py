@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge.display import readings_page
-from lupin_greenhouse_bridge.planning.visualization import read_visualization
+from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFile
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
@@ -174,7 +174,7 @@ def test_a_day_of_the_simulator_shows_each_tag_in_each_half_hour():
             rows.append(Row(ns, '', tag_id, sensor, value, '', tag.x, tag.y, sim_time, 'test'))
             low, high = bounds[sensor, tag_id, sim_time]
             bounds[sensor, tag_id, sim_time] = min(low, value), max(high, value)
-    data = readings_page.data_of(ReadingFile(rows, []), layout, read_visualization(layout))
+    data = readings_page.data_of(ReadingFile(rows, []), layout, find_walls(layout), {})
     seen = set()
     for sensor in data['sensors']:
         for line in sensor['lines']:

@@ -35,6 +35,7 @@ LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
 BENCH = Layout(
     {'7': Tag(1.0, 1.0, ['co2']), '8': Tag(3.0, 1.0, ['co2', 'light'])}, {'bench': (1.0, 1.0, 3.0, 1.5)}
 )
+WALLS = Walls(0.0, 0.0, 4.0, 8.0)
 
 
 def reading_of(tag_id, seconds=100, **values):
@@ -59,7 +60,8 @@ def texts(markers) -> list[str]:
 
 def markers_of(layout, *readings, at_seconds, stale_seconds=60.0, layout_in_map=None):
     """Return the markers of these readings at a time."""
-    return Scene(layout, find_walls(layout), layout_in_map or Transform()).markers(
+    walls = WALLS if layout is BENCH else find_walls(layout)
+    return Scene(layout, walls, layout_in_map or Transform()).markers(
         header_at(at_seconds), {each.tag_id: each for each in readings}, stale_seconds, 'a caption'
     )
 
