@@ -206,8 +206,8 @@ def test_no_text_of_a_file_ends_the_data_of_the_page(report):
     assert data['sensors'][0]['name'] == EVIL
 
 
-def test_an_outcome_that_cannot_be_encoded_is_escaped(report):
-    assert shown(report(visit('1', '\ud800')))['tags'][0]['outcome'] == '\\ud800'
+def test_a_detail_that_cannot_be_encoded_is_escaped(report):
+    assert shown(report(visit('1', 'TIMEOUT', '\ud800')))['tags'][0]['reason'] == '\\ud800'
 
 
 def test_a_tag_id_of_any_length_and_a_file_of_any_name_are_shown(report, tmp_path):
@@ -259,6 +259,6 @@ def test_a_tag_file_of_another_greenhouse_is_refused(report, tmp_path, capsys):
     path = report(visit('5', co2=1.0), visit('8', co2=1.0), visit('11', 'TIMEOUT'))
     assert readings_page.main([str(path), '--tag-file', str(tag_file)]) == 2
     assert capsys.readouterr().err == (
-        f"readings_page: --tag-file '{tag_file}': 2 of the file's 3 tags are not in it, such as '11':"
+        f"readings_page: --tag-file '{tag_file}': 2 of the file's 3 tags are not in it, such as '8':"
         ' name the tag_file of its bridge\n'
     )
