@@ -22,6 +22,11 @@ if [ -e "$VIRTUAL_ENV/local_setup.bash" ]; then  # ROS is in the environment its
 fi
 export LUPIN_WORKSPACE="$VIRTUAL_ENV/workspace/${TREE:-monorepo}"
 export LUPIN_EXECUTABLES="$LUPIN_WORKSPACE/install/lupin_greenhouse_bridge/lib/lupin_greenhouse_bridge"
+# Each executable under its own name, also without `ros2 run`.
+for _name in lupin_greenhouse_bridge lupin_mission lupin_simulation lupin_tag_confirmation; do
+    PATH="$PATH:$LUPIN_WORKSPACE/install/$_name/lib/$_name"
+done
+unset _name
 if [ "${1:-}" != without-overlay ] && [ -e "$LUPIN_WORKSPACE/install/local_setup.bash" ]; then
     source "$LUPIN_WORKSPACE/install/local_setup.bash"
 fi

@@ -123,7 +123,8 @@ def test_json_is_one_object_per_line(read, noon_bridge, warm_tag_id):
     assert (good['tag_id'], good['status'], good['sim_time_of_day_seconds']) == (warm_tag_id, 'OK', 43200.0)
     assert good['readings']['temperature'] == noon_bridge.values(warm_tag_id)['temperature']
     assert good['readings'].keys() == noon_bridge.values(warm_tag_id).keys()
-    assert (bad['tag_id'], bad['status'], bad['readings']) == ('99', 'UNKNOWN_TAG', {})
+    assert (bad['tag_id'], bad['status'], bad['readings']) == ('99', 'UNKNOWN_TAG', None)
+    assert (bad['stamp'], bad['sim_time_of_day_seconds']) == (None, None)
 
 
 def test_csv_has_the_columns_of_the_recorder_and_one_header(read, noon_bridge, shipped_tags, monkeypatch):
@@ -468,18 +469,19 @@ def test_a_watch_goes_on_while_the_bridge_is_away(run_here, times_out_when, monk
     assert ended.said == f'read_tag: {service} did not answer within 5 s: still watching'
 
 
-def test_two_servers_of_the_service_are_named(run_here, monkeypatch):
-    def doubt_once_found(node, name):
-        wait_until(lambda: servers_of(node, name) == {'/first', '/second'})
-        return duplicate_server_warning(node, name)
+@pytest.mark.parametrize('other', ['second', 'first'])
+def test_two_servers_of_the_service_are_named(run_here, monkeypatch, other):
+    def warning_once_found(node, name, **options):
+        wait_until(lambda: servers_of(node, name) == sorted(['/first', f'/{other}']))
+        return duplicate_server_warning(node, name, **options)
 
-    monkeypatch.setattr(read_tag, 'duplicate_server_warning', doubt_once_found)
+    monkeypatch.setattr(read_tag, 'duplicate_server_warning', warning_once_found)
     service = '/shared/get_tag_reading'
-    with empty_domain(), spinning_node('first') as first, spinning_node('second') as second:
+    with empty_domain(), spinning_node('first') as first, spinning_node(other) as second:
         for node in (first, second):
             node.create_service(GetTagReading, service, lambda _request, response: response)
         assert run_here(read_tag.main, '1', '--service', service).said == (
-            f'read_tag: {service} is offered by /first and /second: the first reply counts;'
+            f'read_tag: {service} is offered by /first and /{other}: clients use the first reply;'
             ' stop one of them, or rename it'
         )
 

@@ -524,7 +524,7 @@ def test_two_servers_of_a_service_are_named_once(start_mission, reader, operate,
             run_mission()
         run_mission()
     mission.stop()
-    warning = f'{name} is offered by /aggregator and /mission_test: the first reply counts'
+    warning = f'{name} is offered by /aggregator and /mission_test: clients use the first reply'
     assert len([line for line in mission.log if warning in line]) == 1
 
 

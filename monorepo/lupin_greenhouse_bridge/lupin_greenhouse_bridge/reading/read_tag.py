@@ -98,7 +98,7 @@ def _read(node, bridge: client.Client, options) -> int:
     tag_ids = _all_tag_ids(bridge, service_name) if options.all else options.tag_ids
     rounds = 1 if options.watch is None else options.count
     screen = Sheet(_positions(bridge, service_name)) if options.csv else Screen(options.watch is not None)
-    exit_code, started = INTERRUPTED, 0.0
+    exit_code, started, warning = INTERRUPTED, 0.0, ''
     for number in itertools.count() if rounds is None else range(rounds):
         if number > 0:
             process.sleep(started + options.watch - time.monotonic())
@@ -121,6 +121,8 @@ def _read(node, bridge: client.Client, options) -> int:
             is_read = all(each.status == GetTagReading.Response.STATUS_OK for each in responses.values())
             exit_code = ALL_READ if is_read else SOME_FAILED
         _show(responses, screen, options)
+        if not warning and (warning := duplicate_server_warning(node, service_name, has_namesakes=True)):
+            print(f'read_tag: {warning}', file=sys.stderr)
     return exit_code
 
 
@@ -132,8 +134,6 @@ def _connect(node, bridge: client.Client, service: str):
             security = f'; {SECURED}' if security_problem() else ''
             cause = _likely_cause(node, node.resolve_service_name(service))
             raise client.NoAnswer(f'{error}; {cause}{security}') from error
-    if warning := duplicate_server_warning(node, get_tag_reading.srv_name):
-        print(f'read_tag: {warning}', file=sys.stderr)
     return get_tag_reading
 
 

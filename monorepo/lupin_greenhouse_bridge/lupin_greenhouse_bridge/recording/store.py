@@ -87,6 +87,7 @@ class Store:
     def __init__(self, path: str):
         """Open or make the file; raises OSError, ValueError and sqlite3.Error."""
         self.notes: list[str] = []  # what happened to the file, for the log
+        self.row_count = 0  # in the file when it was opened
         self._path = path
         self._open()
 
@@ -140,6 +141,7 @@ class SqliteStore(Store):
             with self._transaction():
                 self._connection.execute(f'PRAGMA application_id = {APPLICATION_ID}')
                 self._connection.execute(_TABLE)
+            (self.row_count,) = self._connection.execute('SELECT count(*) FROM readings').fetchone()
         except sqlite3.Error:
             self.close()
             raise
@@ -192,6 +194,7 @@ class CsvStore(Store):
             raise
         self._identity = identity
         self._keys = OrderedDict.fromkeys(map(key_of, rows[-MOST_KEYS:]))
+        self.row_count = len(rows) + max(lines_before - 1, 0)  # without the header
         if complete < len(content):
             self.notes.append(f"file '{self._path}': removed an incomplete last row")
 

@@ -415,3 +415,14 @@ def test_what_cannot_be_recorded_is_refused_in_one_line(
     with contextlib.closing(open_store('held.csv')):
         ended = run_here(record_readings.main, '--ros-args', '-p', f'{parameter}:={value}')
     assert fragment in ended.refusal
+
+
+def test_topics_without_a_publisher_are_named_once_and_the_first_publisher_too(start_node, tmp_path):
+    recorder = start_node(RECORD_READINGS, readings_topics=TOPIC, file=tmp_path / 'readings.sqlite')
+    warning = recorder.wait_for_log(f'no publisher of {TOPIC} on domain ')
+    assert 'start a mission or read_on_sight, or set ROS_DOMAIN_ID to theirs' in warning
+    with spinning_node('publisher') as node:
+        node.create_publisher(TagReading, TOPIC, 10)
+        recorder.wait_for_log(f'{TOPIC} has a publisher now')
+    assert recorder.stop() == 0
+    assert not [line for line in recorder.rest_of_log() if 'publisher' in line]

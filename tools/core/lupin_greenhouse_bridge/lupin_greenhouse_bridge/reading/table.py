@@ -110,16 +110,17 @@ def _rows(tag_id: str, reading) -> list[tuple[str, str, str, str, str]]:
 
 
 def json_line(tag_id: str, response, status_names: dict[int, str]) -> str:
-    """Return a response as one JSON object on one line."""
-    reading = response.reading
+    """Return a response as one JSON object on one line; what there is only with a reading is null."""
+    status = status_names.get(response.status, response.status)
+    reading = response.reading if status == 'OK' else None
     return json.dumps(
         {
             'tag_id': tag_id,
-            'status': status_names.get(response.status, response.status),
+            'status': status,
             'error_message': response.error_message,
-            'stamp': {'sec': reading.stamp.sec, 'nanosec': reading.stamp.nanosec},
-            'sim_time_of_day_seconds': reading.sim_time_of_day_seconds,
-            'readings': {each.name: each.value for each in reading.readings},
+            'stamp': reading and {'sec': reading.stamp.sec, 'nanosec': reading.stamp.nanosec},
+            'sim_time_of_day_seconds': reading and reading.sim_time_of_day_seconds,
+            'readings': reading and {each.name: each.value for each in reading.readings},
         },
         ensure_ascii=False,
     )

@@ -61,7 +61,9 @@ class RecordReadingsNode(Node):
         self._places_m = _places_in(settings.tag_file)
         self._has_places = bool(settings.tag_file)
         self._refused = 0
-        self._writer = BufferedWriter(open_store(settings.file), self.get_logger())
+        store = open_store(settings.file)
+        there = f' ({pluralized(store.row_count, "row")} there already)' if store.row_count else ''
+        self._writer = BufferedWriter(store, self.get_logger())
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
         if not self._has_places:
             self._bridge = self.create_client(GetParameters, parameter_service_of(DEFAULT_SERVICE))
@@ -70,7 +72,7 @@ class RecordReadingsNode(Node):
             self._asking = self.create_timer(ASK_EVERY_SECONDS, self._ask_for_tag_file, clock=clock)
         self._writer.start()
         self.get_logger().info(
-            f'ready: readings from {", ".join(topics)} into {Path(settings.file).resolve()}'
+            f'ready: readings from {", ".join(topics)} into {Path(settings.file).resolve()}{there}'
         )
 
     def _on_reading(self, reading, topic: str) -> None:

@@ -1,7 +1,10 @@
 """Subscribe to topics of readings, whatever the durability of their publishers."""
 
+import os
+import time
 from collections.abc import Callable, Iterable
 
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.validate_topic_name import validate_topic_name
@@ -15,6 +18,7 @@ try:
 except ImportError:  # Humble
     from rclpy.qos_event import SubscriptionEventCallbacks
 
+NO_PUBLISHER_SECONDS, LOOK_EVERY_SECONDS = 5.0, 1.0
 DEPTH = 2000  # readings that wait while a file is written: two seconds of a thousand each
 VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
 
@@ -48,7 +52,8 @@ def subscribe_to_readings(
     """
     Call on_reading(reading, topic) once for each reading of these topics; return their full names.
 
-    A latched reading is delivered again to each new subscriber, so also after a restart.
+    A latched reading is delivered again to each new subscriber, so also after a restart. If no topic has a
+    publisher for NO_PUBLISHER_SECONDS, a warning says so once, and another line when the first one comes.
     """
     received = {}  # the last ones: stamp, tag and sensors
     names = {}  # the full name of each topic
@@ -78,7 +83,29 @@ def subscribe_to_readings(
                 )
         except InvalidTopicNameException as error:
             raise StartUpError(f'parameter readings_topics: {error}') from error
+    _watch_publishers(node, list(names.values()))
     return list(names.values())
+
+
+def _watch_publishers(node, topics: list[str]) -> None:
+    """Log a warning if there is no publisher for a while, and when the first one comes after it."""
+    has_warned, deadline = False, time.monotonic() + NO_PUBLISHER_SECONDS
+
+    def look() -> None:
+        nonlocal has_warned
+        if found := [topic for topic in topics if node.count_publishers(topic)]:
+            timer.cancel()
+            if has_warned:
+                node.get_logger().info(f'{found[0]} has a publisher now')
+        elif not has_warned and time.monotonic() >= deadline:
+            has_warned = True
+            node.get_logger().warning(
+                f'no publisher of {" or ".join(topics)} on domain {os.environ.get("ROS_DOMAIN_ID", "0")}:'
+                " start a mission or read_on_sight, or set ROS_DOMAIN_ID to theirs (a demo's mission has a"
+                ' domain of its own: record it with inspection --record FILE)'
+            )
+
+    timer = node.create_timer(LOOK_EVERY_SECONDS, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def take_what_has_arrived(node) -> None:

@@ -18,25 +18,26 @@ def namesake_warning(node) -> str:
     )
 
 
-def servers_of(node, service_name: str) -> set[str]:
-    """Return the full names of the nodes that offer a service, named as this node names it."""
+def servers_of(node, service_name: str) -> list[str]:
+    """Return the full names of the nodes that offer a service, sorted; two nodes can have one name."""
     service_name = node.resolve_service_name(service_name)  # the graph has full names
-    servers = set()
+    servers = []
     for name, namespace in node.get_node_names_and_namespaces():
         with contextlib.suppress(NodeNameNonExistentError):  # of a node that has just ended
             if service_name in dict(node.get_service_names_and_types_by_node(name, namespace)):
-                servers.add(f'{namespace.rstrip("/")}/{name}')
-    return servers
+                servers.append(f'{namespace.rstrip("/")}/{name}')
+    return sorted(servers)
 
 
-def duplicate_server_warning(node, service_name: str) -> str:
+def duplicate_server_warning(node, service_name: str, *, has_namesakes: bool = False) -> str:
     """
-    Return a warning if nodes of different names offer a service; '' otherwise.
+    Return a warning if several nodes offer a service; '' otherwise.
 
-    Of two nodes with one name, the second may be the first one, started again after it was killed.
+    Nodes of one name count only with `has_namesakes`: for some seconds, a node that was killed and started
+    again is there twice.
     """
     servers = servers_of(node, service_name)
-    if len(servers) < 2:
+    if len(servers if has_namesakes else set(servers)) < 2:
         return ''
-    name, names = node.resolve_service_name(service_name), ' and '.join(sorted(servers))
-    return f'{name} is offered by {names}: the first reply counts; stop one of them, or rename it'
+    name, names = node.resolve_service_name(service_name), ' and '.join(servers)
+    return f'{name} is offered by {names}: clients use the first reply; stop one of them, or rename it'
