@@ -120,9 +120,15 @@ def _read(node, bridge: client.Client, options) -> int:
             is_read = all(each.status == GetTagReading.Response.STATUS_OK for each in responses.values())
             exit_code = ALL_READ if is_read else SOME_FAILED
         _show(responses, screen, options)
-        if not warning and (warning := duplicate_server_warning(node, service_name, has_namesakes=True)):
-            print(f'read_tag: {warning}', file=sys.stderr)
+        warning = warning or _warn_of_other_servers(node, service_name)
     return exit_code
+
+
+def _warn_of_other_servers(node, service_name: str) -> str:
+    """Print and return a warning if another node offers the service too: by now it has been discovered."""
+    if warning := duplicate_server_warning(node, service_name, has_namesakes=True):
+        print(f'read_tag: {warning}', file=sys.stderr)
+    return warning
 
 
 def _connect(node, bridge: client.Client, service: str):
