@@ -1,0 +1,64 @@
+"""The README's thread, as a user pastes it: drive, record, show."""
+
+import json
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import docs_check
+import pytest
+from lupin_greenhouse_bridge.recording.reading_files import read_file
+
+ROOT = Path(__file__).resolve().parents[2]
+BLOCK = 'make mission DRIVE=1 CAMERA=1 RECORD=readings.sqlite'
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """Return a copy of the checkout, whose packages are those that are built already."""
+    names = subprocess.run(
+        ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
+        cwd=ROOT,
+        capture_output=True,
+        check=True,
+    ).stdout
+    folder = tmp_path / 'copy'
+    folder.mkdir()
+    subprocess.run(['xargs', '-0', 'cp', '--parents', '-t', folder], cwd=ROOT, input=names, check=True)
+    return folder
+
+
+@pytest.mark.heavy
+def test_the_thread_of_the_readme(copy):
+    """What a mission reports, what is recorded beside it, and what the page shows are the same values."""
+    (block,) = [text for _, _, text in docs_check.shell_blocks(ROOT, Path('README.md')) if BLOCK in text]
+    of_a_user = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
+    ended = subprocess.run(
+        ['bash', '-c', f'set -e\n{block}'],
+        cwd=copy,
+        env=of_a_user | {'VENV': os.environ['VIRTUAL_ENV'], 'TREE': 'monorepo'},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stdout
+    (report,) = copy.glob('.mission/*.jsonl')
+    reported = {row[:1] + row[2:5] for row in read_file(report).rows}
+    recorded = read_file(copy / 'readings.sqlite').rows
+    assert {row[:1] + row[2:5] for row in recorded} == reported
+    assert f'{len(reported)} rows kept in readings.sqlite' in ended.stdout
+    page = (copy / 'readings.html').read_text(encoding='utf-8')
+    data = json.loads(
+        re.search('<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)[1]
+    )
+    shown = {
+        (tag['id'], sensor['name'].replace(' ', '_'), value)
+        for tag in data['tags']
+        for sensor, value in zip(data['sensors'], tag['values'], strict=True)
+        if value is not None
+    }
+    assert shown == {(row.tag_id, row.sensor, row.value) for row in recorded}
+    assert (copy / 'poses.png').stat().st_size > 0
+    assert (copy / 'readings.png').stat().st_size > 0
