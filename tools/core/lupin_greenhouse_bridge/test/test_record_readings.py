@@ -422,7 +422,7 @@ def test_topics_without_a_publisher_are_named_once_and_the_first_publisher_too(s
     warning = recorder.wait_for_log(f'no publisher of {TOPIC} on domain ')
     assert 'start a mission or read_on_sight, or set ROS_DOMAIN_ID to theirs' in warning
     with spinning_node('publisher') as node:
-        node.create_publisher(TagReading, TOPIC, 10)
+        node.create_publisher(TagReading, TOPIC, QoSProfile(depth=10, durability=LATCHED))
         recorder.wait_for_log(f'{TOPIC} has a publisher now')
     assert recorder.stop() == 0
-    assert not [line for line in recorder.rest_of_log() if 'publisher' in line]
+    assert len([line for line in recorder.rest_of_log() if 'publisher' in line]) == 2
