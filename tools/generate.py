@@ -36,9 +36,8 @@ CORE = 'tools/core'
 # One text for both trees, so that they do not differ by it; each has a page of this name.
 HEADER = 'Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md'
 COMMENTS = dict.fromkeys(('.cfg', '.msg', '.py', '.rviz', '.srv', '.yaml'), '# {}')
-COMMENTS |= dict.fromkeys(('.html', '.md', '.xml'), '<!-- {} -->') | {
-    '.rst': '.. {}\n'
-}  # a blank line ends it
+COMMENTS |= dict.fromkeys(('.html', '.md', '.xml'), '<!-- {} -->') | {'.js': '// {}'}
+COMMENTS['.rst'] = '.. {}\n'  # a blank line ends it
 FIRST_LINES = re.compile(
     rb'(#!.*\n|#.*(PYTHON_ARGCOMPLETE_OK|coding[:=]).*\n|<\?xml.*\?>\n|<!doctype .*>\n)*', re.IGNORECASE
 )

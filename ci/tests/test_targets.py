@@ -71,7 +71,7 @@ def test_a_page_shows_the_newest_report_with_the_route_and_the_greenhouse_beside
         f'page: {newest}.html',
     ]
     page = (reports / f'{newest}.html').read_text(encoding='utf-8')
-    assert '[[0.625, 0.375], [1.375, 3.125]]' in page
+    assert '[[0.625,0.375],[1.375,3.125]]' in page
     assert '"x": 1.25, "y": 3.5' in page
 
 
@@ -79,7 +79,7 @@ def test_a_page_of_another_file_has_what_lies_beside_that_file_and_names_it_once
     older = '.mission/2026-11-21-120000-simulation'
     result = make('page', f'FILE={older}.jsonl', f'VENV={os.environ["VIRTUAL_ENV"]}', cwd=reports)
     assert (result.returncode, result.stdout) == (0, f'page: {older}.html\n'), result.stderr
-    assert '"route": []' in (reports / f'{older}.html').read_text(encoding='utf-8')
+    assert '"route":[]' in (reports / f'{older}.html').read_text(encoding='utf-8')
 
 
 def test_without_a_report_make_page_names_the_command_that_makes_one(tmp_path):

@@ -97,7 +97,7 @@ EDITS = [
     (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/{BRIDGE}/settings.py', '86400.0', '86401.0'),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/{BRIDGE}/contract.py', 'depth=1000', 'depth=10'),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/setup.py', 'mdp-greenhouse>=1.0.7', 'mdp-greenhouse>=1.0.6'),
-    (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/setup.py', "version='1.", "version='2."),
+    (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/setup.py', "version='2.", "version='3."),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/setup.py', "'read_tag = ", "'readtag = "),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/package.xml', '  <exec_depend>python3-pip</exec_depend>\n', ''),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/package.xml', '<depend>rclpy<', '<depend>rclcpp<'),
@@ -107,7 +107,7 @@ EDITS = [
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/CHANGELOG.rst', '* Add', '* Remove'),
     # the other tree's name
     (LEFT_OVER, 'mirror', NODE, 'from lupin_greenhouse_msgs.msg', 'from lupin_msgs.msg'),
-    (LEFT_OVER, 'mirror', NODE, '"""ROS 2 node', '"""(lupin_msgs) ROS 2 node'),
+    (LEFT_OVER, 'mirror', NODE, 'ROS 2 node `', '(lupin_msgs) ROS 2 node `'),
     (LEFT_OVER, 'monorepo', NODE, 'from lupin_msgs.msg', 'from lupin_greenhouse_msgs.msg'),
     (LEFT_OVER, 'monorepo', SIMULATION, 'import math\n', 'import math  # not LUPIN_GREENHOUSE_MSGS\n'),
     (LEFT_OVER, 'mirror', 'README.md', '# lupin_greenhouse_ros', '# lupin-msgs'),

@@ -1,3 +1,4 @@
+// Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 'use strict';
 // Draws the page of readings from the data in it. The chosen tag is the fragment of the address: #tag=28.
 const data = JSON.parse(document.getElementById('data').textContent);
