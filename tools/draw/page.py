@@ -1,7 +1,7 @@
 """
 Take a picture of the page of readings for the documents.
 
-    make mission DRIVE=1 ARGS=robot_radius_m:=0.3; make figure PAGE=1   # too wide for five tags
+    make mission DRIVE=1 ARGS=robot_radius_m:=0.27; make figure PAGE=1   # too wide for some tags
 """
 
 import io
@@ -14,19 +14,20 @@ from lupin_greenhouse_bridge.display import readings_page
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
-REPORT = ROOT / '.mission/simulation.jsonl'
+REPORTS = ROOT / '.mission'
 COMMITTED = ROOT / 'tools/core/lupin_greenhouse_bridge/doc/page.png'
 
 
 def main() -> int:
     """Write the picture of the page of the last mission."""
-    if not (CHROMIUM and REPORT.exists()):
+    reports = sorted(REPORTS.glob('*.jsonl'))  # their names begin with the time
+    if not (CHROMIUM and reports):
         missing = 'make mission first, whose report it shows' if CHROMIUM else NO_CHROMIUM
         print(f'page: {missing}', file=sys.stderr)
         return 2
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, 'page.html')
-        if exit_code := readings_page.main([str(REPORT), '-o', str(path)]):
+        if exit_code := readings_page.main([str(reports[-1]), '-o', str(path)]):
             return exit_code
         with Page(path, width=1400, height=900) as page:
             picture = Image.open(io.BytesIO(page.picture())).convert('RGB')
