@@ -67,6 +67,22 @@ def test_pairs_of_a_file_are_fitted_and_written(register, places, tmp_path):
     assert (frame_id, transform) == ('map', pytest.approx(TRANSFORM))
 
 
+@pytest.mark.parametrize(('tag_ids', 'count'), [('1 20', 1), ('1 20 7', 0)])
+def test_two_tags_cannot_show_that_they_are_swapped_and_it_says_so(register, places, tag_ids, count):
+    ended = register({tag_id: places[tag_id] for tag_id in tag_ids.split()})
+    assert ended.code == 0
+    assert ended.err.count('two tags cannot show whether they are swapped or mirrored: add a third') == count
+
+
+def test_the_file_of_pairs_is_never_overwritten(register, places, tmp_path):
+    ended = register(places, '-o', str(tmp_path / 'pairs.json'))
+    assert (ended.code, refusal(ended)) == (
+        2,
+        f"--output '{tmp_path / 'pairs.json'}' is the file of --pairs itself: name another file",
+    )
+    assert json.loads((tmp_path / 'pairs.json').read_text(encoding='utf-8')) == places
+
+
 def test_a_reader_that_closes_the_pipe_loses_no_file(places, tmp_path):
     (tmp_path / 'pairs.json').write_text(json.dumps(places), encoding='utf-8')
     command = [executable('lupin_greenhouse_bridge', 'register_layout'), '--pairs', tmp_path / 'pairs.json']

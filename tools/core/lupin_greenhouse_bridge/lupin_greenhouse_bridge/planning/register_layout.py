@@ -76,6 +76,9 @@ def layout_of(options) -> Layout:
             raise UsageError(f"--output '{options.output}' is a folder: name a file in it")
         if not (folder := Path(options.output).parent).is_dir():
             raise UsageError(f"--output: there is no folder '{folder}': name a file in a folder that exists")
+        pairs = getattr(options, 'pairs', None)
+        if pairs and Path(options.output).exists() and Path(options.output).samefile(pairs):
+            raise UsageError(f"--output '{options.output}' is the file of --pairs itself: name another file")
     except OSError as error:
         raise UsageError(f"--output '{options.output}': {error.strerror}: name another file") from error
     if layout := find_layout(options.tag_file):
@@ -97,6 +100,8 @@ def register(layout: Layout, places: dict, frame_id: str, options) -> None:
         numbers = (f'{each:.3f}' for each in (*place, fitted.residuals_m[tag_id]))
         rows.append((escaped(tag_id, 40), *numbers, 'left out' if tag_id in fitted.left_out else ''))
     print_line('\n'.join(aligned_table(rows, [1, 2, 3])))
+    if len(places) - len(fitted.left_out) == 2:
+        print('two tags cannot show whether they are swapped or mirrored: add a third', file=sys.stderr)
     write_transform(options.output, fitted.transform, frame_id)
     x, y, yaw = fitted.transform
     print_line(
