@@ -77,7 +77,8 @@ def layout_of(options) -> Layout:
         if not (folder := Path(options.output).parent).is_dir():
             raise UsageError(f"--output: there is no folder '{folder}': name a file in a folder that exists")
         pairs = getattr(options, 'pairs', None)
-        if pairs and Path(options.output).exists() and Path(options.output).samefile(pairs):
+        output = Path(options.output)
+        if pairs and output.exists() and Path(pairs).exists() and output.samefile(pairs):
             raise UsageError(f"--output '{options.output}' is the file of --pairs itself: name another file")
     except OSError as error:
         raise UsageError(f"--output '{options.output}': {error.strerror}: name another file") from error
