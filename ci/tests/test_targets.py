@@ -72,7 +72,7 @@ def test_a_page_shows_the_newest_report_with_the_route_and_the_greenhouse_beside
     ]
     page = (reports / f'{newest}.html').read_text(encoding='utf-8')
     assert '[[0.625,0.375],[1.375,3.125]]' in page
-    assert '"x": 1.25, "y": 3.5' in page
+    assert '"x":1.25,"y":3.5' in page
 
 
 def test_a_page_of_another_file_has_what_lies_beside_that_file_and_names_it_once(reports):
