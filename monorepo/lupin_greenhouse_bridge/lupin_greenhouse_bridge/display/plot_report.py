@@ -193,8 +193,14 @@ def _draw_legend(figure, caption: str, *, has_route: bool, has_failures: bool) -
         entries.append(entry('tag that was not read', FAILED_COLOUR, marker='x'))
     if has_route:
         entries.append(entry('route, in the direction of the arrows', ROUTE_COLOUR, linestyle='-'))
+    # Below the figure, in the words of Matplotlib 3.5: Ubuntu 22.04 has no `ncols` and no `outside`.
     figure.legend(
-        handles=entries, loc='outside lower center', ncols=len(entries), frameon=False, title=caption
+        handles=entries,
+        loc='upper center',
+        bbox_to_anchor=(0.5, 0.0),
+        ncol=len(entries),
+        frameon=False,
+        title=caption,
     )
 
 
