@@ -111,7 +111,7 @@ def check_distances(
     def can_stand(eye) -> bool:
         x, y = eye[:2]
         to_wall_m = min(x - walls.x0, y - walls.y0, walls.x1 - x, walls.y1 - y)
-        return min(to_wall_m, *(each.distance_m(x, y) for each in tables)) > ROBOT_RADIUS_M
+        return min([to_wall_m, *(each.distance_m(x, y) for each in tables)]) > ROBOT_RADIUS_M
 
     are_read = []
     for distance_m, angle_degrees in itertools.product(DISTANCES_M, ANGLES_DEGREES):
