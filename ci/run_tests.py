@@ -230,11 +230,13 @@ def test_ubuntu_22_04() -> bool:
             ).returncode
         )
         within(mirror, 'true', has_stand_ins=True)
+        for each in (mirror, monorepo):  # first, because messages do not build with the NumPy of 22.04
+            checked(build(each, each.packages()))
         pip(venv, 'uninstall', '--quiet', '--yes', *NOT_IN_22_04)
         pip(venv, 'install', '--quiet', *VERSIONS_OF_22_04)
         mark.write_text(versions, encoding='utf-8')
     for each in (mirror, monorepo):
-        checked(build(each, each.packages()))
+        checked(build(each, [package for package in each.packages() if not package.name.endswith('_msgs')]))
     nodes = [package for package in monorepo.packages() if package not in bridge_of(monorepo)]
     jobs = []
     for workspace, package in [(mirror, mirror.packages()[0]), *((monorepo, node) for node in nodes)]:
