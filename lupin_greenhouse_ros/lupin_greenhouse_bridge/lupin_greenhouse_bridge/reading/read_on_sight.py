@@ -132,8 +132,9 @@ class ReadOnSightNode(Node):
             return
         self._warn_of_two_servers()
         while (tag_id := self._sightings.next()) is not None:
+            sent_at = time.monotonic()
             future = self._client.call_async(GetTagReading.Request(tag_id=tag_id))  # raises if ROS refuses it
-            self._sightings.asked(tag_id, time.monotonic())
+            self._sightings.asked(tag_id, sent_at)
             self._futures[tag_id] = future
             future.add_done_callback(lambda future, tag_id=tag_id: self._on_answer(tag_id, future))
 
