@@ -17,6 +17,7 @@ TICK_SECONDS = 0.2
 LINE_SECONDS = 15.0  # where no terminal can rewrite a line
 FIRST_SECONDS = 3.0  # a shorter wait needs no line
 END_OF_LOG_LINES = 60
+FAILED = 'failed: '  # begins each line at the end that names a failure
 
 
 class Job:
@@ -27,10 +28,13 @@ class Job:
         self.command = [str(part) for part in command]
         self.log = log
         self.exit_code: int | None = None
+        self.failures: list[str] = []  # what failed in it, as far as it says
         self.summary = ''
 
     def read(self, line: str) -> str | None:
         """Take a line of the output; return what to show of it at once."""
+        if line.startswith(FAILED):
+            self.failures.append(line[len(FAILED) :])
         return f'{self.name}: {line}'
 
     def state(self) -> str:
@@ -96,14 +100,16 @@ class Tests(Job):
     """A run of pytest, --verbose and --instafail: counts the tests, shows what failed or was skipped."""
 
     TOTAL = re.compile(r'\b(\d+) items?\b(?:.* (\d+) selected)?')
-    RESULT = re.compile(r'^(?:\[gw\d+\] \[ *\d+%\] |.*::.* )(PASSED|FAILED|ERROR|SKIPPED|XFAIL|XPASS)\b')
+    RESULT = re.compile(
+        r'^(?:\[gw\d+\] \[ *\d+%\] |(.*::.*) )(PASSED|FAILED|ERROR|SKIPPED|XFAIL|XPASS)\b *(.*::.*)?'
+    )
     STARTED = re.compile(r'^\S+\.py::')
     REPORT = re.compile(r'^_+ .+ _+$|^=+ (?:FAILURES|ERRORS|short test summary info) =+$')
     SUMMARY = re.compile(r'^=+ .*(?:passed|failed|skipped|errors?|no tests ran).* in [\d.]+s.* =+$')
 
     def __init__(self, name: str, command: list, log: Path):
         super().__init__(name, command, log)
-        self.total, self.done, self.failed = 0, 0, 0
+        self.total, self.done = 0, 0
         self._is_report = False
 
     def read(self, line: str) -> str | None:
@@ -113,7 +119,8 @@ class Tests(Job):
         elif result := self.RESULT.match(line):
             self._is_report = False
             self.done += 1
-            self.failed += result[1] in ('FAILED', 'ERROR')
+            if result[2] in ('FAILED', 'ERROR'):
+                self.failures.append((result[1] or result[3]).strip())
         elif self.SUMMARY.match(line):
             self._is_report = False
             self.summary = line
@@ -126,11 +133,12 @@ class Tests(Job):
         """Return how many tests are done and failed."""
         if not self.total:
             return f'{self.name} starts'
-        return f'{self.name} {self.done} of {self.total}' + (f', {self.failed} failed' if self.failed else '')
+        failed = f', {len(self.failures)} failed' if self.failures else ''
+        return f'{self.name} {self.done} of {self.total}{failed}'
 
     def explain_failure(self) -> str:
         """Return the end of the output, if no test has failed."""
-        if self.failed:
+        if self.failures:
             return ''
         lines = self.log.read_text(encoding='utf-8', errors='replace').splitlines()
         return '\n'.join(lines[-END_OF_LOG_LINES:])
@@ -200,9 +208,10 @@ def run(jobs: list[Job], at_once: int = 1) -> bool:
         states = ' | '.join(each.state() for each in running)
         status.show(f'{states} ({time.monotonic() - started_s:.0f} s)')
     status.clear()
-    failed = [job.name for job in jobs if job.exit_code]
-    if failed:
-        print('failed:', ', '.join(failed), flush=True)
+    failed = [job for job in jobs if job.exit_code]
+    for job in failed:
+        for failure in job.failures or ['']:
+            print(f'{FAILED}{job.name}: {failure}'.removesuffix(': '), flush=True)
     for job in jobs:
         if job.summary:
             print(f'== {job.name}', job.summary, sep='\n', flush=True)

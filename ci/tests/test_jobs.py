@@ -41,7 +41,9 @@ def run_tests(tmp_path):
 @pytest.mark.parametrize('options', [(), ('-n', '2')], ids=['one process', 'xdist'])
 def test_the_tests_are_counted_as_they_end(run_tests, options):
     job, read = run_tests('--instafail', *options)
-    assert (job.total, job.done, job.failed) == (5, 5, 1)
+    assert (job.total, job.done) == (5, 5)
+    (failure,) = job.failures
+    assert failure.endswith(f'test_five.py::test_each[1{90 * "a"}]')
     states = list(dict.fromkeys(state for _, _, state in read))
     assert states[0] == 'five starts'
     assert [int(state.split()[1]) for state in states[1:]] == list(range(6))
@@ -118,13 +120,14 @@ def test_jobs_end_in_failure_if_one_fails_and_all_run(tmp_path, capsys):
     each = [
         make_job('bad', 'print("from bad"); exit(3)', tmp_path),
         make_job('good', 'print("yes")', tmp_path),
+        make_job('nested', 'print("failed: one: test_a\\nfailed: two"); exit(1)', tmp_path),
     ]
     assert not jobs.run(each)
-    assert [job.exit_code for job in each] == [3, 0]
+    assert [job.exit_code for job in each] == [3, 0, 1]
     printed = capsys.readouterr().out
     assert 'bad: from bad\n' in printed
     assert 'good: yes\n' in printed
-    assert printed.endswith('failed: bad\n')
+    assert printed.endswith('failed: bad\nfailed: nested: one: test_a\nfailed: nested: two\n')
 
 
 def test_the_summary_of_pytest_closes_the_output(tmp_path, capsys):
