@@ -125,6 +125,10 @@ class Announcer:
         if (message.header.stamp.sec, message.header.stamp.nanosec) not in self._own_stamps:
             self._other_mission_at = time.monotonic()
 
+    def is_heard(self) -> bool:
+        """Return whether somebody subscribes to the readings."""
+        return self._readings.get_subscription_count() > 0
+
     def has_other_mission(self) -> bool:
         """Return whether another node published a state of this name a moment ago."""
         return time.monotonic() - self._other_mission_at < OTHER_MISSION_SECONDS

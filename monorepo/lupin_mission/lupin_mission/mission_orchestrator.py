@@ -13,7 +13,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.run import run
@@ -80,6 +80,7 @@ class MissionNode(Node):
             self.report = self._open_report('')
         self._mission_id = ''
         self._started_at = None
+        self._start_deadline: float | None = None  # of a mission that is due
         self._is_estop_engaged = False
         self._is_ending = False
         self._stop_deadline: float | None = None  # once the robot is told to stop
@@ -154,10 +155,20 @@ class MissionNode(Node):
 
     def _on_tags(self) -> None:
         """Start the mission, unless it waits for mission/start."""
-        self.note(f'{len(self._chosen_ids())} tags known', Severity.INFO)
+        self.note(f'{pluralized(len(self._chosen_ids()), "tag")} known', Severity.INFO)
         self._on_tag_positions()
         if not self._settings.wait_for_start:
-            self._begin(self._new_mission_id(), self._chosen_ids(), self.report)
+            self._start_deadline = time.monotonic() + self._settings.dependency_timeout_s
+            self._begin_when_heard()
+
+    def _begin_when_heard(self) -> None:
+        """Start the mission that is due, unless it waits for a subscriber of its readings."""
+        if self._settings.wait_for_subscriber and not self._announcer.is_heard():
+            if time.monotonic() < self._start_deadline:
+                return
+            self._announcer.warn('mission/readings has no subscriber: the mission starts without one')
+        self._start_deadline = None
+        self._begin(self._new_mission_id(), self._chosen_ids(), self.report)
 
     def _on_tag_positions(self) -> None:
         """Plan the drives; raises StartUpError without a layout."""
@@ -195,7 +206,7 @@ class MissionNode(Node):
         )
         read_before = len(tag_ids) - len(to_visit)
         self._announcer.started(
-            f'{len(to_visit)} tags to visit, {read_before} read before; report: {report.path}'
+            f'{pluralized(len(to_visit), "tag")} to visit, {read_before} read before; report: {report.path}'
         )
         if self._is_estop_engaged:
             self.mission.engage_estop()
@@ -214,6 +225,8 @@ class MissionNode(Node):
             return tag_ids
 
     def _step(self) -> None:
+        if self._start_deadline is not None:
+            self._begin_when_heard()
         if self.mission is None or self._is_ending or self._tags.is_waiting_for_tags():
             return
         if not self.mission.is_paused:

@@ -156,10 +156,15 @@ class Settings:
         True,
         'Start each mission when mission/start is called; false: start one at once, and exit after it.',
     )
+    wait_for_subscriber: bool = parameter(
+        False,
+        'Without wait_for_start: start once mission/readings has a subscriber, so that a recorder misses no'
+        ' reading.',
+    )
     dependency_timeout_s: float = parameter(
         30.0,
         'Seconds that a drive waits for its action server; without wait_for_start also the seconds that the'
-        ' mission waits for the tags of the bridge.',
+        ' mission waits for the tags of the bridge, and for a subscriber.',
         smallest=0.0,
         largest=LONGEST_SECONDS,
     )

@@ -10,6 +10,7 @@ import time
 import pytest
 import rclpy
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, has_found_a_client, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
@@ -143,7 +144,7 @@ def test_the_tags_that_arrive_twice_start_one_mission(start_mission, held_servic
     assert reader.wait_for_request() == '7'
     reader.answer_ok('7', co2=1.0)
     assert mission.end() == 0
-    assert len([line for line in mission.log if '1 tags to visit' in line]) == 1
+    assert len([line for line in mission.log if '1 tag to visit' in line]) == 1
     assert reader.tag_ids == ['7']
 
 
@@ -240,7 +241,8 @@ def test_a_report_is_continued_with_the_tags_that_were_not_read(start_mission, r
     for tags_left, exit_code in ((2, 1), (1, 0), (0, 0)):
         mission = start_mission(**READER, tag_sequence='1 2', max_attempts=1)
         assert mission.end() == exit_code
-        start = f'{tags_left} tags to visit, {2 - tags_left} read before; report: {mission.report_file}'
+        to_visit = pluralized(tags_left, 'tag')
+        start = f'{to_visit} to visit, {2 - tags_left} read before; report: {mission.report_file}'
         assert any(line.endswith(start) for line in mission.log), mission.log
     assert reader.tag_ids == ['1', '2', '2']
 

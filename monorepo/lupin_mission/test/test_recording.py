@@ -2,8 +2,9 @@
 
 from lupin_greenhouse_bridge.recording.reading_files import read_file
 from lupin_greenhouse_bridge.testing import executable, wait_until
-from lupin_msgs.msg import TagReading
+from lupin_msgs.msg import MissionState, TagReading
 from mission_helpers import READER, REAL, TWIN_QOS, Subscriber
+from rclpy.qos import QoSProfile
 
 READINGS = 'mission/readings'
 
@@ -20,6 +21,26 @@ def test_the_reading_of_each_tag_that_was_read_is_published_and_latched(start_mi
     wait_until(lambda: len(late.received) == 2 and len(observer.received) == 3)
     assert late.received == [each.tag_reading for each in observer.received if each.status == each.STATUS_OK]
     assert [each.tag_id for each in late.received] == ['9', '1']
+
+
+def test_a_mission_can_wait_for_a_subscriber_of_its_readings(start_mission, reader, node):
+    mission = start_mission(**READER, tag_sequence='1', wait_for_subscriber=True)
+    state = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', QoSProfile(depth=10))
+    # A mission that does not wait starts before it can publish this.
+    state.wait_for(lambda each: each.last_event == '1 tag known (simulated drive)')
+    recorder = Subscriber(node, TagReading, f'{mission.namespace}/{READINGS}', QoSProfile(depth=10))
+    assert reader.wait_for_request() == '1'
+    reader.answer_ok('1', co2=1.0)
+    assert mission.end() == 0
+    wait_until(lambda: [each.tag_id for each in recorder.received] == ['1'])
+
+
+def test_a_mission_without_a_subscriber_starts_after_its_patience(start_mission, reader):
+    mission = start_mission(**READER, tag_sequence='1', wait_for_subscriber=True, dependency_timeout_s=0.0)
+    assert reader.wait_for_request() == '1'
+    reader.answer_ok('1', co2=1.0)
+    assert mission.end() == 0
+    assert any('mission/readings has no subscriber' in line for line in mission.log)
 
 
 def test_a_recorded_mission_leaves_every_value_of_its_report(

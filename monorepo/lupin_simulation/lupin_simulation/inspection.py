@@ -38,7 +38,7 @@ LOOK_EVERY_SECONDS = 0.2  # at the nodes
 DRIVING_SPEEDUP = 20
 PATIENCE_SECONDS = 10.0
 SOURCES = ('image', 'compressed', 'detections')
-SET_HERE = {'report_file', 'wait_for_start', 'route_file'}
+SET_HERE = {'report_file', 'wait_for_start', 'wait_for_subscriber', 'route_file'}
 # What belongs to a run is beside its report, and starts with the same name.
 ROUTE = '-route.csv'
 LAYOUT = ('tag_file', 'sim_config_file', 'walls')
@@ -138,6 +138,7 @@ def commands_of(options, report: Path) -> list[list[str]]:
         keeping += [f'tag_file:="{tag_file}"'] if tag_file else []
         nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', *keeping))
     own = [f'report_file:="{report}"', 'wait_for_start:=false']
+    own += ['wait_for_subscriber:=true'] if options.record else []
     showing = []
     if options.drive:
         driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{beside(report, ROUTE)}"']
