@@ -529,11 +529,12 @@ def test_a_tag_that_was_seen_long_before_the_bridge_came_is_not_read(start_reade
 
 @needs_detections
 def test_without_a_bridge_it_says_so_now_and_then(start_reader, detector, log):
+    started_s = time.monotonic()
     reader = start_reader(bridge_service_name='/nobody/get_tag_reading')
     Camera(detector).look_at(1)
     wait_until(lambda: len(reader.seen) >= 30)
     times = log().count('no service /nobody/get_tag_reading: start the bridge, or set bridge_service_name')
-    assert 1 <= times <= len(reader.seen) / 10
+    assert 1 <= times <= 1 + (time.monotonic() - started_s) / 5.0 < len(reader.seen)
 
 
 @needs_detections
