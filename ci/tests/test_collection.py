@@ -34,7 +34,12 @@ def collected(package, path='') -> set[str]:
 
 @pytest.mark.parametrize(
     ('package', 'module'),
-    [('lupin_mission', 'nav2_msgs')],
+    [
+        ('lupin_greenhouse_bridge', 'matplotlib'),
+        ('lupin_greenhouse_bridge', 'apriltag_msgs'),
+        ('lupin_mission', 'nav2_msgs'),
+        ('lupin_simulation', 'nav2_msgs'),
+    ],
 )
 def test_every_test_module_is_collected_without_an_optional_module(tmp_path, package, module):
     (tmp_path / 'sitecustomize.py').write_text(HIDE.format(module=module), encoding='utf-8')

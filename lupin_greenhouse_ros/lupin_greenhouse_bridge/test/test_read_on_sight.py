@@ -4,6 +4,7 @@
 import contextlib
 import dataclasses
 import importlib.util
+import math
 import re
 import signal
 import sys
@@ -15,7 +16,7 @@ import pytest
 import rclpy
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.interfaces import TagReading
+from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
 from lupin_greenhouse_bridge.reading import read_on_sight
 from lupin_greenhouse_bridge.reading.detections import Limits, Sightings
 from lupin_greenhouse_bridge.reading.read_on_sight import GetTagReading, ReadOnSightNode, Settings
@@ -236,6 +237,7 @@ class HeldService:
     def __init__(self, node):
         self.node, self.requests = node, []
         self.status, self.error_message = GetTagReading.Response.STATUS_OK, ''
+        self.fields = {}  # of the reading, in place of right ones
         self._replies = threading.Semaphore(0)
         node.create_service(GetTagReading, self.name, self._reply)
 
@@ -244,8 +246,12 @@ class HeldService:
             self.requests.append(request.tag_id)
             self._replies.acquire(timeout=PATIENCE_SECONDS)
         response.status, response.error_message = self.status, self.error_message
-        response.reading.tag_id = request.tag_id
-        response.reading.sim_time_of_day_seconds = float(len(self.requests))
+        right = {
+            'tag_id': request.tag_id,
+            'sim_time_of_day_seconds': float(len(self.requests)),
+            'readings': [SensorReading(name='co2', value=400.0)],
+        }
+        response.reading = TagReading(**{**right, **self.fields})
         return response
 
     def reply(self, times: int = 1) -> None:
@@ -358,6 +364,33 @@ def test_a_failure_of_the_simulator_is_said_and_not_published(held_service, star
 
 
 @needs_detections
+@pytest.mark.parametrize(
+    ('fields', 'fault'),
+    [
+        ({'tag_id': '8'}, "it is of tag '8'"),
+        ({'tag_id': ''}, 'it names no tag, or has no value'),
+        ({'readings': []}, 'it names no tag, or has no value'),
+        ({'readings': [SensorReading(name='co2', value=math.nan)]}, 'it has a number that is not finite'),
+        ({'sim_time_of_day_seconds': math.inf}, 'it has a number that is not finite'),
+    ],
+)
+def test_a_reading_that_cannot_be_right_is_said_and_not_published(
+    held_service, start_reader, detector, log, fields, fault
+):
+    held_service.fields = fields
+    held_service.reply(1000)
+    reader = start_reader(bridge_service_name=held_service.name)
+    reader.meet_service()
+    camera, readings = Camera(detector), listen(detector, READINGS)
+    camera.look_at(7)
+    wait_until(lambda: f"tag '7': the reading is not published: {fault}" in log())
+    held_service.fields = {}
+    camera.look_at(9)
+    wait_until(lambda: readings)
+    assert [each.tag_id for each in readings] == ['9']
+
+
+@needs_detections
 def test_two_servers_of_the_service_are_named_once(held_service, start_reader, detector, log):
     with spinning_node('other') as other:
         other.create_service(GetTagReading, held_service.name, lambda _request, response: response)
@@ -461,7 +494,8 @@ def test_a_reply_that_is_handled_just_before_its_request_is_given_up_is_publishe
         tag_ids = overdue(*arguments)
         for tag_id in tag_ids:
             future = reader.node._futures[tag_id]
-            future.set_result(GetTagReading.Response(reading=TagReading(tag_id=tag_id)))
+            values = [SensorReading(name='co2', value=400.0)]
+            future.set_result(GetTagReading.Response(reading=TagReading(tag_id=tag_id, readings=values)))
             reader.node._on_answer(tag_id, future)
         return tag_ids
 

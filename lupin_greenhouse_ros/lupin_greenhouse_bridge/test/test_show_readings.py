@@ -2,6 +2,7 @@
 """show_readings: what it publishes of the readings that it hears."""
 
 import contextlib
+import importlib.util
 import json
 import math
 
@@ -25,7 +26,6 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
 from lupin_greenhouse_bridge.testing import executable, running, spinning_node, wait_until
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rendering import render
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -166,6 +166,10 @@ def test_tables_plates_and_ids_lie_where_the_layout_lies_in_the_map():
     assert {each.header.frame_id for each in markers.markers} == {'map'}
 
 
+@pytest.mark.skipif(
+    not importlib.util.find_spec('matplotlib'),
+    reason='matplotlib is missing: sudo apt install python3-matplotlib',
+)
 def test_no_label_covers_another_one_in_the_picture_of_the_messages(tmp_path, shipped_tags):
     """Rendered as RViz does, with a reading of every sensor at every tag."""
     layout = find_layout('')
@@ -182,6 +186,8 @@ def test_no_label_covers_another_one_in_the_picture_of_the_messages(tmp_path, sh
     grid = grid_over(layout, find_walls(layout), 0.1)
     field = OccupancyGrid(data=[-1] * (grid.columns * grid.rows))
     field.info.resolution, field.info.width, field.info.height = 0.1, grid.columns, grid.rows
+    from rendering import render  # needs matplotlib
+
     boxes = render(tmp_path / 'markers.png', markers, field)
     assert len(boxes) == 2 * len(shipped_tags) + 1
     seen = list(boxes.items())

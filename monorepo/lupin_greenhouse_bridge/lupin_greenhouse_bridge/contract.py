@@ -1,6 +1,8 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The names, the statuses and the QoS that the bridge and its clients share."""
 
+import math
+
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
@@ -21,6 +23,14 @@ STATUS_NAMES = {
 def latched(depth: int = 1) -> QoSProfile:
     """Return the QoS of a topic whose last messages are delivered to late subscribers too."""
     return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def fault_of_reading(reading) -> str:
+    """Return why a TagReading is not one that a bridge sends; '' if it can be."""
+    if not (reading.tag_id and reading.readings):
+        return 'it names no tag, or has no value'
+    numbers = [reading.sim_time_of_day_seconds, *(each.value for each in reading.readings)]
+    return '' if all(map(math.isfinite, numbers)) else 'it has a number that is not finite'
 
 
 def parameter_service_of(service_name: str) -> str:

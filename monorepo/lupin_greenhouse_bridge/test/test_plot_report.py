@@ -1,6 +1,7 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The picture of the readings in a file."""
 
+import importlib.util
 import itertools
 import json
 import os
@@ -16,10 +17,12 @@ from lupin_greenhouse_bridge.recording.reading_files import read_file
 from lupin_greenhouse_bridge.recording.store import open_store
 from reading_helpers import visit, write_report
 
-Figure = pytest.importorskip(
-    'matplotlib.figure',
+HAS_MATPLOTLIB = importlib.util.find_spec('matplotlib') is not None
+pytestmark = pytest.mark.skipif(
+    not HAS_MATPLOTLIB,
     reason='matplotlib, which draws the picture, is missing: sudo apt install python3-matplotlib',
-).Figure
+)
+Figure = importlib.import_module('matplotlib.figure').Figure if HAS_MATPLOTLIB else None
 
 
 @pytest.fixture

@@ -6,12 +6,11 @@ It is silent while a mission runs, which publishes observations of its own.
     ros2 run lupin_mission passive_observer --ros-args -p layout_in_map:=layout_in_map.yaml
 """
 
-import math
 import sys
 from dataclasses import dataclass
 
 from geometry_msgs.msg import Point, Pose, Quaternion
-from lupin_greenhouse_bridge.contract import latched
+from lupin_greenhouse_bridge.contract import fault_of_reading, latched
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.registration import read_transform
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
@@ -76,14 +75,6 @@ class Settings:
         return {tag_id: Point(x=x, y=y) for tag_id, (x, y) in positions.items()}
 
 
-def fault_of(reading) -> str:
-    """Return why a TagReading is not an observation; '' if it is one."""
-    if not (reading.tag_id and reading.readings):
-        return 'it names no tag, or has no value'
-    numbers = [reading.sim_time_of_day_seconds, *(each.value for each in reading.readings)]
-    return '' if all(map(math.isfinite, numbers)) else 'it has a number that is not finite'
-
-
 def pose_at(position: Point | None) -> Pose:
     """Return the pose at a position, without a direction; w = 0 marks it as unset."""
     return Pose(position=position or Point(), orientation=Quaternion(w=float(position is not None)))
@@ -117,7 +108,7 @@ class PassiveObserver(Node):
     def _on_reading(self, reading) -> None:
         if self._lifecycle_state in BUSY_STATES and self._has_mission():
             return
-        if fault := fault_of(reading):
+        if fault := fault_of_reading(reading):
             tag = escaped(reading.tag_id, 64)
             self.get_logger().warning(f"reading of tag '{tag}' ignored: {fault}", throttle_duration_sec=1.0)
             return

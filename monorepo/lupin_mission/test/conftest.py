@@ -100,7 +100,7 @@ def node():
     yield node
     ended.set()  # rclpy raises in a thread that spins an executor while another closes it
     spinner.join()
-    executor.shutdown()
+    executor.shutdown(timeout_sec=0)
     node.destroy_node()
     rclpy.shutdown(context=context)
 

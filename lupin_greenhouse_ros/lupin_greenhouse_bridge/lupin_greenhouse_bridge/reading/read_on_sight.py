@@ -17,7 +17,13 @@ from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 
-from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, SERVICE_QOS, STATUS_NAMES, latched
+from lupin_greenhouse_bridge.contract import (
+    DEFAULT_SERVICE,
+    SERVICE_QOS,
+    STATUS_NAMES,
+    fault_of_reading,
+    latched,
+)
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 from lupin_greenhouse_bridge.reading.detections import FAMILIES, Limits, Sightings, detection_messages
@@ -152,7 +158,7 @@ class ReadOnSightNode(Node):
         self._sightings.answered(tag_id, time.monotonic())
         response = future.result()
         if response.status == GetTagReading.Response.STATUS_OK:
-            self._readings.publish(response.reading)
+            self._publish(tag_id, response.reading)
         elif response.status == GetTagReading.Response.STATUS_UNKNOWN_TAG:
             if tag_id not in self._unknown_ids and len(self._unknown_ids) < MOST_UNKNOWN_IDS_LOGGED:
                 self._unknown_ids.add(tag_id)
@@ -163,6 +169,17 @@ class ReadOnSightNode(Node):
                 f"tag '{escaped(tag_id, 64)}': {status}: {escaped(response.error_message, 300)}",
                 **NOW_AND_THEN,
             )
+
+    def _publish(self, tag_id: str, reading) -> None:
+        fault = fault_of_reading(reading)
+        if not fault and reading.tag_id != tag_id:
+            fault = f"it is of tag '{escaped(reading.tag_id, 64)}'"
+        if fault:
+            self.get_logger().warning(
+                f"tag '{escaped(tag_id, 64)}': the reading is not published: {fault}", **NOW_AND_THEN
+            )
+        else:
+            self._readings.publish(reading)
 
 
 def main(args=None) -> int:

@@ -137,7 +137,7 @@ def _spun(*nodes, context=None):
         # rclpy raises in a thread that spins an executor while another closes it.
         executor.create_task(ended.set)
         spinner.join(PATIENCE_SECONDS)
-        executor.shutdown()
+        executor.shutdown(timeout_sec=0)  # nothing spins; Humble would wait for the task
 
 
 def check_settings(settings_type) -> None:
