@@ -20,7 +20,15 @@ import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
-from lupin_greenhouse_bridge.planning import approach, drawing, free_space, route, tag_poses, walls
+from lupin_greenhouse_bridge.planning import (
+    approach,
+    drawing,
+    free_space,
+    route,
+    surroundings,
+    tag_poses,
+    walls,
+)
 from lupin_greenhouse_bridge.planning.drawing import COLOURS, Box, draw_greenhouse, place_labels
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator.files import shipped_file
@@ -46,7 +54,7 @@ TAG_RADIUS_M = 0.085
 CHARACTER_M, LINE_M = 0.085, 0.17  # of a label in the picture
 CLEAR_M = 0.2  # distance of a number on a contour line to a wall, at least; twice that to a tag
 
-DRAWN_BY = (approach, drawing, free_space, route, tag_poses, units, walls)
+DRAWN_BY = (approach, drawing, free_space, route, surroundings, tag_poses, units, walls)
 
 
 class Greenhouse:
@@ -168,7 +176,7 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
 def draw_route(greenhouse: Greenhouse):
     """Return the figure of the approach poses and the shortest route of a robot of the default size."""
     layout, found = greenhouse.layout, greenhouse.walls
-    poses, unreachable, free = approach.find_approaches(layout, found, approach.ViewingLimits())
+    poses, unreachable, free, _ = approach.find_approaches(layout, found, approach.ViewingLimits())
     planned = route.plan_route(free, poses, None, 'shortest')
     return drawing.draw_route(layout, found, poses, unreachable, planned)
 

@@ -179,7 +179,9 @@ class MissionNode(Node):
         if isinstance(self._drive, Nav2Drive):
             self._plan = Plan(self._tags.layout(), self._settings, self._tags.layout_in_map)
             self._drive.goals, self._drive.unreachable = self._plan.goals, self._plan.unreachable
-            for warning in self._plan.warnings:
+            of_rooms = self._plan.room_warnings
+            chosen = [of_rooms[tag_id] for tag_id in self._chosen_ids() if tag_id in of_rooms]
+            for warning in [*self._plan.warnings, *chosen]:
                 self._announcer.warn(warning)
 
     def _chosen_ids(self) -> list[str]:

@@ -3,7 +3,7 @@
 import math
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.approach import Override, ViewingLimits, find_approaches, read_overrides
+from lupin_greenhouse_bridge.planning.approach import Override, find_approaches, read_overrides
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.planning.route import plan_route
 from lupin_greenhouse_bridge.planning.walls import find_walls
@@ -18,21 +18,14 @@ class Plan:
 
     def __init__(self, layout: Layout, settings: Settings, layout_in_map: Transform):
         """Read the overrides and find the poses; raises StartUpError."""
-        standoff_m = settings.approach_standoff_m
-        limits = ViewingLimits(
-            robot_radius_m=settings.robot_radius_m,
-            smallest_standoff_m=min(ViewingLimits.smallest_standoff_m, standoff_m),
-            preferred_standoff_m=standoff_m,
-            largest_standoff_m=max(ViewingLimits.largest_standoff_m, standoff_m),
-        )
         overrides, self.warnings = {}, []
         self._map_in_layout = _inverse(layout_in_map)
         if path := settings.approach_overrides_file:
             in_map, self.warnings = read_overrides(path, layout.tags)
             overrides = {tag_id: self._in_layout(tag_id, each, path) for tag_id, each in in_map.items()}
         walls = find_walls(layout, settings.sim_config_file, settings.walls)
-        self._poses, self.unreachable, self._free_space = find_approaches(
-            layout, walls, limits, overrides=overrides
+        self._poses, self.unreachable, self._free_space, self.room_warnings = find_approaches(
+            layout, walls, settings.viewing_limits, overrides=overrides
         )
         self.goals = {
             tag_id: Goal(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))

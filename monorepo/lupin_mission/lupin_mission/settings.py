@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.planning.approach import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import parse_walls, walls_parameter
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 
@@ -101,6 +102,32 @@ class Settings:
         'Preferred distance from the robot to a tag in metres; it differs where there is no room.',
         smallest=0.2,
         largest=1.5,
+    )
+    approach_clearance_m: float = parameter(
+        ViewingLimits.clearance_m,
+        "Room at each approach pose beyond the robot's radius, in metres; where there is less, the roomiest"
+        ' pose counts, with a warning.',
+        smallest=0.0,
+        largest=1.0,
+    )
+    arrival_tolerance_m: float = parameter(
+        ViewingLimits.arrival_tolerance_m,
+        'How far from its pose the robot may arrive, in metres, as xy_goal_tolerance of Nav2: the view allows'
+        ' for it where there is room.',
+        smallest=0.0,
+        largest=1.0,
+    )
+    arrival_tolerance_rad: float = parameter(
+        ViewingLimits.arrival_tolerance_rad,
+        'How far it may be turned from its pose, in radians, as yaw_goal_tolerance of Nav2.',
+        smallest=0.0,
+        largest=math.pi,
+    )
+    camera_offset_m: float = parameter(
+        ViewingLimits.camera_offset_m,
+        "How far the camera is ahead of the robot's centre, in metres.",
+        smallest=-0.29,  # less than the smallest standoff
+        largest=0.29,
     )
     approach_overrides_file: str = parameter(
         '',
@@ -201,6 +228,7 @@ class Settings:
             if getattr(self, name) not in accepted:
                 raise invalid(name, getattr(self, name), ' or '.join(accepted))
         self._check_name_of_report()
+        _ = self.viewing_limits  # raises StartUpError
         if self.order == 'shortest' and self.drive != 'nav2':
             raise StartUpError('order:=shortest is for a robot that drives: set drive to nav2')
         if self.world_file and self.drive == 'nav2':
@@ -246,6 +274,21 @@ class Settings:
         if self.tag_poses_in_map == '':
             return bool(self.layout_in_map) or not self.require_visual_confirmation
         return self.tag_poses_in_map in (True, 'true')
+
+    @property
+    def viewing_limits(self) -> ViewingLimits:
+        """The limits of the approach poses."""
+        standoff_m = self.approach_standoff_m
+        return ViewingLimits(
+            robot_radius_m=self.robot_radius_m,
+            smallest_standoff_m=min(ViewingLimits.smallest_standoff_m, standoff_m),
+            preferred_standoff_m=standoff_m,
+            largest_standoff_m=max(ViewingLimits.largest_standoff_m, standoff_m),
+            clearance_m=self.approach_clearance_m,
+            arrival_tolerance_m=self.arrival_tolerance_m,
+            arrival_tolerance_rad=self.arrival_tolerance_rad,
+            camera_offset_m=self.camera_offset_m,
+        )
 
     @property
     def limits(self) -> Limits:

@@ -25,9 +25,40 @@ def plan(in_map=AS_IT_IS, **parameters) -> Plan:
 
 def test_the_robot_stands_before_a_tag_and_looks_at_it():
     assert plan().goals['1'] == pytest.approx((0.5, 0.5, math.pi / 2))
-    for standoff_m in (0.22, 0.75, 1.3):
+    for standoff_m in (0.28, 0.75, 1.3):
         goal = plan(approach_standoff_m=standoff_m).goals['1']
         assert goal == pytest.approx((0.5, 1.0 - standoff_m, math.pi / 2))
+
+
+def test_a_goal_has_the_clearance_and_allows_for_the_arrival():
+    """A box ahead of tag 1 leaves a robot of radius 0.2 m the places beside it."""
+    box = {'walls': '-1.6 -0.6 5.6 3.6'}
+    layout = LAYOUT._replace(tables={**LAYOUT.tables, 'box': (0.35, 0.2, 0.55, 0.62)})
+    exact = {'arrival_tolerance_m': 0.0, 'arrival_tolerance_rad': 0.0}
+    goals = {
+        key: Plan(layout, Settings(drive='nav2', **box, **parameters), AS_IT_IS).goals['1']
+        for key, parameters in {
+            'default': {},
+            'close': {'approach_clearance_m': 0.0, **exact},
+            'exact': exact,
+        }.items()
+    }
+    assert goals['default'].x - 0.55 >= 0.28
+    assert 0.25 <= goals['exact'].x - 0.55 < 0.28
+    assert 0.199 <= goals['close'].x - 0.55 < 0.25
+    angles = {key: abs(math.atan2(goal.x - 0.5, 1.0 - goal.y)) for key, goal in goals.items()}
+    assert angles['default'] + 0.15 <= math.pi / 4
+    assert angles['exact'] + 0.15 > math.pi / 4
+
+
+def test_a_pose_with_less_room_than_the_clearance_is_warned_of():
+    assert plan().room_warnings == {}
+    settings = Settings(drive='nav2', approach_clearance_m=0.4, walls='-1.6 0.0 5.6 3.6')
+    warnings = Plan(LAYOUT, settings, AS_IT_IS).room_warnings
+    assert set(warnings) == set('1234')
+    assert warnings['1'] == (
+        "tag '1': its pose has 0.300 m of room beyond the robot's radius, less than the clearance of 0.4 m"
+    )
 
 
 def test_the_goals_are_in_the_map_where_the_layout_lies():
@@ -74,7 +105,7 @@ def test_a_tag_that_cannot_be_reached_has_a_reason_and_no_goal():
     assert not found.goals.keys() & found.unreachable.keys()
     assert found.unreachable
     for reason in found.unreachable.values():
-        assert reason.startswith(('no place for a robot of radius 0.3 m within 1 m and 45°', 'cut off'))
+        assert reason.startswith(('no place for a robot of radius 0.3 m within 1 m and 60°', 'cut off'))
 
 
 @pytest.mark.parametrize(

@@ -57,19 +57,23 @@ def _compute(options) -> tuple[dict, str, bool]:
         read_registration(options.layout_in_map) if options.layout_in_map else (MAP_FRAME, Transform())
     )
     overrides, warnings = read_overrides(options.overrides, layout.tags) if options.overrides else ({}, [])
-    for warning in warnings:
-        print(f'approach_poses: {warning}', file=sys.stderr)
     walls = find_walls(layout, options.sim_config_file, options.walls)
     limits = ViewingLimits(
-        options.radius,
-        options.smallest_standoff,
-        options.largest_standoff,
-        options.standoff,
-        math.radians(options.angle),
-        options.clearance,
+        robot_radius_m=options.radius,
+        smallest_standoff_m=options.smallest_standoff,
+        largest_standoff_m=options.largest_standoff,
+        preferred_standoff_m=options.standoff,
+        largest_angle_rad=math.radians(options.angle),
+        steepest_angle_rad=math.radians(options.steepest_angle),
+        clearance_m=options.clearance,
+        arrival_tolerance_m=options.arrival_tolerance[0],
+        arrival_tolerance_rad=options.arrival_tolerance[1],
+        camera_offset_m=options.camera_offset,
     )
     start_m = options.start and tuple(options.start)
     approaches = find_approaches(layout, walls, limits, start_m=start_m, overrides=overrides)
+    for warning in [*warnings, *approaches.warnings.values()]:
+        print_line(f'approach_poses: {warning}', sys.stderr)
     route = plan_route(approaches.free_space, approaches.poses, start_m, options.order)
     if options.picture:
         _draw(options.picture, layout, walls, approaches, route)
@@ -194,15 +198,36 @@ def _parser() -> argparse.ArgumentParser:
     add_wall_options(parser)
     for name, value, unit, what in (
         ('--radius', default.robot_radius_m, 'M', 'radius of the robot in metres'),
-        ('--clearance', default.clearance_m, 'M', 'distance between the robot and tables, walls and plates'),
+        ('--clearance', default.clearance_m, 'M', 'room beyond the radius to tables, walls and plates'),
         ('--standoff', default.preferred_standoff_m, 'M', 'preferred distance to the tag'),
         ('--smallest-standoff', default.smallest_standoff_m, 'M', 'smallest distance to the tag'),
         ('--largest-standoff', default.largest_standoff_m, 'M', 'largest distance to the tag'),
         ('--angle', math.degrees(default.largest_angle_rad), 'DEGREES', 'largest incidence angle'),
+        (
+            '--steepest-angle',
+            math.degrees(default.steepest_angle_rad),
+            'DEGREES',
+            'largest incidence angle where there is hardly any room',
+        ),
+        (
+            '--camera-offset',
+            default.camera_offset_m,
+            'M',
+            "how far the camera is ahead of the robot's centre",
+        ),
     ):
         parser.add_argument(
             name, type=float, default=value, metavar=unit, help=f'{what} (default: %(default)g)'
         )
+    parser.add_argument(
+        '--arrival-tolerance',
+        type=float,
+        nargs=2,
+        default=(default.arrival_tolerance_m, default.arrival_tolerance_rad),
+        metavar=('M', 'RADIANS'),
+        help='how far from its pose the robot may arrive, as xy_goal_tolerance and yaw_goal_tolerance of Nav2'
+        ' (default: 0.06 0.15)',
+    )
     parser.add_argument(
         '--order', choices=ORDERS, default='shortest', help='order of the visits (default: %(default)s)'
     )

@@ -14,11 +14,10 @@ import math
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.tag_poses import Table, TagPose, find_tag_poses, tables_of
+from lupin_greenhouse_bridge.planning.tag_poses import Table, find_tag_poses, tables_of
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
-PLATE_WIDTH_M = 0.0625  # of a tag of 5 cm with its white border
 # An octagon is eight limits: the lowest and the highest value of x, y, x + y and x - y.
 AXES = np.array([(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0)]).T
 LENGTHS = np.linalg.norm(AXES, axis=0)
@@ -46,7 +45,7 @@ class FreeSpace:
         self._inside = np.array([x0, y0]) + radius_m, np.array([x1, y1]) - radius_m
         self._tolerance_m = 1e-9 + 4e-15 * max(map(abs, walls))  # of the numbers, far from the origin
         shapes = [_corners(each) for each in tables_of(layout)]
-        shapes += [_ends(each) for each in self.tag_poses.values()]
+        shapes += [each.ends_of_plate() for each in self.tag_poses.values()]
         octagons: list[tuple[np.ndarray, np.ndarray]] = []  # without those that lie within another
         for shape in shapes:
             along = shape @ AXES
@@ -242,12 +241,6 @@ def _pairs(count: int) -> np.ndarray:
 
 def _corners(table: Table) -> np.ndarray:
     return np.array([(x, y) for x in (table.x0, table.x1) for y in (table.y0, table.y1)])
-
-
-def _ends(tag: TagPose) -> np.ndarray:
-    """Return the two ends of the plate of a tag, seen from above."""
-    half = PLATE_WIDTH_M / 2 * np.array([-math.sin(tag.facing), math.cos(tag.facing)])
-    return np.array([tag[:2] + half, tag[:2] - half])
 
 
 def _vertices(low: np.ndarray, high: np.ndarray) -> list[tuple[float, float]]:

@@ -1,7 +1,6 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Compute the approach poses, from which the robot's camera sees a tag. Does not import ROS."""
 
-import itertools
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -12,13 +11,18 @@ import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace, VisibilityGraph
-from lupin_greenhouse_bridge.planning.tag_poses import TagPose
+from lupin_greenhouse_bridge.planning.surroundings import AllSurroundings
+from lupin_greenhouse_bridge.planning.tag_poses import TagPose, tables_of
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.files import number, read_yaml
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
 STEP_M = 0.02
 STEP_RAD = math.radians(1.5)
+SMALLEST_ROOM_M = 0.01  # beyond the robot's radius, as the footprint_padding of Nav2
+FIRST = 64  # poses that are tried before all others
+TIGHT_M = 0.02  # with less room, a steeper view is better
+SAME_M = 1e-9
 
 
 class ApproachPose(NamedTuple):
@@ -40,7 +44,11 @@ class ViewingLimits:
     largest_standoff_m: float = 1.0
     preferred_standoff_m: float = 0.5
     largest_angle_rad: float = math.pi / 4  # of incidence
-    clearance_m: float = 0.005  # between the robot and what it must not touch
+    steepest_angle_rad: float = math.pi / 3  # of incidence, where the others leave less room than TIGHT_M
+    clearance_m: float = 0.05  # beyond the radius; where there is less, the roomiest pose counts
+    arrival_tolerance_m: float = 0.06  # how far from its pose the robot may arrive
+    arrival_tolerance_rad: float = 0.15
+    camera_offset_m: float = 0.0  # of the camera, ahead of the robot's centre
 
     def __post_init__(self):
         if not 0.0 < self.smallest_standoff_m <= self.preferred_standoff_m <= self.largest_standoff_m < 1e3:
@@ -49,16 +57,37 @@ class ViewingLimits:
                 f' {self.largest_standoff_m:g} m: must be above 0, and the smallest, the preferred and the'
                 ' largest in this order'
             )
-        if not 0.0 <= self.largest_angle_rad < math.pi / 2:
-            degrees = math.degrees(self.largest_angle_rad)
-            raise StartUpError(
-                f'the largest incidence angle is {degrees:g} degrees: must be from 0 to below 90'
-            )
+        for name, angle_rad in (('largest', self.largest_angle_rad), ('steepest', self.steepest_angle_rad)):
+            if not 0.0 <= angle_rad < math.pi / 2:
+                degrees = math.degrees(angle_rad)
+                raise StartUpError(
+                    f'the {name} incidence angle is {degrees:g} degrees: must be from 0 to below 90'
+                )
         if not (self.robot_radius_m >= 0.0 and self.clearance_m >= 0.0):
             raise StartUpError(
                 f'the radius of the robot is {self.robot_radius_m:g} m and its clearance'
                 f' {self.clearance_m:g} m: must not be below 0'
             )
+        if not (self.arrival_tolerance_m >= 0.0 and self.arrival_tolerance_rad >= 0.0):
+            raise StartUpError(
+                f'the arrival tolerances are {self.arrival_tolerance_m:g} m and'
+                f' {self.arrival_tolerance_rad:g} rad: must not be below 0'
+            )
+        if not abs(self.camera_offset_m) < self.smallest_standoff_m:
+            raise StartUpError(
+                f"the camera is {self.camera_offset_m:g} m ahead of the robot's centre: must be less than"
+                f' the smallest standoff, which is {self.smallest_standoff_m:g} m'
+            )
+
+    @property
+    def steepest_rad(self) -> float:
+        """The largest incidence angle where there is little room."""
+        return max(self.largest_angle_rad, self.steepest_angle_rad)
+
+    @property
+    def smallest_room_m(self) -> float:
+        """The room beyond the radius that each pose and each path has."""
+        return min(SMALLEST_ROOM_M, self.clearance_m)
 
 
 class Override(NamedTuple):
@@ -76,6 +105,7 @@ class Approaches(NamedTuple):
     poses: dict[str, ApproachPose]
     unreachable: dict[str, str]
     free_space: FreeSpace
+    warnings: dict[str, str]  # of poses with less room than the clearance
 
 
 def find_approaches(
@@ -89,11 +119,13 @@ def find_approaches(
     """
     Return an approach pose for each tag that the robot can look at.
 
-    Each pose is free, and connected to the start; without a start, to the largest part of the free space.
-    Among such poses the one nearest to the preferred standoff wins, then the one with the smallest incidence
-    angle. Raises StartUpError for a start that is not free, or if no point is free.
+    Each pose is free, has the whole tag in view, and is connected to the start; without a start, to the
+    largest part of the free space. Among such poses those with the clearance win, then those with view and
+    room after an arrival beside the pose, then the one nearest to the preferred standoff, then the one with
+    the smallest incidence angle. Without that room, the roomiest pose wins.
+    Raises StartUpError for a start that is not free, or if no point is free.
     """
-    free_space = FreeSpace(layout, walls, limits.robot_radius_m, limits.clearance_m)
+    free_space = FreeSpace(layout, walls, limits.robot_radius_m, limits.smallest_room_m)
     if start_m is None:
         start_m, origin = free_space.point_of_largest_region(), 'the rest of the free space'
     else:
@@ -102,42 +134,135 @@ def find_approaches(
         raise StartUpError(
             f'{origin} is not free for a robot of radius {limits.robot_radius_m:g} m: choose another'
         )
-    region = _Region(free_space, start_m)
-    poses, unreachable = {}, {}
+    search = _Search(layout, walls, limits, free_space, _Region(free_space, start_m))
+    found = Approaches({}, {}, free_space, {})
     for tag_id, tag in free_space.tag_poses.items():
         if not walls.has_inside(tag.x, tag.y):
-            unreachable[tag_id] = f'outside the walls ({walls}): set walls, or sim_config_file'
+            found.unreachable[tag_id] = f'outside the walls ({walls}): set walls, or sim_config_file'
             continue
         override = (overrides or {}).get(tag_id, Override())
-        has_free_pose = False
-        for candidates in _candidates(tag, limits, override):
-            is_free = free_space.are_free([each[:2] for each in candidates])
-            has_free_pose |= bool(is_free.any())
-            if pose := region.first(list(itertools.compress(candidates, is_free))):
-                poses[tag_id] = pose
-                break
-        else:
-            unreachable[tag_id] = f'cut off from {origin}' if has_free_pose else _no_place(limits, override)
-    return Approaches(poses, unreachable, free_space)
+        trial = search.best(tag_id, tag, override)
+        if trial.pose is None:
+            found.unreachable[tag_id] = trial.reason(origin, limits, override)
+            continue
+        found.poses[tag_id] = trial.pose
+        if trial.room_m < limits.clearance_m - SAME_M:
+            found.warnings[tag_id] = (
+                f"tag '{escaped(tag_id, 64)}': its pose has {trial.room_m:.3f} m of room beyond the robot's"
+                f' radius, less than the clearance of {limits.clearance_m:g} m'
+            )
+    return found
 
 
-def _no_place(limits: ViewingLimits, override: Override) -> str:
-    robot = f'no place for a robot of radius {limits.robot_radius_m:g} m'
-    if override != Override():
-        return f'{robot} where the overrides set the pose'
-    return f'{robot} within {limits.largest_standoff_m:g} m and {math.degrees(limits.largest_angle_rad):g}°'
+@dataclass
+class _Trial:
+    """What the search for a pose of one tag found."""
+
+    pose: ApproachPose | None = None
+    room_m: float = 0.0
+    has_place: bool = False  # some pose is free
+    has_view: bool = False  # some free pose has the tag in view
+
+    def reason(self, origin: str, limits: ViewingLimits, override: Override) -> str:
+        """Return why a tag has no pose; the origin is where the robot starts."""
+        if self.has_view:
+            return f'cut off from {origin}'
+        if self.has_place:
+            return 'tables or other tags hide it wherever the robot has a place'
+        robot = f'no place for a robot of radius {limits.robot_radius_m:g} m'
+        if override != Override():
+            return f'{robot} where the overrides set the pose'
+        return f'{robot} within {limits.largest_standoff_m:g} m and {math.degrees(limits.steepest_rad):g}°'
 
 
-def _candidates(tag: TagPose, limits: ViewingLimits, override: Override):
-    """Yield lists of poses, the best first."""
+class _Search:
+    """Looks for the best pose of each tag."""
+
+    def __init__(self, layout: Layout, walls: Walls, limits: ViewingLimits, free_space: FreeSpace, region):
+        self._limits, self._free_space, self._region = limits, free_space, region
+        self._surroundings = AllSurroundings(tables_of(layout), walls, free_space.tag_poses)
+
+    def best(self, tag_id: str, tag: TagPose, override: Override) -> _Trial:
+        """Return the best pose of a tag; most tags need no more than the preferred standoff."""
+        candidates = _candidates(tag, self._limits, override)
+        is_preferred = np.abs(candidates[:, 3] - self._limits.preferred_standoff_m) < SAME_M
+        trial = _Trial()
+        self._try(tag_id, candidates[is_preferred], trial, worst_rank=0)
+        if trial.pose is None:
+            self._try(tag_id, candidates, trial)
+        return trial
+
+    def _try(self, tag_id: str, poses: np.ndarray, trial: _Trial, worst_rank: float = math.inf) -> None:
+        """Find the best of some poses, an array (poses, 5), with at most this rank."""
+        limits = self._limits
+        if not len(poses):
+            return
+        reach_m = float(poses[:, 3].max()) + limits.robot_radius_m + limits.clearance_m
+        around = self._surroundings.of(tag_id, reach_m)
+        rooms_m = around.gaps_m(poses[:, :2]) - limits.robot_radius_m
+        for order in np.split(_best_first(poses, rooms_m, limits, worst_rank), [FIRST]):
+            free = order[self._free_space.are_free(poses[order, :2])]
+            trial.has_place |= bool(len(free))
+            eyes = poses[free, :2] + limits.camera_offset_m * _directions(poses[free, 2])
+            seen = free[around.are_in_view(eyes)]
+            trial.has_view |= bool(len(seen))
+            number = self._region.first(poses[seen, :2])
+            if number is not None:
+                trial.pose = ApproachPose(*poses[seen[number]].tolist())
+                trial.room_m = float(rooms_m[seen[number]])
+                return
+
+
+def _best_first(
+    poses: np.ndarray, rooms_m: np.ndarray, limits: ViewingLimits, worst_rank: float
+) -> np.ndarray:
+    """
+    Return the numbers of the poses, an array (poses, 5), that have room and at most this rank.
+
+    The ranks: 0 clearance, and room and view allow for an arrival beside the pose; 1 clearance, and the view
+    does; 2 clearance; 3 not tight; 4 not tight, but a steep view; 5 others.
+    """
+    is_steep = poses[:, 4] > limits.largest_angle_rad + SAME_M
+    has_clearance = rooms_m >= limits.clearance_m - SAME_M
+    tight_m = min(TIGHT_M, limits.clearance_m)
+    is_tight = rooms_m < tight_m - SAME_M
+    enough_m = max(limits.clearance_m, tight_m + limits.arrival_tolerance_m)
+    is_close = rooms_m < enough_m - SAME_M
+    allows_arrival = _allow_arrival(poses, limits)
+    conditions = [is_tight, is_steep, ~has_clearance, ~allows_arrival, is_close]
+    ranks = np.select(conditions, [5, 4, 3, 2, 1], 0)
+    room_mm = np.round(1e3 * np.minimum(rooms_m, enough_m))
+    off_m = np.round(np.abs(poses[:, 3] - limits.preferred_standoff_m), 9)
+    order = np.lexsort((np.round(poses[:, 4], 9), off_m, ~allows_arrival, -room_mm, ranks))
+    has_room = rooms_m >= limits.smallest_room_m - SAME_M
+    return order[(has_room & (ranks <= worst_rank))[order]]
+
+
+def _allow_arrival(poses: np.ndarray, limits: ViewingLimits) -> np.ndarray:
+    """Return whether the view from each pose is within the limits after an arrival within the tolerances."""
+    standoffs_m, angles = poses[:, 3], poses[:, 4]
+    aside_m = limits.arrival_tolerance_m + abs(limits.camera_offset_m) * limits.arrival_tolerance_rad
+    to_camera_m = np.maximum(standoffs_m - limits.camera_offset_m, SAME_M)
+    turn = np.arcsin(np.minimum(aside_m / to_camera_m, 1.0))  # of the line of sight
+    nearest_m = min(limits.smallest_standoff_m + limits.arrival_tolerance_m, limits.preferred_standoff_m)
+    farthest_m = max(limits.largest_standoff_m - limits.arrival_tolerance_m, limits.preferred_standoff_m)
+    return (
+        (angles + np.maximum(turn, limits.arrival_tolerance_rad) <= limits.largest_angle_rad + SAME_M)
+        & (standoffs_m >= nearest_m - SAME_M)
+        & (standoffs_m <= farthest_m + SAME_M)
+    )
+
+
+def _candidates(tag: TagPose, limits: ViewingLimits, override: Override) -> np.ndarray:
+    """Return the poses that may be one of a tag, with the columns of ApproachPose, in an array (poses, 5)."""
     preferred_m = limits.preferred_standoff_m
     standoffs_m = [
         preferred_m,
         *_steps(preferred_m, limits.smallest_standoff_m, STEP_M),
         *_steps(preferred_m, limits.largest_standoff_m, STEP_M),
     ]
-    standoffs_m.sort(key=lambda each: round(abs(each - preferred_m), 9))
     one_side = _steps(0.0, limits.largest_angle_rad, STEP_RAD)
+    one_side += _steps(limits.largest_angle_rad, limits.steepest_rad, STEP_RAD)
     angles = [0.0, *(sign * angle for angle in one_side for sign in (1, -1))]
     if override.standoff is not None:
         standoffs_m = [override.standoff]
@@ -145,30 +270,37 @@ def _candidates(tag: TagPose, limits: ViewingLimits, override: Override):
         angles = [override.yaw + math.pi - tag.facing]
     if override.goal_x is not None or override.goal_y is not None:
         standoffs_m, angles = standoffs_m[:1], angles[:1]
-    for some_m in (standoffs_m[:1], standoffs_m[1:]):  # most tags need no more than the first
-        yield [
-            _pose(tag, standoff_m, tag.facing + angle, override) for standoff_m in some_m for angle in angles
-        ]
+    standoffs, angles = (each.ravel() for each in np.meshgrid(standoffs_m, angles, indexing='ij'))
+    if override == Override():  # a tag looks narrower from the side: a steep view must be nearer
+        narrow_m = limits.largest_standoff_m / math.cos(limits.largest_angle_rad)
+        is_wide = standoffs <= np.maximum(narrow_m * np.cos(angles), limits.smallest_standoff_m) + SAME_M
+        is_wide |= np.abs(angles) <= limits.largest_angle_rad
+        standoffs, angles = standoffs[is_wide], angles[is_wide]
+    places = tag[:2] + standoffs[:, None] * _directions(tag.facing + angles)
+    for axis, value in enumerate((override.goal_x, override.goal_y)):
+        if value is not None:
+            places[:, axis] = value
+    towards = tag[:2] - places
+    sights = np.arctan2(towards[:, 1], towards[:, 0])
+    yaws = sights if override.yaw is None else np.full(len(places), math.remainder(override.yaw, math.tau))
+    incidences = np.abs(_wrapped(sights + math.pi - tag.facing))
+    return np.column_stack([places, yaws, np.hypot(*towards.T), incidences])
+
+
+def _directions(angles: np.ndarray) -> np.ndarray:
+    """Return the unit vectors of angles to the x axis, in an array (angles, 2)."""
+    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
+def _wrapped(angles: np.ndarray) -> np.ndarray:
+    """Return angles from -pi to pi."""
+    return angles - math.tau * np.round(angles / math.tau)
 
 
 def _steps(start: float, end: float, step: float) -> list[float]:
     """Return the values from a start, which is left out, to an end, which is not."""
     count = math.ceil(round(abs(end - start) / step, 6))
     return [start + math.copysign(n * step, end - start) for n in range(1, count)] + [end] * bool(count)
-
-
-def _pose(tag: TagPose, standoff_m: float, direction: float, override: Override) -> ApproachPose:
-    """Return the pose at this standoff and in this direction from a tag, or where the override sets it."""
-    x = tag.x + standoff_m * math.cos(direction) if override.goal_x is None else override.goal_x
-    y = tag.y + standoff_m * math.sin(direction) if override.goal_y is None else override.goal_y
-    sight = math.atan2(tag.y - y, tag.x - x)
-    return ApproachPose(
-        x,
-        y,
-        sight if override.yaw is None else math.remainder(override.yaw, math.tau),
-        math.hypot(tag.x - x, tag.y - y),
-        abs(math.remainder(sight + math.pi - tag.facing, math.tau)),
-    )
 
 
 class _Region:
@@ -180,15 +312,13 @@ class _Region:
         # Each point of the region has one of these in sight.
         self._marks = np.concatenate([start, VisibilityGraph(free_space, start).corners_from(0)])
 
-    def first(self, poses: list[ApproachPose]) -> ApproachPose | None:
-        """Return the first of some free poses that is in the region; None if none is."""
-        left = poses
-        while left:
-            point = left[0][:2]
-            if self._holds(point):
-                return left[0]
-            in_sight = self._free_space.are_in_sight(point, [each[:2] for each in left])  # of itself too
-            left = list(itertools.compress(left, ~in_sight))
+    def first(self, points: np.ndarray) -> int | None:
+        """Return the number of the first of some free points that is in the region; None if none is."""
+        left = np.arange(len(points))
+        while len(left):
+            if self._holds(points[left[0]]):
+                return int(left[0])
+            left = left[~self._free_space.are_in_sight(points[left[0]], points[left])]  # not itself either
         return None
 
     def _holds(self, point) -> bool:

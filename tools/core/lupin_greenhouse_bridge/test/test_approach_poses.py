@@ -5,6 +5,7 @@ import io
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -88,10 +89,22 @@ def test_each_format_has_the_same_poses(poses_of):
 
 def test_a_tag_without_a_pose_is_told_and_gives_exit_code_1(poses_of):
     exit_code, out, err = poses_of('--radius', '0.79', '--largest-standoff', '0.6', '--format', 'json')
-    reason = 'no place for a robot of radius 0.79 m within 0.6 m and 45°'
+    reason = 'no place for a robot of radius 0.79 m within 0.6 m and 60°'
     assert exit_code == 1
     assert json.loads(out)['unreachable'] == [{'tag_id': each, 'reason': reason} for each in ('7', '21')]
     assert err.splitlines() == [f"approach_poses: tag '{each}': {reason}" for each in ('7', '21')]
+
+
+def test_a_pose_with_less_room_than_the_clearance_is_warned_of(poses_of):
+    exit_code, out, err = poses_of(
+        '--clearance', '0.7', '--largest-standoff', '0.8', '--walls', *['0', '0', '4', '4']
+    )
+    rooms_m = re.findall(r"approach_poses: tag '(\d+)': its pose has (0\.\d+) m of room beyond the", err)
+    assert exit_code == 0
+    assert sorted(tag_id for tag_id, _ in rooms_m) == sorted(LAYOUT['tags'])
+    assert all(0.2 < float(room_m) < 0.7 for _, room_m in rooms_m)
+    assert err.splitlines()[0].endswith('radius, less than the clearance of 0.7 m')
+    assert '2/2 tags have an approach pose' in out
 
 
 def test_a_transform_moves_the_poses_into_the_map(poses_of, tmp_path):
@@ -136,10 +149,16 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
         (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
         (['--overrides', '/missing.yaml'], "approach overrides '/missing.yaml': cannot be read"),
         (['--layout-in-map', '/missing.yaml'], "'/missing.yaml': cannot be read"),
-        (['--radius', '3'], 'a robot of radius 3 m and clearance 0.005 m does not fit'),
+        (['--radius', '3'], 'a robot of radius 3 m and clearance 0.01 m does not fit'),
         (['--walls', '0', '0', '0', '8'], 'walls is [0.0, 0.0, 0.0, 8.0]: must be x0 y0 x1 y1'),
         (['--sim-config-file', '/missing.yaml'], "sim_config_file '/missing.yaml': cannot be read"),
         (['--standoff', 'nan'], 'the standoffs are 0.3, nan and 1 m'),
+        (['--steepest-angle', '95'], 'the steepest incidence angle is 95 degrees'),
+        (
+            ['--arrival-tolerance', '-1', '0'],
+            'the arrival tolerances are -1 m and 0 rad: must not be below 0',
+        ),
+        (['--camera-offset', '0.4'], "the camera is 0.4 m ahead of the robot's centre: must be less than"),
         (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),
         (['--start', 'inf', '0'], 'the start at (inf, 0) is not free'),
         (['--picture', '/missing/route.png'], "--picture '/missing/route.png': "),

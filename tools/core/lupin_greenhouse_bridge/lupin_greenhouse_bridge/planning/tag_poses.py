@@ -1,7 +1,10 @@
 """Compute the direction that each tag of a layout faces. Does not import ROS."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
+
+import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
@@ -9,6 +12,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout
 
 SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0
 SAME_M = 1e-9
+PLATE_WIDTH_M = 0.0625  # of a tag of 5 cm with its white border
 PLATE_M = 0.1  # a table that is farther aside is not ahead of a tag
 
 
@@ -57,6 +61,11 @@ class TagPose(NamedTuple):
     y: float
     facing: float
 
+    def ends_of_plate(self) -> np.ndarray:
+        """Return the two ends of the tag's plate, seen from above, in an array (2, 2)."""
+        half = PLATE_WIDTH_M / 2 * np.array([-math.sin(self.facing), math.cos(self.facing)])
+        return np.array([self[:2] + half, self[:2] - half])
+
 
 def tables_of(layout: Layout) -> list[Table]:
     """Return the tables, in the order of the file; raises StartUpError for one without an area."""
@@ -71,6 +80,19 @@ def tables_of(layout: Layout) -> list[Table]:
     return tables
 
 
+def nearest_tables(tables: Sequence[Table], places: Sequence[tuple[float, float]]) -> list[int]:
+    """Return the number of the nearest table of each place, of equally near ones the first; -1 for none."""
+    if not tables:
+        return [-1] * len(places)
+    edges = np.array(tables, dtype=float)
+    numbers = []
+    for place in places:
+        beside = np.maximum(np.maximum(edges[:, :2] - place, place - edges[:, 2:]), 0.0)
+        distances_m = np.hypot(*beside.T)
+        numbers.append(int(np.argmax(distances_m <= distances_m.min() + SAME_M)))
+    return numbers
+
+
 def find_tag_poses(layout: Layout, walls: Walls) -> dict[str, TagPose]:
     """
     Return the pose of each tag by its id, in the order of the layout.
@@ -83,17 +105,19 @@ def find_tag_poses(layout: Layout, walls: Walls) -> dict[str, TagPose]:
     tables = tables_of(layout)
     xs, ys = ([tag[axis] for tag in layout.tags.values()] for axis in (0, 1))
     middle = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
+    nearest = nearest_tables(tables, list(zip(xs, ys, strict=True)))
     tag_poses = {}
-    for tag_id, (x, y, _) in layout.tags.items():
+    for number, (tag_id, (x, y, _)) in enumerate(layout.tags.items()):
         if tables:
-            nearest = min(tables, key=lambda each, x=x, y=y: each.distance_m(x, y))
-            others = [walls, *(each for each in tables if each is not nearest)]
-            facing = max(
-                nearest.nearest_edges(x, y),
-                key=lambda angle, x=x, y=y, others=others: min(
-                    round(each.distance_ahead_m(x, y, angle), 9) for each in others
-                ),
-            )
+            table = tables[nearest[number]]
+            facing, *others = table.nearest_edges(x, y)
+            if others:
+                around = [walls, *(each for each in tables if each is not table)]
+                room_m = {
+                    angle: min(round(each.distance_ahead_m(x, y, angle), 9) for each in around)
+                    for angle in (facing, *others)
+                }
+                facing = max(room_m, key=room_m.get)
         elif (x, y) == middle:
             facing = SOUTH
         else:
