@@ -1,10 +1,14 @@
 """Every executable of every package answers --help, and starts nothing."""
 
+import contextlib
+import json
 import os
 import subprocess
 from pathlib import Path
 
 import pytest
+from lupin_greenhouse_bridge.recording.rows import HEADER
+from lupin_greenhouse_bridge.simulator.layout import find_layout
 
 INSTALLED = Path(os.environ['LUPIN_WORKSPACE'], 'install')
 EXECUTABLES = sorted(
@@ -43,3 +47,60 @@ def test_a_node_refuses_an_argument_that_it_does_not_know(executable, tmp_path):
     assert ended.returncode == 1
     assert "unknown argument 'readings.csv': set parameters with --ros-args -p name:=value" in ended.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope='module')
+def inputs(tmp_path_factory):
+    """Return a folder with what the commands read."""
+    folder = tmp_path_factory.mktemp('inputs')
+    row = '1,1970-01-01T00:00:00.000000001Z,1,co2,600.0,ppm,0.5,1.0,43200.0,test'
+    (folder / 'readings.csv').write_text(f'{HEADER}\n{row}\n', encoding='utf-8')
+    pairs = {tag_id: (tag.x, tag.y) for tag_id, tag in find_layout('').tags.items()}
+    (folder / 'pairs.json').write_text(json.dumps(pairs), encoding='utf-8')
+    return folder
+
+
+@contextlib.contextmanager
+def refusing(output: str):
+    """Yield a descriptor for standard output that takes nothing."""
+    if output == 'a closed pipe':
+        read_end, descriptor = os.pipe()
+        os.close(read_end)
+    else:
+        descriptor = os.open(*{'/dev/full': ('/dev/full', os.O_WRONLY), 'closed': (os.devnull, 0)}[output])
+    yield descriptor
+    os.close(descriptor)
+
+
+WORK = {
+    'bridge_node': ('--help', ''),
+    'approach_poses': ('--picture poses.png', 'poses.png'),
+    'register_layout': ('--pairs {}/pairs.json -o layout.yaml', 'layout.yaml'),
+    'plot_report': ('{}/readings.csv -o report.png', 'report.png'),
+    'readings_page': ('{}/readings.csv -o page.html', 'page.html'),
+    'generate_world': ('--output world', 'world/greenhouse.sdf'),
+    'inspection': ('--output mission tag_sequence:=1', 'mission'),
+}
+
+
+@pytest.mark.parametrize('output', ['/dev/full', 'a closed pipe', 'closed'])
+@pytest.mark.parametrize(('name', 'words', 'written'), [(name, *work) for name, work in WORK.items()])
+def test_an_output_that_takes_nothing_is_one_line_with_an_exit_code_of_its_own(
+    inputs, tmp_path, name, words, written, output
+):
+    (path,) = (each for each in EXECUTABLES if each.name == name)
+    command = [path, *words.format(inputs).split()]
+    with refusing(output) as descriptor:
+        ended = subprocess.run(
+            command,
+            cwd=tmp_path,
+            stdout=descriptor,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            timeout=120,
+        )
+    assert ended.returncode == 4, ended.stderr
+    assert f'{name}: standard output cannot be written: ' in ended.stderr
+    assert 'Traceback' not in ended.stderr
+    assert (tmp_path / written).exists()

@@ -15,7 +15,9 @@ from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome
+from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
+from lupin_greenhouse_bridge.runtime.process import NO_OUTPUT
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 from lupin_msgs.srv import StartMission
@@ -38,7 +40,7 @@ from lupin_mission.tag_positions import TagPositions
 from lupin_mission.tags import Tags
 from lupin_mission.transport import Transport
 
-ALL_READ, SOME_NOT_READ, REFUSED, NOT_WRITTEN = 0, 1, 2, 4
+ALL_READ, SOME_NOT_READ, REFUSED, NOT_WRITTEN = 0, 1, 2, NO_OUTPUT
 NODE_NAME = 'mission_orchestrator'
 STEP_SECONDS = 0.02
 LONGEST_STOP_SECONDS = 2.0
@@ -393,14 +395,7 @@ def _conclude(node: MissionNode) -> int:
     if node.is_idle():
         return ALL_READ
     observations = node.report.observations if node.report else []
-    try:
-        print(summary_table(observations, node.tag_ids), flush=True)
-    except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is left in its buffer
-        node.get_logger().fatal(
-            f'standard output: {error.strerror}: the table is not printed, and the report is complete'
-        )
-        return NOT_WRITTEN
+    print_line(summary_table(observations, node.tag_ids))
     if is_lost:
         return NOT_WRITTEN
     found = last_of_each_tag(observations)

@@ -485,7 +485,7 @@ def test_a_table_that_cannot_be_printed_is_one_line_and_the_report_is_kept(
         log = process.communicate(timeout=PATIENCE_SECONDS)[1]
     assert process.returncode == 4, log
     assert 'Traceback' not in log
-    assert len([line for line in log.splitlines() if 'standard output: ' in line]) == 1
+    assert len([line for line in log.splitlines() if 'standard output cannot be written: ' in line]) == 1
     assert [each.tag_id for each in read_report(tmp_path / 'report.jsonl')] == ['1']
 
 

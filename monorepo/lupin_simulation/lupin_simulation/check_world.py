@@ -19,6 +19,7 @@ from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
 from lupin_greenhouse_bridge.planning.tag_poses import tables_of
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options
+from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.settings import Criteria
 
@@ -86,7 +87,7 @@ def print_share(setting: str, ids, read: set, note: str = '') -> bool:
     """Print how many of these tags were read, and which were not; return whether all were."""
     missing = [each for each in ids if each not in read]
     names = f', not {", ".join(map(str, missing))}' if missing else ''
-    print(f'{setting}: {len(ids) - len(missing)} of {len(ids)} read{names}{note}', flush=True)
+    print_line(f'{setting}: {len(ids) - len(missing)} of {len(ids)} read{names}{note}')
     return not missing
 
 
@@ -150,7 +151,7 @@ def check(options: argparse.Namespace, side_m: float, folder: Path) -> bool:
     world, detector, side = RenderedWorld(sdf_file), TagDetector(), f'{100 * side_m:g} cm'
     is_right = check_layout(world, layout)
     counts = f'{len(world.tags)} tags and {len(world.tables)} tables'
-    print(f'{side}: {counts}, {"where" if is_right else "NOT where"} the layout has them')
+    print_line(f'{side}: {counts}, {"where" if is_right else "NOT where"} the layout has them')
     settings = len(DISTANCES_M) * len(ANGLES_DEGREES) + len(RADII_M)
     views = Views(settings * len(world.tags))
     is_right &= check_distances(world, detector, tables_of(layout), walls, side, views)
@@ -163,7 +164,7 @@ def check(options: argparse.Namespace, side_m: float, folder: Path) -> bool:
         for number, tag in world.tags.items()
         if number in seen_from(world, detector, tag.centre - DISTANCES_M[0] * tag.out, tag.centre)
     ]
-    print(f'{side}, from behind: {len(behind)} of {len(world.tags)} read')
+    print_line(f'{side}, from behind: {len(behind)} of {len(world.tags)} read')
     return is_right and not behind
 
 
@@ -179,7 +180,7 @@ def main(arguments: list[str] | None = None) -> int:
     except OneLineError as error:
         print(f'check_world: {error}', file=sys.stderr)
         return 2
-    print('the world is right' if all(results) else 'the world is WRONG')
+    print_line('the world is right' if all(results) else 'the world is WRONG')
     return 0 if all(results) else 1
 
 

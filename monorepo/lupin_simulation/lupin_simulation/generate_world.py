@@ -6,6 +6,7 @@ from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
+from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
 
 DONE, USAGE = 0, 2
@@ -39,7 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
         return USAGE
     if not layout.tables:
         print('generate_world: the layout has no tables: the tags face its middle', file=sys.stderr)
-    print(f'{sdf_file}: {len(layout.tags)} tags, {len(layout.tables)} tables')
+    print_line(f'{sdf_file}: {len(layout.tags)} tags, {len(layout.tables)} tables')
     return DONE
 
 

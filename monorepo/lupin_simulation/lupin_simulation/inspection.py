@@ -27,6 +27,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, 
 from lupin_greenhouse_bridge.planning.walls import parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.store import key_of, open_store
+from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.process import install_signal_handlers, is_asked_to_end
 from lupin_mission import settings as mission_settings
 from lupin_tag_confirmation import settings as confirm_tag_settings
@@ -214,7 +215,7 @@ def check_record(options, report: Path) -> int:
     """Print how many readings of the report were recorded; return the exit code, 1 if one was not."""
     in_report = {key_of(row) for row in read_rows(report)} if report.stat().st_size else set()
     lost = len(in_report - {key_of(row) for row in read_rows(options.record)})
-    print(f'{pluralized(len(in_report) - lost, "row")} kept in {options.record}')
+    print_line(f'{pluralized(len(in_report) - lost, "row")} kept in {options.record}')
     if lost:
         verb = 'was' if lost == 1 else 'were'
         rows = pluralized(lost, 'row')
@@ -271,13 +272,13 @@ def run_mission(options) -> int:
         exit_code = exit_code_of(mission, others)
     if exit_code == USAGE:
         return USAGE
-    print('drawing the picture and the page ...', flush=True)
+    print_line('drawing the picture and the page ...')
     drawing = [str(report), *greenhouse_options(options, report)]
     if (route := beside(report, ROUTE)).exists():
         drawing += ['--route', str(route)]
     plotted = run_to_end([executable('lupin_greenhouse_bridge', 'plot_report'), *drawing])
     run_to_end([executable('lupin_greenhouse_bridge', 'readings_page'), *drawing])
-    print(f'report: {report}', flush=True)
+    print_line(f'report: {report}')
     recorded = check_record(options, report) if options.record else 0
     return exit_code or plotted or recorded
 

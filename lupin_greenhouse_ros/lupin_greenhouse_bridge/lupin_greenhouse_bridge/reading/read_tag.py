@@ -27,6 +27,7 @@ from lupin_greenhouse_bridge.reading import client
 from lupin_greenhouse_bridge.reading.table import Screen, Sheet, json_line, terminal_size
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
+from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.parameters import warn_of_unknown_parameters
 from lupin_greenhouse_bridge.runtime.process import security_problem
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
@@ -34,7 +35,7 @@ from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.simulator.layout import find_layout, natural_order
 
 SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
-ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, NO_OUTPUT, INTERRUPTED = 0, 1, 2, 3, 4, 130
+ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
 COMPLETION_TIMEOUT_SECONDS = 0.3
 
 
@@ -76,12 +77,6 @@ def main(args=None):
     except (client.UsageError, StartUpError) as error:
         print(f'read_tag: {error}', file=sys.stderr)
         return USAGE
-    except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is left in its buffer
-        if isinstance(error, BrokenPipeError):  # the reader has closed the pipe
-            return ALL_READ
-        print(f'read_tag: standard output: {error.strerror}: make room, or name another', file=sys.stderr)
-        return NO_OUTPUT
 
 
 def _node_in(executor):
@@ -102,7 +97,7 @@ def _read(node, bridge: client.Client, options) -> int:
     for number in itertools.count() if rounds is None else range(rounds):
         if number > 0:
             process.sleep(started + options.watch - time.monotonic())
-        if process.is_asked_to_end():
+        if process.is_asked_to_end() or process.has_lost_output():
             break
         started, responses = time.monotonic(), {}
         try:
@@ -146,7 +141,7 @@ def _connect(node, bridge: client.Client, service: str):
 def _show(responses: dict, screen: Screen | Sheet, options) -> None:
     if options.json:
         for tag_id, response in responses.items():
-            print(json_line(tag_id, response, STATUS_NAMES), flush=True)
+            print_line(json_line(tag_id, response, STATUS_NAMES))
     elif responses:
         screen.show(responses, STATUS_NAMES)
 

@@ -8,6 +8,7 @@ from dataclasses import fields
 from types import ModuleType
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.runtime.output import print_line
 
 
 def answer_help(node_type, args: list[str] | None) -> bool:
@@ -20,7 +21,7 @@ def answer_help(node_type, args: list[str] | None) -> bool:
     command_line = sys.argv if args is None else args
     own = list(itertools.takewhile(lambda word: word != '--ros-args', command_line))[1:]
     if '--help' in own or '-h' in own:
-        print(help_text(sys.modules[node_type.__module__]))
+        print_line(help_text(sys.modules[node_type.__module__]))
         return True
     if own:
         raise StartUpError(

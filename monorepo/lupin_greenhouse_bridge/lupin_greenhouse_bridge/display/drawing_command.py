@@ -14,6 +14,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, 
 from lupin_greenhouse_bridge.planning.walls import add_wall_options, read_visualization
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFile, read_file
 from lupin_greenhouse_bridge.recording.report_line import Observation
+from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.files import mapping_of, number
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order
 
@@ -96,7 +97,7 @@ def draw_file(
         problem = f"--output '{output}': {getattr(error, 'strerror', None) or error}"
     else:
         kind = 'page' if suffix == '.html' else 'picture'
-        print(f'{kind}: {escaped(str(output), 500)}')
+        print_line(f'{kind}: {escaped(str(output), 500)}')
         return DONE
     print(f'{parser.prog}: {problem}', file=sys.stderr)
     return exit_code

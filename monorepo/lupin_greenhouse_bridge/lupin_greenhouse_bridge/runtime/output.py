@@ -1,9 +1,9 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """What a command prints. Does not import ROS."""
 
-import os
-import sys
 from collections.abc import Collection, Sequence
+
+from lupin_greenhouse_bridge.runtime.process import lose_output
 
 
 def column_widths(rows: Sequence[Sequence[str]], at_least: Sequence[int] | None = None) -> list[int]:
@@ -27,9 +27,9 @@ def aligned_table(
 
 
 def print_line(text: str, stream=None, end: str = '\n') -> None:
-    """Print a text, to standard output by default, unless the reader has closed the pipe."""
-    stream = stream or sys.stdout
+    """Print a text, to standard output by default; a command whose output is full or closed goes on."""
     try:
         print(text, end=end, file=stream, flush=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    except OSError as error:
+        if stream is None:
+            lose_output(error)

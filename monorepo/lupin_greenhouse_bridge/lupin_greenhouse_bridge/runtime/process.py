@@ -15,8 +15,10 @@ from typing import NoReturn
 
 LONGEST_WAIT_SECONDS = 0.5  # rclpy waits in C, and Python handles a signal only after the wait
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+NO_OUTPUT = 4  # exit code of every command whose standard output cannot be written
 
 _is_asked_to_end = False
+_has_lost_output = False
 
 
 def install_signal_handlers() -> None:
@@ -53,6 +55,8 @@ def start(module: str, *, has_node: bool = True) -> NoReturn:
 
     A node looks at signals from the first moment on. Without one, a signal kills the process at once.
     """
+    if sys.stdout is None:  # closed by the shell: a descriptor that refuses what is printed
+        sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), 'w')
     if has_node:
         install_signal_handlers()
     else:
@@ -66,10 +70,29 @@ def start(module: str, *, has_node: bool = True) -> NoReturn:
 
 def end(exit_code: int) -> NoReturn:
     """End the process without unloading its libraries, whose threads may still run."""
-    with contextlib.suppress(BrokenPipeError):
+    try:
         sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(exit_code)
+    except OSError as error:
+        lose_output(error)
+    with contextlib.suppress(OSError):
+        sys.stderr.flush()
+    os._exit(NO_OUTPUT if _has_lost_output else exit_code)
+
+
+def lose_output(error: OSError) -> None:
+    """Say once that standard output cannot be written, and go on without it: the exit code is NO_OUTPUT."""
+    global _has_lost_output  # noqa: PLW0603 - it belongs to the process
+    if not _has_lost_output:
+        _has_lost_output = True
+        name, reason = os.path.basename(sys.argv[0]), error.strerror
+        with contextlib.suppress(OSError):
+            print(f'{name}: standard output cannot be written: {reason}', file=sys.stderr, flush=True)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def has_lost_output() -> bool:
+    """Return True once standard output could not be written."""
+    return _has_lost_output
 
 
 def security_problem() -> str:

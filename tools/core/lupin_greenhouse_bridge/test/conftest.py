@@ -146,6 +146,7 @@ def run_here(capfd, monkeypatch):
         for number in process.SIGNALS:
             signal.signal(number, lambda number, _frame: not_taken.append(number))
         monkeypatch.setattr(process, '_is_asked_to_end', False)
+        monkeypatch.setattr(process, '_has_lost_output', False)
         monkeypatch.setattr(process, 'LONGEST_WAIT_SECONDS', 0.01)  # of a node that was just signalled
         capfd.readouterr()
         try:

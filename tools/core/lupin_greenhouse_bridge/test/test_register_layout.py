@@ -3,10 +3,8 @@
 import contextlib
 import json
 import math
-import os
 import shlex
 import signal
-import subprocess
 import threading
 
 import pytest
@@ -14,7 +12,6 @@ from conftest import SPINS
 from geometry_msgs.msg import PointStamped
 from lupin_greenhouse_bridge.planning import register_layout
 from lupin_greenhouse_bridge.planning.registration import Transform, read_registration
-from lupin_greenhouse_bridge.testing import executable
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 
@@ -80,19 +77,6 @@ def test_the_file_of_pairs_is_never_overwritten(register, places, tmp_path):
         f"--output '{tmp_path / 'pairs.json'}' is the file of --pairs itself: name another file",
     )
     assert json.loads((tmp_path / 'pairs.json').read_text(encoding='utf-8')) == places
-
-
-def test_a_reader_that_closes_the_pipe_loses_no_file(places, tmp_path):
-    (tmp_path / 'pairs.json').write_text(json.dumps(places), encoding='utf-8')
-    command = [executable('lupin_greenhouse_bridge', 'register_layout'), '--pairs', tmp_path / 'pairs.json']
-    reading, writing = os.pipe()
-    os.close(reading)
-    ended = subprocess.run(
-        [*command, '-o', tmp_path / 'layout.yaml'], stdout=writing, stderr=subprocess.PIPE, check=False
-    )
-    os.close(writing)
-    assert (ended.returncode, ended.stderr) == (0, b'')
-    assert read_registration(tmp_path / 'layout.yaml')[1] == pytest.approx(TRANSFORM)
 
 
 def test_a_layout_that_does_not_fit_is_not_written(register, places, tmp_path):

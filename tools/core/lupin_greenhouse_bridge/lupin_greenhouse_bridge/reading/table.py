@@ -8,7 +8,7 @@ import sys
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.recording.rows import HEADER as CSV_HEADER
 from lupin_greenhouse_bridge.recording.rows import csv_text, rows_of
-from lupin_greenhouse_bridge.runtime.output import aligned_table, column_widths
+from lupin_greenhouse_bridge.runtime.output import aligned_table, column_widths, print_line
 from lupin_greenhouse_bridge.units import sensor_order, unit_of
 
 HEADER = ('tag', 'sim time', 'sensor', 'value', 'unit')
@@ -34,8 +34,8 @@ class Screen:
             self._replace([*lines, *failures])
         else:
             self._lines_shown += len(lines)
-            print(*lines, sep='\n', end='\n' if lines else '', flush=True)
-            _print_failures(failures)
+            _print_lines(lines)
+            _print_lines(failures, sys.stderr)
 
     def _aligned(self, rows: list[tuple], *, is_first: bool) -> list[str]:
         """Return the rows under one header, in columns that never get narrower."""
@@ -52,7 +52,7 @@ class Screen:
             hidden = len(lines) - rows + 2
             lines = [*lines[:-hidden], f'... {hidden} more lines in a taller window']
         up = f'\x1b[{self._lines_shown}F' if self._lines_shown else ''
-        print(up + '\x1b[J' + '\n'.join(line[: columns - 1] for line in lines), flush=True)
+        print_line(up + '\x1b[J' + '\n'.join(line[: columns - 1] for line in lines))
         self._lines_shown = len(lines)
 
 
@@ -73,9 +73,9 @@ class Sheet:
             for each in good.values()
             for row in rows_of(each, 'read_tag', self._places_m.get(each.tag_id))
         ]
-        print(self._header + csv_text(rows), end='', flush=True)
+        print_line(self._header + csv_text(rows), end='')
         self._header = ''
-        _print_failures(failures)
+        _print_lines(failures, sys.stderr)
 
 
 def _sorted_out(responses: dict, status_names: dict[int, str]) -> tuple[dict, list[str]]:
@@ -90,8 +90,8 @@ def _sorted_out(responses: dict, status_names: dict[int, str]) -> tuple[dict, li
     return good, failures
 
 
-def _print_failures(failures: list[str]) -> None:
-    print(*failures, sep='\n', end='\n' if failures else '', file=sys.stderr, flush=True)
+def _print_lines(lines: list[str], stream=None) -> None:
+    print_line('\n'.join(lines), stream, end='\n' if lines else '')
 
 
 def terminal_size(stream) -> tuple[int, int]:
