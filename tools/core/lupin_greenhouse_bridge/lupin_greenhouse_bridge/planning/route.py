@@ -1,7 +1,7 @@
 """The order in which a robot visits the tags, and its path. Does not import ROS."""
 
 import itertools
-import math
+import random
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -15,6 +15,8 @@ from lupin_greenhouse_bridge.simulator.layout import natural_order
 ORDERS = ('given', 'numeric', 'shortest')
 MOST_NEIGHBOURS = 40  # of a pose, by their paths: 2-opt exchanges no pair that is farther apart
 GAIN_M = 1e-9
+FAR_M = 1e9  # between points whose path is not known
+KICKS = 60
 
 
 class Route(NamedTuple):
@@ -35,8 +37,8 @@ def plan_route(
     """
     Return the route along the poses of these tags, or of all: as given, by number, or the shortest found.
 
-    The shortest route goes to the nearest tag first, and is then improved by 2-opt. Raises StartUpError for a
-    tag without a pose, or one that the robot cannot drive to.
+    The shortest route goes to the nearest tag each time, and is then improved by 2-opt and Or-opt. Without a
+    start, any tag may be the first. Raises StartUpError for a tag without a pose, or one that is cut off.
     """
     tag_ids = list(poses) if tag_ids is None else list(tag_ids)
     for tag_id in tag_ids:
@@ -53,8 +55,10 @@ def plan_route(
             f'({blocked[0]:.2f}, {blocked[1]:.2f}) is not free: choose another start, or other poses'
         )
     graph = VisibilityGraph(free_space, np.array(stops, dtype=float).reshape(-1, 2))
-    visits = _shortest(graph, len(stops)) if order == 'shortest' else list(range(len(stops)))
-    points = stops[:1]
+    visits = list(range(len(stops)))
+    if order == 'shortest':
+        visits = _shortest(graph, len(stops), has_start=start_m is not None)
+    points = [stops[each] for each in visits[:1]]
     for here, there in itertools.pairwise(visits):
         if (path := graph.path(here, there)) is None:
             (x0, y0), (x1, y1) = stops[here], stops[there]
@@ -71,9 +75,10 @@ def plan_route(
     )
 
 
-def _shortest(graph: VisibilityGraph, count: int) -> list[int]:
-    """Return an order of all points that begins with the first, by the lengths of the paths."""
-    lengths_m = np.full((count, count), math.inf)
+def _shortest(graph: VisibilityGraph, count: int, *, has_start: bool) -> list[int]:
+    """Return an order of all points by the lengths of their paths; a start, which is point 0, comes first."""
+    lengths_m = np.full((count + 1, count + 1), FAR_M)
+    lengths_m[count] = lengths_m[:, count] = 0.0  # a point beside all others, from where any may be the first
     visits, left = [0] * bool(count), set(range(1, count))
     while left:
         here, following = visits[-1], None
@@ -87,23 +92,67 @@ def _shortest(graph: VisibilityGraph, count: int) -> list[int]:
             following = min(left)
         left.discard(following)
         visits.append(following)
-    return _two_opt(visits, lengths_m)
+    for here in visits[-1:]:
+        for other, length_m in itertools.islice(graph.nearest(here), MOST_NEIGHBOURS + 1):
+            lengths_m[here, other] = lengths_m[other, here] = length_m
+    order = _improved(np.array(visits if has_start else [count, *visits]), lengths_m)
+    chance = random.Random(0)  # noqa: S311 - the same route each time
+    for _ in range(KICKS if 8 <= count <= MOST_NEIGHBOURS else 0):
+        other = _improved(_kicked(order, chance), lengths_m)
+        if _length_m(other, lengths_m) < _length_m(order, lengths_m) - GAIN_M:
+            order = other
+    return [visit for visit in order.tolist() if visit != count]
 
 
-def _two_opt(visits: list[int], lengths_m: np.ndarray) -> list[int]:
-    """Turn round parts of an open route as long as that makes it shorter; the first visit stays."""
-    order = np.array(visits)
-    is_shorter = True
-    while is_shorter:
-        is_shorter = False
-        for start in range(1, len(order) - 1):
-            before, first = order[start - 1], order[start]
-            lasts, after = order[start + 1 :], order[start + 2 :]
-            gains_m = lengths_m[before, first] - lengths_m[before, lasts]
-            gains_m[:-1] += lengths_m[lasts[:-1], after] - lengths_m[first, after]
-            best = int(np.argmax(gains_m))
-            if gains_m[best] > GAIN_M:
-                end = start + 2 + best
-                order[start:end] = order[start:end][::-1].copy()
-                is_shorter = True
-    return order.tolist()
+def _length_m(order: np.ndarray, lengths_m: np.ndarray) -> float:
+    return float(lengths_m[order[:-1], order[1:]].sum())
+
+
+def _kicked(order: np.ndarray, chance: random.Random) -> np.ndarray:
+    """Return the order with two parts exchanged, which 2-opt and Or-opt cannot undo in one step."""
+    a, b, c = sorted(chance.sample(range(1, len(order)), 3))
+    return np.concatenate([order[:a], order[b:c], order[a:b], order[c:]])
+
+
+def _improved(order: np.ndarray, lengths_m: np.ndarray) -> np.ndarray:
+    """Return the order after 2-opt and Or-opt, as long as either makes it shorter; the first visit stays."""
+    order = order.copy()
+    while _two_opt(order, lengths_m) | _or_opt(order, lengths_m):
+        pass
+    return order
+
+
+def _two_opt(order: np.ndarray, lengths_m: np.ndarray) -> bool:
+    """Turn round each part of an open route whose turn makes it shorter; return whether there was one."""
+    is_shorter = False
+    for start in range(1, len(order) - 1):
+        before, first = order[start - 1], order[start]
+        lasts, after = order[start + 1 :], order[start + 2 :]
+        gains_m = lengths_m[before, first] - lengths_m[before, lasts]
+        gains_m[:-1] += lengths_m[lasts[:-1], after] - lengths_m[first, after]
+        best = int(np.argmax(gains_m))
+        if gains_m[best] > GAIN_M:
+            end = start + 2 + best
+            order[start:end] = order[start:end][::-1].copy()
+            is_shorter = True
+    return is_shorter
+
+
+def _or_opt(order: np.ndarray, lengths_m: np.ndarray) -> bool:
+    """Move each part of up to three visits to where that makes it shorter; return whether there was one."""
+    is_shorter = False
+    for size in (1, 2, 3):
+        for start in range(1, len(order) - size + 1):
+            part, rest = order[start : start + size], np.delete(order, np.s_[start : start + size])
+            gain_m = _length_m(order[start - 1 : start + size + 1], lengths_m)
+            if start < len(rest):
+                gain_m -= lengths_m[rest[start - 1], rest[start]]
+            for turned in (part, part[::-1]):
+                costs_m = lengths_m[rest, turned[0]] + _length_m(part, lengths_m)
+                costs_m[:-1] += lengths_m[turned[-1], rest[1:]] - lengths_m[rest[:-1], rest[1:]]
+                best = int(np.argmin(costs_m))
+                if costs_m[best] < gain_m - GAIN_M:
+                    order[:] = np.insert(rest, best + 1, turned)
+                    is_shorter = True
+                    break
+    return is_shorter
