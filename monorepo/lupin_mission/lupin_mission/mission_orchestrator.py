@@ -217,13 +217,10 @@ class MissionNode(Node):
         self.mission.start(time.monotonic())
 
     def _shortest(self, tag_ids: list[str]) -> list[str]:
-        """Return the tags in the order of the shortest way from the robot, else from its dock."""
-        robot = self._positions.robot_position
-        starts = [(robot.x, robot.y)] if robot else []
-        if self._settings.dock:
-            starts.append(tuple(self._settings.dock[:2]))
+        """Return the tags in the order of the shortest path from the robot, else its dock, to its dock."""
+        robot, dock = self._positions.robot_position, self._settings.dock
         try:
-            return self._plan.shortest(tag_ids, *starts)
+            return self._plan.shortest(tag_ids, robot and (robot.x, robot.y), dock and tuple(dock[:2]))
         except StartUpError as error:
             self._announcer.warn(f'the order is not the shortest: {error}')
             return tag_ids

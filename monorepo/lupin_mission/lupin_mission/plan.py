@@ -32,18 +32,31 @@ class Plan:
             for tag_id, pose in self._poses.items()
         }
 
-    def shortest(self, tag_ids: list[str], *robot_in_map_m: tuple[float, float]) -> list[str]:
+    def shortest(
+        self,
+        tag_ids: list[str],
+        robot_in_map_m: tuple[float, float] | None = None,
+        dock_in_map_m: tuple[float, float] | None = None,
+    ) -> list[str]:
         """
         Return the tags in the order of the shortest path, and then those without a pose.
 
-        The path starts at the first of these places in the map that is free, else at a tag. Raises
-        StartUpError if a tag is cut off from there.
+        The path starts at the robot, else at its dock, else at a tag, and ends at the dock, else at a tag.
+        Places that are not free do not count. Raises StartUpError if a tag is cut off from there.
         """
-        starts = (self._map_in_layout.point(*each) for each in robot_in_map_m)
-        start_m = next((each for each in starts if self._free_space.is_free(*each)), None)
+        robot_m, dock_m = map(self._free_in_layout, (robot_in_map_m, dock_in_map_m))
         with_pose = [tag_id for tag_id in tag_ids if tag_id in self._poses]
-        route = plan_route(self._free_space, self._poses, start_m, 'shortest', with_pose)
+        route = plan_route(
+            self._free_space, self._poses, robot_m or dock_m, 'shortest', with_pose, end_m=dock_m
+        )
         return [*route.tag_ids, *(tag_id for tag_id in tag_ids if tag_id not in self._poses)]
+
+    def _free_in_layout(self, place_in_map_m: tuple[float, float] | None) -> tuple[float, float] | None:
+        """Return a place of the map in the layout; None if there is none, or if it is not free."""
+        if place_in_map_m is None:
+            return None
+        place_m = self._map_in_layout.point(*place_in_map_m)
+        return place_m if self._free_space.is_free(*place_m) else None
 
     def _in_layout(self, tag_id: str, override: Override, path: str) -> Override:
         """Return an override, which the team gives in the map, in the layout."""

@@ -109,17 +109,19 @@ def test_a_tag_that_cannot_be_reached_has_a_reason_and_no_goal():
 
 
 @pytest.mark.parametrize(
-    ('starts_in_map', 'order'),
+    ('robot', 'dock', 'order'),
     [
-        ([(20.0 - 19.0, 20.0 + 0.5)], '1342'),  # in a table or outside: no start, so the lowest number
-        ([(9.5, 24.0)], '2431'),  # in the layout: (4, 0.5), beside tag 2
-        ([(8.5, 21.0), (9.5, 24.0)], '2431'),  # the first is in the table
-        ([], '1342'),
+        ((20.0 - 19.0, 20.0 + 0.5), None, '1342'),  # in a table or outside: no start
+        ((9.5, 24.0), None, '2431'),  # in the layout: (4, 0.5), beside tag 2
+        ((8.5, 21.0), (9.5, 24.0), '2431'),  # the robot is in the table
+        (None, (9.5, 24.0), '2431'),
+        (None, None, '1342'),
+        ((9.5, 24.0), (9.5, 20.0), '2431'),
     ],
 )
-def test_the_shortest_order_starts_at_the_first_place_that_is_free(starts_in_map, order):
-    assert ''.join(plan(TURNED).shortest(list('1234'), *starts_in_map)) == order
+def test_the_shortest_order_starts_at_the_robot_or_its_dock_if_they_are_free(robot, dock, order):
+    assert ''.join(plan(TURNED).shortest(list('1234'), robot, dock)) == order
 
 
 def test_a_tag_without_a_pose_is_visited_last():
-    assert plan().shortest(['9', '2', '1']) == ['1', '2', '9']
+    assert plan().shortest(['9', '2', '1'])[-1] == '9'

@@ -74,7 +74,8 @@ def _compute(options) -> tuple[dict, str, bool]:
     approaches = find_approaches(layout, walls, limits, start_m=start_m, overrides=overrides)
     for warning in [*warnings, *approaches.warnings.values()]:
         print_line(f'approach_poses: {warning}', sys.stderr)
-    route = plan_route(approaches.free_space, approaches.poses, start_m, options.order)
+    end_m = options.end and tuple(options.end)
+    route = plan_route(approaches.free_space, approaches.poses, start_m, options.order, end_m=end_m)
     if options.picture:
         _draw(options.picture, layout, walls, approaches, route)
     poses = []
@@ -233,6 +234,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         '--start', type=float, nargs=2, metavar=('X', 'Y'), help='where the robot starts, in the layout'
+    )
+    parser.add_argument(
+        '--end', type=float, nargs=2, metavar=('X', 'Y'), help='where the route ends, such as at a dock'
     )
     parser.add_argument('--overrides', metavar='FILE', help='YAML file of poses that are set by hand')
     parser.add_argument(

@@ -1,5 +1,6 @@
 """The approach poses of a layout, the free space, and the order of visits."""
 
+import functools
 import heapq
 import itertools
 import math
@@ -122,7 +123,7 @@ COUNTS = {
     22: {0.15: (22, 21), 0.18: (22, 21), 0.20: (22, 21), 0.22: (22, 21), 0.25: (22, 21), 0.30: (22, 21)},
 }
 # Limits of the route's length: the shortest, and by number.
-ROUTES_M = {29: ((23.0, 26.0), (60.0, 80.0)), 22: ((29.0, 33.0), (44.0, 52.0))}
+ROUTES_M = {29: ((21.0, 21.9), (60.0, 80.0)), 22: ((29.0, 33.0), (44.0, 52.0))}
 # A yard with one entrance, 0.45 m wide. Tag 0 is in it, tag 1 outside.
 YARD = layout_of(
     (1.5, 0.5),
@@ -283,7 +284,7 @@ def test_a_steep_view_is_better_than_a_tight_pose_and_no_better_than_another():
     assert all(math.degrees(each.angle_rad) <= 45.0 + SAME_M for each in never.poses.values())
 
 
-def arrivals(pose: ApproachPose, count: int = 300):
+def arrivals(pose: ApproachPose, count: int = 100):
     """Yield poses up to 6 cm and 0.15 rad beside a pose, as x, y and yaw."""
     generator = np.random.default_rng(1)
     for distance_m, direction, turn in generator.uniform((0, 0, -0.15), (0.06, math.tau, 0.15), (count, 3)):
@@ -522,11 +523,36 @@ def test_two_opt_mends_what_the_nearest_first_leaves():
     assert route.length_m < 13.5
 
 
+@pytest.mark.parametrize('start_m', [None, (0.5, 0.5)])
+@pytest.mark.parametrize('end_m', [None, (0.5, 0.5), (3.5, 7.5)])
+def test_the_shortest_route_is_that_of_all_orders_from_the_start_to_the_end(shipped, start_m, end_m):
+    poses, _, free_space, _ = find_approaches(shipped, find_walls(shipped), ViewingLimits())
+    tag_ids = list(poses)[::5]
+    stops = {tag_id: poses[tag_id][:2] for tag_id in tag_ids} | {None: start_m, 'end': end_m}
+
+    @functools.cache
+    def between_m(*pair) -> float:
+        here, there = map(stops.get, pair)
+        return plan_route(free_space, poses, here, 'given', [], there).length_m if here and there else 0.0
+
+    def length_m(tag_ids) -> float:
+        return sum(itertools.starmap(between_m, itertools.pairwise([None, *tag_ids, 'end'])))
+
+    route = plan_route(free_space, poses, start_m, 'shortest', tag_ids, end_m)
+    assert route.length_m == pytest.approx(length_m(route.tag_ids))
+    assert route.length_m == pytest.approx(min(map(length_m, itertools.permutations(tag_ids))), rel=0.02)
+    assert route.points_m[0] == (start_m or poses[route.tag_ids[0]][:2])
+    assert route.points_m[-1] == (end_m or poses[route.tag_ids[-1]][:2])
+
+
 def test_a_route_visits_the_given_tags_in_the_given_order():
     poses = approaches_of(YARD).poses
     route = plan_route(free_space_of(YARD, 0.2), poses, None, 'given', ['1', '0', '1'])
     assert route.tag_ids == ['1', '0', '1']
     assert plan_route(free_space_of(YARD, 0.2), poses, OUTSIDE_M, 'shortest', []) == ([], [OUTSIDE_M], 0.0)
+    assert plan_route(free_space_of(YARD, 0.2), poses, None, 'shortest', [], OUTSIDE_M)[1] == [OUTSIDE_M]
+    there_and_back = plan_route(free_space_of(YARD, 0.2), poses, OUTSIDE_M, 'shortest', ['0'], OUTSIDE_M)
+    assert there_and_back.points_m[0] == there_and_back.points_m[-1] == OUTSIDE_M
 
 
 @pytest.mark.parametrize(
