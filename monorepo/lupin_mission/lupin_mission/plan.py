@@ -24,7 +24,7 @@ class Plan:
             in_map, self.warnings = read_overrides(path, layout.tags)
             overrides = {tag_id: self._in_layout(tag_id, each, path) for tag_id, each in in_map.items()}
         walls = find_walls(layout, settings.sim_config_file, settings.walls)
-        self._poses, self.unreachable, self._free_space, self.room_warnings = find_approaches(
+        self._poses, self.unreachable, self._free_space, self.room_warnings, _ = find_approaches(
             layout, walls, settings.viewing_limits, overrides=overrides
         )
         self.goals = {

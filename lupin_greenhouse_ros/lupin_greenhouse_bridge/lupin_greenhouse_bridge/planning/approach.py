@@ -23,6 +23,8 @@ SMALLEST_ROOM_M = 0.01  # beyond the robot's radius, as the footprint_padding of
 FIRST = 64  # poses that are tried before all others
 TIGHT_M = 0.02  # with less room, a steeper view is better
 SAME_M = 1e-9
+# Another pose of a tag shows it from elsewhere.
+OTHER_M, OTHER_RAD = 0.2, math.radians(20.0)
 
 
 class ApproachPose(NamedTuple):
@@ -106,6 +108,7 @@ class Approaches(NamedTuple):
     unreachable: dict[str, str]
     free_space: FreeSpace
     warnings: dict[str, str]  # of poses with less room than the clearance
+    alternatives: dict[str, list[ApproachPose]]  # to each pose, the best first
 
 
 def find_approaches(
@@ -115,6 +118,7 @@ def find_approaches(
     *,
     start_m: tuple[float, float] | None = None,
     overrides: Mapping[str, Override] | None = None,
+    most_per_tag: int = 1,
 ) -> Approaches:
     """
     Return an approach pose for each tag that the robot can look at.
@@ -123,6 +127,8 @@ def find_approaches(
     largest part of the free space. Among such poses those with the clearance win, then those with view and
     room after an arrival beside the pose, then the one nearest to the preferred standoff, then the one with
     the smallest incidence angle. Without that room, the roomiest pose wins.
+    With more than one pose per tag, the alternatives to it are the next best ones that are at least OTHER_M
+    or OTHER_RAD from each before; where an override sets the pose, there is none.
     Raises StartUpError for a start that is not free, or if no point is free.
     """
     free_space = FreeSpace(layout, walls, limits.robot_radius_m, limits.smallest_room_m)
@@ -135,7 +141,7 @@ def find_approaches(
             f'{origin} is not free for a robot of radius {limits.robot_radius_m:g} m: choose another'
         )
     search = _Search(layout, walls, limits, free_space, _Region(free_space, start_m))
-    found = Approaches({}, {}, free_space, {})
+    found = Approaches({}, {}, free_space, {}, {})
     for tag_id, tag in free_space.tag_poses.items():
         if not walls.has_inside(tag.x, tag.y):
             found.unreachable[tag_id] = f'outside the walls ({walls}): set walls, or sim_config_file'
@@ -146,6 +152,7 @@ def find_approaches(
             found.unreachable[tag_id] = trial.reason(origin, limits, override)
             continue
         found.poses[tag_id] = trial.pose
+        found.alternatives[tag_id] = search.others(tag_id, tag, override, trial.pose, most_per_tag - 1)
         if trial.room_m < limits.clearance_m - SAME_M:
             found.warnings[tag_id] = (
                 f"tag '{escaped(tag_id, 64)}': its pose has {trial.room_m:.3f} m of room beyond the robot's"
@@ -191,6 +198,24 @@ class _Search:
         if trial.pose is None:
             self._try(tag_id, candidates, trial)
         return trial
+
+    def others(
+        self, tag_id: str, tag: TagPose, override: Override, best: ApproachPose, most: int
+    ) -> list[ApproachPose]:
+        """Return up to so many alternatives to the best pose of a tag."""
+        if not most:
+            return []
+        candidates, found = _candidates(tag, self._limits, override), [best]
+        while len(found) <= most:
+            apart_m = np.linalg.norm(candidates[:, :2] - found[-1][:2], axis=1)
+            turned_rad = np.abs(_wrapped(candidates[:, 2] - found[-1].yaw))
+            candidates = candidates[(apart_m >= OTHER_M - SAME_M) | (turned_rad >= OTHER_RAD - SAME_M)]
+            trial = _Trial()
+            self._try(tag_id, candidates, trial)
+            if trial.pose is None:
+                break
+            found.append(trial.pose)
+        return found[1:]
 
     def _try(self, tag_id: str, poses: np.ndarray, trial: _Trial, worst_rank: float = math.inf) -> None:
         """Find the best of some poses, an array (poses, 5), with at most this rank."""

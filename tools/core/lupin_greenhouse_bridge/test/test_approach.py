@@ -139,7 +139,7 @@ OUTSIDE_M, INSIDE_M = (-0.8, -0.8), (1.5, 1.75)
 @pytest.mark.parametrize('radius_m', COUNTS[29])
 def test_so_many_shipped_tags_have_a_pose_and_all_of_the_route_is_within_the_walls(shipped, radius_m):
     walls = find_walls(shipped)
-    poses, _, free_space, _ = find_approaches(shipped, walls, ViewingLimits(radius_m))
+    poses, _, free_space, *_ = find_approaches(shipped, walls, ViewingLimits(radius_m))
     head_on = find_approaches(shipped, walls, ViewingLimits(radius_m, **HEAD_ON))
     assert (len(poses), len(head_on.poses)) == COUNTS[len(shipped.tags)][radius_m]
     width_m, height_m = {29: (4.0, 8.0), 22: (5.0, 10.0)}[len(shipped.tags)]
@@ -153,7 +153,7 @@ def test_so_many_shipped_tags_have_a_pose_and_all_of_the_route_is_within_the_wal
 
 def test_a_tag_outside_the_walls_is_unreachable_and_the_others_are_not():
     layout = layout_of((2.0, 1.0), (9.0, 1.0), table=(1.0, 1.0, 3.0, 1.5))
-    poses, unreachable, _, _ = find_approaches(layout, Walls(0.0, 0.0, 4.0, 8.0), ViewingLimits())
+    poses, unreachable, *_ = find_approaches(layout, Walls(0.0, 0.0, 4.0, 8.0), ViewingLimits())
     assert set(poses) == {'0'}
     assert unreachable == {'1': 'outside the walls (x 0 to 4 m, y 0 to 8 m): set walls, or sim_config_file'}
 
@@ -318,7 +318,7 @@ def allows_arrival(tag, pose: ApproachPose, camera_offset_m: float = 0.0) -> boo
 @pytest.mark.parametrize('camera_offset_m', [0.0, 0.2])
 def test_a_pose_allows_for_an_arrival_beside_it_where_there_is_room(shipped, camera_offset_m):
     walls, limits = find_walls(shipped), ViewingLimits(camera_offset_m=camera_offset_m)
-    poses, _, free_space, _ = find_approaches(shipped, walls, limits)
+    poses, _, free_space, *_ = find_approaches(shipped, walls, limits)
     tight = {
         tag_id
         for tag_id, pose in poses.items()
@@ -336,7 +336,7 @@ def test_each_shipped_pose_has_2_cm_of_room_and_the_clearance_wherever_there_is_
     shipped, radius_m
 ):
     walls = find_walls(shipped)
-    poses, _, free_space, warnings = find_approaches(shipped, walls, ViewingLimits(radius_m))
+    poses, _, free_space, warnings, _ = find_approaches(shipped, walls, ViewingLimits(radius_m))
     generator = np.random.default_rng(2)
     for tag_id, pose in poses.items():
         room_m = gap_m(shipped, pose.x, pose.y, walls) - radius_m
@@ -353,6 +353,36 @@ def test_each_shipped_pose_has_2_cm_of_room_and_the_clearance_wherever_there_is_
             is_better = gap_m(shipped, x, y, walls) >= radius_m + 0.05
             other = pose._replace(x=x, y=y, yaw=math.atan2(tag.y - y, tag.x - x))
             assert not is_better or is_hidden(shipped, tag_id, other)
+
+
+def test_the_alternatives_of_a_tag_are_poses_too_and_apart_from_each_other(shipped):
+    walls = find_walls(shipped)
+    approaches = find_approaches(shipped, walls, ViewingLimits(), most_per_tag=4)
+    assert approaches.poses == find_approaches(shipped, walls, ViewingLimits()).poses
+    assert set(approaches.alternatives) == set(approaches.poses)
+    counts = {tag_id: len(others) for tag_id, others in approaches.alternatives.items()}
+    assert max(counts.values()) == 3
+    assert sum(counts.values()) > 2 * len(counts)
+    for tag_id, others in approaches.alternatives.items():
+        for here, there in itertools.combinations([approaches.poses[tag_id], *others], 2):
+            turned = abs(math.remainder(here.yaw - there.yaw, math.tau))
+            assert math.dist(here[:2], there[:2]) > 0.199 or math.degrees(turned) > 19.9
+        for pose in others:
+            assert gap_m(shipped, pose.x, pose.y, walls) >= 0.2 + SMALLEST_ROOM_M - SAME_M
+            assert 0.3 - SAME_M <= pose.distance_m <= 1.0 + SAME_M
+            assert not is_hidden(shipped, tag_id, pose)
+
+
+def test_a_pose_that_is_set_by_hand_has_no_alternative():
+    layout = layout_of((2.0, 1.0), table=(1.0, 1.0, 3.0, 1.5))
+    approaches = find_approaches(
+        layout,
+        walls_around(layout),
+        ViewingLimits(),
+        overrides={'0': Override(math.pi / 2, 0.4)},
+        most_per_tag=3,
+    )
+    assert approaches.alternatives == {'0': []}
 
 
 def test_a_start_that_is_not_free_is_refused(shipped):
@@ -493,13 +523,13 @@ def grid_length_m(layout: Layout, radius_m: float, start, goal, step_m: float = 
 def test_the_same_layout_gives_the_same_poses_and_route(shipped):
     results = []
     for _ in range(2):
-        poses, unreachable, free_space, warnings = approaches_of(shipped)
+        poses, unreachable, free_space, warnings, _ = approaches_of(shipped)
         results.append((poses, unreachable, warnings, plan_route(free_space, poses, None, 'shortest')))
     assert results[0] == results[1]
 
 
 def test_the_shortest_route_of_the_shipped_layout_is_much_shorter_than_by_number(shipped):
-    poses, _, free_space, _ = find_approaches(shipped, find_walls(shipped), ViewingLimits())
+    poses, _, free_space, *_ = find_approaches(shipped, find_walls(shipped), ViewingLimits())
     routes = {
         order: plan_route(free_space, poses, (0.5, 0.5), order) for order in ('given', 'numeric', 'shortest')
     }
@@ -526,7 +556,7 @@ def test_two_opt_mends_what_the_nearest_first_leaves():
 @pytest.mark.parametrize('start_m', [None, (0.5, 0.5)])
 @pytest.mark.parametrize('end_m', [None, (0.5, 0.5), (3.5, 7.5)])
 def test_the_shortest_route_is_that_of_all_orders_from_the_start_to_the_end(shipped, start_m, end_m):
-    poses, _, free_space, _ = find_approaches(shipped, find_walls(shipped), ViewingLimits())
+    poses, _, free_space, *_ = find_approaches(shipped, find_walls(shipped), ViewingLimits())
     tag_ids = list(poses)[::5]
     stops = {tag_id: poses[tag_id][:2] for tag_id in tag_ids} | {None: start_m, 'end': end_m}
 
