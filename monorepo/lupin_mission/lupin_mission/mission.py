@@ -116,7 +116,10 @@ class Mission:
         self._first_service = Service.CONFIRM if require_visual_confirmation else Service.READ
         self._to_visit = iter(self.tag_ids)
         self._tag_id: str | None = None
-        self._drives = 0  # to this tag, or to the dock
+        self._drives = 0  # to this pose, or to the dock
+        self._pose = 1  # of this tag, from 1
+        self._failures: list[tuple[Outcome, str]] = []  # from the poses before
+        self._seen: bool | None = None  # this tag, by the camera
         self._departure: float | None = None  # of the next of them, until the robot sets off
         self._stuck_drives = 0  # in a row
         self._stuck_tag_id: str | None = None  # at the last pause for them
@@ -207,7 +210,7 @@ class Mission:
         return True
 
     def _drive_on(self) -> None:
-        self._tag_id = next(self._to_visit, None)
+        self._take_up(next(self._to_visit, None))
         if self._tag_id is not None:
             self._depart(State.DRIVING)
         elif self._returns_to_dock:
@@ -215,10 +218,18 @@ class Mission:
         else:
             self._end()
 
+    def _take_up(self, tag_id: str | None) -> None:
+        self._tag_id = tag_id
+        self._requests_before = self._requests
+        self._pose, self._failures, self._seen = 1, [], None
+
     def _depart(self, state: State) -> None:
         self.state = state
         self._scan_reading_done = False
-        self._requests_before = self._requests
+        self._be_due()
+
+    def _be_due(self) -> None:
+        """Set off now, or after the pause."""
         self._drives = 0
         self._departure = self._active_seconds
         self._retry_delay = self._limits.retry_delay_seconds
@@ -237,7 +248,7 @@ class Mission:
         if self.state is State.RETURNING:
             self._drive.start_return(self._active_seconds)
         else:
-            self._drive.start(self._tag_id, self._active_seconds)
+            self._drive.start(self._tag_id, self._active_seconds, self._pose)
 
     def _end(self) -> None:
         self.state = State.DONE
@@ -277,12 +288,26 @@ class Mission:
             else:
                 self._end()
         elif arrival.failure:
-            self._close(Outcome.UNREACHABLE, arrival.failure, None)
-            self._dwell_end = self._active_seconds
+            if not self._looks_again(Outcome.UNREACHABLE, arrival.failure):
+                self._close(Outcome.UNREACHABLE, arrival.failure, None)
+                self._dwell_end = self._active_seconds
         else:
             self.state = State.INSPECTING
             self._dwell_end = self._active_seconds + self._limits.dwell_seconds
             self._turn_to(self._first_service)
+
+    def _looks_again(self, outcome: Outcome, detail: str) -> bool:
+        """Set off to the next pose of the tag, because this one has failed; return False if there is none."""
+        count = self._drive.count_poses(self._tag_id)
+        if self._pose >= count:
+            return False
+        event = f'tag {self._tag_id!r}: {outcome.value} {detail}: trying pose {self._pose + 1} of {count}'
+        self._ports.note(event, Severity.WARN)
+        self._failures.append((outcome, detail))
+        self._pose += 1
+        self.state = State.DRIVING
+        self._be_due()
+        return True
 
     def _rest(self) -> None:
         self._is_docking, self._is_docked = False, True
@@ -379,7 +404,7 @@ class Mission:
         elif not has_not_set_off:
             self._leave('aborted')
         for tag_id in self._to_visit:
-            self._tag_id, self._requests_before = tag_id, self._requests
+            self._take_up(tag_id)
             self._close(Outcome.SKIPPED, 'aborted', None)
         if has_not_set_off or is_returning:
             self._end()
@@ -410,6 +435,7 @@ class Mission:
         """Accept the reply to a CONFIRM request; return False if it is no longer pending."""
         if not self._is_awaited(number):
             return False
+        self._seen = confirmed
         if confirmed:
             self._turn_to(Service.READ)
         else:
@@ -442,7 +468,10 @@ class Mission:
         return True
 
     def _attempt_failed(self, outcome: Outcome, detail: str) -> None:
-        if outcome is Outcome.UNKNOWN_TAG or self._attempts >= self._limits.max_attempts:
+        is_last = outcome is Outcome.UNKNOWN_TAG or self._attempts >= self._limits.max_attempts
+        if is_last and outcome is Outcome.NOT_CONFIRMED and self._looks_again(outcome, detail):
+            return
+        if is_last:
             self.mark_scan_failed(self._tag_id, outcome, detail)
         else:
             event = f'tag {self._tag_id!r}: {outcome.value} {detail}: trying again'
@@ -470,12 +499,22 @@ class Mission:
 
     def _close(self, outcome: Outcome, detail: str, reading: Reading | None) -> None:
         attempts = self._requests - self._requests_before
+        if self._failures and outcome is not Outcome.OK:
+            outcome, detail = self._failure_of_all_poses(outcome, detail)
         self.outcomes[self._tag_id] = outcome
         self._is_publishing = True
-        self._ports.record(Observation(self._tag_id, outcome, detail, attempts, reading))
+        observation = Observation(self._tag_id, outcome, detail, attempts, reading, self._seen, self._pose)
+        self._ports.record(observation)
         self._is_publishing = False
         self._request = None
         self._scan_reading_done = True
+
+    def _failure_of_all_poses(self, outcome: Outcome, detail: str) -> tuple[Outcome, str]:
+        """Return one outcome: that the camera did not see the tag tells more than a failed drive."""
+        tried = [*self._failures, (outcome, detail)]
+        if outcome is Outcome.UNREACHABLE and self._seen is not None:
+            outcome = Outcome.NOT_CONFIRMED
+        return outcome, '; '.join(f'pose {number}: {why}' for number, (_, why) in enumerate(tried, start=1))
 
 
 _NO_REPLY = {

@@ -24,12 +24,15 @@ class Plan:
             in_map, self.warnings = read_overrides(path, layout.tags)
             overrides = {tag_id: self._in_layout(tag_id, each, path) for tag_id, each in in_map.items()}
         walls = find_walls(layout, settings.sim_config_file, settings.walls)
-        self._poses, self.unreachable, self._free_space, self.room_warnings, _ = find_approaches(
-            layout, walls, settings.viewing_limits, overrides=overrides
+        self._poses, self.unreachable, self._free_space, self.room_warnings, others = find_approaches(
+            layout, walls, settings.viewing_limits, overrides=overrides, most_per_tag=settings.max_poses
         )
         self.goals = {
-            tag_id: Goal(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))
-            for tag_id, pose in self._poses.items()
+            tag_id: [
+                Goal(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))
+                for pose in (best, *others[tag_id])
+            ]
+            for tag_id, best in self._poses.items()
         }
 
     def shortest(

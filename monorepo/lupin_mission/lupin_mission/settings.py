@@ -90,9 +90,16 @@ class Settings:
     )
     nav_max_attempts: int = parameter(
         Limits.max_drives,
-        'Attempts to drive to a tag, or to the dock, before it counts as unreachable.',
+        'Attempts to drive to a pose of a tag, or to the dock, before it counts as unreachable.',
         smallest=1,
         largest=1000,
+    )
+    max_poses: int = parameter(
+        2,
+        'With drive nav2: poses from which the robot looks at a tag, one after the other, where the drive'
+        ' fails or the camera does not see the tag; 1: only the best.',
+        smallest=1,
+        largest=10,
     )
     robot_radius_m: float = parameter(
         0.2, 'Radius of the robot in metres, for its approach poses.', smallest=0.0, largest=0.75
