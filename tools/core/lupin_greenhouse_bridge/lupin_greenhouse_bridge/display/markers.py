@@ -80,7 +80,8 @@ class Scene:
         """
         Return the tables, the tags with their ids, the readings by tag id with their ages, and the caption.
 
-        The header's stamp is the time. A reading is faded once it is older than `stale_seconds`.
+        The ages are relative to the stamp of the header. A reading that is older than `stale_seconds` is
+        faded.
         """
         markers = [self._table(number) for number in range(len(self._tables))]
         for number, (tag_id, plate) in enumerate(self._plates.items()):
@@ -110,7 +111,7 @@ class Scene:
 
 
 def age_seconds(reading: TagReading, header: Header) -> float:
-    """Return how long before the header a reading was made; 0.0 for one that was made later."""
+    """Return the age of a reading at the time of the header; 0.0 if the reading is newer than the header."""
     seconds = header.stamp.sec - reading.stamp.sec
     return max(seconds + (header.stamp.nanosec - reading.stamp.nanosec) / 1e9, 0.0)
 
@@ -124,7 +125,7 @@ def age_text(seconds: float) -> str:
 
 
 def plain(text: str) -> str:
-    """Return a text in ASCII: RViz draws no other letters."""
+    """Return a text in ASCII, because RViz cannot draw other characters."""
     text = text.replace('°', 'deg ').replace('³', '3')
     return text.encode('ascii', 'backslashreplace').decode()
 
