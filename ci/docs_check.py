@@ -18,7 +18,7 @@ A table with a column `option` is preceded by its command, and has a row for eac
 
     <!-- options of COMMAND -->
 
-Every command of the packages stands in such a table, or its parameters in one of parameters.
+Every command of the packages needs a table of its options, or a table of its parameters.
 
 A table of `sensor` and `lowest` has the ranges of the installed mdp-greenhouse, of the version that it names:
 
@@ -148,7 +148,7 @@ def failing_blocks(root: Path, path: Path) -> Iterator[str]:
 
 
 def wrong_defaults(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each parameter that a table lacks, has too many, or gives another default."""
+    """Yield a line for each parameter that a table lacks, invents, or gives another default."""
     text = (root / path).read_text(encoding='utf-8')
     for table in PARAMETERS.finditer(text):
         if not table['settings']:
@@ -238,7 +238,7 @@ def help_of(command: Path) -> tuple[bool, list[tuple[str, str]]]:
 
 
 def wrong_options(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each row that the --help of the command does not have, or has and the table lacks."""
+    """Yield a line for each row that only the table or only the --help of the command has."""
     for table in OPTIONS.finditer((root / path).read_text(encoding='utf-8')):
         name = table['command']
         if name not in commands():
@@ -251,7 +251,7 @@ def wrong_options(root: Path, path: Path) -> Iterator[str]:
 
 
 def undocumented_commands(root: Path, paths: list[Path]) -> Iterator[str]:
-    """Yield a line for each command of the packages that has no table of its options or parameters."""
+    """Yield a line for each command of the packages without a table of its options or parameters."""
     texts = [(root / path).read_text(encoding='utf-8') for path in paths]
     options = {table['command'] for text in texts for table in OPTIONS.finditer(text)}
     tables = [table['rows'] for text in texts for table in PARAMETERS.finditer(text) if table['settings']]
@@ -266,7 +266,7 @@ def undocumented_commands(root: Path, paths: list[Path]) -> Iterator[str]:
 
 
 def unlinked_terms(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each term of the glossary beside a page that the page uses before it links to it."""
+    """Yield a line for each term of the glossary that a page uses before it links to the term."""
     glossary = (root / path).with_name('glossary.md')
     if not glossary.exists():
         return

@@ -21,7 +21,7 @@ FAILED = 'failed: '  # begins each line at the end that names a failure
 
 
 class Job:
-    """A command, whose output is shown line by line."""
+    """A command whose output is shown line by line."""
 
     def __init__(self, name: str, command: list, log: Path):
         self.name = name
@@ -42,12 +42,12 @@ class Job:
         return self.name
 
     def explain_failure(self) -> str:
-        """Return what its output has not shown yet."""
+        """Return the part of the output that has not been shown yet."""
         return ''
 
 
 class Build(Job):
-    """A build by colcon, which names its packages, and make in them its files."""
+    """A build by colcon: reads the packages that colcon reports, and the files that make reports in them."""
 
     PACKAGE = re.compile(r'^Starting >>> (\S+)')
     STEP = re.compile(r'^\[ *(\d+)%\] (.*)')

@@ -4,8 +4,8 @@ List what rosdep can install of the dependencies of our packages, from a clone o
     git clone --depth 1 https://github.com/ros/rosdistro
     python ci/rosdep_keys.py rosdistro > ci/rosdep_keys.txt
 
-A line per key: the distros that release the package or, for a key of the system, whose Ubuntu has a rule. The
-table was made from rosdistro's commit 8468e88ccd of 2026-08-22.
+Each line has a key and its distros: those that release the package or, for a system key, those with a rule
+for their Ubuntu release. The table comes from rosdistro's commit 8468e88ccd of 2026-08-22.
 """
 
 import sys

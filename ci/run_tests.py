@@ -88,7 +88,8 @@ def mirror_environment(venv: Path) -> Path:
     """
     Make the environment that the mirror is tested in; return its folder.
 
-    With the wheels it has the other distro and the oldest simulator: two corners of the matrix at once.
+    With the wheels, it has the other distro and the oldest simulator, which tests two corners of the matrix
+    at once.
     """
     if not (venv / 'local_setup.bash').exists():
         return venv

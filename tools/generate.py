@@ -178,9 +178,10 @@ def extras(root: Path, rendered: Rendered, table: dict) -> list[str]:
 
 def edited(root: Path, rendered: Rendered) -> list[str]:
     """
-    Return the files to overwrite whose content is an edit: neither generated here before, nor in any commit.
+    Return the files that somebody has edited: their content was not generated here, and is in no commit.
 
-    Where there is no commit yet, git cannot tell. During a merge, git itself has edited them.
+    Returns none if there is no commit yet, because git cannot tell then, and none during a merge, because then
+    git itself has edited the files.
     """
     changed = [
         path
@@ -209,7 +210,7 @@ def edited(root: Path, rendered: Rendered) -> list[str]:
 
 
 def remember(root: Path, rendered: Rendered) -> None:
-    """Add what was written to the ledger, so that it is not taken for an edit later."""
+    """Add the written content to the ledger, so that it does not count as an edit later."""
     ledger = _ledger(root)
     known = set(ledger.read_text().split()) if ledger.exists() else set()
     known |= set(_git(root, 'hash-object', '--stdin-paths', lines=rendered).split())
@@ -222,7 +223,7 @@ def _ledger(root: Path) -> Path:
 
 
 def _diff(path: str, before: bytes, after: bytes, names: tuple[str, str]) -> str:
-    """Return what differs between two contents of a file, which have these names."""
+    """Return the diff between two contents of a file, with these names."""
     try:
         lines = [text.decode().splitlines(keepends=True) for text in (before, after)]
     except UnicodeDecodeError:

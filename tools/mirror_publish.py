@@ -3,11 +3,11 @@ Publish the mirror: its history, the branch `ready`, the source of each commit, 
 
     make mirror-publish REMOTE=URL [RELEASE=1.2.0] [ARGS=--dry-run]
 
-`main` is the history of lupin_greenhouse_ros/, split out of the last commit here, with the address of the
-remote in the README, where the README here has URL_OF_THIS_REPOSITORY. It only moves forward.
-`ready` is main without COLCON_IGNORE, for `vcs import`. A git note on each commit of main names the commit
-here that it comes from (refs/notes/commits). A release is a tag whose name is the version of both packages.
-Everything is pushed at once, or nothing. Exit code: 0 published, or nothing to do; 1 refused.
+`main` is the history of lupin_greenhouse_ros/, split out of the last commit here. Its README has the address
+of the remote instead of URL_OF_THIS_REPOSITORY. It only moves forward. `ready` is `main` without
+COLCON_IGNORE, for `vcs import`. A git note on each commit of `main` names the source commit here
+(refs/notes/commits). A release is a tag with the version of both packages. The program pushes either
+everything or nothing. Exit code: 0 published, or nothing to do; 1 refused.
 """
 
 import argparse
@@ -35,7 +35,7 @@ class PublishError(Exception):
 
 
 def address_of(remote: str) -> str:
-    """Return the address for a reader to clone: without credentials, by https where that is known."""
+    """Return the address that a reader can clone: without credentials, and with https if possible."""
     by_ssh = re.fullmatch(r'(?:ssh://)?git@([^:/]+)(?::\d+/|[:/])(.+)', remote)
     if by_ssh and by_ssh[1] in HTTPS_TOO:
         return f'https://{by_ssh[1]}/{by_ssh[2]}'
@@ -53,7 +53,7 @@ class Repository:
         return self.exactly(*arguments, text=text, **environment).strip()
 
     def exactly(self, *arguments: str, text: str = '', **environment: str) -> str:
-        """Run git and return its output with its white space; raises PublishError."""
+        """Run git and return its output, not stripped; raises PublishError."""
         result = subprocess.run(
             ['git', *arguments],
             cwd=self.folder,
@@ -124,7 +124,7 @@ def with_address(published: Repository, found: dict[str, str], split: str, addre
     """
     Write the address into the README of each commit of the split history; return {commit: new commit}.
 
-    A commit that is published already, by the note that names its source, stays as it is.
+    A commit whose note shows that it is already published stays unchanged.
     """
     told = published.git('log', '--format=%H %N', '--branches')
     noted = re.findall(r'^(\w+) source: (\w+)$', told, re.MULTILINE)

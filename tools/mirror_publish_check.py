@@ -1,11 +1,12 @@
 """
 Publish the mirror into a fresh repository and use it as another course team does.
 
-mirror_publish.py publishes the last commit. The marked bash blocks of the published documents (BLOCK) run
-word for word: the README's first block as on Ubuntu 22.04, that of doc/install.md as on Ubuntu 24.04 among
-packages of another team, and the one of doc/tests.md after each. Shell functions stand in for what only
-Ubuntu has: `source /opt/ros/...` enters the wheels of this environment, `sudo apt install` installs
-nothing, `ros2` runs the executables that colcon has installed. vcs imports the README's .repos file.
+mirror_publish.py publishes the last commit. Then the marked bash blocks of the published documents (BLOCK)
+run word for word: the first block of the README as on Ubuntu 22.04, the block of doc/install.md as on Ubuntu
+24.04 among the packages of another team, and the block of doc/tests.md after each of them. Shell functions
+replace what only Ubuntu has: `source /opt/ros/...` enters the wheels of this environment, `sudo apt install`
+installs nothing, and `ros2` runs the executables that colcon has installed. vcs imports the .repos file of
+the README.
 """
 
 import os

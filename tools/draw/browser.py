@@ -1,4 +1,4 @@
-"""Open a page in a headless Chromium, which is told what to do by the DevTools protocol."""
+"""Open a page in a headless Chromium, and control it by the DevTools protocol."""
 
 import base64
 import json
@@ -19,9 +19,9 @@ class BrowserError(Exception):
 
 class Page:
     """
-    One page in a browser of its own.
+    One page in its own browser.
 
-    `complaints` holds each error of the page and its console, `requests` each address that it asked for.
+    `complaints` has each error of the page and of its console, and `requests` each address that it requested.
     """
 
     def __init__(self, path: Path, *, width: int = 1280, height: int = 900):
@@ -52,7 +52,7 @@ class Page:
             pass
 
     def prefer(self, scheme: str) -> None:
-        """Let the reader prefer `light` or `dark`."""
+        """Set the colour scheme that the reader prefers: `light` or `dark`."""
         feature = {'name': 'prefers-color-scheme', 'value': scheme}
         self._call('Emulation.setEmulatedMedia', features=[feature])
 
@@ -74,7 +74,7 @@ class Page:
         return base64.b64decode(reply['data'])
 
     def paper(self) -> bytes:
-        """Return the page as it is printed, as PDF."""
+        """Return the printed page as PDF."""
         reply = self._call('Page.printToPDF', printBackground=True, preferCSSPageSize=True)
         return base64.b64decode(reply['data'])
 

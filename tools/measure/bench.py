@@ -6,7 +6,8 @@ Compare the bridge with the plain wrapper of the simulator that teams used befor
 
 Every ratio is measured within one run, in which the servers take turns. A ratio is the median of its rounds,
 with the middle half of them in brackets. --subject and --baseline replace the commands of the bridge and of
-the plain wrapper. If you swap them, the ratios invert. A second table has the times that a person waits for.
+the plain wrapper. If you swap them, the ratios invert. A second table shows how long a person waits for a
+command.
 """
 
 import contextlib

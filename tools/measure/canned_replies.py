@@ -1,5 +1,5 @@
 """
-Servers that send replies made beforehand, without a simulator: the least time that a rclpy service takes.
+Servers that send prepared replies, without a simulator. They show the shortest time of a rclpy service.
 
 `tag_reading [SECONDS_LATE]` serves the bridge's service type. A reply has two readings.
 `trigger` serves std_srvs/Trigger with a reading as JSON in its message, which needs no message package.

@@ -1,5 +1,5 @@
 """
-The bridge with instruments; prints when it ends what they counted.
+The bridge with instruments, which prints their results when it ends.
 
 `count` prints the number of requests. `profile` prints one line of JSON: the median of each share of the
 time of a reply in microseconds.

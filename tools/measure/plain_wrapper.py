@@ -1,5 +1,5 @@
 """
-The plain wrapper: what the team's description of the bridge tells to build, and no more.
+A plain wrapper of the simulator: what the team's description of the bridge asks for, and no more.
 
 It offers the same service from the same simulator and checks nothing. Teams used it before this bridge, and
 `make bench` compares the two.

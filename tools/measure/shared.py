@@ -1,4 +1,4 @@
-"""What the measurements share: options, a domain, processes that serve, turns, percentiles and tables."""
+"""The code that the measurements share: options, domains, server processes, turns, percentiles, tables."""
 
 import argparse
 import atexit
@@ -78,7 +78,7 @@ def in_turns(measures: list[Callable], rounds: int) -> list[tuple]:
     """
     Call the measures in turns, and return what they returned in each round.
 
-    Whatever else the machine does slows all of them down. Each comes first as often as the others.
+    Other work of the machine then slows down all of them alike. Each comes first as often as the others.
     """
     results = []
     for number in range(rounds):

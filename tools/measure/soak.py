@@ -235,7 +235,7 @@ def recorder_killed(scale: int) -> Iterator[tuple[str, bool]]:
 
 
 def recorder_locked(scale: int) -> Iterator[tuple[str, bool]]:
-    """Lock the databases of recorders under 300 values a second, and end them: none goes without a word."""
+    """Lock the databases of recorders under 300 values a second, and end them; no value is lost silently."""
     from lupin_greenhouse_bridge.testing import spinning_node
 
     longest_seconds, runs = 6.0 * scale, 2 * scale
