@@ -88,7 +88,7 @@ def _substitutions_in(header: str, tree: dict) -> Iterator[tuple[str, str, str]]
 
 
 def without_address(hunks: str, readme: str) -> str:
-    """Return the hunks with the placeholder in place of the address, which is where the README here has it."""
+    """Return the hunks with the placeholder in place of the address, where the README here has it."""
     for line in readme.splitlines():
         if PLACEHOLDER in line:
             before, _, after = map(re.escape, line.partition(PLACEHOLDER))
