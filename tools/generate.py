@@ -180,7 +180,7 @@ def edited(root: Path, rendered: Rendered) -> list[str]:
     """
     Return the files that somebody has edited: their content was not generated here, and is in no commit.
 
-    Returns none if there is no commit yet, because git cannot tell then. Returns none during a merge, in which
+    Returns none if there is no commit yet, because git cannot tell then. Returns none during a merge, where
     git itself has edited the files.
     """
     changed = [
