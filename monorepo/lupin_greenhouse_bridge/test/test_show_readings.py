@@ -129,14 +129,18 @@ def test_values_are_scaled_over_the_range_of_the_sensor():
 def test_a_label_has_the_values_with_their_units_and_the_age(age_seconds, text):
     reading = reading_of('8', 10_000, co2=612.345, light=899.0)
     assert texts(markers_of(BENCH, reading, at_seconds=10_000 + age_seconds)) == [
-        f'co2 612.3 ppm\nlight 899 lx\n{text}'
+        f'co2 612 ppm\nlight 899 lx\n{text}'
     ]
 
 
 def test_units_are_written_in_the_letters_that_rviz_has():
     reading = reading_of('7', temperature=21.5, soil_moisture=0.25, größe=1.0)
     (text,) = texts(markers_of(BENCH, reading, at_seconds=100))
-    assert text.split('\n')[:3] == ['temperature 21.5 deg C', 'soil_moisture 0.25 m3/m3', 'gr\\xf6\\xdfe 1']
+    assert text.split('\n')[:3] == [
+        'temperature 21.5 deg C',
+        'soil_moisture 0.250 m3/m3',
+        'gr\\xf6\\xdfe 1.00',
+    ]
 
 
 def test_a_stale_reading_is_faded_and_an_unread_tag_is_not():
@@ -301,7 +305,7 @@ def test_the_newest_reading_of_a_tag_counts_though_an_older_one_arrives_later(st
         reading_of('1', 100, co2=500.0),
         reading_of('2', 100, temperature=20.0),
     ]
-    viewer.wait_for('temperature 20 deg C')
+    viewer.wait_for('temperature 20.0 deg C')
     assert 'co2 600 ppm' in viewer.texts
     publisher.readings = [reading_of('1', 201, co2=700.0)]
     viewer.wait_for('co2 700 ppm')
@@ -374,7 +378,7 @@ def test_a_custom_layout_and_config_are_shown(start_here, room, tmp_path):
     )
     viewer = Viewer(room)
     Publisher(room).readings = [reading_of('A7', ozone=3.0)]
-    viewer.wait_for('ozone 3')  # a sensor that is not the simulator's has no unit
+    viewer.wait_for('ozone 3.00')  # a sensor that is not the simulator's has no unit
     wait_until(lambda: cell(viewer.fields[-1], 1.0, 2.0) == 30)
     (caption,) = of_namespace(viewer.markers[-1], FIELD_NAMESPACE)
     assert 'field of ozone: 0 is 0, 100 is 10,' in caption.text

@@ -8,6 +8,7 @@ from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.units import value_text
 from lupin_msgs.msg import MissionState, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
 from rclpy.duration import Duration
@@ -84,8 +85,11 @@ class Announcer:
         tag = f"tag '{escaped(observation.tag_id, 64)}'"
         if observation.outcome is Outcome.OK:
             self._readings.publish(message.tag_reading)
-            values = ', '.join(f'{name} {value:.3f}' for name, value in observation.reading.values.items())
-            self.inform(f'{tag}: {values}')
+            values = ', '.join(
+                f'{name} {value_text(name, value)}' for name, value in observation.reading.values.items()
+            )
+            pose = f' (pose {observation.pose})' if observation.pose > 1 else ''
+            self.inform(f'{tag}{pose}: {values}')
         elif observation.outcome is Outcome.SKIPPED:
             self.inform(f'{tag}: {observation.outcome.value}: {observation.detail}')
         else:

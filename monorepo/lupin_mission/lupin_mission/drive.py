@@ -29,8 +29,12 @@ class Drive(ABC):
     """
 
     @abstractmethod
-    def start(self, tag_id: str, now_seconds: float) -> None:
-        """Set off for a tag."""
+    def start(self, tag_id: str, now_seconds: float, pose: int = 1) -> None:
+        """Set off for one of the tag's poses, the first of which is the best."""
+
+    def count_poses(self, tag_id: str) -> int:  # noqa: ARG002
+        """Return how many poses a tag can be looked at from."""
+        return 1
 
     @abstractmethod
     def start_return(self, now_seconds: float) -> None:
@@ -61,7 +65,7 @@ class SimulatedDrive(Drive):
         self._drive_seconds = drive_seconds
         self._arrival_seconds = 0.0
 
-    def start(self, tag_id, now_seconds):  # noqa: ARG002
+    def start(self, tag_id, now_seconds, pose=1):  # noqa: ARG002
         """Set off."""
         self.start_return(now_seconds)
 

@@ -60,6 +60,7 @@ def observation_message(
         message.status_detail = f'{tag}{observation.outcome.value}: {detail}'
         return message
     message.status = ObservationMessage.STATUS_OK
+    message.status_detail = f'read from pose {observation.pose}' if observation.pose > 1 else ''
     message.tag_reading.tag_id = observation.tag_id
     _fill(message.tag_reading, observation.reading)
     if position_m:

@@ -116,7 +116,10 @@ class Mission:
         self._first_service = Service.CONFIRM if require_visual_confirmation else Service.READ
         self._to_visit = iter(self.tag_ids)
         self._tag_id: str | None = None
-        self._drives = 0  # to this tag, or to the dock
+        self._drives = 0  # to this pose, or to the dock
+        self._pose = 1  # of this tag, from 1
+        self._failures: list[tuple[Outcome, str]] = []  # from the poses before
+        self._seen: bool | None = None  # this tag, by the camera
         self._departure: float | None = None  # of the next of them, until the robot sets off
         self._stuck_drives = 0  # in a row
         self._stuck_tag_id: str | None = None  # at the last pause for them
@@ -161,8 +164,10 @@ class Mission:
         """The tag that the robot stands at; None while it drives, before the first and after the last tag."""
         return self._tag_id if self.state is State.INSPECTING else None
 
-    def start(self, now_seconds: float) -> None:
-        """Drive to the first tag, unless the e-stop is engaged."""
+    def start(self, now_seconds: float, tag_ids: Iterable[str] | None = None) -> None:
+        """Drive to the first tag, in another order if one is given, unless the mission is paused or over."""
+        if tag_ids is not None and self.state is State.READY:
+            self._to_visit = iter(tag_ids)
         self._now = now_seconds
         self.step(now_seconds)
 
@@ -207,7 +212,7 @@ class Mission:
         return True
 
     def _drive_on(self) -> None:
-        self._tag_id = next(self._to_visit, None)
+        self._take_up(next(self._to_visit, None))
         if self._tag_id is not None:
             self._depart(State.DRIVING)
         elif self._returns_to_dock:
@@ -215,10 +220,18 @@ class Mission:
         else:
             self._end()
 
+    def _take_up(self, tag_id: str | None) -> None:
+        self._tag_id = tag_id
+        self._requests_before = self._requests
+        self._pose, self._failures, self._seen = 1, [], None
+
     def _depart(self, state: State) -> None:
         self.state = state
         self._scan_reading_done = False
-        self._requests_before = self._requests
+        self._be_due()
+
+    def _be_due(self) -> None:
+        """Set off now, or after the pause."""
         self._drives = 0
         self._departure = self._active_seconds
         self._retry_delay = self._limits.retry_delay_seconds
@@ -237,7 +250,7 @@ class Mission:
         if self.state is State.RETURNING:
             self._drive.start_return(self._active_seconds)
         else:
-            self._drive.start(self._tag_id, self._active_seconds)
+            self._drive.start(self._tag_id, self._active_seconds, self._pose)
 
     def _end(self) -> None:
         self.state = State.DONE
@@ -277,12 +290,26 @@ class Mission:
             else:
                 self._end()
         elif arrival.failure:
-            self._close(Outcome.UNREACHABLE, arrival.failure, None)
-            self._dwell_end = self._active_seconds
+            if not self._looks_again(Outcome.UNREACHABLE, arrival.failure):
+                self._close(Outcome.UNREACHABLE, arrival.failure, None)
+                self._dwell_end = self._active_seconds
         else:
             self.state = State.INSPECTING
             self._dwell_end = self._active_seconds + self._limits.dwell_seconds
             self._turn_to(self._first_service)
+
+    def _looks_again(self, outcome: Outcome, detail: str) -> bool:
+        """Set off to the next pose of the tag, because this one has failed; return False if there is none."""
+        count = self._drive.count_poses(self._tag_id)
+        if self._pose >= count:
+            return False
+        event = f'tag {self._tag_id!r}: {outcome.value} {detail}: trying pose {self._pose + 1} of {count}'
+        self._ports.note(event, Severity.WARN)
+        self._failures.append((outcome, detail))
+        self._pose += 1
+        self.state = State.DRIVING
+        self._be_due()
+        return True
 
     def _rest(self) -> None:
         self._is_docking, self._is_docked = False, True
@@ -303,11 +330,12 @@ class Mission:
         self._ports.send(self._request)
 
     def pause(self) -> bool:
-        """Stop driving, sending requests and dwelling; return False if already paused, or not started."""
-        if self.is_paused or self.state in (State.READY, State.DONE):
+        """Stop driving, sending requests and dwelling; return False if already paused, or done."""
+        if self.is_paused or self.state is State.DONE:
             return False
         self.is_paused = True
-        self._drive.pause()
+        if self.state is not State.READY:
+            self._drive.pause()
         self._ports.note('paused', Severity.INFO)
         return True
 
@@ -323,10 +351,7 @@ class Mission:
     def engage_estop(self) -> None:
         """Pause in any state but DONE, until the e-stop is released and resume() is called."""
         self.is_estop_engaged = True
-        if self.state is State.READY:
-            self.is_paused = True
-        else:
-            self.pause()
+        self.pause()
 
     def release_estop(self) -> None:
         """Allow resume(); nothing moves yet."""
@@ -367,10 +392,10 @@ class Mission:
         End the mission: the target and all unvisited tags are SKIPPED; return False if no mission runs.
 
         The robot returns to its dock if it has one. A return that is aborted ends where the robot is, and so
-        does a mission that was started under the e-stop and has not set off.
+        does a mission that has not set off, because of a pause or because its route is planned.
         """
         has_not_set_off = self.state is State.READY
-        if self.state is State.DONE or (has_not_set_off and not self.is_paused):
+        if self.state is State.DONE:
             return False
         self._ports.note('aborted', Severity.WARN)
         is_returning = self.state is State.RETURNING
@@ -379,7 +404,7 @@ class Mission:
         elif not has_not_set_off:
             self._leave('aborted')
         for tag_id in self._to_visit:
-            self._tag_id, self._requests_before = tag_id, self._requests
+            self._take_up(tag_id)
             self._close(Outcome.SKIPPED, 'aborted', None)
         if has_not_set_off or is_returning:
             self._end()
@@ -410,6 +435,7 @@ class Mission:
         """Accept the reply to a CONFIRM request; return False if it is no longer pending."""
         if not self._is_awaited(number):
             return False
+        self._seen = confirmed
         if confirmed:
             self._turn_to(Service.READ)
         else:
@@ -442,7 +468,10 @@ class Mission:
         return True
 
     def _attempt_failed(self, outcome: Outcome, detail: str) -> None:
-        if outcome is Outcome.UNKNOWN_TAG or self._attempts >= self._limits.max_attempts:
+        is_last = outcome is Outcome.UNKNOWN_TAG or self._attempts >= self._limits.max_attempts
+        if is_last and outcome is Outcome.NOT_CONFIRMED and self._looks_again(outcome, detail):
+            return
+        if is_last:
             self.mark_scan_failed(self._tag_id, outcome, detail)
         else:
             event = f'tag {self._tag_id!r}: {outcome.value} {detail}: trying again'
@@ -470,12 +499,22 @@ class Mission:
 
     def _close(self, outcome: Outcome, detail: str, reading: Reading | None) -> None:
         attempts = self._requests - self._requests_before
+        if self._failures and outcome is not Outcome.OK:
+            outcome, detail = self._failure_of_all_poses(outcome, detail)
         self.outcomes[self._tag_id] = outcome
         self._is_publishing = True
-        self._ports.record(Observation(self._tag_id, outcome, detail, attempts, reading))
+        observation = Observation(self._tag_id, outcome, detail, attempts, reading, self._seen, self._pose)
+        self._ports.record(observation)
         self._is_publishing = False
         self._request = None
         self._scan_reading_done = True
+
+    def _failure_of_all_poses(self, outcome: Outcome, detail: str) -> tuple[Outcome, str]:
+        """Return one outcome: that the camera did not see the tag tells more than a failed drive."""
+        tried = [*self._failures, (outcome, detail)]
+        if outcome is Outcome.UNREACHABLE and self._seen is not None:
+            outcome = Outcome.NOT_CONFIRMED
+        return outcome, '; '.join(f'pose {number}: {why}' for number, (_, why) in enumerate(tried, start=1))
 
 
 _NO_REPLY = {

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
@@ -35,6 +36,7 @@ from lupin_mission.mission import Mission, Request, Service, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.plan import Plan
 from lupin_mission.report import Report, ReportError, last_of_each_tag, summary_table
+from lupin_mission.room_map import RoomMap
 from lupin_mission.settings import WITHOUT_EFFECT, Settings
 from lupin_mission.tag_positions import TagPositions
 from lupin_mission.tags import Tags
@@ -59,6 +61,7 @@ class MissionNode(Node):
 
     # ROS destroys a node whose constructor raised, too.
     _drive: Drive | None = None
+    _room_map: RoomMap | None = None
     report: Report | None = None
 
     def __init__(self):
@@ -95,6 +98,7 @@ class MissionNode(Node):
         self._drive = SimulatedDrive(settings.drive_seconds)
         if settings.drive == 'nav2':
             self._drive = Nav2Drive(self, settings, self.note)
+            self._room_map = RoomMap(self, settings.map_topic, settings.frame_id)
         else:
             self.get_logger().info('the drive is simulated, so no robot moves: set drive:=nav2 on a robot')
         self._plan: Plan | None = None  # of Nav2's drives, once the tags are known
@@ -170,6 +174,7 @@ class MissionNode(Node):
                 return
             self._announcer.warn('mission/readings has no subscriber: the mission starts without one')
         self._start_deadline = None
+        self._plan_with_map()
         self._begin(self._new_mission_id(), self._chosen_ids(), self.report)
 
     def _on_tag_positions(self) -> None:
@@ -178,13 +183,26 @@ class MissionNode(Node):
             self._announcer.warn(
                 "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file"
             )
-        if isinstance(self._drive, Nav2Drive):
-            self._plan = Plan(self._tags.layout(), self._settings, self._tags.layout_in_map)
-            self._drive.goals, self._drive.unreachable = self._plan.goals, self._plan.unreachable
-            of_rooms = self._plan.room_warnings
-            chosen = [of_rooms[tag_id] for tag_id in self._chosen_ids() if tag_id in of_rooms]
-            for warning in [*self._plan.warnings, *chosen]:
-                self._announcer.warn(warning)
+        self._plan_drives()
+
+    def _plan_drives(self, occupancy: OccupancyMap | None = None) -> None:
+        """Plan the drives of Nav2; raises StartUpError."""
+        if not isinstance(self._drive, Nav2Drive):
+            return
+        self._plan = Plan(self._tags.layout(), self._settings, self._tags.layout_in_map, occupancy)
+        self._drive.goals, self._drive.unreachable = self._plan.goals, self._plan.unreachable
+        of_rooms = self._plan.room_warnings
+        chosen = [of_rooms[tag_id] for tag_id in self._chosen_ids() if tag_id in of_rooms]
+        for warning in [*self._plan.warnings, *chosen]:
+            self._announcer.warn(warning)
+
+    def _plan_with_map(self) -> None:
+        """Plan the drives again if the map of the room is new; raises StartUpError, as for another room."""
+        if self._room_map:
+            occupancy = self._room_map.read()
+            if self._room_map.is_new:
+                self._plan_drives(occupancy)
+                self._room_map.is_new = False
 
     def _chosen_ids(self) -> list[str]:
         """Return the tags of tag_sequence, or else all tags in natural order."""
@@ -336,8 +354,9 @@ class MissionNode(Node):
         reason = self._reason_against(request)
         if not reason:
             try:
+                self._plan_with_map()
                 report = self._open_report(mission_id)
-            except ReportError as error:
+            except (StartUpError, ReportError) as error:
                 reason = str(error)
         if reason:
             self.note(f'start rejected: {reason}', Severity.WARN)

@@ -43,14 +43,14 @@ class Nav2Drive(Drive):
     """
     Sends the robot to one pose at a time.
 
-    `goals` has the pose for each tag, `unreachable` the reason why a tag has none. A goal is sent when its
+    `goals` has the poses for each tag, `unreachable` the reason why a tag has none. A goal is sent when its
     server is there and the goal before has ended, and it is cancelled by stop() and pause(). A server that is
     missing or rejects goals is not ready: it is tried again for dependency_timeout_s.
     """
 
     def __init__(self, node, settings: Settings, note: Callable[[str, Severity], None]):
         """Create the client; raises StartUpError for an invalid name, or without nav2_msgs."""
-        self.goals: dict[str, Goal] = {}
+        self.goals: dict[str, list[Goal]] = {}
         self.unreachable: dict[str, str] = {}
         self._node = node
         self._settings = settings
@@ -77,9 +77,14 @@ class Nav2Drive(Drive):
         self._ended_at: float | None = None  # the goal, by its result
         self._has_warned = False  # of a server that is not ready
 
-    def start(self, tag_id, now_seconds):
-        """Set off for the approach pose of a tag."""
-        self._set_off(self.goals.get(tag_id), self.unreachable.get(tag_id, NOT_IN_LAYOUT), now_seconds)
+    def start(self, tag_id, now_seconds, pose=1):
+        """Set off for an approach pose of a tag."""
+        goal = self.goals[tag_id][pose - 1] if tag_id in self.goals else None
+        self._set_off(goal, self.unreachable.get(tag_id, NOT_IN_LAYOUT), now_seconds)
+
+    def count_poses(self, tag_id):
+        """Return how many poses a tag has."""
+        return len(self.goals.get(tag_id, ()))
 
     def start_return(self, now_seconds):
         """Set off for the dock."""

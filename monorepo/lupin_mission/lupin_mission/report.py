@@ -11,7 +11,7 @@ from pathlib import Path
 from lupin_greenhouse_bridge.errors import OneLineError, escaped
 from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, parse_report
 from lupin_greenhouse_bridge.runtime.output import aligned_table
-from lupin_greenhouse_bridge.units import clock_time, sensor_order, unit_of
+from lupin_greenhouse_bridge.units import clock_time, sensor_order, unit_of, value_text
 
 
 class ReportError(OneLineError):
@@ -100,7 +100,11 @@ def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -
     tag_ids = list(tag_ids)
     names = {name for each in found.values() if each.reading for name in each.reading.values}
     sensors = sorted(names, key=sensor_order)
-    rows = [('tag', 'sim time', *sensors, 'outcome'), ('', 'h:min', *(unit_of(name) for name in sensors), '')]
+    seen = ['seen'] if any(each.seen is not None for each in found.values()) else []  # by the camera
+    rows = [
+        ('tag', 'sim time', *sensors, *seen, 'outcome'),
+        ('', 'h:min', *(unit_of(name) for name in sensors), *('' for _ in seen), ''),
+    ]
     for tag_id in tag_ids:
         observation = found.get(tag_id)
         reading = observation and observation.reading
@@ -109,14 +113,21 @@ def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -
                 escaped(tag_id, 40),
                 clock_time(reading.sim_time_of_day_seconds) if reading else '',
                 *(
-                    f'{reading.values[name]:.2f}' if reading and name in reading.values else ''
+                    value_text(name, reading.values[name]) if reading and name in reading.values else ''
                     for name in sensors
                 ),
-                f'{observation.outcome.value} {escaped(observation.detail, 200)}'.strip()
-                if observation
-                else 'not visited',
+                *(_SEEN[observation.seen if observation else None] for _ in seen),
+                _outcome_text(observation) if observation else 'not visited',
             )
         )
     lines = aligned_table(rows, range(1, len(sensors) + 2))
     read = sum(tag_id in found and found[tag_id].outcome is Outcome.OK for tag_id in tag_ids)
     return '\n'.join([*lines, f'{read}/{len(tag_ids)} tags read'])
+
+
+_SEEN = {True: 'yes', False: 'no', None: ''}
+
+
+def _outcome_text(observation: Observation) -> str:
+    pose = f'from pose {observation.pose}' if observation.reading and observation.pose > 1 else ''
+    return ' '.join(filter(None, (observation.outcome.value, pose, escaped(observation.detail, 200))))

@@ -34,7 +34,6 @@ WITHOUT_EFFECT = (
     'exploration_timeout_s',
     'localization_covariance_threshold',
     'localization_timeout_s',
-    'map_topic',
     'map_yaml_path',
     'monitoring_sweeps',
     'nav_localization_cov_threshold',
@@ -90,9 +89,16 @@ class Settings:
     )
     nav_max_attempts: int = parameter(
         Limits.max_drives,
-        'Attempts to drive to a tag, or to the dock, before it counts as unreachable.',
+        'Attempts to drive to a pose of a tag, or to the dock, before it counts as unreachable.',
         smallest=1,
         largest=1000,
+    )
+    max_poses: int = parameter(
+        2,
+        'With drive nav2: poses from which the robot looks at a tag, one after the other, where the drive'
+        ' fails or the camera does not see the tag; 1: only the best.',
+        smallest=1,
+        largest=10,
     )
     robot_radius_m: float = parameter(
         0.2, 'Radius of the robot in metres, for its approach poses.', smallest=0.0, largest=0.75
@@ -138,6 +144,11 @@ class Settings:
         '', "The bridge's greenhouse_config.yaml, for the walls; empty: the simulator's own."
     )
     walls: str = walls_parameter()  # or an array
+    map_topic: str = parameter(
+        'map',
+        'The OccupancyGrid topic of the map, latched: with drive nav2, each approach pose has its clearance'
+        ' in the map that is there when a mission starts.',
+    )
     dock_pose: str = parameter(
         '[0.0, 0.0, 0.0]',
         'x and y in metres and yaw in radians of the dock in the map, where every mission ends; empty: the'

@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -339,7 +340,7 @@ def test_a_tag_that_is_never_confirmed_is_never_read():
         world.mission.on_confirmation(world.sent[-1].number, False, 'other tags in view: 7')
         world.wait(0.25)
     assert world.asked == [(Service.CONFIRM, 'a')] * 3
-    assert world.recorded == [Observation('a', Outcome.NOT_CONFIRMED, 'other tags in view: 7', 3)]
+    assert world.recorded == [Observation('a', Outcome.NOT_CONFIRMED, 'other tags in view: 7', 3, seen=False)]
 
 
 def test_a_scan_has_one_outcome_and_only_the_tag_at_hand_has_one():
@@ -422,7 +423,7 @@ class Motor(SimulatedDrive):
         self.told = []
         self._failures = failures
 
-    def start(self, tag_id, now_seconds):
+    def start(self, tag_id, now_seconds, pose=1):  # noqa: ARG002
         SimulatedDrive.start_return(self, now_seconds)
         self.told.append(tag_id)
         self._tag_id = tag_id
@@ -648,9 +649,9 @@ class Wheels(SimulatedDrive):
         super().__init__(0.0)
         self.arrivals, self.goals = list(arrivals), []
 
-    def start(self, tag_id, now_seconds):
+    def start(self, tag_id, now_seconds, pose=1):
         self.goals.append(tag_id)
-        super().start(tag_id, now_seconds)
+        super().start(tag_id, now_seconds, pose)
 
     def arrival(self, now_seconds):  # noqa: ARG002
         return self.arrivals.pop(0) if self.arrivals else None
@@ -802,12 +803,30 @@ def test_a_mission_that_is_done_is_not_paused():
     assert not world.mission.resume()
 
 
-def test_a_mission_can_be_paused_and_aborted_from_its_start_on_and_not_before():
-    mission = Mission('a', World(''), SimulatedDrive(10.0), LIMITS)
-    assert not mission.pause()
-    mission.start(0.0)
+@pytest.mark.parametrize('end', ['resume', 'abort'])
+def test_a_mission_can_be_paused_and_aborted_before_it_sets_off(end):
+    world = World('')
+    mission = Mission('ab', world, SimulatedDrive(10.0), LIMITS, returns_to_dock=True)
     assert mission.pause()
+    mission.start(0.0, 'ba')
+    assert (mission.state, mission.target) == (State.READY, None)
+    assert getattr(mission, end)()
+    mission.step(0.0)
+    if end == 'resume':
+        assert (mission.state, mission.target) == (State.DRIVING, 'b')
+    else:
+        assert mission.state is State.DONE
+        assert world.outcomes == [(tag_id, Outcome.SKIPPED) for tag_id in 'ba']
+    assert not mission.pause() or end == 'resume'
+
+
+def test_a_mission_visits_in_the_order_of_its_start():
+    world = World('')
+    mission = Mission('ab', world, SimulatedDrive(10.0), LIMITS)
     assert mission.abort()
+    mission.start(0.0, 'ba')
+    assert world.outcomes == [(tag_id, Outcome.SKIPPED) for tag_id in 'ab']
+    assert mission.state is State.DONE
 
 
 def test_a_mission_of_200_tags_ends_with_200_outcomes():
@@ -838,12 +857,150 @@ def test_events_tell_what_happened_and_how_bad_it_is():
     ]
 
 
+class Looks(SimulatedDrive):
+    """A drive with three poses for each tag; those of `failures` cannot be reached."""
+
+    def __init__(self, *failures):
+        super().__init__(1.0)
+        self.poses, self._failures = [], failures
+
+    def count_poses(self, tag_id):  # noqa: ARG002
+        return 3
+
+    def start(self, tag_id, now_seconds, pose=1):
+        self.poses.append((tag_id, pose))
+        super().start(tag_id, now_seconds, pose)
+
+    def arrival(self, now_seconds):
+        arrival = super().arrival(now_seconds)
+        return arrival and Arrival('blocked' if self.poses[-1][1] in self._failures else '')
+
+
+def looking_world(*failures, tag_ids='ab', **options):
+    limits = replace(LIMITS, max_attempts=2, max_drives=1, retry_delay_seconds=0.0, dwell_seconds=0.0)
+    return World(tag_ids, Looks(*failures), limits, require_visual_confirmation=True, **options)
+
+
+def confirm(world, *replies):
+    for is_seen in replies:
+        assert world.mission.on_confirmation(world.sent[-1].number, is_seen, 'not in view')
+        world.wait(0.0)
+
+
+def test_a_robot_that_cannot_reach_a_pose_looks_from_the_next():
+    world = looking_world(1)
+    drive = world.mission._drive
+    world.wait(1.0)
+    assert drive.poses == [('a', 1), ('a', 2)]
+    assert world.mission.phase == 'NAVIGATING'
+    assert world.sent == world.recorded == []
+    world.wait(1.0)
+    confirm(world, True)
+    assert world.answer()
+    (found,) = world.recorded
+    assert (found.outcome, found.detail, found.attempts) == (Outcome.OK, '', 2)
+    assert (found.seen, found.pose) == (True, 2)
+    assert ("tag 'a': UNREACHABLE blocked: trying pose 2 of 3", Severity.WARN) in world.events
+    world.wait(0.0)
+    assert drive.poses[-1] == ('b', 1)
+
+
+def test_a_robot_whose_camera_does_not_see_the_tag_looks_from_the_next_pose():
+    world = looking_world()
+    world.wait(1.0)
+    confirm(world, False, False)
+    assert world.mission._drive.poses == [('a', 1), ('a', 2)]
+    assert (world.mission.state, world.recorded) == (State.DRIVING, [])
+    world.wait(1.0)
+    confirm(world, False, True)
+    assert world.answer()
+    assert [(each.outcome, each.attempts, each.seen, each.pose) for each in world.recorded] == [
+        (Outcome.OK, 5, True, 2)
+    ]
+
+
+@pytest.mark.parametrize(
+    ('failures', 'outcome', 'detail', 'attempts'),
+    [
+        ((1, 2, 3), Outcome.UNREACHABLE, 'pose 1: blocked; pose 2: blocked; pose 3: blocked', 0),
+        ((1,), Outcome.NOT_CONFIRMED, 'pose 1: blocked; pose 2: not in view; pose 3: not in view', 4),
+        ((2, 3), Outcome.NOT_CONFIRMED, 'pose 1: not in view; pose 2: blocked; pose 3: blocked', 2),
+    ],
+)
+def test_a_tag_that_no_pose_shows_has_one_outcome_with_every_reason(failures, outcome, detail, attempts):
+    world = looking_world(*failures, tag_ids='a')
+    for pose in (1, 2, 3):
+        world.wait(1.0)
+        confirm(world, *([] if pose in failures else [False, False]))
+    (found,) = world.recorded
+    assert (found.outcome, found.detail, found.attempts) == (outcome, detail, attempts)
+    assert found.seen is (False if attempts else None)
+    assert found.pose == 3
+    assert world.mission.state is State.DONE
+
+
+def test_a_pose_is_kept_over_a_pause_and_an_estop_between_two_looks():
+    world = looking_world()
+    drive = world.mission._drive
+    world.wait(1.0)
+    world.mission.pause()
+    confirm(world, False)
+    assert drive.poses == [('a', 1)]
+    world.mission.resume()
+    world.wait(0.0)
+    confirm(world, False)
+    world.mission.engage_estop()
+    world.wait(5.0)
+    assert world.mission.state is State.DRIVING
+    assert not world.mission.resume()
+    world.mission.release_estop()
+    assert world.mission.resume()
+    world.wait(1.0)
+    confirm(world, True)
+    assert world.answer()
+    assert [(each.outcome, each.pose) for each in world.recorded] == [(Outcome.OK, 2)]
+
+
+def test_a_pause_at_the_last_refusal_keeps_the_robot_where_it_is():
+    world = looking_world()
+    world.wait(1.0)
+    confirm(world, False)
+    world.mission.pause()
+    confirm(world, False)
+    assert world.mission._drive.poses == [('a', 1)]
+    world.mission.resume()
+    world.wait(0.0)
+    assert world.mission._drive.poses == [('a', 1), ('a', 2)]
+
+
+def test_a_tag_that_is_skipped_or_aborted_between_two_looks_says_from_which_poses():
+    world = looking_world(tag_ids='abc')
+    world.wait(1.0)
+    confirm(world, False, False)
+    assert world.mission.skip()
+    world.wait(0.0)
+    assert world.mission._drive.poses[-1] == ('b', 1)
+    world.wait(1.0)
+    confirm(world, False, False)
+    assert world.mission.abort()
+    found = [(each.tag_id, each.outcome, each.detail, each.attempts, each.pose) for each in world.recorded]
+    assert found == [
+        ('a', Outcome.SKIPPED, 'pose 1: not in view; pose 2: skipped', 2, 2),
+        ('b', Outcome.SKIPPED, 'pose 1: not in view; pose 2: aborted', 2, 2),
+        ('c', Outcome.SKIPPED, 'aborted', 0, 1),
+    ]
+    assert [each.seen for each in world.recorded] == [False, False, None]
+
+
 class Robot(SimulatedDrive):
-    """A drive that fails on demand, and knows whether the robot moves."""
+    """A drive with two poses for each tag. It fails on demand, and knows whether the robot moves."""
 
     def __init__(self):
         super().__init__(0.02)
         self.is_blocked = self.is_moving = False
+
+    def count_poses(self, tag_id):  # noqa: ARG002
+        return 2
 
     def start_return(self, now_seconds):
         super().start_return(now_seconds)
@@ -1002,9 +1159,9 @@ class AnyOrder(RuleBasedStateMachine):
     def teardown(self):
         """Left alone, the mission always ends with an outcome for every tag."""
         self.mission.resume()
-        # The longest time at a tag: two drives and three attempts of each service, with their delays, and the
-        # dwell.
-        longest = 2 * 0.02 + 0.5 + 2 * (3 * 2.0 + 0.5 + 1.0) + 1.0
+        # The longest time at each of two poses: two drives and three attempts of each service, with their
+        # delays, and the dwell.
+        longest = 2 * (2 * 0.02 + 0.5 + 2 * (3 * 2.0 + 0.5 + 1.0) + 1.0)
         for _ in range(int(len(self.tag_ids) * longest / 0.5) + 10):
             self.mission.resume()  # at the dock, once more
             self.now += 0.5

@@ -2,23 +2,27 @@
 
 import importlib.util
 import json
+import math
 import sys
 
 import pytest
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import read_layout
-from lupin_greenhouse_bridge.testing import wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS
 from lupin_mission.announcer import Announcer
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
 from lupin_msgs.msg import MissionState, Observation
-from mission_helpers import READER, WEB_QOS, Subscriber
+from mission_helpers import CAMERA, READER, WEB_QOS, Subscriber
+from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters
+from rclpy.duration import Duration
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -27,7 +31,7 @@ pytestmark = pytest.mark.skipif(
     reason='nav2_msgs is missing: sudo apt install ros-$ROS_DISTRO-nav2-msgs',
 )
 NAME = '/held/navigate_to_pose'
-NAV2 = {**READER, 'drive': 'nav2', 'nav_action_name': NAME}
+NAV2 = {**READER, 'drive': 'nav2', 'nav_action_name': NAME, 'max_poses': 1}
 
 
 @pytest.fixture
@@ -58,7 +62,7 @@ def test_the_robot_drives_to_each_tag_and_reads_it_there(start_mission, reader, 
         reader.answer_ok(tag_id, co2=1.0)
     assert mission.end() == 0
     goals, _ = goals_of()
-    assert places(navigator) == [tuple(goals[tag_id][:2]) for tag_id in '71']
+    assert places(navigator) == [goals[tag_id][0][:2] for tag_id in '71']
     assert mission.outcomes() == [(tag_id, Outcome.OK) for tag_id in '71']
     assert mission.warnings() == []
     wait_until(lambda: len(subscriber.received) == 2)
@@ -66,10 +70,68 @@ def test_the_robot_drives_to_each_tag_and_reads_it_there(start_mission, reader, 
     assert [each.drive for each in mission.observations()] == ['', '']
 
 
+@pytest.fixture
+def publish_map(node):
+    """Return a function that publishes a latched map, with cells of 0.1 m, once the mission listens."""
+    publisher = node.create_publisher(OccupancyGrid, '/held/map', latched())
+
+    def publish(occupied=(), origin=(-1.0, -1.0), frame_id='map'):
+        message = OccupancyGrid()
+        message.header.frame_id = frame_id
+        message.info.width, message.info.height, message.info.resolution = 60, 100, 0.1
+        message.info.origin.position.x, message.info.origin.position.y = origin
+        cells = [0] * 6000
+        for x, y in occupied:
+            cells[int((y - origin[1]) / 0.1) * 60 + int((x - origin[0]) / 0.1)] = 100
+        message.data = cells
+        wait_until(lambda: publisher.get_subscription_count() == 1)
+        publisher.publish(message)
+        assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+
+    return publish
+
+
+def test_the_map_that_is_there_at_the_start_moves_a_pose(
+    start_mission, reader, navigator, operate, publish_map
+):
+    (usual, *_) = goals_of()[0]['1']
+    mission = start_mission(**NAV2, tag_sequence='1', wait_for_start=True, map_topic='/held/map')
+    operator = operate(mission)
+    publish_map([(2.0, 2.5)], frame_id='odom')  # which is not used
+    for _ in range(2):
+        started = operator.start()
+        navigator.end(navigator.accept(), 'succeed')
+        reader.wait_for_request()
+        reader.answer_ok('1', co2=1.0)
+        operator.wait_for(lifecycle_state='DONE', mission_id=started)
+        publish_map([usual[:2]])
+    assert mission.stop() == 0
+    first, second = places(navigator)
+    assert first == usual[:2]
+    assert math.dist(second, usual[:2]) > 0.2
+    lines = [line.partition('approach poses are planned ')[2] for line in mission.log]
+    assert [line for line in lines if line] == [
+        "without a map: /held/map has a map in the frame 'odom'",
+        'with the map of /held/map: 60 x 100 cells of 0.1 m',
+    ]
+
+
+def test_a_map_of_another_place_rejects_the_start(start_mission, navigator, operate, publish_map):
+    mission = start_mission(**NAV2, tag_sequence='1', wait_for_start=True, map_topic='/held/map')
+    operator = operate(mission)
+    publish_map(origin=(50.0, 0.0))
+    for _ in range(2):
+        assert 'the map holds only 0 of the ' in operator.rejection()
+    publish_map()
+    operator.start()
+    navigator.accept()
+    assert mission.stop() == 1
+
+
 def test_the_shortest_order_starts_at_the_dock_and_ends_there(start_mission, reader, navigator):
     tag_ids = ['1', '2', '3', '29']
     goals, _ = goals_of()
-    x, y, yaw = goals['29']
+    x, y, yaw = goals['29'][0]
     mission = start_mission(
         **NAV2, tag_sequence=' '.join(tag_ids), order='shortest', dock_pose=f'"{x} {y} {yaw}"'
     )
@@ -131,6 +193,34 @@ def test_a_tag_that_cannot_be_reached_is_unreachable_with_its_reason(
     assert mission.stop() == 1
     assert mission.outcomes(started) == [(no_pose, Outcome.UNREACHABLE), (goal, Outcome.UNREACHABLE)]
     assert reader.tag_ids == []
+
+
+def test_a_robot_looks_once_more_from_another_pose(start_mission, reader, confirmer, navigator, twin):
+    """Every drive to the first pose of tag 7 is aborted; tag 1 is hidden from its first pose."""
+    subscriber = twin()
+    parameters = {**NAV2, **CAMERA, 'max_poses': 2, 'max_attempts': 1, 'nav_max_attempts': 1}
+    mission = start_mission(**parameters, tag_sequence='7 1')
+    for end, is_seen in (('abort', None), ('succeed', True), ('succeed', False), ('succeed', True)):
+        navigator.end(navigator.accept(), end)
+        if is_seen is not None:
+            confirmer.wait_for_request()
+            confirmer.answer(detected=is_seen, error_message='' if is_seen else 'no tag in view')
+        if is_seen:
+            reader.answer_ok(reader.wait_for_request(), co2=1.0)
+    assert mission.end() == 0
+    goals, _ = goals_of(max_poses=2)
+    assert places(navigator) == [goal[:2] for tag_id in '71' for goal in goals[tag_id]]
+    read = [(each.outcome, each.seen, each.pose, each.attempts) for each in mission.observations()]
+    assert read == [(Outcome.OK, True, 2, 2), (Outcome.OK, True, 2, 3)]
+    wait_until(lambda: len(subscriber.received) == 2)
+    assert {each.status_detail for each in subscriber.received} == {'read from pose 2'}
+    first, second = mission.warnings()
+    assert f"tag '7': UNREACHABLE {NAME} aborted the drive: trying pose 2 of 2" in first
+    assert "tag '1': NOT_CONFIRMED no tag in view: trying pose 2 of 2" in second
+    table = [line.split() for line in mission.log if line.endswith(' pose 2')]
+    assert [(row[0], row[-5:]) for row in table] == [
+        (tag_id, ['yes', 'OK', 'from', 'pose', '2']) for tag_id in '71'
+    ]
 
 
 def test_the_estop_cancels_the_goal_and_a_resume_sends_it_again(

@@ -1,9 +1,11 @@
 """The goals of a robot in the map, and the order of its visits, without ROS."""
 
+import itertools
 import math
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, read_layout
@@ -24,9 +26,9 @@ def plan(in_map=AS_IT_IS, **parameters) -> Plan:
 
 
 def test_the_robot_stands_before_a_tag_and_looks_at_it():
-    assert plan().goals['1'] == pytest.approx((0.5, 0.5, math.pi / 2))
+    assert plan().goals['1'][0] == pytest.approx((0.5, 0.5, math.pi / 2))
     for standoff_m in (0.28, 0.75, 1.3):
-        goal = plan(approach_standoff_m=standoff_m).goals['1']
+        goal = plan(approach_standoff_m=standoff_m).goals['1'][0]
         assert goal == pytest.approx((0.5, 1.0 - standoff_m, math.pi / 2))
 
 
@@ -36,7 +38,7 @@ def test_a_goal_has_the_clearance_and_allows_for_the_arrival():
     layout = LAYOUT._replace(tables={**LAYOUT.tables, 'box': (0.35, 0.2, 0.55, 0.62)})
     exact = {'arrival_tolerance_m': 0.0, 'arrival_tolerance_rad': 0.0}
     goals = {
-        key: Plan(layout, Settings(drive='nav2', **box, **parameters), AS_IT_IS).goals['1']
+        key: Plan(layout, Settings(drive='nav2', **box, **parameters), AS_IT_IS).goals['1'][0]
         for key, parameters in {
             'default': {},
             'close': {'approach_clearance_m': 0.0, **exact},
@@ -62,7 +64,35 @@ def test_a_pose_with_less_room_than_the_clearance_is_warned_of():
 
 
 def test_the_goals_are_in_the_map_where_the_layout_lies():
-    assert plan(TURNED).goals['1'] == pytest.approx((9.5, 20.5, math.pi))
+    assert plan(TURNED).goals['1'][0] == pytest.approx((9.5, 20.5, math.pi))
+
+
+def test_each_tag_has_as_many_poses_as_the_robot_may_look_from():
+    for count in (1, 2, 4):
+        goals = plan(TURNED, max_poses=count).goals['1']
+        assert len(goals) == count
+        for one, other in itertools.combinations(goals, 2):
+            turn_rad = abs(math.remainder(one.yaw - other.yaw, math.tau))
+            assert math.dist(one[:2], other[:2]) >= 0.2 - 1e-9 or turn_rad >= math.radians(20) - 1e-9
+
+
+def test_a_goal_has_its_room_in_the_map_where_the_layout_lies():
+    """A pillar of 0.1 m in the pose of tag 1, in a map whose cells lie along its own axes."""
+    x, y = TURNED.point(0.5, 0.5)
+    cells = [0] * (100 * 100)  # 0.1 m, around the layout
+    column, row = int((x - 5.0) / 0.1), int((y - 18.0) / 0.1)
+    cells[row * 100 + column] = 100
+    occupancy = OccupancyMap(100, 100, 0.1, (5.0, 18.0, 0.0), cells)
+    settings = Settings(drive='nav2', walls='-1.6 -0.6 5.6 3.6')
+    goals = Plan(LAYOUT, settings, TURNED, occupancy).goals
+    without = plan(TURNED).goals
+    assert {tag_id for tag_id in goals if goals[tag_id][0] != without[tag_id][0]} == {'1'}
+    for goal in goals['1']:
+        aside = (
+            max(abs(goal.x - 5.05 - 0.1 * column) - 0.05, 0.0),
+            max(abs(goal.y - 18.05 - 0.1 * row) - 0.05, 0.0),
+        )
+        assert math.hypot(*aside) >= 0.25 - 1e-9
 
 
 @pytest.fixture
@@ -82,13 +112,13 @@ def test_an_override_is_a_pose_in_the_map(overrides, in_map):
     x, y = in_map.point(0.6, 0.3)
     yaw = in_map.heading(1.5)
     found = plan(in_map, **overrides(f'"1": {{goal_x: {x!r}, goal_y: {y!r}, yaw: {yaw!r}}}'))
-    assert found.goals['1'] == pytest.approx((x, y, yaw))
+    assert found.goals['1'] == [pytest.approx((x, y, yaw))]
     assert found.warnings == []
 
 
 def test_half_a_place_is_taken_unless_the_map_is_turned(overrides):
     half = overrides('"1": {goal_x: 5.6}')
-    assert plan(Transform(5.0, 0.0, 0.0), **half).goals['1'][:2] == pytest.approx((5.6, 0.5))
+    assert plan(Transform(5.0, 0.0, 0.0), **half).goals['1'][0][:2] == pytest.approx((5.6, 0.5))
     with pytest.raises(StartUpError, match="tag '1' has only one of goal_x and goal_y: set both"):
         plan(TURNED, **half)
 

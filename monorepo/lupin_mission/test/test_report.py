@@ -1,9 +1,11 @@
 """The report: its contents after a kill, and the files that it refuses."""
 
 import errno
+import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
@@ -160,9 +162,33 @@ def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():
     table = summary_table([OK, FAILED], iter(['7', '8', '9'])).splitlines()
     assert table[0].split() == ['tag', 'sim', 'time', 'temperature', 'co2', 'outcome']
     assert table[1].split() == ['h:min', '°C', 'ppm']
-    assert table[2].split() == ['7', '12:00', '21.50', '600.00', 'OK']
+    assert table[2].split() == ['7', '12:00', '21.5', '600', 'OK']
     assert table[3].split() == ['8', 'TIMEOUT', *['no', 'reply', 'before', 'the', 'timeout']]
     assert table[4].split() == ['9', 'not', 'visited']
     assert table[5] == '1/3 tags read'
     assert last_of_each_tag([OK, FAILED, again]) == {'7': OK, '8': again}
     assert summary_table([OK, FAILED, again], ['7', '8']).endswith('2/2 tags read')
+
+
+def test_the_table_tells_which_tags_the_camera_saw_and_from_which_pose():
+    seen = replace(OK, seen=True, pose=2)
+    unseen = Observation('8', Outcome.NOT_CONFIRMED, 'not in view', 3, seen=False)
+    table = summary_table([seen, unseen], ['7', '8', '9']).splitlines()
+    assert table[0].split()[-2:] == ['seen', 'outcome']
+    assert [line.split()[-5:] for line in table[2:4]] == [
+        ['yes', 'OK', 'from', 'pose', '2'],
+        ['no', 'NOT_CONFIRMED', 'not', 'in', 'view'],
+    ]
+    assert table[4].split() == ['9', 'not', 'visited']
+
+
+@pytest.mark.parametrize('seen', [None, True, False])
+def test_a_line_keeps_whether_the_camera_saw_the_tag_and_from_which_pose(seen):
+    observation = replace(OK, seen=seen, pose=2)
+    line = observation.to_line()
+    assert Observation.from_line(line.encode()) == observation
+    older = line.replace(f', "seen": {json.dumps(seen)}, "pose": 2', '')
+    assert older != line
+    assert Observation.from_line(older.encode()) == OK
+    with pytest.raises(ValueError, match="seen is 'yes': must be true, false or null"):
+        Observation.from_line(line.replace(f'"seen": {json.dumps(seen)}', '"seen": "yes"').encode())

@@ -173,7 +173,7 @@ def test_a_web_client_receives_every_state_that_lasts(start_mission, reader, con
     operator.wait_for(mission_phase='SCANNING', current_target='1')
     reader.answer_ok('1', co2=1.0)
     operator.wait_for(
-        mission_phase='SCANNING', targets_completed=1, last_event="tag '1': co2 1.000 (simulated drive)"
+        mission_phase='SCANNING', targets_completed=1, last_event="tag '1': co2 1 (simulated drive)"
     )
     assert operator.trigger('skip_current')
     confirmer.answer(detected=False, error_message='no tag in view')

@@ -15,7 +15,7 @@ from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.simulator.layout import Layout
-from lupin_greenhouse_bridge.units import sensor_order, unit_of
+from lupin_greenhouse_bridge.units import decimals_of, sensor_order, unit_of, value_text
 
 FIELD_NAMESPACE = 'field: interpolated from received readings'
 TABLE_HEIGHT_M, TAG_HEIGHT_M = 0.20, 0.30  # a tag's is that of its centre
@@ -47,9 +47,9 @@ def place_plates(layout: Layout, walls: Walls, layout_in_map: Transform) -> dict
         tag_id: Box(*layout_in_map.point(each.x, each.y), max(len(tag_id), 2) * LETTER_WIDTH_M, PLATE_M)
         for tag_id, each in tag_poses.items()
     }
-    # As wide and as high as a label of four digits for each sensor of the tag.
+    # As wide and as high as a label of five digits for each sensor of the tag.
     texts = [
-        [_value_line(each, 0.1234) for each in sorted(tag.sensors, key=sensor_order)]
+        [_value_line(each, 10.0 ** (4 - decimals_of(each))) for each in sorted(tag.sensors, key=sensor_order)]
         for tag in layout.tags.values()
     ]
     sizes = [(max(map(len, lines)) * LETTER_WIDTH_M, (len(lines) + 1) * LINE_M) for lines in texts]
@@ -131,7 +131,7 @@ def plain(text: str) -> str:
 
 
 def _value_line(sensor: str, value: float) -> str:
-    return plain(f'{escaped(sensor, 40)} {value:.4g} {unit_of(sensor)}'.rstrip())
+    return plain(f'{escaped(sensor, 40)} {value_text(sensor, value)} {unit_of(sensor)}'.rstrip())
 
 
 def _text(namespace: str, number: int, place, text: str, alpha: float = 1.0) -> Marker:

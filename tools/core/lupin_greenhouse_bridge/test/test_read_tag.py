@@ -90,7 +90,7 @@ def test_a_reading_is_a_table(read, noon_bridge, warm_tag_id):
     header, *rows = (line.split() for line in ended.out.splitlines())
     assert header == ['tag', 'sim', 'time', 'sensor', 'value', 'unit']
     temperature = noon_bridge.values(warm_tag_id)['temperature']
-    assert [warm_tag_id, '12:00:00', 'temperature', f'{temperature:.3f}', '°C'] in rows
+    assert [warm_tag_id, '12:00:00', 'temperature', f'{temperature:.1f}', '°C'] in rows
 
 
 def test_all_reads_every_tag_and_counts_them(read, shipped_tags):
@@ -518,13 +518,13 @@ def failure(status, message):
 
 
 def test_the_columns_are_aligned_values_to_the_right_and_the_failures_apart(capsys):
-    responses = {'7': answer(3661.9, co2=400.0, light=1.25), 'long': answer(86399.9, co2=12.5)}
+    responses = {'7': answer(3661.9, humidity=1.25, co2=123456.7), 'long': answer(86399.9, co2=12.6)}
     Screen(is_watched=False).show(responses | {'9': failure(9, 'new\n')}, STATUS_NAMES)
     assert capsys.readouterr() == (
-        'tag   sim time  sensor    value  unit\n'
-        '7     01:01:01  co2     400.000  ppm\n'
-        '7     01:01:01  light     1.250  lx\n'
-        'long  23:59:59  co2      12.500  ppm\n'
+        'tag   sim time  sensor     value  unit\n'
+        '7     01:01:01  humidity     1.2  %\n'
+        '7     01:01:01  co2       123457  ppm\n'
+        'long  23:59:59  co2           13  ppm\n'
         '2/3 tags read\n',
         'read_tag: 9: new\\n\n',
     )
@@ -534,7 +534,7 @@ def test_a_sensor_that_is_not_one_of_the_simulators_has_no_unit(capsys):
     response = answer(ozone=0.5)
     assert [row.unit for row in rows_of(response.reading, 'read_tag')] == ['']
     Screen(is_watched=False).show({'7': response}, STATUS_NAMES)
-    assert capsys.readouterr().out.splitlines()[1] == '7    00:00:00  ozone   0.500'
+    assert capsys.readouterr().out.splitlines()[1] == '7    00:00:00  ozone    0.50'
 
 
 def test_one_tag_is_not_counted(capsys):
@@ -558,13 +558,13 @@ def test_the_size_is_that_of_the_window_or_the_usual_one(window, size):
 
 def test_a_watched_table_in_a_pipe_has_one_header_and_its_columns_never_get_narrower(capsys):
     screen = Screen(is_watched=True)
-    for value in (1000.0, 1.0):
+    for value in (100000.0, 1.0):
         screen.show({'7': answer(co2=value), '8': failure(UNKNOWN_TAG, 'no 8')}, STATUS_NAMES)
     out, err = capsys.readouterr()
     assert out == (
-        'tag  sim time  sensor     value  unit\n'
-        '7    00:00:00  co2     1000.000  ppm\n'
-        '7    00:00:00  co2        1.000  ppm\n'
+        'tag  sim time  sensor   value  unit\n'
+        '7    00:00:00  co2     100000  ppm\n'
+        '7    00:00:00  co2          1  ppm\n'
     )
     assert err == 'read_tag: UNKNOWN_TAG: no 8\n' * 2
 
@@ -594,7 +594,7 @@ def shown(monkeypatch):
 
 
 def test_on_a_terminal_a_table_replaces_the_last_one_with_its_failures(shown):
-    table = 'tag    sim time  sensor  value  unit\ntag 0  00:00:00  co2     1.000  ppm\n'
+    table = 'tag    sim time  sensor  value  unit\ntag 0  00:00:00  co2         1  ppm\n'
     table += 'read_tag: UNKNOWN_TAG: no lost\n'
     assert shown(1, 1, lost=failure(UNKNOWN_TAG, 'no lost')) == f'\x1b[J{table}\x1b[3F\x1b[J{table}'
 

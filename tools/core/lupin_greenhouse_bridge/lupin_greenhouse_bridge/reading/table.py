@@ -9,7 +9,7 @@ from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.recording.rows import HEADER as CSV_HEADER
 from lupin_greenhouse_bridge.recording.rows import csv_text, rows_of
 from lupin_greenhouse_bridge.runtime.output import aligned_table, column_widths, print_line
-from lupin_greenhouse_bridge.units import sensor_order, unit_of
+from lupin_greenhouse_bridge.units import sensor_order, unit_of, value_text
 
 HEADER = ('tag', 'sim time', 'sensor', 'value', 'unit')
 
@@ -104,7 +104,7 @@ def _rows(tag_id: str, reading) -> list[tuple[str, str, str, str, str]]:
     hours, seconds = divmod(int(reading.sim_time_of_day_seconds), 3600)
     sim_time = f'{hours:02}:{seconds // 60:02}:{seconds % 60:02}'
     return [
-        (escaped(tag_id, 40), sim_time, each.name, f'{each.value:.3f}', unit_of(each.name))
+        (escaped(tag_id, 40), sim_time, each.name, value_text(each.name, each.value), unit_of(each.name))
         for each in sorted(reading.readings, key=lambda each: sensor_order(each.name))
     ]
 

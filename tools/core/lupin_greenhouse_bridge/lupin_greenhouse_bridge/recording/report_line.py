@@ -56,8 +56,10 @@ class Observation:
     tag_id: str
     outcome: Outcome
     detail: str  # why it failed; empty if OK
-    attempts: int  # number of requests
+    attempts: int  # number of requests, from all poses
     reading: Reading | None = None
+    seen: bool | None = None  # by the camera; None if it was not asked
+    pose: int = 1  # of the tag's approach poses, the last one that the robot was sent to
     drive: str = ''  # 'simulated' if no robot moved
 
     def to_line(self) -> str:
@@ -72,7 +74,9 @@ class Observation:
                 'stamp': reading and {'sec': reading.stamp[0], 'nanosec': reading.stamp[1]},
                 'sim_time_of_day_seconds': reading and reading.sim_time_of_day_seconds,
                 'readings': reading and reading.values,
-                **({'drive': self.drive} if self.drive else {}),  # older reports have none
+                'seen': self.seen,  # older reports have none of these three
+                'pose': self.pose,
+                **({'drive': self.drive} if self.drive else {}),
             },
             allow_nan=False,
             ensure_ascii=False,
@@ -98,8 +102,10 @@ class Observation:
             )
             if reading.fault:
                 raise ValueError(reading.fault)
-        drive = str(data.get('drive', ''))
-        return cls(tag_id, outcome, str(data['detail']), int(data['attempts']), reading, drive)
+        seen, pose, drive = data.get('seen'), int(data.get('pose', 1)), str(data.get('drive', ''))
+        if seen not in (None, True, False):
+            raise ValueError(f'seen is {seen!r}: must be true, false or null')
+        return cls(tag_id, outcome, str(data['detail']), int(data['attempts']), reading, seen, pose, drive)
 
 
 def is_start_of_report(content: bytes) -> bool:
