@@ -44,7 +44,7 @@ OTHERS = {
     'graph_readings': {'RViz': ['/show_readings/markers', '/show_readings/field']},
     'graph_mission': {
         'your stack': ['/mission/start', '/mission/state', '/floranova/observations'],
-        'Nav2': ['/navigate_to_pose', '/amcl_pose'],
+        'Nav2': ['/navigate_to_pose', '/amcl_pose', '/map'],
         'your camera': ['/camera/color/image_raw'],
     },
 }
