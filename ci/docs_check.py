@@ -54,6 +54,7 @@ FENCED = re.compile(
     r'(?:^<!-- (?P<mark>[^\n]+?) -->\n)?^```(?P<language>\S*)\n(?P<text>.*?)^```$', re.MULTILINE | re.DOTALL
 )
 LINK = re.compile(r'\[[^\]]*\]\(([^)\s]+)\)')
+SOURCE = re.compile(r'\bsrc(?:set)?="([^"]+)"')  # of a <picture>
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
 LONGEST_RUN_SECONDS = 300
 NAMED_TEST = re.compile(r'`(test_\w+\.py)?(?:::)?(test_\w+)?`')
@@ -73,7 +74,7 @@ OPTIONS = re.compile(
 LINE_OF_HELP = re.compile(r'^  (\S.*?)(?:  +|\n +)(\S.*)$', re.MULTILINE)
 TERM = re.compile(r'^### (.+)\n+((?:.+\n)+)', re.MULTILINE)
 MOST_TERMS = 25
-NOT_PROSE = re.compile(r'^[#|].*$|^<!--.*-->$|`[^`\n]*`', re.MULTILINE)
+NOT_PROSE = re.compile(r'^[#|].*$|^ *<.*>$|`[^`\n]*`', re.MULTILINE)
 LINK_TO_TERM = re.compile(r'\[[^\]]*\]\(glossary\.md#([^)]+)\)')
 
 
@@ -92,7 +93,8 @@ def anchors(text: str) -> set[str]:
 def broken_links(root: Path, path: Path) -> Iterator[str]:
     """Yield a line for each link to a missing file or anchor."""
     text = (root / path).read_text(encoding='utf-8')
-    for link in LINK.findall(FENCED.sub('', text)):
+    text = FENCED.sub('', text)
+    for link in LINK.findall(text) + SOURCE.findall(text):
         if re.match(r'[a-z]+:', link):
             continue
         name, _, anchor = unquote(link).partition('#')

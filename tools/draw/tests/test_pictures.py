@@ -3,6 +3,8 @@
 import itertools
 import json
 import re
+import subprocess
+import sys
 
 import figure
 import numpy as np
@@ -149,3 +151,11 @@ def test_the_committed_camera_picture_is_up_to_date():
     assert seen.main(['--check']) == 0
     with Image.open(seen.COMMITTED) as committed:
         assert committed.size == seen.draw().size
+
+
+def test_the_committed_graphs_are_those_of_the_nodes():
+    """In a process of its own, with the messages of other packages that the nodes need."""
+    root = figure.COMMITTED.parents[3]
+    command = [sys.executable, 'ci/within.py', '--stand-ins', 'python', 'tools/draw/graph.py', '--check']
+    ended = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
