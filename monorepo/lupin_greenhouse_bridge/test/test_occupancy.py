@@ -201,19 +201,19 @@ def test_every_pose_has_its_room_in_the_map():
 
 
 def test_a_tag_that_the_map_costs_is_unreachable_with_the_best_distance(write_map, poses_of):
-    """A corridor of 0.24 m in front of the tag: in its middle, both sides are 0.12 m away."""
-    path = write_map(room(lambda _x, y: not 0.4 < y < 0.64), resolution=CELL_M)
+    """A corridor of 0.24 m in front of the tag: in its middle, 0.6 m from it, both sides are 0.12 m away."""
+    path = write_map(room(lambda _x, y: not 0.28 < y < 0.52), resolution=CELL_M)
     exit_code, data, err = poses_of('--map', path)
     reason = 'the map has an obstacle 0.12 m from every pose, and the robot needs 0.25 m'
     assert (exit_code, data['poses'], err) == (1, [], f"approach_poses: tag '7': {reason}\n")
     assert data['unreachable'] == [{'tag_id': '7', 'reason': reason}]
     exit_code, data, _ = poses_of('--map', path, '--radius', '0.1', '--clearance', '0.02')
     assert exit_code == 0
-    assert data['poses'][0]['y'] == pytest.approx(0.52)
+    assert data['poses'][0]['y'] == pytest.approx(0.4)
 
 
 def test_unknown_counts_as_occupied_unless_it_is_free(write_map, poses_of):
-    path = write_map(room(lambda _x, y: not 0.4 < y < 0.64, 205), resolution=CELL_M)
+    path = write_map(room(lambda _x, y: not 0.28 < y < 0.52, 205), resolution=CELL_M)
     exit_code, data, _ = poses_of('--map', path)
     assert exit_code == 1
     assert data['unreachable'][0]['reason'].startswith('the map is unknown 0.12 m from every pose')
