@@ -108,7 +108,7 @@ lint: env  ## check the code with ruff, the spelling, and the workflows against 
 	@$(IN_ENV) check-jsonschema --builtin-schema vendor.github-workflows $(wildcard .github/workflows/*.yml lupin_greenhouse_ros/.github/workflows/*.yml)
 	@$(IN_ENV) check-jsonschema --builtin-schema vendor.gitlab-ci .gitlab-ci.yml lupin_greenhouse_ros/.gitlab-ci.yml
 
-docs-check: build  ## check links, shell blocks, parameter tables and names of tests in the documents
+docs-check: build  ## check links, shell blocks, parameters, options, terms and names of tests in the documents
 	@$(IN_ENV) python ci/docs_check.py
 
 figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"

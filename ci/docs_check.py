@@ -1,5 +1,5 @@
 """
-Check the links, shell blocks, parameter tables, ranges of sensors and names of tests in the documents.
+Check the documents: links, shell blocks, parameters, options, ranges of sensors, names of tests, terms.
 
     make docs-check
 
@@ -14,11 +14,19 @@ A table with a column `default` is preceded by the class with these parameters:
 
     <!-- parameters of MODULE.CLASS -->      the table has exactly its parameters, with their defaults
 
+A table with a column `option` is preceded by its command, and has a row for each line of its --help:
+
+    <!-- options of COMMAND -->
+
+Every command of the packages stands in such a table, or its parameters in one of parameters.
+
 A table of `sensor` and `lowest` has the ranges of the installed mdp-greenhouse, of the version that it names:
 
     <!-- ranges of mdp-greenhouse VERSION -->
 
 A test that a document names exists: `test_x.py`, `test_x.py::test_y` or `test_y`.
+A glossary.md has at most 25 terms, of one sentence each. In the text of each page beside it, the first use
+of a term is a link to it, such as [tags](glossary.md#tag).
 Indented code blocks have no language, so they are refused.
 Exit code: 0 no findings, 1 findings, one line each.
 """
@@ -26,10 +34,12 @@ Exit code: 0 no findings, 1 findings, one line each.
 import functools
 import importlib
 import importlib.metadata
+import os
 import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -57,6 +67,14 @@ RANGES = re.compile(
     r'^\|[-|]+\n(?P<rows>(?:^\|.*\n)+)',
     re.MULTILINE,
 )
+OPTIONS = re.compile(
+    r'^<!-- options of (?P<command>\w+) -->\n^\| option \|.*\n^\|[-|]+\n(?P<rows>(?:^\|.*\n)+)', re.MULTILINE
+)
+LINE_OF_HELP = re.compile(r'^  (\S.*?)(?:  +|\n +)(\S.*)$', re.MULTILINE)
+TERM = re.compile(r'^### (.+)\n+((?:.+\n)+)', re.MULTILINE)
+MOST_TERMS = 25
+NOT_PROSE = re.compile(r'^[#|].*$|^<!--.*-->$|`[^`\n]*`', re.MULTILINE)
+LINK_TO_TERM = re.compile(r'\[[^\]]*\]\(glossary\.md#([^)]+)\)')
 
 
 def documents(root: Path) -> list[Path]:
@@ -200,13 +218,95 @@ def missing_tests(root: Path, path: Path) -> Iterator[str]:
             yield f'{path}: there is no test {file}::{function}'.replace('test ::', 'test ').rstrip(':')
 
 
-CHECKS = (broken_links, unproved_blocks, wrong_defaults, wrong_ranges, missing_tests, failing_blocks)
+def commands() -> dict[str, Path]:
+    """Return the executables of the built packages by name."""
+    installed = Path(os.environ['LUPIN_WORKSPACE'], 'install').glob('*/lib/lupin_*/*')
+    return {path.name: path for path in sorted(installed) if path.is_file() and os.access(path, os.X_OK)}
+
+
+@functools.cache
+def help_of(command: Path) -> tuple[bool, list[tuple[str, str]]]:
+    """Return whether a command has options, and the name and the text of each, or of each parameter."""
+    wide = {**os.environ, 'COLUMNS': '1000'}
+    text = subprocess.run([command, '--help'], env=wide, capture_output=True, text=True, check=True).stdout
+    rows = [
+        (re.sub(r'^(-\w) \S+,', r'\1,', name), what.replace('|', r'\|'))  # -o FILE, --output FILE
+        for name, what in LINE_OF_HELP.findall(text)
+        if not name.startswith('-h')
+    ]
+    return text.startswith('usage: '), rows
+
+
+def wrong_options(root: Path, path: Path) -> Iterator[str]:
+    """Yield a line for each row that the --help of the command does not have, or has and the table lacks."""
+    for table in OPTIONS.finditer((root / path).read_text(encoding='utf-8')):
+        name = table['command']
+        if name not in commands():
+            yield f'{path}: there is no command {name}: options of {name}'
+            continue
+        written = table['rows'].splitlines()
+        rows = [f'| `{option}` | {what} |' for option, what in help_of(commands()[name])[1]]
+        yield from (f'{path}: the options of {name} lack the row {row}' for row in rows if row not in written)
+        yield from (f'{path}: {name} --help does not have {row}' for row in written if row not in rows)
+
+
+def undocumented_commands(root: Path, paths: list[Path]) -> Iterator[str]:
+    """Yield a line for each command of the packages that has no table of its options or parameters."""
+    texts = [(root / path).read_text(encoding='utf-8') for path in paths]
+    options = {table['command'] for text in texts for table in OPTIONS.finditer(text)}
+    tables = [table['rows'] for text in texts for table in PARAMETERS.finditer(text) if table['settings']]
+    parameters = [set(re.findall(r'^\| `(\w+)`', rows, re.MULTILINE)) for rows in tables]
+    with ThreadPoolExecutor() as threads:
+        helps = zip(commands(), threads.map(help_of, commands().values()), strict=True)
+        for name, (has_options, rows) in helps:
+            if has_options and name not in options:
+                yield f'no document has a table with the mark `options of {name}`'
+            if not has_options and {parameter.split()[0] for parameter, _ in rows} not in parameters:
+                yield f'no document has a table of the parameters of {name}'
+
+
+def unlinked_terms(root: Path, path: Path) -> Iterator[str]:
+    """Yield a line for each term of the glossary beside a page that the page uses before it links to it."""
+    glossary = (root / path).with_name('glossary.md')
+    if not glossary.exists():
+        return
+    terms = dict(TERM.findall(glossary.read_text(encoding='utf-8')))
+    if path.name == glossary.name:
+        if len(terms) > MOST_TERMS:
+            yield f'{path}: has {len(terms)} terms: keep {MOST_TERMS}'
+        for term, text in terms.items():
+            if len(re.findall(r'\.(?:\s|$)', text)) != 1:
+                yield f'{path}: explain {term} in one sentence'
+        return
+    text = NOT_PROSE.sub(' ', FENCED.sub('', (root / path).read_text(encoding='utf-8')))
+    text = LINK.sub(' ', LINK_TO_TERM.sub('\0\\1\0', text))
+    for term in sorted(terms, key=len, reverse=True):  # an approach pose is also a pose
+        words = term.replace(' ', r'\s+')
+        use = re.compile(rf'(\0{term.replace(" ", "-")}\0)|\b{words}s?\b', re.IGNORECASE)
+        first = use.search(text)
+        if first and not first[1]:
+            where = ' '.join(text[max(first.start() - 20, 0) : first.end() + 20].split())
+            yield f'{path}: link the first use of {term} to glossary.md: {where}'
+        text = use.sub(' ', text)
+
+
+CHECKS = (
+    broken_links,
+    unproved_blocks,
+    wrong_defaults,
+    wrong_options,
+    wrong_ranges,
+    missing_tests,
+    unlinked_terms,
+    failing_blocks,
+)
 
 
 def main(root: Path = ROOT) -> int:
     """Check every document; return the exit code."""
     paths = documents(root)
     findings = [finding for path in paths for check in CHECKS for finding in check(root, path)]
+    findings += undocumented_commands(root, paths)
     print(*(f'docs: {finding}' for finding in findings), sep='\n', end='\n' if findings else '')
     blocks = [block for path in paths for block in shell_blocks(root, path)]
     print(f'{len(paths)} documents, {len(blocks)} shell blocks:', pluralized(len(findings), 'finding'))

@@ -70,6 +70,7 @@ def documents(tmp_path):
 
     def findings(text: str) -> str:
         (tmp_path / 'README.md').write_text(text, encoding='utf-8')
+        (tmp_path / 'glossary.md').write_text(GLOSSARY, encoding='utf-8')
         (tmp_path / 'test_it.py').write_text('def test_this():\n    pass\n', encoding='utf-8')
         subprocess.run(['git', '-C', str(tmp_path), 'add', '.'], check=True)
         checks = docs_check.CHECKS
@@ -77,6 +78,13 @@ def documents(tmp_path):
 
     return findings
 
+
+GLOSSARY = """# Glossary
+
+### round
+
+One visit to each tag.
+"""
 
 GOOD = """# A title: with `code`
 
@@ -92,6 +100,7 @@ test 1 = 1
 $ anything
 ```
 
+A [round](glossary.md#round) comes before another round.
 Shown by `test_it.py`, `test_it.py::test_this` and `test_this`.
 
 <!-- parameters of lupin_greenhouse_bridge.settings.Settings -->
@@ -102,6 +111,13 @@ Shown by `test_it.py`, `test_it.py::test_this` and `test_this`.
 | `debug_time_of_day` | `-1.0` | hours |
 | `speedup_factor` | `0.0` | simulated seconds per second |
 | `debug_seed` | `-1` | a seed |
+
+<!-- options of check_world -->
+| option | effect |
+|---|---|
+| `--tag-file FILE` | default: the simulator's own |
+| `--sim-config-file FILE` | the bridge's sim_config_file, if you set one |
+| `--walls X0 Y0 X1 Y1` | the walls in metres, in the layout; default: those of the greenhouse config |
 
 <!-- ranges of mdp-greenhouse 1.0.8 -->
 | sensor | lowest | highest | unit | noise |
@@ -145,6 +161,18 @@ def test_a_good_document_has_no_findings(documents):
             '',
             'mark this table with `parameters of`',
         ),
+        (
+            "| `--tag-file FILE` | default: the simulator's own |\n",
+            '',
+            'the options of check_world lack the row | `--tag-file FILE` |',
+        ),
+        ('`--walls X0', '`--wall X0', 'check_world --help does not have | `--wall X0 Y0 X1 Y1` |'),
+        ('options of check_world', 'options of check_it', 'there is no command check_it'),
+        (
+            'A [round](glossary.md#round)',
+            'A round',
+            'link the first use of round to glossary.md',
+        ),
         ('0.737', '0.6', 'the ranges lack the row | soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |'),
         ('0.737', '73.7', 'the simulator does not have the range | soil_moisture | 0.3 | 73.7 |'),
         ('<!-- ranges of mdp-greenhouse 1.0.8 -->\n', '', 'mark the ranges with `ranges of mdp-greenhouse'),
@@ -153,3 +181,25 @@ def test_a_good_document_has_no_findings(documents):
 )
 def test_each_fault_of_a_document_is_found(documents, old, new, finding):
     assert finding in documents(GOOD.replace(old, new))
+
+
+@pytest.mark.parametrize(
+    ('terms', 'finding'),
+    [
+        ('### round\n\nOne visit. Then another.\n', 'explain round in one sentence'),
+        (''.join(f'### term {n}\n\nOne.\n\n' for n in range(26)), 'has 26 terms: keep 25'),
+    ],
+)
+def test_a_glossary_is_short(tmp_path, terms, finding):
+    (tmp_path / 'glossary.md').write_text(terms, encoding='utf-8')
+    (found,) = docs_check.unlinked_terms(tmp_path, Path('glossary.md'))
+    assert finding in found
+
+
+def test_a_command_without_a_table_is_found(tmp_path):
+    (tmp_path / 'page.md').write_text(GOOD, encoding='utf-8')
+    found = '\n'.join(docs_check.undocumented_commands(tmp_path, [Path('page.md')]))
+    assert 'options of read_tag' in found
+    assert 'parameters of read_on_sight' in found
+    assert 'check_world' not in found
+    assert 'bridge_node' not in found

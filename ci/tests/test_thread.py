@@ -14,21 +14,6 @@ ROOT = Path(__file__).resolve().parents[2]
 BLOCK = 'make mission DRIVE=1 CAMERA=1 RECORD=readings.sqlite'
 
 
-@pytest.fixture
-def copy(tmp_path):
-    """Return a copy of the checkout, whose packages are those that are built already."""
-    names = subprocess.run(
-        ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
-        cwd=ROOT,
-        capture_output=True,
-        check=True,
-    ).stdout
-    folder = tmp_path / 'copy'
-    folder.mkdir()
-    subprocess.run(['xargs', '-0', 'cp', '--parents', '-t', folder], cwd=ROOT, input=names, check=True)
-    return folder
-
-
 @pytest.mark.heavy
 def test_the_thread_of_the_readme(copy):
     """What a mission reports, what is recorded beside it, and what the page shows are the same values."""

@@ -1,6 +1,7 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Signals and exit codes: the bridge and read_tag end as documented at any moment."""
 
+import dataclasses
 import subprocess
 
 import pytest
@@ -9,8 +10,7 @@ from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
-from lupin_greenhouse_bridge.runtime.parameters import launch_arguments
-from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.runtime.parameters import launch_arguments, parameter
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing.signals import MOMENTS, SIGNALS, command
 from rclpy.executors import SingleThreadedExecutor
@@ -182,14 +182,19 @@ def test_an_error_is_one_line_that_keeps_the_spaces_of_a_name():
 
 
 def test_launch_gets_every_parameter_as_it_writes_defaults():
-    rows = {name: (default, kind) for name, default, kind, _ in launch_arguments(Settings)}
-    assert rows == {
-        'tag_file': ('', str),
-        'sim_config_file': ('', str),
-        'debug_time_of_day': ('-1.0', float),
-        'speedup_factor': ('0.0', float),
-        'debug_seed': ('-1', int),
-    }
+    @dataclasses.dataclass
+    class Example:
+        name: str = parameter('', 'A text.')
+        hours: float = parameter(-1.0, 'A number.', smallest=-1.0, largest=24.0)
+        seed: int = parameter(-1, 'A whole number.', smallest=-1, largest=9)
+        is_on: bool = parameter(False, 'A switch.')
+
+    assert launch_arguments(Example) == [
+        ('name', '', str, 'A text.'),
+        ('hours', '-1.0', float, 'A number.'),
+        ('seed', '-1', int, 'A whole number.'),
+        ('is_on', 'false', bool, 'A switch.'),
+    ]
 
 
 def test_a_bridge_warns_of_another_node_of_its_name(start_bridge):

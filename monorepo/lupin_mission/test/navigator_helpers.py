@@ -133,7 +133,7 @@ class Trip:
         self.change_executor()
         settings = Settings(drive='nav2', nav_action_name=self.name, **options)
         self.drive = Nav2Drive(node, settings, lambda *note: self.notes.append(note))
-        self.drive.goals.update(a=Goal(1.0, 2.0, math.pi / 2), b=Goal(3.0, 4.0, 0.0))
+        self.drive.goals.update(a=[Goal(1.0, 2.0, math.pi / 2)], b=[Goal(3.0, 4.0, 0.0)])
 
     def change_executor(self) -> None:
         """End the executor, and go on with another."""

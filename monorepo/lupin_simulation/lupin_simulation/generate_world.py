@@ -29,7 +29,9 @@ def main(arguments: list[str] | None = None) -> int:
         metavar='M',
         help='side of the black square in metres (default: %(default)g)',
     )
-    parser.add_argument('--output', type=Path, default=Path('.world'), metavar='FOLDER', help='%(default)s')
+    parser.add_argument(
+        '--output', type=Path, default=Path('.world'), metavar='FOLDER', help='default: %(default)s'
+    )
     options = parser.parse_args(arguments)
     try:
         sdf_file, layout, _ = make_world(

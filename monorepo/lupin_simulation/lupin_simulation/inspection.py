@@ -300,7 +300,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         '--record', metavar='FILE', help='keep the readings in a .sqlite, .db or .csv file, new or not'
     )
-    parser.add_argument('--output', type=Path, default=Path('.mission'), metavar='FOLDER', help='%(default)s')
+    parser.add_argument(
+        '--output', type=Path, default=Path('.mission'), metavar='FOLDER', help='default: %(default)s'
+    )
     parser.add_argument(
         'arguments',
         nargs='*',

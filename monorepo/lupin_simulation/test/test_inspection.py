@@ -87,7 +87,7 @@ def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path,
 
 
 def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path):
-    """A large robot has no path to tag 13; the navigator alone knows that the pose of tag 6 is blocked."""
+    """A large robot has no path to tag 13; the navigator alone knows that both poses of tag 6 are blocked."""
     layout = find_layout('')
     x, y = find_approaches(layout, find_walls(layout), ViewingLimits(robot_radius_m=0.3)).poses['6'][:2]
     blocked = f'blocked:="{x - 0.1} {y - 0.1} {x + 0.1} {y + 0.1}"'
@@ -99,7 +99,9 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path):
     assert found.pop('13') == ('UNREACHABLE', 'cut off from the rest of the free space')
     outcome, detail = found.pop('6')
     assert outcome == 'UNREACHABLE'
-    assert detail.startswith('navigate_to_pose aborted the drive')
+    for number, reason in enumerate(detail.split('; '), start=1):
+        assert reason.startswith(f'pose {number}: navigate_to_pose aborted the drive')
+    assert number == 2
     assert '1/3 tags read' in result.stdout
     route = read_route(report.with_name(f'{report.stem}-route.csv'))
     assert min(math.dist(each, layout.tags['1'][:2]) for each in route) < 1.0

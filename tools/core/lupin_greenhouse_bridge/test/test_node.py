@@ -1,9 +1,9 @@
 """The node in the ROS graph: one service, read-only parameters, one handler at a time."""
 
 import contextlib
+import dataclasses
 import threading
 
-import pytest
 import rclpy
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node
@@ -49,9 +49,8 @@ def test_the_node_offers_one_service_and_no_topic_of_its_own(noon_bridge):
 
 
 def test_every_parameter_is_described_and_read_only_and_a_number_has_a_range(noon_bridge):
-    arguments = list(Settings.__dataclass_fields__)
-    assert arguments == ['tag_file', 'sim_config_file', 'debug_time_of_day', 'speedup_factor', 'debug_seed']
-    names = [*arguments, 'loaded_tag_ids']
+    arguments = dataclasses.fields(Settings)
+    names = [*(each.name for each in arguments), 'loaded_tag_ids']
     response = call_node_service(
         noon_bridge, DescribeParameters, 'describe_parameters', DescribeParameters.Request(names=names)
     )
@@ -61,11 +60,8 @@ def test_every_parameter_is_described_and_read_only_and_a_number_has_a_range(noo
         for descriptor in response.descriptors
         for limits in (*descriptor.floating_point_range, *descriptor.integer_range)
     }
-    assert ranges == {
-        'debug_time_of_day': (-1.0, 24.0),
-        'speedup_factor': (0.0, pytest.approx(2.08e303, rel=0.01)),
-        'debug_seed': (-1, 2**63 - 1),
-    }
+    numbers = {each.name: each.metadata['limits'] for each in arguments if each.type in (int, float)}
+    assert ranges == numbers != {}
 
 
 def test_a_parameter_cannot_be_set_while_the_bridge_runs(noon_bridge):

@@ -1,0 +1,130 @@
+"""The pages that a reader pastes from the first block to the last: the tutorial and the course."""
+
+import contextlib
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import docs_check
+import domain_coordinator
+import pytest
+from lupin_greenhouse_bridge.recording.reading_files import read_file
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS
+
+ROOT = docs_check.ROOT
+PAGES = Path('tools/core/lupin_greenhouse_bridge/doc')
+PASTED = '[pasted]'
+
+
+class Shell:
+    """A shell that a reader pastes commands into."""
+
+    def __init__(self, folder: Path):
+        """Open it in a folder."""
+        of_a_user = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
+        own = {
+            'VENV': os.environ['VIRTUAL_ENV'],
+            'TREE': 'monorepo',
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        }
+        self._bash = subprocess.Popen(
+            ['bash', '-e'],
+            cwd=folder,
+            env=of_a_user | own,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        # On a busy machine the bridge may be found late.
+        self.paste(f'read_tag() {{ command read_tag --timeout {PATIENCE_SECONDS} "$@"; }}')
+
+    def paste(self, commands: str) -> None:
+        """Send commands, which the shell starts."""
+        print(commands, file=self._bash.stdin, flush=True)
+
+    def read_until(self, fragment: str) -> str:
+        """Return what is printed up to a line with this fragment; fail if the shell ends before it."""
+        printed = []
+        for line in self._bash.stdout:
+            printed.append(line)
+            if fragment in line:
+                return ''.join(printed)
+        raise AssertionError(f'no {fragment!r} in: {"".join(printed)}')
+
+    def run(self, commands: str) -> str:
+        """Return what commands print; fail if one of them fails."""
+        self.paste(f'{commands.strip()}\necho {PASTED!r}')
+        return self.read_until(PASTED)
+
+    def close(self) -> None:
+        """End the shell and what it has started."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self._bash.pid, 15)
+        self._bash.communicate()
+
+
+@pytest.fixture
+def open_shell(copy, monkeypatch):
+    """Return a function that opens a shell in a copy of the checkout, on a domain of the test."""
+    with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
+        monkeypatch.setenv('ROS_DOMAIN_ID', str(domain_id))
+
+        def opened() -> Shell:
+            shell = Shell(copy)
+            stack.callback(shell.close)
+            return shell
+
+        yield opened
+
+
+def without_noise(text: str) -> str:
+    """Return a text without noisy values: on a busy machine, a repeated request takes the next noise."""
+    return re.sub(r'(co2|humidity|soil_moisture) +[0-9.]+', r'\1', text)
+
+
+def run_console(shell: Shell, block: str) -> None:
+    """Run each `$ command` of a block, which may fail; fail unless it prints what is shown below it."""
+    for each in block.removeprefix('$ ').split('\n$ '):
+        command, _, shown = each.partition('\n')
+        printed = shell.run(f'{command} || true')
+        assert without_noise(shown).strip() in without_noise(printed), printed
+
+
+@pytest.mark.heavy
+def test_the_tutorial(copy, open_shell):
+    """Its `make run` goes to the first shell, in place of the last one, and all the rest to the second."""
+    first, second = open_shell(), open_shell()
+    for mark, language, block in docs_check.shell_blocks(ROOT, PAGES / 'tutorial.md'):
+        assert mark.endswith('::test_the_tutorial')
+        if block.startswith('make run'):
+            first.close()
+            first = open_shell()
+            first.paste(block)
+            first.read_until('ready: ')
+        elif language == 'console':
+            run_console(second, block)
+        else:
+            second.run(block)
+    readings = read_file(copy / 'my_readings.sqlite').rows
+    assert sorted(row.tag_id for row in readings) == ['1', '1', '2', '3']
+    for name in ('my_poses.png', 'my_readings.png', 'my_readings.html'):
+        assert (copy / name).stat().st_size > 0
+
+
+@pytest.mark.heavy
+def test_the_course(open_shell):
+    """Three teams and a lecturer on one machine, in one shell."""
+    shell = open_shell()
+    blocks = docs_check.shell_blocks(ROOT, PAGES / 'course.md')
+    assert {mark for mark, *_ in blocks} == {'tested by ci/tests/test_pages.py::test_the_course'}
+    start, ask, compare, end = [block for *_, block in blocks]
+    shell.run(start)
+    values = shell.run(ask)
+    assert re.findall(r'^(\d,\w+),', values, re.MULTILINE) == ['1,temperature', '1,co2', '2,humidity'], values
+    first, second, third = (shell.run(f'tail -n +2 my_team{team}.csv') for team in (1, 2, 3))
+    assert len({first, second, third}) == 3
+    assert 'team 2 has the values of its seed' in shell.run(compare)
+    shell.run(end)

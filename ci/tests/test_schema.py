@@ -1,0 +1,88 @@
+"""The JSON schema of the tag file accepts what the bridge reads, and nothing else."""
+
+import copy
+import importlib.util
+import json
+import math
+import sys
+from pathlib import Path
+
+import jsonschema
+import pytest
+from ament_index_python.packages import get_package_share_directory
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.simulator.files import read_tags_and_tables, shipped_file
+
+ROOT = Path(__file__).resolve().parents[2]
+SCHEMA = Path(get_package_share_directory('lupin_greenhouse_bridge'), 'schema/tag_locations.schema.json')
+
+
+def of_the_bridge_tests():
+    """Return the module of the package's tests that has its tables of good and bad tag files."""
+    path = ROOT / 'monorepo/lupin_greenhouse_bridge/test/test_files.py'
+    spec = importlib.util.spec_from_file_location('tests_of_files', path)
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+FILES = of_the_bridge_tests()
+# What a schema cannot say; JSON itself has no NaN.
+BEYOND_A_SCHEMA = ('\\ud83c', 'x is nan', "', which", 'no tag has a sensor')
+VALIDATOR = jsonschema.Draft7Validator(json.loads(SCHEMA.read_text(encoding='utf-8')))
+
+
+def is_read(folder: Path, document) -> bool:
+    """Return whether the bridge's package reads the tags and tables of a document."""
+    path = folder / 'tag_locations.json'
+    path.write_text(json.dumps(document), encoding='utf-8')
+    try:
+        read_tags_and_tables(path)
+    except StartUpError:
+        return False
+    return True
+
+
+def test_the_schema_is_a_schema_and_takes_the_shipped_file():
+    VALIDATOR.check_schema(VALIDATOR.schema)
+    VALIDATOR.validate(json.loads(shipped_file('tag_locations.json').read_text(encoding='utf-8')))
+
+
+@pytest.mark.parametrize(
+    'row', [row for row, message in FILES.BAD_TAGS if not any(each in message for each in BEYOND_A_SCHEMA)]
+)
+def test_a_bad_tag_file_is_refused(row):
+    assert not VALIDATOR.is_valid(FILES.changed(FILES.TAGS, row))
+
+
+@pytest.mark.parametrize(('row', '_ids'), FILES.GOOD_TAGS)
+def test_a_good_tag_file_is_accepted(row, _ids):
+    document = FILES.changed(FILES.TAGS, row)
+    assert VALIDATOR.is_valid(json.loads(document) if isinstance(document, bytes) else document)
+
+
+WHOLE = {
+    'units': 'm',
+    'tags': {'7': {'x': 1.0, 'y': 7.3, 'sensors': ['co2']}},
+    'tables': {'bench': {'x0': 0, 'y0': 0, 'x1': 2, 'y1': 1}},
+}
+PLACES = [
+    *('tags', 'tables', 'units', 'tags/7', 'tags/7/x', 'tags/7/sensors', 'tags/7/sensors/0', 'tags/7/note'),
+    *('tags/ ', 'tags/b', 'tables/bench', 'tables/bench/x0', 'tables/bench/note', 'tables/b'),
+]
+VALUES = [FILES.MISSING, None, True, 0, -1.5, 1e12, 1.1e12, math.inf, '', 'co2', [], [0], {}]
+VALUES += [WHOLE['tags']['7'], WHOLE['tables']['bench'], WHOLE['tags']]
+
+
+@settings(max_examples=400)
+@given(st.dictionaries(st.sampled_from(PLACES), st.sampled_from(VALUES), max_size=2))
+def test_the_schema_accepts_what_is_read_and_nothing_else(tmp_path_factory, row):
+    # A value may hold the place of another.
+    row = {place: copy.deepcopy(value) if isinstance(value, dict) else value for place, value in row.items()}
+    try:
+        document = FILES.changed(WHOLE, row)
+    except (KeyError, TypeError, AttributeError, ValueError, IndexError):
+        return  # one change removed the place of the other
+    assert VALIDATOR.is_valid(document) == is_read(tmp_path_factory.getbasetemp(), document)

@@ -1,0 +1,123 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
+"""The page of formats: each example loads, and each table says what the code does."""
+
+import contextlib
+import importlib.util
+import re
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges, read_route
+from lupin_greenhouse_bridge.display.field import scaled
+from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
+from lupin_greenhouse_bridge.planning.approach import read_overrides
+from lupin_greenhouse_bridge.planning.registration import read_places, read_registration
+from lupin_greenhouse_bridge.reading.read_on_sight import ReadOnSightNode
+from lupin_greenhouse_bridge.recording.reading_files import read_file
+from lupin_greenhouse_bridge.recording.record_readings import RecordReadingsNode
+from lupin_greenhouse_bridge.recording.report_line import Outcome
+from lupin_greenhouse_bridge.recording.rows import Row
+from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.settings import Settings
+from lupin_greenhouse_bridge.simulator import simulation
+from lupin_greenhouse_bridge.simulator.layout import read_layout
+
+PAGE = Path(__file__).resolve().parent.parent / 'doc/formats.md'
+SECTIONS = dict(
+    part.split('\n', 1) for part in re.split('^## ', PAGE.read_text(encoding='utf-8'), flags=re.MULTILINE)
+)
+
+
+def table(name: str, columns: int) -> list[list[str]]:
+    """Return the cells of the last table of a section, without its head."""
+    rows = [row.split('|')[1:-1] for row in re.findall(r'^\|.*\|$', SECTIONS[name], re.MULTILINE)]
+    rows = [[cell.strip(' `') for cell in row] for row in rows if len(row) == columns]
+    return rows[2:]
+
+
+@pytest.fixture
+def example(tmp_path):
+    """Return a function that writes the example of a section to a file of its name."""
+
+    def written(name: str) -> Path:
+        path = tmp_path / name
+        path.write_text(re.search('```.*?\n(.*?)```', SECTIONS[name], re.DOTALL)[1], encoding='utf-8')
+        return path
+
+    return written
+
+
+def test_the_tag_file_has_three_tags_and_its_tables(example):
+    path = example('tag_locations.json')
+    tags, tables = read_layout(path)
+    assert (list(tags), list(tables)) == (['1', '2', '3'], ['left', 'right', 'back'])
+    assert simulation.load(Settings(), tag_file=path, sim_config_file=None).tag_ids == ['1', '2', '3']
+
+
+def test_the_config_serves_the_shipped_tags(example, shipped_tags):
+    path = example('greenhouse_config.yaml')
+    greenhouse = simulation.load(Settings(), tag_file=None, sim_config_file=path)
+    assert greenhouse.tag_ids == list(shipped_tags)
+    assert read_colour_ranges(str(path)) == {'temperature': (0.0, 30.0)}
+
+
+def test_the_table_of_readings_has_these_columns(example, tmp_path):
+    rows = read_file(example('readings.csv')).rows
+    assert [(row.tag_id, row.sensor, row.value) for row in rows] == [
+        ('1', 'temperature', 22.686),
+        ('1', 'co2', 615.168),
+    ]
+    path = tmp_path / 'readings.sqlite'
+    open_store(str(path)).close()
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        columns = [(each[1], each[2]) for each in connection.execute('PRAGMA table_info(readings)')]
+    assert [(name, kind) for name, kind, _ in table('readings.csv', 3)] == columns
+    assert [name for name, _ in columns] == list(Row._fields)
+
+
+def test_the_report_has_these_keys_and_outcomes(example):
+    visits = read_file(example('report.jsonl')).visits
+    assert [(each.outcome, each.drive) for each in visits] == [('OK', ''), ('UNKNOWN_TAG', 'simulated')]
+    described = dict(table('report.jsonl', 2))
+    assert re.findall('[A-Z_]{2,}', described['outcome']) == [each.value for each in Outcome]
+    keys = re.findall(r'"(\w+)": ', visits[1].to_line())
+    assert [key for names in described for key in re.findall(r'\w+', names)] == keys
+
+
+def test_the_route_and_the_files_of_poses_are_read(example, shipped_tags):
+    assert read_route(example('report-route.csv')) == [(0.5, 0.5), (0.9, 0.5), (1.4, 0.9)]
+    frame_id, transform = read_registration(example('layout_in_map.yaml'))
+    assert (frame_id, transform) == ('map', (1.50876, 0.601769, 0.00061))
+    assert read_places(example('pairs.yaml'))['13'] == (4.02, 3.21)
+    overrides, warnings = read_overrides(example('approach_overrides.yaml'), shipped_tags)
+    assert (set(overrides), warnings) == ({'1', '7'}, [])
+
+
+def test_a_cell_of_the_field_has_this_value():
+    rows = table('~/field', 2)
+    values = np.array([np.nan if value == 'none' else float(value) for value, _ in rows])
+    assert scaled(values, *read_colour_ranges()['temperature']).tolist() == [int(cell) for _, cell in rows]
+
+
+@pytest.mark.skipif(
+    not importlib.util.find_spec('apriltag_msgs'),
+    reason='apriltag_msgs is missing: sudo apt install ros-$ROS_DISTRO-apriltag-msgs',
+)
+def test_every_topic_has_this_qos(run_nodes, tmp_path):
+    nodes = run_nodes(
+        ReadOnSightNode, RecordReadingsNode, ShowReadingsNode, file=str(tmp_path / 'readings.sqlite')
+    )
+    found = []
+    for node in nodes[:3]:
+        ends = [('publishes', each) for each in node.publishers]
+        ends += [('subscribes', each) for each in node.subscriptions]
+        for direction, end in ends:
+            profile = end.qos_profile
+            policies = [
+                each.name.lower().replace('_', ' ') for each in (profile.reliability, profile.durability)
+            ]
+            found.append([node.get_name(), end.topic_name, direction, *policies, str(profile.depth)])
+    own = [row for row in found if row[1] not in ('/parameter_events', '/rosout')]
+    assert sorted(table('QoS of the topics', 6)) == sorted(own)
