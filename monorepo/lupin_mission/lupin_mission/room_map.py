@@ -11,28 +11,30 @@ class RoomMap:
 
     def __init__(self, node, topic: str, frame_id: str):
         """Subscribe; a map of another frame is not used."""
-        self.is_new = False  # no plan has the last message yet
         self._frame_id = frame_id
         self._logger = node.get_logger()
         self._message: OccupancyGrid | None = None
         self._subscription = node.create_subscription(OccupancyGrid, topic, self._on_map, latched())
 
     def _on_map(self, message: OccupancyGrid) -> None:
-        self._message, self.is_new = message, True
+        self._message = message
 
-    def read(self) -> OccupancyMap | None:
-        """Return the map, if any, and log whether it is used; raises StartUpError if it is malformed."""
+    def take(self) -> OccupancyGrid | None:
+        """Return the message that the poses are planned with, if any, and log it."""
         topic, message = self._subscription.topic_name, self._message
         if message is None or message.header.frame_id != self._frame_id:
             reason = 'no message' if message is None else f"a map in the frame '{message.header.frame_id}'"
             self._logger.info(f'the approach poses are planned without a map: {topic} has {reason}')
             return None
         info = message.info
-        occupancy = OccupancyMap(
-            info.width, info.height, info.resolution, pose_in_plane(info.origin), message.data
-        )
         self._logger.info(
             f'the approach poses are planned with the map of {topic}: {info.width} x {info.height} cells of'
             f' {info.resolution:g} m'
         )
-        return occupancy
+        return message
+
+
+def occupancy_of(message: OccupancyGrid) -> OccupancyMap:
+    """Return the cells of a message; raises StartUpError if it is malformed."""
+    info = message.info
+    return OccupancyMap(info.width, info.height, info.resolution, pose_in_plane(info.origin), message.data)

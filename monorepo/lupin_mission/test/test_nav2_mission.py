@@ -4,6 +4,7 @@ import importlib.util
 import json
 import math
 import sys
+import threading
 
 import pytest
 from lupin_greenhouse_bridge.contract import latched
@@ -14,10 +15,12 @@ from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import read_layout
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS
+from lupin_mission import planner
 from lupin_mission.announcer import Announcer
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
 from lupin_msgs.msg import MissionState, Observation
+from lupin_msgs.srv import StartMission
 from mission_helpers import CAMERA, READER, WEB_QOS, Subscriber
 from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.msg import ParameterValue
@@ -221,6 +224,61 @@ def test_a_robot_looks_once_more_from_another_pose(start_mission, reader, confir
     assert [(row[0], row[-5:]) for row in table] == [
         (tag_id, ['yes', 'OK', 'from', 'pose', '2']) for tag_id in '71'
     ]
+
+
+@pytest.fixture
+def held_plans(monkeypatch):
+    """Hold every plan but the first in its thread; return events: a plan has begun, and it may go on."""
+    begun, released, plan_of = threading.Event(), threading.Event(), planner.Planner._drives
+
+    def drives(self, *arguments, **keywords):
+        if self._plan:
+            begun.set()
+            assert released.wait(PATIENCE_SECONDS)
+        return plan_of(self, *arguments, **keywords)
+
+    monkeypatch.setattr(planner.Planner, '_drives', drives)
+    yield begun, released
+    released.set()
+
+
+def test_state_and_estop_answer_while_the_mission_plans(
+    start_mission, reader, navigator, operate, node, held_plans
+):
+    mission = start_mission(**NAV2, tag_sequence='1', wait_for_start=True, estop_topic='/held/estop')
+    operator = operate(mission)
+    estop = node.create_publisher(Bool, '/held/estop', 10)
+    start = node.create_client(StartMission, f'{mission.namespace}/mission/start')
+    assert start.wait_for_service(PATIENCE_SECONDS)
+    started = start.call_async(StartMission.Request())
+    for _ in range(3):
+        operator.wait_for(lifecycle_state='READY')
+    wait_until(lambda: estop.get_subscription_count() == 1)
+    estop.publish(Bool(data=True))
+    operator.wait_for(estop_engaged=True, lifecycle_state='READY')
+    assert not operator.trigger('abort')
+    _, released = held_plans
+    released.set()
+    wait_until(started.done)
+    assert started.result().accepted
+    operator.wait_for(estop_engaged=True, paused=True, mission_id=started.result().mission_id)
+    assert navigator.goals == []
+    estop.publish(Bool(data=False))
+    operator.wait_for(estop_engaged=False, paused=True)
+    assert operator.trigger('resume')
+    navigator.end(navigator.accept(), 'succeed')
+    assert reader.wait_for_request() == '1'
+    mission.stop()
+
+
+@pytest.mark.usefixtures('navigator')
+def test_a_signal_ends_a_mission_that_plans(start_mission, held_plans):
+    begun, released = held_plans
+    mission = start_mission(**NAV2, tag_sequence='1')
+    assert begun.wait(PATIENCE_SECONDS)
+    assert mission.stop() == 1
+    assert mission.log[-1] == '0/0 tags read'
+    assert not released.is_set()
 
 
 def test_the_estop_cancels_the_goal_and_a_resume_sends_it_again(

@@ -366,6 +366,8 @@ def mission_and_executor(settings):
     node = mission_orchestrator.MissionNode()
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    while not node.mission:
+        executor.spin_once(timeout_sec=PATIENCE_SECONDS)
     yield node, executor
     node.destroy_node()
     rclpy.shutdown()

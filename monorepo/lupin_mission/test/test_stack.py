@@ -612,7 +612,7 @@ def test_a_start_is_rejected_while_another_mission_of_that_name_lives(
     wait_until(lambda: other.get_subscription_count() == 2)  # of the mission and of the operator
     other.publish(MissionState(lifecycle_state='READY'))
     event = 'another mission publishes mission/state: end it, or give one of them a namespace'
-    assert other.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+    wait_until(lambda: operator.rejection(mission_type='none') == event)  # once the mission has heard it
     assert operator.rejection() == event
     clock.pass_seconds(2.0)  # it says no more
     operator.start()
