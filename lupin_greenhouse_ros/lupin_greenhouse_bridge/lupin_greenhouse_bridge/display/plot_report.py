@@ -4,6 +4,7 @@
 import argparse
 import math
 import sys
+import textwrap
 import time
 from pathlib import Path
 
@@ -39,7 +40,7 @@ from lupin_greenhouse_bridge.units import clock_time, label_of, sensor_order, va
 MOST_COLUMNS, PANEL_INCHES = 3, 3.3
 # Sizes in the picture, where a metre is about 0.65 inch: a dot, and a character of a label.
 DOT_M, CHARACTER_M, LINE_M, GAP_M = 0.24, 0.1, 0.2, 0.1
-MOST_NAMED = 30  # tags in a line of failures
+MOST_NAMED, LONGEST_LINE = 30, 110  # tags in a line of failures, and its characters
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -101,9 +102,13 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
         _cross(axes, layout, failed, 30)
     for axes in all_axes:
         axes.set_anchor('N')  # the panel of the route has no colour bar below it
-    caption = _caption(options.file, readings, failures, route)
-    _draw_legend(figure, caption, set(failed.values()), has_route=bool(route))
-    figure.suptitle(_headline(readings, failures, len(layout.tags)), fontsize=14, fontweight='bold', y=1.04)
+    _draw_legend(figure, set(failed.values()), has_route=bool(route))
+    _write_head(
+        figure,
+        _headline(readings, failures, len(layout.tags)),
+        failures,
+        _origin(options.file, readings, route),
+    )
     figure.savefig(output, dpi=130, bbox_inches='tight', pad_inches=0.15)
     pyplot.close(figure)
 
@@ -198,7 +203,7 @@ def _cross(axes, layout: Layout, failed: dict[str, str], size: float) -> None:
     axes.scatter(xs, ys, marker='x', s=size, color=BAD_COLOUR, zorder=5)
 
 
-def _draw_legend(figure, caption: str, words: set[str], *, has_route: bool) -> None:
+def _draw_legend(figure, words: set[str], *, has_route: bool) -> None:
     from matplotlib.lines import Line2D
 
     def entry(label: str, colour: str, **style) -> Line2D:
@@ -222,7 +227,6 @@ def _draw_legend(figure, caption: str, words: set[str], *, has_route: bool) -> N
         bbox_to_anchor=(0.5, 0.0),
         ncol=3,
         frameon=False,
-        title=caption,
     )
 
 
@@ -247,18 +251,29 @@ def _clock(row: Row) -> str:
     return time.strftime('%H:%M:%S', time.localtime(row.stamp_ns / 1e9))
 
 
-def _caption(path: Path, readings: dict[str, dict[str, Row]], failures: list[Failures], route) -> str:
-    """Return what the picture shows in one line, and a line for each reason of failures."""
+def _origin(path: Path, readings: dict[str, dict[str, Row]], route: list[tuple[float, float]]) -> str:
+    """Return the name of the file, the day, and how far the robot drove."""
     latest = max(row.stamp_ns for each in readings.values() for row in each.values())
     parts = [escaped(path.name, 64), time.strftime('%d %b %Y, times in %Z', time.localtime(latest / 1e9))]
     if route:
         parts.append(f'the robot drove {sum(map(math.dist, route, route[1:])):.1f} m')
-    lines = [' · '.join(parts)]
+    return ' · '.join(parts)
+
+
+def _write_head(figure, headline: str, failures: list[Failures], origin: str) -> None:
+    """Write above the panels whether it worked, what failed and why, and where the readings are from."""
+    lines = [(headline, 14, 'black')]
     for word, reason, tag_ids in failures:
         named = ', '.join(escaped(tag_id, 64) for tag_id in tag_ids[:MOST_NAMED])
         more = f' and {len(tag_ids) - MOST_NAMED} more' if len(tag_ids) > MOST_NAMED else ''
-        lines.append(f'{len(tag_ids)} {word}{f" ({reason})" if reason else ""}: {named}{more}')
-    return '\n'.join(lines)
+        text = f'{len(tag_ids)} {word}{f" ({reason})" if reason else ""}: {named}{more}'
+        lines += [(part, 11, BAD_COLOUR) for part in textwrap.wrap(text, LONGEST_LINE)]
+    lines.append((origin, 10, '0.35'))
+    points = 12.0  # above the panels
+    for text, size, colour in reversed(lines):
+        style = {'fontsize': size, 'color': colour, 'fontweight': 'bold' if size > 11 else 'normal'}
+        figure.text(0.5, 1.0 + points / 72 / figure.get_figheight(), text, ha='center', va='bottom', **style)
+        points += 1.5 * size
 
 
 if __name__ == '__main__':
