@@ -68,6 +68,39 @@ def test_no_label_lies_on_a_tag_or_on_another_label(monkeypatch, tmp_path):
     assert all(edge.x0 <= box.x0 and box.x1 <= edge.x1 for box in boxes)
 
 
+def test_the_route_has_arrows_numbered_visits_and_a_line_from_each_pose_to_its_tag(monkeypatch, tmp_path):
+    drawn = {}
+    monkeypatch.setattr(figure, 'save', lambda drawing, path, _: drawn.update({path.stem: drawing}))
+    assert figure.main(['--output', str(tmp_path)]) == 0
+    axes, tags = drawn['route'].axes[0], shipped()['tags']
+    drawn['route'].canvas.draw()
+    written = [text for text in axes.texts if text.get_text()]
+    ids = [text for text in written if text.get_weight() == 'bold']
+    visits = [text for text in written if text not in ids]
+    numbers = {str(number + 1) for number in range(len(tags))}
+    assert {text.get_text() for text in ids} == set(tags)
+    assert {text.get_text() for text in visits} == numbers | {'start', 'end'}
+    assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) > 10
+    lines = [line for line in axes.lines if len(line.get_xydata()) > 1]
+    sights = [line for line in lines if line.get_linestyle() == '--']
+    assert {tuple(line.get_xydata()[-1]) for line in sights} == {
+        (tag['x'], tag['y']) for tag in tags.values()
+    }
+    boxes = [text.get_window_extent() for text in written]
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    ways = [
+        line.get_transform().transform_path(line.get_path())
+        for line in lines
+        if line.get_linestyle() != 'None'
+    ]
+    crossed = [
+        text.get_text()
+        for text in ids
+        if any(way.intersects_bbox(text.get_window_extent(), filled=False) for way in ways)
+    ]
+    assert crossed == []
+
+
 def shipped() -> dict:
     return json.loads(figure.Path(figure.shipped_file('tag_locations.json')).read_text(encoding='utf-8'))
 
