@@ -16,7 +16,7 @@ setup(
     zip_safe=True,
     maintainer='Lupin team',
     maintainer_email='lupin.team@example.org',
-    description='What stands for a real thing: SDF world, camera, navigator with a robot, and a demo.',
+    description='Simulations of the SDF world, a camera, and a navigator with a robot, and a demo.',
     license='Apache-2.0',
     entry_points={
         'console_scripts': [

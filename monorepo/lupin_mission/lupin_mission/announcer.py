@@ -28,7 +28,7 @@ class Announcer:
     """Publishes and logs for a mission node."""
 
     def __init__(self, node, observations_topic: str, frame_id: str = 'map', remark: str = ''):
-        """Create the publishers; `remark` ends the detail of each observation, and the last event."""
+        """Create the publishers; `remark` is appended to each status_detail, and to the last event."""
         self._node = node
         self._remark = remark
         self._frame_id = frame_id
@@ -44,23 +44,23 @@ class Announcer:
         self._event, self._severity, self._last_error = 'the node has started', Severity.INFO, ''
 
     def note(self, event: str, severity: Severity) -> None:
-        """Keep an event for the state, and log it unless it is routine."""
+        """Put an event into the state, and log it unless it is routine."""
         self._event, self._severity = escaped(event, 1000), severity
         if severity is not Severity.INFO:
             self._log()
 
     def started(self, event: str) -> None:
-        """Log the start of a mission, and clear the error of the one before."""
+        """Log the start of a mission, and clear the error of the previous one."""
         self._last_error = ''
         self.inform(event)
 
     def inform(self, event: str) -> None:
-        """Keep an event for the state, and log it."""
+        """Put an event into the state, and log it."""
         self._event, self._severity = escaped(event, 1000), Severity.INFO
         self._log()
 
     def warn(self, event: str) -> None:
-        """Keep an event for the state, and log it as a warning."""
+        """Put an event into the state, and log it as a warning."""
         self.note(event, Severity.WARN)
 
     def _log(self) -> None:
@@ -134,7 +134,7 @@ class Announcer:
         return self._readings.get_subscription_count() > 0
 
     def has_other_mission(self) -> bool:
-        """Return whether another node published a state of this name a moment ago."""
+        """Return whether another node has just published on this mission/state."""
         return time.monotonic() - self._other_mission_at < OTHER_MISSION_SECONDS
 
     def _with_remark(self, text: str) -> str:

@@ -1,4 +1,4 @@
-"""Drive to a tag: the interface that the mission needs, and a simulated drive. nav2_drive.py has Nav2."""
+"""The interface of a drive to a tag, and a simulated drive. The drive with Nav2 is in nav2_drive.py."""
 
 from abc import ABC, abstractmethod
 from typing import NamedTuple
@@ -30,15 +30,15 @@ class Drive(ABC):
 
     @abstractmethod
     def start(self, tag_id: str, now_seconds: float, pose: int = 1) -> None:
-        """Set off for one of the tag's poses, the first of which is the best."""
+        """Start to drive to one of the tag's poses, where pose 1 is the best."""
 
     def count_poses(self, tag_id: str) -> int:  # noqa: ARG002
-        """Return how many poses a tag can be looked at from."""
+        """Return the number of poses from which the robot can look at a tag."""
         return 1
 
     @abstractmethod
     def start_return(self, now_seconds: float) -> None:
-        """Set off for the dock."""
+        """Start to drive to the dock."""
 
     @abstractmethod
     def arrival(self, now_seconds: float) -> Arrival | None:
@@ -51,26 +51,26 @@ class Drive(ABC):
         """Stand still, until resume()."""
 
     def resume(self) -> None:  # noqa: B027
-        """Go on to the same goal."""
+        """Continue to the same goal."""
 
     def is_over(self) -> bool:
-        """Return whether the robot has ended all drives that were stopped."""
+        """Return whether all stopped drives have ended."""
         return True
 
 
 class SimulatedDrive(Drive):
-    """Moves no robot: takes the same time to every goal; with 0 it arrives at once."""
+    """Does not move a robot. A drive to any goal takes the same time; with 0 s, it ends immediately."""
 
     def __init__(self, drive_seconds: float):
         self._drive_seconds = drive_seconds
         self._arrival_seconds = 0.0
 
     def start(self, tag_id, now_seconds, pose=1):  # noqa: ARG002
-        """Set off."""
+        """Start to drive."""
         self.start_return(now_seconds)
 
     def start_return(self, now_seconds):
-        """Set off."""
+        """Start to drive."""
         self._arrival_seconds = now_seconds + self._drive_seconds
 
     def arrival(self, now_seconds):

@@ -29,7 +29,7 @@ def reading_of(message: TagReading) -> Reading:
 
 
 def accept_response(mission: Mission, request: Request, response) -> bool:
-    """Pass the response to a request on to its mission; return False if it no longer waits for it."""
+    """Pass the response to a request to its mission; return False if the mission no longer waits for it."""
     if request.service is Service.CONFIRM:
         return mission.on_confirmation(request.number, response.detected, response.error_message)
     if response.status == GetTagReading.Response.STATUS_OK:
@@ -44,9 +44,9 @@ def observation_message(
     """
     Return the message for the observation of one tag, without its header.
 
-    `position_m` is the tag's x and y in the map. If it is None, the pose is unset, which the team marks by
-    w = 0. The default pose of rosidl has w = 1. Only a tag that was read has a reading and a pose: the team
-    takes every tag id that it finds in a reading for a tag that was inspected.
+    `position_m` is the tag's x and y in the map. If it is None, the pose is unset, which the team marks by w
+    = 0 (the default pose of rosidl has w = 1). Only a tag that was read gets a reading and a pose, because
+    the team's nodes assume that a tag was inspected if its id is in a reading.
     """
     message = ObservationMessage(
         kind=ObservationMessage.KIND_TAG_READING, mission_id=mission_id, source=MISSION_TYPE

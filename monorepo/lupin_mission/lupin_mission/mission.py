@@ -1,7 +1,7 @@
 """
 The mission's state machine: visits each tag once, and records one outcome for each. Does not import ROS.
 
-The caller passes the time to step(), in seconds of a monotonic clock. The package's README draws the states.
+The caller passes the time to step(), in seconds of a monotonic clock. doc/state_machine.md draws the states.
 """
 
 import itertools
@@ -19,7 +19,7 @@ STUCK_DRIVES = 2  # in a row, after which the robot needs a person
 
 
 class State(Enum):
-    """Where the mission is. A pause keeps the state."""
+    """The state of a mission. A pause does not change it."""
 
     READY = 'ready'
     DRIVING = 'driving'
@@ -45,7 +45,7 @@ class Service(Enum):
 
 @dataclass(frozen=True)
 class Request:
-    """One request to one service. Its unique number tells a late reply from a current one."""
+    """One request to one service. Its unique number distinguishes a late reply from a current one."""
 
     number: int
     service: Service
@@ -74,7 +74,7 @@ class MissionPorts(Protocol):
         """Give up a request; return TIMEOUT, or NO_SERVICE if the service was never available."""
 
     def record(self, observation: Observation) -> None:
-        """Keep an observation for good; an exception ends the mission."""
+        """Store an observation permanently; an exception ends the mission."""
 
     def note(self, event: str, severity: Severity) -> None:
         """Report an event in one line."""
@@ -170,7 +170,7 @@ class Mission:
         self.step(now_seconds)
 
     def step(self, now_seconds: float) -> None:
-        """Do what is due at this time, once started. Call it often, and after every reply."""
+        """Do what is due at this time. After start(), call this often, and after every reply."""
         if not self.is_paused:
             self._active_seconds += now_seconds - self._now
         self._now = now_seconds
@@ -337,7 +337,7 @@ class Mission:
         return True
 
     def resume(self) -> bool:
-        """Continue where the pause or the e-stop began; return False if not paused, or still stopped."""
+        """Continue after a pause or the e-stop; return False if not paused, or still under the e-stop."""
         if not self.is_paused or self.is_estop_engaged:
             return False
         self.is_paused = False
@@ -354,14 +354,14 @@ class Mission:
             self.pause()
 
     def release_estop(self) -> None:
-        """Allow resume(); nothing moves yet."""
+        """Allow resume(). The robot does not move before that call."""
         self.is_estop_engaged = False
 
     def dock(self) -> bool:
         """
         Return to the dock and pause there; return False without a dock, or if the robot visits no tag.
 
-        resume() goes on with the tags left, and with the target unless it has its outcome.
+        resume() continues with the remaining tags, and with the target unless it has its outcome.
         """
         if not (self.target and self._returns_to_dock):
             return False
@@ -391,8 +391,8 @@ class Mission:
         """
         End the mission: the target and all unvisited tags are SKIPPED; return False if no mission runs.
 
-        The robot returns to its dock if it has one. A return that is aborted ends where the robot is, and so
-        does a mission that was started under the e-stop and has not set off.
+        The robot returns to its dock if it has one. In two cases it stays where it is: if the return itself
+        is aborted, and if the mission was started under the e-stop and has not begun to drive.
         """
         has_not_set_off = self.state is State.READY
         if self.state is State.DONE or (has_not_set_off and not self.is_paused):

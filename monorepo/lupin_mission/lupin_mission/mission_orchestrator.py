@@ -54,9 +54,9 @@ RELEASE_ESTOP = 'the e-stop is engaged: release it first'
 
 class MissionNode(Node):
     """
-    What a Mission needs: clock, services, report and publishers.
+    Connects a Mission to its clock, services, report and publishers.
 
-    No callback waits. One mission runs at a time. It starts when mission/start is called, or at once.
+    No callback blocks. One mission runs at a time. It starts when mission/start is called, or immediately.
     """
 
     # ROS destroys a node whose constructor raised, too.
@@ -147,7 +147,7 @@ class MissionNode(Node):
             executor.spin_once(timeout_sec=STEP_SECONDS)
 
     def destroy_node(self) -> None:
-        """Stop the robot, whatever ended the mission; close the report, so that another can continue it."""
+        """Stop the robot, whatever ended the mission, and close the report, so that it can be continued."""
         if self._drive and not self._drive.is_over():
             executor = SingleThreadedExecutor(context=self.context)  # that of run() is closed
             executor.add_node(self)

@@ -1,4 +1,4 @@
-"""Drive with Nav2: an action client of nav2_msgs/action/NavigateToPose. No call waits."""
+"""Drive with Nav2: an action client of nav2_msgs/action/NavigateToPose. No call blocks."""
 
 import importlib
 import math
@@ -43,9 +43,9 @@ class Nav2Drive(Drive):
     """
     Sends the robot to one pose at a time.
 
-    `goals` has the poses for each tag, `unreachable` the reason why a tag has none. A goal is sent when its
-    server is there and the goal before has ended, and it is cancelled by stop() and pause(). A server that is
-    missing or rejects goals is not ready: it is tried again for dependency_timeout_s.
+    `goals` has the poses for each tag, and `unreachable` the reason why a tag has none. A goal is sent when
+    the server is available and the previous goal has ended. stop() and pause() cancel it. If the server is
+    missing or rejects the goal, the goal is sent again for up to dependency_timeout_s.
     """
 
     def __init__(self, node, settings: Settings, note: Callable[[str, Severity], None]):
@@ -78,16 +78,16 @@ class Nav2Drive(Drive):
         self._has_warned = False  # of a server that is not ready
 
     def start(self, tag_id, now_seconds, pose=1):
-        """Set off for an approach pose of a tag."""
+        """Start to drive to an approach pose of a tag."""
         goal = self.goals[tag_id][pose - 1] if tag_id in self.goals else None
         self._set_off(goal, self.unreachable.get(tag_id, NOT_IN_LAYOUT), now_seconds)
 
     def count_poses(self, tag_id):
-        """Return how many poses a tag has."""
+        """Return the number of poses of a tag."""
         return len(self.goals.get(tag_id, ()))
 
     def start_return(self, now_seconds):
-        """Set off for the dock."""
+        """Start to drive to the dock."""
         self._set_off(Goal(*self._settings.dock), '', now_seconds)
 
     def _set_off(self, goal: Goal | None, no_goal: str, now_seconds: float) -> None:
@@ -193,21 +193,21 @@ class Nav2Drive(Drive):
         self._not_over.append(self._sent)
 
     def stop(self):
-        """Cancel the goal: at once, or when it is accepted."""
+        """Cancel the goal immediately, or as soon as it is accepted."""
         if self._sent:
             self._sent.give_up()
 
     def pause(self):
-        """Cancel the goal. After the pause it is sent again, unless the robot is there already."""
+        """Cancel the goal. After the pause, it is sent again, unless the robot has already arrived."""
         self.stop()
         self._since = self._rejected_since = None
 
     def resume(self):
-        """Go on to the same goal, even if another client drives the robot now."""
+        """Continue to the same goal, even if another client drives the robot now."""
         self._tolerated_goals = self._goals_of_others()
 
     def is_over(self):
-        """Return whether every goal that was sent has ended, as far as its server can still tell."""
+        """Return whether every sent goal has ended; a goal whose server has gone counts as ended."""
         for each in self._not_over:
             each.update()
         self._not_over = [each for each in self._not_over if not each.is_over]
@@ -242,7 +242,7 @@ class _SentGoal:
         self._moved_m = max(self._moved_m, math.dist(self._start, at))
 
     def give_up(self) -> None:
-        """Cancel the goal: at once, or when it is accepted."""
+        """Cancel the goal immediately, or as soon as it is accepted."""
         if not (self.is_given_up or self.is_over):
             self.is_given_up = True
             if self.is_accepted:

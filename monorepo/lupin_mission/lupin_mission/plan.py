@@ -56,8 +56,9 @@ class Plan:
         """
         Return the tags in the order of the shortest path, and then those without a pose.
 
-        The path starts at the robot, else at its dock, else at a tag, and ends at the dock, else at a tag.
-        Places that are not free do not count. Raises StartUpError if a tag is cut off from there.
+        The path starts at the robot, or else at the dock, or else at a tag. It ends at the dock, or else at a
+        tag. A robot or dock that is not in the free space is ignored. Raises StartUpError if a tag cannot be
+        reached.
         """
         robot_m, dock_m = map(self._free_in_layout, (robot_in_map_m, dock_in_map_m))
         with_pose = [tag_id for tag_id in tag_ids if tag_id in self._poses]

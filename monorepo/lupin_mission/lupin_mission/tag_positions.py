@@ -1,4 +1,4 @@
-"""The positions of tags in the map: from the layout, from perception, or that of the robot."""
+"""The positions of tags in the map: from the layout, from perception, or from the robot's own position."""
 
 import math
 
@@ -14,7 +14,7 @@ class TagPositions:
     def __init__(
         self, node, *, frame_id: str = 'map', amcl_pose_topic: str = 'amcl_pose', layout_positions=None
     ):
-        """Subscribe; messages of another frame are ignored. The layout's positions in the map come first."""
+        """Subscribe; messages in another frame are ignored. The positions of the layout take precedence."""
         self._frame_id = frame_id
         self._layout_positions: dict[str, Point] = layout_positions or {}  # by tag id
         self._discovered_positions: dict[str, Point] = {}  # by tag id
@@ -30,7 +30,7 @@ class TagPositions:
             node.create_subscription(PoseWithCovarianceStamped, amcl_pose_topic, self._on_pose, qos)
 
     def position_of(self, tag_id: str) -> Point | None:
-        """Return the position of a tag, else of the robot that stands at it; None if neither is known."""
+        """Return the position of a tag, or else of the robot at this tag; None if neither is known."""
         known = self._discovered_positions | self._layout_positions
         return known.get(tag_id, self.robot_position)
 
@@ -49,5 +49,5 @@ class TagPositions:
 
 
 def is_finite(position: Point) -> bool:
-    """Return whether all coordinates are numbers, as those of a localiser without a pose are not."""
+    """Return whether all coordinates are numbers; a localiser without a pose publishes NaN."""
     return all(map(math.isfinite, (position.x, position.y, position.z)))

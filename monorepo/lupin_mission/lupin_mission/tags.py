@@ -48,7 +48,7 @@ class Tags:
             self.ids = list(read_tags_with_sensors(settings.tag_locations_file))
 
     def layout(self) -> Layout:
-        """Return the layout of the tags, which are known; raises StartUpError."""
+        """Return the layout, once the tags are known; raises StartUpError."""
         if not self._tag_file:
             raise StartUpError("the layout is unknown: set tag_locations_file to the bridge's tag_file")
         return read_layout(self._tag_file)
@@ -65,10 +65,10 @@ class Tags:
         on_positions_lost: Callable[[], None],
     ) -> None:
         """
-        Call on_found() once there are tags to visit: now, or when the bridge has replied.
+        Call on_found() as soon as there are tags to visit: now, or when the bridge has replied.
 
-        Call on_positions_lost() if the bridge then replies that it has a tag file of its own. `has_service()`
-        returns whether the bridge's service is there.
+        Call on_positions_lost() if the bridge later replies that it has its own tag file. `has_service()`
+        returns whether the bridge's service is available.
         """
         if is_given := self.has_tags_to_visit():
             self._find_positions(is_custom_file=False)
@@ -85,7 +85,7 @@ class Tags:
         self._ask_the_bridge(node, has_service, on_tags)
 
     def is_waiting_for_tags(self) -> bool:
-        """Return whether the bridge is there, and may still tell that it has a tag file of its own."""
+        """Return whether the bridge is available, and may still reply that it has its own tag file."""
         if self._is_settled or not self._client or not self._client.service_is_ready():
             return False
         if self._reply_deadline is None:

@@ -1,4 +1,4 @@
-"""Carry the mission's requests to its two services, and the replies back. No call waits."""
+"""Carry the mission's requests to its two services, and the replies back. No call blocks."""
 
 from collections.abc import Callable
 
@@ -35,7 +35,7 @@ class Transport:
         self._future = None  # of the pending request
 
     def is_available(self, service: Service) -> bool:
-        """Return whether a service is there."""
+        """Return whether a service is available."""
         return self._clients[service].service_is_ready()
 
     def send(self, request: Request, on_response: Callable) -> None:

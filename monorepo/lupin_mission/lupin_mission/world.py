@@ -15,9 +15,9 @@ TAG_MODEL = re.compile(r'tag_(0|[1-9][0-9]*)')
 
 def read_world(world_file: str) -> dict[str, tuple[float, float]]:
     """
-    Return x and y in metres of each model `tag_<id>` of an SDF world by its id, in numeric order.
+    Return x and y in metres of each model `tag_<id>` of an SDF world, by tag id, in numeric order.
 
-    Raises StartUpError if the file is not such a world. Refuses entities and document types.
+    Raises StartUpError if the file is not such a world, or has a document type, which could declare entities.
     """
     where = f"world_file '{escaped(world_file, 500)}'"
     try:

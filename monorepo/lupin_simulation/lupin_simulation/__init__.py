@@ -1,1 +1,1 @@
-"""All that stands for a real thing: the SDF world, a camera, a navigator with a robot, and a demo."""
+"""Simulations of the SDF world, a camera, and a navigator with a robot, and a demo that runs them."""

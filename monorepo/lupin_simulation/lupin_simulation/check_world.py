@@ -44,7 +44,7 @@ class Views:
         self._next_s = 0.0
 
     def count(self) -> None:
-        """Count one, and show it: on a terminal in one line, elsewhere in a line every 15 s."""
+        """Count one view, and show the count: in one line on a terminal, otherwise in a line every 15 s."""
         self._done += 1
         text = f'check_world: {self._done} of {self._total} views of tags are rendered'
         if sys.stderr.isatty():
@@ -60,7 +60,7 @@ class Views:
 
 
 def seen_from(world, detector: TagDetector, eye: np.ndarray, at: np.ndarray) -> set[int]:
-    """Return the ids that confirm_tag would accept in a picture from this viewpoint."""
+    """Return the ids that confirm_tag accepts in an image from this viewpoint."""
     picture = cv2.cvtColor(world.look(eye, at), cv2.COLOR_RGB2GRAY)
     criteria = Criteria()
     return {each.tag_number for each in detector.detect(picture) if not criteria.flaw_of(each)}
@@ -74,7 +74,7 @@ def corners_of(world) -> tuple[np.ndarray, np.ndarray]:
 
 
 def faces_outwards(tag: Tag, tables: list, middle: np.ndarray) -> bool:
-    """Return whether a tag faces away from its nearest table, or to the middle without tables."""
+    """Return whether a tag faces away from its nearest table, or, without tables, towards the middle."""
     front, back = (tag.centre[:2] + turn * STEP_M * tag.out[:2] for turn in (1, -1))
     if not tables:
         return np.linalg.norm(front - middle) <= np.linalg.norm(back - middle)
@@ -107,7 +107,7 @@ def check_layout(world, layout) -> bool:
 def check_distances(
     world, detector: TagDetector, tables: list, walls: Walls, side: str, views: Views
 ) -> bool:
-    """Return whether each tag is read from each distance and angle, wherever a robot can stand."""
+    """Return whether each tag is read from each distance and angle at which a robot can stand."""
 
     def can_stand(eye) -> bool:
         x, y = eye[:2]

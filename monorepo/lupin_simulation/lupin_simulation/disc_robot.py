@@ -118,7 +118,7 @@ class Settings:
 
 
 class ArrivalError:
-    """The pose at which a robot arrives, beside that of its goal."""
+    """The error between the pose at which a robot stops and the pose of its goal."""
 
     def __init__(self, settings: Settings):
         """Take the sizes of the errors, their seed, and the tables; raises StartUpError."""
@@ -127,7 +127,7 @@ class ArrivalError:
         self._free_space = settings.free_space()  # without the padding: only a table stops the robot
 
     def applied_to(self, goal: PoseInPlane) -> PoseInPlane:
-        """Return where the robot arrives: no farther than up to the next table."""
+        """Return the pose at which the robot stops, which is never in a table."""
         distance_m = self._random.uniform(0.0, self._largest_m)
         direction = self._random.uniform(-math.pi, math.pi)
         yaw = goal.yaw + self._random.uniform(-self._largest_rad, self._largest_rad)
@@ -155,11 +155,11 @@ class DiscRobot:
 
     @property
     def is_moving(self) -> bool:
-        """Whether it is not yet at the end of its path, or not yet turned."""
+        """Whether the robot has not yet reached the end of its path, or not yet its direction there."""
         return bool(self._path) or self.pose.yaw != self._yaw
 
     def follow(self, path: Iterable[tuple[float, float]], yaw: float) -> None:
-        """Leave the path for another one, and turn to this direction at its end."""
+        """Follow a new path, and turn to this direction at its end."""
         self.stop()
         self._path.extend(path)
         self._yaw = yaw
@@ -171,7 +171,7 @@ class DiscRobot:
         self._note_point()
 
     def advance(self, seconds: float) -> None:
-        """Move for this time, or up to the end of the path."""
+        """Move for this time, or until the end of the path."""
         while self._path and seconds > 0.0:
             x, y = self._path[0]
             dx, dy = x - self.pose.x, y - self.pose.y

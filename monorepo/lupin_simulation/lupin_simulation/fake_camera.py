@@ -67,7 +67,7 @@ class Settings:
 
 
 class RobotPose:
-    """Listens to `odom`. Its frame is the layout's: a simulated robot does not slip."""
+    """Receives `odom`, whose frame is that of the layout, because a simulated robot does not slip."""
 
     def __init__(self, node):
         self.newest: PoseInPlane | None = None  # None before the first message
@@ -79,7 +79,7 @@ class RobotPose:
 
 
 class CameraNode(Node):
-    """A camera that knows where the mission stands, or where the robot is. _look() returns its message."""
+    """A camera that knows the tag of the mission, or the pose of the robot. _look() returns its message."""
 
     def __init__(self, settings_type):
         super().__init__(NODE_NAME)
@@ -145,7 +145,7 @@ def has_marker(tag_id: str) -> bool:
 
 
 def tag_poses_by_number(settings: Settings) -> dict[int, TagPose]:
-    """Return where each tag of a layout is, and faces, by its number; raises StartUpError."""
+    """Return the position and the direction of each tag of a layout by its number; raises StartUpError."""
     layout = find_layout(settings.tag_file)
     if layout is None:
         raise StartUpError('mdp-greenhouse is not installed here: set tag_file')

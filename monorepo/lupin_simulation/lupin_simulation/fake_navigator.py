@@ -43,7 +43,7 @@ FAILED_TO_MAKE_PROGRESS, START_OCCUPIED, NO_VALID_PATH = 105, 205, 208
 
 
 class FakeNavigator(LifecycleNode):
-    """One goal at a time. No callback waits: a timer moves the robot."""
+    """Serves one goal at a time. No callback blocks, because a timer moves the robot."""
 
     _server: ActionServer | None = None  # not yet configured, or cleaned up
 
@@ -115,7 +115,7 @@ class FakeNavigator(LifecycleNode):
         super().destroy_node()
 
     def farewell(self) -> int:
-        """Send the results that are due, for which rclpy would complain; return the exit code."""
+        """Send the results that are due, because rclpy warns of missing ones; return the exit code."""
         while self._ending:
             self.executor.spin_once(timeout_sec=0)
         return 0

@@ -70,9 +70,9 @@ def make_world(
 
 def write(folder: Path, files: dict[str, bytes]) -> None:
     """
-    Write the files of a world, and remove those of an earlier one.
+    Write the files of a world, and remove the files of an earlier world.
 
-    Raises StartUpError and writes nothing if a file is in the way that this program did not write.
+    Raises StartUpError and writes nothing if this would overwrite a file that this program did not write.
     """
     manifest = folder / MANIFEST
     own = set(manifest.read_text(encoding='utf-8').splitlines()) if manifest.is_file() else set()

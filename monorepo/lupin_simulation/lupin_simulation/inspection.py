@@ -65,7 +65,7 @@ class NodeEnded(OneLineError):
 
 
 class UnknownArgument(Exception):
-    """No node of the run has such a parameter. The text lists those that there are, which is no one line."""
+    """No node of the run has such a parameter. The text lists all parameters, on more than one line."""
 
     def __init__(self, argument: str, names: set[str]):
         error = f"'{escaped(argument, 64)}' sets no parameter of this run: write name:=value, with one of"
@@ -75,9 +75,9 @@ class UnknownArgument(Exception):
 
 def arguments_by_node(options) -> dict[str, list[str]]:
     """
-    Return the arguments of each node: those that it has as parameters.
+    Return the arguments of each node, which are those that it has as parameters.
 
-    Raises UnknownArgument for one that no node of this run has.
+    Raises UnknownArgument for an argument that no node of this run has.
     """
     types = {
         'bridge_node': bridge_settings.Settings,
@@ -105,7 +105,7 @@ def value_of(arguments: list[str], name: str) -> str:
 
 
 def raise_if_asked_to_end() -> None:
-    """Raise KeyboardInterrupt after Ctrl-C or SIGTERM, here and not where a node has just been started."""
+    """Raise KeyboardInterrupt after Ctrl-C or SIGTERM, at a point where no node is being started."""
     if is_asked_to_end():
         raise KeyboardInterrupt
 
@@ -118,19 +118,19 @@ def run_to_end(command: list[str]) -> int:
 
 
 def report_of(options) -> Path:
-    """Return the report of this run: its name has the time and the kind of the inspection."""
+    """Return the path of this run's report, whose name has the time and the kind of the inspection."""
     kind = 'world' if options.world else 'camera' if options.camera else 'simulation'
     report = options.output / f'{time.strftime("%Y-%m-%d-%H%M%S")}-{kind}.jsonl'
     return beside(report, f'-{os.getpid()}.jsonl') if report.exists() else report
 
 
 def beside(report: Path, ending: str) -> Path:
-    """Return another file of the same run."""
+    """Return the path of another file of the same run."""
     return report.with_name(report.stem + ending)
 
 
 def commands_of(options, report: Path) -> list[list[str]]:
-    """Return the commands of the nodes; the first one is ended last, and the last one is the mission."""
+    """Return the commands of the nodes. The last one is the mission; the first one ends last."""
     given = arguments_by_node(options)
     tag_file = value_of(options.arguments, 'tag_file')
     nodes = [node('lupin_greenhouse_bridge', 'bridge_node', *given['bridge_node'])]
@@ -184,7 +184,7 @@ def make_world(options) -> None:
 
 
 def greenhouse_options(options, report: Path | None = None) -> list[str]:
-    """Return the files and walls of your own greenhouse as options; the files are copies beside a report."""
+    """Return the options for your own greenhouse: its walls, and copies of its files beside the report."""
     words = []
     for name, ending in GREENHOUSE.items():
         if path := value_of(options.arguments, name):
@@ -212,7 +212,7 @@ def prepare(options, report: Path) -> None:
 
 
 def check_record(options, report: Path) -> int:
-    """Print how many readings of the report were recorded; return the exit code, 1 if one was not."""
+    """Print how many readings of the report were recorded; return 1 if one is missing, else 0."""
     in_report = {key_of(row) for row in read_rows(report)} if report.stat().st_size else set()
     lost = len(in_report - {key_of(row) for row in read_rows(options.record)})
     print_line(f'{pluralized(len(in_report) - lost, "row")} kept in {options.record}')

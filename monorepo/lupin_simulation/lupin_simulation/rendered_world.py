@@ -28,13 +28,13 @@ class Tag:
 
 
 def viewpoint(tag: Tag, distance_m: float, angle_degrees: float) -> np.ndarray:
-    """Return a point at this distance from a tag and at its height, turned from its normal to its right."""
+    """Return a point at the height and at this distance of a tag, turned from its normal to its right."""
     angle = math.radians(angle_degrees)
     return tag.centre + distance_m * (math.cos(angle) * tag.out + math.sin(angle) * tag.to_right)
 
 
 def view_ahead(x: float, y: float, yaw: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the camera of a robot with this pose is, and a point before it, as high as the tags."""
+    """Return the position of the camera of a robot with this pose, and a point ahead, as high as the tags."""
     eye = np.array([x, y, TAG_HEIGHT_M])
     return eye, eye + np.array([math.cos(yaw), math.sin(yaw), 0.0])
 
@@ -51,9 +51,9 @@ class RenderedWorld:
         nearest_m: float = NEAREST_M,
     ):
         """
-        Read the world; raises StartUpError without Drake, and if the file is not a world.
+        Read the world; raises StartUpError if Drake is missing, or if the file is not a world.
 
-        From far away, a tag is drawn in front of its plate only if `nearest_m` is large.
+        For images from far away, set a large `nearest_m`: otherwise the plate of a tag can hide the tag.
         """
         try:
             self._load(sdf_file, nearest_m, width, height, focal_length_pixels)

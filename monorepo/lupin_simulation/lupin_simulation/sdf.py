@@ -55,7 +55,7 @@ def tag_poses_by_number(layout: Layout, walls: Walls) -> dict[int, TagPose]:
 
 
 def roll_pitch_yaw(tag_pose: TagPose) -> tuple[float, float, float]:
-    """Return the pose of a frame with z out of the tag's face, x to the viewer's right and y up."""
+    """Return the pose of a frame whose z points out of the tag's face, x to the viewer's right, and y up."""
     return math.pi / 2, 0.0, tag_pose.facing + math.pi / 2
 
 

@@ -59,7 +59,7 @@ class WorldCamera(CameraNode):
 
 
 def view_of(tag: Tag | None, random) -> tuple[np.ndarray, np.ndarray]:
-    """Return the position of the camera, and the point that it looks at: in the sky without a tag."""
+    """Return the position of the camera, and the point that it looks at, in the sky if there is no tag."""
     if tag is None:
         return np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 2.0])
     distance_m = random.uniform(*STANDOFF_M)

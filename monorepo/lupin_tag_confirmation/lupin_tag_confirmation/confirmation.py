@@ -38,7 +38,7 @@ class Detection(NamedTuple):
 
 
 class Sight(NamedTuple):
-    """The detections in one frame, and its picture, uint8 of the shape (height, width), if there is one."""
+    """The detections in one frame, and its image if there is one, as uint8 of the shape (height, width)."""
 
     detections: list[Detection]
     picture: np.ndarray | None = None
@@ -46,7 +46,7 @@ class Sight(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One message of a camera or a detector. Its two times are seconds of different clocks."""
+    """One message of a camera or a detector. Its two times are seconds on different clocks."""
 
     look: Callable[[], Sight]  # decodes and searches; raises UnusableImage
     stamp_seconds: float
@@ -87,7 +87,7 @@ class Confirmer:
         self._chosen: list[Frame] = []  # to be searched, or searched
 
     def add(self, frame: Frame) -> None:
-        """Keep a frame in place of the oldest that waits."""
+        """Keep a frame, in place of the oldest waiting one if there are too many."""
         self._waiting.append(frame)
 
     def confirm(self, tag_id: str, stamp_now_seconds: float, arrival_now_seconds: float) -> Verdict:

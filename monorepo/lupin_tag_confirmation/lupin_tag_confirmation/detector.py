@@ -1,4 +1,4 @@
-"""AprilTag 3, from Debian's and Ubuntu's python3-apriltag or the wheel. Does not import ROS."""
+"""AprilTag 3, from Debian's and Ubuntu's package python3-apriltag or from a wheel. Does not import ROS."""
 
 import contextlib
 import io

@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""Interpolate values that were read at some places onto a grid. Does not import ROS."""
+"""Interpolate values that were read at some positions onto a grid. Does not import ROS."""
 
 import math
 from typing import NamedTuple
@@ -35,9 +35,9 @@ def interpolate(grid: Grid, samples: list[tuple[float, float, float]], radius_m:
     """
     Return a value for each cell, by row and column; NaN where no sample lies within the radius.
 
-    A sample is x, y and its value. Each cell gets the average of the samples within the radius, weighted by
-    their distances with the weights of Franke and Little: ((radius - distance) / (radius * distance))**2. A
-    sample has no weight at the radius, so the field has no steps, and all the weight in its own cell.
+    A sample is x, y and its value. Each cell gets the weighted average of the samples within the radius. The
+    weights are those of Franke and Little: ((radius - distance) / (radius * distance))**2. At the radius, the
+    weight of a sample is zero, so that the field has no steps. In its own cell, a sample has all the weight.
     """
     xs = grid.x + (np.arange(grid.columns) + 0.5) * grid.resolution_m
     ys = grid.y + (np.arange(grid.rows) + 0.5)[:, np.newaxis] * grid.resolution_m

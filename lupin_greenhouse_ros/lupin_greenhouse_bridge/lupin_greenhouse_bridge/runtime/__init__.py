@@ -1,2 +1,2 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""What every node of ours needs: its process, its parameters, its launch file. Imports no other room."""
+"""What every node needs: its process, parameters and launch file. Imports no other folder of the package."""

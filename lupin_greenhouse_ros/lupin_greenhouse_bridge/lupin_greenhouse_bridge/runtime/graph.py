@@ -20,7 +20,7 @@ def namesake_warning(node) -> str:
 
 
 def servers_of(node, service_name: str) -> list[str]:
-    """Return the full names of the nodes that offer a service, sorted; two nodes can have one name."""
+    """Return the sorted full names of the nodes that offer a service; two nodes can have the same name."""
     service_name = node.resolve_service_name(service_name)  # the graph has full names
     servers = []
     for name, namespace in node.get_node_names_and_namespaces():
@@ -34,8 +34,8 @@ def duplicate_server_warning(node, service_name: str, *, has_namesakes: bool = F
     """
     Return a warning if several nodes offer a service; '' otherwise.
 
-    Nodes of one name count only with `has_namesakes`: for some seconds, a node that was killed and started
-    again is there twice.
+    Nodes with the same name count as one node, unless `has_namesakes` is set: ROS lists a node twice for some
+    seconds after it was killed and started again.
     """
     servers = servers_of(node, service_name)
     if len(servers if has_namesakes else set(servers)) < 2:

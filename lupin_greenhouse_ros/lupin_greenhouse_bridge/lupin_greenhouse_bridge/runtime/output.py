@@ -15,7 +15,7 @@ def column_widths(rows: Sequence[Sequence[str]], at_least: Sequence[int] | None 
 def aligned_table(
     rows: Sequence[Sequence[str]], numeric_columns: Collection[int], widths: Sequence[int] | None = None
 ) -> list[str]:
-    """Return a line for each row, in columns as wide as their widest cell; numeric ones are aligned right."""
+    """Return a line for each row. Each column is as wide as its widest cell; numbers are aligned right."""
     widths = widths or column_widths(rows)
     return [
         '  '.join(
@@ -27,7 +27,7 @@ def aligned_table(
 
 
 def print_line(text: str, stream=None, end: str = '\n') -> None:
-    """Print a text, to standard output by default; a command whose output is full or closed goes on."""
+    """Print a text, by default to standard output. If the output is full or closed, the command continues."""
     try:
         print(text, end=end, file=stream, flush=True)
     except OSError as error:

@@ -16,8 +16,8 @@ def parameter(
     """
     Return a dataclass field for one parameter.
 
-    A number may have inclusive limits. `accepted` is what the error says instead of the limits. The dataclass
-    checks a parameter `of_any_type`, such as a text or an array, by itself.
+    A number may have inclusive limits. If `accepted` is set, the error message has this text instead of the
+    limits. The dataclass itself checks a parameter `of_any_type`, such as one that takes a text or an array.
     """
     metadata = {
         'description': description,
@@ -60,8 +60,8 @@ def declare_parameters(node, settings_type, *, without_effect: tuple[str, ...] =
     """
     Declare every field of a settings dataclass as a read-only parameter; return the settings.
 
-    Logs a warning for each parameter that the node does not have, which ROS would ignore silently, and one
-    line with those that are known to have no effect.
+    Logs a warning for each parameter that the node does not have, because ROS ignores them silently. Logs one
+    line with the parameters that are known to have no effect.
     """
     values = {
         each.name: node.declare_parameter(each.name, each.default, descriptor_of(each, read_only=False)).value
@@ -87,7 +87,7 @@ def _override(node, name: str):
 
 
 def descriptor_of(field, *, read_only: bool):
-    """Return the ROS description of a parameter; one that is read-only has its range too."""
+    """Return the ROS description of a parameter; that of a read-only parameter includes the range."""
     from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
     # The dataclass checks the types. ROS would refuse 3600 for a double.
@@ -106,7 +106,7 @@ def descriptor_of(field, *, read_only: bool):
 
 
 def warn_of_unknown_parameters(node, *, besides=()) -> None:
-    """Log a warning for each parameter that was set and that the node does not have, `besides` these."""
+    """Log a warning for each parameter that was set, but that neither the node nor `besides` has."""
     for name in getattr(node, '_parameter_overrides', ()):  # private to rclpy: it may disappear
         if not node.has_parameter(name) and name not in besides:
             node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored')

@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""Poses in the plane, as numbers and as messages. Does not import ROS at the top, for those who only plan."""
+"""Poses in the plane, as numbers and as messages. The planner can import this module without ROS."""
 
 import math
 from typing import NamedTuple
@@ -14,12 +14,12 @@ class PoseInPlane(NamedTuple):
 
 
 def quaternion_of(yaw: float) -> tuple[float, float, float, float]:
-    """Return x, y, z and w of a turn by radians around the z axis."""
+    """Return x, y, z and w of the quaternion of a yaw in radians."""
     return 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
 
 
 def pose_message(x: float, y: float, yaw: float, z: float = 0.0):
-    """Return the geometry_msgs/Pose at metres, turned by radians around the z axis."""
+    """Return the geometry_msgs/Pose at x and y in metres, with a yaw in radians."""
     from geometry_msgs.msg import Point, Pose, Quaternion
 
     orientation = Quaternion(**dict(zip('xyzw', quaternion_of(yaw), strict=True)))
@@ -27,7 +27,7 @@ def pose_message(x: float, y: float, yaw: float, z: float = 0.0):
 
 
 def pose_in_plane(message) -> PoseInPlane:
-    """Return what a geometry_msgs/Pose says about the plane."""
+    """Return the position and the yaw of a geometry_msgs/Pose in the plane."""
     x, y, z, w = (getattr(message.orientation, axis) for axis in 'xyzw')
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return PoseInPlane(message.position.x, message.position.y, yaw)

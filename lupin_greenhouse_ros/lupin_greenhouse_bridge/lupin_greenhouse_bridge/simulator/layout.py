@@ -47,13 +47,13 @@ def _with_sensors(tags: dict[str, dict], tag_file: str | Path) -> dict[str, Tag]
 
 
 def find_layout(tag_file: str) -> Layout | None:
-    """Return the layout of tag_file, or of the shipped file for ''; None without either."""
+    """Return the layout of tag_file, or of the shipped file for ''; None if there is no shipped file."""
     path = tag_file or shipped_file('tag_locations.json')
     return read_layout(path) if path else None
 
 
 def natural_order(tag_id: str) -> tuple:
-    """Return a sort key for tag ids: numbers by their value and before words, in every part of the id."""
+    """Return a sort key for tag ids, such that tag_2 comes before tag_10, and numbers come before words."""
     parts = []
     for digits, text in re.findall('([0-9]+)|([^0-9]+)', tag_id):
         number = digits.lstrip('0')  # compared as text of a length: an id may have thousands of digits

@@ -27,7 +27,7 @@ class NothingToDraw(OneLineError):
 
 
 class Failures(NamedTuple):
-    """The tags that were not read for one reason."""
+    """The tags that were not read, all for the same reason."""
 
     word: str  # the outcome, such as `not confirmed`
     reason: str
@@ -59,9 +59,10 @@ def parser_of(prog: str, description: str, output_help: str) -> argparse.Argumen
 
 def layout_of(file: ReadingFile, tag_file: str) -> Layout:
     """
-    Return the layout of tag_file, or the shipped one for '', with the tags where the rows have them.
+    Return the layout of tag_file, or the shipped one for '', with the positions of tags that the rows have.
 
-    Raises StartUpError for a bad tag_file, for one of another greenhouse, and if no position is known at all.
+    Raises StartUpError for a bad tag_file, for the tag_file of another greenhouse, and if no position is
+    known.
     """
     layout = find_layout(tag_file) or Layout({}, {})
     placed = {row.tag_id: Tag(row.x_m, row.y_m, []) for row in file.rows if row.x_m is not None}
@@ -109,7 +110,7 @@ def words_of(outcome: str) -> str:
 
 
 def beside(file: Path, suffix: str) -> Path:
-    """Return the path of a drawing of a file, with the file's name; a folder such as / has none."""
+    """Return the path of the drawing of a file: its name with this suffix, or `readings` if it has none."""
     return file.with_suffix(suffix) if file.name else Path(f'readings{suffix}')
 
 
@@ -120,7 +121,7 @@ def check_output(output: Path, file: Path) -> None:
 
 
 def find_route(options: argparse.Namespace) -> list[tuple[float, float]]:
-    """Return the points of --route, or of the file that a mission left beside its report; else none."""
+    """Return the points of --route, or else of the mission's route file beside its report, or else none."""
     if options.route:
         return read_route(options.route)
     found = options.file.with_name(f'{options.file.stem}-route.csv')
@@ -156,7 +157,7 @@ def read_route(path: Path) -> list[tuple[float, float]]:
 
 def read_colour_ranges(sim_config_file: str = '') -> dict[str, tuple[float, float]]:
     """
-    Return the lowest and highest value of each sensor's colours, in its unit, of the greenhouse config.
+    Return the lowest and highest value of each sensor's colour scale in the greenhouse config, in its unit.
 
     '' selects the config of mdp-greenhouse; {} if that is not installed. Raises StartUpError.
     """

@@ -85,8 +85,8 @@ class Scene:
         """
         Return the tables, the tags with their ids, the readings with their ages, and the caption.
 
-        The readings are given by tag id, with their ages in seconds. A reading is faded once it is older than
-        `stale_seconds`.
+        The readings are given by tag id, with their ages in seconds. A reading that is older than
+        `stale_seconds` is faded.
         """
         markers = [self._table(number) for number in range(len(self._tables))]
         for number, (tag_id, plate) in enumerate(self._plates.items()):
@@ -124,7 +124,7 @@ def age_text(seconds: float) -> str:
 
 
 def plain(text: str) -> str:
-    """Return a text in ASCII: RViz draws no other letters."""
+    """Return a text in ASCII, because RViz cannot draw other characters."""
     text = text.replace('°', 'deg ').replace('³', '3')
     return text.encode('ascii', 'backslashreplace').decode()
 

@@ -14,7 +14,7 @@ REPEAT_AFTER_SECONDS = 1.0
 
 
 class NoAnswer(OneLineError):
-    """The service is not there, or does not reply before the timeout."""
+    """The service is not available, or does not reply before the timeout."""
 
 
 class Client:
@@ -30,7 +30,7 @@ class Client:
         """
         Wait until a service is available, and return its client.
 
-        `show` receives a line of progress now and then. Raises NoAnswer, UsageError and Interrupted.
+        From time to time, `show` receives a line of progress. Raises NoAnswer, UsageError and Interrupted.
         """
         try:
             client = self._node.create_client(service_type, service_name, qos_profile=SERVICE_QOS)
@@ -56,7 +56,8 @@ class Client:
         """
         Return the response to one request; raises NoAnswer and Interrupted.
 
-        Repeats the request each second: DDS drops the reply to a client that the service has not found yet.
+        Repeats the request every second, because DDS drops the reply to a client that the service has not
+        discovered yet.
         """
         futures = []
         deadline = time.monotonic() + self._timeout_seconds

@@ -111,7 +111,7 @@ def _rows(tag_id: str, reading) -> list[tuple[str, str, str, str, str]]:
 
 
 def json_line(tag_id: str, response, status_names: dict[int, str]) -> str:
-    """Return a response as one JSON object on one line; what there is only with a reading is null."""
+    """Return a response as one JSON object on one line; the fields of a missing reading are null."""
     status = status_names.get(response.status, response.status)
     reading = response.reading if status == 'OK' else None
     return json.dumps(

@@ -1,2 +1,2 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""Keep readings in a file and read them again: record_readings."""
+"""Write readings to a file, and read them from it: record_readings."""

@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""Write rows in a thread of their own. Does not import ROS."""
+"""Write rows in a separate thread. Does not import ROS."""
 
 import math
 import sys
@@ -20,14 +20,14 @@ LAST_TRIES = 6  # at the end: three seconds for a file that another program lock
 
 class BufferedWriter:
     """
-    Writes rows together, twice a second after start(). A file that cannot be written delays nobody else.
+    Writes the waiting rows twice a second after start(). A file that cannot be written blocks nobody else.
 
-    Meanwhile up to MOST_ROWS rows and MOST_BYTES wait in memory. Rows that do not fit are counted as lost.
-    The line "N rows kept" acknowledges the first N rows that were not in the file before: they are on disk.
+    Up to MOST_ROWS rows and MOST_BYTES wait in memory, and rows that do not fit are counted as lost. The line
+    "N rows kept" acknowledges that the first N new rows are on the disk.
     """
 
     def __init__(self, store, logger, clock=time.monotonic):
-        """Keep rows in an open store, and close it at the end. The clock is in seconds, and steady."""
+        """Write to an open store, and close it at the end. The clock is monotonic, in seconds."""
         self._store, self._logger, self._clock = store, logger, clock
         self._lock = threading.Lock()
         self._waiting: list[Row] = []
@@ -56,7 +56,7 @@ class BufferedWriter:
             self.write()
 
     def write(self) -> bool:
-        """Write what waits, and log it; return whether nothing of it waits any more."""
+        """Write the waiting rows, and log the result; return whether all of them are written."""
         with self._lock:
             rows, size = list(self._waiting), self._bytes
         try:
@@ -88,7 +88,7 @@ class BufferedWriter:
             self._logger.warning(self._store.notes.pop(0))
 
     def end(self) -> int:
-        """Write what waits, close the file, and return how many rows were lost since the start."""
+        """Write the waiting rows, close the file, and return how many rows were lost since the start."""
         self._is_ended.set()
         if self._thread.is_alive():
             self._thread.join()

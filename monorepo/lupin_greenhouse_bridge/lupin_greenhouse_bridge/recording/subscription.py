@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""Subscribe to topics of readings, whatever the durability of their publishers."""
+"""Subscribe to topics of readings with any durability: latched (transient local) or volatile."""
 
 import os
 import time
@@ -25,7 +25,7 @@ VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
 
 
 def topics_parameter():
-    """Return the field of a settings dataclass for the topics: a text or an array."""
+    """Return a settings field for the parameter readings_topics, which takes a text or an array."""
     return parameter(
         '/read_on_sight/readings /mission/readings',
         'The TagReading topics, as text with spaces between them, or as an array.',
@@ -34,7 +34,7 @@ def topics_parameter():
 
 
 def topics_of(readings_topics) -> list[str]:
-    """Return the topics in the value of that parameter; raises StartUpError."""
+    """Return the topics in the value of readings_topics; raises StartUpError."""
     topics = readings_topics
     if isinstance(topics, str):
         topics = topics.replace(',', ' ').split()
@@ -53,8 +53,9 @@ def subscribe_to_readings(
     """
     Call on_reading(reading, topic) once for each reading of these topics; return their full names.
 
-    A latched reading is delivered again to each new subscriber, so also after a restart. If no topic has a
-    publisher for NO_PUBLISHER_SECONDS, a warning says so once, and another line when the first one comes.
+    A latched topic delivers its readings again to each new subscriber, and therefore also after a restart. If
+    no topic has a publisher for NO_PUBLISHER_SECONDS, the node logs one warning, and another line when the
+    first publisher appears.
     """
     received = {}  # the last ones: stamp, tag and sensors
     names = {}  # the full name of each topic
@@ -110,7 +111,7 @@ def _watch_publishers(node, topics: list[str]) -> None:
 
 
 def take_what_has_arrived(node) -> None:
-    """Call on_reading for the readings that wait in the subscriptions of a node that spins no more."""
+    """Call on_reading for the readings that still wait in the subscriptions, after the node has stopped."""
     for subscription in node.subscriptions:
         for _ in range(DEPTH if subscription.msg_type is TagReading else 0):
             with subscription.handle:

@@ -114,9 +114,10 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
 
 def read_yaml(path, where: str, levels: str):
     """
-    Return what a YAML file, or a JSON file named *.json, holds; `levels` says how deep it may be nested.
+    Return the content of a YAML file, or of a JSON file whose name ends in .json.
 
-    Raises StartUpError, which begins with `where`, if the file is unreadable or malformed.
+    Raises a StartUpError that begins with `where` if the file is unreadable or malformed. `levels` tells in
+    this error how deep the file may be nested.
     """
     text = _read_text(path, where, LARGEST_CONFIG_FILE_BYTES)
     if str(path).endswith('.json'):  # 1e3 is a number in JSON, and text in YAML 1.1
@@ -197,7 +198,7 @@ def number(
     smallest=-LARGEST_NUMBER,
     largest=LARGEST_NUMBER,
 ) -> float:
-    """Return the number of a key; raises StartUpError, which begins with `where`, for anything else."""
+    """Return the value of a key, which must be a number; raises a StartUpError that begins with `where`."""
     value = mapping.get(key)
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     if not is_number or not smallest <= value <= largest:  # also rejects NaN
@@ -209,7 +210,7 @@ def number(
 
 
 def mapping_of(config: dict, key: str, where: str) -> dict:
-    """Return the mapping of a key; raises StartUpError, which begins with `where`, for anything else."""
+    """Return the value of a key, which must be a mapping; raises a StartUpError that begins with `where`."""
     if not isinstance(config.get(key), dict):
         raise StartUpError(f'{where}: {key} is {_shown(config, key)}, not a mapping')
     return config[key]

@@ -20,12 +20,12 @@ STATUS_NAMES = {
 
 
 def latched(depth: int = 1) -> QoSProfile:
-    """Return the QoS of a topic whose last messages are delivered to late subscribers too."""
+    """Return the QoS of a topic that also delivers its last messages to late subscribers."""
     return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def fault_of_reading(reading) -> str:
-    """Return why a TagReading is not one that a bridge sends; '' if it can be."""
+    """Return why a bridge cannot have sent this TagReading; '' if it can."""
     if not (reading.tag_id and reading.readings):
         return 'it names no tag, or has no value'
     numbers = [reading.sim_time_of_day_seconds, *(each.value for each in reading.readings)]

@@ -61,7 +61,7 @@ def _write_page(options: argparse.Namespace, file: ReadingFile, output: Path) ->
 
 
 def fill(data: dict) -> str:
-    """Return the page. No text of a file can end the element that holds the data, or run as a script."""
+    """Return the page. No text in a file can close the element with the data, or run as a script."""
     script = SCRIPT.read_text(encoding='utf-8')
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     text = json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(',', ':'))
@@ -123,7 +123,7 @@ def data_of(file: ReadingFile, layout: Layout, walls: Walls, colour_ranges: dict
 
 
 def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, dict]:
-    """Return the last reading and the last visit of each tag, failures first, then what was not read."""
+    """Return the last reading and the last visit of each tag: failures first, then tags without a reading."""
     tags = {tag_id: _tag(tag_id, tag.x, tag.y) for tag_id, tag in layout.tags.items()}
     last = last_of_each_tag(file.rows)
     for tag_id, reading in last.items():
@@ -183,8 +183,8 @@ def lines_of(rows: list[Row], numbers: dict[str, int]) -> dict[str, list[dict]]:
     """
     Return the lines of the charts by sensor, one for each tag: over wall time and over the time of day.
 
-    A point is [time, value], or [mean time, median, lowest, highest] of the values of a bin. Wall time is in
-    milliseconds since the first row, and has bins only where a line has more values than bins.
+    A point is [time, value], or [mean time, median, lowest, highest] of the values in a bin. Wall time is in
+    milliseconds since the first row. It has bins only if a line has more values than bins.
     """
     groups = defaultdict(list)
     for row in rows:

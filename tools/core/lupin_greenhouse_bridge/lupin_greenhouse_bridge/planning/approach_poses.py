@@ -153,7 +153,7 @@ def _as_yaml(data: dict) -> str:
 
 
 def _as_nav2(data: dict) -> str:
-    """Return the waypoints as the panel of nav2_rviz_plugins saves and loads them; w is the first of four."""
+    """Return the waypoints in the format of the nav2_rviz_plugins panel, whose quaternions begin with w."""
     import yaml
 
     waypoints = {}
@@ -170,7 +170,7 @@ FORMATS = {'table': _as_table, 'yaml': _as_yaml, 'json': _as_json, 'csv': _as_cs
 
 
 def _publish(poses: list[dict], frame_id: str, args: list[str]) -> None:
-    """Keep the poses on the latched topic `~/poses` until Ctrl-C or SIGTERM."""
+    """Publish the poses on the latched topic `~/poses` until Ctrl-C or SIGTERM."""
     import rclpy
     from geometry_msgs.msg import PoseArray
 

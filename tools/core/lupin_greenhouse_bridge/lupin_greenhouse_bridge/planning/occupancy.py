@@ -1,4 +1,4 @@
-"""The map that SLAM made, as an occupancy grid: the room that it leaves a robot. Does not import ROS."""
+"""The map that SLAM made, as an occupancy grid, and the distances to its obstacles. Does not import ROS."""
 
 import copy
 import math
@@ -22,7 +22,7 @@ class OccupancyMap:
     """
     An occupancy grid in the plane.
 
-    An unknown cell counts as occupied, and so does all that is outside the grid, unless unknown is free.
+    Unknown cells, and everything outside the grid, count as occupied unless `unknown_is_free` is set.
     """
 
     files: tuple[Path, ...] = ()  # that it was read from
@@ -41,7 +41,8 @@ class OccupancyMap:
         Take the plain fields of a nav_msgs/OccupancyGrid.
 
         The origin x, y, yaw is the pose of the outer corner of the first cell. The data has a number for each
-        cell, row by row: 0 (free) to 100 (occupied), or -1 (unknown). Raises StartUpError if they do not fit.
+        cell, row by row: 0 (free) to 100 (occupied), or -1 (unknown). Raises StartUpError for fields that do
+        not match.
         """
         if not (0.0 < resolution_m < math.inf and all(map(math.isfinite, origin))):
             x, y, yaw = origin
@@ -90,9 +91,10 @@ class OccupancyMap:
 
     def gaps_m(self, points: np.ndarray, most_m: float) -> tuple[np.ndarray, np.ndarray]:
         """
-        Return the distance from each point (points, 2) to the area of the nearest taken cell, at most this.
+        Return the distance in metres from each point (points, 2) to an obstacle, but at most `most_m`.
 
-        The second array tells whether this cell is unknown.
+        The distance is to the edge of the nearest cell that counts as occupied. The second array tells for
+        each point whether this cell is unknown.
         """
         at = self._in_cells(points) + 1.0  # with the ring
         column, row = at[:, 0, None], at[:, 1, None]
@@ -121,7 +123,7 @@ class OccupancyMap:
 
 
 def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap:
-    """Return the map of a YAML file and its image, as map_server of Nav2 reads them; raises StartUpError."""
+    """Return the map of a YAML file and its image, read as Nav2's map_server does; raises StartUpError."""
     where = f"map '{escaped(str(path), 500)}'"
     if Path(path).suffix.lower() in ('.pgm', '.png', '.bmp'):
         raise StartUpError(f'{where}: is an image: name the YAML file of the map, which names the image')

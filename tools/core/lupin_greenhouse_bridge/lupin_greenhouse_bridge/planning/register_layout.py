@@ -46,7 +46,7 @@ def main(args=None) -> int:
 
 
 def run(parser, work, args=None) -> int:
-    """Run work(executor, options), which raises what it refuses; return the exit code."""
+    """Run work(executor, options), and print the error that it raises, if any; return the exit code."""
     try:
         with ros(args) as executor:
             work(executor, parser.parse_args(remove_ros_args(sys.argv if args is None else args)[1:]))
@@ -74,7 +74,7 @@ def _register(executor, options) -> None:
 
 
 def layout_of(options) -> Layout:
-    """Return the layout that the options name; raises what is wrong with them before anybody clicks."""
+    """Return the layout of the options. Raises UsageError or StartUpError before anybody clicks."""
     for name, value in (('--tolerance', options.tolerance), ('--click-error', options.click_error)):
         if not 0.0 < value < math.inf:  # NaN neither
             raise UsageError(f'{name} is {value:g}: must be a number of metres above 0')
@@ -98,10 +98,10 @@ def layout_of(options) -> Layout:
 
 def register(layout: Layout, places: dict, frame_id: str, options) -> None:
     """
-    Fit the layout to places (x, y in metres by tag id) in a frame, print each residual, and write the file.
+    Fit the layout to positions in a frame, print the residual of each tag, and write the file.
 
-    Takes the options of add_arguments(). Raises CannotFit, UsageError for a tag that the layout lacks, and
-    StartUpError for a file that cannot be written.
+    `places` has x and y in metres by tag id, and `options` are those of add_arguments(). Raises CannotFit,
+    UsageError for a tag that is not in the layout, and StartUpError for a file that cannot be written.
     """
     _check_known(layout, places)
     fitted = fit(_places_m(layout), places, options.tolerance, options.click_error)
@@ -165,7 +165,7 @@ def node_in(executor, name: str):
 
 
 class Clicks:
-    """Takes a click of RViz for each tag in turn, all in the frame of the first."""
+    """Receives one click of RViz for each tag in turn; each must be in the frame of the first click."""
 
     def __init__(self, node, layout: Layout, tag_ids: list[str]):
         self.places: dict[str, tuple[float, float]] = {}
@@ -176,7 +176,7 @@ class Clicks:
         self._ask()
 
     def is_done(self) -> bool:
-        """Return whether each tag has its click."""
+        """Return whether every tag has been clicked."""
         return not self._left
 
     def _ask(self) -> None:
@@ -217,7 +217,7 @@ def _take_clicks(executor, layout: Layout, tag_ids: list[str]) -> tuple[dict, st
 
 
 def spin(executor, is_done) -> None:
-    """Spin until it is done; raises Interrupted at Ctrl-C or SIGTERM."""
+    """Spin until is_done() is true; raises Interrupted after Ctrl-C or SIGTERM."""
     while not is_done():
         if process.is_asked_to_end():
             raise Interrupted

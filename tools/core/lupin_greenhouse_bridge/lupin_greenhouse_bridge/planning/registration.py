@@ -18,7 +18,7 @@ _UNITS = {'x': 'metres', 'y': 'metres', 'yaw': 'radians'}
 
 
 class CannotFit(OneLineError):
-    """No rotation and shift takes the layout to these positions in the map."""
+    """No rotation and shift brings the layout to these positions in the map."""
 
 
 class Transform(NamedTuple):
@@ -29,17 +29,17 @@ class Transform(NamedTuple):
     yaw: float = 0.0
 
     def point(self, x: float, y: float) -> tuple[float, float]:
-        """Return a point of the layout in the map."""
+        """Transform a point from the frame of the layout into the map."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return self.x + cos * x - sin * y, self.y + sin * x + cos * y
 
     def heading(self, yaw: float) -> float:
-        """Return a direction of the layout in the map, in [-pi, pi]."""
+        """Transform a direction from the frame of the layout into the map; returns radians in [-pi, pi]."""
         return math.remainder(yaw + self.yaw, 2 * math.pi)
 
 
 class Fit(NamedTuple):
-    """The transform that fits best, and how far each position in the map is from it."""
+    """The best transform, and the residual of each position in the map."""
 
     transform: Transform
     residuals_m: dict[str, float]  # of every tag, by id
@@ -56,15 +56,17 @@ def fit(
     click_error_m: float = DEFAULT_CLICK_ERROR_M,
 ) -> Fit:
     """
-    Return the rotation and shift that take the layout to the map with the least squares of the residuals.
+    Return the rotation and shift from the layout to the map, by least squares.
 
-    Takes x and y in metres by tag id; the layout has every tag of the map. As long as a residual is above the
-    tolerance, the tag is left out without which the others fit best. At least three tags remain, and more
-    than half of them. The click error is the least standard deviation of a position in the map, along each
-    axis: few residuals can be small by chance, and those of two tags show no error of the rotation.
+    Both mappings have x and y in metres by tag id, and the layout must have every tag of the map. If a
+    residual is above the tolerance, the function leaves out the tag whose removal gives the best fit, and
+    repeats this. It keeps at least three tags, and more than half of them.
 
-    Raises CannotFit for fewer than two tags, tags in one spot, a mirror image, and a residual or an expected
-    error above the tolerance.
+    The click error is the smallest standard deviation to assume for a position in the map, along each axis. A
+    few residuals can be small by chance, and those of two tags do not show an error of the rotation.
+
+    Raises CannotFit if there are fewer than two tags, if the tags are in one spot, if the positions are a
+    mirror image, or if a residual or the expected error is above the tolerance.
     """
     pairs = {tag_id: (complex(*layout_m[tag_id]), complex(*place)) for tag_id, place in map_m.items()}
     if len(pairs) < 2:
@@ -121,7 +123,7 @@ def fit(
 
 
 def best_to_click(layout_m: Mapping[str, tuple[float, float]], count: int) -> list[str]:
-    """Return this many tags with a wide spread in both directions, from x and y in metres by tag id."""
+    """Return `count` tags that are widely spread in both directions, from x and y in metres by tag id."""
     places = {tag_id: complex(*place) for tag_id, place in layout_m.items()}
     mean = sum(places.values()) / len(places)
     chosen = [max(places, key=lambda tag_id: abs(places[tag_id] - mean))]
@@ -192,7 +194,7 @@ def _worst(pairs: dict) -> str:
 
 
 def read_places(path: str | Path) -> dict[str, tuple[float, float]]:
-    """Return x and y in metres by tag id of a YAML or JSON file; raises StartUpError if it is malformed."""
+    """Return x and y in metres by tag id, from a YAML or JSON file; raises StartUpError for a bad file."""
     where = f"pairs '{escaped(str(path), 500)}'"
     data = read_yaml(path, where, 'the file has two levels')
     example = 'such as {"7": [1.5, 7.3]}'
@@ -214,7 +216,7 @@ def read_transform(path: str | Path, frame_id: str = '') -> Transform:
     """
     Return the transform that write_transform() wrote.
 
-    Raises StartUpError if the file is malformed, or holds the layout in another frame than `frame_id`.
+    Raises StartUpError if the file is malformed, or if its frame is not `frame_id`.
     """
     registered_frame_id, transform = read_registration(path)
     if frame_id and registered_frame_id != frame_id:
@@ -226,7 +228,7 @@ def read_transform(path: str | Path, frame_id: str = '') -> Transform:
 
 
 def read_registration(path: str | Path) -> tuple[str, Transform]:
-    """Return the frame that a file registers the layout in, and the transform; raises StartUpError."""
+    """Return the frame and the transform in a file of register_layout; raises StartUpError."""
     where = _where(path)
     data = read_yaml(path, where, 'a registration has one level')
     if not isinstance(data, dict):

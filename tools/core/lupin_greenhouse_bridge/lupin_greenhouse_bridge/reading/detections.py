@@ -34,10 +34,10 @@ class Sightings:
     """
     Keeps the tags in view and the pending requests.
 
-    A tag is requested once per cooldown, which starts with the reply. Only a few requests are pending at any
-    time. A request that times out is repeated, up to the number of attempts. After the last one the tag is
-    left alone for as long as these attempts may take, at most for the cooldown. A tag that has been out of
-    view for longer than a timeout is not requested.
+    Each tag is requested once per cooldown, which starts with the reply. Only a few requests are pending at
+    any time. A request that times out is repeated, up to the number of attempts. After the last attempt, the
+    tag is not requested for as long as these attempts may take, but at most for the cooldown. A tag that has
+    been out of view for longer than a timeout is not requested.
     """
 
     def __init__(self, limits: Limits):

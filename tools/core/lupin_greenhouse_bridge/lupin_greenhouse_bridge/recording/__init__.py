@@ -1,1 +1,1 @@
-"""Keep readings in a file and read them again: record_readings."""
+"""Write readings to a file, and read them from it: record_readings."""

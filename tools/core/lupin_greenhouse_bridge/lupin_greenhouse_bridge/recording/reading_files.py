@@ -32,16 +32,16 @@ class ReadingFile(NamedTuple):
 
 
 def read_rows(path: Path | str, tag_file: str = '') -> list[Row]:
-    """Return the rows of a file in the order of their stamps; arguments and errors as of read_file()."""
+    """Return the rows of a file, sorted by stamp; the arguments and errors are those of read_file()."""
     return read_file(path, tag_file).rows
 
 
 def read_file(path: Path | str, tag_file: str = '') -> ReadingFile:
     """
-    Return what a file of any of the three formats holds; an incomplete last line is left out.
+    Return the contents of a file in one of the three formats, without an incomplete last line.
 
-    A row without a position gets that of its tag in `tag_file`, or in the shipped layout for ''. Raises
-    ReadingFileError with one line for anything else, and StartUpError for a bad tag_file.
+    A row without a position gets the position of its tag in `tag_file`, or in the shipped layout for ''.
+    Raises ReadingFileError for a file in another format, and StartUpError for a bad tag_file.
     """
     try:
         rows, visits = _parse(Path(path))

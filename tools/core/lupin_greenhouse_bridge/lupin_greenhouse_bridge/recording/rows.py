@@ -1,4 +1,4 @@
-"""The rows in which readings are kept, one value each, and their CSV in UTF-8. Does not import ROS."""
+"""The rows of recorded readings, with one value each, and their CSV form in UTF-8. Does not import ROS."""
 
 import csv
 import datetime
@@ -16,7 +16,7 @@ LONGEST_FIELD = 2**31 - 1  # characters; ROS does not limit the name of a sensor
 
 
 class Row(NamedTuple):
-    """One value of one reading. The wall clock's stamp, the tag and the sensor identify it."""
+    """One value of one reading. Its key is the wall clock stamp, the tag id and the sensor."""
 
     stamp_ns: int  # wall clock of the bridge, since 1970
     stamp_utc: str  # the same, as ISO 8601
@@ -41,14 +41,14 @@ def rows_of(reading, source: str, place_m: tuple[float, float] | None = None) ->
 
 
 def make_rows(stamp_ns, tag_id, values, sim_time_of_day_seconds, source, place_m=None) -> list[Row]:
-    """Return a row for each name and value; arguments as the columns, and a position in metres or None."""
+    """Return a row for each name and value. The other arguments are columns; place_m is x and y or None."""
     head = stamp_ns, utc_of(stamp_ns), tag_id
     tail = *(place_m or (None, None)), sim_time_of_day_seconds, source
     return [Row(*head, sensor, value, unit_of(sensor), *tail) for sensor, value in values]
 
 
 def fault_of(rows: Iterable[Row]) -> str:
-    """Return the first number of rows from outside that cannot be right; '' if all can."""
+    """Return the first invalid number in rows that come from outside; '' if there is none."""
     for row in rows:
         if not 0 <= row.stamp_ns <= LATEST_STAMP_NS:
             return f'stamp_ns is {row.stamp_ns}'
@@ -103,8 +103,9 @@ def parse_csv(content: bytes, lines_before: int = 0) -> tuple[list[Row], int]:
     """
     Return the rows of a CSV with its header, and the size in bytes of its complete lines.
 
-    A header that is repeated is left out. With `lines_before`, content starts with a row after so many lines.
-    The rest is a row that was torn when its writer was killed. Raises ValueError for anything else.
+    A repeated header is ignored. With `lines_before`, the content starts with the row after that many lines.
+    An incomplete last line, which a killed writer can leave, is not parsed. Raises ValueError for any other
+    fault.
     """
     whole = content[: content.rfind(b'\n') + 1]
     line_count = whole.count(b'\n')

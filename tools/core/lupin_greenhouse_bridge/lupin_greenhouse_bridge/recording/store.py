@@ -1,8 +1,8 @@
 """
-The file that readings are kept in: SQLite or CSV, with the columns of Row. Does not import ROS.
+The file of recorded readings: SQLite or CSV, with the columns of Row. Does not import ROS.
 
-SQLite keeps its rollback journal and does not use WAL. When a commit returns, its rows are in this one file,
-so that a copy of the file has all of them. With WAL, rows could still lie in a second file beside it.
+SQLite uses its rollback journal, not WAL. When a commit returns, its rows are in this one file, so that a
+copy of the file has all of them. With WAL, some rows could still be in a second file.
 """
 
 import contextlib
@@ -43,7 +43,7 @@ _ERRORS = (OSError, ValueError, sqlite3.Error)
 
 
 class StoreError(OneLineError):
-    """Rows cannot be written now. None of them is in the file."""
+    """Rows cannot be written now, and none of them is in the file."""
 
 
 def key_of(row: Row) -> tuple[int, str, str]:
@@ -58,9 +58,9 @@ def is_sqlite_of_readings(head: bytes) -> bool:
 
 def open_store(path: str) -> 'Store':
     """
-    Open or make the file that a name stands for, by its suffix.
+    Open or create a file of readings, whose suffix selects the format.
 
-    Raises StartUpError for another suffix, and for a file that is something else, which stays unchanged.
+    Raises StartUpError for another suffix, and for a file in another format, which stays unchanged.
     """
     kinds = {'.sqlite': SqliteStore, '.db': SqliteStore, '.csv': CsvStore}
     if not (kind := kinds.get(Path(path).suffix.lower())):
@@ -78,7 +78,7 @@ def _reason(error: Exception):
 
 
 class Store:
-    """A file of readings. If it is moved, deleted or truncated, the rows go on in a new one of its name."""
+    """A file of readings. If it is moved, deleted or truncated, a new file with its name gets the rows."""
 
     _identity = None  # device and inode while the file is open
     _size = 0  # bytes that the file has at least
@@ -91,7 +91,7 @@ class Store:
         self._open()
 
     def keep(self, rows: Sequence[Row]) -> int:
-        """Write the rows that are not in the file yet, all or none; return how many. Raises StoreError."""
+        """Write all rows that are not in the file yet, or none; return their number. Raises StoreError."""
         try:
             while True:
                 if not self._is_in_place():

@@ -1,1 +1,1 @@
-"""What every node of ours needs: its process, its parameters, its launch file. Imports no other room."""
+"""What every node needs: its process, parameters and launch file. Imports no other folder of the package."""

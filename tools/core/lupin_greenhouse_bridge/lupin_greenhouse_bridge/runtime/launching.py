@@ -1,4 +1,4 @@
-"""Start a node from a launch file, with its parameters and what every node takes as launch arguments."""
+"""Start a node from a launch file, whose arguments are the node's parameters and those of every node."""
 
 import os
 
@@ -24,9 +24,9 @@ def node_with_arguments(
     """
     Return the actions that declare the arguments of a node and start it.
 
-    Each parameter of the settings dataclass is an argument of the same name and type. Only arguments that are
-    given are forwarded, so that the others come from params_file, or are the node's own defaults. Arguments
-    `without_effect` are forwarded too: the node says that they have none.
+    Each parameter of the settings dataclass is an argument of the same name and type. The launch file
+    forwards only arguments that are set: the values of the others come from params_file or from the node's
+    defaults. It also forwards the arguments in `without_effect`, and the node logs that they have no effect.
     """
     parameters = launch_arguments(settings_type)
     declared = {name: (default, description, None) for name, default, _, description in parameters}

@@ -1,5 +1,5 @@
 """
-The process of a node: it ends on a signal at any moment, with its exit code.
+The process of a node, which a signal can end at any moment with the right exit code.
 
 Imports only the standard library, so that an executable can handle signals before it imports rclpy.
 """
@@ -52,7 +52,8 @@ def start(module: str, *, has_node: bool = True) -> NoReturn:
     """
     Import a module, run its main(), and end the process with its exit code.
 
-    A node looks at signals from the first moment on. Without one, a signal kills the process at once.
+    With `has_node`, the process handles signals from the start. Without it, a signal kills the process
+    immediately.
     """
     if sys.stdout is None:  # closed by the shell: a descriptor that refuses what is printed
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), 'w')
@@ -79,7 +80,7 @@ def end(exit_code: int) -> NoReturn:
 
 
 def lose_output(error: OSError) -> None:
-    """Say once that standard output cannot be written, and go on without it: the exit code is NO_OUTPUT."""
+    """Report once that standard output cannot be written, and continue without it; exit code NO_OUTPUT."""
     global _has_lost_output  # noqa: PLW0603 - it belongs to the process
     if not _has_lost_output:
         _has_lost_output = True

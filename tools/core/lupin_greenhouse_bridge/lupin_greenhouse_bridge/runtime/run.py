@@ -1,4 +1,4 @@
-"""Run a node: start ROS, create the node, spin it, and close all in the right order."""
+"""Run a node: start ROS, create the node, spin it, and close everything in the right order."""
 
 import contextlib
 import gc
@@ -58,7 +58,7 @@ def ros(args=None):
 
 @contextlib.contextmanager
 def woken_by_signals(executor):
-    """Let every signal end the wait of an executor: it waits in C, where Python cannot handle the signal."""
+    """Let every signal wake up an executor, which waits in C code, where Python cannot handle the signal."""
     read_end, write_end = os.pipe()
     os.set_blocking(write_end, False)
     before = signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
@@ -80,7 +80,7 @@ def woken_by_signals(executor):
 
 @contextlib.contextmanager
 def node_creation():
-    """Wrap the creation of a node; raises StartUpError for any error in it but a OneLineError."""
+    """Turn any error during the creation of a node, except a OneLineError, into a StartUpError."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter('ignore', RuntimeWarning)  # rclpy's, of a node that it could not create

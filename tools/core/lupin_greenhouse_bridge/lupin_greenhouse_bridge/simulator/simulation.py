@@ -121,7 +121,7 @@ def read(sim, tag_id: str) -> tuple[float, dict[str, float]]:
     """
     Return the simulated time of day in seconds, in [0, 86400), and the value of each sensor at the tag.
 
-    The time is that of the values: a second call of the simulator's clock could be a whole tick later.
+    The values belong to exactly this time. A second call of the simulator's clock could return a later tick.
     Raises ReadingError if a value is missing or not finite.
     """
     try:

@@ -77,7 +77,7 @@ FAST_DDS = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 def require(is_so: bool, problem) -> None:
-    """Fail the test with a problem unless it is so; unlike assert, under python -O too."""
+    """Fail the test with this problem unless it is so. Unlike assert, this also works with python -O."""
     if not is_so:
         raise AssertionError(problem)
 
@@ -172,7 +172,7 @@ def beyond(smallest: float, largest: float) -> tuple[float, float]:
 
 
 class ManualClock:
-    """A clock in seconds that only the test moves, in place of time.monotonic."""
+    """A clock in seconds that only the test advances, as a substitute for time.monotonic."""
 
     def __init__(self):
         self._seconds = 1000.0
@@ -182,7 +182,7 @@ class ManualClock:
         return self._seconds
 
     def pass_seconds(self, seconds: float) -> None:
-        """Let this time pass at once."""
+        """Advance the clock by this time."""
         self._seconds += seconds
 
 
@@ -196,7 +196,7 @@ def call(client, request):
 
 
 def greet(client, request) -> None:
-    """Call a service until it answers: DDS drops the reply to a client that the service has not found yet."""
+    """Call a service until it answers: DDS drops its replies until it has discovered the client."""
     answered = threading.Event()
     deadline = time.monotonic() + PATIENCE_SECONDS
     while not answered.is_set():
@@ -206,7 +206,7 @@ def greet(client, request) -> None:
 
 
 def has_found_a_client(node, service_name: str) -> bool:
-    """Return whether a service of this node has found a client: DDS drops a reply to any other."""
+    """Return whether a service of this node has discovered a client; until then, DDS drops its replies."""
     with contextlib.suppress(NodeNameNonExistentError):  # of a node that has just ended
         return any(
             service_name in dict(node.get_client_names_and_types_by_node(*name))
@@ -308,7 +308,7 @@ class Bridge(NodeProcess):
         self._stack.close()
 
     def connect(self, greeting: str = ''):
-        """Return a client that the service has found: it has answered the greeting, the id of no tag."""
+        """Return a client that the service has discovered: it has answered the greeting, which is no tag."""
         if self._client is None:
             self.wait_for_log('ready:')
             self.node = self._stack.enter_context(spinning_node('bridge_test'))
