@@ -114,6 +114,7 @@ docs-check: build  ## check links, shell blocks, parameters, options, terms and 
 figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
 	@$(if $(ARGS),,$(IN_ENV) python tools/draw/seen.py)
+	@$(if $(ARGS),,$(WITHIN) --stand-ins python tools/draw/graph.py)
 	@$(if $(WORLD),$(WITHIN) --drake python tools/draw/world.py)
 	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
 

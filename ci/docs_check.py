@@ -25,8 +25,8 @@ A table of `sensor` and `lowest` has the ranges of the installed mdp-greenhouse,
     <!-- ranges of mdp-greenhouse VERSION -->
 
 A test that a document names exists: `test_x.py`, `test_x.py::test_y` or `test_y`.
-A glossary.md has at most 25 terms, of one sentence each. In the text of each page beside it, the first use
-of a term is a link to it, such as [tags](glossary.md#tag).
+A glossary.md has at most 25 terms, of one sentence each. In the text of each page beside it, and of the pages
+of the packages of its tree, the first use of a term is a link to it, such as [tags](glossary.md#tag).
 Indented code blocks have no language, so they are refused.
 Exit code: 0 no findings, 1 findings, one line each.
 """
@@ -54,6 +54,7 @@ FENCED = re.compile(
     r'(?:^<!-- (?P<mark>[^\n]+?) -->\n)?^```(?P<language>\S*)\n(?P<text>.*?)^```$', re.MULTILINE | re.DOTALL
 )
 LINK = re.compile(r'\[[^\]]*\]\(([^)\s]+)\)')
+SOURCE = re.compile(r'\bsrc(?:set)?="([^"]+)"')  # of a <picture>
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
 LONGEST_RUN_SECONDS = 300
 NAMED_TEST = re.compile(r'`(test_\w+\.py)?(?:::)?(test_\w+)?`')
@@ -73,8 +74,8 @@ OPTIONS = re.compile(
 LINE_OF_HELP = re.compile(r'^  (\S.*?)(?:  +|\n +)(\S.*)$', re.MULTILINE)
 TERM = re.compile(r'^### (.+)\n+((?:.+\n)+)', re.MULTILINE)
 MOST_TERMS = 25
-NOT_PROSE = re.compile(r'^[#|].*$|^<!--.*-->$|`[^`\n]*`', re.MULTILINE)
-LINK_TO_TERM = re.compile(r'\[[^\]]*\]\(glossary\.md#([^)]+)\)')
+NOT_PROSE = re.compile(r'^[#|].*$|^ *<.*>$|`[^`\n]*`', re.MULTILINE)
+LINK_TO_TERM = re.compile(r'\[[^\]]*\]\((?:\S*/)?glossary\.md#([^)]+)\)')
 
 
 def documents(root: Path) -> list[Path]:
@@ -92,7 +93,8 @@ def anchors(text: str) -> set[str]:
 def broken_links(root: Path, path: Path) -> Iterator[str]:
     """Yield a line for each link to a missing file or anchor."""
     text = (root / path).read_text(encoding='utf-8')
-    for link in LINK.findall(FENCED.sub('', text)):
+    text = FENCED.sub('', text)
+    for link in LINK.findall(text) + SOURCE.findall(text):
         if re.match(r'[a-z]+:', link):
             continue
         name, _, anchor = unquote(link).partition('#')
@@ -266,9 +268,12 @@ def undocumented_commands(root: Path, paths: list[Path]) -> Iterator[str]:
 
 
 def unlinked_terms(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each term of the glossary that a page uses before it links to the term."""
-    glossary = (root / path).with_name('glossary.md')
-    if not glossary.exists():
+    """Yield a line for each term of the glossary that a page of the same tree uses before it links to it."""
+    places = [path.parent, *(each / 'lupin_greenhouse_bridge/doc' for each in path.parents[1:])]
+    glossary = next(
+        (root / each / 'glossary.md' for each in places if (root / each / 'glossary.md').exists()), None
+    )
+    if not glossary or path.parts[1:2] == ('.github',):
         return
     terms = dict(TERM.findall(glossary.read_text(encoding='utf-8')))
     if path.name == glossary.name:

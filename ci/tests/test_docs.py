@@ -89,6 +89,7 @@ One visit to each tag.
 GOOD = """# A title: with `code`
 
 [here](#a-title-with-code) [there](test_it.py) [away](https://example.org)
+<img alt="a round" src="test_it.py">
 
 <!-- run -->
 ```bash
@@ -138,6 +139,7 @@ def test_a_good_document_has_no_findings(documents):
     ('old', 'new', 'finding'),
     [
         ('(test_it.py)', '(test_them.py)', 'the link test_them.py leads nowhere'),
+        ('src="test_it.py"', 'srcset="it.png"', 'the link it.png leads nowhere'),
         ('(#a-title-with-code)', '(#another)', 'the link #another names no heading'),
         ('test 1 = 1', 'test 1 = 2', 'exit code 1 of: test 1 = 2'),
         ('::test_this', '::test_that', 'there is no test test_it.py::test_that'),

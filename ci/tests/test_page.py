@@ -210,6 +210,39 @@ def test_the_table_sorts_by_a_column_with_failures_first(report, open_page):
     assert cells[2 : 2 + len(warmest)] == warmest[::-1]
 
 
+def test_one_word_for_all_failures_is_in_the_key_and_not_at_each_tag(report, open_page):
+    page = open_page(report)
+    key = "document.getElementById('scale').textContent"
+    labels = "[...document.querySelectorAll('#map .failed > text')].map(each => each.textContent)"
+    assert sorted(page.evaluate(labels)) == sorted(list(find_layout('').tags)[3:5])
+    assert 'timeout' in page.evaluate(key)
+    report.write_text(report.read_text(encoding='utf-8') + visit(30, '1', [], 'NOT_CONFIRMED') + '\n')
+    page = open_page(report)
+    assert {text.partition(' ')[2] for text in page.evaluate(labels)} == {'timeout', 'not confirmed'}
+    assert 'not read' in page.evaluate(key)
+
+
+# Each label in a chart that covers the point of another tag, or another label.
+COVERED_IN_CHARTS = """
+[...document.querySelectorAll('figure')].flatMap(figure => {
+    const texts = [...figure.querySelectorAll('.series text')].filter(each => each.getClientRects().length);
+    const boxes = [...texts, ...figure.querySelectorAll('.series circle')].map(
+        each => [each.parentNode.dataset.tag, each.getBoundingClientRect()]);
+    return boxes.slice(0, texts.length).flatMap(([tag, a], n) => boxes.slice(n + 1)
+        .filter(([other, b]) => tag !== other
+            && Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
+            && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4)
+        .map(([other]) => `${tag} ${other}`));
+})
+"""
+
+
+@pytest.mark.parametrize('width', [1400, 390])
+def test_no_label_of_a_chart_covers_a_point_or_another_label(report, open_page, width):
+    page = open_page(report, width=width)
+    assert page.evaluate(COVERED_IN_CHARTS) == []
+
+
 def test_both_clocks_of_the_charts_have_the_same_scale(report, open_page):
     page = open_page(report)
     scale = "[...document.querySelectorAll('figure text[text-anchor=end]')].map(each => each.textContent)"

@@ -80,7 +80,7 @@ VALUES += [WHOLE['tags']['7'], WHOLE['tables']['bench'], WHOLE['tags']]
 @given(st.dictionaries(st.sampled_from(PLACES), st.sampled_from(VALUES), max_size=2))
 def test_the_schema_accepts_what_is_read_and_nothing_else(tmp_path_factory, row):
     # A value may hold the place of another.
-    row = {place: copy.deepcopy(value) if isinstance(value, dict) else value for place, value in row.items()}
+    row = {at: value if value is FILES.MISSING else copy.deepcopy(value) for at, value in row.items()}
     try:
         document = FILES.changed(WHOLE, row)
     except (KeyError, TypeError, AttributeError, ValueError, IndexError):

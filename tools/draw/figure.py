@@ -36,19 +36,12 @@ from lupin_greenhouse_bridge.simulator.layout import read_layout
 from lupin_greenhouse_bridge.simulator.simulation import load
 from lupin_greenhouse_bridge.units import label_of
 from matplotlib import pyplot
-from matplotlib.patches import Wedge
 from PIL import Image
 
 COMMITTED = Path(__file__).resolve().parents[1] / 'core/lupin_greenhouse_bridge/doc'
-# Okabe and Ito's colours suit colour-blind readers; the letters suit black and white.
-SENSORS = {
-    'temperature': ('T', '#d55e00'),
-    'humidity': ('H', '#56b4e9'),
-    'co2': ('C', '#000000'),
-    'light': ('L', '#f0e442'),
-    'soil_moisture': ('S', '#009e73'),
-}
+LETTERS = {'temperature': 'T', 'humidity': 'H', 'co2': 'C', 'light': 'L', 'soil_moisture': 'S'}
 FIELD_STEP_M = 0.05
+BAND_COLOUR = '#c9d8ea'
 SAMPLES = 300  # of the noise, at each time of the day
 TAG_RADIUS_M = 0.085
 CHARACTER_M, LINE_M = 0.085, 0.17  # of a label in the picture
@@ -91,7 +84,7 @@ def hash_of(*contents: bytes) -> str:
 
 
 def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
-    """Return the figure of the layout, with each tag as a wheel of its sensors over one sensor's field."""
+    """Return the figure of the layout: each tag and the letters of its sensors, over one sensor's field."""
     layout = greenhouse.layout
     figure, axes = pyplot.subplots(figsize=(6.4, 8.4), layout='constrained')
     x0, y0, x1, y1 = greenhouse.walls
@@ -105,44 +98,43 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
     shades = axes.imshow(field, COLOURS, alpha=0.55, origin='lower', extent=extent, interpolation='bilinear')
     lines = axes.contour(xs, ys, field, colors='0.3', linewidths=0.6)
     dots = [(tag.x, tag.y) for tag in layout.tags.values()]
-    for label in axes.clabel(lines, fontsize=7):
+    for label in axes.clabel(lines, fontsize=7, inline=False):
+        label.set_bbox({'facecolor': 'white', 'alpha': 0.5, 'edgecolor': 'none', 'pad': 0.5})
         x, y = label.get_position()
         is_at_edge = min(x - xs[0], xs[-1] - x, y - ys[0], ys[-1] - y) < CLEAR_M
         if is_at_edge or any(math.hypot(x - u, y - v) < 2 * CLEAR_M for u, v in dots):
             label.remove()
     draw_greenhouse(axes, layout, greenhouse.walls)
-    for tag in layout.tags.values():
-        _draw_tag(axes, tag)
+    axes.spines[:].set_visible(False)  # the walls are the frame
+    axes.tick_params(length=0)
+    marks = {
+        'color': 'white',
+        'markeredgecolor': 'black',
+        'markersize': 9,
+        'label': 'tag: its id and sensors',
+    }
+    axes.plot(*zip(*dots, strict=True), 'o', **marks, zorder=3)
     _draw_labels(axes, layout, Box((x0 + x1) / 2, (y0 + y1) / 2, width, length))
-    figure.colorbar(shades, ax=axes, location='right', shrink=0.7, label=f'{label_of(sensor)} at {hour:g} h')
+    scale = {'location': 'right', 'shrink': 0.7, 'ticks': lines.levels}
+    figure.colorbar(shades, ax=axes, label=f'{label_of(sensor)} at {hour:g} h', **scale).add_lines(lines)
     for name in greenhouse.sensors:
-        letter, colour = SENSORS[name]
         count = sum(name in tag.sensors for tag in layout.tags.values())
-        text = f'{letter}  {name.replace("_", " ")}: {pluralized(count, "tag")}'
-        axes.scatter([], [], color=colour, edgecolor='black', s=60, label=text)
+        text = f'{LETTERS[name]}  {name.replace("_", " ")}: {pluralized(count, "tag")}'
+        axes.plot([], [], ' ', label=text)
     figure.legend(loc='outside lower center', ncols=3, frameon=False, fontsize=8)
     axes.set_ylabel('y (m)')
     axes.set_title(f'{pluralized(len(layout.tags), "tag")} on {width:g} m x {length:g} m')
     return figure
 
 
-def _draw_tag(axes, tag) -> None:
-    share = 360.0 / len(tag.sensors)
-    for number, name in enumerate(tag.sensors):
-        start = 90.0 + number * share
-        style = {'facecolor': SENSORS[name][1], 'edgecolor': 'black', 'linewidth': 0.8, 'zorder': 3}
-        axes.add_patch(Wedge((tag.x, tag.y), TAG_RADIUS_M, start, start + share, **style))
-
-
 def _draw_labels(axes, layout, bounds: Box) -> None:
     """Write each tag's id and sensors beside it."""
     texts = [
-        f'{tag_id}  {"".join(SENSORS[name][0] for name in tag.sensors)}'
-        for tag_id, tag in layout.tags.items()
+        f'{tag_id}  {"".join(LETTERS[name] for name in tag.sensors)}' for tag_id, tag in layout.tags.items()
     ]
     dots = [Box(tag.x, tag.y, 2.2 * TAG_RADIUS_M, 2.2 * TAG_RADIUS_M) for tag in layout.tags.values()]
     labels = [(dot, CHARACTER_M * len(text), LINE_M) for dot, text in zip(dots, texts, strict=True)]
-    box = {'boxstyle': 'round,pad=0.12', 'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.8}
+    box = {'boxstyle': 'round,pad=0.12', 'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.9}
     style = {'ha': 'center', 'va': 'center', 'fontsize': 7.5, 'fontweight': 'bold', 'bbox': box, 'zorder': 4}
     for place, text in zip(place_labels(dots, labels, bounds), texts, strict=True):
         axes.text(*place, text, **style)
@@ -163,9 +155,8 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
             for hour in hours
         ]
         low, middle, high = ([each[int(share * SAMPLES)] for each in samples] for share in (0.05, 0.5, 0.95))
-        _, colour = SENSORS[name]
-        axes.fill_between(hours, low, high, color=colour, alpha=0.3, linewidth=0)
-        axes.plot(hours, middle, color='black', linewidth=1.4)
+        axes.fill_between(hours, low, high, color=BAND_COLOUR, linewidth=0)
+        axes.plot(hours, middle, color=drawing.ROUTE_COLOUR, linewidth=1.6)
         axes.set_title(label_of(name), loc='left', fontsize=9)
         axes.grid(alpha=0.3)
     all_axes[-1, 0].set(xlabel='greenhouse time of day (h)', xlim=(0, 24), xticks=range(0, 25, 3))

@@ -26,14 +26,16 @@ def draw() -> Image.Image:
     picture = scene.Camera(width=480, height=300).look_at(
         scene.marker(TAG, module_pixels=30),
         np.random.default_rng(TAG),
-        distance_m=0.3,
+        distance_m=0.2,
         angle_degrees=35.0,
         blur_pixels=0.5,
         noise_levels=5.0,
     )
     confirmer = Confirmer(Criteria())
-    confirmer.add(Frame(lambda: Sight(TagDetector().detect(picture), picture), 0.0, 0.0))
-    verdict = confirmer.confirm(str(EXPECTED_TAG), 0.0, 0.0)
+    for stamp in range(Criteria().min_frames):
+        sight = Sight(TagDetector().detect(picture), picture)
+        confirmer.add(Frame(lambda sight=sight: sight, 0.1 * stamp, 0.1 * stamp))
+    verdict = confirmer.confirm(str(EXPECTED_TAG), 0.1 * stamp, 0.1 * stamp)
     return Image.fromarray(drawing.draw(verdict, EXPECTED_TAG, Criteria()))
 
 

@@ -23,6 +23,7 @@ pytestmark = pytest.mark.skipif(
     reason='matplotlib, which draws the picture, is missing: sudo apt install python3-matplotlib',
 )
 Figure = importlib.import_module('matplotlib.figure').Figure if HAS_MATPLOTLIB else None
+Text = importlib.import_module('matplotlib.text').Text if HAS_MATPLOTLIB else None
 
 
 @pytest.fixture
@@ -37,30 +38,59 @@ def report(tmp_path):
     )
 
 
-def test_the_picture_names_sensors_units_tags_values_and_failures(report, tmp_path, shipped_tags):
-    output = tmp_path / 'picture.svg'
-    assert main([str(report), '--output', str(output)]) == 0
-    drawn = output.read_text(encoding='utf-8')
-    ElementTree.fromstring(drawn)
-    # Text is drawn as outlines, with a comment beside each.
-    for text in ('temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615', 'y (m)'):
-        assert f'<!-- {text} -->' in drawn
+@pytest.fixture
+def texts_of(monkeypatch):
+    """Return a function that draws a file as SVG, and returns each text of the picture."""
+    save, figures = Figure.savefig, []
+
+    def save_and_keep(figure, *arguments, **options):
+        figures.append(figure)
+        save(figure, *arguments, **options)
+
+    def draw(file):
+        monkeypatch.setattr(Figure, 'savefig', save_and_keep)
+        output = file.with_suffix('.svg')
+        assert main([str(file), '--output', str(output)]) == 0
+        ElementTree.fromstring(output.read_text(encoding='utf-8'))
+        return [text.get_text() for text in figures[-1].findobj(Text)]
+
+    return draw
+
+
+def test_the_picture_names_sensors_units_tags_values_and_failures(report, texts_of, shipped_tags):
+    drawn = texts_of(report)
+    for text in (
+        'temperature (°C)',
+        'co2 (ppm)',
+        '1: 22.6',
+        '5: 615',
+        'y (m)',
+        '22.6 at tag 1 to 24.0 at tag 5',
+    ):
+        assert text in drawn
+    drawn = '\n'.join(drawn)
     assert f'2 of {len(shipped_tags)} tags read · 1 timeout · 1 unknown tag · ' in drawn
     reasons = '1 timeout (no reply before the timeout): 7', '1 unknown tag (no such tag): unknown'
     for text in ('7 timeout', *reasons):
-        assert f'<!-- {text} -->' in drawn
+        assert text in drawn.splitlines()
+
+
+def test_one_word_for_all_failures_is_in_the_key_and_not_at_each_tag(tmp_path, texts_of):
+    visits = (
+        visit('1', temperature=22.61),
+        visit('7', 'TIMEOUT', 'no reply'),
+        visit('9', 'TIMEOUT', 'no reply'),
+    )
+    drawn = texts_of(write_report(tmp_path / 'report.jsonl', *visits))
+    assert {'7', '9', 'tag that was not read: timeout'} <= set(drawn)
 
 
 @pytest.mark.parametrize('name', ['day.sqlite', 'day.csv'])
-def test_a_recording_is_drawn_like_a_report(report, tmp_path, name):
+def test_a_recording_is_drawn_like_a_report(report, tmp_path, texts_of, name):
     store = open_store(str(tmp_path / name))
     store.keep(read_file(report).rows)
     store.close()
-    output = tmp_path / 'picture.svg'
-    assert main([str(tmp_path / name), '--output', str(output)]) == 0
-    drawn = output.read_text(encoding='utf-8')
-    for text in ('temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615'):
-        assert f'<!-- {text} -->' in drawn
+    assert {'temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615'} <= set(texts_of(tmp_path / name))
 
 
 def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report, tmp_path, monkeypatch):
@@ -220,3 +250,5 @@ def test_a_label_stays_within_the_walls_and_takes_the_nearest_place_that_is_free
     assert place_labels([dot], [(dot, 0.6, 0.2)], walls) == [(1.5, 1.0)]
     assert place_labels([dot, Box(1.5, 1.0, 0.2, 0.2)], [(dot, 0.4, 0.2)], walls) != [(1.6, 1.0)]
     assert place_labels([dot], [(dot, 0.6, 0.2)]) == [(2.3, 1.0)]
+    point = Box(1.0, 1.0, 0.0, 0.0)
+    assert place_labels([], [(point, 0.2, 0.2)] * 2) == [(1.0, 1.0), (1.2, 1.0)]

@@ -151,6 +151,13 @@ def test_a_mirrored_map_is_refused(transform, layout_m):
         fit(layout_m, moved(mirrored_m, transform))
 
 
+def test_a_mirrored_map_of_tags_almost_on_one_line_is_refused_if_it_fits_better():
+    layout_m = {'a': (0.0, 0.0), 'b': (2.0, 0.06), 'c': (4.0, 0.0)}
+    assert not fit(layout_m, layout_m).left_out
+    with pytest.raises(CannotFit, match='mirror image'):
+        fit(layout_m, {tag_id: (y, x) for tag_id, (x, y) in layout_m.items()})
+
+
 def test_a_mirrored_map_with_an_outlier_is_refused_as_mirrored():
     mirrored_m = {tag_id: (y, x) for tag_id, (x, y) in SHIPPED_M.items()}
     with pytest.raises(CannotFit, match='mirror image'):
@@ -240,6 +247,15 @@ def test_tags_on_one_line_hide_a_mirror_image(aside_m, is_hidden):
 def test_the_best_tags_to_click_are_far_apart_in_both_directions():
     inside = {f'{x} {y}': (0.1 * x, 0.1 * y) for x in range(10, 31) for y in range(10, 21)}
     assert set(best_to_click({**inside, **SQUARE_M}, 4)) == set(SQUARE_M)
+    long = {
+        'a': (0.0, 0.0),
+        'b': (0.0, 0.1),
+        'c': (10.0, 0.0),
+        'd': (10.0, 0.1),
+        'e': (5.0, 2.0),
+        'f': (5.0, -2.0),
+    }
+    assert {'e', 'f'} < set(best_to_click(long, 4))
     on_a_line = {str(number): (0.5 * number, 1.0 + 0.25 * number) for number in range(9)}
     assert set(best_to_click(on_a_line, 2)) == {'0', '8'}
     assert len(set(best_to_click(on_a_line, 9))) == 9

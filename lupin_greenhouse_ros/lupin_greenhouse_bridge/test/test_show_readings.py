@@ -5,6 +5,7 @@ import contextlib
 import importlib.util
 import json
 import math
+import time
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
 from lupin_greenhouse_bridge.testing import executable, running, spinning_node, wait_until
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -63,7 +65,10 @@ def markers_of(layout, *readings, at_seconds, stale_seconds=60.0, layout_in_map=
     """Return the markers of these readings at a time."""
     walls = WALLS if layout is BENCH else find_walls(layout)
     return Scene(layout, walls, layout_in_map or Transform()).markers(
-        header_at(at_seconds), {each.tag_id: each for each in readings}, stale_seconds, 'a caption'
+        header_at(at_seconds),
+        {each.tag_id: (each, float(at_seconds - each.stamp.sec)) for each in readings},
+        stale_seconds,
+        'a caption',
     )
 
 
@@ -124,7 +129,7 @@ def test_values_are_scaled_over_the_range_of_the_sensor():
 
 @pytest.mark.parametrize(
     ('age_seconds', 'text'),
-    [(-5, '0 s ago'), (0, '0 s ago'), (59, '59 s ago'), (61, '1 min ago'), (7300, '2 h ago')],
+    [(0, '0 s ago'), (59, '59 s ago'), (61, '1 min ago'), (7300, '2 h ago')],
 )
 def test_a_label_has_the_values_with_their_units_and_the_age(age_seconds, text):
     reading = reading_of('8', 10_000, co2=612.345, light=899.0)
@@ -298,17 +303,63 @@ def test_a_web_client_without_qos_sees_them_again_and_again(start_here, room):
 
 
 def test_the_newest_reading_of_a_tag_counts_though_an_older_one_arrives_later(start_here, room):
+    start_here(readings_topics=f'{TOPIC} /tested/other')
+    publisher, viewer = Publisher(room), Viewer(room)
+    now = int(time.time())
+    publisher.readings = [
+        reading_of('1', now, co2=600.0),
+        reading_of('1', now - 30, co2=500.0),
+        reading_of('2', now, temperature=20.0),
+    ]
+    viewer.wait_for('co2 600 ppm', 'temperature 20.0 deg C')
+    other = Publisher(room, topic='/tested/other')
+    other.readings = [reading_of('1', now - 300, co2=400.0), reading_of('2', now + 1, temperature=21.0)]
+    viewer.wait_for('co2 600 ppm', 'temperature 21.0 deg C')
+    publisher.readings = [reading_of('1', now + 2, co2=700.0)]
+    viewer.wait_for('co2 700 ppm')
+
+
+def test_after_a_clock_jumped_back_the_reading_that_arrived_last_is_shown(start_here, room, capfd):
     start_here()
     publisher, viewer = Publisher(room), Viewer(room)
+    now = int(time.time())
+    for stamp, value in ((now + 3600, 500), (now, 501), (now - 600, 502), (now - 599, 503)):
+        publisher.readings = [reading_of('1', stamp, co2=float(value))]
+        viewer.wait_for(f'co2 {value} ppm')
+    assert capfd.readouterr().err.count('the reading that arrived last is shown') == 1
+
+
+def test_an_age_is_by_the_clock_of_the_stamp(start_here, room):
+    """With the simulator's clock, which jumps back; the stamp of one tag is of the system's clock."""
+    start_here(use_sim_time=True)
+    publisher, viewer = Publisher(room), Viewer(room)
+    simulator = room.create_publisher(ClockMessage, '/clock', 1)
+
+    def wait_for_labels(sim_seconds, *wanted):
+        clock = ClockMessage()
+        clock.clock.sec = sim_seconds
+
+        def has_come():
+            simulator.publish(clock)
+            last = viewer.markers and viewer.markers[-1]
+            is_then = last and last.markers[0].header.stamp.sec == sim_seconds
+            return is_then and set(wanted) <= set(texts(last))
+
+        wait_until(has_come)
+
+    wait_for_labels(1000)
     publisher.readings = [
-        reading_of('1', 200, co2=600.0),
-        reading_of('1', 100, co2=500.0),
-        reading_of('2', 100, temperature=20.0),
+        reading_of('1', 1000, co2=500.0),
+        reading_of('2', int(time.time()) - 7200, temperature=20.0),
+        reading_of('3', 5000, co2=600.0),  # latched by a publisher of an earlier simulation
     ]
-    viewer.wait_for('temperature 20.0 deg C')
-    assert 'co2 600 ppm' in viewer.texts
-    publisher.readings = [reading_of('1', 201, co2=700.0)]
-    viewer.wait_for('co2 700 ppm')
+    warm = 'temperature 20.0 deg C\n2 h ago'
+    wait_for_labels(1000, 'co2 500 ppm\n0 s ago', warm, 'co2 600 ppm\n0 s ago')
+    wait_for_labels(1300, 'co2 500 ppm\n5 min ago', warm, 'co2 600 ppm\n5 min ago')
+    wait_for_labels(5, warm)
+    publisher.readings = [reading_of('1', 5, co2=501.0)]
+    viewer.wait_for('co2 501 ppm')
+    wait_for_labels(65, 'co2 501 ppm\n1 min ago', warm)
 
 
 def test_the_readings_of_a_publisher_that_was_started_again_are_shown(start_here, room):

@@ -164,10 +164,8 @@ class Mission:
         """The tag that the robot stands at; None while it drives, before the first and after the last tag."""
         return self._tag_id if self.state is State.INSPECTING else None
 
-    def start(self, now_seconds: float, tag_ids: Iterable[str] | None = None) -> None:
-        """Start to drive, unless the mission is paused or over; `tag_ids` sets another order of the tags."""
-        if tag_ids is not None and self.state is State.READY:
-            self._to_visit = iter(tag_ids)
+    def start(self, now_seconds: float) -> None:
+        """Drive to the first tag, unless the e-stop is engaged."""
         self._now = now_seconds
         self.step(now_seconds)
 
@@ -330,12 +328,11 @@ class Mission:
         self._ports.send(self._request)
 
     def pause(self) -> bool:
-        """Stop driving, sending requests and dwelling; return False if already paused, or done."""
-        if self.is_paused or self.state is State.DONE:
+        """Stop driving, sending requests and dwelling; return False if already paused, or not started."""
+        if self.is_paused or self.state in (State.READY, State.DONE):
             return False
         self.is_paused = True
-        if self.state is not State.READY:
-            self._drive.pause()
+        self._drive.pause()
         self._ports.note('paused', Severity.INFO)
         return True
 
@@ -351,7 +348,10 @@ class Mission:
     def engage_estop(self) -> None:
         """Pause in any state but DONE, until the e-stop is released and resume() is called."""
         self.is_estop_engaged = True
-        self.pause()
+        if self.state is State.READY:
+            self.is_paused = True
+        else:
+            self.pause()
 
     def release_estop(self) -> None:
         """Allow resume(). The robot does not move before that call."""
@@ -392,10 +392,10 @@ class Mission:
         End the mission: the target and all unvisited tags are SKIPPED; return False if no mission runs.
 
         The robot returns to its dock if it has one. In two cases it stays where it is: if the return itself
-        is aborted, and if the mission has not started to drive because it is paused or still plans its route.
+        is aborted, and if the mission was started under the e-stop and has not begun to drive.
         """
         has_not_set_off = self.state is State.READY
-        if self.state is State.DONE:
+        if self.state is State.DONE or (has_not_set_off and not self.is_paused):
             return False
         self._ports.note('aborted', Severity.WARN)
         is_returning = self.state is State.RETURNING

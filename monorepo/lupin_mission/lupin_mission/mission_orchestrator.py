@@ -21,10 +21,12 @@ from lupin_greenhouse_bridge.runtime.process import NO_OUTPUT
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 from lupin_msgs.srv import StartMission
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.task import Future
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -33,7 +35,7 @@ from lupin_mission.drive import Drive, SimulatedDrive
 from lupin_mission.messages import MISSION_TYPE, accept_response
 from lupin_mission.mission import Mission, Request, Service, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
-from lupin_mission.plan import Plan
+from lupin_mission.planner import Drives, Planner
 from lupin_mission.report import Report, ReportError, last_of_each_tag, summary_table
 from lupin_mission.settings import WITHOUT_EFFECT, Settings
 from lupin_mission.tag_positions import TagPositions
@@ -59,6 +61,7 @@ class MissionNode(Node):
 
     # ROS destroys a node whose constructor raised, too.
     _drive: Drive | None = None
+    _planner: Planner | None = None  # of Nav2's drives
     report: Report | None = None
 
     def __init__(self):
@@ -95,14 +98,17 @@ class MissionNode(Node):
         self._drive = SimulatedDrive(settings.drive_seconds)
         if settings.drive == 'nav2':
             self._drive = Nav2Drive(self, settings, self.note)
+            self._planner = Planner(self, settings, self._tags)
         else:
             self.get_logger().info('the drive is simulated, so no robot moves: set drive:=nav2 on a robot')
-        self._plan: Plan | None = None  # of Nav2's drives, once the tags are known
+        self._first_plan: Future | None = None  # tells early what is wrong, once the tags are known
         for name in ('pause', 'resume', 'skip_current', 'abort'):
             verb = name.removesuffix('_current')
             self.create_service(Trigger, f'mission/{name}', partial(self._trigger, verb))
         self.create_service(Trigger, 'mission/dock', self._dock)
-        self.create_service(StartMission, 'mission/start', self._start)
+        # A group of its own: it waits for the plan, and nothing waits for it.
+        alone = MutuallyExclusiveCallbackGroup()
+        self.create_service(StartMission, 'mission/start', self._start, callback_group=alone)
         self.create_subscription(Bool, settings.estop_topic, self._on_estop, QoSProfile(depth=10))
         clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it
         self.create_timer(1.0 / settings.state_publish_rate_hz, self._publish_state, clock=clock)
@@ -148,6 +154,8 @@ class MissionNode(Node):
             with contextlib.suppress(OneLineError):  # the first one has been logged
                 self._stop_robot(executor)
             executor.shutdown(timeout_sec=0)
+        if self._planner:
+            self._planner.close()
         if self.report:
             self.report.close()
             self.report = None
@@ -161,7 +169,6 @@ class MissionNode(Node):
         self._on_tag_positions()
         if not self._settings.wait_for_start:
             self._start_deadline = time.monotonic() + self._settings.dependency_timeout_s
-            self._begin_when_heard()
 
     def _begin_when_heard(self) -> None:
         """Start the mission that is due, unless it waits for a subscriber of its readings."""
@@ -170,32 +177,51 @@ class MissionNode(Node):
                 return
             self._announcer.warn('mission/readings has no subscriber: the mission starts without one')
         self._start_deadline = None
-        self._begin(self._new_mission_id(), self._chosen_ids(), self.report)
+        self.executor.create_task(
+            self._plan_and_begin, self._new_mission_id(), self._chosen_ids(), self.report
+        )
 
     def _on_tag_positions(self) -> None:
-        """Plan the drives; raises StartUpError without a layout."""
+        """Plan the drives."""
         if self._settings.has_poses_in_map and not self._tags.positions_m:
             self._announcer.warn(
                 "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file"
             )
-        if isinstance(self._drive, Nav2Drive):
-            self._plan = Plan(self._tags.layout(), self._settings, self._tags.layout_in_map)
-            self._drive.goals, self._drive.unreachable = self._plan.goals, self._plan.unreachable
-            of_rooms = self._plan.room_warnings
-            chosen = [of_rooms[tag_id] for tag_id in self._chosen_ids() if tag_id in of_rooms]
-            for warning in [*self._plan.warnings, *chosen]:
-                self._announcer.warn(warning)
+        if self._planner:
+            self._first_plan = self._planner.plan(self._chosen_ids())
+
+    def _take_plans(self) -> None:
+        """Complete what has been planned; raises StartUpError for a first plan that failed."""
+        self._planner.poll()
+        if self._first_plan and self._first_plan.done():
+            first, self._first_plan = self._first_plan, None
+            self._take(first.result())
+
+    def _take(self, drives: Drives) -> None:
+        self._drive.goals, self._drive.unreachable = drives.goals, drives.unreachable
+        for warning in drives.warnings:
+            self._announcer.warn(warning)
 
     def _chosen_ids(self) -> list[str]:
         """Return the tags of tag_sequence, or else all tags in natural order."""
         return self._settings.chosen_tag_ids or sorted(self._tags.ids, key=natural_order)
 
-    def _begin(self, mission_id: str, tag_ids: list[str], report: Report) -> None:
-        """Start a mission to the tags that have no reading in the report."""
-        found = last_of_each_tag(report.observations)
+    async def _plan_and_begin(self, mission_id: str, tag_ids: list[str], report: Report | None) -> None:
+        """Visit the tags that have no reading in the report; raises StartUpError and ReportError."""
+        found = last_of_each_tag(report.observations if report else ())
         to_visit = [tag for tag in tag_ids if tag not in found or found[tag].outcome is not Outcome.OK]
-        if self._settings.order == 'shortest':
-            to_visit = self._shortest(to_visit)
+        if self._planner:
+            robot = self._positions.robot_position
+            drives = await self._planner.plan_mission(to_visit, robot and (robot.x, robot.y))
+            self._take(drives)
+            to_visit = drives.tag_ids
+        if not report:
+            report = self._open_report(mission_id)
+            if self.report:
+                self.report.close()
+        self._begin(mission_id, tag_ids, to_visit, report)
+
+    def _begin(self, mission_id: str, tag_ids: list[str], to_visit: list[str], report: Report) -> None:
         self.report = report
         self.tag_ids = tag_ids
         self._mission_id = mission_id
@@ -216,16 +242,9 @@ class MissionNode(Node):
             self.mission.engage_estop()
         self.mission.start(time.monotonic())
 
-    def _shortest(self, tag_ids: list[str]) -> list[str]:
-        """Return the tags in the order of the shortest path from the robot, else its dock, to its dock."""
-        robot, dock = self._positions.robot_position, self._settings.dock
-        try:
-            return self._plan.shortest(tag_ids, robot and (robot.x, robot.y), dock and tuple(dock[:2]))
-        except StartUpError as error:
-            self._announcer.warn(f'the order is not the shortest: {error}')
-            return tag_ids
-
     def _step(self) -> None:
+        if self._planner:
+            self._take_plans()
         if self._start_deadline is not None:
             self._begin_when_heard()
         if self.mission is None or self._is_ending or self._tags.is_waiting_for_tags():
@@ -331,21 +350,18 @@ class MissionNode(Node):
         self._step()
         return response
 
-    def _start(self, request, response):
+    async def _start(self, request, response):
         mission_id = self._new_mission_id()
         reason = self._reason_against(request)
         if not reason:
             try:
-                report = self._open_report(mission_id)
-            except ReportError as error:
+                await self._plan_and_begin(mission_id, list(request.tag_sequence) or self._chosen_ids(), None)
+            except (StartUpError, ReportError) as error:
                 reason = str(error)
         if reason:
             self.note(f'start rejected: {reason}', Severity.WARN)
             response.error_message = reason
             return response
-        if self.report:
-            self.report.close()
-        self._begin(mission_id, list(request.tag_sequence) or self._chosen_ids(), report)
         response.accepted, response.mission_id = True, mission_id
         return response
 

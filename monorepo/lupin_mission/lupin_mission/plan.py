@@ -4,6 +4,7 @@ import math
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.approach import Override, find_approaches, read_overrides
+from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.planning.route import plan_route
 from lupin_greenhouse_bridge.planning.walls import find_walls
@@ -16,8 +17,14 @@ from lupin_mission.settings import Settings
 class Plan:
     """The approach poses of a layout in the map, and the paths between them."""
 
-    def __init__(self, layout: Layout, settings: Settings, layout_in_map: Transform):
-        """Read the overrides and find the poses; raises StartUpError."""
+    def __init__(
+        self,
+        layout: Layout,
+        settings: Settings,
+        layout_in_map: Transform,
+        occupancy: OccupancyMap | None = None,
+    ):
+        """Find the poses, with room in the map if there is one; raises StartUpError."""
         overrides, self.warnings = {}, []
         self._map_in_layout = _inverse(layout_in_map)
         if path := settings.approach_overrides_file:
@@ -25,7 +32,12 @@ class Plan:
             overrides = {tag_id: self._in_layout(tag_id, each, path) for tag_id, each in in_map.items()}
         walls = find_walls(layout, settings.sim_config_file, settings.walls)
         self._poses, self.unreachable, self._free_space, self.room_warnings, others = find_approaches(
-            layout, walls, settings.viewing_limits, overrides=overrides, most_per_tag=settings.max_poses
+            layout,
+            walls,
+            settings.viewing_limits,
+            overrides=overrides,
+            most_per_tag=settings.max_poses,
+            occupancy=occupancy and occupancy.in_layout(layout_in_map),
         )
         self.goals = {
             tag_id: [

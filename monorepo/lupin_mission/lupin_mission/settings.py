@@ -34,7 +34,6 @@ WITHOUT_EFFECT = (
     'exploration_timeout_s',
     'localization_covariance_threshold',
     'localization_timeout_s',
-    'map_topic',
     'map_yaml_path',
     'monitoring_sweeps',
     'nav_localization_cov_threshold',
@@ -145,6 +144,11 @@ class Settings:
         '', "The bridge's greenhouse_config.yaml, for the walls; empty: the simulator's own."
     )
     walls: str = walls_parameter()  # or an array
+    map_topic: str = parameter(
+        'map',
+        'The OccupancyGrid topic of the map, latched: with drive nav2, each approach pose has its clearance'
+        ' in the map that is there when a mission starts.',
+    )
     dock_pose: str = parameter(
         '[0.0, 0.0, 0.0]',
         'x and y in metres and yaw in radians of the dock in the map, where every mission ends; empty: the'

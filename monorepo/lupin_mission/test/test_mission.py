@@ -803,30 +803,12 @@ def test_a_mission_that_is_done_is_not_paused():
     assert not world.mission.resume()
 
 
-@pytest.mark.parametrize('end', ['resume', 'abort'])
-def test_a_mission_can_be_paused_and_aborted_before_it_sets_off(end):
-    world = World('')
-    mission = Mission('ab', world, SimulatedDrive(10.0), LIMITS, returns_to_dock=True)
+def test_a_mission_can_be_paused_and_aborted_from_its_start_on_and_not_before():
+    mission = Mission('a', World(''), SimulatedDrive(10.0), LIMITS)
+    assert not mission.pause()
+    mission.start(0.0)
     assert mission.pause()
-    mission.start(0.0, 'ba')
-    assert (mission.state, mission.target) == (State.READY, None)
-    assert getattr(mission, end)()
-    mission.step(0.0)
-    if end == 'resume':
-        assert (mission.state, mission.target) == (State.DRIVING, 'b')
-    else:
-        assert mission.state is State.DONE
-        assert world.outcomes == [(tag_id, Outcome.SKIPPED) for tag_id in 'ba']
-    assert not mission.pause() or end == 'resume'
-
-
-def test_a_mission_visits_in_the_order_of_its_start():
-    world = World('')
-    mission = Mission('ab', world, SimulatedDrive(10.0), LIMITS)
     assert mission.abort()
-    mission.start(0.0, 'ba')
-    assert world.outcomes == [(tag_id, Outcome.SKIPPED) for tag_id in 'ab']
-    assert mission.state is State.DONE
 
 
 def test_a_mission_of_200_tags_ends_with_200_outcomes():

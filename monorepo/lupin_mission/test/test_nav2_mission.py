@@ -2,23 +2,30 @@
 
 import importlib.util
 import json
+import math
 import sys
+import threading
 
 import pytest
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import read_layout
-from lupin_greenhouse_bridge.testing import wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS
+from lupin_mission import planner
 from lupin_mission.announcer import Announcer
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
 from lupin_msgs.msg import MissionState, Observation
+from lupin_msgs.srv import StartMission
 from mission_helpers import CAMERA, READER, WEB_QOS, Subscriber
+from nav_msgs.msg import OccupancyGrid
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters
+from rclpy.duration import Duration
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -64,6 +71,64 @@ def test_the_robot_drives_to_each_tag_and_reads_it_there(start_mission, reader, 
     wait_until(lambda: len(subscriber.received) == 2)
     assert [each.status_detail for each in subscriber.received] == ['', '']
     assert [each.drive for each in mission.observations()] == ['', '']
+
+
+@pytest.fixture
+def publish_map(node):
+    """Return a function that publishes a latched map, with cells of 0.1 m, once the mission listens."""
+    publisher = node.create_publisher(OccupancyGrid, '/held/map', latched())
+
+    def publish(occupied=(), origin=(-1.0, -1.0), frame_id='map'):
+        message = OccupancyGrid()
+        message.header.frame_id = frame_id
+        message.info.width, message.info.height, message.info.resolution = 60, 100, 0.1
+        message.info.origin.position.x, message.info.origin.position.y = origin
+        cells = [0] * 6000
+        for x, y in occupied:
+            cells[int((y - origin[1]) / 0.1) * 60 + int((x - origin[0]) / 0.1)] = 100
+        message.data = cells
+        wait_until(lambda: publisher.get_subscription_count() == 1)
+        publisher.publish(message)
+        assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+
+    return publish
+
+
+def test_the_map_that_is_there_at_the_start_moves_a_pose(
+    start_mission, reader, navigator, operate, publish_map
+):
+    (usual, *_) = goals_of()[0]['1']
+    mission = start_mission(**NAV2, tag_sequence='1', wait_for_start=True, map_topic='/held/map')
+    operator = operate(mission)
+    publish_map([(2.0, 2.5)], frame_id='odom')  # which is not used
+    for _ in range(2):
+        started = operator.start()
+        navigator.end(navigator.accept(), 'succeed')
+        reader.wait_for_request()
+        reader.answer_ok('1', co2=1.0)
+        operator.wait_for(lifecycle_state='DONE', mission_id=started)
+        publish_map([usual[:2]])
+    assert mission.stop() == 0
+    first, second = places(navigator)
+    assert first == usual[:2]
+    assert math.dist(second, usual[:2]) > 0.2
+    lines = [line.partition('approach poses are planned ')[2] for line in mission.log]
+    assert [line for line in lines if line] == [
+        "without a map: /held/map has a map in the frame 'odom'",
+        'with the map of /held/map: 60 x 100 cells of 0.1 m',
+    ]
+
+
+def test_a_map_of_another_place_rejects_the_start(start_mission, navigator, operate, publish_map):
+    mission = start_mission(**NAV2, tag_sequence='1', wait_for_start=True, map_topic='/held/map')
+    operator = operate(mission)
+    publish_map(origin=(50.0, 0.0))
+    for _ in range(2):
+        assert 'the map holds only 0 of the ' in operator.rejection()
+    publish_map()
+    operator.start()
+    navigator.accept()
+    assert mission.stop() == 1
 
 
 def test_the_shortest_order_starts_at_the_dock_and_ends_there(start_mission, reader, navigator):
@@ -159,6 +224,61 @@ def test_a_robot_looks_once_more_from_another_pose(start_mission, reader, confir
     assert [(row[0], row[-5:]) for row in table] == [
         (tag_id, ['yes', 'OK', 'from', 'pose', '2']) for tag_id in '71'
     ]
+
+
+@pytest.fixture
+def held_plans(monkeypatch):
+    """Hold every plan but the first in its thread; return events: a plan has begun, and it may go on."""
+    begun, released, plan_of = threading.Event(), threading.Event(), planner.Planner._drives
+
+    def drives(self, *arguments, **keywords):
+        if self._plan:
+            begun.set()
+            assert released.wait(PATIENCE_SECONDS)
+        return plan_of(self, *arguments, **keywords)
+
+    monkeypatch.setattr(planner.Planner, '_drives', drives)
+    yield begun, released
+    released.set()
+
+
+def test_state_and_estop_answer_while_the_mission_plans(
+    start_mission, reader, navigator, operate, node, held_plans
+):
+    mission = start_mission(**NAV2, tag_sequence='1', wait_for_start=True, estop_topic='/held/estop')
+    operator = operate(mission)
+    estop = node.create_publisher(Bool, '/held/estop', 10)
+    start = node.create_client(StartMission, f'{mission.namespace}/mission/start')
+    assert start.wait_for_service(PATIENCE_SECONDS)
+    started = start.call_async(StartMission.Request())
+    for _ in range(3):
+        operator.wait_for(lifecycle_state='READY')
+    wait_until(lambda: estop.get_subscription_count() == 1)
+    estop.publish(Bool(data=True))
+    operator.wait_for(estop_engaged=True, lifecycle_state='READY')
+    assert not operator.trigger('abort')
+    _, released = held_plans
+    released.set()
+    wait_until(started.done)
+    assert started.result().accepted
+    operator.wait_for(estop_engaged=True, paused=True, mission_id=started.result().mission_id)
+    assert navigator.goals == []
+    estop.publish(Bool(data=False))
+    operator.wait_for(estop_engaged=False, paused=True)
+    assert operator.trigger('resume')
+    navigator.end(navigator.accept(), 'succeed')
+    assert reader.wait_for_request() == '1'
+    mission.stop()
+
+
+@pytest.mark.usefixtures('navigator')
+def test_a_signal_ends_a_mission_that_plans(start_mission, held_plans):
+    begun, released = held_plans
+    mission = start_mission(**NAV2, tag_sequence='1')
+    assert begun.wait(PATIENCE_SECONDS)
+    assert mission.stop() == 1
+    assert mission.log[-1] == '0/0 tags read'
+    assert not released.is_set()
 
 
 def test_the_estop_cancels_the_goal_and_a_resume_sends_it_again(

@@ -366,6 +366,8 @@ def mission_and_executor(settings):
     node = mission_orchestrator.MissionNode()
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    while not node.mission:
+        executor.spin_once(timeout_sec=PATIENCE_SECONDS)
     yield node, executor
     node.destroy_node()
     rclpy.shutdown()
@@ -555,7 +557,7 @@ def test_one_whole_number_is_a_tag_id_too(start_mission):
 
 
 def test_the_arguments_of_the_team_that_have_no_effect_are_named_in_one_line(start_mission, reader):
-    unused = {'discovery_goal': 5, 'map_topic': '/map', **dict.fromkeys(OF_OTHER_MISSIONS, '0.5')}
+    unused = {'discovery_goal': 5, 'map_yaml_path': '/map.yaml', **dict.fromkeys(OF_OTHER_MISSIONS, '0.5')}
     mission = start_mission(**READER, tag_sequence='7', **unused)
     reader.answer_ok('7', co2=1.0)
     assert mission.end() == 0

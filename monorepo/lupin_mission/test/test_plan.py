@@ -5,6 +5,7 @@ import math
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, read_layout
@@ -73,6 +74,25 @@ def test_each_tag_has_as_many_poses_as_the_robot_may_look_from():
         for one, other in itertools.combinations(goals, 2):
             turn_rad = abs(math.remainder(one.yaw - other.yaw, math.tau))
             assert math.dist(one[:2], other[:2]) >= 0.2 - 1e-9 or turn_rad >= math.radians(20) - 1e-9
+
+
+def test_a_goal_has_its_room_in_the_map_where_the_layout_lies():
+    """A pillar of 0.1 m in the pose of tag 1, in a map whose cells lie along its own axes."""
+    x, y = TURNED.point(0.5, 0.5)
+    cells = [0] * (100 * 100)  # 0.1 m, around the layout
+    column, row = int((x - 5.0) / 0.1), int((y - 18.0) / 0.1)
+    cells[row * 100 + column] = 100
+    occupancy = OccupancyMap(100, 100, 0.1, (5.0, 18.0, 0.0), cells)
+    settings = Settings(drive='nav2', walls='-1.6 -0.6 5.6 3.6')
+    goals = Plan(LAYOUT, settings, TURNED, occupancy).goals
+    without = plan(TURNED).goals
+    assert {tag_id for tag_id in goals if goals[tag_id][0] != without[tag_id][0]} == {'1'}
+    for goal in goals['1']:
+        aside = (
+            max(abs(goal.x - 5.05 - 0.1 * column) - 0.05, 0.0),
+            max(abs(goal.y - 18.05 - 0.1 * row) - 0.05, 0.0),
+        )
+        assert math.hypot(*aside) >= 0.25 - 1e-9
 
 
 @pytest.fixture

@@ -2,6 +2,8 @@
 
 import itertools
 import json
+import re
+from pathlib import Path
 
 import pytest
 from builtin_interfaces.msg import Time
@@ -13,6 +15,7 @@ from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, spinning_node, wai
 from lupin_mission import mission_orchestrator, transport
 from lupin_mission.announcer import Announcer
 from lupin_mission.mission import Severity
+from lupin_mission.mission_orchestrator import MissionNode
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState, Observation, TagReading
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Operator, Subscriber
@@ -612,7 +615,7 @@ def test_a_start_is_rejected_while_another_mission_of_that_name_lives(
     wait_until(lambda: other.get_subscription_count() == 2)  # of the mission and of the operator
     other.publish(MissionState(lifecycle_state='READY'))
     event = 'another mission publishes mission/state: end it, or give one of them a namespace'
-    assert other.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+    wait_until(lambda: operator.rejection(mission_type='none') == event)  # once the mission has heard it
     assert operator.rejection() == event
     clock.pass_seconds(2.0)  # it says no more
     operator.start()
@@ -640,3 +643,19 @@ def test_a_mission_without_a_subscriber_ends_all_the_same(start_mission, reader)
     mission = start_mission(**READER, tag_sequence='1')
     reader.answer_ok('1', co2=1.0)
     assert mission.end() == 0
+
+
+def test_every_topic_has_the_qos_of_its_page(run_nodes):
+    page = Path(__file__).resolve().parent.parent / 'doc/interface.md'
+    rows = re.findall(
+        r'^\| `(/\S+)` \| (.*) \| (.*) \| (.*) \| (\d+) \|$', page.read_text('utf-8'), re.MULTILINE
+    )
+    node, *_ = run_nodes(MissionNode)
+    found = []
+    for direction, ends in (('publishes', node.publishers), ('subscribes', node.subscriptions)):
+        for each in ends:
+            qos = each.qos_profile
+            words = [policy.name.lower().replace('_', ' ') for policy in (qos.reliability, qos.durability)]
+            found.append((each.topic_name, direction, *words, str(qos.depth)))
+    own = [row for row in found if row[0] not in ('/parameter_events', '/rosout')]
+    assert sorted(rows) == sorted(own)

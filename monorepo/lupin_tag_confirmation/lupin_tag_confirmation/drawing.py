@@ -1,13 +1,13 @@
 """Draw what the camera saw, and the verdict. Does not import ROS."""
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageFont
 
 from lupin_tag_confirmation.confirmation import Verdict
 from lupin_tag_confirmation.settings import Criteria
 
 GOOD, FLAWED, OTHER, PAPER = (60, 220, 60), (255, 150, 0), (90, 160, 255), (0, 0, 0)
-BAR_PIXELS = 16
+BAR_PIXELS, FONT_PIXELS = 22, 15
 
 
 def draw(verdict: Verdict, tag_number: int, criteria: Criteria) -> np.ndarray:
@@ -19,6 +19,7 @@ def draw(verdict: Verdict, tag_number: int, criteria: Criteria) -> np.ndarray:
     """
     picture = Image.fromarray(verdict.sight.picture).convert('RGB')
     pen = ImageDraw.Draw(picture)
+    pen.font = _font()
     for each in verdict.sight.detections:
         is_expected = each.tag_number == tag_number
         colour = (FLAWED if criteria.flaw_of(each) else GOOD) if is_expected else OTHER
@@ -36,3 +37,10 @@ def draw(verdict: Verdict, tag_number: int, criteria: Criteria) -> np.ndarray:
     colour = FLAWED if verdict.reason else GOOD
     pen.text((4, 3), verdict.reason or f'tag {tag_number}: confirmed', fill=colour)
     return np.asarray(picture)
+
+
+def _font():
+    try:
+        return ImageFont.load_default(FONT_PIXELS)
+    except TypeError:  # Pillow 9.0 of Ubuntu 22.04 has one size
+        return ImageFont.load_default()

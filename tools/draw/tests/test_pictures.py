@@ -3,6 +3,8 @@
 import itertools
 import json
 import re
+import subprocess
+import sys
 
 import figure
 import numpy as np
@@ -64,6 +66,39 @@ def test_no_label_lies_on_a_tag_or_on_another_label(monkeypatch, tmp_path):
     assert not any(box.contains(*dot) for box in boxes for dot in axes.transData.transform(tags))
     edge = axes.patches[0].get_window_extent()
     assert all(edge.x0 <= box.x0 and box.x1 <= edge.x1 for box in boxes)
+
+
+def test_the_route_has_arrows_numbered_visits_and_a_line_from_each_pose_to_its_tag(monkeypatch, tmp_path):
+    drawn = {}
+    monkeypatch.setattr(figure, 'save', lambda drawing, path, _: drawn.update({path.stem: drawing}))
+    assert figure.main(['--output', str(tmp_path)]) == 0
+    axes, tags = drawn['route'].axes[0], shipped()['tags']
+    drawn['route'].canvas.draw()
+    written = [text for text in axes.texts if text.get_text()]
+    ids = [text for text in written if text.get_weight() == 'bold']
+    visits = [text for text in written if text not in ids]
+    numbers = {str(number + 1) for number in range(len(tags))}
+    assert {text.get_text() for text in ids} == set(tags)
+    assert {text.get_text() for text in visits} == numbers | {'start', 'end'}
+    assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) > 10
+    lines = [line for line in axes.lines if len(line.get_xydata()) > 1]
+    sights = [line for line in lines if line.get_linestyle() == '--']
+    assert {tuple(line.get_xydata()[-1]) for line in sights} == {
+        (tag['x'], tag['y']) for tag in tags.values()
+    }
+    boxes = [text.get_window_extent() for text in written]
+    assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    ways = [
+        line.get_transform().transform_path(line.get_path())
+        for line in lines
+        if line.get_linestyle() != 'None'
+    ]
+    crossed = [
+        text.get_text()
+        for text in ids
+        if any(way.intersects_bbox(text.get_window_extent(), filled=False) for way in ways)
+    ]
+    assert crossed == []
 
 
 def shipped() -> dict:
@@ -149,3 +184,11 @@ def test_the_committed_camera_picture_is_up_to_date():
     assert seen.main(['--check']) == 0
     with Image.open(seen.COMMITTED) as committed:
         assert committed.size == seen.draw().size
+
+
+def test_the_committed_graphs_are_those_of_the_nodes():
+    """In a process of its own, with the messages of other packages that the nodes need."""
+    root = figure.COMMITTED.parents[3]
+    command = [sys.executable, 'ci/within.py', '--stand-ins', 'python', 'tools/draw/graph.py', '--check']
+    ended = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stdout + ended.stderr

@@ -2,9 +2,9 @@
 """`ros2 run lupin_greenhouse_bridge plot_report FILE`: draw the last readings of a file."""
 
 import argparse
-import itertools
 import math
 import sys
+import textwrap
 import time
 from pathlib import Path
 
@@ -19,18 +19,28 @@ from lupin_greenhouse_bridge.display.drawing_command import (
     read_colour_ranges,
 )
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.drawing import COLOURS, Box, draw_greenhouse, place_labels
-from lupin_greenhouse_bridge.planning.walls import find_walls
+from lupin_greenhouse_bridge.planning.drawing import (
+    BAD_COLOUR,
+    COLOURS,
+    ROUTE_COLOUR,
+    TABLE_COLOUR,
+    Box,
+    draw_greenhouse,
+    draw_path,
+    label_path,
+    place_labels,
+    steps_of,
+)
+from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFile
 from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, sensor_order, value_text
 
-# Sizes in the picture, where a metre is about 0.6 inch: a dot, and a character of a label.
-DOT_M, CHARACTER_M, LINE_M, GAP_M = 0.24, 0.095, 0.19, 0.1
-ROUTE_COLOUR, FAILED_COLOUR = '#3d6fa8', '#b3261e'
-ARROW_EVERY_M = 1.2
-MOST_NAMED = 30  # tags in a line of failures
+MOST_COLUMNS, PANEL_INCHES = 3, 3.3
+# Sizes in the picture, where a metre is about 0.65 inch: a dot, and a character of a label.
+DOT_M, CHARACTER_M, LINE_M, GAP_M = 0.24, 0.1, 0.2, 0.1
+MOST_NAMED, LONGEST_LINE = 30, 110  # tags in a line of failures, and its characters
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -65,83 +75,95 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
         )
     sensors = sorted({sensor for each in readings.values() for sensor in each}, key=sensor_order)
     has_ways = bool(route or failed)
-    columns = len(sensors) + has_ways
-    figure, ((*all_axes,),) = pyplot.subplots(
-        1, columns, sharey=True, squeeze=False, layout='constrained', figsize=(2.9 * columns, 7.4)
+    count = len(sensors) + has_ways
+    columns, rows = min(count, MOST_COLUMNS), -(-count // MOST_COLUMNS)
+    height = PANEL_INCHES * 0.85 * (walls.y1 - walls.y0) / (walls.x1 - walls.x0)
+    figure, grid = pyplot.subplots(
+        rows,
+        columns,
+        sharey=True,
+        squeeze=False,
+        layout='constrained',
+        figsize=(PANEL_INCHES * columns, rows * (min(height, 12.0) + 1.4)),
     )
+    all_axes = list(grid.flat)[:count]
+    for axes in list(grid.flat)[count:]:
+        axes.remove()
     for axes in all_axes:
         draw_greenhouse(axes, layout, walls)
         axes.spines[:].set_visible(False)  # the walls are the frame
         axes.tick_params(length=0)
-    all_axes[0].set_ylabel('y (m)')
+    for axes in grid[:, 0]:
+        axes.set_ylabel('y (m)')
     if has_ways:
-        _draw_ways(all_axes[0], layout, route, failed)
+        _draw_ways(all_axes[0], layout, walls, route, failed)
     for axes, sensor in zip(all_axes[has_ways:], sensors, strict=True):
         _draw_readings(figure, axes, sensor, layout, readings, colour_ranges.get(sensor))
         _cross(axes, layout, failed, 30)
     for axes in all_axes:
         axes.set_anchor('N')  # the panel of the route has no colour bar below it
-    caption = _caption(options.file, readings, failures, route)
-    _draw_legend(figure, caption, has_route=bool(route), has_failures=bool(failed))
-    figure.suptitle(_headline(readings, failures, len(layout.tags)), fontsize=14, fontweight='bold', y=1.04)
+    _draw_legend(figure, set(failed.values()), has_route=bool(route))
+    _write_head(
+        figure,
+        _headline(readings, failures, len(layout.tags)),
+        failures,
+        _origin(options.file, readings, route),
+    )
     figure.savefig(output, dpi=130, bbox_inches='tight', pad_inches=0.15)
     pyplot.close(figure)
 
 
-def _draw_ways(axes, layout: Layout, route: list[tuple[float, float]], failed: dict[str, str]) -> None:
+def _draw_ways(
+    axes, layout: Layout, walls: Walls, route: list[tuple[float, float]], failed: dict[str, str]
+) -> None:
     """Draw the way of the robot with its direction, and name the tags that were not read."""
-    axes.set_title(' and '.join(['route'] * bool(route) + ['tags not read'] * bool(failed)))
+    axes.set_title(
+        ' and '.join(['route'] * bool(route) + ['tags not read'] * bool(failed)), fontsize=12, pad=20
+    )
     tags = layout.tags
     others = [tag for tag_id, tag in tags.items() if tag_id not in failed]
     axes.scatter([tag.x for tag in others], [tag.y for tag in others], s=12, color='0.6', zorder=2)
-    way = [Box(x, y, GAP_M, GAP_M) for x, y in _steps(route, GAP_M)]
+    way = [Box(x, y, GAP_M, GAP_M) for x, y, _ in steps_of(route, GAP_M)]
     dots = {tag_id: Box(tag.x, tag.y, DOT_M, DOT_M) for tag_id, tag in tags.items()}
-    texts = {tag_id: f'{tag_id} {word}' for tag_id, word in failed.items() if tag_id in tags}
+    is_one_word = len(set(failed.values())) == 1  # which the key tells
+    texts = {each: each if is_one_word else f'{each} {word}' for each, word in failed.items() if each in tags}
     boxes = {tag_id: dots[tag_id] for tag_id in texts}
+    for word, box in label_path(route).items():
+        texts[word, 'of the route'], boxes[word, 'of the route'] = word, box
     if route:
-        _draw_route(axes, route)
-        for word, (x, y) in (('start', route[0]), ('end', route[-1])):
-            texts[word, 'of the route'], boxes[word, 'of the route'] = word, Box(x, y, DOT_M, DOT_M)
+        draw_path(axes, route)
+        _show_all_of(axes, route)
     labels = [(boxes[key], CHARACTER_M * len(text) + GAP_M, LINE_M) for key, text in texts.items()]
-    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
-    room = Box((x0 + x1) / 2, (y0 + y1) / 2, x1 - x0, y1 - y0)
+    room = Box((walls.x0 + walls.x1) / 2, (walls.y0 + walls.y1) / 2, walls.x1 - walls.x0, walls.y1 - walls.y0)
     places = place_labels([*dots.values(), *way], labels, room)
     for (key, text), place in zip(texts.items(), places, strict=True):
-        _label(axes, place, text, FAILED_COLOUR if key in failed else ROUTE_COLOUR)
+        _label(axes, place, text, BAD_COLOUR if key in failed else ROUTE_COLOUR)
     _cross(axes, layout, failed, 60)
 
 
-def _draw_route(axes, route: list[tuple[float, float]]) -> None:
-    """Draw a thin line with arrows, a circle at its start and a square at its end, all of it in view."""
+def _show_all_of(axes, route: list[tuple[float, float]]) -> None:
+    """Widen the view to a route that leads out of it."""
     xs, ys = zip(*route, strict=True)
-    axes.plot(xs, ys, color=ROUTE_COLOUR, linewidth=0.8, zorder=1.5)
-    steps = list(_steps(route, ARROW_EVERY_M))[1:]  # a circle marks the start
-    for (x, y), (to_x, to_y) in itertools.pairwise(steps):
-        near = x + (to_x - x) * 0.01, y + (to_y - y) * 0.01
-        style = {'arrowstyle': '-|>', 'color': ROUTE_COLOUR, 'linewidth': 0, 'mutation_scale': 11}
-        axes.annotate('', near, (x, y), arrowprops=style, zorder=1.6)
-    for marker, x, y in (('o', xs[0], ys[0]), ('s', xs[-1], ys[-1])):
-        axes.scatter(x, y, s=28, marker=marker, color='white', edgecolor=ROUTE_COLOUR, zorder=2.5)
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     axes.set_xlim(min(x0, min(xs) - GAP_M), max(x1, max(xs) + GAP_M))
     axes.set_ylim(min(y0, min(ys) - GAP_M), max(y1, max(ys) + GAP_M))
 
 
-def _steps(route: list[tuple[float, float]], length_m: float):
-    """Yield points along a route, each as far from the last one."""
-    rest = 0.0
-    for (x, y), (to_x, to_y) in itertools.pairwise(route):
-        leg_m, at = math.dist((x, y), (to_x, to_y)), rest
-        while at < leg_m:
-            yield x + (to_x - x) * at / leg_m, y + (to_y - y) * at / leg_m
-            at += length_m
-        rest = at - leg_m
-
-
 def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None:
     measured = {tag_id: each[sensor].value for tag_id, each in readings.items() if sensor in each}
     others = [tag for tag_id, tag in layout.tags.items() if tag_id not in measured]
-    axes.set_title(label_of(sensor))
+    low, high = (pick(measured, key=measured.get) for pick in (min, max))
+    extremes = [f'{value_text(sensor, measured[each])} at tag {escaped(each, 16)}' for each in (low, high)]
+    axes.set_title(label_of(sensor), fontsize=12, pad=20)
+    axes.annotate(
+        f'{extremes[0]} to {extremes[1]}',
+        (0.5, 1),
+        (0, 4),
+        'axes fraction',
+        'offset points',
+        ha='center',
+        fontsize=8.5,
+    )
     axes.scatter([tag.x for tag in others], [tag.y for tag in others], s=12, color='0.75', zorder=2)
     points = axes.scatter(
         [layout.tags[tag_id].x for tag_id in measured],
@@ -166,18 +188,22 @@ def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None
 
 
 def _label(axes, place: tuple[float, float], text: str, colour: str) -> None:
-    """Write a text on a ground of its own, so that no line crosses it."""
-    ground = {'facecolor': 'white', 'edgecolor': 'none', 'pad': 0.6}
-    axes.text(*place, text, ha='center', va='center', fontsize=7, color=colour, bbox=ground, zorder=4)
+    """Write a text with a white outline, so that no line touches it."""
+    from matplotlib.patheffects import withStroke
+
+    outline = [withStroke(linewidth=2, foreground='white')]
+    axes.text(
+        *place, text, ha='center', va='center', fontsize=8, color=colour, path_effects=outline, zorder=4
+    )
 
 
 def _cross(axes, layout: Layout, failed: dict[str, str], size: float) -> None:
     tags = [layout.tags[tag_id] for tag_id in failed if tag_id in layout.tags]  # an unknown tag has no place
     xs, ys = [tag.x for tag in tags], [tag.y for tag in tags]
-    axes.scatter(xs, ys, marker='x', s=size, color=FAILED_COLOUR, zorder=5)
+    axes.scatter(xs, ys, marker='x', s=size, color=BAD_COLOUR, zorder=5)
 
 
-def _draw_legend(figure, caption: str, *, has_route: bool, has_failures: bool) -> None:
+def _draw_legend(figure, words: set[str], *, has_route: bool) -> None:
     from matplotlib.lines import Line2D
 
     def entry(label: str, colour: str, **style) -> Line2D:
@@ -185,12 +211,13 @@ def _draw_legend(figure, caption: str, *, has_route: bool, has_failures: bool) -
 
     entries = [
         entry('wall', 'black', linestyle='-', linewidth=1.5),
-        entry('table', '0.92', marker='s', markersize=11, markeredgecolor='0.55'),
-        entry('tag: value', 'tab:green', marker='o', markersize=9, markeredgecolor='black'),
+        entry('table', TABLE_COLOUR, marker='s', markersize=11),
+        entry('tag: value', '#21918c', marker='o', markersize=9, markeredgecolor='black'),
         entry('tag without this sensor', '0.75', marker='o', markersize=4),
     ]
-    if has_failures:
-        entries.append(entry('tag that was not read', FAILED_COLOUR, marker='x'))
+    if words:
+        word = f': {min(words)}' if len(words) == 1 else ''
+        entries.append(entry(f'tag that was not read{word}', BAD_COLOUR, marker='x'))
     if has_route:
         entries.append(entry('route, in the direction of the arrows', ROUTE_COLOUR, linestyle='-'))
     # Below the figure, in the words of Matplotlib 3.5: Ubuntu 22.04 has no `ncols` and no `outside`.
@@ -198,9 +225,8 @@ def _draw_legend(figure, caption: str, *, has_route: bool, has_failures: bool) -
         handles=entries,
         loc='upper center',
         bbox_to_anchor=(0.5, 0.0),
-        ncol=len(entries),
+        ncol=3,
         frameon=False,
-        title=caption,
     )
 
 
@@ -225,18 +251,29 @@ def _clock(row: Row) -> str:
     return time.strftime('%H:%M:%S', time.localtime(row.stamp_ns / 1e9))
 
 
-def _caption(path: Path, readings: dict[str, dict[str, Row]], failures: list[Failures], route) -> str:
-    """Return what the picture shows in one line, and a line for each reason of failures."""
+def _origin(path: Path, readings: dict[str, dict[str, Row]], route: list[tuple[float, float]]) -> str:
+    """Return the name of the file, the day, and how far the robot drove."""
     latest = max(row.stamp_ns for each in readings.values() for row in each.values())
     parts = [escaped(path.name, 64), time.strftime('%d %b %Y, times in %Z', time.localtime(latest / 1e9))]
     if route:
         parts.append(f'the robot drove {sum(map(math.dist, route, route[1:])):.1f} m')
-    lines = [' · '.join(parts)]
+    return ' · '.join(parts)
+
+
+def _write_head(figure, headline: str, failures: list[Failures], origin: str) -> None:
+    """Write above the panels whether it worked, what failed and why, and where the readings are from."""
+    lines = [(headline, 14, 'black')]
     for word, reason, tag_ids in failures:
         named = ', '.join(escaped(tag_id, 64) for tag_id in tag_ids[:MOST_NAMED])
         more = f' and {len(tag_ids) - MOST_NAMED} more' if len(tag_ids) > MOST_NAMED else ''
-        lines.append(f'{len(tag_ids)} {word}{f" ({reason})" if reason else ""}: {named}{more}')
-    return '\n'.join(lines)
+        text = f'{len(tag_ids)} {word}{f" ({reason})" if reason else ""}: {named}{more}'
+        lines += [(part, 11, BAD_COLOUR) for part in textwrap.wrap(text, LONGEST_LINE)]
+    lines.append((origin, 10, '0.35'))
+    points = 12.0  # above the panels
+    for text, size, colour in reversed(lines):
+        style = {'fontsize': size, 'color': colour, 'fontweight': 'bold' if size > 11 else 'normal'}
+        figure.text(0.5, 1.0 + points / 72 / figure.get_figheight(), text, ha='center', va='bottom', **style)
+        points += 1.5 * size
 
 
 if __name__ == '__main__':

@@ -40,6 +40,7 @@ const written = (sensor, value) => value.toFixed(sensor.decimals);
 const with_unit = (sensor, value) => `${written(sensor, value)} ${sensor.unit}`.trim();
 const address = tag => `#tag=${encodeURIComponent(tag.id)}`;
 const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
+const failed_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(tag => tag.outcome))];  // one of them is said in the key alone
 const is_one_day = !data.span_ms.length || date(data.span_ms[0]) === date(data.span_ms[1]);
 
 function chosen_tag() {
@@ -67,8 +68,10 @@ function write_head() {
     parts.push(`greenhouse ${day_time(from)} to ${day_time(to)}${midnights > (to < from) ? ` over ${grouped(midnights + 1)} days` : ''}`);
   }
   parts.forEach((part, number) => {
-    if (number) document.querySelector('h1').append(' · ');
-    add(document.querySelector('h1'), 'span', part, number && number <= data.counts.length && data.counts[number - 1][2] ? 'bad' : '');
+    if (number) document.querySelector('h1').append(' ');
+    const piece = add(document.querySelector('h1'), 'span');
+    add(piece, 'span', part, number && number <= data.counts.length && data.counts[number - 1][2] ? 'bad' : '');
+    if (number + 1 < parts.length) piece.append(' ·');
   });
   element('file').textContent = [data.title, ...data.span_ms.slice(0, 1).map(ms => is_one_day ? date(ms) : ''), `times in ${zone}`].filter(Boolean).join(' · ');
   for (const { word, reason, tags, count } of data.failures) {
@@ -200,7 +203,7 @@ function draw_map() {
     } else if (value === null) draw(group, 'circle', { class: 'dot empty', cx: x, cy: y, r: mine });
     else draw(group, 'circle', { class: 'dot', cx: x, cy: y, r: mine, fill: colour((value - limits[0]) / (limits[1] - limits[0])) });
     const mark = value === null ? '' : value > limits[1] ? ' ▲' : value < limits[0] ? ' ▼' : '';
-    const text = value === null ? tag.has_failed ? ` ${tag.outcome}` : '' : ` ${written(sensor, value)}${mark}`;
+    const text = value === null ? tag.has_failed ? failed_words.length > 1 ? ` ${tag.outcome}` : '' : '' : ` ${written(sensor, value)}${mark}`;
     const width = pen.measureText(tag.id + text).width + Math.min(tag.id.length, 12) + 6;
     const { box, covered, is_far } = place_label(x, y, mine, width, 13, taken, way, room);
     if (covered > 0.12 * width * 13) continue;
@@ -244,7 +247,7 @@ function draw_scale(width, limits) {
     const outside = data.tags.map(tag => value_of(tag, state.sensor)).filter(value => value !== null && (value < limits[0] || value > limits[1])).length;
     if (outside) key(() => {}, `▲ above, ▼ below the scale: ${outside}`);
   }
-  if (data.tags.some(tag => tag.has_failed)) key((at, y) => draw(svg, 'path', { class: 'cross', d: `M${at - 4} ${y - 4}l8 8m-8 0l8 -8` }), 'not read');
+  if (failed_words.length) key((at, y) => draw(svg, 'path', { class: 'cross', d: `M${at - 4} ${y - 4}l8 8m-8 0l8 -8` }), failed_words.length > 1 ? 'not read' : failed_words[0]);
   key((at, y) => draw(svg, 'circle', { class: 'dot empty', cx: at, cy: y, r: 4.5 }), sensor ? `no ${sensor.name}` : 'tag');
   if (data.route.length > 1) key((at, y) => { draw(svg, 'path', { class: 'route', d: `M${at - 7} ${y}h14` }); draw(svg, 'path', { class: 'arrow', d: 'M5 0L-4 -3.5L-4 3.5Z', transform: `translate(${at} ${y})` }); }, 'route');
 }
@@ -260,7 +263,7 @@ function draw_tabs() {
     tab.addEventListener('click', () => pick(number));
     add(tab, 'b', sensor.name);
     const width = state.is_printed ? PAPER.tab : Math.max(tab.clientWidth - 12, 20);
-    const frame = frame_of(width, Math.min(width * 1.9, 170), { left: 2, right: 2, top: 2, bottom: 2 });
+    const frame = frame_of(width, Math.min(width * 1.9, innerWidth < 704 ? 110 : 170), { left: 2, right: 2, top: 2, bottom: 2 });
     const svg = draw(tab, 'svg', { width: frame.width, height: frame.height, 'aria-hidden': true });
     draw_ground(svg, frame);
     const limits = limits_of(number), radius = Math.max(Math.min(frame.scale * 0.13, 5), 1.5);
@@ -374,10 +377,11 @@ const WALL_STEPS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 720
 
 function wall_axis(width) {
   const [first, last] = data.span_ms, slack = Math.max((last - first) * 0.01, 250);
-  const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / 55, 1);
+  const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / 64, 1);
   const step = WALL_STEPS.find(each => each >= least) ?? Math.ceil(least / 86400000) * 86400000;
   const offset = new Date(first).getTimezoneOffset() * 60000, ticks = [];
   for (let at = Math.ceil((low - offset) / step) * step + offset; at <= high; at += step) ticks.push(at);
+  if (ticks.length < 2) ticks.splice(0, 1, first, last);
   const text = ms => step >= 86400000 ? date(ms).slice(0, -5) : step < 60000 ? clock(ms) : clock(ms).slice(0, 5);
   return { low, high, ticks, text, start: first };
 }
@@ -417,7 +421,7 @@ function draw_chart(sensor, place, readout) {
     draw(svg, 'path', { class: 'grid', d: `M${x(at - axis.start)} ${y(bottom)}v4` });
     draw(svg, 'text', { class: 'muted', x: x(at - axis.start), y: height - 8, 'text-anchor': 'middle' }, axis.text(at));
   }
-  const points = [], taken = [];
+  const points = [], ends = [], taken = [];
   for (const line of sensor.lines) {
     const tag = data.tags[line.tag], group = draw(svg, 'g', { class: 'series', 'data-tag': tag.id });
     const places = line[state.clock].map(([at, value, low, high]) => ({ tag, at: axis.start + at, x: x(at), y: y(value), value, low, high }));
@@ -431,12 +435,14 @@ function draw_chart(sensor, place, readout) {
       if (run.length > 1) draw(group, 'path', { d: path_of(run.map(p => [p.x, p.y])) });
       if (places.length < 30) run.forEach(p => draw(group, 'circle', { cx: p.x, cy: p.y, r: 2.5 }));
     }
-    const last = places.at(-1);
-    if (!last) continue;
-    const box = [last.x + 5, last.y - 6, last.x + 7 + pen.measureText(tag.id).width, last.y + 6];
-    const is_free = box[2] <= width && !taken.some(each => common(box, each) > 0) && !points.some(p => p.tag !== tag && common(box, around(p.x, p.y, 5, 5)) > 0);
-    if (is_free) taken.push(box);
-    draw(group, 'text', { class: is_free ? 'halo' : 'halo spare', x: Math.min(box[0], width - 30), y: last.y + 4 }, tag.id);
+    if (places.length) ends.push([group, places.at(-1)]);
+  }
+  for (const [group, { tag, x: end, y: height_of_end }] of ends) {
+    const wide = pen.measureText(tag.id).width, near = [[5, 0], [-5 - wide, 0], [-wide / 2, -11], [-wide / 2, 11]].map(([dx, dy]) => [end + dx, height_of_end + dy - 6, end + dx + wide, height_of_end + dy + 6]);
+    const free = near.find(box => box[0] >= left && box[2] <= width && !taken.some(each => common(box, each) > 0) && !points.some(p => p.tag !== tag && common(box, around(p.x, p.y, 5, 5)) > 0));
+    if (free) taken.push(free);
+    const box = free ?? near[end + 5 + wide > width ? 1 : 0];
+    draw(group, 'text', { class: free ? 'halo' : 'halo spare', x: box[0], y: box[3] - 2 }, tag.id);
   }
   const nearest = event => {
     const at = svg.getBoundingClientRect(), [px, py] = [event.clientX - at.left, event.clientY - at.top];
@@ -510,7 +516,7 @@ function draw_all() {
 }
 
 element('zone').textContent = `wall time (${zone})`;
-element('lines').textContent = ['One line for each tag.', data.is_binned ? 'Where many values share a place, the line is their median, and the band reaches from the lowest to the highest.' : ''].join(' ').trim();
+element('lines').textContent = [data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1)) ? 'One line for each tag.' : 'One point for each tag.', data.is_binned ? 'Where many values share a place, the line is their median, and the band reaches from the lowest to the highest.' : ''].join(' ').trim();
 element('charts').hidden = !data.sensors.length;
 write_head();
 write_table();

@@ -5,6 +5,7 @@ Draw the greenhouse, its approach poses and a route, and find places for labels.
 Imports matplotlib only to draw, because the markers need the labels alone.
 """
 
+import itertools
 import math
 from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
@@ -18,8 +19,11 @@ from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
 COLOURS = 'viridis'  # readable in black and white, and for colour-blind people
-ROUTE_COLOUR, POSE_COLOUR, BAD_COLOUR, OBSTACLE_COLOUR = '#56b4e9', '#0072b2', '#d00000', '#e69f00'
-ARROW_M, TAG_M, BAD_TAG_M = 0.22, 0.14, 0.24
+ROUTE_COLOUR, BAD_COLOUR, SIGHT_COLOUR = '#3d6fa8', '#b3261e', '0.4'
+OBSTACLE_COLOUR = '#e69f00'  # in the map of the room
+TABLE_COLOUR = '#e3e6ea'  # without an edge, which would cross the labels
+ARROW_EVERY_M, WAY_M = 0.8, 0.1  # between arrows; the width that a label leaves to a route
+TAG_M, BAD_TAG_M, VISIT_M = 0.14, 0.24, 0.19
 CHARACTER_M, LINE_M = 0.1, 0.18  # of a label in the picture
 VIEW_M = 0.15  # around all that is drawn
 
@@ -47,7 +51,7 @@ def place_labels(
     """
     Return the centre of each label: beside its dot, off the other dots and labels, and within the bounds.
 
-    Each label is given as its dot, its width and its height.
+    Each label is given as its dot, its width and its height. On a dot without a size, its label may lie.
     """
     taken = np.zeros((len(dots) + len(labels), 4))  # the dots, and then the labels
     taken[: len(dots)] = np.reshape(dots, (-1, 4))
@@ -57,6 +61,7 @@ def place_labels(
         tries = [(aside, 0), (-aside, 0), (0, above), (0, -above)]
         tries += [(x * aside, y * above) for y in (0.7, -0.7, 1.0, -1.0) for x in (1, -1)]
         tries += [(2 * x, 2 * y) for x, y in tries]
+        tries = [(0, 0)] * (dot.width == 0) + tries
         boxes = np.array([Box(dot.x + dx, dot.y + dy, width, height) for dx, dy in tries])
         around = np.array([Box(dot.x, dot.y, 4 * aside + width, 4 * above + height)])
         near = taken[:count][_overlaps(around, taken[:count])[0] > 0.0]
@@ -72,17 +77,57 @@ def place_labels(
 def draw_greenhouse(axes: Any, layout: Layout, walls: Walls) -> None:
     """Draw walls, tables and a scale in metres; the view includes tags outside the walls."""
     from matplotlib.patches import Rectangle
+    from matplotlib.ticker import MaxNLocator
 
     axes.add_patch(Rectangle(walls[:2], walls.x1 - walls.x0, walls.y1 - walls.y0, fill=False, linewidth=1.5))
     for x0, y0, x1, y1 in layout.tables.values():
-        axes.add_patch(
-            Rectangle((x0, y0), x1 - x0, y1 - y0, facecolor='0.92', edgecolor='0.55', linewidth=0.8)
-        )
+        axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, facecolor=TABLE_COLOUR, linewidth=0))
     xs, ys = zip(walls[:2], walls[2:], *(tag[:2] for tag in layout.tags.values()), strict=True)
     axes.set_xlim(min(xs) - VIEW_M, max(xs) + VIEW_M)
     axes.set_ylim(min(ys) - VIEW_M, max(ys) + VIEW_M)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(integer=True))
     axes.set_aspect('equal')
     axes.set_xlabel('x (m)')
+
+
+def steps_of(points: list[tuple[float, float]], length_m: float):
+    """Yield x, y and heading of points along a path, each as far from the last one."""
+    rest = 0.0
+    for (x, y), (to_x, to_y) in itertools.pairwise(points):
+        leg_m, at = math.dist((x, y), (to_x, to_y)), rest
+        while at < leg_m:
+            share = at / leg_m
+            yield x + (to_x - x) * share, y + (to_y - y) * share, math.atan2(to_y - y, to_x - x)
+            at += length_m
+        rest = at - leg_m
+
+
+def draw_path(axes: Any, points: list[tuple[float, float]], places: Collection[Box] = ()) -> None:
+    """Draw a thin path with arrows where none of these places is, from a circle to a square."""
+    axes.plot(*zip(*points, strict=True), color=ROUTE_COLOUR, linewidth=0.9, zorder=1.5)
+    style = {'arrowstyle': '-|>', 'color': ROUTE_COLOUR, 'linewidth': 0, 'mutation_scale': 11}
+    last, *steps = list(steps_of(points, ARROW_EVERY_M / 8))  # a circle marks the start
+    taken = list(places)
+    for x, y, heading in steps:
+        is_free = not any(math.hypot(x - each.x, y - each.y) < (each.width + WAY_M) / 2 for each in taken)
+        if is_free and math.dist((x, y), last[:2]) > ARROW_EVERY_M:
+            tip = x + 0.01 * math.cos(heading), y + 0.01 * math.sin(heading)
+            axes.annotate('', tip, (x, y), arrowprops=style, zorder=1.6)
+            last = x, y
+            taken.append(Box(x, y, VISIT_M, VISIT_M))
+    for marker, place in (('o', points[0]), ('s', points[-1])):
+        axes.scatter(*place, s=28, marker=marker, color='white', edgecolor=ROUTE_COLOUR, zorder=2.5)
+
+
+def label_path(points: list[tuple[float, float]]) -> dict[str, Box]:
+    """Return the words at the start and the end of a path, and their places."""
+    places = [Box(*place, BAD_TAG_M, BAD_TAG_M) for place in (*points[:1], *points[-1:])]
+    if not places:
+        return {}
+    if math.dist(points[0], points[-1]) < WAY_M:
+        return {'start and end': places[0]}
+    return dict(zip(('start', 'end'), places, strict=True))
 
 
 def draw_route(
@@ -94,7 +139,7 @@ def draw_route(
     occupancy: OccupancyMap | None = None,
 ) -> Any:
     """
-    Return a figure of the greenhouse, the poses as arrows, the route, and unreachable tags in red.
+    Return a figure of the greenhouse, the route, its visits with numbers, and unreachable tags in red.
 
     A map of the room, in the frame of the layout, lies beneath: its obstacles orange, its unknown parts grey.
     """
@@ -105,25 +150,34 @@ def draw_route(
     if occupancy is not None:
         _draw_map(axes, occupancy)
     draw_greenhouse(axes, layout, walls)
-    if route.points_m:
-        axes.plot(*zip(*route.points_m, strict=True), color=ROUTE_COLOUR, linewidth=1.8, label='route')
-        axes.plot(
-            *route.points_m[0], 'o', markersize=9, markerfacecolor='white', color=POSE_COLOUR, label='start'
-        )
-    arrows = [
-        (each.x, each.y, math.cos(each.yaw) * ARROW_M, math.sin(each.yaw) * ARROW_M)
-        for each in poses.values()
+    axes.spines[:].set_visible(False)  # the walls are the frame
+    axes.tick_params(length=0)
+    tags = [Box(tag.x, tag.y, TAG_M, TAG_M) for tag in layout.tags.values()]
+    stops = [poses[tag_id] for tag_id in route.tag_ids]
+    visits = [
+        Box(*place, VISIT_M, VISIT_M)
+        for place in place_labels(tags, [(Box(each.x, each.y, 0, 0), VISIT_M, VISIT_M) for each in stops])
     ]
-    if arrows:
-        scale = {'angles': 'xy', 'scale_units': 'xy', 'scale': 1, 'width': 0.008}
-        axes.quiver(*zip(*arrows, strict=True), **scale, color=POSE_COLOUR, zorder=4)
-        axes.plot([], [], ls='', marker=r'$\rightarrow$', markersize=12, color=POSE_COLOUR, label='pose')
-    _draw_tags(axes, layout, unreachable, [Box(x + dx / 2, y + dy / 2, 0.2, 0.2) for x, y, dx, dy in arrows])
+    sights = [((each.x, each.y), layout.tags[tag_id][:2]) for tag_id, each in poses.items()]
+    for pose, tag in sights:
+        axes.plot(
+            *zip(pose, tag, strict=True), color=SIGHT_COLOUR, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1.4
+        )
+    if route.points_m:
+        draw_path(axes, route.points_m, visits)
+    for number, (visit, pose) in enumerate(zip(visits, stops, strict=True), start=1):
+        axes.plot([visit.x, pose.x], [visit.y, pose.y], color=ROUTE_COLOUR, linewidth=0.9, zorder=3.9)
+        axes.plot(*visit[:2], 'o', markersize=12, markerfacecolor='white', color=ROUTE_COLOUR, zorder=4)
+        style = {'ha': 'center', 'va': 'center_baseline', 'fontsize': 7, 'color': ROUTE_COLOUR, 'zorder': 5}
+        axes.text(*visit[:2], str(number), **style)
+    paths = [*sights, route.points_m]
+    ways = [Box(x, y, WAY_M, WAY_M) for path in paths for x, y, _ in steps_of(path, WAY_M)]
+    _draw_tags(axes, layout, unreachable, [*visits, *ways], label_path(route.points_m))
     axes.set_ylabel('y (m)')
     axes.set_title(
-        f'{len(poses)} of {len(layout.tags)} tags have a pose; route {route.length_m:.1f} m', fontsize=10
+        f'{len(poses)} of {len(layout.tags)} tags have a pose; route {route.length_m:.1f} m', fontsize=11
     )
-    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.06), ncol=5, frameon=False, fontsize=9)
+    _draw_key(axes, has_unreachable=bool(unreachable), has_map=occupancy is not None)
     return figure
 
 
@@ -145,24 +199,45 @@ def _draw_map(axes: Any, occupancy: OccupancyMap) -> None:
         transform=Affine2D().rotate(yaw).translate(x, y) + axes.transData,
         zorder=1.5,
     )
-    axes.plot([], [], 's', color=OBSTACLE_COLOUR, label='map')
 
 
-def _draw_tags(axes: Any, layout: Layout, unreachable: Collection[str], taken: list[Box]) -> None:
-    """Draw the tags, and their ids where these boxes are not."""
-    from matplotlib.patheffects import withStroke
-
+def _draw_tags(
+    axes: Any, layout: Layout, unreachable: Collection[str], taken: list[Box], words: Mapping[str, Box]
+) -> None:
+    """Draw the tags, and write their ids and these words where none of these boxes is."""
     for is_bad, style in (
-        (False, {'marker': 's', 'markersize': 4.5, 'color': 'black', 'label': 'tag'}),
-        (True, {'marker': 'X', 'markersize': 8, 'color': BAD_COLOUR, 'label': 'tag without a pose'}),
+        (False, {'marker': 's', 'markersize': 5, 'color': 'black'}),
+        (True, {'marker': 'X', 'markersize': 8, 'color': BAD_COLOUR}),
     ):
         if some := [tag[:2] for tag_id, tag in layout.tags.items() if (tag_id in unreachable) is is_bad]:
             axes.plot(*zip(*some, strict=True), ls='', zorder=3, **style)
     sizes_m = [BAD_TAG_M if tag_id in unreachable else TAG_M for tag_id in layout.tags]
     dots = [Box(tag.x, tag.y, side, side) for tag, side in zip(layout.tags.values(), sizes_m, strict=True)]
-    labels = [(dot, CHARACTER_M * len(tag_id), LINE_M) for tag_id, dot in zip(layout.tags, dots, strict=True)]
-    style = {'ha': 'center', 'va': 'center', 'fontsize': 8, 'fontweight': 'bold', 'zorder': 6}
-    outline = [withStroke(linewidth=2, foreground='white')]
-    for place, tag_id in zip(place_labels([*dots, *taken], labels), layout.tags, strict=True):
-        colour = BAD_COLOUR if tag_id in unreachable else 'black'
-        axes.text(*place, tag_id, color=colour, path_effects=outline, **style)
+    places = dict(zip(layout.tags, dots, strict=True)) | words
+    labels = [(dot, CHARACTER_M * len(text) + 0.04, LINE_M) for text, dot in places.items()]
+    style = {'ha': 'center', 'va': 'center', 'fontsize': 8, 'zorder': 6}
+    for place, text in zip(place_labels([*dots, *taken], labels), places, strict=True):
+        is_tag = text in layout.tags
+        colour = ROUTE_COLOUR if not is_tag else BAD_COLOUR if text in unreachable else 'black'
+        axes.text(*place, text, color=colour, fontweight='bold' if is_tag else 'normal', **style)
+
+
+def _draw_key(axes: Any, *, has_unreachable: bool, has_map: bool) -> None:
+    """Write below the axes what each mark means."""
+    marks = [
+        ('route, in the direction of its arrows', {'color': ROUTE_COLOUR, 'marker': '>', 'markersize': 5}),
+        (
+            'place of a visit, with its number',
+            {'color': ROUTE_COLOUR, 'ls': '', 'marker': 'o', 'markersize': 11, 'markerfacecolor': 'white'},
+        ),
+        ('line of sight to the tag', {'color': SIGHT_COLOUR, 'ls': (0, (4, 2))}),
+        ('tag', {'color': 'black', 'ls': '', 'marker': 's', 'markersize': 5}),
+    ]
+    if has_unreachable:
+        marks.append(('tag without a pose', {'color': BAD_COLOUR, 'ls': '', 'marker': 'X', 'markersize': 8}))
+    if has_map:
+        style = {'color': OBSTACLE_COLOUR, 'ls': '', 'marker': 's', 'markersize': 8}
+        marks.append(('obstacle in the map', style))
+    for label, style in marks:
+        axes.plot([], [], linewidth=0.9, label=label, **style)
+    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.06), ncol=2, frameon=False, fontsize=9)

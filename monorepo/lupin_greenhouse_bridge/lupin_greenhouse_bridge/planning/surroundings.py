@@ -23,7 +23,8 @@ class Surroundings(NamedTuple):
     walls: Walls
     tables: np.ndarray  # (tables, 4): x0, y0, x1 and y1
     plates: np.ndarray  # (plates, 2, 2): the two ends of each, that of the tag too
-    sides: np.ndarray  # (sides, 2, 2): of the other tables and plates
+    others: np.ndarray  # (tables, 4): without the table of the tag
+    sides: np.ndarray  # (sides, 2, 2): of these and of the other plates
     plate: np.ndarray  # (2, 2): the two ends of the tag
 
     def gaps_m(self, points: np.ndarray) -> np.ndarray:
@@ -45,7 +46,8 @@ class Surroundings(NamedTuple):
         """
         Return whether a camera at each point (eyes, 2) has a view of the whole tag.
 
-        It has if no table and no plate is in the triangle between the camera and the ends of the tag.
+        It has if no table and no plate is in the triangle between the camera and the ends of the tag, and if
+        the camera is not over another table.
         """
         ends = eyes[:, None] + (self.plate - eyes[:, None]) * (1.0 + BEYOND)
         corners = np.concatenate([eyes[:, None], ends], axis=1)  # (eyes, 3, 2)
@@ -64,7 +66,9 @@ class Surroundings(NamedTuple):
             meets = first / (first - last)
         enters = np.where(first <= 0.0, np.where(last > 0.0, meets, np.inf), 0.0).max(axis=1)
         leaves = np.where(last <= 0.0, np.where(first > 0.0, meets, -np.inf), 1.0).min(axis=1)
-        return ~(enters < leaves).any(axis=1)
+        low, high = self.others[:, :2] + SAME_M, self.others[:, 2:] - SAME_M
+        is_within = ((eyes[:, None] > low) & (eyes[:, None] < high)).all(axis=2)
+        return ~((enters < leaves).any(axis=1) | is_within.any(axis=1))
 
 
 class AllSurroundings:
@@ -93,6 +97,7 @@ class AllSurroundings:
             self._walls,
             self._tables[tables],
             self._plates[plates],
+            others,
             np.concatenate([sides, self._plates[plates[plates != number]]]),
             plate,
         )

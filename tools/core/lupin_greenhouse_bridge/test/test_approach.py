@@ -438,6 +438,14 @@ def layouts(draw):
     return layout_of(*places, **tables)
 
 
+def test_a_camera_over_another_table_does_not_see_the_tag():
+    """Also where both tables overlap, so that no side of the other one is before the tag."""
+    tables = {'own': (0.5, 0.0, 1.5, 1.5), 'other': (1.0, 1.0, 2.0, 2.0)}
+    layout = layout_of((1.5, 1.5), (0.5, 0.0), **tables)
+    poses = approaches_of(layout, 0.0, camera_offset_m=0.15).poses
+    assert not [tag_id for tag_id, pose in poses.items() if is_hidden(layout, tag_id, pose, 0.15)]
+
+
 @settings(max_examples=60)
 @given(
     layout=layouts(),

@@ -78,7 +78,10 @@ def test_the_table_of_readings_has_these_columns(example, tmp_path):
 
 def test_the_report_has_these_keys_and_outcomes(example):
     visits = read_file(example('report.jsonl')).visits
-    assert [(each.outcome, each.drive) for each in visits] == [('OK', ''), ('UNKNOWN_TAG', 'simulated')]
+    assert [(each.outcome, each.seen, each.drive) for each in visits] == [
+        ('OK', True, ''),
+        ('UNKNOWN_TAG', None, 'simulated'),
+    ]
     described = dict(table('report.jsonl', 2))
     assert re.findall('[A-Z_]{2,}', described['outcome']) == [each.value for each in Outcome]
     keys = re.findall(r'"(\w+)": ', visits[1].to_line())

@@ -75,19 +75,23 @@ class Scene:
         self._caption_place = middle_x, lowest_y - 3 * LINE_M
 
     def markers(
-        self, header: Header, readings: dict[str, TagReading], stale_seconds: float, caption: str
+        self,
+        header: Header,
+        readings: dict[str, tuple[TagReading, float]],
+        stale_seconds: float,
+        caption: str,
     ) -> MarkerArray:
         """
-        Return the tables, the tags with their ids, the readings by tag id with their ages, and the caption.
+        Return the tables, the tags with their ids, the readings with their ages, and the caption.
 
-        The ages are relative to the stamp of the header. A reading that is older than `stale_seconds` is
-        faded.
+        The readings are given by tag id, with their ages in seconds. A reading that is older than
+        `stale_seconds` is faded.
         """
         markers = [self._table(number) for number in range(len(self._tables))]
         for number, (tag_id, plate) in enumerate(self._plates.items()):
-            reading, colour, alpha = readings.get(tag_id), GREY, 1.0
-            if reading:
-                age = age_seconds(reading, header)
+            colour, alpha = GREY, 1.0
+            if tag_id in readings:
+                reading, age = readings[tag_id]
                 colour, alpha = ORANGE, STALE_ALPHA if age > stale_seconds else 1.0
                 values = sorted(reading.readings, key=lambda each: sensor_order(each.name))
                 lines = [_value_line(each.name, each.value) for each in values]
@@ -108,12 +112,6 @@ class Scene:
         size = (table.x1 - table.x0, table.y1 - table.y0, TABLE_HEIGHT_M)
         at = pose_message(x, y, self._layout_in_map.yaw, TABLE_HEIGHT_M / 2)
         return _marker('tables', number, Marker.CUBE, BROWN, size, pose=at)
-
-
-def age_seconds(reading: TagReading, header: Header) -> float:
-    """Return the age of a reading at the time of the header; 0.0 if the reading is newer than the header."""
-    seconds = header.stamp.sec - reading.stamp.sec
-    return max(seconds + (header.stamp.nanosec - reading.stamp.nanosec) / 1e9, 0.0)
 
 
 def age_text(seconds: float) -> str:

@@ -11,6 +11,7 @@ import array
 import math
 import sys
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from rclpy.clock import Clock, ClockType
@@ -42,6 +43,8 @@ NODE_NAME = 'show_readings'
 PUBLISH_EVERY_SECONDS = 1.0  # web clients receive a latched topic only when it is published again
 MOST_CELLS = 1_000_000
 MOST_UNKNOWN_IDS_LOGGED = 1000  # a publisher of random ids must not fill the memory
+MOST_APART_SECONDS = 60.0  # a stamp that disagrees more with the arrival does not tell which reading is newer
+STEADY, SYSTEM = Clock(clock_type=ClockType.STEADY_TIME), Clock(clock_type=ClockType.SYSTEM_TIME)
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,16 @@ class Settings:
             raise invalid('map_frame', self.map_frame, 'the name of a frame, such as map')
 
 
+class Heard(NamedTuple):
+    """A reading and its arrival; times in seconds."""
+
+    reading: TagReading
+    topic: str
+    lag: float  # of its arrival after its stamp, by the clock of the stamp
+    steady: float  # the clocks when it arrived
+    simulated: float | None  # None for a stamp of the system's clock
+
+
 class ShowReadingsNode(Node):
     """Publishes `~/markers` and `~/field`, latched and once a second."""
 
@@ -98,18 +111,19 @@ class ShowReadingsNode(Node):
         self._grid = _grid_of(settings, layout, walls)
         self._tags = layout.tags
         self._scene = Scene(layout, walls, self._layout_in_map)
-        self._readings: dict[str, TagReading] = {}  # the last one of each tag
+        self._heard: dict[str, Heard] = {}  # the newest reading of each tag
+        self._has_warned = False
         self._cells = None  # of the field; None if a reading has arrived since
         self._unknown_ids = set()
         self._markers = self.create_publisher(MarkerArray, '~/markers', latched())
         self._field = self.create_publisher(OccupancyGrid, '~/field', latched())
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
-        self.create_timer(PUBLISH_EVERY_SECONDS, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(PUBLISH_EVERY_SECONDS, self._publish, clock=STEADY)
         self._publish()
         tags, sources = pluralized(len(self._tags), 'tag'), ' and '.join(topics)
         self.get_logger().info(f'ready: {tags}, field of {settings.sensor}, readings from {sources}')
 
-    def _on_reading(self, reading: TagReading, _topic: str) -> None:
+    def _on_reading(self, reading: TagReading, topic: str) -> None:
         tag_id = reading.tag_id
         if tag_id not in self._tags:
             if tag_id not in self._unknown_ids and len(self._unknown_ids) < MOST_UNKNOWN_IDS_LOGGED:
@@ -118,10 +132,43 @@ class ShowReadingsNode(Node):
                     f"tag '{escaped(tag_id, 64)}' is not in the layout: its readings are not shown"
                 )
             return
-        last = self._readings.get(tag_id)
-        if last is None or _time(reading) >= _time(last):  # a latched one may arrive late
-            self._readings[tag_id] = reading
+        new, last = self._hear(reading, topic), self._heard.get(tag_id)
+        if last is None or self._is_newer(new, last):
+            self._heard[tag_id] = new
             self._cells = None
+
+    def _hear(self, reading: TagReading, topic: str) -> Heard:
+        """Compare the stamp with the nearest clock: with use_sim_time, that may be the system's."""
+        here = self.get_clock()
+        lags = {clock: _now(clock) - _seconds(reading) for clock in (here, SYSTEM)}
+        nearest = min(lags, key=lambda clock: abs(lags[clock]))
+        if lags[here] < -MOST_APART_SECONDS:
+            self._warn(reading)
+        is_simulated = here.ros_time_is_active and nearest is here
+        return Heard(reading, topic, lags[nearest], _now(STEADY), _now(here) if is_simulated else None)
+
+    def _is_newer(self, new: Heard, last: Heard) -> bool:
+        """By stamp, as a latched reading may be late; by arrival if a stamp disagrees with its arrival."""
+        disagrees = max(abs(new.lag), abs(last.lag)) > MOST_APART_SECONDS
+        is_after = new.topic == last.topic or new.steady - last.steady > MOST_APART_SECONDS
+        is_newer = (disagrees and is_after) or self._age_of(new) <= self._age_of(last)
+        if is_newer and _seconds(last.reading) - _seconds(new.reading) > MOST_APART_SECONDS:
+            self._warn(new.reading)
+        return is_newer
+
+    def _age_of(self, heard: Heard) -> float:
+        """Return the age now in seconds. Only the steady clock never jumps."""
+        passed = -1.0 if heard.simulated is None else _now(self.get_clock()) - heard.simulated
+        return max(heard.lag, 0.0) + (passed if passed >= 0.0 else _now(STEADY) - heard.steady)
+
+    def _warn(self, reading: TagReading) -> None:
+        if not self._has_warned:
+            self._has_warned = True
+            self.get_logger().warning(
+                f"the stamps of readings, such as one of tag '{escaped(reading.tag_id, 64)}', disagree with"
+                f' the clock or with their order by more than {MOST_APART_SECONDS:.0f} s: the reading that'
+                ' arrived last is shown, with its age by the clock of its stamp or since its arrival'
+            )
 
     def _publish(self) -> None:
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.map_frame)
@@ -138,18 +185,17 @@ class ShowReadingsNode(Node):
             origin=pose_message(x, y, self._layout_in_map.yaw),
         )
         self._field.publish(OccupancyGrid(header=header, info=info, data=self._cells))
-        settings = self._settings
-        self._markers.publish(
-            self._scene.markers(header, self._readings, settings.stale_seconds, self._caption(len(samples)))
-        )
+        readings = {tag_id: (each.reading, self._age_of(each)) for tag_id, each in self._heard.items()}
+        stale_seconds, caption = self._settings.stale_seconds, self._caption(len(samples))
+        self._markers.publish(self._scene.markers(header, readings, stale_seconds, caption))
 
     def _samples(self) -> list[tuple[float, float, float]]:
         """Return x and y in the layout and the value of each reading of the sensor."""
         return [
             (tag.x, tag.y, each.value)
-            for tag_id, reading in self._readings.items()
+            for tag_id, heard in self._heard.items()
             for tag in [self._tags[tag_id]]
-            for each in reading.readings
+            for each in heard.reading.readings
             if each.name == self._settings.sensor and math.isfinite(each.value)
         ]
 
@@ -162,8 +208,12 @@ class ShowReadingsNode(Node):
         )
 
 
-def _time(reading: TagReading) -> tuple[int, int]:
-    return reading.stamp.sec, reading.stamp.nanosec
+def _seconds(reading: TagReading) -> float:
+    return reading.stamp.sec + reading.stamp.nanosec / 1e9
+
+
+def _now(clock: Clock) -> float:
+    return clock.now().nanoseconds / 1e9
 
 
 def _range_of(settings: Settings) -> tuple[float, float]:

@@ -252,13 +252,15 @@ def _parser() -> argparse.ArgumentParser:
         '--layout-in-map', metavar='FILE', help='file of register_layout: print the poses in the map'
     )
     parser.add_argument(
-        '--map', metavar='FILE', help="YAML file of the robot's map: each pose has room there, too"
+        '--map',
+        metavar='FILE',
+        help="YAML file of the robot's map, as of Nav2's map_server: each pose has its clearance there too",
     )
     parser.add_argument(
         '--unknown',
         choices=('occupied', 'free'),
         default='occupied',
-        help='what cells of the map count as that are not known (default: %(default)s)',
+        help='what the unknown cells of the map count as (default: %(default)s)',
     )
     parser.add_argument(
         '--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)'
