@@ -38,8 +38,9 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, sensor_order, value_text
 
 MOST_COLUMNS, PANEL_INCHES = 3, 3.3
-# Sizes in the picture, where a metre is about 0.65 inch: a dot, and a character of a label.
-DOT_M, CHARACTER_M, LINE_M, GAP_M = 0.24, 0.1, 0.2, 0.1
+# Sizes in the picture of a greenhouse of 4 m x 8 m: a dot, a character and a line of a label, a gap.
+DOT_M, CHARACTER_M, LINE_M, GAP_M = SIZES_M = 0.24, 0.1, 0.2, 0.1
+USUAL_M = (4.3, 8.3)  # what such a picture shows
 MOST_NAMED, LONGEST_LINE = 30, 110  # tags in a line of failures, and its characters
 
 
@@ -123,8 +124,9 @@ def _draw_ways(
     tags = layout.tags
     others = [tag for tag_id, tag in tags.items() if tag_id not in failed]
     axes.scatter([tag.x for tag in others], [tag.y for tag in others], s=12, color='0.6', zorder=2)
-    way = [Box(x, y, GAP_M, GAP_M) for x, y, _ in steps_of(route, GAP_M)]
-    dots = {tag_id: Box(tag.x, tag.y, DOT_M, DOT_M) for tag_id, tag in tags.items()}
+    dot_m, character_m, line_m, gap_m = _sizes_m(axes)
+    way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
+    dots = {tag_id: Box(tag.x, tag.y, dot_m, dot_m) for tag_id, tag in tags.items()}
     is_one_word = len(set(failed.values())) == 1  # which the key tells
     texts = {each: each if is_one_word else f'{each} {word}' for each, word in failed.items() if each in tags}
     boxes = {tag_id: dots[tag_id] for tag_id in texts}
@@ -133,7 +135,7 @@ def _draw_ways(
     if route:
         draw_path(axes, route)
         _show_all_of(axes, route)
-    labels = [(boxes[key], CHARACTER_M * len(text) + GAP_M, LINE_M) for key, text in texts.items()]
+    labels = [(boxes[key], character_m * len(text) + gap_m, line_m) for key, text in texts.items()]
     room = Box((walls.x0 + walls.x1) / 2, (walls.y0 + walls.y1) / 2, walls.x1 - walls.x0, walls.y1 - walls.y0)
     places = place_labels([*dots.values(), *way], labels, room)
     for (key, text), place in zip(texts.items(), places, strict=True):
@@ -176,15 +178,23 @@ def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None
         edgecolor='black',
         zorder=5,
     )
-    dots = {tag_id: Box(tag.x, tag.y, DOT_M, DOT_M) for tag_id, tag in layout.tags.items()}
+    dot_m, character_m, line_m, gap_m = _sizes_m(axes)
+    dots = {tag_id: Box(tag.x, tag.y, dot_m, dot_m) for tag_id, tag in layout.tags.items()}
     texts = [f'{tag_id}: {value_text(sensor, value)}' for tag_id, value in measured.items()]
     labels = [
-        (dots[tag_id], CHARACTER_M * len(text) + GAP_M, LINE_M)
+        (dots[tag_id], character_m * len(text) + gap_m, line_m)
         for tag_id, text in zip(measured, texts, strict=True)
     ]
     for place, text in zip(place_labels(list(dots.values()), labels), texts, strict=True):
         _label(axes, place, text, 'black')
     figure.colorbar(points, ax=axes, location='bottom', shrink=0.9, pad=0.02, extend='both')
+
+
+def _sizes_m(axes) -> list[float]:
+    """Return SIZES_M in the scale of the axes."""
+    shown_m = (float(abs(end - start)) for start, end in (axes.get_xlim(), axes.get_ylim()))
+    scale = max(each / usual for each, usual in zip(shown_m, USUAL_M, strict=True))
+    return [scale * each for each in SIZES_M]
 
 
 def _label(axes, place: tuple[float, float], text: str, colour: str) -> None:
