@@ -149,7 +149,7 @@ class ShowReadingsNode(Node):
         return Heard(reading, topic, lags[nearest], _now(STEADY), _now(here) if is_simulated else None)
 
     def _is_newer(self, new: Heard, last: Heard) -> bool:
-        """Compare the stamps, as a latched reading can arrive late; compare the arrivals if these disagree."""
+        """Compare the stamps, as latched readings can arrive late; compare the arrivals if these disagree."""
         disagrees = max(abs(new.lag), abs(last.lag)) > MOST_APART_SECONDS
         is_after = new.topic == last.topic or new.steady - last.steady > MOST_APART_SECONDS
         is_newer = (disagrees and is_after) or self._age_of(new) <= self._age_of(last)
