@@ -1,7 +1,8 @@
 """
-Take a picture of the page of readings for the documents.
+Draw the page of readings and the picture of a mission for the documents.
 
-    make mission DRIVE=1 ARGS=robot_radius_m:=0.27; make figure PAGE=1   # too wide for some tags
+    make mission DRIVE=1 ARGS="robot_radius_m:=0.27 start_pose:='1.0 0.4 0.0'"   # too wide for some tags
+    make figure PAGE=1
 """
 
 import io
@@ -10,16 +11,17 @@ import tempfile
 from pathlib import Path
 
 from browser import CHROMIUM, NO_CHROMIUM, Page
-from lupin_greenhouse_bridge.display import readings_page
+from lupin_greenhouse_bridge.display import plot_report, readings_page
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
 REPORTS = ROOT / '.mission'
 COMMITTED = ROOT / 'tools/core/lupin_greenhouse_bridge/doc/page.png'
+REPORT = ROOT / 'monorepo/lupin_mission/doc/report.png'
 
 
 def main() -> int:
-    """Write the picture of the page of the last mission."""
+    """Write both pictures of the last mission."""
     reports = sorted(REPORTS.glob('*.jsonl'))  # their names begin with the time
     if not (CHROMIUM and reports):
         missing = 'make mission first, whose report it shows' if CHROMIUM else NO_CHROMIUM
@@ -33,7 +35,7 @@ def main() -> int:
             picture = Image.open(io.BytesIO(page.picture())).convert('RGB')
     picture.save(COMMITTED, optimize=True)
     print(COMMITTED)
-    return 0
+    return plot_report.main([str(reports[-1]), '-o', str(REPORT)])
 
 
 if __name__ == '__main__':

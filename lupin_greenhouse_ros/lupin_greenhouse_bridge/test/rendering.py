@@ -1,7 +1,6 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""Draw a MarkerArray and an OccupancyGrid from above, as RViz does: from the messages alone."""
+"""Draw a MarkerArray from above, as RViz does: from the messages alone."""
 
-import numpy as np
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -13,7 +12,7 @@ from visualization_msgs.msg import Marker
 PIXELS_PER_M = 160
 MARGIN_M = 0.2
 ASCENT = 0.75  # of a letter, as a part of the line
-BACKGROUND = '#303030'
+BACKGROUND = '#14181c'
 
 
 def turned(pose) -> Affine2D:
@@ -26,12 +25,11 @@ def colour_of(marker):
     return marker.color.r, marker.color.g, marker.color.b, marker.color.a
 
 
-def render(path, markers, field) -> dict[tuple[str, int], Bbox]:
+def render(path, markers) -> dict[tuple[str, int], Bbox]:
     """Write a picture, and return the box of each text in metres by its namespace and number."""
     axes = Figure(facecolor=BACKGROUND).add_axes((0, 0, 1, 1))
     axes.set_axis_off()
     boxes = {}
-    draw_field(axes, field)
     for marker in sorted(markers.markers, key=lambda each: each.pose.position.z):
         if marker.type == Marker.CUBE:
             size = marker.scale
@@ -45,6 +43,8 @@ def render(path, markers, field) -> dict[tuple[str, int], Bbox]:
                     transform=turned(marker.pose) + axes.transData,
                 )
             )
+        elif marker.type == Marker.CUBE_LIST:
+            draw_cells(axes, marker)
         else:
             assert marker.type == Marker.TEXT_VIEW_FACING
             boxes[marker.ns, marker.id] = draw_text(axes, marker)
@@ -56,20 +56,15 @@ def render(path, markers, field) -> dict[tuple[str, int], Bbox]:
     return boxes
 
 
-def draw_field(axes, field) -> None:
-    """Draw the grid in RViz's colour scheme `costmap`, half transparent."""
-    info = field.info
-    cells = np.array(field.data).reshape(info.height, info.width)
-    shares = cells[..., np.newaxis] / 100
-    colours = np.concatenate([shares, 0 * shares, 1 - shares], axis=2)
-    colours[cells == -1] = (0.44, 0.54, 0.53)
-    axes.imshow(
-        np.dstack([colours, np.full(cells.shape, 0.5)]),
-        origin='lower',
-        extent=(0, info.width * info.resolution, 0, info.height * info.resolution),
-        interpolation='nearest',
-        transform=turned(info.origin) + axes.transData,
-    )
+def draw_cells(axes, marker) -> None:
+    """Draw the rectangles of a list, each in its own colour."""
+    width, height = marker.scale.x, marker.scale.y
+    for point, colour in zip(marker.points, marker.colors, strict=True):
+        corner = (point.x - width / 2, point.y - height / 2)
+        style = {'facecolor': (colour.r, colour.g, colour.b, colour.a), 'linewidth': 0}
+        axes.add_patch(
+            Rectangle(corner, width, height, **style, transform=turned(marker.pose) + axes.transData)
+        )
 
 
 def draw_text(axes, marker) -> Bbox:

@@ -304,7 +304,8 @@ def test_the_picture_shows_the_map_and_never_replaces_it(write_map, poses_of, tm
     exit_code, _, err = poses_of('--map', path, '--picture', image)
     assert (exit_code, image.read_bytes()) == (2, before)
     assert f"--picture '{image}' is a file of the map itself" in err
-    assert poses_of('--map', path, '--picture', tmp_path / 'with.png')[0] == 0
+    exit_code, _, err = poses_of('--map', path, '--picture', tmp_path / 'with.png')
+    assert exit_code == 0, err
     assert poses_of('--picture', tmp_path / 'without.png')[0] == 0
     orange = []
     for name in ('with.png', 'without.png'):

@@ -5,7 +5,9 @@ import contextlib
 import importlib.util
 import json
 import math
+import re
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +18,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.display import show_readings
 from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges
-from lupin_greenhouse_bridge.display.field import Grid, grid_over, interpolate, scaled
-from lupin_greenhouse_bridge.display.markers import FIELD_NAMESPACE, STALE_ALPHA, Scene
+from lupin_greenhouse_bridge.display.field import VIRIDIS, Grid, colours_of, grid_over, interpolate, scaled
+from lupin_greenhouse_bridge.display.markers import (
+    FIELD_NAMESPACE,
+    STALE_ALPHA,
+    WHITE,
+    Scale,
+    Scene,
+    field_marker,
+)
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
@@ -39,6 +48,7 @@ BENCH = Layout(
     {'7': Tag(1.0, 1.0, ['co2']), '8': Tag(3.0, 1.0, ['co2', 'light'])}, {'bench': (1.0, 1.0, 3.0, 1.5)}
 )
 WALLS = Walls(0.0, 0.0, 4.0, 8.0)
+CO2 = Scale('co2', 300.0, 800.0)
 
 
 def reading_of(tag_id, seconds=100, **values):
@@ -61,14 +71,15 @@ def texts(markers) -> list[str]:
     return [each.text for each in of_namespace(markers, 'readings')]
 
 
-def markers_of(layout, *readings, at_seconds, stale_seconds=60.0, layout_in_map=None):
+def markers_of(layout, *readings, at_seconds, stale_seconds=60.0, layout_in_map=None, scale=CO2, field=None):
     """Return the markers of these readings at a time."""
     walls = WALLS if layout is BENCH else find_walls(layout)
-    return Scene(layout, walls, layout_in_map or Transform()).markers(
+    return Scene(layout, walls, layout_in_map or Transform(), scale).markers(
         header_at(at_seconds),
         {each.tag_id: (each, float(at_seconds - each.stamp.sec)) for each in readings},
         stale_seconds,
         'a caption',
+        field,
     )
 
 
@@ -143,7 +154,7 @@ def test_units_are_written_in_the_letters_that_rviz_has():
     (text,) = texts(markers_of(BENCH, reading, at_seconds=100))
     assert text.split('\n')[:3] == [
         'temperature 21.5 deg C',
-        'soil_moisture 0.250 m3/m3',
+        'soil moisture 0.250 m3/m3',
         'gr\\xf6\\xdfe 1.00',
     ]
 
@@ -156,6 +167,18 @@ def test_a_stale_reading_is_faded_and_an_unread_tag_is_not():
         assert [each.color.a for each in of_namespace(markers, 'readings')] == pytest.approx([alpha])
     read, unread = of_namespace(markers, 'tags')
     assert read.color.r != unread.color.r
+
+
+def test_a_tag_has_the_colour_of_its_value_on_the_page_and_is_white_without_this_sensor():
+    script = Path(show_readings.__file__).with_name('readings_page.js').read_text(encoding='utf-8')
+    stops = re.search(r'VIRIDIS = \[(.*)\]', script)[1]
+    assert re.findall(r'[0-9a-f]{6}', stops) == VIRIDIS.split()
+    readings = reading_of('7', co2=550.0), reading_of('8', light=900.0)
+    colours = [each.color for each in of_namespace(markers_of(BENCH, *readings, at_seconds=100), 'tags')]
+    middle = [int(VIRIDIS.split()[5][at : at + 2], 16) / 255 for at in (0, 2, 4)]
+    assert [(each.r, each.g, each.b) for each in colours] == [pytest.approx(middle), WHITE]
+    beyond = colours_of([-1e9, 1e9, math.nan], 300.0, 800.0)
+    assert beyond[:2] == pytest.approx(colours_of([300.0, 800.0], 300.0, 800.0))
 
 
 def test_tables_plates_and_ids_lie_where_the_layout_lies_in_the_map():
@@ -191,13 +214,13 @@ def test_no_label_covers_another_one_in_the_picture_of_the_messages(tmp_path, sh
         )
         for n, (tag_id, tag) in enumerate(layout.tags.items())
     ]
-    markers = markers_of(layout, *readings, at_seconds=260, stale_seconds=60.0)
+    samples = [(*layout.tags[each.tag_id][:2], each.readings[0].value) for each in readings]
     grid = grid_over(layout, find_walls(layout), 0.1)
-    field = OccupancyGrid(data=[-1] * (grid.columns * grid.rows))
-    field.info.resolution, field.info.width, field.info.height = 0.1, grid.columns, grid.rows
+    field = field_marker(grid, interpolate(grid, samples, 1.0), CO2, Transform())
+    markers = markers_of(layout, *readings, at_seconds=260, stale_seconds=60.0, field=field)
     from rendering import render  # needs matplotlib
 
-    boxes = render(tmp_path / 'markers.png', markers, field)
+    boxes = render(tmp_path / 'markers.png', markers)
     assert len(boxes) == 2 * len(shipped_tags) + 1
     seen = list(boxes.items())
     covered = [
@@ -284,8 +307,17 @@ def test_a_published_reading_appears_among_the_markers_and_in_the_field(
     wait_until(lambda: cell(viewer.fields[-1], tag['x'], tag['y']) == 25)  # of 0 to 30 degrees
     assert cell(viewer.fields[-1], tag['x'], tag['y'] + 0.7) == -1
     (caption,) = of_namespace(viewer.markers[-1], FIELD_NAMESPACE)
-    assert 'field of temperature: 0 is 0 deg C, 100 is 30 deg C,' in caption.text
-    assert 'received readings, not from the model of the simulator' in caption.text
+    assert caption.text == (
+        'temperature (deg C): colours from 0 to 30\n'
+        f'lowest 7.5 at tag {warm_tag_id}, highest 7.5 at tag {warm_tag_id}\n'
+        'field: interpolated from 1 received reading,\nnot from the model of the simulator'
+    )
+    (cells,) = of_namespace(viewer.markers[-1], 'field')
+    places = [(round(each.x, 2), round(each.y, 2)) for each in cells.points]
+    colour = cells.colors[
+        places.index((math.floor(tag['x'] * 10) / 10 + 0.05, math.floor(tag['y'] * 10) / 10 + 0.05))
+    ]
+    assert (colour.r, colour.g, colour.b) == pytest.approx(colours_of(7.5, 0.0, 30.0))
 
 
 def test_a_late_viewer_sees_the_latched_messages(start_here, room, shipped_tags):
@@ -432,7 +464,9 @@ def test_a_custom_layout_and_config_are_shown(start_here, room, tmp_path):
     viewer.wait_for('ozone 3.00')  # a sensor that is not the simulator's has no unit
     wait_until(lambda: cell(viewer.fields[-1], 1.0, 2.0) == 30)
     (caption,) = of_namespace(viewer.markers[-1], FIELD_NAMESPACE)
-    assert 'field of ozone: 0 is 0, 100 is 10,' in caption.text
+    assert caption.text.startswith(
+        'ozone: colours from 0 to 10\nlowest 3.00 at tag A7, highest 3.00 at tag A7\n'
+    )
 
 
 def displays_of_rviz():
@@ -443,7 +477,7 @@ def displays_of_rviz():
     displays = {}
     for each in manager['Displays']:
         if topic := each.get('Topic'):
-            assert each['Enabled']
+            assert each['Enabled'] == (topic['Value'] != '/show_readings/field')
             assert topic['Durability Policy'] == 'Transient Local'
             displays[topic['Value']] = types[each['Class'].removeprefix('rviz_default_plugins/')]
     return displays, manager['Global Options']['Fixed Frame']
@@ -465,7 +499,23 @@ def test_the_displays_of_rviz_and_foxglove_are_of_topics_that_are_published(star
     panel = layout['configById'][layout['layout']]
     assert panel['followTf'] == frame
     shown = {topic for topic, settings in panel['topics'].items() if settings['visible']}
-    assert shown == {'/show_readings/markers', '/show_readings/field', '/approach_poses/poses'}
+    assert shown == {'/show_readings/markers', '/approach_poses/poses'}
+
+
+def test_rviz_and_foxglove_have_the_dark_colours_of_the_page():
+    page = Path(show_readings.__file__).with_name('readings_page.html').read_text(encoding='utf-8')
+    dark = dict(re.findall(r'--(\w+): (#\w+)', page.partition('prefers-color-scheme: dark')[2]))
+    manager = yaml.safe_load((SHARE / 'rviz/greenhouse.rviz').read_text(encoding='utf-8'))[
+        'Visualization Manager'
+    ]
+    (poses,) = (each for each in manager['Displays'] if 'PoseArray' in each['Class'])
+    in_rviz = manager['Global Options']['Background Color'], poses['Color']
+    layout = json.loads((SHARE / 'foxglove/greenhouse.json').read_text(encoding='utf-8'))
+    panel = layout['configById'][layout['layout']]
+    gradient = panel['topics']['/approach_poses/poses']['gradient']
+    assert (panel['scene']['backgroundColor'], *gradient) == (dark['page'], *[f'{dark["route"]}ff'] * 2)
+    for shown, colour in zip(in_rviz, (dark['page'], dark['route']), strict=True):
+        assert shown == '; '.join(str(int(colour[at : at + 2], 16)) for at in (1, 3, 5))
 
 
 def test_the_process_ends_with_exit_code_0(start_node):

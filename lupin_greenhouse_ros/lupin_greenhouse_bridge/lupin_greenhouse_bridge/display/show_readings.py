@@ -23,7 +23,7 @@ from visualization_msgs.msg import MarkerArray
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges
 from lupin_greenhouse_bridge.display.field import Grid, grid_over, interpolate, scaled
-from lupin_greenhouse_bridge.display.markers import Scene
+from lupin_greenhouse_bridge.display.markers import Scale, Scene, field_marker
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_transform
@@ -38,11 +38,11 @@ from lupin_greenhouse_bridge.runtime.parameters import (
 from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
-from lupin_greenhouse_bridge.units import unit_of
+from lupin_greenhouse_bridge.units import label_of, value_text
 
 NODE_NAME = 'show_readings'
 PUBLISH_EVERY_SECONDS = 1.0  # web clients receive a latched topic only when it is published again
-MOST_CELLS = 1_000_000
+MOST_CELLS, MOST_CELLS_MARKED = 1_000_000, 20_000
 MOST_UNKNOWN_IDS_LOGGED = 1000  # a publisher of random ids must not fill the memory
 MOST_APART_SECONDS = 60.0  # a stamp that disagrees more with the arrival does not tell which reading is newer
 STEADY, SYSTEM = Clock(clock_type=ClockType.STEADY_TIME), Clock(clock_type=ClockType.SYSTEM_TIME)
@@ -108,13 +108,13 @@ class ShowReadingsNode(Node):
             if settings.layout_in_map
             else Transform()
         )
-        self._range = _range_of(settings)
+        self._scale = Scale(settings.sensor, *_range_of(settings))
         self._grid = _grid_of(settings, layout, walls)
         self._tags = layout.tags
-        self._scene = Scene(layout, walls, self._layout_in_map)
+        self._scene = Scene(layout, walls, self._layout_in_map, self._scale)
         self._heard: dict[str, Heard] = {}  # the newest reading of each tag
         self._has_warned = False
-        self._cells = None  # of the field; None if a reading has arrived since
+        self._cells = self._field_marker = None  # of the field; None if a reading has arrived since
         self._unknown_ids = set()
         self._markers = self.create_publisher(MarkerArray, '~/markers', latched())
         self._field = self.create_publisher(OccupancyGrid, '~/field', latched())
@@ -175,8 +175,10 @@ class ShowReadingsNode(Node):
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.map_frame)
         samples = self._samples()
         if self._cells is None:
-            values = interpolate(self._grid, samples, self._settings.radius_m)
-            self._cells = array.array('b', scaled(values, *self._range).tobytes())
+            values = interpolate(self._grid, list(samples.values()), self._settings.radius_m)
+            self._cells = array.array('b', scaled(values, *self._scale[1:]).tobytes())
+            if values.size <= MOST_CELLS_MARKED:
+                self._field_marker = field_marker(self._grid, values, self._scale, self._layout_in_map)
         x, y = self._layout_in_map.point(self._grid.x, self._grid.y)
         info = MapMetaData(
             map_load_time=header.stamp,
@@ -187,26 +189,36 @@ class ShowReadingsNode(Node):
         )
         self._field.publish(OccupancyGrid(header=header, info=info, data=self._cells))
         readings = {tag_id: (each.reading, self._age_of(each)) for tag_id, each in self._heard.items()}
-        stale_seconds, caption = self._settings.stale_seconds, self._caption(len(samples))
-        self._markers.publish(self._scene.markers(header, readings, stale_seconds, caption))
-
-    def _samples(self) -> list[tuple[float, float, float]]:
-        """Return x and y in the layout and the value of each reading of the sensor."""
-        return [
-            (tag.x, tag.y, each.value)
-            for tag_id, heard in self._heard.items()
-            for tag in [self._tags[tag_id]]
-            for each in heard.reading.readings
-            if each.name == self._settings.sensor and math.isfinite(each.value)
-        ]
-
-    def _caption(self, count: int) -> str:
-        sensor, unit = self._settings.sensor, unit_of(self._settings.sensor)
-        lowest, highest = (f'{value:g} {unit}'.rstrip() for value in self._range)
-        return (
-            f'field of {sensor}: 0 is {lowest}, 100 is {highest},\n'
-            f'interpolated from {count} received readings, not from the model of the simulator'
+        stale_seconds, caption = self._settings.stale_seconds, self._caption(samples)
+        self._markers.publish(
+            self._scene.markers(header, readings, stale_seconds, caption, self._field_marker)
         )
+
+    def _samples(self) -> dict[str, tuple[float, float, float]]:
+        """Return x and y in the layout and the value of each reading of the sensor, by tag id."""
+        return {
+            tag_id: (*self._tags[tag_id][:2], each.value)
+            for tag_id, heard in self._heard.items()
+            for each in heard.reading.readings
+            if each.name == self._scale.sensor and math.isfinite(each.value)
+        }
+
+    def _caption(self, samples: dict[str, tuple[float, float, float]]) -> str:
+        """Return what the colours show, in the words of the page of readings."""
+        sensor, lowest, highest = self._scale
+        lines = [f'{label_of(sensor)}: colours from {lowest:g} to {highest:g}']
+        if samples:
+            values = {tag_id: value for tag_id, (*_, value) in samples.items()}
+            extremes = (
+                f'{word} {value_text(sensor, values[tag_id])} at tag {escaped(tag_id, 40)}'
+                for word, tag_id in (
+                    ('lowest', min(values, key=values.get)),
+                    ('highest', max(values, key=values.get)),
+                )
+            )
+            lines.append(', '.join(extremes))
+        lines.append(f'field: interpolated from {pluralized(len(samples), "received reading")},')
+        return '\n'.join([*lines, 'not from the model of the simulator'])
 
 
 def _seconds(reading: TagReading) -> float:

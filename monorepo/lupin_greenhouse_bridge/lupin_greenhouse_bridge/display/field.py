@@ -9,6 +9,9 @@ import numpy as np
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
+VIRIDIS = (  # as on the page of readings
+    '440154 482475 414487 355f8d 2a788e 21918c 22a884 44bf70 7ad151 bddf26 fde725'
+)
 NEAREST_M = 1e-6  # a value that is nearer counts as if it were at this distance
 
 
@@ -56,3 +59,10 @@ def scaled(values: np.ndarray, lowest: float, highest: float) -> np.ndarray:
     with np.errstate(invalid='ignore'):
         shares = np.clip(np.rint(100.0 * (values - lowest) / (highest - lowest)), 0.0, 100.0)
     return np.where(np.isnan(shares), -1.0, shares).astype(np.int8)
+
+
+def colours_of(values: np.ndarray, lowest: float, highest: float) -> np.ndarray:
+    """Return red, green and blue, from 0 to 1, of each value; one beyond an end has the colour of the end."""
+    stops = np.array([[int(each[at : at + 2], 16) / 255 for at in (0, 2, 4)] for each in VIRIDIS.split()])
+    places = (np.asarray(values, float) - lowest) / (highest - lowest) * (len(stops) - 1)
+    return np.stack([np.interp(places, np.arange(len(stops)), each) for each in stops.T], axis=-1)

@@ -107,11 +107,10 @@ def draw_path(axes: Any, points: list[tuple[float, float]], places: Collection[B
     """Draw a thin path with arrows where none of these places is, from a circle to a square."""
     axes.plot(*zip(*points, strict=True), color=ROUTE_COLOUR, linewidth=0.9, zorder=1.5)
     style = {'arrowstyle': '-|>', 'color': ROUTE_COLOUR, 'linewidth': 0, 'mutation_scale': 11}
-    last, *steps = list(steps_of(points, ARROW_EVERY_M / 8))  # a circle marks the start
-    taken = list(places)
-    for x, y, heading in steps:
+    last, taken = points[0], list(places)  # a circle marks the start
+    for x, y, heading in steps_of(points, ARROW_EVERY_M / 8):
         is_free = not any(math.hypot(x - each.x, y - each.y) < (each.width + WAY_M) / 2 for each in taken)
-        if is_free and math.dist((x, y), last[:2]) > ARROW_EVERY_M:
+        if is_free and math.dist((x, y), last) > ARROW_EVERY_M:
             tip = x + 0.01 * math.cos(heading), y + 0.01 * math.sin(heading)
             axes.annotate('', tip, (x, y), arrowprops=style, zorder=1.6)
             last = x, y
