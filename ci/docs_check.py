@@ -25,8 +25,8 @@ A table of `sensor` and `lowest` has the ranges of the installed mdp-greenhouse,
     <!-- ranges of mdp-greenhouse VERSION -->
 
 A test that a document names exists: `test_x.py`, `test_x.py::test_y` or `test_y`.
-A glossary.md has at most 25 terms, of one sentence each. In the text of each page beside it, and of the pages
-of the packages of its tree, the first use of a term is a link to it, such as [tags](glossary.md#tag).
+A glossary.md has at most 25 terms, of one sentence each. On every page in its folder, and on the pages of the
+packages in its tree, the first use of a term links to it, such as [tags](glossary.md#tag).
 Indented code blocks have no language, so they are refused.
 Exit code: 0 no findings, 1 findings, one line each.
 """
@@ -268,7 +268,7 @@ def undocumented_commands(root: Path, paths: list[Path]) -> Iterator[str]:
 
 
 def unlinked_terms(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each term of the glossary that a page of the same tree uses before it links to it."""
+    """Yield a line for each term of the tree's glossary that a page uses before it links to the term."""
     places = [path.parent, *(each / 'lupin_greenhouse_bridge/doc' for each in path.parents[1:])]
     glossary = next(
         (root / each / 'glossary.md' for each in places if (root / each / 'glossary.md').exists()), None

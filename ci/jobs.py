@@ -1,4 +1,4 @@
-"""Run commands at once, each with its output in a log, and show how far they are."""
+"""Run commands in parallel, each with its output in a log, and show their progress."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class Job:
         self.summary = ''
 
     def read(self, line: str) -> str | None:
-        """Take a line of the output; return what to show of it at once."""
+        """Process a line of the output; return the text to show immediately."""
         if line.startswith(FAILED):
             self.failures.append(line[len(FAILED) :])
         return f'{self.name}: {line}'
 
     def state(self) -> str:
-        """Return how far the command is."""
+        """Return the progress of the command."""
         return self.name
 
     def explain_failure(self) -> str:
@@ -193,7 +193,7 @@ def take(job: Job, line: str | None, status: Status) -> None:
 
 
 def run(jobs: list[Job], at_once: int = 1) -> bool:
-    """Run jobs, some at once; return whether all ended with exit code 0."""
+    """Run jobs, some of them in parallel; return whether all ended with exit code 0."""
     waiting, running, events, status = list(jobs), [], queue.SimpleQueue(), Status()
     started_s = time.monotonic()
     while waiting or running:

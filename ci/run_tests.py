@@ -151,7 +151,7 @@ def test_all() -> bool:
 
 
 def install_axe(venv: Path) -> None:
-    """Install axe-core, which checks the page for people who cannot see it well, if npm is there."""
+    """Install axe-core, which checks the accessibility of the page, if npm is available."""
     if shutil.which('npm'):
         options = ['--silent', '--no-audit', '--no-fund', '--prefix', venv / 'axe']
         subprocess.run(['npm', 'install', *options, AXE], check=False)

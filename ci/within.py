@@ -41,7 +41,7 @@ def stand_ins(workspace: Workspace) -> tuple[Workspace, ...]:
 
 
 def drake(workspace: Workspace) -> Path:
-    """Install Drake beside the environment, without what it depends on; return its folder."""
+    """Install Drake, without its dependencies, outside the environment; return its folder."""
     packages = Path(f'{workspace.venv}-world')
     installed = packages / 'installed.txt'
     if installed.exists() and filecmp.cmp(DRAKE, installed, shallow=False):

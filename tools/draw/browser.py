@@ -89,7 +89,7 @@ class Page:
         return reply['result']
 
     def _read(self):
-        """Yield each message of the browser, and note what the page complains of and asks for."""
+        """Yield each message of the browser, and note the errors and the requests of the page."""
         rest = b''
         while part := self._process.stdout.read1():
             *messages, rest = (rest + part).split(b'\0')

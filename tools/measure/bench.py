@@ -77,7 +77,7 @@ TARGETS = {
 
 
 class NodeServer(Server):
-    """A server in a namespace of its own."""
+    """A server in its own namespace."""
 
     def __init__(self, command: str, name: str, **parameters):
         self.service = f'/{name}/greenhouse_bridge/get_tag_reading'
@@ -191,7 +191,7 @@ class Asker:
         return answered
 
     def hurry(self, service: str, calls: int) -> None:
-        """Have this many calls answered as fast as they can be, 16 at once."""
+        """Make this many calls as fast as possible, 16 at the same time."""
         client, request = self._call_to(service)
         for _ in range(calls // 16):
             for future in [client.call_async(request) for _ in range(16)]:
@@ -261,7 +261,7 @@ class Bench:
         """
         Time the round trips of one client to each server, and to one that only sends canned replies.
 
-        Starts the servers anew for each round: processes of the same program differ by more than calls do.
+        Restarts the servers for each round, because processes of the same program differ more than calls do.
         """
         calls = 200 if self.options.short else 1000
         commands = (self.options.subject, self.options.baseline, CANNED)

@@ -203,7 +203,7 @@ class MissionNode(Node):
             self._announcer.warn(warning)
 
     def _chosen_ids(self) -> list[str]:
-        """Return the tags of tag_sequence, or else all tags in natural order."""
+        """Return the tags of tag_sequence, or all tags in natural order if it is empty."""
         return self._settings.chosen_tag_ids or sorted(self._tags.ids, key=natural_order)
 
     async def _plan_and_begin(self, mission_id: str, tag_ids: list[str], report: Report | None) -> None:
@@ -319,7 +319,7 @@ class MissionNode(Node):
     # What people ask of the mission
 
     def _on_estop(self, message) -> None:
-        """Stop the robot at once; a release alone moves nothing."""
+        """Stop the robot immediately; after a release, it does not move until resume()."""
         if message.data == self._is_estop_engaged:
             return
         self._is_estop_engaged = message.data

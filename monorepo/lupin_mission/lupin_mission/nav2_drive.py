@@ -232,7 +232,7 @@ class _SentGoal:
         self._reply = self._expect(client.send_goal_async(message, self._on_feedback, goal_uuid))
 
     def is_stuck(self) -> bool:
-        """Return whether the robot hardly moved, as far as the server told where it is."""
+        """Return whether the robot hardly moved, according to the feedback of the server."""
         return self._start is not None and self._moved_m < STUCK_M
 
     def _on_feedback(self, message) -> None:
@@ -299,6 +299,6 @@ class _SentGoal:
 
 
 def _reason_of(result) -> str:
-    """Return code and message of a result, as far as its distro has them: Humble has neither."""
+    """Return the error code and message of a result, if the distro has them. Humble has neither."""
     code, text = getattr(result, 'error_code', 0), getattr(result, 'error_msg', '')
     return (f' with code {code}' if code else '') + (f': {escaped(text, 200)}' if text else '')

@@ -125,7 +125,7 @@ class PassiveObserver(Node):
         self._observations.publish(observation)
 
     def _has_mission(self) -> bool:
-        """Return whether the node lives that published the state: a mission that crashed says no more."""
+        """Return whether the publisher of the state still runs: a crashed mission no longer publishes."""
         return self.count_publishers(self._states.topic_name) > 0
 
 

@@ -68,14 +68,14 @@ class Plan:
         return [*route.tag_ids, *(tag_id for tag_id in tag_ids if tag_id not in self._poses)]
 
     def _free_in_layout(self, place_in_map_m: tuple[float, float] | None) -> tuple[float, float] | None:
-        """Return a place of the map in the layout; None if there is none, or if it is not free."""
+        """Transform a position from the map into the layout; None if it is unknown, or not free."""
         if place_in_map_m is None:
             return None
         place_m = self._map_in_layout.point(*place_in_map_m)
         return place_m if self._free_space.is_free(*place_m) else None
 
     def _in_layout(self, tag_id: str, override: Override, path: str) -> Override:
-        """Return an override, which the team gives in the map, in the layout."""
+        """Transform an override, which the team sets in the map, into the layout."""
         x, y = override.goal_x, override.goal_y
         if (x is None) != (y is None) and self._map_in_layout.yaw:
             raise StartUpError(

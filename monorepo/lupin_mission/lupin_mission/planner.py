@@ -1,4 +1,4 @@
-"""Plan the drives in a thread of their own, so that no callback waits for a large greenhouse."""
+"""Plan the drives in a separate thread, so that a large greenhouse does not block any callback."""
 
 import threading
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from lupin_mission.tags import Tags
 
 
 class Drives(NamedTuple):
-    """What was planned: the goals by tag id, why a tag has none, the tags in the order of visits."""
+    """A plan: the goals by tag id, the reason why a tag has none, and the tags in the order of visits."""
 
     goals: dict[str, list[Goal]]
     unreachable: dict[str, str]
@@ -26,10 +26,10 @@ class Drives(NamedTuple):
 
 
 class Planner:
-    """Plans one after the other what it is asked for. Call poll() often: it completes the futures."""
+    """Handles one request for a plan after the other. Call poll() often, which completes the futures."""
 
     def __init__(self, node, settings: Settings, tags: Tags):
-        """Listen to the map, and start the thread."""
+        """Subscribe to the map, and start the thread."""
         self._settings, self._tags = settings, tags
         self._room_map = RoomMap(node, settings.map_topic, settings.frame_id)
         self._plan: Plan | None = None  # it and the map belong to the thread
@@ -39,11 +39,11 @@ class Planner:
         threading.Thread(target=self._run, daemon=True).start()  # a signal ends the mission while it plans
 
     def plan(self, tag_ids: list[str]) -> Future:
-        """Plan the drives anew, without a map. The future has Drives, or raises StartUpError."""
+        """Plan the drives without a map. The result of the future is Drives; it can raise StartUpError."""
         return self._expect(lambda: self._drives(tag_ids, None, is_new=True))
 
     def plan_mission(self, tag_ids: list[str], robot_m: tuple[float, float] | None) -> Future:
-        """Plan a mission from the robot to these tags, with the map that is there now; the rest as plan()."""
+        """Plan a mission from the robot to these tags, with the current map; otherwise like plan()."""
         message = self._room_map.take()
 
         def drives() -> Drives:
@@ -53,7 +53,7 @@ class Planner:
         return self._expect(drives)
 
     def poll(self) -> None:
-        """Complete the futures of what has been planned."""
+        """Complete the futures of the finished plans."""
         while not self._done.empty():
             future, drives, error = self._done.get()
             if error:
@@ -62,7 +62,7 @@ class Planner:
                 future.set_result(drives)
 
     def close(self) -> None:
-        """End the thread after its work."""
+        """End the thread after its current work."""
         self._work.put(None)
 
     def _expect(self, work: Callable[[], Drives]) -> Future:

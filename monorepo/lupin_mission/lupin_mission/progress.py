@@ -5,7 +5,7 @@ import sys
 
 
 class ProgressLine:
-    """Shows a text in the last line of a terminal, in place of the text before."""
+    """Shows a text in the last line of a terminal, where it replaces the previous text."""
 
     def __init__(self, stream=sys.stdout):
         self._stream = stream if stream and stream.isatty() else None  # none: it was closed

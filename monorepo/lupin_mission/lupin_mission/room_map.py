@@ -1,4 +1,4 @@
-"""The map of the room, from a latched topic, for the approach poses."""
+"""The robot's map, from a latched topic, for the approach poses."""
 
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
@@ -10,7 +10,7 @@ class RoomMap:
     """Keeps the last message of the topic."""
 
     def __init__(self, node, topic: str, frame_id: str):
-        """Subscribe; a map of another frame is not used."""
+        """Subscribe; a map in another frame is ignored."""
         self._frame_id = frame_id
         self._logger = node.get_logger()
         self._message: OccupancyGrid | None = None
@@ -20,7 +20,7 @@ class RoomMap:
         self._message = message
 
     def take(self) -> OccupancyGrid | None:
-        """Return the message that the poses are planned with, if any, and log it."""
+        """Return the message to plan the poses with, if there is one, and log it."""
         topic, message = self._subscription.topic_name, self._message
         if message is None or message.header.frame_id != self._frame_id:
             reason = 'no message' if message is None else f"a map in the frame '{message.header.frame_id}'"

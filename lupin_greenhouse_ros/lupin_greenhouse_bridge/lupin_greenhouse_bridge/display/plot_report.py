@@ -117,7 +117,7 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
 def _draw_ways(
     axes, layout: Layout, walls: Walls, route: list[tuple[float, float]], failed: dict[str, str]
 ) -> None:
-    """Draw the way of the robot with its direction, and name the tags that were not read."""
+    """Draw the path of the robot with its direction, and label the tags that were not read."""
     axes.set_title(
         ' and '.join(['route'] * bool(route) + ['tags not read'] * bool(failed)), fontsize=12, pad=20
     )

@@ -87,7 +87,7 @@ class Scene:
     """The greenhouse in the frame of a map."""
 
     def __init__(self, layout: Layout, walls: Walls, layout_in_map: Transform, scale: Scale):
-        """Find a place for everything; raises StartUpError for a table without an area."""
+        """Compute the positions of all markers; raises StartUpError for a table without an area."""
         self._layout_in_map, self._scale = layout_in_map, scale
         self._tables = tables_of(layout)
         self._plates = place_plates(layout, walls, layout_in_map)

@@ -80,7 +80,7 @@ class Settings:
 
 
 class Heard(NamedTuple):
-    """A reading and its arrival; times in seconds."""
+    """A received reading and its time of arrival; times are in seconds."""
 
     reading: TagReading
     topic: str
@@ -139,7 +139,7 @@ class ShowReadingsNode(Node):
             self._cells = None
 
     def _hear(self, reading: TagReading, topic: str) -> Heard:
-        """Compare the stamp with the nearest clock: with use_sim_time, that may be the system's."""
+        """Compare the stamp with the nearest clock, which can be the system clock even with use_sim_time."""
         here = self.get_clock()
         lags = {clock: _now(clock) - _seconds(reading) for clock in (here, SYSTEM)}
         nearest = min(lags, key=lambda clock: abs(lags[clock]))
@@ -149,7 +149,7 @@ class ShowReadingsNode(Node):
         return Heard(reading, topic, lags[nearest], _now(STEADY), _now(here) if is_simulated else None)
 
     def _is_newer(self, new: Heard, last: Heard) -> bool:
-        """By stamp, as a latched reading may be late; by arrival if a stamp disagrees with its arrival."""
+        """Compare the stamps, as latched readings can arrive late; compare the arrivals if these disagree."""
         disagrees = max(abs(new.lag), abs(last.lag)) > MOST_APART_SECONDS
         is_after = new.topic == last.topic or new.steady - last.steady > MOST_APART_SECONDS
         is_newer = (disagrees and is_after) or self._age_of(new) <= self._age_of(last)
@@ -158,7 +158,7 @@ class ShowReadingsNode(Node):
         return is_newer
 
     def _age_of(self, heard: Heard) -> float:
-        """Return the age now in seconds. Only the steady clock never jumps."""
+        """Return the current age in seconds. The monotonic clock replaces a simulated one that went back."""
         passed = -1.0 if heard.simulated is None else _now(self.get_clock()) - heard.simulated
         return max(heard.lag, 0.0) + (passed if passed >= 0.0 else _now(STEADY) - heard.steady)
 

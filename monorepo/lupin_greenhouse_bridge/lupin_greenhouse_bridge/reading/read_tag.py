@@ -121,7 +121,7 @@ def _read(node, bridge: client.Client, options) -> int:
 
 
 def _warn_of_other_servers(node, service_name: str) -> str:
-    """Print and return a warning if another node offers the service too: by now it has been discovered."""
+    """Print and return a warning if another node offers the service too; it has been discovered by now."""
     if warning := duplicate_server_warning(node, service_name, has_namesakes=True):
         print(f'read_tag: {warning}', file=sys.stderr)
     return warning
@@ -204,7 +204,7 @@ def _is_limited_to_this_machine() -> bool:
 
 
 def _ids_to_complete(executor) -> list[str]:
-    """Return the ids of the bridge that runs if it answers at once, otherwise the shipped ones."""
+    """Return the tag ids of a running bridge that answers immediately, otherwise the shipped ones."""
     bridge = client.Client(executor, _node_in(executor), COMPLETION_TIMEOUT_SECONDS)
     try:
         return _all_tag_ids(bridge, DEFAULT_SERVICE)

@@ -372,7 +372,8 @@ def run_nodes():
     """
     Return a function that runs nodes like running(), until the test ends.
 
-    It returns them, and a node of the test: they share a participant, so all find each other at once.
+    It returns them, and a node of the test. They share a participant, so all nodes discover each other
+    immediately.
     """
 
     def beside():
