@@ -4,6 +4,7 @@
 const data = JSON.parse(document.getElementById('data').textContent);
 const VIRIDIS = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
 const PAPER = { map: [440, 830], tab: 96, chart: [222, 165] };  // pixels in print
+const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const element = id => document.getElementById(id);
 const by_id = new Map(data.tags.map(tag => [tag.id, tag]));
 const state = { sensor: 0, clock: 'wall', sort: null, is_down: false, is_printed: false };
@@ -130,12 +131,17 @@ function draw_route(svg, frame) {
   const steps = [];
   if (way.length < 2) return steps;
   draw(svg, 'path', { class: 'route', d: `M${way.map(point => point.map(each => each.toFixed(1)).join()).join('L')}` });
-  let travelled = 0;
+  const arrows = [];
+  let travelled = 0, last = 0;
   way.slice(1).forEach(([x, y], number) => {
     const [from_x, from_y] = way[number], length = Math.hypot(x - from_x, y - from_y), turn = Math.atan2(y - from_y, x - from_x) * 180 / Math.PI;
     for (let at = 8 - travelled % 8; at < length; at += 8) {
       steps.push([from_x + (x - from_x) * at / length, from_y + (y - from_y) * at / length]);
-      if (steps.length % 12 === 6) draw(svg, 'path', { class: 'arrow', d: 'M5 0L-4 -3.5L-4 3.5Z', transform: `translate(${steps.at(-1)}) rotate(${turn})` });
+      const [here_x, here_y] = steps.at(-1);
+      if (steps.length - last < 9 || arrows.some(([a, b]) => Math.hypot(a - here_x, b - here_y) < 16)) continue;
+      last = steps.length;
+      arrows.push(steps.at(-1));
+      draw(svg, 'path', { class: 'arrow', d: 'M5 0L-4 -3.5L-4 3.5Z', transform: `translate(${steps.at(-1)}) rotate(${turn})` });
     }
     travelled += length;
   });
@@ -423,7 +429,7 @@ function draw_chart(sensor, place, readout) {
   }
   const points = [], ends = [], taken = [];
   for (const line of sensor.lines) {
-    const tag = data.tags[line.tag], group = draw(svg, 'g', { class: 'series', 'data-tag': tag.id });
+    const tag = data.tags[line.tag], group = draw(svg, 'g', { class: line[state.clock].length > 1 ? 'series line' : 'series', 'data-tag': tag.id });
     const places = line[state.clock].map(([at, value, low, high]) => ({ tag, at: axis.start + at, x: x(at), y: y(value), value, low, high }));
     points.push(...places);
     const runs = runs_of(places);
@@ -439,9 +445,9 @@ function draw_chart(sensor, place, readout) {
   }
   for (const [group, { tag, x: end, y: height_of_end }] of ends) {
     const wide = pen.measureText(tag.id).width, near = [[5, 0], [-5 - wide, 0], [-wide / 2, -11], [-wide / 2, 11]].map(([dx, dy]) => [end + dx, height_of_end + dy - 6, end + dx + wide, height_of_end + dy + 6]);
-    const free = near.find(box => box[0] >= left && box[2] <= width && !taken.some(each => common(box, each) > 0) && !points.some(p => p.tag !== tag && common(box, around(p.x, p.y, 5, 5)) > 0));
+    const free = ends.length <= MOST_LABELLED && near.slice(0, group.matches('.line') ? 1 : 4).find(box => box[0] >= left && box[2] <= width && !taken.some(each => common(box, each) > 0) && !points.some(p => p.tag !== tag && common(box, around(p.x, p.y, 5, 5)) > 0));
     if (free) taken.push(free);
-    const box = free ?? near[end + 5 + wide > width ? 1 : 0];
+    const box = free || near[end + 5 + wide > width ? 1 : 0];
     draw(group, 'text', { class: free ? 'halo' : 'halo spare', x: box[0], y: box[3] - 2 }, tag.id);
   }
   const nearest = event => {
