@@ -84,7 +84,7 @@ env:  ## make the Python environment (.venv) of all targets
 build: env  ## build TREE with colcon
 	@$(BUILD) $(PACKAGES)
 
-bridge: env
+bridge: env  ## build the bridge and its messages
 	@$(BUILD) $(TREE)/lupin_*msgs $(TREE)/lupin_greenhouse_bridge
 
 generate: env  ## write both trees from tools/core (ARGS=--prune: remove what a rename left)
@@ -157,7 +157,7 @@ steady: env  ## repeat the contract tests of both trees RUNS=20 times beside LOA
 
 # publish
 
-mirror-publish: env  ## push the mirror: REMOTE=URL [RELEASE=1.2.0] [ARGS=--dry-run]
+mirror-publish: env  ## push the mirror: REMOTE=URL [RELEASE=2.0.0] [ARGS=--dry-run]
 	@$(IN_ENV) python tools/mirror_publish.py '$(REMOTE)' $(if $(RELEASE),--release $(RELEASE)) $(ARGS)
 
 mirror-publish-check: env  ## publish the mirror to a local repository, clone it and follow its README

@@ -59,6 +59,16 @@ def test_the_two_commands_of_the_readme():
             server.wait()
 
 
+def test_the_mirror_shows_the_table_of_the_readme():
+    tables = []
+    for tree in ('.', 'lupin_greenhouse_ros'):
+        text = (ROOT / tree / 'README.md').read_text(encoding='utf-8')
+        tables.append(re.findall(r'^tag +sim time.*\n(?:1 .*\n)+', text, re.MULTILINE))
+    readme, mirror = tables
+    assert len(readme) == 1
+    assert mirror == readme
+
+
 def test_the_documents_are_true(capsys):
     assert docs_check.main() == 0, capsys.readouterr().out
 
