@@ -61,9 +61,7 @@ page: bridge  ## make a page of the readings of the last mission, or of FILE=rea
 	@file='$(FILE)'; file=$${file:-$$(find .mission -name '*.jsonl' -size +0 -printf '%T@ %p\n' 2>/dev/null | sort -n | tail -1 | cut -d' ' -f2- || true)}; \
 	    [ "$$file" ] || { echo 'page: .mission holds no report: make mission, or make page FILE=readings.sqlite' >&2; exit 2; }; \
 	    $(if $(FILE),,echo "page: of the newest report, $$file";) \
-	    beside=(); for each in route:route.csv tag-file:tag_locations.json sim-config-file:greenhouse_config.yaml; do \
-	        path="$${file%.*}-$${each#*:}"; [ ! -f "$$path" ] || beside+=("--$${each%:*}" "$$path"); done; \
-	    $(IN_ENV) "$$LUPIN_EXECUTABLES/readings_page" "$$file" "$${beside[@]}" $(ARGS)
+	    $(IN_ENV) "$$LUPIN_EXECUTABLES/readings_page" "$$file" $(ARGS)
 
 world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"
 	@$(IN_ENV) $(call EXECUTABLE,lupin_simulation,generate_world) $(ARGS)

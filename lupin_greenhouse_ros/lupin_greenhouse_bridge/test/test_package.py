@@ -11,7 +11,19 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parent.parent
 MODULES = PACKAGE / 'lupin_greenhouse_bridge'
-# A room imports only from those before it, and from the modules beside them.
+# The rows of the table in the core's README.
+ROWS = (
+    {'errors', 'units'},
+    {'runtime'},
+    {'settings', 'interfaces', 'contract'},
+    {'simulator'},
+    {'bridge_node'},
+    {'planning'},
+    {'recording'},
+    {'reading'},
+    {'display'},
+    {'testing'},
+)
 ROOMS = ('runtime', 'simulator', 'planning', 'recording', 'reading', 'display', 'testing')
 KEYS = {
     name: f'python3-{name}'
@@ -82,11 +94,12 @@ def test_a_room_states_its_job_and_its_commands_in_one_line(room):
     assert [command for command in started if command not in job] == []
 
 
-@pytest.mark.parametrize('room', ROOMS)
-def test_a_room_imports_only_from_those_above_it(room):
-    below = {*ROOMS[ROOMS.index(room) + 1 :], *(['reading'] if room == 'display' else [])}
-    files = (MODULES / room).glob('*.py')
-    assert {file.name: found for file in files if (found := imported_rooms(file) & below)} == {}
+@pytest.mark.parametrize('row', ROWS, ids=' '.join)
+def test_a_module_imports_only_from_its_row_and_those_above_it(row):
+    above = set().union(*ROWS[: ROWS.index(row) + 1]) - ({'reading'} if row == {'display'} else set())
+    files = [file for name in row for file in (*MODULES.glob(f'{name}.py'), *MODULES.glob(f'{name}/*.py'))]
+    assert files
+    assert {file.name: found for file in files if (found := imported_rooms(file) - above)} == {}
 
 
 def test_errors_units_and_the_runtime_stand_alone():

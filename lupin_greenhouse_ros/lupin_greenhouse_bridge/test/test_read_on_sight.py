@@ -343,7 +343,9 @@ def test_other_families_are_ignored_the_format_makes_the_id_and_an_unknown_one_i
     Camera(detector).in_view = [('tag25h9', 5), ('tf36h11', 6)]
     wait_until(lambda: len(held_service.requests) >= 4)
     assert set(held_service.requests) == {'x6'}
-    assert log().count('Unknown x6.') == 1
+    shown = log()
+    assert shown.count('Unknown x6.') == 1
+    assert shown.count("ignored a tag of the family 'tag25h9': the tags of the greenhouse are tag36h11") == 1
     assert readings == []
 
 

@@ -215,8 +215,18 @@ def test_each_tag_is_clicked_in_turn(run_here, places, tmp_path):
         "in the frame 'odom'",
     ]
     assert "the first was in 'robot1/map'" in ignored[-1]
+    assert 'x in robot1/map (m)' in ended.out
+    assert 'the positions are in the frame' not in ended.err
     frame_id, transform = read_registration(output)
     assert (frame_id, transform) == ('robot1/map', pytest.approx(TRANSFORM))
+
+
+def test_clicks_in_a_frame_that_is_no_map_are_said_to_be(run_here, places, tmp_path):
+    points = [('odom', *places[tag_id]) for tag_id in ('1', '20', '7')]
+    with person(clicks(*points)):
+        ended = run_here(register_layout.main, '--click', '1', '20', '7', '-o', str(tmp_path / 'layout.yaml'))
+    assert (ended.code, 'x in odom (m)' in ended.out) == (0, True)
+    assert "the positions are in the frame 'odom': set RViz's Fixed Frame to map" in ended.err
 
 
 def test_ctrl_c_keeps_nothing_and_says_so(run_here, tmp_path):

@@ -19,6 +19,13 @@ from lupin_greenhouse_bridge.simulator.files import mapping_of, number
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order
 
 DONE, NO_ROWS, USAGE = 0, 1, 2
+SAME_M = 0.01  # between two positions of one tag, in files that round them
+# What a mission keeps beside its report NAME.jsonl, for each option that names another file.
+BESIDE = {
+    'route': '-route.csv',
+    'tag_file': '-tag_locations.json',
+    'sim_config_file': '-greenhouse_config.yaml',
+}
 LONGEST_REASON = 300  # characters
 
 
@@ -44,12 +51,15 @@ def parser_of(prog: str, description: str, output_help: str) -> argparse.Argumen
         help="a mission's report, or a file of record_readings or read_tag --csv",
     )
     parser.add_argument(
-        '--tag-file', default='', metavar='FILE', help="the bridge's tag_file, if you set one"
+        '--tag-file',
+        default='',
+        metavar='FILE',
+        help="the bridge's tag_file, if you set one; default: NAME-tag_locations.json beside FILE",
     )
     add_wall_options(parser)
     parser.add_argument(
         '--route',
-        type=Path,
+        default='',
         metavar='FILE',
         help='a CSV file of x and y along the path that a robot drove; default: NAME-route.csv beside FILE',
     )
@@ -61,8 +71,7 @@ def layout_of(file: ReadingFile, tag_file: str) -> Layout:
     """
     Return the layout of tag_file, or the shipped one for '', with the positions of tags that the rows have.
 
-    Raises StartUpError for a bad tag_file, for the tag_file of another greenhouse, and if no position is
-    known.
+    Raises StartUpError for a bad tag_file, for a layout of another greenhouse, and if no position is known.
     """
     layout = find_layout(tag_file) or Layout({}, {})
     placed = {row.tag_id: Tag(row.x_m, row.y_m, []) for row in file.rows if row.x_m is not None}
@@ -76,6 +85,14 @@ def layout_of(file: ReadingFile, tag_file: str) -> Layout:
             f" not in it, such as '{escaped(min(strangers, key=natural_order), 64)}':"
             ' name the tag_file of its bridge'
         )
+    for tag_id in layout.tags.keys() & placed.keys():
+        here, there = placed[tag_id][:2], layout.tags[tag_id][:2]
+        if math.dist(here, there) > SAME_M:
+            raise StartUpError(
+                f"tag '{escaped(tag_id, 64)}' is at ({here[0]:g}, {here[1]:g}) in the file, and at"
+                f' ({there[0]:g}, {there[1]:g}) in {tag_file or "the shipped tag file"}: name the tag_file'
+                ' of its bridge with --tag-file'
+            )
     return layout._replace(tags=layout.tags | placed)
 
 
@@ -84,6 +101,10 @@ def draw_file(
 ) -> int:
     """Run a command of parser_of(): call draw(options, file, output), and return the exit code."""
     options, exit_code = parser.parse_args(arguments), USAGE
+    for name, end in BESIDE.items():
+        kept = options.file.with_name(f'{options.file.stem}{end}') if options.file.name else options.file
+        if not getattr(options, name) and kept.is_file() and kept != options.file:
+            setattr(options, name, str(kept))
     output = options.output or beside(options.file, suffix)
     try:
         check_output(output, options.file)
@@ -120,14 +141,6 @@ def check_output(output: Path, file: Path) -> None:
         raise StartUpError(f"--output '{output}' is the file of readings itself: name another")
 
 
-def find_route(options: argparse.Namespace) -> list[tuple[float, float]]:
-    """Return the points of --route, or else of the mission's route file beside its report, or else none."""
-    if options.route:
-        return read_route(options.route)
-    found = options.file.with_name(f'{options.file.stem}-route.csv')
-    return read_route(found) if found.is_file() else []
-
-
 def failures_of(visits: Iterable[Observation]) -> list[Failures]:
     """Return the tags whose last visit failed, by reason: the largest group first."""
     groups: dict[tuple[str, str], list[str]] = {}
@@ -139,8 +152,11 @@ def failures_of(visits: Iterable[Observation]) -> list[Failures]:
     return [Failures(*key, sorted(tag_ids, key=natural_order)) for key, tag_ids in largest_first]
 
 
-def read_route(path: Path) -> list[tuple[float, float]]:
-    """Return x and y in metres of each point of a CSV file with a header; raises StartUpError."""
+def read_route(name: str | Path) -> list[tuple[float, float]]:
+    """Return x and y in metres of each point of a CSV file, or none for ''; raises StartUpError."""
+    if not name:
+        return []
+    path = Path(name)
     if path.exists() and not path.is_file():  # a pipe would wait for its writer
         raise StartUpError(f"--route '{path}': is not a regular file: name another")
     try:

@@ -13,10 +13,10 @@ from lupin_greenhouse_bridge.display.drawing_command import (
     NothingToDraw,
     draw_file,
     failures_of,
-    find_route,
     layout_of,
     parser_of,
     read_colour_ranges,
+    read_route,
 )
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.drawing import (
@@ -66,7 +66,7 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
     layout = layout_of(file, options.tag_file)
     walls = find_walls(layout, options.sim_config_file, options.walls)
     colour_ranges = read_colour_ranges(options.sim_config_file)
-    route, failures = find_route(options), failures_of(file.visits)
+    route, failures = read_route(options.route), failures_of(file.visits)
     failed = {tag_id: each.word for each in failures for tag_id in each.tag_ids}
     readings = {tag_id: each for tag_id, each in last_of_each_tag(file.rows).items() if tag_id not in failed}
     if strangers := sorted(set(readings) - set(layout.tags), key=natural_order):

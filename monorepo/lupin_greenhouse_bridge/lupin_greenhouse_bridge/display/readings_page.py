@@ -22,10 +22,10 @@ from lupin_greenhouse_bridge.display.drawing_command import (
     NothingToDraw,
     draw_file,
     failures_of,
-    find_route,
     layout_of,
     parser_of,
     read_colour_ranges,
+    read_route,
     words_of,
 )
 from lupin_greenhouse_bridge.errors import escaped
@@ -57,7 +57,7 @@ def _write_page(options: argparse.Namespace, file: ReadingFile, output: Path) ->
     layout = layout_of(file, options.tag_file)
     walls = find_walls(layout, options.sim_config_file, options.walls)
     data = data_of(file, layout, walls, read_colour_ranges(options.sim_config_file))
-    data |= {'title': escaped(options.file.name, LONGEST_NAME), 'route': find_route(options)}
+    data |= {'title': escaped(options.file.name, LONGEST_NAME), 'route': read_route(options.route)}
     output.write_text(fill(data), encoding='utf-8')
 
 

@@ -89,6 +89,7 @@ class ReadOnSightNode(Node):
         )
         self._futures = {}  # by tag id
         self._unknown_ids = set()
+        self._has_warned_of_family = False
         self._next_look_for_servers = 0.0  # when to look for a second server of the service
         self._readings = self.create_publisher(TagReading, '~/readings', latched(50))
         try:
@@ -114,6 +115,12 @@ class ReadOnSightNode(Node):
         for each in message.detections:
             if each.family in FAMILIES:
                 self._sightings.see(self._settings.tag_id(each.id), time.monotonic())
+            elif not self._has_warned_of_family:
+                self._has_warned_of_family = True
+                family = escaped(each.family, 40)
+                self.get_logger().warning(
+                    f"ignored a tag of the family '{family}': the tags of the greenhouse are {FAMILIES[0]}"
+                )
         self._send()
 
     def _look(self) -> None:

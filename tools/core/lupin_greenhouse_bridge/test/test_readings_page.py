@@ -252,6 +252,31 @@ def test_of_a_file_without_rows_there_is_no_page(recording, capsys):
     assert not path.with_suffix('.html').exists()
 
 
+def test_the_greenhouse_beside_a_report_is_its_own(report, tmp_path, shipped_config):
+    tags = {'7': {'x': 0.5, 'y': 1.5, 'sensors': ['co2']}}
+    (tmp_path / 'report-tag_locations.json').write_text(json.dumps(tags), encoding='utf-8')
+    room = shipped_config['visualization'] | {'greenhouse_width_m': 3.0, 'greenhouse_height_m': 2.0}
+    config = json.dumps(shipped_config | {'visualization': room})
+    (tmp_path / 'report-greenhouse_config.yaml').write_text(config, encoding='utf-8')
+    data = shown(report(visit('7', co2=600.0)))
+    assert [(tag['id'], tag['x'], tag['y']) for tag in data['tags']] == [('7', 0.5, 1.5)]
+    assert data['walls'] == [0.0, 0.0, 3.0, 2.0]
+
+
+def test_positions_of_another_greenhouse_are_refused(tmp_path, recording, capsys):
+    tags = {'a1': {'x': 1.0, 'y': 2.5, 'sensors': ['ph']}}
+    tag_file = tmp_path / 'tags.json'
+    tag_file.write_text(json.dumps(tags), encoding='utf-8')
+    path = recording('readings.sqlite', [7.0])
+    assert readings_page.main([str(path), '--tag-file', str(tag_file)]) == 2
+    assert capsys.readouterr().err == (
+        f"readings_page: tag 'a1' is at (1, 2) in the file, and at (1, 2.5) in {tag_file}: name the tag_file"
+        ' of its bridge with --tag-file\n'
+    )
+    tag_file.write_text(json.dumps(tags).replace('2.5', '2.001'), encoding='utf-8')
+    assert readings_page.main([str(path), '--tag-file', str(tag_file)]) == 0
+
+
 def test_a_tag_file_of_another_greenhouse_is_refused(report, tmp_path, capsys):
     tag_file = tmp_path / 'tags.json'
     tag_file.write_text('{"5": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}', encoding='utf-8')

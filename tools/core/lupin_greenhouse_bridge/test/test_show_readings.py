@@ -312,10 +312,8 @@ def test_a_published_reading_appears_among_the_markers_and_in_the_field(
         'field: interpolated from 1 received reading,\nnot from the model of the simulator'
     )
     (cells,) = of_namespace(viewer.markers[-1], 'field')
-    places = [(round(each.x, 2), round(each.y, 2)) for each in cells.points]
-    colour = cells.colors[
-        places.index((math.floor(tag['x'] * 10) / 10 + 0.05, math.floor(tag['y'] * 10) / 10 + 0.05))
-    ]
+    from_tag_m = [math.dist((each.x, each.y), (tag['x'], tag['y'])) for each in cells.points]
+    colour = cells.colors[from_tag_m.index(min(from_tag_m))]
     assert (colour.r, colour.g, colour.b) == pytest.approx(colours_of(7.5, 0.0, 30.0))
 
 

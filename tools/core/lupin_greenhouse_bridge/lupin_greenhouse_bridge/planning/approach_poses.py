@@ -75,6 +75,8 @@ def _compute(options) -> tuple[dict, str, bool]:
     occupancy = read_map(options.map, unknown_is_free=options.unknown == 'free') if options.map else None
     if occupancy:
         occupancy = occupancy.in_layout(transform)
+        if not options.layout_in_map:
+            warnings.append('without --layout-in-map, the map counts as one in the frame of the layout')
     approaches = find_approaches(
         layout, walls, limits, start_m=start_m, overrides=overrides, occupancy=occupancy
     )

@@ -105,7 +105,8 @@ def register(layout: Layout, places: dict, frame_id: str, options) -> None:
     """
     _check_known(layout, places)
     fitted = fit(_places_m(layout), places, options.tolerance, options.click_error)
-    rows = [('tag', 'x in map (m)', 'y in map (m)', 'residual (m)', '')]
+    shown = escaped(frame_id, 40)
+    rows = [('tag', f'x in {shown} (m)', f'y in {shown} (m)', 'residual (m)', '')]
     for tag_id, place in places.items():
         numbers = (f'{each:.3f}' for each in (*place, fitted.residuals_m[tag_id]))
         rows.append((escaped(tag_id, 40), *numbers, 'left out' if tag_id in fitted.left_out else ''))
@@ -117,6 +118,11 @@ def register(layout: Layout, places: dict, frame_id: str, options) -> None:
         print(
             f'the {count} tags lie almost on one line, and cannot show whether they are mirrored: add a tag'
             ' beside this line',
+            file=sys.stderr,
+        )
+    if frame_id.rpartition('/')[2] != MAP_FRAME:
+        print(
+            f"the positions are in the frame '{shown}': set RViz's Fixed Frame to {MAP_FRAME}",
             file=sys.stderr,
         )
     write_transform(options.output, fitted.transform, frame_id)
