@@ -21,7 +21,7 @@ setup(
     # mdp-greenhouse is not in rosdistro: pip brings it. Before 1.0.7 its clock is wrong.
     install_requires=['setuptools', 'mdp-greenhouse>=1.0.7', 'numpy', 'packaging', 'PyYAML'],
     extras_require={
-        'test': ['argcomplete', 'hypothesis', 'matplotlib', 'pytest'],
+        'test': ['argcomplete', 'hypothesis', 'matplotlib', 'pillow', 'pytest'],
     },
     zip_safe=True,
     maintainer='Lupin team',

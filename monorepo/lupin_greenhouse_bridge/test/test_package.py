@@ -16,7 +16,7 @@ ROOMS = ('runtime', 'simulator', 'planning', 'recording', 'reading', 'display', 
 KEYS = {
     name: f'python3-{name}'
     for name in ('argcomplete', 'hypothesis', 'matplotlib', 'numpy', 'packaging', 'pytest', 'yaml')
-}  # of rosdep, for each module with another name
+} | {'PIL': 'python3-pil'}  # of rosdep, for each module with another name
 NOT_IN_ROSDEP = {'greenhouse_sim'}
 OPTIONAL = {'argcomplete'}  # of the shell; the fixtures of testing/ need what their users name
 

@@ -51,7 +51,7 @@ def test_pairs_of_a_file_are_fitted_and_written(register, places, tmp_path):
     assert set(places) < set(rows)
     assert rows['7'][2:] == ['1.000', 'left', 'out']
     assert rows['1'] == [f'{places["1"][0]:.3f}', f'{places["1"][1]:.3f}', '0.000']
-    assert f'{len(places) - 1} of {len(places)} tags fit within 0.1 m.' in ended.out
+    assert f'{len(places) - 1} of {len(places)} tags fit within 0.1 m. The expected error is 0.0' in ended.out
     assert 'x 2.000 m, y -1.000 m, yaw 1.5708 rad in map.' in ended.out
     command = shlex.split(ended.out.splitlines()[-1].removeprefix('To publish it: '))
     assert command[:4] == ['ros2', 'run', 'tf2_ros', 'static_transform_publisher']
@@ -64,20 +64,59 @@ def test_pairs_of_a_file_are_fitted_and_written(register, places, tmp_path):
     assert (frame_id, transform) == ('map', pytest.approx(TRANSFORM))
 
 
-@pytest.mark.parametrize(('tag_ids', 'count'), [('1 20', 1), ('1 20 7', 0)])
+@pytest.mark.parametrize(('tag_ids', 'count'), [('2 7', 1), ('2 7 21', 0)])
 def test_two_tags_cannot_show_that_they_are_swapped_and_it_says_so(register, places, tag_ids, count):
     ended = register({tag_id: places[tag_id] for tag_id in tag_ids.split()})
     assert ended.code == 0
     assert ended.err.count('two tags cannot show whether they are swapped or mirrored: add a third') == count
 
 
-def test_the_file_of_pairs_is_never_overwritten(register, places, tmp_path):
-    ended = register(places, '-o', str(tmp_path / 'pairs.json'))
-    assert (ended.code, refusal(ended)) == (
-        2,
-        f"--output '{tmp_path / 'pairs.json'}' is the file of --pairs itself: name another file",
-    )
+def test_tags_on_one_line_cannot_show_that_they_are_mirrored_and_it_says_so(register, tmp_path):
+    tag_file = tmp_path / 'tags.json'
+    tags = {each: {'x': float(each), 'y': 2.0, 'sensors': ['co2']} for each in '135'}
+    tag_file.write_text(json.dumps(tags), encoding='utf-8')
+    ended = register({each: [float(each), 0.0] for each in '135'}, '--tag-file', str(tag_file))
+    assert ended.code == 0
+    assert 'the 3 tags lie almost on one line, and cannot show whether they are mirrored' in ended.err
+
+
+@pytest.mark.parametrize('name', ['pairs.json', 'link.json', 'tags.json'])
+def test_no_input_is_overwritten(register, places, tmp_path, name):
+    (tmp_path / 'link.json').symlink_to('pairs.json')
+    (tmp_path / 'tags.json').write_text('{}', encoding='utf-8')
+    output, tag_file = (str(tmp_path / each) for each in (name, 'tags.json'))
+    ended = register(places, '-o', output, '--tag-file', tag_file)
+    option = '--tag-file' if output == tag_file else '--pairs'
+    expected = f"--output '{output}' is the file of {option} itself: name another file"
+    assert (ended.code, refusal(ended)) == (2, expected)
     assert json.loads((tmp_path / 'pairs.json').read_text(encoding='utf-8')) == places
+    assert (tmp_path / 'tags.json').read_text(encoding='utf-8') == '{}'
+
+
+def test_an_expected_error_above_the_tolerance_is_refused(register, places, tmp_path):
+    near = {tag_id: places[tag_id] for tag_id in ('7', '29')}
+    ended = register(near)
+    assert (ended.code, ended.out) == (1, '')
+    assert 'the expected error is 1.' in refusal(ended)
+    assert not (tmp_path / 'layout.yaml').exists()
+    ended = register(near, '--click-error', '0.001')
+    assert ended.code == 0
+    assert 'The expected error is 0.0' in ended.out
+
+
+def test_the_tags_that_are_best_to_click_are_printed_with_their_command(run_here, shipped_tags):
+    ended = run_here(register_layout.main, '--suggest', '4')
+    assert (ended.code, ended.err) == (0, '')
+    *rows, command = ended.out.splitlines()
+    tag_ids = command.removeprefix('To click them: ros2 run lupin_greenhouse_bridge register_layout --click ')
+    at = {tag_id: (shipped_tags[tag_id]['x'], shipped_tags[tag_id]['y']) for tag_id in tag_ids.split()}
+    assert [line.split() for line in rows[1:]] == [
+        [tag_id, f'{x:.2f}', f'{y:.2f}'] for tag_id, (x, y) in at.items()
+    ]
+    assert len(at) == 4
+    for axis in (0, 1):  # at least two tags towards each wall
+        values = sorted(tag[axis] for tag in at.values())
+        assert values[2] - values[1] > (0.9, 5.0)[axis]
 
 
 def test_a_layout_that_does_not_fit_is_not_written(register, places, tmp_path):
@@ -101,7 +140,7 @@ def test_a_tag_that_the_layout_lacks_is_refused(register, places, tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'fault'),
     [
-        ([], 'one of the arguments --pairs --click is required'),
+        ([], 'one of the arguments --pairs --click --suggest is required'),
         (['--pairs', 'none.json'], "pairs 'none.json': cannot be read"),
         (['--pairs', 'none.json', '-o', 'none/a.yaml'], "there is no folder 'none'"),
         (
@@ -109,6 +148,9 @@ def test_a_tag_that_the_layout_lacks_is_refused(register, places, tmp_path):
             '--tolerance is nan: must be a number of metres',
         ),
         (['--pairs', 'none.json', '--tolerance', 'inf'], '--tolerance is inf: must be a number of metres'),
+        (['--pairs', 'none.json', '--click-error', '0'], '--click-error is 0: must be a number of metres'),
+        (['--suggest', '1'], '--suggest is 1: must be from 2 to'),
+        (['--suggest', '999'], '--suggest is 999: must be from 2 to'),
         (['--click', '1', '2', '-o', '/'], "--output '/' is a folder: name a file in it"),
         (['--click', '1', '2', '-o', 'a' * 300], 'File name too long: name another file'),
         (['--click', '1', '1', '-o', 'a.yaml'], '--click needs at least 2 tags'),

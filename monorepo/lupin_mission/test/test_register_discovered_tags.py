@@ -58,7 +58,7 @@ def test_the_layout_is_fitted_to_the_discovered_tags(publish, register, tmp_path
     publish(['1', '99', '7', '20', '5', '12', '3'], 'robot1/map', unset=['5'], off=['7'])
     code, out, _ = register('--tags', '5')
     assert code == 0
-    assert [line.split()[0] for line in out.splitlines()[1:-2]] == ['1', '7', '20', '12', '3']
+    assert [line.split()[0] for line in out.splitlines()[1:-3]] == ['1', '7', '20', '12', '3']
     assert [line.split()[0] for line in out.splitlines() if line.endswith('left out')] == ['7']
     frame_id, transform = read_registration(tmp_path / 'layout.yaml')
     assert (frame_id, transform) == ('robot1/map', pytest.approx(TRANSFORM))

@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.planning.approach import ApproachPose
+from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.route import Route
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
 COLOURS = 'viridis'  # readable in black and white, and for colour-blind people
-ROUTE_COLOUR, POSE_COLOUR, BAD_COLOUR = '#56b4e9', '#0072b2', '#d00000'
+ROUTE_COLOUR, POSE_COLOUR, BAD_COLOUR, OBSTACLE_COLOUR = '#56b4e9', '#0072b2', '#d00000', '#e69f00'
 ARROW_M, TAG_M, BAD_TAG_M = 0.22, 0.14, 0.24
 CHARACTER_M, LINE_M = 0.1, 0.18  # of a label in the picture
 VIEW_M = 0.15  # around all that is drawn
@@ -90,12 +91,19 @@ def draw_route(
     poses: Mapping[str, ApproachPose],
     unreachable: Collection[str],
     route: Route,
+    occupancy: OccupancyMap | None = None,
 ) -> Any:
-    """Return a figure of the greenhouse, the poses as arrows, the route, and unreachable tags in red."""
+    """
+    Return a figure of the greenhouse, the poses as arrows, the route, and unreachable tags in red.
+
+    A map of the room, in the frame of the layout, lies beneath: its obstacles orange, its unknown parts grey.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.2, 8.8), layout='constrained')
     axes = figure.add_subplot()
+    if occupancy is not None:
+        _draw_map(axes, occupancy)
     draw_greenhouse(axes, layout, walls)
     if route.points_m:
         axes.plot(*zip(*route.points_m, strict=True), color=ROUTE_COLOUR, linewidth=1.8, label='route')
@@ -117,6 +125,27 @@ def draw_route(
     )
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.06), ncol=5, frameon=False, fontsize=9)
     return figure
+
+
+def _draw_map(axes: Any, occupancy: OccupancyMap) -> None:
+    """Draw the obstacles and the unknown parts of a map, over the tables and below the rest."""
+    from matplotlib.colors import to_rgba
+    from matplotlib.transforms import Affine2D
+
+    colours = np.zeros((*occupancy.is_occupied.shape, 4))
+    colours[occupancy.is_occupied] = to_rgba(OBSTACLE_COLOUR, 0.8)
+    colours[occupancy.is_unknown] = to_rgba('0.7', 0.5)
+    height, width = np.array(occupancy.is_occupied.shape) * occupancy.resolution_m
+    x, y, yaw = occupancy.origin
+    axes.imshow(
+        colours,
+        origin='lower',
+        extent=(0.0, width, 0.0, height),
+        interpolation='none',
+        transform=Affine2D().rotate(yaw).translate(x, y) + axes.transData,
+        zorder=1.5,
+    )
+    axes.plot([], [], 's', color=OBSTACLE_COLOUR, label='map')
 
 
 def _draw_tags(axes: Any, layout: Layout, unreachable: Collection[str], taken: list[Box]) -> None:

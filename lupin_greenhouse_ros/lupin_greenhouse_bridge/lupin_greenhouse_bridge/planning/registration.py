@@ -12,6 +12,7 @@ from lupin_greenhouse_bridge.simulator.files import number, read_yaml
 
 MAP_FRAME, LAYOUT_FRAME = 'map', 'greenhouse'
 DEFAULT_TOLERANCE_M = 0.1
+DEFAULT_CLICK_ERROR_M = 0.03
 FEWEST_THAT_OVERRULE = 3  # two tags can agree by chance
 _EXAMPLE = 'such as "frame_id: map", "x: 1.5", "y: -0.2" and "yaw: 0.3"'
 _UNITS = {'x': 'metres', 'y': 'metres', 'yaw': 'radians'}
@@ -44,34 +45,44 @@ class Fit(NamedTuple):
     transform: Transform
     residuals_m: dict[str, float]  # of every tag, by id
     left_out: list[str]
+    farthest: str  # the tag of the layout that is farthest from those that fit
+    expected_error_m: float  # root mean square, of the farthest tag in the map
+    hides_mirror: bool  # the tags lie so near to one line that a mirror image fits about as well
 
 
 def fit(
     layout_m: Mapping[str, tuple[float, float]],
     map_m: Mapping[str, tuple[float, float]],
     tolerance_m: float = DEFAULT_TOLERANCE_M,
+    click_error_m: float = DEFAULT_CLICK_ERROR_M,
 ) -> Fit:
     """
     Return the rotation and shift that take the layout to the map with the least squares of the residuals.
 
     Takes x and y in metres by tag id; the layout has every tag of the map. As long as a residual is above the
     tolerance, the tag is left out without which the others fit best. At least three tags remain, and more
-    than half of them.
+    than half of them. The click error is the least standard deviation of a position in the map, along each
+    axis: few residuals can be small by chance, and those of two tags show no error of the rotation.
 
-    Raises CannotFit for fewer than two tags, tags in one spot, a mirror image, and a residual above the
-    tolerance.
+    Raises CannotFit for fewer than two tags, tags in one spot, a mirror image, and a residual or an expected
+    error above the tolerance.
     """
     pairs = {tag_id: (complex(*layout_m[tag_id]), complex(*place)) for tag_id, place in map_m.items()}
     if len(pairs) < 2:
         raise CannotFit(f'tags with a position in the map: {len(pairs)}: at least 2 are needed')
-    kept = _agreeing(pairs, tolerance_m)
-    if len(kept) < len(pairs):
-        mirrored = {tag_id: (place.conjugate(), other) for tag_id, (place, other) in pairs.items()}
-        if len(_agreeing(mirrored, tolerance_m)) > len(kept):
-            raise CannotFit(
-                'the positions in the map are a mirror image of the layout: x and y are swapped, or an axis'
-                ' points the wrong way'
-            )
+    mirrored = {tag_id: (place.conjugate(), other) for tag_id, (place, other) in pairs.items()}
+    kept, mirrored_kept = _agreeing(pairs, tolerance_m), _agreeing(mirrored, tolerance_m)
+    if len(kept) != len(mirrored_kept):
+        is_mirror = len(mirrored_kept) > len(kept)
+    elif kept:
+        is_mirror = _squares(mirrored_kept) < _squares(kept) - click_error_m**2
+    else:
+        is_mirror = _squares(mirrored) < 0.25 * _squares(pairs)
+    if is_mirror:
+        raise CannotFit(
+            'the positions in the map are a mirror image of the layout: x and y are swapped, or an axis'
+            ' points the wrong way'
+        )
     if not kept:
         residuals_m = _residuals_m(pairs, *_rotation_and_shift(pairs))
         worst = max(residuals_m, key=residuals_m.get)
@@ -80,17 +91,55 @@ def fit(
             f" '{escaped(worst, 64)}', and the tolerance is {tolerance_m:g} m: correct this position, add"
             ' more tags, or raise the tolerance'
         )
-    if max(abs(place) for place, _ in _centred(kept)[2].values()) <= tolerance_m:
+    mean, _, centred = _centred(kept)
+    if max(abs(place) for place, _ in centred.values()) <= tolerance_m:
         raise CannotFit(
             f'the {len(kept)} tags that fit lie in one spot of the layout, within the tolerance of'
             f' {tolerance_m:g} m, and fit any rotation: use tags that are far apart'
         )
+    distances_m = {tag_id: abs(complex(*place) - mean) for tag_id, place in layout_m.items()}
+    farthest = max(distances_m, key=distances_m.get)
+    # A residual has two coordinates, and the fit takes three of them: the shift and the rotation.
+    deviation_m = max(click_error_m, math.sqrt(_squares(kept) / (2 * len(kept) - 3)))
+    turning = distances_m[farthest] ** 2 / sum(abs(place) ** 2 for place, _ in centred.values())
+    expected_error_m = deviation_m * math.sqrt(2 / len(kept) + turning)
+    if expected_error_m > tolerance_m:
+        raise CannotFit(
+            f"the expected error is {expected_error_m:.2f} m at tag '{escaped(farthest, 64)}', which is"
+            f' {distances_m[farthest]:.1f} m from the {len(kept)} tags that fit, and the tolerance is'
+            f' {tolerance_m:g} m: use more tags, or tags that are farther apart'
+        )
+    more_if_mirrored = _squares({tag_id: mirrored[tag_id] for tag_id in kept}) - _squares(kept)
     rotation, shift = _rotation_and_shift(kept)
     return Fit(
         Transform(shift.real, shift.imag, cmath.phase(rotation)),
         _residuals_m(pairs, rotation, shift),
         [tag_id for tag_id in pairs if tag_id not in kept],
+        farthest,
+        expected_error_m,
+        hides_mirror=more_if_mirrored < (4 * deviation_m) ** 2,
     )
+
+
+def best_to_click(layout_m: Mapping[str, tuple[float, float]], count: int) -> list[str]:
+    """Return this many tags with a wide spread in both directions, from x and y in metres by tag id."""
+    places = {tag_id: complex(*place) for tag_id, place in layout_m.items()}
+    mean = sum(places.values()) / len(places)
+    chosen = [max(places, key=lambda tag_id: abs(places[tag_id] - mean))]
+    while len(chosen) < count:
+        left = [tag_id for tag_id in places if tag_id not in chosen]
+        chosen.append(max(left, key=lambda tag_id: _spread([places[each] for each in [*chosen, tag_id]])))
+    return chosen
+
+
+def _spread(places: list[complex]) -> tuple[float, float]:
+    """Return the determinant and the trace of the scatter matrix: the trace counts for tags on a line."""
+    mean = sum(places) / len(places)
+    xx, yy, xy = (
+        sum(part(place - mean) for place in places)
+        for part in (lambda p: p.real**2, lambda p: p.imag**2, lambda p: p.real * p.imag)
+    )
+    return round(xx * yy - xy**2, 6), xx + yy
 
 
 # Positions are complex numbers, in pairs (layout, map) by tag id: a rotation is a factor of length 1.
@@ -111,6 +160,11 @@ def _rotation_and_shift(pairs: dict) -> tuple[complex, complex]:
 
 def _residuals_m(pairs: dict, rotation: complex, shift: complex) -> dict[str, float]:
     return {tag_id: abs(rotation * p + shift - q) for tag_id, (p, q) in pairs.items()}
+
+
+def _squares(pairs: dict) -> float:
+    """Return the sum of the squared residuals of the best fit."""
+    return sum(each**2 for each in _residuals_m(pairs, *_rotation_and_shift(pairs)).values())
 
 
 def _agreeing(pairs: dict, tolerance_m: float) -> dict:

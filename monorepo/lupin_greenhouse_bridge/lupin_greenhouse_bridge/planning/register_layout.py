@@ -14,10 +14,12 @@ from rclpy.utilities import remove_ros_args
 
 from lupin_greenhouse_bridge.errors import Interrupted, StartUpError, UsageError, escaped
 from lupin_greenhouse_bridge.planning.registration import (
+    DEFAULT_CLICK_ERROR_M,
     DEFAULT_TOLERANCE_M,
     LAYOUT_FRAME,
     MAP_FRAME,
     CannotFit,
+    best_to_click,
     fit,
     read_places,
     write_transform,
@@ -32,7 +34,8 @@ WRITTEN, NO_FIT, USAGE, INTERRUPTED = 0, 1, 2, 130
 DEFAULT_OUTPUT = 'layout_in_map.yaml'
 EPILOG = (
     'While a residual is above the tolerance, the tag is left out whose removal makes the others fit best.'
-    ' At least 3 tags remain, and more than half of them.'
+    ' At least 3 tags remain, and more than half of them. The expected error at the tag of the layout that is'
+    ' farthest from the others must be within the tolerance too.'
     ' Exit code: 0 written, 1 the layout does not fit the map, 2 usage.'
 )
 CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
@@ -61,6 +64,9 @@ def run(parser, work, args=None) -> int:
 
 def _register(executor, options) -> None:
     layout = layout_of(options)
+    if options.suggest is not None:
+        _suggest(layout, options.suggest)
+        return
     if options.pairs:
         places, frame_id = read_places(options.pairs), MAP_FRAME
     else:
@@ -70,17 +76,20 @@ def _register(executor, options) -> None:
 
 def layout_of(options) -> Layout:
     """Return the layout that the options name; raises what is wrong with them before anybody clicks."""
-    if not 0.0 < options.tolerance < math.inf:  # NaN neither
-        raise UsageError(f'--tolerance is {options.tolerance:g}: must be a number of metres above 0')
+    for name, value in (('--tolerance', options.tolerance), ('--click-error', options.click_error)):
+        if not 0.0 < value < math.inf:  # NaN neither
+            raise UsageError(f'{name} is {value:g}: must be a number of metres above 0')
     try:
         if Path(options.output).is_dir():
             raise UsageError(f"--output '{options.output}' is a folder: name a file in it")
         if not (folder := Path(options.output).parent).is_dir():
             raise UsageError(f"--output: there is no folder '{folder}': name a file in a folder that exists")
-        pairs = getattr(options, 'pairs', None)
         output = Path(options.output)
-        if pairs and output.exists() and Path(pairs).exists() and output.samefile(pairs):
-            raise UsageError(f"--output '{options.output}' is the file of --pairs itself: name another file")
+        for name, path in (('--pairs', getattr(options, 'pairs', None)), ('--tag-file', options.tag_file)):
+            if path and output.exists() and Path(path).exists() and output.samefile(path):
+                raise UsageError(
+                    f"--output '{options.output}' is the file of {name} itself: name another file"
+                )
     except OSError as error:
         raise UsageError(f"--output '{options.output}': {error.strerror}: name another file") from error
     if layout := find_layout(options.tag_file):
@@ -96,23 +105,48 @@ def register(layout: Layout, places: dict, frame_id: str, options) -> None:
     StartUpError for a file that cannot be written.
     """
     _check_known(layout, places)
-    fitted = fit({tag_id: layout.tags[tag_id][:2] for tag_id in places}, places, options.tolerance)
+    fitted = fit(_places_m(layout), places, options.tolerance, options.click_error)
     rows = [('tag', 'x in map (m)', 'y in map (m)', 'residual (m)', '')]
     for tag_id, place in places.items():
         numbers = (f'{each:.3f}' for each in (*place, fitted.residuals_m[tag_id]))
         rows.append((escaped(tag_id, 40), *numbers, 'left out' if tag_id in fitted.left_out else ''))
     print_line('\n'.join(aligned_table(rows, [1, 2, 3])))
-    if len(places) - len(fitted.left_out) == 2:
+    count = len(places) - len(fitted.left_out)
+    if count == 2:
         print('two tags cannot show whether they are swapped or mirrored: add a third', file=sys.stderr)
+    elif fitted.hides_mirror:
+        print(
+            f'the {count} tags lie almost on one line, and cannot show whether they are mirrored: add a tag'
+            ' beside this line',
+            file=sys.stderr,
+        )
     write_transform(options.output, fitted.transform, frame_id)
     x, y, yaw = fitted.transform
     print_line(
-        f'{len(places) - len(fitted.left_out)} of {len(places)} tags fit within {options.tolerance:g} m.'
-        f' The layout lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame_id}.'
+        f'{count} of {len(places)} tags fit within {options.tolerance:g} m. The expected error is'
+        f' {fitted.expected_error_m:.3f} m at the farthest tag, {escaped(fitted.farthest, 40)}.\n'
+        f'The layout lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame_id}.'
         f' Written to {options.output}\n'
         f'To publish it: ros2 run tf2_ros static_transform_publisher --x {x:.6f} --y {y:.6f} --yaw {yaw:.6f}'
         f' --frame-id {shlex.quote(frame_id)} --child-frame-id {LAYOUT_FRAME}'
     )
+
+
+def _suggest(layout: Layout, count: int) -> None:
+    """Print the tags that are best to click, and the command for them."""
+    if not 2 <= count <= len(layout.tags):
+        raise UsageError(f'--suggest is {count}: must be from 2 to {len(layout.tags)}, the number of tags')
+    tag_ids = best_to_click(_places_m(layout), count)
+    rows = [('tag', 'x in layout (m)', 'y in layout (m)')]
+    rows += [
+        (escaped(tag_id, 40), *(f'{each:.2f}' for each in layout.tags[tag_id][:2])) for tag_id in tag_ids
+    ]
+    print_line('\n'.join(aligned_table(rows, [1, 2])))
+    print_line(f'To click them: ros2 run lupin_greenhouse_bridge {NAME} --click {shlex.join(tag_ids)}')
+
+
+def _places_m(layout: Layout) -> dict[str, tuple[float, float]]:
+    return {tag_id: tag[:2] for tag_id, tag in layout.tags.items()}
 
 
 def _check_known(layout: Layout, tag_ids) -> None:
@@ -204,6 +238,9 @@ def _parser() -> argparse.ArgumentParser:
     source.add_argument(
         '--click', nargs='+', metavar='ID', help='take a click of RViz (Publish Point) for each tag in turn'
     )
+    source.add_argument(
+        '--suggest', type=int, metavar='N', help='print the N tags that are best to click, and write nothing'
+    )
     add_arguments(parser)
     return parser
 
@@ -221,7 +258,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=DEFAULT_TOLERANCE_M,
         metavar='M',
-        help='largest residual in metres of a tag that is not left out; default: %(default)s',
+        help='largest residual in metres of a tag that is not left out, and largest expected error;'
+        ' default: %(default)s',
+    )
+    parser.add_argument(
+        '--click-error',
+        type=float,
+        default=DEFAULT_CLICK_ERROR_M,
+        metavar='M',
+        help='standard deviation in metres of a position along each axis, unless the residuals show more;'
+        ' default: %(default)s',
     )
 
 

@@ -11,6 +11,7 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.registration import (
     CannotFit,
     Transform,
+    best_to_click,
     fit,
     read_places,
     read_registration,
@@ -94,7 +95,7 @@ def test_the_tag_is_left_out_without_which_the_others_fit_best():
     """Not the one with the largest residual: 'e' lies far out, and turns the fit of all towards itself."""
     layout_m = {**SQUARE_M, 'e': (30.0, 1.0)}
     places_m = shifted(layout_m, 'e', 3.0, direction=math.pi / 2)
-    fitted = fit(layout_m, places_m)
+    fitted = fit(layout_m, places_m, tolerance_m=0.2)
     assert fitted.left_out == ['e']
     assert fitted.transform == pytest.approx(Transform(), abs=1e-9)
 
@@ -158,9 +159,89 @@ def test_a_mirrored_map_with_an_outlier_is_refused_as_mirrored():
 def test_a_residual_above_the_tolerance_is_refused_with_its_tag():
     layout_m = {tag_id: SQUARE_M[tag_id] for tag_id in 'ab'}
     places_m = shifted(layout_m, 'b', 0.3)
-    assert fit(layout_m, places_m, tolerance_m=0.16).left_out == []
+    assert fit(layout_m, places_m, tolerance_m=0.3).left_out == []
     with pytest.raises(CannotFit, match=r"residual is 0\.15 m, of tag '.', and the tolerance is 0\.14 m"):
         fit(layout_m, places_m, tolerance_m=0.14)
+
+
+def noisy(places_m: dict, noise: random.Random, sigma_m: float) -> dict:
+    """Return the places with an error of this standard deviation along each axis."""
+    return {
+        each: (x + noise.gauss(0.0, sigma_m), y + noise.gauss(0.0, sigma_m))
+        for each, (x, y) in places_m.items()
+    }
+
+
+def part(places_m: dict, tag_ids) -> dict:
+    """Return the places of these tags."""
+    return {tag_id: places_m[tag_id] for tag_id in tag_ids}
+
+
+@pytest.mark.parametrize('tag_ids', ['ab', 'abc', 'abcd'])
+def test_the_expected_error_is_that_of_many_fits_at_the_farthest_tag(tag_ids):
+    noise, squares = random.Random(1), []
+    layout_m = {**SQUARE_M, 'far': (10.0, 8.0)}
+    for _ in range(2000):
+        places_m = noisy(part(SQUARE_M, tag_ids), noise, 0.01)
+        fitted = fit(layout_m, places_m, tolerance_m=1.0, click_error_m=0.01)
+        assert fitted.farthest == 'far'
+        squares.append(math.dist(fitted.transform.point(10.0, 8.0), (10.0, 8.0)) ** 2)
+    clean = fit(layout_m, part(SQUARE_M, tag_ids), click_error_m=0.01)
+    assert clean.expected_error_m == pytest.approx(math.sqrt(sum(squares) / len(squares)), rel=0.05)
+
+
+def test_residuals_above_the_click_error_raise_the_expected_error():
+    layout_m = part(SQUARE_M, 'abcd')
+    noise = random.Random(2)
+    errors_m = [
+        fit(layout_m, noisy(layout_m, noise, 0.04), click_error_m=0.001, tolerance_m=0.5).expected_error_m
+        for _ in range(200)
+    ]
+    # sqrt(2 / 4 + 1 / 4) of the noise: every corner is as far from the middle
+    assert sum(errors_m) / len(errors_m) == pytest.approx(0.04 * math.sqrt(0.75), rel=0.1)
+
+
+def test_an_expected_error_above_the_tolerance_is_refused_with_its_tag():
+    layout_m = {'a': (0.0, 0.0), 'b': (0.22, 0.0), 'far': (0.11, 6.0)}
+    places_m = part(layout_m, 'ab')
+    # 0.03 m * sqrt(2 / 2 + 6.0**2 / (2 * 0.11**2)) = 1.157 m
+    with pytest.raises(CannotFit, match=r"is 1\.16 m at tag 'far', which is 6\.0 m from the 2 tags that fit"):
+        fit(layout_m, places_m)
+    fitted = fit(layout_m, places_m, click_error_m=0.002)
+    assert (fitted.farthest, fitted.expected_error_m) == ('far', pytest.approx(0.0772, abs=1e-4))
+
+
+@pytest.mark.parametrize('tag_ids', [best_to_click(SHIPPED_M, 4), best_to_click(SHIPPED_M, 3), SHIPPED_M])
+def test_swapped_axes_are_refused_as_a_mirror_image_whatever_the_noise(tag_ids):
+    noise = random.Random(3)
+    for _ in range(500):
+        transform = Transform(1.0, 2.0, noise.uniform(-math.pi, math.pi))
+        swapped_m = moved({tag_id: SHIPPED_M[tag_id][::-1] for tag_id in tag_ids}, transform)
+        with pytest.raises(CannotFit, match='mirror image'):
+            fit(SHIPPED_M, noisy(swapped_m, noise, 0.05))
+
+
+def test_tags_that_are_good_to_click_are_accepted_in_spite_of_noise():
+    noise, tag_ids = random.Random(4), best_to_click(SHIPPED_M, 4)
+    for _ in range(500):
+        fitted = fit(SHIPPED_M, noisy(part(SHIPPED_M, tag_ids), noise, 0.03))
+        assert not fitted.hides_mirror
+        assert distance_m(fitted.transform, Transform(), SHIPPED_M) < 0.15
+
+
+@pytest.mark.parametrize(('aside_m', 'is_hidden'), [(0.0, True), (0.01, True), (0.5, False)])
+def test_tags_on_one_line_hide_a_mirror_image(aside_m, is_hidden):
+    layout_m = {'a': (0.0, 0.0), 'b': (2.0, aside_m), 'c': (4.0, 0.0)}
+    assert fit(layout_m, layout_m).hides_mirror is is_hidden
+    assert fit(layout_m, part(layout_m, 'ac')).hides_mirror
+
+
+def test_the_best_tags_to_click_are_far_apart_in_both_directions():
+    inside = {f'{x} {y}': (0.1 * x, 0.1 * y) for x in range(10, 31) for y in range(10, 21)}
+    assert set(best_to_click({**inside, **SQUARE_M}, 4)) == set(SQUARE_M)
+    on_a_line = {str(number): (0.5 * number, 1.0 + 0.25 * number) for number in range(9)}
+    assert set(best_to_click(on_a_line, 2)) == {'0', '8'}
+    assert len(set(best_to_click(on_a_line, 9))) == 9
 
 
 def test_a_large_map_that_does_not_fit_is_refused_soon():

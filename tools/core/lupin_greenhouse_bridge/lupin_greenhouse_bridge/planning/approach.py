@@ -10,6 +10,7 @@ import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace, VisibilityGraph
+from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.surroundings import AllSurroundings
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose, tables_of
 from lupin_greenhouse_bridge.planning.walls import Walls
@@ -110,7 +111,7 @@ class Approaches(NamedTuple):
     alternatives: dict[str, list[ApproachPose]]  # to each pose, the best first
 
 
-def find_approaches(
+def find_approaches(  # noqa: PLR0913 - the options are passed by name
     layout: Layout,
     walls: Walls,
     limits: ViewingLimits,
@@ -118,6 +119,7 @@ def find_approaches(
     start_m: tuple[float, float] | None = None,
     overrides: Mapping[str, Override] | None = None,
     most_per_tag: int = 1,
+    occupancy: OccupancyMap | None = None,
 ) -> Approaches:
     """
     Return an approach pose for each tag that the robot can look at.
@@ -128,7 +130,9 @@ def find_approaches(
     the smallest incidence angle. Without that room, the roomiest pose wins.
     With more than one pose per tag, the alternatives to it are the next best ones that are at least OTHER_M
     or OTHER_RAD from each before; where an override sets the pose, there is none.
-    Raises StartUpError for a start that is not free, or if no point is free.
+    A map of the room, in the frame of the layout, leaves only the poses from which it is free by the radius
+    and the clearance. The free space, and with it the paths, does not know the map.
+    Raises StartUpError for a start that is not free, if no point is free, or for a map of another place.
     """
     free_space = FreeSpace(layout, walls, limits.robot_radius_m, limits.smallest_room_m)
     if start_m is None:
@@ -139,7 +143,9 @@ def find_approaches(
         raise StartUpError(
             f'{origin} is not free for a robot of radius {limits.robot_radius_m:g} m: choose another'
         )
-    search = _Search(layout, walls, limits, free_space, _Region(free_space, start_m))
+    if occupancy is not None:
+        _check_place_of(occupancy, limits, walls, free_space)
+    search = _Search(layout, walls, limits, free_space, _Region(free_space, start_m), occupancy)
     found = Approaches({}, {}, free_space, {}, {})
     for tag_id, tag in free_space.tag_poses.items():
         if not walls.has_inside(tag.x, tag.y):
@@ -160,6 +166,25 @@ def find_approaches(
     return found
 
 
+def _check_place_of(
+    occupancy: OccupancyMap, limits: ViewingLimits, walls: Walls, free_space: FreeSpace
+) -> None:
+    """Raise StartUpError if the map holds fewer than half of the places before the tags."""
+    tags = np.array(list(free_space.tag_poses.values()))
+    places = tags[:, :2] + limits.preferred_standoff_m * _directions(tags[:, 2])
+    count = int(occupancy.have_inside(places).sum())
+    if 2 * count < len(places):
+        raise StartUpError(
+            f'the map holds only {count} of the {len(places)} places before the tags: it reaches from'
+            f' {_rounded(occupancy.extent)}, and the greenhouse from {_rounded(walls)}, both in the frame of'
+            ' the layout: find where the layout lies in this map with register_layout'
+        )
+
+
+def _rounded(extent: Walls) -> Walls:
+    return Walls(*(round(each, 2) + 0.0 for each in extent))
+
+
 @dataclass
 class _Trial:
     """What the search for a pose of one tag found."""
@@ -168,11 +193,20 @@ class _Trial:
     room_m: float = 0.0
     has_place: bool = False  # some pose is free
     has_view: bool = False  # some free pose has the tag in view
+    is_in_map: bool = False  # the map is free at one of these
+    map_gap_m: float = -1.0  # where the map leaves most room
+    is_map_unknown: bool = False  # what is nearest there
 
     def reason(self, origin: str, limits: ViewingLimits, override: Override) -> str:
         """Return why a tag has no pose; the origin is where the robot starts."""
-        if self.has_view:
+        if self.is_in_map:
             return f'cut off from {origin}'
+        if self.has_view:
+            kind = 'is unknown' if self.is_map_unknown else 'has an obstacle'
+            return (
+                f'the map {kind} {self.map_gap_m:.2f} m from every pose, and the robot needs'
+                f' {limits.robot_radius_m + limits.clearance_m:g} m'
+            )
         if self.has_place:
             return 'tables or other tags hide it wherever the robot has a place'
         robot = f'no place for a robot of radius {limits.robot_radius_m:g} m'
@@ -184,8 +218,17 @@ class _Trial:
 class _Search:
     """Looks for the best pose of each tag."""
 
-    def __init__(self, layout: Layout, walls: Walls, limits: ViewingLimits, free_space: FreeSpace, region):
+    def __init__(
+        self,
+        layout: Layout,
+        walls: Walls,
+        limits: ViewingLimits,
+        free_space: FreeSpace,
+        region: '_Region',
+        occupancy: OccupancyMap | None,
+    ):
         self._limits, self._free_space, self._region = limits, free_space, region
+        self._occupancy = occupancy
         self._surroundings = AllSurroundings(tables_of(layout), walls, free_space.tag_poses)
 
     def best(self, tag_id: str, tag: TagPose, override: Override) -> _Trial:
@@ -230,11 +273,24 @@ class _Search:
             eyes = poses[free, :2] + limits.camera_offset_m * _directions(poses[free, 2])
             seen = free[around.are_in_view(eyes)]
             trial.has_view |= bool(len(seen))
+            seen = seen[self._are_free_in_map(poses[seen, :2], trial)]
+            trial.is_in_map |= bool(len(seen))
             number = self._region.first(poses[seen, :2])
             if number is not None:
                 trial.pose = ApproachPose(*poses[seen[number]].tolist())
                 trial.room_m = float(rooms_m[seen[number]])
                 return
+
+    def _are_free_in_map(self, points: np.ndarray, trial: _Trial) -> np.ndarray:
+        """Return whether the map leaves room at each point (points, 2), and note the most room."""
+        if self._occupancy is None or not len(points):
+            return np.ones(len(points), dtype=bool)
+        needed_m = self._limits.robot_radius_m + self._limits.clearance_m
+        gaps_m, are_unknown = self._occupancy.gaps_m(points, needed_m)
+        most = gaps_m.argmax()
+        if gaps_m[most] > trial.map_gap_m:
+            trial.map_gap_m, trial.is_map_unknown = float(gaps_m[most]), bool(are_unknown[most])
+        return gaps_m >= needed_m - SAME_M
 
 
 def _best_first(

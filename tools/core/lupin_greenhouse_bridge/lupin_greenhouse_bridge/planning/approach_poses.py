@@ -10,6 +10,7 @@ import io
 import json
 import math
 import sys
+from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.approach import (
@@ -18,6 +19,7 @@ from lupin_greenhouse_bridge.planning.approach import (
     find_approaches,
     read_overrides,
 )
+from lupin_greenhouse_bridge.planning.occupancy import read_map
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, plan_route
 from lupin_greenhouse_bridge.planning.walls import add_wall_options, find_walls
@@ -70,13 +72,18 @@ def _compute(options) -> tuple[dict, str, bool]:
         camera_offset_m=options.camera_offset,
     )
     start_m = options.start and tuple(options.start)
-    approaches = find_approaches(layout, walls, limits, start_m=start_m, overrides=overrides)
+    occupancy = read_map(options.map, unknown_is_free=options.unknown == 'free') if options.map else None
+    if occupancy:
+        occupancy = occupancy.in_layout(transform)
+    approaches = find_approaches(
+        layout, walls, limits, start_m=start_m, overrides=overrides, occupancy=occupancy
+    )
     for warning in [*warnings, *approaches.warnings.values()]:
         print_line(f'approach_poses: {warning}', sys.stderr)
     end_m = options.end and tuple(options.end)
     route = plan_route(approaches.free_space, approaches.poses, start_m, options.order, end_m=end_m)
     if options.picture:
-        _draw(options.picture, layout, walls, approaches, route)
+        _draw(options.picture, layout, walls, approaches, route, occupancy)
     poses = []
     for tag_id in route.tag_ids:
         pose = approaches.poses[tag_id]
@@ -91,14 +98,17 @@ def _compute(options) -> tuple[dict, str, bool]:
     return {'poses': poses, 'unreachable': unreachable, 'length_m': length_m}, frame_id, not unreachable
 
 
-def _draw(path: str, layout, walls, approaches, route) -> None:
+def _draw(path: str, layout, walls, approaches, route, occupancy) -> None:
+    if occupancy and Path(path).exists() and any(Path(path).samefile(each) for each in occupancy.files):
+        raise StartUpError(f"--picture '{path}' is a file of the map itself: name another file")
     try:
         import matplotlib  # imported late: a missing library is a one-line error
 
         matplotlib.use('Agg')
         from lupin_greenhouse_bridge.planning.drawing import draw_route
 
-        draw_route(layout, walls, approaches.poses, approaches.unreachable, route).savefig(path, dpi=130)
+        figure = draw_route(layout, walls, approaches.poses, approaches.unreachable, route, occupancy)
+        figure.savefig(path, dpi=130)
     except ImportError as error:
         raise StartUpError(f'{error}: sudo apt install python3-matplotlib') from error
     except (OSError, ValueError) as error:  # unknown to matplotlib, or not writable
@@ -240,6 +250,15 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--overrides', metavar='FILE', help='YAML file of poses that are set by hand')
     parser.add_argument(
         '--layout-in-map', metavar='FILE', help='file of register_layout: print the poses in the map'
+    )
+    parser.add_argument(
+        '--map', metavar='FILE', help="YAML file of the robot's map: each pose has room there, too"
+    )
+    parser.add_argument(
+        '--unknown',
+        choices=('occupied', 'free'),
+        default='occupied',
+        help='what cells of the map count as that are not known (default: %(default)s)',
     )
     parser.add_argument(
         '--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)'

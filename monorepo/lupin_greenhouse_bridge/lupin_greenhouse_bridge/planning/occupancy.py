@@ -1,0 +1,193 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
+"""The map that SLAM made, as an occupancy grid: the room that it leaves a robot. Does not import ROS."""
+
+import copy
+import math
+from pathlib import Path
+
+import numpy as np
+
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.planning.registration import Transform
+from lupin_greenhouse_bridge.planning.walls import Walls
+from lupin_greenhouse_bridge.simulator.files import number, read_yaml
+
+# Cells from 0 to 100 %, as map_saver of Nav2 takes them; what is between is unknown.
+FREE_PERCENT, OCCUPIED_PERCENT = 25, 65
+MODES = ('trinary', 'scale', 'raw')
+DEFAULTS = {'negate': False, 'occupied_thresh': 0.65, 'free_thresh': 0.25, 'mode': 'trinary'}
+NONE = 2**30  # the column of a cell that there is not
+
+
+class OccupancyMap:
+    """
+    An occupancy grid in the plane.
+
+    An unknown cell counts as occupied, and so does all that is outside the grid, unless unknown is free.
+    """
+
+    files: tuple[Path, ...] = ()  # that it was read from
+
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        resolution_m: float,
+        origin: tuple[float, float, float],
+        data,
+        *,
+        unknown_is_free: bool = False,
+    ):
+        """
+        Take the plain fields of a nav_msgs/OccupancyGrid.
+
+        The origin x, y, yaw is the pose of the outer corner of the first cell. The data has a number for each
+        cell, row by row: 0 (free) to 100 (occupied), or -1 (unknown). Raises StartUpError if they do not fit.
+        """
+        if not (0.0 < resolution_m < math.inf and all(map(math.isfinite, origin))):
+            x, y, yaw = origin
+            raise StartUpError(
+                f'the map has the resolution {resolution_m:g} and the origin {x:g}, {y:g}, {yaw:g}:'
+                ' must be finite numbers, and the resolution above 0'
+            )
+        if not 0 < width * height == len(data):
+            raise StartUpError(
+                f'the map has {len(data)} cells, but its size is {width} x {height}: must have width x height'
+            )
+        cells = np.asarray(data, dtype=np.int16).reshape(height, width)
+        self.resolution_m, self.origin = resolution_m, Transform(*origin)
+        self.is_occupied = cells >= OCCUPIED_PERCENT
+        self.is_unknown = ~self.is_occupied & ((cells < 0) | (cells > FREE_PERCENT))
+        self._is_unknown_taken = not unknown_is_free
+        # With a ring of unknown cells around.
+        self._is_unknown = np.pad(self.is_unknown, 1, constant_values=True)
+        taken = np.pad(self.is_occupied, 1)
+        if not unknown_is_free:
+            taken |= self._is_unknown
+        columns = np.arange(width + 2, dtype=np.int32)
+        self._left = np.maximum.accumulate(np.where(taken, columns, -NONE), axis=1)
+        self._right = np.minimum.accumulate(np.where(taken, columns, NONE)[:, ::-1], axis=1)[:, ::-1]
+
+    def in_layout(self, layout_in_map: Transform) -> 'OccupancyMap':
+        """Return the same map in the frame of the layout."""
+        moved = copy.copy(self)
+        offset = Transform(yaw=-layout_in_map.yaw).point(
+            self.origin.x - layout_in_map.x, self.origin.y - layout_in_map.y
+        )
+        moved.origin = Transform(*offset, self.origin.yaw - layout_in_map.yaw)
+        return moved
+
+    @property
+    def extent(self) -> Walls:
+        """The rectangle along the axes that holds the grid."""
+        height, width = np.array(self.is_occupied.shape) * self.resolution_m
+        xs, ys = zip(*(self.origin.point(x, y) for x in (0.0, width) for y in (0.0, height)), strict=True)
+        return Walls(min(xs), min(ys), max(xs), max(ys))
+
+    def have_inside(self, points: np.ndarray) -> np.ndarray:
+        """Return for each point (points, 2) whether it is inside the grid."""
+        cells = self._in_cells(points)
+        return ((cells >= 0.0) & (cells <= self.is_occupied.shape[::-1])).all(axis=1)
+
+    def gaps_m(self, points: np.ndarray, most_m: float) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Return the distance from each point (points, 2) to the area of the nearest taken cell, at most this.
+
+        The second array tells whether this cell is unknown.
+        """
+        at = self._in_cells(points) + 1.0  # with the ring
+        column, row = at[:, 0, None], at[:, 1, None]
+        reach = math.ceil(most_m / self.resolution_m) + 1
+        rows = np.floor(row).astype(int) + np.arange(-reach, reach + 1)
+        height, width = self._left.shape
+        is_row = np.tile((rows >= 0) & (rows < height), 2)
+        within = np.clip(rows, 0, height - 1), np.clip(np.floor(column).astype(int), 0, width - 1)
+        columns = np.concatenate([self._left[within], self._right[within]], axis=1)
+        rows = np.tile(rows, 2)
+        aside = np.maximum(np.maximum(columns - column, column - columns - 1.0), 0.0)
+        above = np.maximum(np.maximum(rows - row, row - rows - 1.0), 0.0)
+        gaps_m = np.where(is_row, np.hypot(aside, above), np.inf) * self.resolution_m  # (points, cells)
+        nearest = np.arange(len(gaps_m)), gaps_m.argmin(axis=1)
+        places = (np.clip(each[nearest], 0, most - 1) for each, most in ((rows, height), (columns, width)))
+        gaps_m, are_unknown = gaps_m[nearest], self._is_unknown[tuple(places)]
+        if self._is_unknown_taken:
+            are_outside = ~self.have_inside(points)
+            gaps_m[are_outside], are_unknown = 0.0, are_unknown | are_outside
+        return np.minimum(gaps_m, most_m), are_unknown
+
+    def _in_cells(self, points: np.ndarray) -> np.ndarray:
+        """Return points (points, 2) as columns and rows, counted from the origin."""
+        cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
+        return (points - self.origin[:2]) @ np.array([(cos, -sin), (sin, cos)]) / self.resolution_m
+
+
+def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap:
+    """Return the map of a YAML file and its image, as map_server of Nav2 reads them; raises StartUpError."""
+    where = f"map '{escaped(str(path), 500)}'"
+    if Path(path).suffix.lower() in ('.pgm', '.png', '.bmp'):
+        raise StartUpError(f'{where}: is an image: name the YAML file of the map, which names the image')
+    data = read_yaml(path, where, 'a map has two levels')
+    if not isinstance(data, dict):
+        raise StartUpError(f'{where}: is not a mapping with image, resolution and origin')
+    data = DEFAULTS | data
+    if not isinstance(data.get('image'), str) or not data['image']:
+        raise StartUpError(f'{where}: image is missing or no text: must name a PGM or PNG file')
+    if data['mode'] not in MODES:
+        mode = escaped(repr(data['mode']), 60)
+        raise StartUpError(f'{where}: mode is {mode}: must be {", ".join(MODES[:-1])} or {MODES[-1]}')
+    if data['negate'] not in (0, 1):  # false and true too
+        shown = escaped(repr(data['negate']), 60)
+        raise StartUpError(f'{where}: negate is {shown}: must be 0 or 1')
+    resolution_m = number(data, 'resolution', where, 'metres per cell', smallest=1e-4)
+    if not isinstance(data.get('origin'), list) or len(data['origin']) != 3:
+        raise StartUpError(f'{where}: origin is missing or not a list of three: must be [x, y, yaw]')
+    origin = dict(zip(('x', 'y', 'yaw'), data['origin'], strict=True))
+    units = {'x': 'metres', 'y': 'metres', 'yaw': 'radians'}
+    pose = [float(number(origin, key, f'{where}: origin', unit)) for key, unit in units.items()]
+    for key in ('occupied_thresh', 'free_thresh'):
+        number(data, key, where, 'share of 1', smallest=0.0, largest=1.0)
+    if data['free_thresh'] >= data['occupied_thresh']:
+        raise StartUpError(f'{where}: free_thresh must be below occupied_thresh')
+    image = Path(path).parent / data['image']
+    cells = _cells(*_read_image(image, where), data)
+    height, width = cells.shape
+    found = OccupancyMap(
+        width, height, float(resolution_m), tuple(pose), cells[::-1].ravel(), unknown_is_free=unknown_is_free
+    )
+    found.files = Path(path), image
+    return found
+
+
+def _read_image(path: Path, where: str) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the brightness and the opacity of each pixel, from 0 to 1; None for an image without opacity."""
+    try:
+        from PIL import Image  # imported late: only maps need it
+    except ImportError as error:
+        raise StartUpError(f'{error}: sudo apt install python3-pil') from error
+    try:
+        with Image.open(path) as image:
+            if image.mode.startswith('I'):  # 16 bits
+                return np.asarray(image, dtype=float) / 65535.0, None
+            has_alpha = 'A' in image.getbands() or 'transparency' in image.info
+            channels = np.asarray(image.convert('RGBA'))
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        shown = escaped(str(path), 300)
+        raise StartUpError(f"{where}: image '{shown}' cannot be read: {error}") from error
+    shade = channels[..., :3].sum(axis=2) / (3 * 255.0)
+    return shade, channels[..., 3] / 255.0 if has_alpha else None
+
+
+def _cells(shade: np.ndarray, opacity: np.ndarray | None, data: dict) -> np.ndarray:
+    """Return -1 to 100 for each pixel, as nav2_map_server/src/map_io.cpp computes it."""
+    if data['mode'] == 'raw':
+        values = np.round(255.0 * shade)
+        return np.where(values <= 100.0, values, -1)
+    if opacity is not None and data['mode'] == 'trinary':
+        shade = (3.0 * shade + opacity) / 4.0  # a mean of all four channels
+    occupied = shade if data['negate'] else 1.0 - shade
+    low, high = data['free_thresh'], data['occupied_thresh']
+    between = -1 if data['mode'] == 'trinary' else np.rint(100.0 * (occupied - low) / (high - low))
+    cells = np.select([occupied > high, occupied < low], [100, 0], between)
+    if opacity is not None and data['mode'] == 'scale':
+        cells[opacity < 1.0] = -1
+    return cells

@@ -1,0 +1,306 @@
+"""The robot's map: how its file is read, the room that it leaves, and the poses of approach_poses in it."""
+
+import cmath
+import json
+import math
+import random
+import re
+import sys
+
+import numpy as np
+import pytest
+import yaml
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning import approach_poses
+from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
+from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
+from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
+from lupin_greenhouse_bridge.planning.walls import find_walls
+from lupin_greenhouse_bridge.simulator.layout import find_layout
+from PIL import Image
+
+LAYOUT = {
+    'tags': {'7': {'x': 2.0, 'y': 1.0, 'sensors': ['co2']}},
+    'tables': {'bench': {'x0': 1.0, 'y0': 1.0, 'x1': 3.0, 'y1': 1.5}},
+}
+WALLS = ('--walls', '0', '0', '4', '3')
+CELL_M = 0.04
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+@pytest.fixture
+def write_map(tmp_path):
+    """Return a function that writes an image of rows from the top, and its YAML file, which it names."""
+
+    def write(pixels, name='map.pgm', **values):
+        image = Image.fromarray(np.asarray(pixels, dtype=np.uint8))
+        image.save(tmp_path / name)
+        data = {'resolution': 1.0, 'origin': [0.0, 0.0, 0.0], 'negate': 0}
+        data |= {'image': name, 'occupied_thresh': 0.65, 'free_thresh': 0.196, **values}
+        path = tmp_path / 'map.yaml'
+        path.write_text(yaml.safe_dump(data), encoding='utf-8')
+        return path
+
+    return write
+
+
+@pytest.fixture
+def poses_of(tmp_path, capsys):
+    """Return a function that runs approach_poses; it returns the exit code, the data and the errors."""
+    tag_file = tmp_path / 'tags.json'
+    tag_file.write_text(json.dumps(LAYOUT), encoding='utf-8')
+
+    def run(*words):
+        options = ('--tag-file', str(tag_file), *WALLS, '--format', 'json')
+        exit_code = approach_poses.main(['approach_poses', *options, *map(str, words)])
+        out, err = capsys.readouterr()
+        return exit_code, json.loads(out or 'null'), err
+
+    return run
+
+
+def percents(found: OccupancyMap) -> list[str]:
+    """Return the rows of a map from the top: # occupied, ? unknown, . free."""
+    letters = np.where(found.is_occupied, '#', np.where(found.is_unknown, '?', '.'))
+    return [''.join(row) for row in letters[::-1]]
+
+
+def room(is_taken, value=0) -> np.ndarray:
+    """Return the pixels of the room of 4 m x 3 m, with this value where is_taken(x, y) holds."""
+    middles = [((column + 0.5) * CELL_M, (row + 0.5) * CELL_M) for row in range(75) for column in range(100)]
+    return np.array([value if is_taken(*each) else 254 for each in middles]).reshape(75, 100)[::-1]
+
+
+GREY = [[254, 205, 204, 128], [90, 89, 88, 0]]  # 0, 0.196, 0.2, 0.498; 0.647, 0.651, 0.655 and 1 occupied
+
+
+@pytest.mark.parametrize('name', ['map.pgm', 'map.png'])
+@pytest.mark.parametrize(
+    ('values', 'rows'),
+    [
+        ({}, ['.???', '?###']),
+        ({'free_thresh': 0.25}, ['...?', '?###']),
+        ({'occupied_thresh': 0.652}, ['.???', '??##']),
+        ({'negate': 1, 'occupied_thresh': 0.9}, ['#???', '???.']),
+        ({'negate': True, 'occupied_thresh': 0.9}, ['#???', '???.']),
+        # scale: from 0.196 to 0.65 it is 0 to 100 %, so 0.2 is 1 %, 0.498 is 67 %, and 0.647 is 99 %
+        ({'mode': 'scale'}, ['...#', '####']),
+        ({'mode': 'scale', 'occupied_thresh': 0.9}, ['...?', '?###']),  # 0.498 is 43 %, 0.647 is 64.1 %
+        # raw: the value is the percentage, above 100 it is unknown, and negate has no effect
+        ({'mode': 'raw'}, ['????', '###.']),
+        ({'mode': 'raw', 'negate': 1}, ['????', '###.']),
+    ],
+)
+def test_each_mode_reads_the_grey_as_nav2_does(write_map, name, values, rows):
+    assert percents(read_map(write_map(GREY, name, **values))) == rows
+
+
+def test_raw_cells_are_free_up_to_25_percent_and_occupied_from_65(write_map):
+    assert percents(read_map(write_map([[0, 25, 26, 64, 65, 100, 101]], mode='raw'))) == ['..??##?']
+
+
+def test_a_transparent_pixel_is_unknown_in_scale_and_counts_as_a_channel_in_trinary(write_map):
+    pixels = [[(255, 255, 255, 255), (255, 255, 255, 0), (0, 0, 0, 255), (0, 0, 0, 0)]]
+    # trinary: the mean of the four channels is 1, 0.75, 0.25 and 0
+    assert percents(read_map(write_map(pixels, 'map.png'))) == ['.?##']
+    assert percents(read_map(write_map(pixels, 'map.png', mode='scale'))) == ['.?#?']
+
+
+def test_colours_and_palettes_are_read_as_their_mean(write_map, tmp_path):
+    pixels = [[(255, 255, 255), (255, 255, 100), (255, 0, 0), (0, 0, 60)]]  # 0, 0.203, 0.667, 0.92 occupied
+    path = write_map(pixels, 'map.png')
+    assert percents(read_map(path)) == ['.?##']
+    Image.open(tmp_path / 'map.png').quantize().save(tmp_path / 'map.png')
+    assert percents(read_map(path)) == ['.?##']
+
+
+def test_16_bits_are_read(write_map, tmp_path):
+    path = write_map([[0]], 'map.png')
+    Image.fromarray(np.array([[65535, 40000, 0]], dtype=np.uint16)).save(tmp_path / 'map.png')
+    assert percents(read_map(path)) == ['.?#']
+
+
+@pytest.mark.parametrize('unknown_is_free', [False, True])
+@pytest.mark.parametrize('yaw', [0.0, math.pi / 2, -2.3])
+def test_the_gap_is_the_distance_to_the_nearest_cell(yaw, unknown_is_free):
+    """By brute force: in complex numbers, over the corners and sides of all taken cells."""
+    chance = random.Random(f'{yaw}')
+    width, height, side_m, x, y = 17, 11, 0.13, -3.0, 2.0
+    data = [chance.choice([0, 0, 0, 0, 0, 0, 0, 10, -1, 50, 100]) for _ in range(width * height)]
+    found = OccupancyMap(width, height, side_m, (x, y, yaw), data, unknown_is_free=unknown_is_free)
+    points = [(chance.uniform(-6.0, 0.0), chance.uniform(-1.0, 5.0)) for _ in range(500)]
+    gaps_m, are_unknown = found.gaps_m(np.array(points), most_m=0.3)
+    seen = set()
+    for point, gap_m, is_unknown in zip(points, gaps_m, are_unknown, strict=True):
+        at = (complex(*point) - complex(x, y)) * cmath.exp(-1j * yaw) / side_m
+        is_outside = not (0.0 <= at.real <= width and 0.0 <= at.imag <= height)
+        nearest = {True: math.inf, False: math.inf}  # by whether the cell is unknown
+        for number, value in enumerate(data):
+            row, column = divmod(number, width)
+            to = complex(min(max(at.real, column), column + 1), min(max(at.imag, row), row + 1))
+            if value not in (0, 10):
+                nearest[value != 100] = min(nearest[value != 100], abs(at - to) * side_m)
+        edge = min(at.real, at.imag, width - at.real, height - at.imag) * side_m
+        nearest[True] = math.inf if unknown_is_free else 0.0 if is_outside else min(nearest[True], edge)
+        assert gap_m == pytest.approx(min(0.3, *nearest.values()), abs=1e-9)
+        if gap_m < 0.3 and abs(nearest[True] - nearest[False]) > 1e-9:
+            assert is_unknown == (nearest[True] < nearest[False])
+        seen.add((is_outside, gap_m == 0.0))
+    assert len(seen) >= 3
+
+
+def test_a_map_in_the_layout_has_the_same_gaps():
+    chance = random.Random(5)
+    layout_in_map = Transform(3.0, -2.0, 0.7)
+    data = [chance.choice([0, 0, 100]) for _ in range(200)]
+    in_map = OccupancyMap(20, 10, 0.1, (1.0, 2.0, 0.3), data)
+    in_layout = in_map.in_layout(layout_in_map)
+    points = np.array([(chance.uniform(-3.0, 3.0), chance.uniform(0.0, 6.0)) for _ in range(100)])
+    moved = np.array([layout_in_map.point(*each) for each in points])
+    assert in_layout.gaps_m(points, 0.5)[0] == pytest.approx(in_map.gaps_m(moved, 0.5)[0], abs=1e-9)
+    assert in_map.origin == (1.0, 2.0, 0.3)
+
+
+@pytest.mark.parametrize(
+    ('fields', 'fault'),
+    [
+        ((2, 2, 0.1, ORIGIN, [0] * 3), 'the map has 3 cells, but its size is 2 x 2'),
+        ((0, 0, 0.1, ORIGIN, []), 'the map has 0 cells'),
+        ((1, 1, 0.0, ORIGIN, [0]), 'the map has the resolution 0 '),
+        ((1, 1, 0.1, (math.nan, 0.0, 0.0), [0]), 'the origin nan, 0, 0'),
+    ],
+)
+def test_fields_that_do_not_fit_are_refused(fields, fault):
+    with pytest.raises(StartUpError, match=fault):
+        OccupancyMap(*fields)
+
+
+def test_every_pose_has_its_room_in_the_map():
+    """In a map of the shipped tables and of boxes on the floor, some of them in the best poses."""
+    layout, limits = find_layout(''), ViewingLimits(clearance_m=0.03)
+    walls = find_walls(layout)
+    chance, cells = random.Random(1), np.zeros((170, 90), dtype=int)  # 0.05 m, from (-0.25, -0.25)
+    before = find_approaches(layout, walls, limits).poses
+    for tag_id in ('2', '12', '23'):
+        x, y = before[tag_id][:2]
+        cells[round((y + 0.25) / 0.05), round((x + 0.25) / 0.05)] = 100
+    for _ in range(10):
+        cells[chance.randrange(170), chance.randrange(90)] = 100
+    occupancy = OccupancyMap(90, 170, 0.05, (-0.25, -0.25, 0.0), cells.ravel())
+    after = find_approaches(layout, walls, limits, occupancy=occupancy, most_per_tag=3)
+    assert not {tag_id for tag_id in ('2', '12', '23') if after.poses.get(tag_id) == before[tag_id]}
+    assert len(after.poses) > 20
+    middles = (np.argwhere(cells == 100)[:, ::-1] + 0.5) * 0.05 - 0.25
+    for tag_id, pose in after.poses.items():
+        for x, y, *_ in (pose, *after.alternatives[tag_id]):
+            beside = np.maximum(np.abs(middles - (x, y)) - 0.025, 0.0)
+            assert np.hypot(*beside.T).min() >= 0.23 - 1e-9, tag_id
+    moved = [tag_id for tag_id in after.poses if after.poses[tag_id] != before[tag_id]]
+    assert 0 < len(moved) < len(before)
+
+
+def test_a_tag_that_the_map_costs_is_unreachable_with_the_best_distance(write_map, poses_of):
+    """A corridor of 0.24 m in front of the tag: in its middle, both sides are 0.12 m away."""
+    path = write_map(room(lambda _x, y: not 0.4 < y < 0.64), resolution=CELL_M)
+    exit_code, data, err = poses_of('--map', path)
+    reason = 'the map has an obstacle 0.12 m from every pose, and the robot needs 0.25 m'
+    assert (exit_code, data['poses'], err) == (1, [], f"approach_poses: tag '7': {reason}\n")
+    assert data['unreachable'] == [{'tag_id': '7', 'reason': reason}]
+    exit_code, data, _ = poses_of('--map', path, '--radius', '0.1', '--clearance', '0.02')
+    assert exit_code == 0
+    assert data['poses'][0]['y'] == pytest.approx(0.52)
+
+
+def test_unknown_counts_as_occupied_unless_it_is_free(write_map, poses_of):
+    path = write_map(room(lambda _x, y: not 0.4 < y < 0.64, 205), resolution=CELL_M)
+    exit_code, data, _ = poses_of('--map', path)
+    assert exit_code == 1
+    assert data['unreachable'][0]['reason'].startswith('the map is unknown 0.12 m from every pose')
+    exit_code, data, _ = poses_of('--map', path, '--unknown', 'free')
+    assert (exit_code, data['poses'][0]['y']) == (0, 0.5)
+
+
+def test_the_map_is_in_the_frame_of_the_poses_and_its_origin_is_turned(write_map, poses_of, tmp_path):
+    """The same room and box, with an origin and a layout that are both turned."""
+    pixels = room(lambda x, y: abs(x - 2.0) < 0.1 and y < 0.3)
+    _, straight, _ = poses_of('--map', write_map(pixels, resolution=CELL_M))
+    assert straight['poses'] != poses_of()[1]['poses']
+    transform = Transform(-3.0, 5.0, 2.1)
+    write_transform(tmp_path / 'layout.yaml', transform)
+    for origin, rows in (
+        ([*transform], pixels),
+        ([*transform.point(4.0, 0.0), transform.yaw + math.pi / 2], np.rot90(pixels, -1)),
+    ):
+        path = write_map(rows, resolution=CELL_M, origin=origin)
+        exit_code, data, _ = poses_of('--map', path, '--layout-in-map', tmp_path / 'layout.yaml')
+        assert exit_code == 0
+        for pose, other in zip(data['poses'], straight['poses'], strict=True):
+            assert (pose['x'], pose['y']) == pytest.approx(transform.point(other['x'], other['y']), abs=1e-5)
+
+
+def test_a_map_of_another_place_is_refused_with_both_extents(write_map, poses_of):
+    path = write_map(room(lambda _x, _y: False), resolution=CELL_M, origin=[10.0, 0.0, math.pi / 2])
+    exit_code, data, err = poses_of('--map', path)
+    assert (exit_code, data, err.count('\n')) == (2, None, 1)
+    assert 'the map holds only 0 of the 1 places before the tags' in err
+    assert 'from x 7 to 10 m, y 0 to 4 m, and the greenhouse from x 0 to 4 m, y 0 to 3 m' in err
+
+
+@pytest.mark.parametrize(
+    ('values', 'fault'),
+    [
+        ({'image': 'none.pgm'}, 'cannot be read: [Errno 2]'),
+        ({'image': 'map.yaml'}, 'cannot be read: cannot identify image file'),
+        ({'image': ''}, 'image is missing or no text'),
+        ({'resolution': 0}, 'resolution is 0: must be a number from'),
+        ({'resolution': '0.05 m'}, "resolution is '0.05 m': must be a number"),
+        ({'origin': [0.0, 0.0]}, 'origin is missing or not a list of three'),
+        ({'origin': [0.0, 'one', 0.0]}, "origin: y is 'one': must be a number"),
+        ({'mode': 'binary'}, "mode is 'binary': must be trinary, scale or raw"),
+        ({'negate': 2}, 'negate is 2: must be 0 or 1'),
+        ({'occupied_thresh': 1.5}, 'occupied_thresh is 1.5: must be a number from 0 to 1'),
+        ({'free_thresh': 0.65}, 'free_thresh must be below occupied_thresh'),
+    ],
+)
+def test_a_bad_map_is_one_line_and_exit_code_2(write_map, poses_of, values, fault):
+    path = write_map([[254]], **values)
+    exit_code, data, err = poses_of('--map', path)
+    assert (exit_code, data, err.count('\n')) == (2, None, 1)
+    assert err.startswith(f"approach_poses: map '{path}': ")
+    assert fault in err
+
+
+def test_an_image_in_place_of_its_yaml_file_a_torn_image_and_no_file_are_refused(
+    write_map, poses_of, tmp_path
+):
+    path = write_map(room(lambda _x, _y: False), 'map.png')
+    assert 'is an image: name the YAML file' in poses_of('--map', tmp_path / 'map.png')[2]
+    assert 'cannot be read (No such file' in poses_of('--map', tmp_path / 'none.yaml')[2]
+    image = tmp_path / 'map.png'
+    image.write_bytes(image.read_bytes()[:60])
+    assert re.search(r"image '.*map\.png' cannot be read: ", poses_of('--map', path)[2])
+    path.write_text('[1, 2]', encoding='utf-8')
+    assert 'is not a mapping with image' in poses_of('--map', path)[2]
+
+
+def test_without_pillow_the_package_to_install_is_named(write_map, poses_of, monkeypatch):
+    path = write_map([[254]])
+    monkeypatch.setitem(sys.modules, 'PIL', None)
+    exit_code, _, err = poses_of('--map', path)
+    assert (exit_code, err.endswith(': sudo apt install python3-pil\n')) == (2, True)
+
+
+def test_the_picture_shows_the_map_and_never_replaces_it(write_map, poses_of, tmp_path):
+    path = write_map(room(lambda x, _y: x > 3.5), 'map.png', resolution=CELL_M)
+    image = tmp_path / 'map.png'
+    before = image.read_bytes()
+    exit_code, _, err = poses_of('--map', path, '--picture', image)
+    assert (exit_code, image.read_bytes()) == (2, before)
+    assert f"--picture '{image}' is a file of the map itself" in err
+    assert poses_of('--map', path, '--picture', tmp_path / 'with.png')[0] == 0
+    assert poses_of('--picture', tmp_path / 'without.png')[0] == 0
+    orange = []
+    for name in ('with.png', 'without.png'):
+        red, green, blue = np.asarray(Image.open(tmp_path / name).convert('RGB'), dtype=int).T
+        orange.append(int(((red > 220) & (abs(green - 178) < 20) & (blue < 80)).sum()))
+    assert orange[0] > 1000 + 100 * orange[1]
