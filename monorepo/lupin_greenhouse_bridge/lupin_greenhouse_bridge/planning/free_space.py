@@ -84,10 +84,11 @@ class FreeSpace:
         is_free[inside[places[is_taken]]] = False
         return is_free
 
-    def are_inside(self, points: np.ndarray) -> np.ndarray:
-        """Return for each point (points, 2) whether the robot there is within the walls."""
+    def are_inside(self, points: np.ndarray, beyond_m: float = 0.0) -> np.ndarray:
+        """Return for each point (points, 2) whether the robot is within the walls, or only so far beyond."""
         low, high = self._inside
-        return ((points >= low - self.tolerance_m) & (points <= high + self.tolerance_m)).all(axis=1)
+        beyond_m += self.tolerance_m
+        return ((points >= low - beyond_m) & (points <= high + beyond_m)).all(axis=1)
 
     def is_free(self, x: float, y: float) -> bool:
         """Return whether the robot's centre can be at this point."""
@@ -104,18 +105,13 @@ class FreeSpace:
         is_free = np.ones(len(ends), dtype=bool)
         lengths_m = np.abs(ends - starts).max(axis=1)
         first_m, last_m = 0.0, 2.0 * self._octagons.cell_m
-        while len(
-            left := np.flatnonzero(is_free & (lengths_m >= first_m))
-        ):  # most are blocked near the start
+        # Part by part: most lines are blocked near the start.
+        while len(left := np.flatnonzero(is_free & (lengths_m >= first_m))):
             for part in _parts(left):
-                begin, end = (
-                    (each / np.maximum(lengths_m[part], each or 1.0))[:, None] for each in (first_m, last_m)
-                )
-                towards = ends[part] - starts[part]
-                is_free[part] = ~self._are_blocked(
-                    starts[part] + begin * towards,
-                    np.where(end < 1.0, starts[part] + end * towards, ends[part]),
-                )
+                start, end, length_m = starts[part], ends[part], lengths_m[part, None]
+                first = start + first_m / np.maximum(length_m, 1e-12) * (end - start)
+                last = start + last_m / np.maximum(length_m, last_m) * (end - start)
+                is_free[part] = ~self._are_blocked(first, np.where(length_m > last_m, last, end))
             first_m, last_m = last_m, 4.0 * last_m
         return is_free
 
@@ -315,7 +311,8 @@ class VisibilityGraph:
         places, sectors = np.nonzero(self._is_open[numbers])
         may_have = np.zeros(len(places), dtype=bool)
         for edge in (DIRECTIONS[sectors], DIRECTIONS[sectors + 1]):
-            is_inside = self._free_space.are_inside(self.nodes[numbers[places]] + reach_m * edge)
+            ends = self.nodes[numbers[places]] + reach_m * edge
+            is_inside = self._free_space.are_inside(ends, reach_m * SECTOR)  # some of the sector may be
             may_have |= is_inside & self._are_tangent(numbers[places], edge)
         return np.bincount(places[may_have], minlength=len(numbers)) > 0
 
@@ -403,7 +400,7 @@ class VisibilityGraph:
                 if len(others):
                     into = int(found[others[0]])
                     found[nodes] = into
-                    left[into] += nodes
+                    left.get(into, []).extend(nodes)
                     break
         return found
 
