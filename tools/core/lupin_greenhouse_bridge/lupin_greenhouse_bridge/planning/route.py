@@ -15,7 +15,7 @@ from lupin_greenhouse_bridge.planning.free_space import FreeSpace, VisibilityGra
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 
 ORDERS = ('given', 'numeric', 'shortest')
-NEIGHBOURS = 12  # of a stop, by their paths: it is joined to no others
+NEIGHBOURS = 10  # of a stop, by their paths: it is joined to no others
 KNOWN = 4000  # paths, at least, whose lengths are known
 FAR_M = 1e6  # more than any path: between points whose path is not known
 GAIN_M = 1e-6  # more than the rounding of FAR_M
