@@ -53,7 +53,7 @@ def test_a_node_refuses_an_argument_that_it_does_not_know(executable, tmp_path):
 def inputs(tmp_path_factory):
     """Return a folder with what the commands read."""
     folder = tmp_path_factory.mktemp('inputs')
-    row = '1,1970-01-01T00:00:00.000000001Z,1,co2,600.0,ppm,0.5,1.0,43200.0,test'
+    row = '1,1970-01-01T00:00:00.000000001Z,1,co2,600.0,ppm,1.6,1.3,43200.0,test'
     (folder / 'readings.csv').write_text(f'{HEADER}\n{row}\n', encoding='utf-8')
     pairs = {tag_id: (tag.x, tag.y) for tag_id, tag in find_layout('').tags.items()}
     (folder / 'pairs.json').write_text(json.dumps(pairs), encoding='utf-8')

@@ -24,6 +24,7 @@ from lupin_greenhouse_bridge.planning import (
     approach,
     drawing,
     free_space,
+    grid,
     route,
     surroundings,
     tag_poses,
@@ -47,7 +48,7 @@ TAG_RADIUS_M = 0.085
 CHARACTER_M, LINE_M = 0.085, 0.17  # of a label in the picture
 CLEAR_M = 0.2  # distance of a number on a contour line to a wall, at least; twice that to a tag
 
-DRAWN_BY = (approach, drawing, free_space, route, surroundings, tag_poses, units, walls)
+DRAWN_BY = (approach, drawing, free_space, grid, route, surroundings, tag_poses, units, walls)
 
 
 class Greenhouse:

@@ -24,7 +24,7 @@ from lupin_greenhouse_bridge.planning.occupancy import read_map
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, plan_route
 from lupin_greenhouse_bridge.planning.walls import add_wall_options, find_walls
-from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
+from lupin_greenhouse_bridge.runtime.output import Progress, aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 
@@ -78,13 +78,26 @@ def _compute(options) -> tuple[dict, str, bool]:
         occupancy = occupancy.in_layout(transform)
         if not options.layout_in_map:
             warnings.append('without --layout-in-map, the map counts as one in the frame of the layout')
-    approaches = find_approaches(
-        layout, walls, limits, start_m=start_m, overrides=overrides, occupancy=occupancy
-    )
-    for warning in [*warnings, *approaches.warnings.values()]:
-        print_line(f'approach_poses: {warning}', sys.stderr)
     end_m = options.end and tuple(options.end)
-    route = plan_route(approaches.free_space, approaches.poses, start_m, options.order, end_m=end_m)
+    progress = Progress('approach_poses')
+    try:
+        approaches = find_approaches(
+            layout,
+            walls,
+            limits,
+            start_m=start_m,
+            overrides=overrides,
+            occupancy=occupancy,
+            progress=progress,
+        )
+        progress.end()
+        for warning in [*warnings, *approaches.warnings.values()]:
+            print_line(f'approach_poses: {warning}', sys.stderr)
+        route = plan_route(
+            approaches.free_space, approaches.poses, start_m, options.order, end_m=end_m, progress=progress
+        )
+    finally:
+        progress.end()
     if options.picture:
         _draw(options.picture, layout, walls, approaches, route, occupancy)
     poses = []

@@ -1,9 +1,11 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The order in which a robot visits the tags, and its path. Does not import ROS."""
 
+import collections
 import itertools
+import math
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +16,12 @@ from lupin_greenhouse_bridge.planning.free_space import FreeSpace, VisibilityGra
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 
 ORDERS = ('given', 'numeric', 'shortest')
-MOST_NEIGHBOURS = 40  # of a pose, by their paths: 2-opt exchanges no pair that is farther apart
-FAR_M = 1e6  # between points whose path is not known
+NEIGHBOURS = 10  # of a stop, by their paths: it is joined to no others
+KNOWN = 4000  # paths, at least, whose lengths are known
+FAR_M = 1e6  # more than any path: between points whose path is not known
 GAIN_M = 1e-6  # more than the rounding of FAR_M
-KICKS = 60
+KICKS = 300
+LONGEST_KICK = 50  # points
 
 
 class Route(NamedTuple):
@@ -28,19 +32,22 @@ class Route(NamedTuple):
     length_m: float
 
 
-def plan_route(
+def plan_route(  # noqa: PLR0913 - the options are passed by name
     free_space: FreeSpace,
     poses: Mapping[str, ApproachPose],
     start_m: tuple[float, float] | None,
     order: str,
     tag_ids: Sequence[str] | None = None,
     end_m: tuple[float, float] | None = None,
+    *,
+    progress: Callable[[str, int, int], None] = lambda *_: None,
 ) -> Route:
     """
     Return the route along the poses of these tags, or of all: as given, by number, or the shortest found.
 
     It begins at the start and ends at the end, which may be a dock; without them, any tag may be the first or
     the last. The shortest route goes to the nearest tag each time, and is then improved by 2-opt and Or-opt.
+    `progress` is told what is done, how much of it, and of how much.
     Raises StartUpError for a tag without a pose, or one that is cut off.
     """
     tag_ids = list(poses) if tag_ids is None else list(tag_ids)
@@ -62,9 +69,11 @@ def plan_route(
     graph = VisibilityGraph(free_space, np.array(stops, dtype=float).reshape(-1, 2))
     visits = list(range(len(stops)))
     if order == 'shortest':
-        visits = _shortest(graph, len(stops), has_start=start_m is not None, has_end=end_m is not None)
+        ends = {'has_start': start_m is not None, 'has_end': end_m is not None}
+        visits = _shortest(graph, stops, progress, **ends)
     points = [stops[each] for each in visits[:1]]
-    for here, there in itertools.pairwise(visits):
+    for number, (here, there) in enumerate(itertools.pairwise(visits)):
+        progress('legs of the route', number, len(visits) - 1)
         if (path := graph.path(here, there)) is None:
             (x0, y0), (x1, y1) = stops[here], stops[there]
             raise StartUpError(
@@ -80,89 +89,153 @@ def plan_route(
     )
 
 
-def _shortest(graph: VisibilityGraph, count: int, *, has_start: bool, has_end: bool) -> list[int]:
-    """Return an order of all points by their paths. Point 0 may be a start, and the last one an end."""
-    beside_all, behind_end, end = count, count + 1, count - 1
-    lengths_m = np.full((count + 2, count + 2), FAR_M)
-    lengths_m[beside_all] = lengths_m[:, beside_all] = 0.0  # from there, any point may be the first
-    lengths_m[behind_end] = lengths_m[:, behind_end] = FAR_M
-    lengths_m[end, behind_end] = lengths_m[behind_end, end] = 0.0  # to there, only the end may be the last
-    visits, left = [0] * bool(count), set(range(1, count - has_end))
-    while left:
-        here, following = visits[-1], None
-        for number, (other, length_m) in enumerate(graph.nearest(here)):
-            lengths_m[here, other] = lengths_m[other, here] = length_m
-            if following is None and other in left:
-                following = other
-            if following is not None and number >= MOST_NEIGHBOURS:
-                break
-        if following is None:  # cut off: plan_route() says so
-            following = min(left)
-        left.discard(following)
-        visits.append(following)
-    visits += [end] * (has_end and count > 1)
-    for here in visits[-2:]:
-        for other, length_m in itertools.islice(graph.nearest(here), MOST_NEIGHBOURS + 1):
-            lengths_m[here, other] = lengths_m[other, here] = length_m
-    visits = [*([] if has_start else [beside_all]), *visits, *([behind_end] if has_end else [])]
-    order = _improved(np.array(visits), lengths_m)
+def _shortest(
+    graph: VisibilityGraph, stops: list, progress: Callable, *, has_start: bool, has_end: bool
+) -> list[int]:
+    """Return an order of all stops by their paths. Stop 0 may be a start, and the last one an end."""
+    count = len(stops)
+    if count < 3:
+        return list(range(count))
+    most = max(NEIGHBOURS, KNOWN // count)
+    near = []
+    for each in range(count):
+        progress('tags with paths to others', each, count)
+        near.append(dict(itertools.islice(graph.nearest(each), most)))
+    first = _nearest_first(near, np.array(stops[: count - has_end])) + [count - 1] * has_end
+    for here, others in enumerate(near):
+        for other, length_m in others.items():
+            near[other].setdefault(here, length_m)
+    # From the last stop back to the first, the tour passes by one that is beside all.
+    for each in range(count):
+        near[each][count] = 0.0
+    for end in [0] * has_start + [count - 1] * has_end:
+        near[end][count] = -FAR_M
+    near.append({each: near[each][count] for each in range(count)})
+    tour = _Tour([*first, count], near, [*stops, stops[0]])
+    tour.improve(range(count), progress)
     chance = random.Random(0)  # noqa: S311 - the same route each time
-    for _ in range(KICKS if 8 <= count <= MOST_NEIGHBOURS else 0):
-        other = _improved(_kicked(order, chance), lengths_m)
-        if _length_m(other, lengths_m) < _length_m(order, lengths_m) - GAIN_M:
-            order = other
-    return [visit for visit in order.tolist() if visit < count]
+    for number in range(KICKS):
+        progress('improvements of the order', number, KICKS)
+        tour.kick(chance)
+    place = tour.order.index(count)
+    visits = tour.order[place + 1 :] + tour.order[:place]
+    is_turned = visits[0] != 0 if has_start else has_end and visits[-1] != count - 1
+    return visits[::-1] if is_turned else visits
 
 
-def _length_m(order: np.ndarray, lengths_m: np.ndarray) -> float:
-    return float(lengths_m[order[:-1], order[1:]].sum())
-
-
-def _kicked(order: np.ndarray, chance: random.Random) -> np.ndarray:
-    """Return the order with two parts exchanged, which 2-opt and Or-opt cannot undo in one step."""
-    a, b, c = sorted(chance.sample(range(1, len(order)), 3))
-    return np.concatenate([order[:a], order[b:c], order[a:b], order[c:]])
-
-
-def _improved(order: np.ndarray, lengths_m: np.ndarray) -> np.ndarray:
-    """Return the order after 2-opt and Or-opt, as long as either makes it shorter; the first visit stays."""
-    order = order.copy()
-    while _two_opt(order, lengths_m) | _or_opt(order, lengths_m):
-        pass
+def _nearest_first(near: list[dict[int, float]], stops: np.ndarray) -> list[int]:
+    """Return an order of these stops that goes to the nearest each time, along a path if one is left."""
+    order, is_left = [0], np.ones(len(near), dtype=bool)
+    is_left[len(stops) :] = False
+    while len(order) < len(stops):
+        is_left[order[-1]] = False
+        following = next((each for each in near[order[-1]] if is_left[each]), None)
+        if following is None:
+            left = np.flatnonzero(is_left)
+            following = int(left[np.hypot(*(stops[left] - stops[order[-1]]).T).argmin()])
+        order.append(following)
     return order
 
 
-def _two_opt(order: np.ndarray, lengths_m: np.ndarray) -> bool:
-    """Turn round each part of an open route whose turn makes it shorter; return whether there was one."""
-    is_shorter = False
-    for start in range(1, len(order) - 1):
-        before, first = order[start - 1], order[start]
-        lasts, after = order[start + 1 :], order[start + 2 :]
-        gains_m = lengths_m[before, first] - lengths_m[before, lasts]
-        gains_m[:-1] += lengths_m[lasts[:-1], after] - lengths_m[first, after]
-        best = int(np.argmax(gains_m))
-        if gains_m[best] > GAIN_M:
-            end = start + 2 + best
-            order[start:end] = order[start:end][::-1].copy()
-            is_shorter = True
-    return is_shorter
+class _Tour:
+    """A round tour of stops by their numbers, which 2-opt and Or-opt make shorter."""
 
+    def __init__(self, order: list[int], lengths_m: list[dict[int, float]], stops: list):
+        """Take an order, for each stop the lengths of the paths to others, and the places of stops."""
+        self.order, self._lengths_m, self._stops = order, lengths_m, stops
+        self._near = [sorted(each, key=each.get)[: NEIGHBOURS + 1] for each in lengths_m]
+        self._places = {stop: place for place, stop in enumerate(order)}
+        self._exchanges: list[tuple[int, int, int, int]] = []  # since the last kick
 
-def _or_opt(order: np.ndarray, lengths_m: np.ndarray) -> bool:
-    """Move each part of up to three visits to where that makes it shorter; return whether there was one."""
-    is_shorter = False
-    for size in (1, 2, 3):
-        for start in range(1, len(order) - size + 1):
-            part, rest = order[start : start + size], np.delete(order, np.s_[start : start + size])
-            gain_m = _length_m(order[start - 1 : start + size + 1], lengths_m)
-            if start < len(rest):
-                gain_m -= lengths_m[rest[start - 1], rest[start]]
-            for turned in (part, part[::-1]):
-                costs_m = lengths_m[rest, turned[0]] + _length_m(part, lengths_m)
-                costs_m[:-1] += lengths_m[turned[-1], rest[1:]] - lengths_m[rest[:-1], rest[1:]]
-                best = int(np.argmin(costs_m))
-                if costs_m[best] < gain_m - GAIN_M:
-                    order[:] = np.insert(rest, best + 1, turned)
-                    is_shorter = True
+    def improve(self, stops: Iterable[int], progress: Callable = lambda *_: None) -> float:
+        """Make the tour shorter around these stops, as long as that goes; return by how much, in metres."""
+        queue, all_m = collections.deque(stops), 0.0
+        is_queued = set(queue)
+        while queue:
+            progress('tags in an order', len(self.order) - len(queue), len(self.order))
+            stop = queue.popleft()
+            is_queued.discard(stop)
+            while True:
+                gain_m, changed = self._two_opt(stop)
+                if not changed:
+                    gain_m, changed = self._or_opt(stop)
+                if not changed:
                     break
-    return is_shorter
+                all_m += gain_m
+                queue.extend(each for each in changed if each not in is_queued)
+                is_queued.update(changed)
+        return all_m
+
+    def kick(self, chance: random.Random) -> None:
+        """Exchange two parts that follow each other, and improve around them; undo what is not shorter."""
+        self._exchanges.clear()
+        at = chance.randrange(len(self.order))
+        middle, last = sorted(chance.sample(range(1, min(len(self.order) - 1, LONGEST_KICK)), 2))
+        places = (at, at + 1, at + middle, at + middle + 1, at + last, at + last + 1)
+        a, b, c, d, e, f = (self.order[each % len(self.order)] for each in places)
+        gain_m = self._m(a, b) + self._m(c, d) + self._m(e, f) - self._m(a, d) - self._m(e, b) - self._m(c, f)
+        self._exchange(a, b, e, f)
+        self._exchange(a, e, d, c)
+        self._exchange(e, c, b, f)
+        if gain_m + self.improve((a, b, c, d, e, f)) < GAIN_M:
+            for a, b, c, d in self._exchanges[::-1]:
+                self._exchange(a, c, b, d)
+
+    def _two_opt(self, a: int) -> tuple[float, tuple[int, ...]]:
+        """Join a stop to one that is near, and those beside both; return the gain, and what has changed."""
+        for step in (1, -1):
+            b = self._beside(a, step)
+            for c in self._near[a]:
+                gain_m = self._m(a, b) - self._m(a, c)
+                if gain_m <= GAIN_M:
+                    break
+                d = self._beside(c, step)
+                gain_m += self._m(c, d) - self._m(b, d)
+                if gain_m > GAIN_M:
+                    self._exchange(a, b, c, d)
+                    return gain_m, (a, b, c, d)
+        return 0.0, ()
+
+    def _or_opt(self, a: int) -> tuple[float, tuple[int, ...]]:
+        """Move a part of up to three stops, of which this is the first, beside one that is near it."""
+        for step in (1, -1):
+            part, before = [a], self._beside(a, -step)
+            while len(part) <= 3 and (after := self._beside(part[-1], step)) != before:
+                last = part[-1]
+                without_m = self._m(before, a) + self._m(last, after) - self._m(before, after)
+                for c in self._near[a]:
+                    if without_m - self._m(a, c) <= GAIN_M:
+                        break
+                    for turn in (step, -step):
+                        d = self._beside(c, turn)
+                        gain_m = without_m - self._m(a, c) + self._m(c, d) - self._m(last, d)
+                        if gain_m > GAIN_M and c not in part and d not in part:
+                            x, y = (c, d) if turn == step else (d, c)
+                            self._exchange(before, a, x, y)
+                            self._exchange(before, x, after, last)
+                            if turn == step:
+                                self._exchange(x, last, a, y)
+                            return gain_m, (before, a, last, after, c, d)
+                part.append(after)
+        return 0.0, ()
+
+    def _m(self, here: int, there: int) -> float:
+        """Return the length of the path between two stops, or the distance and FAR_M, in metres."""
+        length_m = self._lengths_m[here].get(there)
+        return FAR_M + math.dist(self._stops[here], self._stops[there]) if length_m is None else length_m
+
+    def _beside(self, stop: int, step: int) -> int:
+        """Return the next stop of the tour, or with -1 the one before."""
+        return self.order[(self._places[stop] + step) % len(self.order)]
+
+    def _exchange(self, a: int, b: int, c: int, d: int) -> None:
+        """Join a to c and b to d, in place of a to b and c to d: d is on that side of c as b is of a."""
+        self._exchanges.append((a, b, c, d))
+        count, order, places = len(self.order), self.order, self._places
+        first, last = (places[b], places[c]) if self._beside(a, 1) == b else (places[a], places[d])
+        if 2 * ((last - first) % count + 1) > count:  # turn round the other part instead
+            first, last = last + 1, first - 1
+        for turn in range(((last - first) % count + 1) // 2):
+            one, other = (first + turn) % count, (last - turn) % count
+            order[one], order[other] = order[other], order[one]
+            places[order[one]], places[order[other]] = one, other

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lupin_greenhouse_bridge.planning.grid import Grid
 from lupin_greenhouse_bridge.planning.tag_poses import Table, TagPose, nearest_tables
 from lupin_greenhouse_bridge.planning.walls import Walls
 
@@ -79,6 +80,8 @@ class AllSurroundings:
         self._walls = walls
         self._tables = np.array(tables, dtype=float).reshape(-1, 4)
         self._plates = np.array([each.ends_of_plate() for each in tag_poses.values()]).reshape(-1, 2, 2)
+        self._near_tables = Grid(self._tables[:, :2], self._tables[:, 2:])
+        self._near_plates = Grid(self._plates.min(axis=1), self._plates.max(axis=1))
         self._numbers = {tag_id: number for number, tag_id in enumerate(tag_poses)}
         self._nearest = nearest_tables(tables, [each[:2] for each in tag_poses.values()])
 
@@ -87,9 +90,13 @@ class AllSurroundings:
         number = self._numbers[tag_id]
         plate = self._plates[number]
         centre = plate.mean(axis=0)
-        beside = np.maximum(np.maximum(self._tables[:, :2] - centre, centre - self._tables[:, 2:]), 0.0)
-        tables = np.flatnonzero(np.hypot(*beside.T) <= reach_m)
-        plates = np.flatnonzero(np.linalg.norm(self._plates - centre, axis=2).min(axis=1) <= reach_m)
+        box = centre[None] - reach_m, centre[None] + reach_m
+        tables, plates = (np.unique(each.near(*box)[1]) for each in (self._near_tables, self._near_plates))
+        x0, y0, x1, y1 = self._tables[tables].T
+        (x, y) = centre
+        beside = np.maximum(np.maximum([x0 - x, y0 - y], [x - x1, y - y1]), 0.0)
+        tables = tables[np.hypot(*beside) <= reach_m]
+        plates = plates[np.linalg.norm(self._plates[plates] - centre, axis=2).min(axis=1) <= reach_m]
         others = self._tables[tables[tables != self._nearest[number]]]
         corners = others[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
         sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)

@@ -7,6 +7,7 @@ straight between vertices of these octagons, so it is exact, and the robot passe
 would need cells as small as the clearance in the narrowest aisle.
 """
 
+import functools
 import heapq
 import itertools
 import math
@@ -14,13 +15,20 @@ import math
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.tag_poses import Table, find_tag_poses, tables_of
+from lupin_greenhouse_bridge.planning.grid import Grid
+from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
 # An octagon is eight limits: the lowest and the highest value of x, y, x + y and x - y.
 AXES = np.array([(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0)]).T
 LENGTHS = np.linalg.norm(AXES, axis=0)
+SECTORS = 256  # of the view around a node
+EDGES = np.linspace(-math.pi, math.pi, SECTORS + 1)  # of the sectors, in radians to the x axis
+SECTOR = math.tau / SECTORS
+DIRECTIONS = np.stack([np.cos(EDGES), np.sin(EDGES)], axis=1)
+HIDING = 2  # times the first reach: what is farther away hides little more
+AT_ONCE = 512  # nodes whose links are computed together, and lines that are tested
 
 
 class FreeSpace:
@@ -43,35 +51,44 @@ class FreeSpace:
         self.tag_poses = find_tag_poses(layout, walls)
         radius_m += clearance_m
         self._inside = np.array([x0, y0]) + radius_m, np.array([x1, y1]) - radius_m
-        self._tolerance_m = 1e-9 + 4e-15 * max(map(abs, walls))  # of the numbers, far from the origin
-        shapes = [_corners(each) for each in tables_of(layout)]
-        shapes += [each.ends_of_plate() for each in self.tag_poses.values()]
-        octagons: list[tuple[np.ndarray, np.ndarray]] = []  # without those that lie within another
-        for shape in shapes:
-            along = shape @ AXES
-            low, high = along.min(axis=0) - radius_m * LENGTHS, along.max(axis=0) + radius_m * LENGTHS
-            if not any((a <= low).all() and (high <= b).all() for a, b in octagons):
-                octagons.append((low, high))
-        self._low, self._high = np.array(octagons).swapaxes(0, 1)
-        self._low, self._high = self._low + self._tolerance_m, self._high - self._tolerance_m
-        vertices = np.array([_vertices(*each) for each in octagons])  # (octagon, 8, 2)
+        self.diagonal_m = math.hypot(x1 - x0, y1 - y0)
+        self.tolerance_m = 1e-9 + 4e-15 * max(map(abs, walls))  # of the numbers, far from the origin
+        tables = np.array(tables_of(layout)).reshape(-1, 4)
+        low, high = (np.empty((0, 4)),) * 2
+        for shapes in (
+            tables[:, [[0, 1], [0, 3], [2, 1], [2, 3]]],
+            np.array([each.ends_of_plate() for each in self.tag_poses.values()]),
+        ):
+            along = shapes @ AXES
+            low = np.concatenate([low, along.min(axis=1) - radius_m * LENGTHS])
+            high = np.concatenate([high, along.max(axis=1) + radius_m * LENGTHS])
+        is_outer = ~_are_within_another(low, high)
+        low, high = low[is_outer], high[is_outer]
+        self._octagons = Grid(low[:, :2], high[:, :2])
+        self._low, self._high = low + self.tolerance_m, high - self.tolerance_m
+        vertices = _vertices(low, high)  # (octagons, 8, 2)
         points = vertices.reshape(-1, 2)
         is_free = self.are_free(points)
-        self._corners = points[is_free]
+        self.corners = points[is_free]
         sides = [np.roll(vertices, turn, axis=1) - vertices for turn in (1, -1)]
         self._sides = [each.reshape(-1, 2)[is_free] for each in sides]  # from a corner to those beside it
-        self._between: list[list[tuple[int, float]]] | None = None
 
     def are_free(self, points) -> np.ndarray:
         """Return for each point, of an array (points, 2) in metres, whether the robot can be there."""
         points = np.asarray(points, dtype=float).reshape(-1, 2)
-        low, high = self._inside
-        is_free = ((points >= low - self._tolerance_m) & (points <= high + self._tolerance_m)).all(axis=1)
-        with np.errstate(invalid='ignore'):  # of a point at infinity, which is not free
-            along = points @ AXES
-        for low, high in zip(self._low, self._high, strict=True):
-            is_free &= ~((along > low) & (along < high)).all(axis=1)
+        is_free = self.are_inside(points)
+        inside = np.flatnonzero(is_free)
+        places, octagons = self._octagons.near(points[inside], points[inside])
+        along = points[inside[places]] @ AXES
+        is_taken = ((along > self._low[octagons]) & (along < self._high[octagons])).all(axis=1)
+        is_free[inside[places[is_taken]]] = False
         return is_free
+
+    def are_inside(self, points: np.ndarray, beyond_m: float = 0.0) -> np.ndarray:
+        """Return for each point (points, 2) whether the robot is within the walls, or only so far beyond."""
+        low, high = self._inside
+        beyond_m += self.tolerance_m
+        return ((points >= low - beyond_m) & (points <= high + beyond_m)).all(axis=1)
 
     def is_free(self, x: float, y: float) -> bool:
         """Return whether the robot's centre can be at this point."""
@@ -83,35 +100,97 @@ class FreeSpace:
 
         The arrays have the shape (points, 2), in metres.
         """
-        starts, ends = (np.asarray(each, dtype=float).reshape(-1, 2) @ AXES for each in (start, ends))
-        starts = np.broadcast_to(starts, ends.shape)
+        ends = np.asarray(ends, dtype=float).reshape(-1, 2)
+        starts = np.broadcast_to(np.asarray(start, dtype=float).reshape(-1, 2), ends.shape)
         is_free = np.ones(len(ends), dtype=bool)
-        if len(ends) < len(self._low):
-            for number, line in enumerate(zip(starts, ends, strict=True)):
-                is_free[number] = not len(_crossing(*line, self._low, self._high))
-            return is_free
-        for low, high in zip(self._low, self._high, strict=True):
-            left = np.flatnonzero(is_free)
-            is_free[left[_crossing(starts[left], ends[left], low, high)]] = False
+        lengths_m = np.abs(ends - starts).max(axis=1)
+        first_m, last_m = 0.0, 2.0 * self._octagons.cell_m
+        # Part by part: most lines are blocked near the start.
+        while len(left := np.flatnonzero(is_free & (lengths_m >= first_m))):
+            for part in _parts(left):
+                start, end, length_m = starts[part], ends[part], lengths_m[part, None]
+                first = start + first_m / np.maximum(length_m, 1e-12) * (end - start)
+                last = start + last_m / np.maximum(length_m, last_m) * (end - start)
+                is_free[part] = ~self._are_blocked(first, np.where(length_m > last_m, last, end))
+            first_m, last_m = last_m, 4.0 * last_m
         return is_free
+
+    def _are_blocked(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return whether each line enters an octagon."""
+        lines, octagons = self._octagons.along(starts, ends)
+        starts, ends = starts @ AXES, ends @ AXES
+        least, most = np.minimum(starts, ends), np.maximum(starts, ends)
+        near = np.arange(len(lines))
+        for axis in range(4):  # leave out what lies on one side
+            line, octagon = lines[near], octagons[near]
+            low, high = self._low[octagon, axis], self._high[octagon, axis]
+            near = near[(most[line, axis] > low) & (least[line, axis] < high)]
+        start, end = starts[lines[near]], ends[lines[near]]
+        with np.errstate(divide='ignore', invalid='ignore'):
+            meets = np.sort(
+                [(limit[octagons[near]] - start) / (end - start) for limit in (self._low, self._high)], axis=0
+            )
+        first, last = np.fmax(meets[0], 0.0).max(axis=1), np.fmin(meets[1], 1.0).min(axis=1)
+        are_blocked = np.zeros(len(starts), dtype=bool)
+        are_blocked[lines[near[first < last]]] = True
+        return are_blocked
+
+    def hidden_sectors(self, points: np.ndarray, reach_m: float) -> np.ndarray:
+        """
+        Return in which sectors around free points (points, 2) all that is farther away is out of sight.
+
+        There, one octagon within this distance, in metres, takes up the whole sector (points, SECTORS).
+        """
+        half = reach_m / math.sqrt(2.0)
+        whose, octagons = self._octagons.near(points - half, points + half)
+        x0, y0, sum0, difference0 = self._low[octagons].T
+        x1, y1, sum1, difference1 = self._high[octagons].T
+        wide = x0, np.maximum(x1 - difference1, sum0 - x0), x1, np.minimum(sum1 - x1, x0 - difference0)
+        high = np.maximum(sum0 - y0, difference0 + y1), y0, np.minimum(sum1 - y1, difference1 + y0), y1
+        size = len(points), 2 * SECTORS + 1
+        begun, ended = np.zeros((2, size[0] * size[1]), dtype=int)
+        for rectangle in (wide, high):  # in the octagon, of which both cover most
+            x0, y0, x1, y1 = np.clip(np.array(rectangle) - np.tile(points[whose].T, (2, 1)), -half, half)
+            middle = np.arctan2(y0 + y1, x0 + x1)
+            aside = _wrapped(np.arctan2([y0, y0, y1, y1], [x0, x1, x0, x1]) - middle)
+            first = np.ceil((middle + aside.min(axis=0) - EDGES[0]) / SECTOR + 1e-6).astype(int)
+            count = np.floor((middle + aside.max(axis=0) - EDGES[0]) / SECTOR - 1e-6).astype(int) - first
+            hides = np.flatnonzero((x0 < x1) & (y0 < y1) & (count > 0) & (count <= SECTORS // 2))
+            first = whose[hides] * size[1] + first[hides] % SECTORS
+            begun += np.bincount(first, minlength=len(begun))
+            ended += np.bincount(first + count[hides], minlength=len(ended))
+        is_hidden = np.cumsum((begun - ended).reshape(size), axis=1)[:, :-1] > 0
+        return is_hidden[:, :SECTORS] | is_hidden[:, SECTORS:]
+
+    def are_tangent(self, corners: np.ndarray, towards: np.ndarray) -> np.ndarray:
+        """Return whether a line in each direction (lines, 2) passes by its corner, which has this number."""
+        turns = [_cross(towards, side[corners]) for side in self._sides]
+        return (np.minimum(*turns) >= -self.tolerance_m) | (np.maximum(*turns) <= self.tolerance_m)
 
     def point_of_largest_region(self) -> tuple[float, float]:
         """Return a point of the free region with the most vertices of octagons and corners of the walls."""
+        graph, regions = self._regions
+        if not len(regions):
+            raise StartUpError('tables and tags leave no free space for the robot: choose a smaller radius')
+        return tuple(graph.nodes[np.flatnonzero(regions == np.bincount(regions).argmax())[-1]].tolist())
+
+    def regions_of(self, points: np.ndarray) -> np.ndarray:
+        """Return the number of the region of each free point (points, 2); -1 if it sees all of its region."""
+        graph, regions = self._regions
+        found = np.full(len(points), -1)
+        for reach_m in graph.reaches_m():
+            for part in _parts(np.flatnonzero(found < 0)):
+                whose, nodes = graph.seen_from(points[part], reach_m)
+                found[part[whose]] = regions[nodes]
+        return found
+
+    @functools.cached_property
+    def _regions(self) -> tuple['VisibilityGraph', np.ndarray]:
+        """The corners and those of the walls, and the number of the region of each."""
         (x0, y0), (x1, y1) = self._inside
         corners = np.array([(x, y) for x in (x0, x1) for y in (y0, y1)])
-        corners = corners[self.are_free(corners)]
-        nodes, links = np.concatenate([self._corners, corners]), self.links(corners)
-        left, largest = set(range(len(nodes))), []
-        while left:
-            region = [left.pop()]
-            for node in region:  # grows
-                new = {other for other, _ in links[node]} & left
-                left -= new
-                region += new
-            largest = max(largest, region, key=len)
-        if not largest:
-            raise StartUpError('tables and tags leave no free space for the robot: choose a smaller radius')
-        return tuple(nodes[max(largest)].tolist())
+        graph = VisibilityGraph(self, corners[self.are_free(corners)])
+        return graph, graph.regions()
 
     def path(self, start_m, goal_m) -> list[tuple[float, float]] | None:
         """Return the points of the shortest path, in metres; None if an end is not free, or cut off."""
@@ -125,52 +204,24 @@ class FreeSpace:
         """Return the length of a path in metres."""
         return sum(itertools.starmap(math.dist, itertools.pairwise(path)))
 
-    def links(self, points: np.ndarray) -> list[list[tuple[int, float]]]:
-        """
-        Return for each corner, and then for each free point, the nodes in sight and their distances.
-
-        Nodes are numbered in this order. A shortest path turns only at a corner, and there only around it.
-        """
-        if self._between is None:
-            self._between = [[] for _ in self._corners]
-            self._link(self._between, self._corners, _pairs(len(self._corners)))
-        count = len(self._corners)
-        nodes = np.concatenate([self._corners, points])
-        links = [list(each) for each in self._between] + [[] for _ in points]
-        to_corners = np.indices((count, len(points))).reshape(2, -1).T + np.array([0, count])
-        self._link(links, nodes, np.concatenate([to_corners, _pairs(len(points)) + count]))
-        return links
-
-    def _link(self, links, nodes: np.ndarray, pairs: np.ndarray) -> None:
-        """Add to links each pair of nodes that are in sight of each other."""
-        for one, other in ((0, 1), (1, 0)):
-            at_corner = pairs[:, one] < len(self._corners)
-            corner, across = pairs[at_corner, one], nodes[pairs[at_corner, other]]
-            towards = across - nodes[corner]
-            turns = [_cross(towards, side[corner]) for side in self._sides]
-            is_tangent = np.ones(len(pairs), dtype=bool)
-            is_tangent[at_corner] = (np.minimum(*turns) >= -self._tolerance_m) | (
-                np.maximum(*turns) <= self._tolerance_m
-            )
-            pairs = pairs[is_tangent]
-        starts, ends = nodes[pairs[:, 0]], nodes[pairs[:, 1]]
-        in_sight = self.are_in_sight(starts, ends)
-        lengths_m = np.linalg.norm(ends - starts, axis=1)
-        for (one, other), length_m in zip(
-            pairs[in_sight].tolist(), lengths_m[in_sight].tolist(), strict=True
-        ):
-            links[one].append((other, length_m))
-            links[other].append((one, length_m))
-
 
 class VisibilityGraph:
-    """The shortest paths between some free points, by their numbers."""
+    """
+    The shortest paths between some free points, by their numbers.
+
+    Its nodes are the corners, and then the points. A node's links are computed when a search comes as far.
+    """
 
     def __init__(self, free_space: FreeSpace, points: np.ndarray):
         """Take an array (points, 2) in metres."""
-        self._links = free_space.links(points)
-        self._first = len(self._links) - len(points)  # the node of point 0
-        self._nodes = [*map(tuple, free_space._corners.tolist()), *map(tuple, points.tolist())]
+        self._free_space = free_space
+        self._first = len(free_space.corners)  # the node of point 0
+        self.nodes = np.concatenate([free_space.corners, points])
+        self._grid = Grid(self.nodes, self.nodes)
+        self._points = list(map(tuple, self.nodes.tolist()))
+        self._links: list[list[tuple[float, int]]] = [[] for _ in self._points]  # the shortest first
+        self._known_m = np.zeros(len(self.nodes))  # all shorter links are known
+        self._is_open = np.ones((len(self.nodes), SECTORS), dtype=bool)  # may have a longer one
 
     def nearest(self, start: int):
         """Yield each other point that can be reached, and the length of the path in metres, nearest first."""
@@ -178,84 +229,209 @@ class VisibilityGraph:
             if node >= self._first:
                 yield node - self._first, length_m
 
-    def corners_from(self, start: int) -> np.ndarray:
-        """Return the corners that can be reached from a point, in an array (corners, 2)."""
-        nodes = [node for node, _, _ in self._search(start) if node < self._first]
-        return np.array([self._nodes[node] for node in nodes]).reshape(-1, 2)
-
     def path(self, start: int, goal: int) -> list[tuple[float, float]] | None:
         """Return the points of the shortest path; None if there is none."""
         if start == goal:
-            return [self._nodes[self._first + start]] * 2
+            return [self._points[self._first + start]] * 2
         for node, _, before in self._search(start):
             if node == self._first + goal:
                 path = [node]
                 while path[-1] != self._first + start:
                     path.append(before[path[-1]])
-                return [self._nodes[each] for each in reversed(path)]
+                return [self._points[each] for each in reversed(path)]
         return None
 
     def _search(self, start: int):
         """Yield each other node with its distance, nearest first, and the node before each (Dijkstra)."""
         source = self._first + start
-        distances_m, before, done = {source: 0.0}, {}, set()
-        heap = [(0.0, source)]
+        before, begins_m, heap = {}, {source: 0.0}, []
+
+        def add(node: int, number: int) -> None:
+            """Add the next link of a node, or the place where those that are known end."""
+            links = self._links[node]
+            length_m = links[number][0] if number < len(links) else float(self._known_m[node])
+            if length_m < math.inf:
+                heapq.heappush(heap, (begins_m[node] + length_m, node, number))
+
+        add(source, 0)
         while heap:
-            distance_m, node = heapq.heappop(heap)
-            if node in done:
+            distance_m, node, number = heapq.heappop(heap)
+            if number == len(self._links[node]):
+                self._extend(node)
+                add(node, number)
                 continue
-            done.add(node)
-            if node != source:
-                yield node, distance_m, before
-                if node >= self._first:
-                    continue  # no path turns at another point
-            for other, length_m in self._links[node]:
-                if distance_m + length_m < distances_m.get(other, math.inf):
-                    distances_m[other] = distance_m + length_m
-                    before[other] = node
-                    heapq.heappush(heap, (distance_m + length_m, other))
+            length_m, other = self._links[node][number]
+            if begins_m[node] + length_m > distance_m:  # the known links ended here before
+                add(node, number)
+                continue
+            add(node, number + 1)
+            if other in begins_m:
+                continue
+            begins_m[other], before[other] = distance_m, node
+            yield other, distance_m, before
+            if other < self._first:  # no path turns at another point
+                add(other, 0)
+
+    def reaches_m(self, known_m: float = 0.0):
+        """Yield growing distances in metres, and at last the one from wall to wall."""
+        reach_m = max(3.0 * self._grid.cell_m, 2.0 * known_m)
+        while reach_m < self._free_space.diagonal_m:
+            yield reach_m
+            reach_m *= 2.0
+        yield self._free_space.diagonal_m
+
+    def _extend(self, node: int) -> None:
+        """Find longer links of a node, and of those around it if they are not long."""
+        known_m, shortest_m = self._known_m[node], next(self.reaches_m())
+        reach_m, numbers = next(self.reaches_m(known_m)), np.array([node])
+        if reach_m <= HIDING * shortest_m:
+            _, near = self._grid.near(
+                self.nodes[numbers] - 2 * shortest_m, self.nodes[numbers] + 2 * shortest_m
+            )
+            near = near[(self._known_m[near] == known_m) & (near != node)]
+            numbers = np.append(numbers, near[:AT_ONCE])
+        self._find_links(numbers, known_m, reach_m)
+
+    def _find_links(self, numbers: np.ndarray, known_m: float, reach_m: float) -> None:
+        """Add the links of these nodes up to a length, of which those up to another are known."""
+        whose, others, lengths_m = self._links_within(numbers, reach_m, known_m)
+        for node, *link in zip(numbers[whose].tolist(), lengths_m.tolist(), others.tolist(), strict=True):
+            self._links[node].append(tuple(link))
+        self._known_m[numbers] = reach_m
+        self._known_m[numbers[~self._have_more(numbers, reach_m)]] = math.inf
+
+    def _hide(self, numbers: np.ndarray, reach_m: float) -> None:
+        """Close the sectors of nodes that are hidden farther away than this."""
+        if reach_m <= HIDING * next(self.reaches_m()):
+            self._is_open[numbers] &= ~self._free_space.hidden_sectors(self.nodes[numbers], reach_m)
+
+    def _have_more(self, numbers: np.ndarray, reach_m: float) -> np.ndarray:
+        """Return for each of these nodes whether it may have a longer link."""
+        self._hide(numbers, reach_m)
+        places, sectors = np.nonzero(self._is_open[numbers])
+        may_have = np.zeros(len(places), dtype=bool)
+        for edge in (DIRECTIONS[sectors], DIRECTIONS[sectors + 1]):
+            ends = self.nodes[numbers[places]] + reach_m * edge
+            is_inside = self._free_space.are_inside(ends, reach_m * SECTOR)  # some of the sector may be
+            may_have |= is_inside & self._are_tangent(numbers[places], edge)
+        return np.bincount(places[may_have], minlength=len(numbers)) > 0
+
+    def _links_within(
+        self, numbers: np.ndarray, reach_m: float, known_m: float = 0.0, regions: np.ndarray | None = None
+    ):
+        """
+        Return the places of nodes among these, the nodes that each is linked to, and the lengths.
+
+        The shortest links of each come first. Two nodes are linked if the line between them is free, and
+        passes by the octagons at both. What is behind a corner, in a line with it, is linked to that corner
+        alone. With the numbers of regions, return any free lines between two of them instead.
+        """
+        starts = self.nodes[numbers]
+        whose, others = self._grid.near(starts - reach_m, starts + reach_m)
+        if regions is not None:
+            is_apart = regions[numbers[whose]] != regions[others]
+            whose, others = whose[is_apart], others[is_apart]
+        towards = self.nodes[others] - starts[whose]
+        lengths_m, angles = np.hypot(*towards.T), np.arctan2(*towards.T[::-1])
+        sectors = ((angles - EDGES[0]) / SECTOR).astype(int) % SECTORS
+        is_open = self._is_open[numbers].ravel()[whose * SECTORS + sectors]
+        left = np.flatnonzero(is_open & (lengths_m <= reach_m) & (numbers[whose] != others))
+        for ends in (others, numbers[whose]) if regions is None else ():
+            left = left[self._are_tangent(ends[left], towards[left])]
+        left = left[self._are_first(whose[left], others[left], angles[left], lengths_m[left])]
+        left = left[(lengths_m[left] > known_m) | (known_m == 0.0)]
+        left = left[self._free_space.are_in_sight(starts[whose[left]], self.nodes[others[left]])]
+        left = left[np.lexsort((others[left], lengths_m[left], whose[left]))]
+        return whose[left], others[left], lengths_m[left]
+
+    def _are_tangent(self, numbers: np.ndarray, towards: np.ndarray) -> np.ndarray:
+        """Return whether a line in each direction (lines, 2) passes by its node, which may be a corner."""
+        are_tangent = numbers >= self._first
+        at = np.flatnonzero(~are_tangent)
+        are_tangent[at] = self._free_space.are_tangent(numbers[at], towards[at])
+        return are_tangent
+
+    def _are_first(self, whose, others, angles, lengths_m) -> np.ndarray:
+        """Return whether no corner is before each of these nodes, in a line with it."""
+        directions = np.round(angles, 12)
+        order = np.lexsort((lengths_m, directions, whose))
+        is_corner = (others < self._first) & (lengths_m > self._free_space.tolerance_m)
+        before = np.cumsum(is_corner[order]) - is_corner[order]
+        is_line = np.ones(len(order), dtype=bool)
+        is_line[1:] = np.diff(whose[order]).astype(bool) | np.diff(directions[order]).astype(bool)
+        are_first = np.empty(len(order), dtype=bool)
+        are_first[order] = before == before[is_line][np.cumsum(is_line) - 1]
+        return are_first
+
+    def seen_from(self, points: np.ndarray, reach_m: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return pairs of the number of a free point (points, 2) and of a node that its paths may turn at."""
+        whose, nodes = self._grid.near(points - reach_m, points + reach_m)
+        is_tangent = self._are_tangent(nodes, self.nodes[nodes] - points[whose])
+        whose, nodes = whose[is_tangent], nodes[is_tangent]
+        are_seen = self._free_space.are_in_sight(points[whose], self.nodes[nodes])
+        return whose[are_seen], nodes[are_seen]
+
+    def regions(self) -> np.ndarray:
+        """
+        Return for each node the number of its region, which is the same where nodes are connected.
+
+        Short links come first. Longer ones are then sought from the smallest region that is left each time.
+        """
+        reach_m = next(self.reaches_m())
+        for numbers in _parts(np.arange(len(self.nodes))):
+            self._find_links(numbers, 0.0, reach_m)
+        found, members = np.full(len(self.nodes), -1), {}
+        for node in range(len(found)):
+            if found[node] < 0:
+                members[node], found[node] = [node], node
+                for each in members[node]:  # grows
+                    for _, other in self._links[each]:
+                        if found[other] < 0:
+                            found[other] = node
+                            members[node].append(other)
+        left = dict(members)
+        while len(left) > 1:
+            region = min(left, key=lambda each: len(left[each]))
+            nodes = left.pop(region)
+            for reach_m, numbers in itertools.product(self.reaches_m(), _parts(np.array(nodes))):
+                self._hide(numbers, reach_m / 2)
+                numbers = numbers[self._is_open[numbers].any(axis=1)]  # noqa: PLW2901
+                _, others, _ = self._links_within(numbers, reach_m, regions=found)
+                if len(others):
+                    into = int(found[others[0]])
+                    found[nodes] = into
+                    left.get(into, []).extend(nodes)
+                    break
+        return found
 
 
-def _crossing(start, end, low, high) -> np.ndarray:
-    """
-    Return the numbers of the straight lines that enter an octagon.
-
-    Takes each along the AXES: many lines and the limits of one octagon, or one line and many octagons.
-    """
-    start, end, low, high = np.broadcast_arrays(start, end, low, high)
-    near = np.arange(len(start))
-    for axis in range(4):  # leave out what lies on one side
-        a, b = start[near, axis], end[near, axis]
-        near = near[(np.maximum(a, b) > low[near, axis]) & (np.minimum(a, b) < high[near, axis])]
-    start, end, low, high = (each[near] for each in (start, end, low, high))
-    with np.errstate(divide='ignore', invalid='ignore'):
-        meets = np.sort([(limit - start) / (end - start) for limit in (low, high)], axis=0)
-    first, last = np.fmax(meets[0], 0.0).max(axis=1), np.fmin(meets[1], 1.0).min(axis=1)
-    return near[first < last]
+def _parts(numbers: np.ndarray) -> list[np.ndarray]:
+    return np.split(numbers, range(AT_ONCE, len(numbers), AT_ONCE))
 
 
-def _pairs(count: int) -> np.ndarray:
-    """Return the numbers of each pair of things, in an array (pairs, 2)."""
-    return np.stack(np.triu_indices(count, 1), axis=1)
+def _are_within_another(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return whether each octagon lies within another; of equal ones, the first does not."""
+    centres = (low + high)[:, :2] / 2.0
+    inner, outer = Grid(low[:, :2], high[:, :2]).near(centres, centres)
+    is_within = (low[outer] <= low[inner]).all(axis=1) & (high[inner] <= high[outer]).all(axis=1)
+    is_equal = (low[outer] == low[inner]).all(axis=1) & (high[inner] == high[outer]).all(axis=1)
+    is_within &= ~is_equal | (outer < inner)
+    found = np.zeros(len(low), dtype=bool)
+    found[inner[is_within]] = True
+    return found
 
 
-def _corners(table: Table) -> np.ndarray:
-    return np.array([(x, y) for x in (table.x0, table.x1) for y in (table.y0, table.y1)])
+def _vertices(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the corners of octagons, counter-clockwise, in an array (octagons, 8, 2)."""
+    (x0, y0, sum0, difference0), (x1, y1, sum1, difference1) = low.T, high.T
+    xs = x1, x1, sum1 - y1, difference0 + y1, x0, x0, sum0 - y0, difference1 + y0
+    ys = x1 - difference1, sum1 - x1, y1, y1, x0 - difference0, sum0 - x0, y0, y0
+    return np.stack([np.stack(xs, axis=1), np.stack(ys, axis=1)], axis=2)
 
 
-def _vertices(low: np.ndarray, high: np.ndarray) -> list[tuple[float, float]]:
-    """Return the corners of an octagon, counter-clockwise."""
-    (x0, y0, sum0, difference0), (x1, y1, sum1, difference1) = low, high
-    return [
-        (x1, x1 - difference1),
-        (x1, sum1 - x1),
-        (sum1 - y1, y1),
-        (difference0 + y1, y1),
-        (x0, x0 - difference0),
-        (x0, sum0 - x0),
-        (sum0 - y0, y0),
-        (difference1 + y0, y0),
-    ]
+def _wrapped(angles: np.ndarray) -> np.ndarray:
+    """Return angles from -pi to pi."""
+    return angles - math.tau * np.round(angles / math.tau)
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

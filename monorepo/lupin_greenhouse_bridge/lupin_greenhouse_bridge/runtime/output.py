@@ -1,6 +1,8 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """What a command prints. Does not import ROS."""
 
+import sys
+import time
 from collections.abc import Collection, Sequence
 
 from lupin_greenhouse_bridge.runtime.process import lose_output
@@ -33,3 +35,31 @@ def print_line(text: str, stream=None, end: str = '\n') -> None:
     except OSError as error:
         if stream is None:
             lose_output(error)
+
+
+class Progress:
+    """A line on standard error about work that takes long. A terminal's is rewritten, others follow."""
+
+    FIRST_SECONDS, REWRITTEN_SECONDS, NEXT_SECONDS = 3.0, 0.2, 15.0
+
+    def __init__(self, name: str):
+        """Take the name of the command."""
+        self._name, self._width, self._due = name, 0, time.monotonic() + self.FIRST_SECONDS
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        """Show how much of what is done, if it is time to."""
+        now = time.monotonic()
+        if now < self._due:
+            return
+        is_terminal = sys.stderr.isatty()
+        self._due = now + (self.REWRITTEN_SECONDS if is_terminal else self.NEXT_SECONDS)
+        text = f'{self._name}: {what}: {done} of {total}'
+        if is_terminal:
+            text, self._width = '\r' + text.ljust(self._width), len(text)
+        print_line(text, sys.stderr, end='' if is_terminal else '\n')
+
+    def end(self) -> None:
+        """Wipe the line off a terminal."""
+        if self._width:
+            print_line('\r' + ' ' * self._width + '\r', sys.stderr, end='')
+            self._width = 0

@@ -528,6 +528,84 @@ def grid_length_m(layout: Layout, radius_m: float, start, goal, step_m: float = 
     return math.inf
 
 
+def benches_of(count: int) -> Layout:
+    """Return benches of 2 m x 0.6 m in rows, with ten tags each, that stick out 5 cm."""
+    columns = math.ceil(math.sqrt(count / 20))
+    tables, places = {}, []
+    for number in range(math.ceil(count / 10)):
+        x, y = number % columns * 3.2, number // columns * 1.8
+        tables[f'bench {number}'] = (x, y, x + 2.0, y + 0.6)
+        places += [(x + 0.2 + 0.4 * n, y + aside) for aside in (-0.05, 0.65) for n in range(5)]
+    return layout_of(*places[:count], **tables)
+
+
+def test_each_of_1000_tags_that_stick_out_has_the_pose_that_it_has_with_its_surroundings_alone():
+    layout = benches_of(1000)
+    walls = walls_around(layout)
+    approaches = find_approaches(layout, walls, ViewingLimits())
+    assert list(approaches.poses) == list(layout.tags)
+    for tag_id in list(layout.tags)[::131]:
+        x, y, _ = layout.tags[tag_id]
+        around = Layout(
+            {each: tag for each, tag in layout.tags.items() if math.dist(tag[:2], (x, y)) < 3.0},
+            {name: each for name, each in layout.tables.items() if math.dist(each[:2], (x, y)) < 5.0},
+        )
+        pose = approaches.poses[tag_id]
+        assert find_approaches(around, walls, ViewingLimits()).poses[tag_id] == pytest.approx(pose)
+        assert gap_m(layout, pose.x, pose.y) >= 0.25 - SAME_M
+
+
+def test_paths_between_benches_are_as_short_as_those_along_all_free_lines_between_corners():
+    layout = benches_of(60)
+    free_space = FreeSpace(layout, walls_around(layout), 0.2)
+    generator = np.random.default_rng(3)
+    points = generator.uniform((-1.4, -1.4), (6.5, 5.0), (60, 2))
+    points = points[free_space.are_free(points)][:7]
+    nodes = np.concatenate([points, free_space.corners])
+    lengths_m = np.linalg.norm(nodes[:, None] - nodes, axis=2)
+    for number, node in enumerate(nodes):
+        lengths_m[number, ~free_space.are_in_sight(node, nodes)] = np.inf
+    for node in range(len(nodes)):  # Floyd and Warshall
+        lengths_m = np.minimum(lengths_m, lengths_m[:, node, None] + lengths_m[node])
+    for one, other in itertools.combinations(range(len(points)), 2):
+        path = free_space.path(points[one], points[other])
+        assert free_space.length_m(path) == pytest.approx(lengths_m[one, other])
+        assert all(gap_m(layout, *point) >= 0.2 - SAME_M for point in points_of(path, 0.2))
+
+
+def test_a_line_is_in_sight_if_each_of_its_points_is_free():
+    layout = benches_of(60)
+    free_space = FreeSpace(layout, walls_around(layout), 0.2)
+    starts, ends = np.random.default_rng(4).uniform((-1.4, -1.4), (6.5, 5.0), (2, 300, 2))
+    are_free = [
+        free_space.are_free(np.linspace(*line, 2000)).all() for line in zip(starts, ends, strict=True)
+    ]
+    assert free_space.are_in_sight(starts, ends).tolist() == are_free
+    assert 5 < sum(are_free) < 295
+
+
+def test_two_rooms_are_one_region_if_a_long_corridor_joins_them():
+    """The rooms have many corners close together, the corridor of 30 m has none."""
+    rooms = [(x + 0.5 * n, y) for x in (0.5, 37.5) for n in range(5) for y in (1.0, 3.0)]
+    walls = Walls(0.0, 0.0, 40.0, 4.0)
+    for y0, is_joined in ((2.5, True), (1.9, False)):
+        layout = layout_of(*rooms, south=(5.0, 0.0, 35.0, 1.5), north=(5.0, y0, 35.0, 4.0))
+        for start_m in (0.3, 2.0), (39.7, 2.0):
+            poses = find_approaches(layout, walls, ViewingLimits(0.25), start_m=start_m).poses
+            sides = {pose.x < 20.0 for pose in poses.values()}
+            assert sides == ({True, False} if is_joined else {start_m[0] < 20.0})
+
+
+def test_the_route_of_many_stops_is_hardly_longer_than_the_shortest():
+    """Of 300 stops, each half a metre from the next."""
+    layout = layout_of((0.0, 0.0), (12.0, 10.0))
+    stops = [(1.0 + 0.5 * column, 1.0 + 0.5 * row) for row in range(15) for column in range(20)]
+    poses = {str(n): ApproachPose(x, y, 0.0, 0.5, 0.0) for n, (x, y) in enumerate(stops)}
+    route = plan_route(free_space_of(layout, 0.1), poses, None, 'shortest')
+    assert sorted(route.tag_ids, key=int) == list(poses)
+    assert 299 * 0.5 <= route.length_m < 1.08 * 299 * 0.5
+
+
 def test_the_same_layout_gives_the_same_poses_and_route(shipped):
     results = []
     for _ in range(2):

@@ -1,7 +1,7 @@
 """Compute the approach poses, from which the robot's camera sees a tag. Does not import ROS."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.free_space import FreeSpace, VisibilityGraph
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.surroundings import AllSurroundings
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose, tables_of
@@ -120,6 +120,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     overrides: Mapping[str, Override] | None = None,
     most_per_tag: int = 1,
     occupancy: OccupancyMap | None = None,
+    progress: Callable[[str, int, int], None] = lambda *_: None,
 ) -> Approaches:
     """
     Return an approach pose for each tag that the robot can look at.
@@ -132,6 +133,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     or OTHER_RAD from each before; where an override sets the pose, there is none.
     A map of the room, in the frame of the layout, leaves only the poses from which it is free by the radius
     and the clearance. The free space, and with it the paths, does not know the map.
+    `progress` is told what is done, how much of it, and of how much.
     Raises StartUpError for a start that is not free, if no point is free, or for a map of another place.
     """
     free_space = FreeSpace(layout, walls, limits.robot_radius_m, limits.smallest_room_m)
@@ -145,9 +147,11 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
         )
     if occupancy is not None:
         _check_place_of(occupancy, limits, walls, free_space)
-    search = _Search(layout, walls, limits, free_space, _Region(free_space, start_m), occupancy)
+    region = _Region(free_space, start_m, _places_before(free_space.tag_poses, limits))
+    search = _Search(layout, walls, limits, free_space, region, occupancy)
     found = Approaches({}, {}, free_space, {}, {})
-    for tag_id, tag in free_space.tag_poses.items():
+    for count, (tag_id, tag) in enumerate(free_space.tag_poses.items()):
+        progress('tags with a pose', count, len(free_space.tag_poses))
         if not walls.has_inside(tag.x, tag.y):
             found.unreachable[tag_id] = f'outside the walls ({walls}): set walls, or sim_config_file'
             continue
@@ -170,8 +174,7 @@ def _check_place_of(
     occupancy: OccupancyMap, limits: ViewingLimits, walls: Walls, free_space: FreeSpace
 ) -> None:
     """Raise StartUpError if the map holds fewer than half of the places before the tags."""
-    tags = np.array(list(free_space.tag_poses.values()))
-    places = tags[:, :2] + limits.preferred_standoff_m * _directions(tags[:, 2])
+    places = _places_before(free_space.tag_poses, limits)
     count = int(occupancy.have_inside(places).sum())
     if 2 * count < len(places):
         raise StartUpError(
@@ -179,6 +182,12 @@ def _check_place_of(
             f' {_rounded(occupancy.extent)}, and the greenhouse from {_rounded(walls)}, both in the frame of'
             ' the layout: find where the layout lies in this map with register_layout'
         )
+
+
+def _places_before(tag_poses: Mapping[str, TagPose], limits: ViewingLimits) -> np.ndarray:
+    """Return the places at the preferred standoff from the tags, head-on, in an array (tags, 2)."""
+    tags = np.array(list(tag_poses.values()))
+    return tags[:, :2] + limits.preferred_standoff_m * _directions(tags[:, 2])
 
 
 def _rounded(extent: Walls) -> Walls:
@@ -233,12 +242,12 @@ class _Search:
 
     def best(self, tag_id: str, tag: TagPose, override: Override) -> _Trial:
         """Return the best pose of a tag; most tags need no more than the preferred standoff."""
-        candidates = _candidates(tag, self._limits, override)
-        is_preferred = np.abs(candidates[:, 3] - self._limits.preferred_standoff_m) < SAME_M
         trial = _Trial()
-        self._try(tag_id, candidates[is_preferred], trial, worst_rank=0)
+        if override == Override():
+            preferred = _candidates(tag, self._limits, override, is_preferred=True)
+            self._try(tag_id, preferred, trial, worst_rank=0)
         if trial.pose is None:
-            self._try(tag_id, candidates, trial)
+            self._try(tag_id, _candidates(tag, self._limits, override), trial)
         return trial
 
     def others(
@@ -333,14 +342,20 @@ def _allow_arrival(poses: np.ndarray, limits: ViewingLimits) -> np.ndarray:
     )
 
 
-def _candidates(tag: TagPose, limits: ViewingLimits, override: Override) -> np.ndarray:
-    """Return the poses that may be one of a tag, with the columns of ApproachPose, in an array (poses, 5)."""
+def _candidates(
+    tag: TagPose, limits: ViewingLimits, override: Override, *, is_preferred: bool = False
+) -> np.ndarray:
+    """
+    Return the poses that may be one of a tag, with the columns of ApproachPose, in an array (poses, 5).
+
+    Only those at the preferred standoff, if asked for.
+    """
     preferred_m = limits.preferred_standoff_m
     standoffs_m = [
         preferred_m,
         *_steps(preferred_m, limits.smallest_standoff_m, STEP_M),
         *_steps(preferred_m, limits.largest_standoff_m, STEP_M),
-    ]
+    ][: 1 if is_preferred else None]
     one_side = _steps(0.0, limits.largest_angle_rad, STEP_RAD)
     one_side += _steps(limits.largest_angle_rad, limits.steepest_rad, STEP_RAD)
     angles = [0.0, *(sign * angle for angle in one_side for sign in (1, -1))]
@@ -386,11 +401,14 @@ def _steps(start: float, end: float, step: float) -> list[float]:
 class _Region:
     """The part of the free space that is connected to a point."""
 
-    def __init__(self, free_space: FreeSpace, start_m: tuple[float, float]):
-        start = np.array([start_m], dtype=float)
-        self._free_space = free_space
-        # Each point of the region has one of these in sight.
-        self._marks = np.concatenate([start, VisibilityGraph(free_space, start).corners_from(0)])
+    def __init__(self, free_space: FreeSpace, start_m: tuple[float, float], likely: np.ndarray):
+        """Take points (points, 2) that may be asked for; all at once is faster."""
+        self._free_space, self._start_m = free_space, start_m
+        likely = np.concatenate([[start_m], likely[free_space.are_free(likely)]])
+        self._numbers = dict(
+            zip(map(tuple, likely.tolist()), free_space.regions_of(likely).tolist(), strict=True)
+        )
+        self._number = self._numbers[tuple(start_m)]
 
     def first(self, points: np.ndarray) -> int | None:
         """Return the number of the first of some free points that is in the region; None if none is."""
@@ -401,13 +419,13 @@ class _Region:
             left = left[~self._free_space.are_in_sight(points[left[0]], points[left])]  # not itself either
         return None
 
-    def _holds(self, point) -> bool:
-        nearest_first = np.argsort(np.linalg.norm(self._marks - point, axis=1), kind='stable')
-        some, others = np.split(self._marks[nearest_first], [8])
-        return bool(
-            self._free_space.are_in_sight(point, some).any()
-            or self._free_space.are_in_sight(point, others).any()
-        )
+    def _holds(self, point: np.ndarray) -> bool:
+        number = self._numbers.get(tuple(point.tolist()))
+        if number is None:
+            number = self._free_space.regions_of(point[None])[0]
+        if min(number, self._number) < 0:
+            return bool(self._free_space.are_in_sight(self._start_m, point)[0])
+        return number == self._number
 
 
 _EXAMPLE = 'such as {overrides: {"7": {yaw: 1.57, standoff: 0.4}}}'
