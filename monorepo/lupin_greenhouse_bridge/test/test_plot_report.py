@@ -251,4 +251,4 @@ def test_a_label_stays_within_the_walls_and_takes_the_nearest_place_that_is_free
     assert place_labels([dot, Box(1.5, 1.0, 0.2, 0.2)], [(dot, 0.4, 0.2)], walls) != [(1.6, 1.0)]
     assert place_labels([dot], [(dot, 0.6, 0.2)]) == [(2.3, 1.0)]
     point = Box(1.0, 1.0, 0.0, 0.0)
-    assert place_labels([], [(point, 0.2, 0.2)] * 2) == [(1.0, 1.0), (1.2, 1.0)]
+    assert place_labels([], [(point, 0.2, 0.2)] * 2) == [(1.0, 1.0), (1.3, 1.0)]
