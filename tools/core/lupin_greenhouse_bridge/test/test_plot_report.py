@@ -64,11 +64,11 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, texts_
         '1: 22.6',
         '5: 615',
         'y (m)',
-        '22.6 at tag 1 to 24.0 at tag 5',
+        'lowest 22.6 at tag 1 · highest 24.0 at tag 5',
     ):
         assert text in drawn
     drawn = '\n'.join(drawn)
-    assert f'2 of {len(shipped_tags)} tags read · 1 timeout · 1 unknown tag · ' in drawn
+    assert f'2 of {len(shipped_tags)} tags read\n·\n1 timeout\n·\n1 unknown tag\n·\n' in drawn
     reasons = '1 timeout (no reply before the timeout): 7', '1 unknown tag (no such tag): unknown'
     for text in ('7 timeout', *reasons):
         assert text in drawn.splitlines()
