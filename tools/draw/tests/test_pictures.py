@@ -49,7 +49,13 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path, monkeypa
     drawn = {}
     monkeypatch.setattr(figure, 'save', lambda drawing, path, _: drawn.update({path.stem: texts(drawing)}))
     assert figure.main(['--output', str(tmp_path), '--tag-file', str(tag_file), '--hour', '6']) == 0
-    for text in ('a1  CL', 'b2  C', 'temperature (°C) at 6 h', 'C  co2: 2 tags', '2 tags on 4 m x 8 m'):
+    for text in (
+        'a1  CL',
+        'b2  C',
+        'temperature (°C) at 6 h',
+        'C  co2: 2 tags',
+        'temperature at 6 h, 2 tags on 4 m x 8 m',
+    ):
         assert text in drawn['greenhouse']
     assert any('A day at tag a1' in text for text in drawn['day'])
 
