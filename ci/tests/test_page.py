@@ -24,6 +24,7 @@ DOTS = "document.querySelectorAll('#map a').length"
 COLOURS = "[...document.querySelectorAll('#map .dot')].map(each => each.getAttribute('fill')).join()"
 NAMES = "[...document.querySelectorAll('#map a > title')].map(each => each.textContent)"
 LABELS = "[...document.querySelectorAll('#map tspan:first-child')].map(each => each.textContent)"
+RINGED = "[...document.querySelectorAll('#map .extreme')].map(each => each.parentNode.dataset.tag)"
 CELLS = "[...document.querySelectorAll('tbody tr > :first-child')].map(each => each.textContent)"
 TABS = "[...document.querySelectorAll('[role=tab] > b')].map(each => each.textContent)"
 LINES = "document.querySelectorAll('.series').length"
@@ -134,6 +135,12 @@ def test_a_sensor_is_chosen_by_its_tab_with_mouse_and_keys(report, open_page):
     page.evaluate("document.querySelectorAll('[role=tab]')[2].click()")
     assert page.evaluate("document.getElementById('shown').textContent") == 'co2 (ppm)'
     assert page.evaluate(COLOURS) != before
+    named = page.evaluate("document.getElementById('extremes').textContent")
+    ringed = page.evaluate(
+        "[...document.querySelectorAll('#map a:has(.extreme)')].map(each => each.dataset.tag)"
+    )
+    assert sorted(re.findall(r'at tag (\w+)', named)) == sorted(ringed)
+    assert len(ringed) == 2
     page.evaluate("document.querySelectorAll('[role=tab]')[2].focus()")
     page.evaluate(PRESS.format('ArrowRight'))
     assert page.evaluate('document.activeElement.firstChild.textContent') == 'light'

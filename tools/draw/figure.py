@@ -46,7 +46,7 @@ BAND_COLOUR = '#c9d8ea'
 SAMPLES = 300  # of the noise, at each time of the day
 TAG_RADIUS_M = 0.085
 CHARACTER_M, LINE_M = 0.085, 0.17  # of a label in the picture
-CLEAR_M = 0.2  # distance of a number on a contour line to a wall, at least; twice that to a tag
+STUB_M = 1.0  # a shorter contour line is not drawn
 
 DRAWN_BY = (approach, drawing, free_space, grid, route, surroundings, tag_poses, units, walls)
 
@@ -98,13 +98,8 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
     extent = (xs[0], xs[-1], ys[0], ys[-1])
     shades = axes.imshow(field, COLOURS, alpha=0.55, origin='lower', extent=extent, interpolation='bilinear')
     lines = axes.contour(xs, ys, field, colors='0.3', linewidths=0.6)
+    lines.set_visible(False)  # each is drawn below, but for short stubs at the walls
     dots = [(tag.x, tag.y) for tag in layout.tags.values()]
-    for label in axes.clabel(lines, fontsize=7, inline=False):
-        label.set_bbox({'facecolor': 'white', 'alpha': 0.5, 'edgecolor': 'none', 'pad': 0.5})
-        x, y = label.get_position()
-        is_at_edge = min(x - xs[0], xs[-1] - x, y - ys[0], ys[-1] - y) < CLEAR_M
-        if is_at_edge or any(math.hypot(x - u, y - v) < 2 * CLEAR_M for u, v in dots):
-            label.remove()
     draw_greenhouse(axes, layout, greenhouse.walls)
     axes.spines[:].set_visible(False)  # the walls are the frame
     axes.tick_params(length=0)
@@ -115,7 +110,8 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
         'label': 'tag: its id and sensors',
     }
     axes.plot(*zip(*dots, strict=True), 'o', **marks, zorder=3)
-    _draw_labels(axes, layout, Box((x0 + x1) / 2, (y0 + y1) / 2, width, length))
+    places = _draw_labels(axes, layout, Box((x0 + x1) / 2, (y0 + y1) / 2, width, length))
+    _draw_contours(axes, lines, [*dots, *places], greenhouse.walls)
     scale = {'location': 'right', 'shrink': 0.7, 'ticks': lines.levels}
     figure.colorbar(shades, ax=axes, label=f'{label_of(sensor)} at {hour:g} h', **scale).add_lines(lines)
     for name in greenhouse.sensors:
@@ -124,12 +120,34 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
         axes.plot([], [], ' ', label=text)
     figure.legend(loc='outside lower center', ncols=3, frameon=False, fontsize=8)
     axes.set_ylabel('y (m)')
-    axes.set_title(f'{pluralized(len(layout.tags), "tag")} on {width:g} m x {length:g} m')
+    field_name = f'{sensor.replace("_", " ")} at {hour:g} h'
+    axes.set_title(f'{field_name}, {pluralized(len(layout.tags), "tag")} on {width:g} m x {length:g} m')
     return figure
 
 
-def _draw_labels(axes, layout, bounds: Box) -> None:
-    """Write each tag's id and sensors beside it."""
+def _draw_contours(axes, lines, taken: list[tuple[float, float]], walls) -> None:
+    """Draw each contour that is no stub, with its level where most room is."""
+    box = {'facecolor': 'white', 'alpha': 0.5, 'edgecolor': 'none', 'pad': 0.5}
+    style = {'ha': 'center', 'va': 'center', 'fontsize': 7, 'bbox': box}
+    for level, paths in zip(lines.levels, lines.allsegs, strict=True):
+        for path in paths:
+            if sum(map(math.dist, path, path[1:])) < STUB_M:
+                continue
+            axes.plot(*path.T, color='0.3', linewidth=0.6)
+            room_m = [
+                min(
+                    *(math.hypot((x - u) / 2, y - v) for u, v in taken),
+                    *(each * 2 for each in (x - walls.x0, walls.x1 - x, y - walls.y0, walls.y1 - y)),
+                )
+                for x, y in path
+            ]
+            x, y = path[room_m.index(max(room_m))]
+            axes.text(x, y, f'{level:g}', color='0.3', **style)
+            taken.append((x, y))
+
+
+def _draw_labels(axes, layout, bounds: Box) -> list[tuple[float, float]]:
+    """Write each tag's id and sensors beside it; return where."""
     texts = [
         f'{tag_id}  {"".join(LETTERS[name] for name in tag.sensors)}' for tag_id, tag in layout.tags.items()
     ]
@@ -137,8 +155,10 @@ def _draw_labels(axes, layout, bounds: Box) -> None:
     labels = [(dot, CHARACTER_M * len(text), LINE_M) for dot, text in zip(dots, texts, strict=True)]
     box = {'boxstyle': 'round,pad=0.12', 'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.9}
     style = {'ha': 'center', 'va': 'center', 'fontsize': 7.5, 'fontweight': 'bold', 'bbox': box, 'zorder': 4}
-    for place, text in zip(place_labels(dots, labels, bounds), texts, strict=True):
+    places = place_labels(dots, labels, bounds)
+    for place, text in zip(places, texts, strict=True):
         axes.text(*place, text, **style)
+    return places
 
 
 def draw_day(greenhouse: Greenhouse, tag_id: str):

@@ -4,7 +4,8 @@ Draw the ROS graph of each use, for the documents: the nodes, topics, services a
     make figure
 
 It creates the nodes, asks ROS what they publish, subscribe to, offer and call, and draws what connects two of
-them. A column is a node, a row a connection. Each figure has a light and a dark version. Their metadata names
+them. A column is a node, a row a connection. The short arrows come first, and a node's line ends at its last
+arrow, so that the long ones pass no line. Each figure has a light and a dark version. Their metadata names
 the graph and the code: --check compares these.
 """
 
@@ -34,7 +35,7 @@ USES = {
     'graph_readings': (COMMITTED, (ReadOnSightNode, RecordReadingsNode, ShowReadingsNode, 'RViz')),
     'graph_mission': (
         OF_MISSION,
-        ('your stack', GreenhouseBridgeNode, MissionNode, 'Nav2', ConfirmTagNode, 'your camera'),
+        (GreenhouseBridgeNode, 'your stack', MissionNode, 'Nav2', ConfirmTagNode, 'your camera'),
     ),
 }
 # What these nodes publish, subscribe to, offer or call: the other end of what a node of ours has.
@@ -55,7 +56,8 @@ STYLES = {
     'service': ('dashed', {'light': '#1a7f37', 'dark': '#56d364'}),
     'action': ('dashdot', {'light': '#bc4c00', 'dark': '#f0883e'}),
 }
-COLUMN, ROW = 2.7, 0.62  # inches
+COLUMN, ROW = 2.7, 0.7  # inches
+LONGEST_TYPE = 38  # characters beside an arrow from one column to the next
 
 
 def connections(columns, others: dict[str, list[str]]) -> tuple[list[str], list[tuple]]:
@@ -86,18 +88,24 @@ def connections(columns, others: dict[str, list[str]]) -> tuple[list[str], list[
     names = [node if isinstance(node, str) else node.get_name() for node in nodes]
     for node in set(nodes) - set(names):
         node.destroy_node()
-    return names, sorted(rows, key=lambda row: (row[3], row[4], row[1]))
+    return names, sorted(rows, key=lambda row: (length_of(row), row[3], row[4], row[1]))
+
+
+def length_of(row: tuple) -> int:
+    """Return over how many columns the longest arrow of a row goes."""
+    return max(row[3] + row[4]) - min(row[3] + row[4])
 
 
 def draw(names: list[str], rows: list[tuple], others, theme: str):
     """Return the figure of a graph."""
     paper, ink, line = THEMES[theme]
-    size = COLUMN * len(names), ROW * (len(rows) + 1.4)
+    size = COLUMN * len(names), ROW * (len(rows) + 1)
     figure, axes = pyplot.subplots(figsize=size, facecolor=paper)
-    axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(len(rows) + 0.4, -1), position=(0, 0, 1, 1))
+    axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(len(rows), -1), position=(0, 0, 1, 1))
     axes.axis('off')
     for column, name in enumerate(names):
-        axes.plot([column, column], [-0.3, len(rows)], color=line, linewidth=1, zorder=0)
+        last = max(y for y, row in enumerate(rows) if column in row[3] + row[4])
+        axes.plot([column, column], [-0.3, last + 0.7], color=line, linewidth=1, zorder=0)
         box = {'boxstyle': 'round,pad=0.4', 'facecolor': paper, 'edgecolor': ink}
         box |= {'edgecolor': line, 'linestyle': '--'} if name in others else {}
         axes.text(column, -0.5, name, ha='center', va='center', color=ink, weight='bold', bbox=box)
@@ -111,9 +119,12 @@ def draw(names: list[str], rows: list[tuple], others, theme: str):
         middle = (sources[0] + targets[0]) / 2
         package, _, short = message.rpartition('/')
         typed = short if package.startswith('lupin_') else message  # the mirror's package has another name
+        typed = f'{kind}, {typed}'
+        if length_of(rows[y]) == 1 and len(typed) > LONGEST_TYPE:
+            typed = '/\n'.join(typed.rsplit('/', 1))
         text = {'ha': 'center', 'bbox': {'facecolor': paper, 'edgecolor': 'none', 'pad': 0.5}, 'zorder': 4}
-        axes.text(middle, y + 0.27, name, va='bottom', color=colours[theme], size=9, **text)
-        axes.text(middle, y + 0.43, f'{kind}, {typed}', va='top', color=ink, size=7, **text)
+        axes.text(middle, y + 0.27, name, va='bottom', color=colours[theme], size=10, **text)
+        axes.text(middle, y + 0.43, typed, va='top', color=ink, size=8.5, **text)
     return figure
 
 

@@ -24,14 +24,15 @@ def draw(verdict: Verdict, tag_number: int, criteria: Criteria) -> np.ndarray:
         is_expected = each.tag_number == tag_number
         colour = (FLAWED if criteria.flaw_of(each) else GOOD) if is_expected else OTHER
         corners = [(float(x), float(y)) for x, y in each.corners]
-        pen.line([*corners, corners[0]], fill=colour, width=2)
-        left, bottom = min(x for x, _ in corners), max(y for _, y in corners)
+        pen.line([*corners, corners[0]], fill=colour, width=4)
+        (left, top), (_, bottom) = np.min(corners, axis=0), np.max(corners, axis=0)
+        border = (bottom - top) / 8  # white, one of the tag's modules wide
         label = f'id {each.tag_number}, margin {each.decision_margin:.0f}'
         if each.hamming:
             label += f', hamming {each.hamming}'
-        place = (left, bottom + 3)
         width, height = pen.getfont().getmask(label).size  # textbbox of Pillow 9.0 refuses its default font
-        pen.rectangle((*place, left + width + 1, bottom + height + 6), fill=PAPER)
+        place = left, y = (float(left), min(float(bottom + border) + 6, picture.height - height - 4))
+        pen.rectangle((*place, left + width + 1, y + height + 3), fill=PAPER)
         pen.text(place, label, fill=colour)
     pen.rectangle((0, 0, picture.width, BAR_PIXELS), fill=PAPER)
     colour = FLAWED if verdict.reason else GOOD

@@ -35,6 +35,7 @@ def test_the_outline_has_the_colour_of_the_detection(detection, colour):
         assert tuple(picture[y, x]) == colour
     assert colours(picture[BAR_PIXELS + 1 :]) == {colour}
     assert (picture[60:120, 110:170] == 128).all()  # the tag itself stays as it was seen
+    assert (picture[134:140, 100:180] == 128).all()  # its white border, too
 
 
 @pytest.mark.parametrize(('reason', 'colour'), [('', GOOD), ('tag 7: no', FLAWED)])
@@ -46,7 +47,7 @@ def test_the_bar_has_the_colour_of_the_verdict(reason, colour):
 
 
 def test_the_label_tells_the_id_the_margin_and_corrected_bits():
-    labels = [drawn(**each)[132:150] for each in ({}, {'margin': 51.0}, {'tag_number': 8}, {'hamming': 1})]
+    labels = [drawn(**each)[142:170] for each in ({}, {'margin': 51.0}, {'tag_number': 8}, {'hamming': 1})]
     inked = [(label != 128).any(axis=2).any(axis=0).sum() for label in labels]
     assert len({label.tobytes() for label in labels}) == 4
     assert inked[3] > inked[0] + 20  # ', hamming 1' makes it longer

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 import re
 import subprocess
 import sys
@@ -48,7 +49,13 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path, monkeypa
     drawn = {}
     monkeypatch.setattr(figure, 'save', lambda drawing, path, _: drawn.update({path.stem: texts(drawing)}))
     assert figure.main(['--output', str(tmp_path), '--tag-file', str(tag_file), '--hour', '6']) == 0
-    for text in ('a1  CL', 'b2  C', 'temperature (°C) at 6 h', 'C  co2: 2 tags', '2 tags on 4 m x 8 m'):
+    for text in (
+        'a1  CL',
+        'b2  C',
+        'temperature (°C) at 6 h',
+        'C  co2: 2 tags',
+        'temperature at 6 h, 2 tags on 4 m x 8 m',
+    ):
         assert text in drawn['greenhouse']
     assert any('A day at tag a1' in text for text in drawn['day'])
 
@@ -75,7 +82,7 @@ def test_the_route_has_arrows_numbered_visits_and_a_line_from_each_pose_to_its_t
     axes, tags = drawn['route'].axes[0], shipped()['tags']
     drawn['route'].canvas.draw()
     written = [text for text in axes.texts if text.get_text()]
-    ids = [text for text in written if text.get_weight() == 'bold']
+    ids = [text for text in written if text.get_color() == 'black']
     visits = [text for text in written if text not in ids]
     numbers = {str(number + 1) for number in range(len(tags))}
     assert {text.get_text() for text in ids} == set(tags)
@@ -88,6 +95,12 @@ def test_the_route_has_arrows_numbered_visits_and_a_line_from_each_pose_to_its_t
     }
     boxes = [text.get_window_extent() for text in written]
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+    circles = [text.get_position() for text in visits if text.get_text() in numbers]
+    assert min(itertools.starmap(math.dist, itertools.combinations(circles, 2))) > 0.18
+    for sight in (line.get_xydata() for line in sights):
+        points = np.linspace(*sight, 100)
+        distances = [min(math.dist(circle, point) for point in points[30:]) for circle in circles]
+        assert min(distances) > 0.08
     ways = [
         line.get_transform().transform_path(line.get_path())
         for line in lines

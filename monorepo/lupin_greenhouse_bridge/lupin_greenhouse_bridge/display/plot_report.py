@@ -34,12 +34,20 @@ from lupin_greenhouse_bridge.planning.drawing import (
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFile
 from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
-from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, sensor_order, value_text
 
 MOST_COLUMNS, PANEL_INCHES = 3, 3.3
 # Sizes in the picture of a greenhouse of 4 m x 8 m: a dot, a character and a line of a label, a gap.
 DOT_M, CHARACTER_M, LINE_M, GAP_M = SIZES_M = 0.24, 0.1, 0.2, 0.1
+READ, UNKNOWN, EXTREME = (
+    {'color': colour, 'marker': 'o', 'linestyle': '', **style}
+    for colour, style in (
+        ('0.35', {'markersize': 5}),
+        ('0.75', {'markersize': 4}),
+        ('black', {'markersize': 13, 'markerfacecolor': 'none', 'markeredgewidth': 1.4}),
+    )
+)
 USUAL_M = (4.3, 8.3)  # what such a picture shows
 MOST_NAMED, LONGEST_LINE = 30, 110  # tags in a line of failures, and its characters
 
@@ -97,7 +105,7 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
     for axes in grid[:, 0]:
         axes.set_ylabel('y (m)')
     if has_ways:
-        _draw_ways(all_axes[0], layout, walls, route, failed)
+        _draw_ways(all_axes[0], layout, walls, route, readings, failed)
     for axes, sensor in zip(all_axes[has_ways:], sensors, strict=True):
         _draw_readings(figure, axes, sensor, layout, readings, colour_ranges.get(sensor))
         _cross(axes, layout, failed, 30)
@@ -115,15 +123,20 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
 
 
 def _draw_ways(
-    axes, layout: Layout, walls: Walls, route: list[tuple[float, float]], failed: dict[str, str]
+    axes,
+    layout: Layout,
+    walls: Walls,
+    route: list[tuple[float, float]],
+    readings: dict[str, dict[str, Row]],
+    failed: dict[str, str],
 ) -> None:
     """Draw the path of the robot with its direction, and label the tags that were not read."""
     axes.set_title(
         ' and '.join(['route'] * bool(route) + ['tags not read'] * bool(failed)), fontsize=12, pad=20
     )
     tags = layout.tags
-    others = [tag for tag_id, tag in tags.items() if tag_id not in failed]
-    axes.scatter([tag.x for tag in others], [tag.y for tag in others], s=12, color='0.6', zorder=2)
+    _dot(axes, [tag for tag_id, tag in tags.items() if tag_id in readings], READ)
+    _dot(axes, [tag for tag_id, tag in tags.items() if tag_id not in readings | failed], UNKNOWN)
     dot_m, character_m, line_m, gap_m = _sizes_m(axes)
     way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
     dots = {tag_id: Box(tag.x, tag.y, dot_m, dot_m) for tag_id, tag in tags.items()}
@@ -155,18 +168,22 @@ def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None
     measured = {tag_id: each[sensor].value for tag_id, each in readings.items() if sensor in each}
     others = [tag for tag_id, tag in layout.tags.items() if tag_id not in measured]
     low, high = (pick(measured, key=measured.get) for pick in (min, max))
-    extremes = [f'{value_text(sensor, measured[each])} at tag {escaped(each, 16)}' for each in (low, high)]
+    extremes = [
+        f'{word} {value_text(sensor, measured[each])} at tag {escaped(each, 16)}'
+        for word, each in (('lowest', low), ('highest', high))
+    ]
     axes.set_title(label_of(sensor), fontsize=12, pad=20)
     axes.annotate(
-        f'{extremes[0]} to {extremes[1]}',
+        ' · '.join(extremes),
         (0.5, 1),
         (0, 4),
         'axes fraction',
         'offset points',
         ha='center',
         fontsize=8.5,
-    )
-    axes.scatter([tag.x for tag in others], [tag.y for tag in others], s=12, color='0.75', zorder=2)
+    ).set_in_layout(False)  # as wide as the axes: it must not move the colour bar
+    _dot(axes, others, UNKNOWN)
+    _dot(axes, [layout.tags[low], layout.tags[high]], EXTREME)
     points = axes.scatter(
         [layout.tags[tag_id].x for tag_id in measured],
         [layout.tags[tag_id].y for tag_id in measured],
@@ -179,7 +196,8 @@ def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None
         zorder=5,
     )
     dot_m, character_m, line_m, gap_m = _sizes_m(axes)
-    dots = {tag_id: Box(tag.x, tag.y, dot_m, dot_m) for tag_id, tag in layout.tags.items()}
+    sizes_m = {tag_id: dot_m * (1.4 if tag_id in (low, high) else 1.0) for tag_id in layout.tags}
+    dots = {tag_id: Box(*layout.tags[tag_id][:2], size_m, size_m) for tag_id, size_m in sizes_m.items()}
     texts = [f'{tag_id}: {value_text(sensor, value)}' for tag_id, value in measured.items()]
     labels = [
         (dots[tag_id], character_m * len(text) + gap_m, line_m)
@@ -207,6 +225,10 @@ def _label(axes, place: tuple[float, float], text: str, colour: str) -> None:
     )
 
 
+def _dot(axes, tags: list[Tag], style: dict) -> None:
+    axes.plot([tag.x for tag in tags], [tag.y for tag in tags], **style, zorder=2)
+
+
 def _cross(axes, layout: Layout, failed: dict[str, str], size: float) -> None:
     tags = [layout.tags[tag_id] for tag_id in failed if tag_id in layout.tags]  # an unknown tag has no place
     xs, ys = [tag.x for tag in tags], [tag.y for tag in tags]
@@ -216,15 +238,18 @@ def _cross(axes, layout: Layout, failed: dict[str, str], size: float) -> None:
 def _draw_legend(figure, words: set[str], *, has_route: bool) -> None:
     from matplotlib.lines import Line2D
 
-    def entry(label: str, colour: str, **style) -> Line2D:
-        return Line2D([], [], color=colour, label=label, **{'linestyle': '', **style})
+    def entry(label: str, color: str, **style) -> Line2D:
+        return Line2D([], [], color=color, label=label, **{'linestyle': '', **style})
 
     entries = [
         entry('wall', 'black', linestyle='-', linewidth=1.5),
         entry('table', TABLE_COLOUR, marker='s', markersize=11),
         entry('tag: value', '#21918c', marker='o', markersize=9, markeredgecolor='black'),
-        entry('tag without this sensor', '0.75', marker='o', markersize=4),
+        entry('lowest and highest', **EXTREME),
+        entry('tag without a value', **UNKNOWN),
     ]
+    if has_route or words:
+        entries.append(entry('tag that was read', **READ))
     if words:
         word = f': {min(words)}' if len(words) == 1 else ''
         entries.append(entry(f'tag that was not read{word}', BAD_COLOUR, marker='x'))
@@ -240,21 +265,22 @@ def _draw_legend(figure, words: set[str], *, has_route: bool) -> None:
     )
 
 
-def _headline(readings: dict[str, dict[str, Row]], failures: list[Failures], tag_count: int) -> str:
+def _headline(
+    readings: dict[str, dict[str, Row]], failures: list[Failures], tag_count: int
+) -> list[tuple[str, str]]:
+    """Return the parts of the first line and their colours."""
     rows = [row for each in readings.values() for row in each.values()]
     first, last = (pick(rows, key=lambda row: row.stamp_ns) for pick in (min, max))
     counts = {}
     for each in failures:
         counts[each.word] = counts.get(each.word, 0) + len(each.tag_ids)
-    return ' · '.join(
-        [
-            f'{len(readings)} of {tag_count} tags read',
-            *(f'{count} {word}' for word, count in counts.items()),
-            f'{_clock(first)} to {_clock(last)}',
-            f'greenhouse {clock_time(first.sim_time_of_day_seconds)}'
-            f' to {clock_time(last.sim_time_of_day_seconds)}',
-        ]
-    )
+    times_of_day = [clock_time(row.sim_time_of_day_seconds) for row in (first, last)]
+    return [
+        (f'{len(readings)} of {tag_count} tags read', 'black'),
+        *((f'{count} {word}', BAD_COLOUR) for word, count in counts.items()),
+        (f'{_clock(first)} to {_clock(last)}', 'black'),
+        (f'greenhouse {" to ".join(times_of_day)}', 'black'),
+    ]
 
 
 def _clock(row: Row) -> str:
@@ -270,9 +296,11 @@ def _origin(path: Path, readings: dict[str, dict[str, Row]], route: list[tuple[f
     return ' · '.join(parts)
 
 
-def _write_head(figure, headline: str, failures: list[Failures], origin: str) -> None:
+def _write_head(figure, headline: list[tuple[str, str]], failures: list[Failures], origin: str) -> None:
     """Write above the panels whether it worked, what failed and why, and where the readings are from."""
-    lines = [(headline, 14, 'black')]
+    from matplotlib.offsetbox import AnnotationBbox, HPacker, TextArea
+
+    lines = []
     for word, reason, tag_ids in failures:
         named = ', '.join(escaped(tag_id, 64) for tag_id in tag_ids[:MOST_NAMED])
         more = f' and {len(tag_ids) - MOST_NAMED} more' if len(tag_ids) > MOST_NAMED else ''
@@ -281,9 +309,19 @@ def _write_head(figure, headline: str, failures: list[Failures], origin: str) ->
     lines.append((origin, 10, '0.35'))
     points = 12.0  # above the panels
     for text, size, colour in reversed(lines):
-        style = {'fontsize': size, 'color': colour, 'fontweight': 'bold' if size > 11 else 'normal'}
-        figure.text(0.5, 1.0 + points / 72 / figure.get_figheight(), text, ha='center', va='bottom', **style)
+        style = {'fontsize': size, 'color': colour, 'ha': 'center', 'va': 'bottom'}
+        figure.text(0.5, 1.0 + points / 72 / figure.get_figheight(), text, **style)
         points += 1.5 * size
+    parts = [part for each in headline for part in (each, ('·', 'black'))][:-1]
+    texts = [
+        TextArea(text, textprops={'fontsize': 14, 'fontweight': 'bold', 'color': colour})
+        for text, colour in parts
+    ]
+    place = (0.5, 1.0 + points / 72 / figure.get_figheight())
+    line = HPacker(children=texts, align='baseline', pad=0, sep=5)
+    figure.add_artist(
+        AnnotationBbox(line, place, xycoords=figure.transFigure, box_alignment=(0.5, 0), frameon=False, pad=0)
+    )
 
 
 if __name__ == '__main__':

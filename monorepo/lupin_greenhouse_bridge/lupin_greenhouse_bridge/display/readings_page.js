@@ -64,7 +64,7 @@ function write_head() {
   const parts = [`${grouped(data.read_count)} of ${grouped(data.tag_count)} tags read`, ...data.counts.map(([word, count]) => `${grouped(count)} ${word}`)];
   if (data.span_ms.length) {
     const [first, last] = data.span_ms;
-    parts.push(`${is_one_day ? '' : `${date(first)} `}${clock(first)} to ${is_one_day ? '' : `${date(last)} `}${clock(last)} (${lasting(last - first)})`);
+    parts.push(`${is_one_day ? '' : `${date(first)} `}${clock(first)} to ${is_one_day ? '' : `${date(last)} `}${clock(last)} (${lasting(1000 * (Math.floor(last / 1000) - Math.floor(first / 1000)))})`);
     const [from, to, midnights] = data.day_span;
     parts.push(`greenhouse ${day_time(from)} to ${day_time(to)}${midnights > (to < from) ? ` over ${grouped(midnights + 1)} days` : ''}`);
   }
@@ -101,6 +101,11 @@ const colour = share => {
   return `rgb(${parts.map(([a, b]) => Math.round(a + (b - a) * (place - left))).join()})`;
 };
 const value_of = (tag, number) => tag.has_failed || !data.sensors.length ? null : tag.values[number];
+// Returns the tags with the lowest and the highest value of a sensor, if it has any.
+const extremes_of = number => {
+  const known = data.tags.filter(tag => value_of(tag, number) !== null).sort((one, other) => one.values[number] - other.values[number]);
+  return known.length ? [known[0], known.at(-1)] : [];
+};
 const view = (() => {
   const corners = [data.walls.slice(0, 2), data.walls.slice(2), ...data.route, ...data.tables.flatMap(each => [each.slice(0, 2), each.slice(2)]),
     ...data.tags.filter(tag => tag.x !== null).map(tag => [tag.x, tag.y])];
@@ -157,7 +162,7 @@ const around = (x, y, width, height) => [x - width / 2, y - height / 2, x + widt
 // Returns the box in which a label covers least, and whether it lies too far from its dot to need no line.
 function place_label(x, y, radius, width, height, taken, way, room) {
   const aside = radius + width / 2 + 4, above = radius + height / 2 + 1;
-  const near = [[aside, 0], [-aside, 0], [0, -above], [0, above], ...[0.75, -0.75].flatMap(up => [[aside, up * above], [-aside, up * above]])];
+  const near = [[aside, 0], [-aside, 0], [0, -above], [0, above], ...[-above, above].flatMap(dy => [[aside / 2, dy], [-aside / 2, dy]]), ...[0.75, -0.75].flatMap(up => [[aside, up * above], [-aside, up * above]])];
   const far = [[aside + 14, 0], [-aside - 14, 0], ...[1, -1].flatMap(up => [[aside + 6, up * above * 1.7], [-aside - 6, up * above * 1.7], [0, up * above * 2.2]])];
   const reach = around(x, y, 4 * aside + width, 6 * above + height);
   const [boxes, points] = [taken, way].map(each => each.filter(box => common(reach, box) > 0));
@@ -185,7 +190,8 @@ function draw_map() {
     (low, other) => Math.hypot(one.x - other.x, one.y - other.y) > 1 ? Math.min(low, Math.hypot(one.x - other.x, one.y - other.y)) : low, least), Infinity);
   const radius = Math.min(Math.max(gap / 2 - 1, 2.5), 9);
   const radius_of = tag => tag.has_failed || value_of(tag, number) !== null ? radius : Math.min(radius, 4.5);
-  const taken = tags.map(({ tag, x, y }) => around(x, y, 2 * radius_of(tag), 2 * radius_of(tag)));
+  const extremes = extremes_of(number), ring_of = tag => radius_of(tag) + (extremes.includes(tag) ? 3 : 0);
+  const taken = tags.map(({ tag, x, y }) => around(x, y, 2 * ring_of(tag), 2 * ring_of(tag)));
   if (data.route.length > 1) {
     for (const [word, point] of [['start', data.route[0]], ['end', data.route.at(-1)]]) {
       const [x, y] = [frame.x(point[0]), frame.y(point[1])];
@@ -201,6 +207,7 @@ function draw_map() {
     const value = value_of(tag, number), mine = radius_of(tag);
     const group = draw(svg, 'a', { href: address(tag), 'data-tag': tag.id, tabindex: -1, class: tag.has_failed ? 'failed' : '' });
     draw(group, 'title', {}, hover_of(tag));  // its name for a screen reader, too
+    if (extremes.includes(tag)) draw(group, 'circle', { class: 'extreme', cx: x, cy: y, r: mine + 3 });
     draw(group, 'circle', { class: 'ring', cx: x, cy: y, r: mine + 3 });
     if (tag.has_failed) {
       draw(group, 'circle', { class: 'dot empty', cx: x, cy: y, r: mine });
@@ -211,7 +218,7 @@ function draw_map() {
     const mark = value === null ? '' : value > limits[1] ? ' ▲' : value < limits[0] ? ' ▼' : '';
     const text = value === null ? tag.has_failed ? failed_words.length > 1 ? ` ${tag.outcome}` : '' : '' : ` ${written(sensor, value)}${mark}`;
     const width = pen.measureText(tag.id + text).width + Math.min(tag.id.length, 12) + 6;
-    const { box, covered, is_far } = place_label(x, y, mine, width, 13, taken, way, room);
+    const { box, covered, is_far } = place_label(x, y, ring_of(tag), width, 13, taken, way, room);
     if (covered > 0.12 * width * 13) continue;
     taken.push(box);
     if (is_far) draw(leaders, 'line', { class: 'leader', x1: x, y1: y, x2: Math.min(Math.max(x, box[0]), box[2]), y2: Math.min(Math.max(y, box[1]), box[3]) });
@@ -291,9 +298,8 @@ function mark_tab() {
   });
   const sensor = data.sensors[state.sensor];
   element('shown').textContent = sensor ? sensor.label : 'No tag was read';
-  const known = data.tags.filter(tag => sensor && value_of(tag, state.sensor) !== null).sort((one, other) => one.values[state.sensor] - other.values[state.sensor]);
-  element('extremes').textContent = known.length ? [['lowest', known[0]], ['highest', known.at(-1)]].map(
-    ([word, tag]) => `${word} ${with_unit(sensor, tag.values[state.sensor])} at tag ${tag.id}`).join(' · ') : '';
+  const words = extremes_of(state.sensor).map((tag, n) => `${n ? 'highest' : 'lowest'} ${with_unit(sensor, tag.values[state.sensor])} at tag ${tag.id}`);
+  element('extremes').textContent = words.length ? `ringed: ${words.join(' · ')}` : '';
 }
 
 function pick(number) {

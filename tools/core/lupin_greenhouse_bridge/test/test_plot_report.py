@@ -64,11 +64,11 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, texts_
         '1: 22.6',
         '5: 615',
         'y (m)',
-        '22.6 at tag 1 to 24.0 at tag 5',
+        'lowest 22.6 at tag 1 · highest 24.0 at tag 5',
     ):
         assert text in drawn
     drawn = '\n'.join(drawn)
-    assert f'2 of {len(shipped_tags)} tags read · 1 timeout · 1 unknown tag · ' in drawn
+    assert f'2 of {len(shipped_tags)} tags read\n·\n1 timeout\n·\n1 unknown tag\n·\n' in drawn
     reasons = '1 timeout (no reply before the timeout): 7', '1 unknown tag (no such tag): unknown'
     for text in ('7 timeout', *reasons):
         assert text in drawn.splitlines()
@@ -250,4 +250,4 @@ def test_a_label_stays_within_the_walls_and_takes_the_nearest_place_that_is_free
     assert place_labels([dot, Box(1.5, 1.0, 0.2, 0.2)], [(dot, 0.4, 0.2)], walls) != [(1.6, 1.0)]
     assert place_labels([dot], [(dot, 0.6, 0.2)]) == [(2.3, 1.0)]
     point = Box(1.0, 1.0, 0.0, 0.0)
-    assert place_labels([], [(point, 0.2, 0.2)] * 2) == [(1.0, 1.0), (1.2, 1.0)]
+    assert place_labels([], [(point, 0.2, 0.2)] * 2) == [(1.0, 1.0), (1.3, 1.0)]

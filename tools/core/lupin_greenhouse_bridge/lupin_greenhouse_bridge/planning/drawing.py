@@ -21,7 +21,8 @@ COLOURS = 'viridis'  # readable in black and white, and for colour-blind people
 ROUTE_COLOUR, BAD_COLOUR, SIGHT_COLOUR = '#3d6fa8', '#b3261e', '0.4'
 OBSTACLE_COLOUR = '#e69f00'  # in the map of the room
 TABLE_COLOUR = '#e3e6ea'  # without an edge, which would cross the labels
-ARROW_EVERY_M, WAY_M = 0.8, 0.1  # between arrows; the width that a label leaves to a route
+ARROW_EVERY_M = 0.8
+WAY_M, SIGHT_M = 0.1, 0.02  # the width that a label leaves to a route, and a number to a line of sight
 TAG_M, BAD_TAG_M, VISIT_M = 0.14, 0.24, 0.19
 CHARACTER_M, LINE_M = 0.1, 0.18  # of a label in the picture
 VIEW_M = 0.15  # around all that is drawn
@@ -50,13 +51,15 @@ def place_labels(
     """
     Return the centre of each label: beside its dot, off the other dots and labels, and within the bounds.
 
-    Each label is given as its dot, its width and its height. On a dot without a size, its label may lie.
+    Each label is given as its dot, its width and its height. On a dot without a size, its label may lie,
+    or beside it with a gap.
     """
     taken = np.zeros((len(dots) + len(labels), 4))  # the dots, and then the labels
     taken[: len(dots)] = np.reshape(dots, (-1, 4))
     places = []
     for count, (dot, width, height) in enumerate(labels, start=len(dots)):
-        aside, above = (dot.width + width) / 2, (dot.height + height) / 2
+        gap = 0.5 * height if dot.width == 0 else 0.0  # to a dot that the label could cover
+        aside, above = (dot.width + gap + width) / 2, (dot.height + gap + height) / 2
         tries = [(aside, 0), (-aside, 0), (0, above), (0, -above)]
         tries += [(x * aside, y * above) for y in (0.7, -0.7, 1.0, -1.0) for x in (1, -1)]
         tries += [(2 * x, 2 * y) for x, y in tries]
@@ -151,22 +154,27 @@ def draw_route(
     axes.spines[:].set_visible(False)  # the walls are the frame
     axes.tick_params(length=0)
     tags = [Box(tag.x, tag.y, TAG_M, TAG_M) for tag in layout.tags.values()]
-    stops = [poses[tag_id] for tag_id in route.tag_ids]
-    visits = [
-        Box(*place, VISIT_M, VISIT_M)
-        for place in place_labels(tags, [(Box(each.x, each.y, 0, 0), VISIT_M, VISIT_M) for each in stops])
-    ]
+    stops = [poses[tag_id][:2] for tag_id in route.tag_ids]
     sights = [((each.x, each.y), layout.tags[tag_id][:2]) for tag_id, each in poses.items()]
+    lines = [  # of sight, but for the part that its own circle covers
+        Box(*place, SIGHT_M, SIGHT_M)
+        for sight in sights
+        for *place, _ in steps_of(sight, SIGHT_M)
+        if math.dist(place, sight[0]) > 0.75 * VISIT_M
+    ]
+    circles = [(Box(*stop, 0, 0), VISIT_M, VISIT_M) for stop in stops]
+    visits = [Box(*place, VISIT_M, VISIT_M) for place in place_labels([*tags, *lines], circles)]
     for pose, tag in sights:
         axes.plot(
             *zip(pose, tag, strict=True), color=SIGHT_COLOUR, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1.4
         )
     if route.points_m:
         draw_path(axes, route.points_m, visits)
-    for number, (visit, pose) in enumerate(zip(visits, stops, strict=True), start=1):
-        axes.plot([visit.x, pose.x], [visit.y, pose.y], color=ROUTE_COLOUR, linewidth=0.9, zorder=3.9)
-        axes.plot(*visit[:2], 'o', markersize=12, markerfacecolor='white', color=ROUTE_COLOUR, zorder=4)
-        style = {'ha': 'center', 'va': 'center_baseline', 'fontsize': 7, 'color': ROUTE_COLOUR, 'zorder': 5}
+    for number, (visit, stop) in enumerate(zip(visits, stops, strict=True), start=1):
+        leader = zip(visit[:2], stop, strict=True)
+        axes.plot(*leader, '-o', color=ROUTE_COLOUR, linewidth=0.9, markersize=3, zorder=3.9)
+        axes.plot(*visit[:2], 'o', markersize=9.5, markerfacecolor='white', color=ROUTE_COLOUR, zorder=4)
+        style = {'ha': 'center', 'va': 'center_baseline', 'fontsize': 6, 'color': ROUTE_COLOUR, 'zorder': 5}
         axes.text(*visit[:2], str(number), **style)
     paths = [*sights, route.points_m]
     ways = [Box(x, y, WAY_M, WAY_M) for path in paths for x, y, _ in steps_of(path, WAY_M)]
@@ -175,7 +183,8 @@ def draw_route(
     axes.set_title(
         f'{len(poses)} of {len(layout.tags)} tags have a pose; route {route.length_m:.1f} m', fontsize=11
     )
-    _draw_key(axes, has_unreachable=bool(unreachable), has_map=occupancy is not None)
+    has_moved = any(visit[:2] != stop for visit, stop in zip(visits, stops, strict=True))
+    _draw_key(axes, has_moved=has_moved, has_unreachable=bool(unreachable), has_map=occupancy is not None)
     return figure
 
 
@@ -217,20 +226,24 @@ def _draw_tags(
     for place, text in zip(place_labels([*dots, *taken], labels), places, strict=True):
         is_tag = text in layout.tags
         colour = ROUTE_COLOUR if not is_tag else BAD_COLOUR if text in unreachable else 'black'
-        axes.text(*place, text, color=colour, fontweight='bold' if is_tag else 'normal', **style)
+        axes.text(*place, text, color=colour, fontweight='bold', **style)
 
 
-def _draw_key(axes: Any, *, has_unreachable: bool, has_map: bool) -> None:
+def _draw_key(axes: Any, *, has_moved: bool, has_unreachable: bool, has_map: bool) -> None:
     """Write below the axes what each mark means."""
     marks = [
         ('route, in the direction of its arrows', {'color': ROUTE_COLOUR, 'marker': '>', 'markersize': 5}),
         (
-            'place of a visit, with its number',
-            {'color': ROUTE_COLOUR, 'ls': '', 'marker': 'o', 'markersize': 11, 'markerfacecolor': 'white'},
+            'number of the visit (not of the tag)',
+            {'color': ROUTE_COLOUR, 'ls': '', 'marker': 'o', 'markersize': 10, 'markerfacecolor': 'white'},
         ),
         ('line of sight to the tag', {'color': SIGHT_COLOUR, 'ls': (0, (4, 2))}),
         ('tag', {'color': 'black', 'ls': '', 'marker': 's', 'markersize': 5}),
     ]
+    if has_moved:
+        marks.append(
+            ('pose whose number is beside it', {'color': ROUTE_COLOUR, 'marker': 'o', 'markersize': 3})
+        )
     if has_unreachable:
         marks.append(('tag without a pose', {'color': BAD_COLOUR, 'ls': '', 'marker': 'X', 'markersize': 8}))
     if has_map:
