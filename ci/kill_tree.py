@@ -59,7 +59,8 @@ def end_descendants() -> None:
     """End every descendant: SIGTERM first, then SIGKILL."""
     send(signal.SIGTERM)
     deadline = time.monotonic() + SECONDS_TO_END
-    while descendants():
+    # Twice: what loses its parent while /proc is read is in no tree at that moment.
+    while descendants() or descendants():
         if time.monotonic() >= deadline:
             send(signal.SIGKILL)
         time.sleep(0.02)
