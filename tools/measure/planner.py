@@ -5,6 +5,7 @@ With --routes, compare routes with those of Google OR-tools, which has 3 s for e
 pip install ortools.
 """
 
+import argparse
 import json
 import math
 import random
@@ -87,7 +88,9 @@ def compare(layout: Layout, walls, radius_m: float, start_m) -> None:
 
 
 if __name__ == '__main__':
-    if '--routes' in sys.argv:
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--routes', action='store_true', help='compare routes with those of OR-tools instead')
+    if parser.parse_args().routes:
         print_head('layout', 'route', 'OR-tools', 'longer by')
         shipped = find_layout('')
         for number in range(12):
