@@ -47,8 +47,8 @@ class Surroundings(NamedTuple):
         """
         Return whether a camera at each point (eyes, 2) has a view of the whole tag.
 
-        It has if no table and no plate is in the triangle between the camera and the ends of the tag, and if
-        the camera is not over another table.
+        It has if no table and no plate is in the triangle between the camera and the ends of the tag: no side
+        of one passes through the triangle, and its middle is not over another table.
         """
         ends = eyes[:, None] + (self.plate - eyes[:, None]) * (1.0 + BEYOND)
         corners = np.concatenate([eyes[:, None], ends], axis=1)  # (eyes, 3, 2)
@@ -68,7 +68,8 @@ class Surroundings(NamedTuple):
         enters = np.where(first <= 0.0, np.where(last > 0.0, meets, np.inf), 0.0).max(axis=1)
         leaves = np.where(last <= 0.0, np.where(first > 0.0, meets, -np.inf), 1.0).min(axis=1)
         low, high = self.others[:, :2] + SAME_M, self.others[:, 2:] - SAME_M
-        is_within = ((eyes[:, None] > low) & (eyes[:, None] < high)).all(axis=2)
+        middles = corners.mean(axis=1)[:, None]
+        is_within = ((middles > low) & (middles < high)).all(axis=2)
         return ~((enters < leaves).any(axis=1) | is_within.any(axis=1))
 
 
