@@ -10,6 +10,7 @@ from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
@@ -18,12 +19,10 @@ SERVICE = '/greenhouse_bridge/get_tag_reading'
 
 
 def example_of(page: str) -> dict:
-    """Return the names that the Python block of a page defines."""
-    (block,) = re.findall(
-        r'^```python\n(.*?)^```', (DOCUMENTS / page).read_text(encoding='utf-8'), re.M | re.S
-    )
+    """Return the names that the Python blocks of a page define."""
+    blocks = re.findall(r'^```python\n(.*?)^```', (DOCUMENTS / page).read_text(encoding='utf-8'), re.M | re.S)
     names = {}
-    exec(compile(block, page, 'exec'), names)  # noqa: S102 (our own document)
+    exec(compile(''.join(blocks), page, 'exec'), names)  # noqa: S102 (our own document)
     return names
 
 
@@ -71,6 +70,29 @@ def test_the_example_asks_again_for_a_lost_reply(start_check):
 def test_the_example_says_that_no_reply_came(start_check):
     reply = start_check('/nobody/get_tag_reading')
     assert (reply.success, reply.message) == (False, 'the bridge did not reply')
+
+
+class MyNode(Node):
+    """A node as the page about tests expects it."""
+
+    def __init__(self):
+        super().__init__('my_node')
+        service_name = self.declare_parameter('bridge_service_name', '').value
+        self._readings = example_of('clients.md')['ReadingClient'](self, service_name)
+        self.temperature = None
+
+    def ask(self, tag_id: str) -> None:
+        self.executor.create_task(self._ask, tag_id)
+
+    async def _ask(self, tag_id: str) -> None:
+        answer = await self._readings.read(tag_id, attempts=1000)
+        self.temperature = {each.name: each.value for each in answer.reading.readings}['temperature']
+
+
+def test_the_test_of_the_page_about_tests_passes(start_bridge, run_nodes):
+    page = example_of('tests.md')
+    page['MyNode'] = MyNode
+    page['test_my_node'](start_bridge, run_nodes)
 
 
 def test_json_keeps_the_keys_of_the_simulator(noon_bridge):

@@ -9,9 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges, read_route
 from lupin_greenhouse_bridge.display.field import scaled
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
+from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.planning.approach import read_overrides
 from lupin_greenhouse_bridge.planning.registration import read_places, read_registration
 from lupin_greenhouse_bridge.reading.read_on_sight import ReadOnSightNode
@@ -96,6 +98,18 @@ def test_the_route_and_the_files_of_poses_are_read(example, shipped_tags):
     assert read_places(example('pairs.yaml'))['13'] == (4.02, 3.21)
     overrides, warnings = read_overrides(example('approach_overrides.yaml'), shipped_tags)
     assert (set(overrides), warnings) == ({'1', '7'}, [])
+
+
+def test_the_file_of_poses_has_these_keys(example, capsys):
+    tag_file = str(example('tag_locations.json'))
+    walls = ['--walls', '0', '0', '2.5', '4']  # leave tag 2 outside
+    assert approach_poses.main(['approach_poses', '--tag-file', tag_file, *walls, '--format', 'yaml']) == 1
+    found, described = capsys.readouterr().out, example('poses.yaml').read_text(encoding='utf-8')
+    keys, described_keys = (
+        [list(data), list(data['poses'][0]), list(data['unreachable'][0])]
+        for data in map(yaml.safe_load, (found, described))
+    )
+    assert keys == described_keys
 
 
 def test_a_cell_of_the_field_has_this_value():
