@@ -35,7 +35,7 @@ from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import read_layout
 from lupin_greenhouse_bridge.simulator.simulation import load
-from lupin_greenhouse_bridge.units import label_of
+from lupin_greenhouse_bridge.units import clock_time, label_of
 from matplotlib import pyplot
 from PIL import Image
 
@@ -107,21 +107,23 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
         'color': 'white',
         'markeredgecolor': 'black',
         'markersize': 9,
-        'label': 'tag: its id and sensors',
+        'label': 'tag: its id, and letters for its sensors',
     }
     axes.plot(*zip(*dots, strict=True), 'o', **marks, zorder=3)
     places = _draw_labels(axes, layout, Box((x0 + x1) / 2, (y0 + y1) / 2, width, length))
     _draw_contours(axes, lines, [*dots, *places], greenhouse.walls)
     scale = {'location': 'right', 'shrink': 0.7, 'ticks': lines.levels}
-    figure.colorbar(shades, ax=axes, label=f'{label_of(sensor)} at {hour:g} h', **scale).add_lines(lines)
+    when = clock_time(hour * 3600)
+    figure.colorbar(shades, ax=axes, label=f'{label_of(sensor)} at {when}', **scale).add_lines(lines)
     for name in greenhouse.sensors:
         count = sum(name in tag.sensors for tag in layout.tags.values())
         text = f'{LETTERS[name]}  {name.replace("_", " ")}: {pluralized(count, "tag")}'
         axes.plot([], [], ' ', label=text)
+    axes.plot([], [], 's', color=drawing.TABLE_COLOUR, markersize=9, label='table')
     figure.legend(loc='outside lower center', ncols=3, frameon=False, fontsize=8)
     axes.set_ylabel('y (m)')
-    field_name = f'{sensor.replace("_", " ")} at {hour:g} h'
-    axes.set_title(f'{field_name}, {pluralized(len(layout.tags), "tag")} on {width:g} m x {length:g} m')
+    name = sensor.replace('_', ' ')
+    axes.set_title(f"the simulator's model: {name} at {when},\nand the sensors of each tag", fontsize=11)
     return figure
 
 
@@ -162,7 +164,7 @@ def _draw_labels(axes, layout, bounds: Box) -> list[tuple[float, float]]:
 
 
 def draw_day(greenhouse: Greenhouse, tag_id: str):
-    """Return the figure of a day at one tag, with the band of 90 % of the readings of each sensor."""
+    """Return the figure of a day at one tag: the median and the band of 90 % of each sensor's readings."""
     tag = greenhouse.layout.tags[tag_id]
     position = (tag.x, tag.y)
     hours = [n / 4 for n in range(97)]
@@ -176,12 +178,15 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
             for hour in hours
         ]
         low, middle, high = ([each[int(share * SAMPLES)] for each in samples] for share in (0.05, 0.5, 0.95))
-        axes.fill_between(hours, low, high, color=BAND_COLOUR, linewidth=0)
-        axes.plot(hours, middle, color=drawing.ROUTE_COLOUR, linewidth=1.6)
-        axes.set_title(label_of(name), loc='left', fontsize=9)
+        band = axes.fill_between(
+            hours, low, high, color=BAND_COLOUR, linewidth=0, label='90 % of the readings'
+        )
+        (line,) = axes.plot(hours, middle, color=drawing.ROUTE_COLOUR, linewidth=1.6, label='median')
+        axes.set_title(label_of(name) + ': no noise, so no band' * (low == high), loc='left', fontsize=9)
         axes.grid(alpha=0.3)
     all_axes[-1, 0].set(xlabel='greenhouse time of day (h)', xlim=(0, 24), xticks=range(0, 25, 3))
-    figure.suptitle(f'A day at tag {tag_id}: median, and the band of 90 % of the readings', fontsize=10)
+    figure.suptitle(f'a day at tag {tag_id} in the simulator: the readings at each time', fontsize=11)
+    figure.legend(handles=[line, band], loc='outside lower center', ncols=2, frameon=False, fontsize=9)
     return figure
 
 

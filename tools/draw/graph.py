@@ -4,9 +4,8 @@ Draw the ROS graph of each use, for the documents: the nodes, topics, services a
     make figure
 
 It creates the nodes, asks ROS what they publish, subscribe to, offer and call, and draws what connects two of
-them. A column is a node, a row a connection. The short arrows come first, and a node's line ends at its last
-arrow, so that the long ones pass no line. Each figure has a light and a dark version. Their metadata names
-the graph and the code: --check compares these.
+them. Each arrow goes from a column to the next, so that none crosses another. Each figure has a light and a
+dark version. Their metadata names the graph and the code: --check compares these.
 """
 
 import argparse
@@ -26,16 +25,20 @@ from lupin_greenhouse_bridge.recording.record_readings import RecordReadingsNode
 from lupin_mission.mission_orchestrator import MissionNode
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
 from matplotlib import pyplot
+from matplotlib.patches import FancyBboxPatch
 
 OF_MISSION = Path(__file__).resolve().parents[2] / 'monorepo/lupin_mission/doc'
-# The folder, and the nodes from left to right; a name stands for a node of somebody else.
+# The folder, and the columns of nodes from left to right; a name stands for a node of somebody else.
 USES = {
-    'graph_call': (COMMITTED, ('your node', GreenhouseBridgeNode)),
-    'graph_on_sight': (COMMITTED, ('your detector', ReadOnSightNode, GreenhouseBridgeNode, 'your node')),
-    'graph_readings': (COMMITTED, (ReadOnSightNode, RecordReadingsNode, ShowReadingsNode, 'RViz')),
+    'graph_call': (COMMITTED, [['your node'], [GreenhouseBridgeNode]]),
+    'graph_on_sight': (
+        COMMITTED,
+        [['your detector'], [ReadOnSightNode], [GreenhouseBridgeNode, 'your node']],
+    ),
+    'graph_readings': (COMMITTED, [[ReadOnSightNode], [RecordReadingsNode, ShowReadingsNode], ['RViz']]),
     'graph_mission': (
         OF_MISSION,
-        (GreenhouseBridgeNode, 'your stack', MissionNode, 'Nav2', ConfirmTagNode, 'your camera'),
+        [['your stack', GreenhouseBridgeNode], [MissionNode], ['Nav2', ConfirmTagNode], ['your camera']],
     ),
 }
 # What these nodes publish, subscribe to, offer or call: the other end of what a node of ours has.
@@ -56,17 +59,19 @@ STYLES = {
     'service': ('dashed', {'light': '#1a7f37', 'dark': '#56d364'}),
     'action': ('dashdot', {'light': '#bc4c00', 'dark': '#f0883e'}),
 }
-COLUMN, ROW = 2.7, 0.7  # inches
-LONGEST_TYPE = 38  # characters beside an arrow from one column to the next
+BOX, GAP, ROW, FOOT = 1.6, 2.35, 0.85, 0.5  # inches
+LONGEST_TEXT = 30  # characters on an arrow
+FOOTNOTE = """An arrow points to the subscriber of a topic, or to the server of a service or an action.
+Dashed box: a node of your own, or of another project."""
 
 
-def connections(columns, others: dict[str, list[str]]) -> tuple[list[str], list[tuple]]:
-    """Return the names of the nodes, and (kind, name, type, sources, targets) of what connects them."""
-    nodes = [each if isinstance(each, str) else each() for each in columns]
+def connections(columns, others: dict[str, list[str]]) -> tuple[list[list[str]], list[tuple]]:
+    """Return the names of the nodes by column, and (kind, name, type, source, target) of each link."""
+    made = [[each if isinstance(each, str) else each() for each in column] for column in columns]
+    names = [[node if isinstance(node, str) else node.get_name() for node in column] for column in made]
+    nodes = [node for column in made for node in column if not isinstance(node, str)]
     ends: dict[tuple, tuple[set, set]] = {}
-    for column, node in enumerate(nodes):
-        if isinstance(node, str):
-            continue
+    for node in nodes:
         here = node.get_name(), node.get_namespace()
         found = [
             ('topic', 0, node.get_publisher_names_and_types_by_node(*here)),
@@ -76,55 +81,78 @@ def connections(columns, others: dict[str, list[str]]) -> tuple[list[str], list[
             ('action', 0, rclpy.action.get_action_client_names_and_types_by_node(node, *here)),
             ('action', 1, rclpy.action.get_action_server_names_and_types_by_node(node, *here)),
         ]
-        for kind, side, names in found:
-            for name, types in names:
-                ends.setdefault((kind, name, types[0]), (set(), set()))[side].add(column)
+        for kind, side, entries in found:
+            for name, types in entries:
+                ends.setdefault((kind, name, types[0]), (set(), set()))[side].add(here[0])
     by_name = {name: sides for (_, name, _), sides in ends.items()}
-    for other, names in others.items():
-        for sources, targets in map(by_name.__getitem__, names):
-            (targets if sources else sources).add(nodes.index(other))
-    rows = [(*key, sorted(sources), sorted(targets - sources)) for key, (sources, targets) in ends.items()]
-    rows = [row for row in rows if row[3] and row[4] and not any(each in row[1] for each in INNER)]
-    names = [node if isinstance(node, str) else node.get_name() for node in nodes]
-    for node in set(nodes) - set(names):
+    for other, entries in others.items():
+        for sources, targets in map(by_name.__getitem__, entries):
+            (targets if sources else sources).add(other)
+    for node in nodes:
         node.destroy_node()
-    return names, sorted(rows, key=lambda row: (length_of(row), row[3], row[4], row[1]))
+    return names, sorted(
+        (*key, source, target)
+        for key, (sources, targets) in ends.items()
+        if not any(each in key[1] for each in INNER)
+        for source in sources
+        for target in targets - {source}
+    )
 
 
-def length_of(row: tuple) -> int:
-    """Return over how many columns the longest arrow of a row goes."""
-    return max(row[3] + row[4]) - min(row[3] + row[4])
+def rows_of(columns: list[list[str]], links: list[tuple]) -> dict[tuple, int]:
+    """Return the row of each link: those of a node are neighbours on each side of it."""
+    column_of = {name: number for number, names in enumerate(columns) for name in names}
+    rows: dict[tuple, int] = {}
+    for names in sorted(columns, key=len, reverse=True):  # a node alone in its column follows the others
+        first = 0
+        for name in names:
+            sides = {-1: [], 1: []}
+            for link in links:
+                if name in link[3:]:
+                    (other,) = {*link[3:]} - {name}
+                    sides[column_of[other] - column_of[name]].append(link)
+            for each in sides.values():
+                rows = {link: first + number for number, link in enumerate(each)} | rows
+            first += max(map(len, sides.values()))
+    return rows
 
 
-def draw(names: list[str], rows: list[tuple], others, theme: str):
-    """Return the figure of a graph."""
+def draw(columns: list[list[str]], links: list[tuple], others, theme: str):
+    """Return the figure of a graph, in inches from its upper left corner."""
     paper, ink, line = THEMES[theme]
-    size = COLUMN * len(names), ROW * (len(rows) + 1)
+    rows = rows_of(columns, links)
+    width, height = len(columns) * (BOX + GAP) - GAP, (max(rows.values()) + 1) * ROW
+    size = width + 0.2, height + FOOT + 0.1
     figure, axes = pyplot.subplots(figsize=size, facecolor=paper)
-    axes.set(xlim=(-0.5, len(names) - 0.5), ylim=(len(rows), -1), position=(0, 0, 1, 1))
+    axes.set(xlim=(-0.1, width + 0.1), ylim=(height + FOOT, -0.1), position=(0, 0, 1, 1))
     axes.axis('off')
-    for column, name in enumerate(names):
-        last = max(y for y, row in enumerate(rows) if column in row[3] + row[4])
-        axes.plot([column, column], [-0.3, last + 0.7], color=line, linewidth=1, zorder=0)
-        box = {'boxstyle': 'round,pad=0.4', 'facecolor': paper, 'edgecolor': ink}
-        box |= {'edgecolor': line, 'linestyle': '--'} if name in others else {}
-        axes.text(column, -0.5, name, ha='center', va='center', color=ink, weight='bold', bbox=box)
-    for y, (kind, name, message, sources, targets) in enumerate(rows):
+    lefts = {name: n * (BOX + GAP) for n, names in enumerate(columns) for name in names}
+    for name, left in lefts.items():
+        mine = [row for link, row in rows.items() if name in link[3:]]
+        top, bottom = min(mine) * ROW + 0.06, (max(mine) + 1) * ROW - 0.06
+        edge = {'edgecolor': line, 'linestyle': '--'} if name in others else {'edgecolor': ink}
+        style = {'boxstyle': 'round,pad=0,rounding_size=0.08', 'facecolor': paper, **edge}
+        axes.add_patch(FancyBboxPatch((left, top), BOX, bottom - top, **style))
+        text = name.replace('_', '_\n', 1) if len(name) > LONGEST_TEXT / 2 else name
+        style = {'ha': 'center', 'va': 'center', 'color': ink, 'weight': 'bold'}
+        axes.text(left + BOX / 2, (top + bottom) / 2, text, **style)
+    for (kind, name, message, source, target), row in rows.items():
         style, colours = STYLES[kind]
+        is_right = lefts[source] < lefts[target]
+        start, end = lefts[source] + BOX * is_right, lefts[target] + BOX * (not is_right)
+        y = (row + 0.5) * ROW
         arrow = {'arrowstyle': '-|>', 'color': colours[theme], 'linestyle': style, 'lw': 1.4}
-        for source in sources:
-            for target in targets:
-                ends = (target, y + 0.35), (source, y + 0.35)
-                axes.annotate('', *ends, arrowprops=arrow | {'shrinkA': 0, 'shrinkB': 0})
-        middle = (sources[0] + targets[0]) / 2
+        axes.annotate('', (end, y), (start, y), arrowprops=arrow | {'shrinkA': 0, 'shrinkB': 0})
         package, _, short = message.rpartition('/')
         typed = short if package.startswith('lupin_') else message  # the mirror's package has another name
-        typed = f'{kind}, {typed}'
-        if length_of(rows[y]) == 1 and len(typed) > LONGEST_TYPE:
-            typed = '/\n'.join(typed.rsplit('/', 1))
-        text = {'ha': 'center', 'bbox': {'facecolor': paper, 'edgecolor': 'none', 'pad': 0.5}, 'zorder': 4}
-        axes.text(middle, y + 0.27, name, va='bottom', color=colours[theme], size=10, **text)
-        axes.text(middle, y + 0.43, typed, va='top', color=ink, size=8.5, **text)
+        above, below = (
+            '/\n'.join(text.rsplit('/', 1)) if len(text) > LONGEST_TEXT else text
+            for text in (name, f'{kind}, {typed}')
+        )
+        middle = (start + end) / 2
+        axes.text(middle, y - 0.06, above, ha='center', va='bottom', color=colours[theme], size=10)
+        axes.text(middle, y + 0.06, below, ha='center', va='top', color=ink, size=8.5)
+    axes.text(width / 2, height + FOOT / 2, FOOTNOTE, ha='center', va='center', color=ink, size=8.5)
     return figure
 
 
@@ -140,12 +168,12 @@ def main(arguments: list[str] | None = None) -> int:
         parameters = f'-p file:={folder}/readings.sqlite -p require_visual_confirmation:=true'
         rclpy.init(args=['--ros-args', '--log-level', 'error', *parameters.split()])
         for use, (place, columns) in USES.items():
-            names, rows = connections(columns, OTHERS[use])
-            fingerprint = hash_of(Path(__file__).read_bytes(), repr((names, rows)).encode())
+            names, links = connections(columns, OTHERS[use])
+            fingerprint = hash_of(Path(__file__).read_bytes(), repr((names, links)).encode())
             for theme in THEMES:
                 path = place / f'{use}_{theme}.png'
                 if not is_check:
-                    save(draw(names, rows, OTHERS[use], theme), path, fingerprint)
+                    save(draw(names, links, OTHERS[use], theme), path, fingerprint)
                 stale += [path] if fingerprint_of(path) != fingerprint else []
         rclpy.shutdown()
     print(*(f'graph: {path} is not up to date: make figure' for path in stale), sep='\n')

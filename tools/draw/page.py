@@ -1,7 +1,7 @@
 """
 Draw the page of readings and the picture of a mission for the documents.
 
-    make mission DRIVE=1 ARGS="robot_radius_m:=0.27 start_pose:='1.0 0.4 0.0'"   # too wide for some tags
+    make mission DRIVE=1 ARGS="blocked:='0.8 5.0 1.0 5.2' max_poses:=1"   # no path to tag 11
     make figure PAGE=1
 """
 

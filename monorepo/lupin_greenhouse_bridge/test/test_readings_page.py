@@ -106,6 +106,25 @@ def test_the_failures_are_counted_and_grouped_by_reason_the_largest_first(report
     assert (data['read_count'], data['tag_count']) == (2, len(shipped_tags))
 
 
+def test_the_lowest_and_the_highest_values_are_those_of_read_tags_and_all_tags_with_them(report):
+    data = shown(
+        report(
+            visit('1', co2=700.2),
+            visit('3', co2=699.8),
+            visit('5', co2=600.0),
+            visit('12', co2=900.0),
+            visit('12', 'TIMEOUT', 'no reply'),
+        )
+    )
+    ids = [tag['id'] for tag in data['tags']]
+    (sensor,) = data['sensors']
+    assert [(text, [ids[number] for number in numbers]) for text, numbers in sensor['extremes']] == [
+        ('lowest 600 ppm at tag 5', ['5']),
+        ('highest 700 ppm at tags 1 and 3', ['1', '3']),
+    ]
+    assert sensor['range'] == [600.0, 800.0]
+
+
 def test_more_tags_than_are_shown_are_counted(report):
     count = readings_page.MOST_TAGS + 2
     data = shown(report(*(visit(f't{number}', co2=1.0) for number in range(count))))
@@ -141,7 +160,7 @@ def test_a_recording_shows_its_own_places_and_no_unit_for_an_unknown_sensor(reco
     (tag,) = [tag for tag in data['tags'] if tag['id'] == 'a1']
     assert (tag['x'], tag['y'], tag['values'], tag['outcome']) == (1.0, 2.0, [6.5], 'read')
     (sensor,) = data['sensors']
-    assert (sensor['name'], sensor['unit'], sensor['range']) == ('ph', '', None)
+    assert (sensor['name'], sensor['unit'], sensor['range']) == ('ph', '', [6.5, 7.0])
     assert [line['wall'] for line in sensor['lines']] == [[[0, 7.0], [1000, 6.5]]]
     assert [line['day'] for line in sensor['lines']] == [[[60, 6.75, 6.5, 7.0]]]
 

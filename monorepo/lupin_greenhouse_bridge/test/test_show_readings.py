@@ -308,8 +308,8 @@ def test_a_published_reading_appears_among_the_markers_and_in_the_field(
     assert cell(viewer.fields[-1], tag['x'], tag['y'] + 0.7) == -1
     (caption,) = of_namespace(viewer.markers[-1], FIELD_NAMESPACE)
     assert caption.text == (
-        'temperature (deg C): colours from 0 to 30\n'
-        f'lowest 7.5 at tag {warm_tag_id}, highest 7.5 at tag {warm_tag_id}\n'
+        'temperature (deg C): colours from 6 to 12\n'
+        f'lowest 7.5 deg C at tag {warm_tag_id}\nhighest 7.5 deg C at tag {warm_tag_id}\n'
         'field: interpolated from 1 received reading,\nnot from the model of the simulator'
     )
     (cells,) = of_namespace(viewer.markers[-1], 'field')
@@ -463,8 +463,19 @@ def test_a_custom_layout_and_config_are_shown(start_here, room, tmp_path):
     wait_until(lambda: cell(viewer.fields[-1], 1.0, 2.0) == 30)
     (caption,) = of_namespace(viewer.markers[-1], FIELD_NAMESPACE)
     assert caption.text.startswith(
-        'ozone: colours from 0 to 10\nlowest 3.00 at tag A7, highest 3.00 at tag A7\n'
+        'ozone: colours from 2 to 4\nlowest 3.00 at tag A7\nhighest 3.00 at tag A7\n'
     )
+
+
+def test_the_colours_reach_over_all_values_so_far(start_here, room, warm_tag_id):
+    start_here()
+    publisher, viewer = Publisher(room), Viewer(room)
+    now = int(time.time())
+    for second, (value, limits) in enumerate(((7.5, '6 to 12'), (20.0, '6 to 24'), (13.0, '6 to 24'))):
+        publisher.readings = [reading_of(warm_tag_id, now + second, temperature=value)]
+        viewer.wait_for(f'temperature {value} deg C')
+        (caption,) = of_namespace(viewer.markers[-1], FIELD_NAMESPACE)
+        assert caption.text.startswith(f'temperature (deg C): colours from {limits}\n')
 
 
 def displays_of_rviz():

@@ -21,6 +21,7 @@ from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_unti
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
 from lupin_tag_confirmation import confirm_tag
 from lupin_tag_confirmation.detector import TagDetector
+from lupin_tag_confirmation.drawing import BAR_PIXELS
 from lupin_tag_confirmation.settings import TOPICS, Settings
 from messages import compressed, detections, image_of
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -213,8 +214,8 @@ def test_what_was_judged_can_be_seen(start, tag_7):
     assert (last.encoding, last.width, last.height, last.step) == ('rgb8', 320, 240, 960)
     picture = np.frombuffer(last.data, np.uint8).reshape(240, 320, 3)
     is_green = (picture[..., 1] > 180) & (picture[..., 0] < 100)
-    assert is_green[:17].any()
-    assert is_green[17:].any()
+    assert is_green[BAR_PIXELS // 2 : BAR_PIXELS].any()
+    assert is_green[BAR_PIXELS:].any()
 
 
 @pytest.fixture

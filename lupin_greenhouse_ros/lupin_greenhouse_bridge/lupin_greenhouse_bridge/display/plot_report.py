@@ -11,12 +11,17 @@ from pathlib import Path
 from lupin_greenhouse_bridge.display.drawing_command import (
     Failures,
     NothingToDraw,
+    colour_limits,
     draw_file,
+    extremes_of,
     failures_of,
+    lasting,
     layout_of,
+    named,
     parser_of,
     read_colour_ranges,
     read_route,
+    speed_of,
 )
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.drawing import (
@@ -107,7 +112,9 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
     if has_ways:
         _draw_ways(all_axes[0], layout, walls, route, readings, failed)
     for axes, sensor in zip(all_axes[has_ways:], sensors, strict=True):
-        _draw_readings(figure, axes, sensor, layout, readings, colour_ranges.get(sensor))
+        values = [row.value for row in file.rows if row.sensor == sensor]
+        colours = colour_limits(values, colour_ranges.get(sensor))
+        _draw_readings(figure, axes, sensor, layout, readings, colours)
         _cross(axes, layout, failed, 30)
     for axes in all_axes:
         axes.set_anchor('N')  # the panel of the route has no colour bar below it
@@ -116,7 +123,7 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
         figure,
         _headline(readings, failures, len(layout.tags)),
         failures,
-        _origin(options.file, readings, route),
+        _origin(options.file, readings, speed_of(file.rows)),
     )
     figure.savefig(output, dpi=130, bbox_inches='tight', pad_inches=0.15)
     pyplot.close(figure)
@@ -131,9 +138,9 @@ def _draw_ways(
     failed: dict[str, str],
 ) -> None:
     """Draw the path of the robot with its direction, and label the tags that were not read."""
-    axes.set_title(
-        ' and '.join(['route'] * bool(route) + ['tags not read'] * bool(failed)), fontsize=12, pad=20
-    )
+    title = ' and '.join(['route'] * bool(route) + ['tags not read'] * bool(failed))
+    length = f'the robot drove {sum(map(math.dist, route, route[1:])):.1f} m'
+    _write_title(axes, title, length if route else '')
     tags = layout.tags
     _dot(axes, [tag for tag_id, tag in tags.items() if tag_id in readings], READ)
     _dot(axes, [tag for tag_id, tag in tags.items() if tag_id not in readings | failed], UNKNOWN)
@@ -167,36 +174,24 @@ def _show_all_of(axes, route: list[tuple[float, float]]) -> None:
 def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None:
     measured = {tag_id: each[sensor].value for tag_id, each in readings.items() if sensor in each}
     others = [tag for tag_id, tag in layout.tags.items() if tag_id not in measured]
-    low, high = (pick(measured, key=measured.get) for pick in (min, max))
-    extremes = [
-        f'{word} {value_text(sensor, measured[each])} at tag {escaped(each, 16)}'
-        for word, each in (('lowest', low), ('highest', high))
-    ]
-    axes.set_title(label_of(sensor), fontsize=12, pad=20)
-    axes.annotate(
-        ' · '.join(extremes),
-        (0.5, 1),
-        (0, 4),
-        'axes fraction',
-        'offset points',
-        ha='center',
-        fontsize=8.5,
-    ).set_in_layout(False)  # as wide as the axes: it must not move the colour bar
+    extremes = extremes_of(sensor, measured)
+    ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids]
+    _write_title(axes, label_of(sensor), '\n'.join(text for text, _ in extremes))
     _dot(axes, others, UNKNOWN)
-    _dot(axes, [layout.tags[low], layout.tags[high]], EXTREME)
+    _dot(axes, [layout.tags[tag_id] for tag_id in ringed], EXTREME)
     points = axes.scatter(
         [layout.tags[tag_id].x for tag_id in measured],
         [layout.tags[tag_id].y for tag_id in measured],
         c=list(measured.values()),
         cmap=COLOURS,
-        vmin=colours and colours[0],  # from the config, so that two missions can be compared
-        vmax=colours and colours[1],
+        vmin=colours[0],
+        vmax=colours[1],
         s=90,
         edgecolor='black',
         zorder=5,
     )
     dot_m, character_m, line_m, gap_m = _sizes_m(axes)
-    sizes_m = {tag_id: dot_m * (1.4 if tag_id in (low, high) else 1.0) for tag_id in layout.tags}
+    sizes_m = {tag_id: dot_m * (1.4 if tag_id in ringed else 1.0) for tag_id in layout.tags}
     dots = {tag_id: Box(*layout.tags[tag_id][:2], size_m, size_m) for tag_id, size_m in sizes_m.items()}
     texts = [f'{tag_id}: {value_text(sensor, value)}' for tag_id, value in measured.items()]
     labels = [
@@ -205,7 +200,16 @@ def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None
     ]
     for place, text in zip(place_labels(list(dots.values()), labels), texts, strict=True):
         _label(axes, place, text, 'black')
-    figure.colorbar(points, ax=axes, location='bottom', shrink=0.9, pad=0.02, extend='both')
+    is_within = colours[0] <= min(measured.values()) and max(measured.values()) <= colours[1]
+    extend = 'neither' if is_within else 'both'
+    figure.colorbar(points, ax=axes, location='bottom', shrink=0.9, pad=0.02, extend=extend)
+
+
+def _write_title(axes, title: str, more: str) -> None:
+    """Write a title, and below it up to two small lines, which must not move the colour bar."""
+    axes.set_title(title, fontsize=12, pad=32)
+    style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'ha': 'center', 'fontsize': 8.5}
+    axes.annotate(more, (0.5, 1), (0, 4), **style).set_in_layout(False)
 
 
 def _sizes_m(axes) -> list[float]:
@@ -245,7 +249,7 @@ def _draw_legend(figure, words: set[str], *, has_route: bool) -> None:
         entry('wall', 'black', linestyle='-', linewidth=1.5),
         entry('table', TABLE_COLOUR, marker='s', markersize=11),
         entry('tag: value', '#21918c', marker='o', markersize=9, markeredgecolor='black'),
-        entry('lowest and highest', **EXTREME),
+        entry('lowest or highest value', **EXTREME),
         entry('tag without a value', **UNKNOWN),
     ]
     if has_route or words:
@@ -278,7 +282,7 @@ def _headline(
     return [
         (f'{len(readings)} of {tag_count} tags read', 'black'),
         *((f'{count} {word}', BAD_COLOUR) for word, count in counts.items()),
-        (f'{_clock(first)} to {_clock(last)}', 'black'),
+        (f'{_clock(first)} to {_clock(last)} ({lasting(first.stamp_ns, last.stamp_ns)})', 'black'),
         (f'greenhouse {" to ".join(times_of_day)}', 'black'),
     ]
 
@@ -287,13 +291,11 @@ def _clock(row: Row) -> str:
     return time.strftime('%H:%M:%S', time.localtime(row.stamp_ns / 1e9))
 
 
-def _origin(path: Path, readings: dict[str, dict[str, Row]], route: list[tuple[float, float]]) -> str:
-    """Return the name of the file, the day, and how far the robot drove."""
+def _origin(path: Path, readings: dict[str, dict[str, Row]], speed: str) -> str:
+    """Return the name of the file, the day, and how fast the greenhouse's clock ran."""
     latest = max(row.stamp_ns for each in readings.values() for row in each.values())
     parts = [escaped(path.name, 64), time.strftime('%d %b %Y, times in %Z', time.localtime(latest / 1e9))]
-    if route:
-        parts.append(f'the robot drove {sum(map(math.dist, route, route[1:])):.1f} m')
-    return ' · '.join(parts)
+    return ' · '.join(filter(None, [*parts, speed]))
 
 
 def _write_head(figure, headline: list[tuple[str, str]], failures: list[Failures], origin: str) -> None:
@@ -302,9 +304,7 @@ def _write_head(figure, headline: list[tuple[str, str]], failures: list[Failures
 
     lines = []
     for word, reason, tag_ids in failures:
-        named = ', '.join(escaped(tag_id, 64) for tag_id in tag_ids[:MOST_NAMED])
-        more = f' and {len(tag_ids) - MOST_NAMED} more' if len(tag_ids) > MOST_NAMED else ''
-        text = f'{len(tag_ids)} {word}{f" ({reason})" if reason else ""}: {named}{more}'
+        text = f'T{named(tag_ids, MOST_NAMED)[1:]} {word}{f": {reason}" if reason else ""}'
         lines += [(part, 11, BAD_COLOUR) for part in textwrap.wrap(text, LONGEST_LINE)]
     lines.append((origin, 10, '0.35'))
     points = 12.0  # above the panels

@@ -17,15 +17,19 @@ from pathlib import Path
 import numpy as np
 
 from lupin_greenhouse_bridge.display.drawing_command import (
-    LONGEST_REASON,
     Failures,
     NothingToDraw,
+    colour_limits,
     draw_file,
+    extremes_of,
     failures_of,
+    lasting,
     layout_of,
     parser_of,
     read_colour_ranges,
     read_route,
+    reason_of,
+    speed_of,
     words_of,
 )
 from lupin_greenhouse_bridge.errors import escaped
@@ -96,10 +100,13 @@ def data_of(file: ReadingFile, layout: Layout, walls: Walls, colour_ranges: dict
                 'label': escaped(label_of(sensor), LONGEST_NAME),
                 'unit': unit_of(sensor),
                 'decimals': decimals_of(sensor),
-                'range': colour_ranges.get(sensor),
+                'range': colour_limits(
+                    [row.value for row in file.rows if row.sensor == sensor], colour_ranges.get(sensor)
+                ),
+                'extremes': _extremes(sensor, shown, place),
                 'lines': lines[sensor],
             }
-            for sensor in sensors
+            for place, sensor in enumerate(sensors)
         ],
         'tags': list(shown.values()),
         'read_count': sum(tag['stamp_ms'] is not None and not tag['has_failed'] for tag in tags.values()),
@@ -116,11 +123,21 @@ def data_of(file: ReadingFile, layout: Layout, walls: Walls, colour_ranges: dict
         ],
         'span_ms': [row.stamp_ns // NS_PER_MS for row in (*file.rows[:1], *file.rows[-1:])],
         'day_span': _day_span(file.rows),
+        'speed': speed_of(file.rows),
+        'lasting': lasting(file.rows[0].stamp_ns, file.rows[-1].stamp_ns) if file.rows else '',
         'is_binned': any('is_binned' in line for each in lines.values() for line in each),
         'walls': walls,
         'tables': list(layout.tables.values()),
         'notes': notes,
     }
+
+
+def _extremes(sensor: str, tags: dict[str, dict], place: int) -> list[tuple[str, list[int]]]:
+    """Return the texts of extremes_of() and the numbers of the tags."""
+    values = {tag_id: tag['values'][place] for tag_id, tag in tags.items() if not tag['has_failed']}
+    known = {tag_id: value for tag_id, value in values.items() if value is not None}
+    numbers = {tag_id: number for number, tag_id in enumerate(tags)}
+    return [(text, [numbers[tag_id] for tag_id in tag_ids]) for text, tag_ids in extremes_of(sensor, known)]
 
 
 def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, dict]:
@@ -138,7 +155,7 @@ def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, 
     for visit in file.visits:
         tag = tags.setdefault(visit.tag_id, _tag(visit.tag_id, None, None))
         tag |= {'outcome': words_of(visit.outcome), 'attempts': visit.attempts}
-        tag |= {'reason': escaped(visit.detail, LONGEST_REASON), 'has_failed': visit.outcome != 'OK'}
+        tag |= {'reason': reason_of(visit.detail), 'has_failed': visit.outcome != 'OK'}
     for tag_id, tag in tags.items():
         reading = last.get(tag_id, {})
         tag['values'] = [reading[sensor].value if sensor in reading else None for sensor in sensors]

@@ -23,8 +23,9 @@ ROUTE_COLOUR, BAD_COLOUR, SIGHT_COLOUR = '#3d6fa8', '#b3261e', '0.4'
 OBSTACLE_COLOUR = '#e69f00'  # in the map of the room
 TABLE_COLOUR = '#e3e6ea'  # without an edge, which would cross the labels
 ARROW_EVERY_M = 0.8
-WAY_M, SIGHT_M = 0.1, 0.02  # the width that a label leaves to a route, and a number to a line of sight
-TAG_M, BAD_TAG_M, VISIT_M = 0.14, 0.24, 0.19
+WAY_M = 0.1  # the width that a label leaves to a route
+TAG_M, BAD_TAG_M, STOP_M = 0.14, 0.24, 0.22
+JOINED_M = 0.25  # stops that are closer share a mark
 CHARACTER_M, LINE_M = 0.1, 0.18  # of a label in the picture
 VIEW_M = 0.15  # around all that is drawn
 
@@ -117,7 +118,7 @@ def draw_path(axes: Any, points: list[tuple[float, float]], places: Collection[B
             tip = x + 0.01 * math.cos(heading), y + 0.01 * math.sin(heading)
             axes.annotate('', tip, (x, y), arrowprops=style, zorder=1.6)
             last = x, y
-            taken.append(Box(x, y, VISIT_M, VISIT_M))
+            taken.append(Box(x, y, STOP_M, STOP_M))
     for marker, place in (('o', points[0]), ('s', points[-1])):
         axes.scatter(*place, s=28, marker=marker, color='white', edgecolor=ROUTE_COLOUR, zorder=2.5)
 
@@ -141,7 +142,7 @@ def draw_route(
     occupancy: OccupancyMap | None = None,
 ) -> Any:
     """
-    Return a figure of the greenhouse, the route, its visits with numbers, and unreachable tags in red.
+    Return a figure of the greenhouse, the route, its stops with numbers, and unreachable tags in red.
 
     A map of the room, in the frame of the layout, lies beneath: its obstacles orange, its unknown parts grey.
     """
@@ -154,39 +155,42 @@ def draw_route(
     draw_greenhouse(axes, layout, walls)
     axes.spines[:].set_visible(False)  # the walls are the frame
     axes.tick_params(length=0)
-    tags = [Box(tag.x, tag.y, TAG_M, TAG_M) for tag in layout.tags.values()]
-    stops = [poses[tag_id][:2] for tag_id in route.tag_ids]
+    stops = join_stops([poses[tag_id][:2] for tag_id in route.tag_ids])
     sights = [((each.x, each.y), layout.tags[tag_id][:2]) for tag_id, each in poses.items()]
-    lines = [  # of sight, but for the part that its own circle covers
-        Box(*place, SIGHT_M, SIGHT_M)
-        for sight in sights
-        for *place, _ in steps_of(sight, SIGHT_M)
-        if math.dist(place, sight[0]) > 0.75 * VISIT_M
-    ]
-    circles = [(Box(*stop, 0, 0), VISIT_M, VISIT_M) for stop in stops]
-    visits = [Box(*place, VISIT_M, VISIT_M) for place in place_labels([*tags, *lines], circles)]
     for pose, tag in sights:
         axes.plot(
             *zip(pose, tag, strict=True), color=SIGHT_COLOUR, linewidth=0.7, linestyle=(0, (4, 2)), zorder=1.4
         )
     if route.points_m:
-        draw_path(axes, route.points_m, visits)
-    for number, (visit, stop) in enumerate(zip(visits, stops, strict=True), start=1):
-        leader = zip(visit[:2], stop, strict=True)
-        axes.plot(*leader, '-o', color=ROUTE_COLOUR, linewidth=0.9, markersize=3, zorder=3.9)
-        axes.plot(*visit[:2], 'o', markersize=9.5, markerfacecolor='white', color=ROUTE_COLOUR, zorder=4)
-        style = {'ha': 'center', 'va': 'center_baseline', 'fontsize': 6, 'color': ROUTE_COLOUR, 'zorder': 5}
-        axes.text(*visit[:2], str(number), **style)
+        draw_path(axes, route.points_m, stops.values())
+    frame = {'boxstyle': 'round,pad=0.25,rounding_size=0.7', 'facecolor': 'white', 'edgecolor': ROUTE_COLOUR}
+    for text, stop in stops.items():
+        style = {'ha': 'center', 'va': 'center', 'fontsize': 8, 'color': ROUTE_COLOUR, 'zorder': 5}
+        axes.text(*stop[:2], text if len(text) > 1 else f' {text} ', bbox=frame, **style)
     paths = [*sights, route.points_m]
     ways = [Box(x, y, WAY_M, WAY_M) for path in paths for x, y, _ in steps_of(path, WAY_M)]
-    _draw_tags(axes, layout, unreachable, [*visits, *ways], label_path(route.points_m))
+    _draw_tags(axes, layout, unreachable, [*stops.values(), *ways], label_path(route.points_m))
     axes.set_ylabel('y (m)')
-    axes.set_title(
-        f'{len(poses)} of {len(layout.tags)} tags have a pose; route {route.length_m:.1f} m', fontsize=11
-    )
-    has_moved = any(visit[:2] != stop for visit, stop in zip(visits, stops, strict=True))
-    _draw_key(axes, has_moved=has_moved, has_unreachable=bool(unreachable), has_map=occupancy is not None)
+    counts = f'{len(poses)} of {len(layout.tags)} tags have a pose; the route is {route.length_m:.1f} m long'
+    axes.set_title(f'where a robot stands to read each tag\n{counts}', fontsize=11)
+    _draw_key(axes, has_unreachable=bool(unreachable), has_map=occupancy is not None)
     return figure
+
+
+def join_stops(stops: list[tuple[float, float]]) -> dict[str, Box]:
+    """Return the marks of the stops along a route: their numbers, such as `4, 5` or `19-21`, and a place."""
+    groups: list[list[tuple[int, tuple[float, float]]]] = []
+    for number, stop in enumerate(stops, start=1):
+        group = next((each for each in groups if math.dist(each[0][1], stop) < JOINED_M), [])
+        groups += [] if group else [group]
+        group.append((number, stop))
+    marks = {}
+    for group in groups:
+        numbers, places = zip(*group, strict=True)
+        is_run = len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1
+        text = f'{numbers[0]}-{numbers[-1]}' if is_run else ', '.join(map(str, numbers))
+        marks[text] = Box(*np.mean(places, axis=0).tolist(), CHARACTER_M * len(text) + 0.08, STOP_M)
+    return marks
 
 
 def _draw_map(axes: Any, occupancy: OccupancyMap) -> None:
@@ -230,21 +234,18 @@ def _draw_tags(
         axes.text(*place, text, color=colour, fontweight='bold', **style)
 
 
-def _draw_key(axes: Any, *, has_moved: bool, has_unreachable: bool, has_map: bool) -> None:
+def _draw_key(axes: Any, *, has_unreachable: bool, has_map: bool) -> None:
     """Write below the axes what each mark means."""
     marks = [
         ('route, in the direction of its arrows', {'color': ROUTE_COLOUR, 'marker': '>', 'markersize': 5}),
         (
-            'number of the visit (not of the tag)',
+            'stop of the robot, in order; close ones share a mark',
             {'color': ROUTE_COLOUR, 'ls': '', 'marker': 'o', 'markersize': 10, 'markerfacecolor': 'white'},
         ),
-        ('line of sight to the tag', {'color': SIGHT_COLOUR, 'ls': (0, (4, 2))}),
-        ('tag', {'color': 'black', 'ls': '', 'marker': 's', 'markersize': 5}),
+        ('from a stop to its tag', {'color': SIGHT_COLOUR, 'ls': (0, (4, 2))}),
+        ('tag and its id', {'color': 'black', 'ls': '', 'marker': 's', 'markersize': 5}),
+        ('table', {'color': TABLE_COLOUR, 'ls': '', 'marker': 's', 'markersize': 9}),
     ]
-    if has_moved:
-        marks.append(
-            ('pose whose number is beside it', {'color': ROUTE_COLOUR, 'marker': 'o', 'markersize': 3})
-        )
     if has_unreachable:
         marks.append(('tag without a pose', {'color': BAD_COLOUR, 'ls': '', 'marker': 'X', 'markersize': 8}))
     if has_map:

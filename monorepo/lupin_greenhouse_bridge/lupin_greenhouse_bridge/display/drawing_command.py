@@ -5,18 +5,23 @@ import argparse
 import csv
 import itertools
 import math
+import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.walls import add_wall_options, read_visualization
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFile, read_file
 from lupin_greenhouse_bridge.recording.report_line import Observation
+from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.files import mapping_of, number
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order
+from lupin_greenhouse_bridge.units import unit_of, value_text
 
 DONE, NO_ROWS, USAGE = 0, 1, 2
 SAME_M = 0.01  # between two positions of one tag, in files that round them
@@ -27,6 +32,8 @@ BESIDE = {
     'sim_config_file': '-greenhouse_config.yaml',
 }
 LONGEST_REASON = 300  # characters
+MOST_EXTREME = 4  # tags that a text about the lowest or the highest value names
+LONGEST_GAP_SECONDS = 5  # between two readings that tell the speed of the clock
 
 
 class NothingToDraw(OneLineError):
@@ -146,10 +153,66 @@ def failures_of(visits: Iterable[Observation]) -> list[Failures]:
     groups: dict[tuple[str, str], list[str]] = {}
     for visit in {each.tag_id: each for each in visits}.values():
         if visit.outcome != 'OK':
-            reason = escaped(visit.detail, LONGEST_REASON)
-            groups.setdefault((words_of(visit.outcome), reason), []).append(visit.tag_id)
+            groups.setdefault((words_of(visit.outcome), reason_of(visit.detail)), []).append(visit.tag_id)
     largest_first = sorted(groups.items(), key=lambda item: -len(item[1]))
     return [Failures(*key, sorted(tag_ids, key=natural_order)) for key, tag_ids in largest_first]
+
+
+def reason_of(detail: str) -> str:
+    """Return why a visit failed: what happened, and then who says so with which code."""
+    return re.sub(r'([^\s:;][^:;]*\bcode \d+): ([^;]+)', r'\2 (\1)', escaped(detail, LONGEST_REASON))
+
+
+def named(tag_ids: list[str], most: int) -> str:
+    """Return `tag 7`, `tags 7 and 8` or, with more tags than `most`, `tags 7, 8 and 3 more`."""
+    more = [f'{len(tag_ids) - most:,} more'] if len(tag_ids) > most else []
+    *first, last = [*(escaped(tag_id, 64) for tag_id in tag_ids[:most]), *more]
+    return f'tags {", ".join(first)} and {last}' if first else f'tag {last}'
+
+
+def extremes_of(sensor: str, values: Mapping[str, float]) -> list[tuple[str, list[str]]]:
+    """Return the lowest and the highest of values by tag id, each as a text and all its tags."""
+    found = []
+    for word, pick in (('lowest', min), ('highest', max)) if values else ():
+        text = value_text(sensor, pick(values.values()))
+        tag_ids = [tag_id for tag_id, value in values.items() if value_text(sensor, value) == text]
+        value = f'{text} {unit_of(sensor)}'.rstrip()
+        found.append((f'{word} {value} at {named(tag_ids, MOST_EXTREME)}', tag_ids))
+    return found
+
+
+def colour_limits(values: list[float], limits: tuple[float, float] | None) -> tuple[float, float]:
+    """
+    Return the values at the ends of the colours: the fifths of the config's range in which all values lie.
+
+    So similar values differ in colour, noise hardly does, and the next mission mostly has the same colours.
+    """
+    if not (values and limits and limits[0] < limits[1]):
+        low, high = limits or (min(values), max(values))
+        return (low, high) if low < high else (low - 0.5, high + 0.5)
+    fifth = (limits[1] - limits[0]) / 5
+    low, high = (round((pick(values) - limits[0]) / fifth, 9) for pick in (min, max))
+    first = min(max(math.floor(low), 0), 4)
+    last = min(max(math.ceil(high), first + 1), 5)
+    return round(limits[0] + first * fifth, 9), round(limits[0] + last * fifth, 9)
+
+
+def lasting(first_ns: int, last_ns: int) -> str:
+    """Return the time between two stamps, as both are shown in whole seconds, such as `7 s`."""
+    seconds = last_ns // 10**9 - first_ns // 10**9
+    if seconds < 120:
+        return f'{seconds} s'
+    return f'{seconds / 60:.0f} min' if seconds < 7200 else f'{seconds / 3600:.1f} h'
+
+
+def speed_of(rows: list[Row]) -> str:
+    """Return a text about a clock of the greenhouse that ran faster than ours; '' if the rows have none."""
+    seconds = np.array([row.stamp_ns // 10**9 for row in rows])
+    if len(rows) < 2 or not 0 <= np.diff(seconds).min() <= np.diff(seconds).max() <= LONGEST_GAP_SECONDS:
+        return ''
+    passed = np.unwrap([row.sim_time_of_day_seconds for row in rows], period=86_400)
+    speed = (passed[-1] - passed[0]) / max(seconds[-1] - seconds[0], 1)
+    return f'greenhouse clock about {float(f"{speed:.2g}"):,.0f} times faster' if speed > 1.5 else ''
 
 
 def read_route(name: str | Path) -> list[tuple[float, float]]:

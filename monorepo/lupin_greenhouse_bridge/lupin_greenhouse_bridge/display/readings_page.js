@@ -3,7 +3,7 @@
 // Draws the page of readings from the data in it. The chosen tag is the fragment of the address: #tag=28.
 const data = JSON.parse(document.getElementById('data').textContent);
 const VIRIDIS = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
-const PAPER = { map: [440, 830], tab: 96, chart: [222, 165] };  // pixels in print
+const PAPER = { map: [440, 740], tab: 96, chart: [222, 165] };  // pixels in print
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const element = id => document.getElementById(id);
 const by_id = new Map(data.tags.map(tag => [tag.id, tag]));
@@ -32,11 +32,6 @@ const pad = number => String(number).padStart(2, '0');
 const clock = ms => { const there = new Date(ms); return [there.getHours(), there.getMinutes(), there.getSeconds()].map(pad).join(':'); };
 const date = ms => new Date(ms).toLocaleDateString('en-GB', { day: 'numeric', month: 'short', year: 'numeric' });
 const day_time = seconds => `${pad(Math.floor(seconds / 3600))}:${pad(Math.floor(seconds / 60) % 60)}`;
-const lasting = ms => {
-  const seconds = Math.round(ms / 1000);
-  if (seconds < 120) return `${seconds} s`;
-  return seconds < 7200 ? `${Math.round(seconds / 60)} min` : `${(seconds / 3600).toFixed(1)} h`;
-};
 const written = (sensor, value) => value.toFixed(sensor.decimals);
 const with_unit = (sensor, value) => `${written(sensor, value)} ${sensor.unit}`.trim();
 const address = tag => `#tag=${encodeURIComponent(tag.id)}`;
@@ -64,7 +59,7 @@ function write_head() {
   const parts = [`${grouped(data.read_count)} of ${grouped(data.tag_count)} tags read`, ...data.counts.map(([word, count]) => `${grouped(count)} ${word}`)];
   if (data.span_ms.length) {
     const [first, last] = data.span_ms;
-    parts.push(`${is_one_day ? '' : `${date(first)} `}${clock(first)} to ${is_one_day ? '' : `${date(last)} `}${clock(last)} (${lasting(1000 * (Math.floor(last / 1000) - Math.floor(first / 1000)))})`);
+    parts.push(`${is_one_day ? '' : `${date(first)} `}${clock(first)} to ${is_one_day ? '' : `${date(last)} `}${clock(last)} (${data.lasting})`);
     const [from, to, midnights] = data.day_span;
     parts.push(`greenhouse ${day_time(from)} to ${day_time(to)}${midnights > (to < from) ? ` over ${grouped(midnights + 1)} days` : ''}`);
   }
@@ -74,38 +69,31 @@ function write_head() {
     add(piece, 'span', part, number && number <= data.counts.length && data.counts[number - 1][2] ? 'bad' : '');
     if (number + 1 < parts.length) piece.append(' ·');
   });
-  element('file').textContent = [data.title, ...data.span_ms.slice(0, 1).map(ms => is_one_day ? date(ms) : ''), `times in ${zone}`].filter(Boolean).join(' · ');
+  element('file').textContent = [data.title, ...data.span_ms.slice(0, 1).map(ms => is_one_day ? date(ms) : ''), `times in ${zone}`, data.speed].filter(Boolean).join(' · ');
   for (const { word, reason, tags, count } of data.failures) {
     const line = add(element('failures'), 'li');
-    add(line, 'span', `${grouped(count)} ${word}`, 'bad');
-    line.append(`${reason ? ` (${reason})` : ''}: tag${count > 1 ? 's' : ''} `);
+    line.append(count > 1 ? 'Tags ' : 'Tag ');
     tags.forEach((number, place) => {
-      if (place) line.append(', ');
+      if (place) line.append(place + 1 < count ? ', ' : ' and ');
       add(line, 'a', data.tags[number].id).href = address(data.tags[number]);
     });
     if (count > tags.length) line.append(` and ${grouped(count - tags.length)} more`);
+    line.append(' ');
+    add(line, 'span', word, 'bad');
+    if (reason) line.append(`: ${reason}`);
   }
   data.notes.forEach(note => add(element('notes'), 'p', note));
 }
 
 // The map
 
-const limits_of = number => {
-  const values = data.tags.filter(tag => !tag.has_failed && tag.values[number] !== null).map(tag => tag.values[number]);
-  const [low, high] = data.sensors[number].range ?? [Math.min(...values), Math.max(...values)];
-  return low < high ? [low, high] : [low - 0.5, high + 0.5];
-};
+const limits_of = number => data.sensors[number].range;
 const colour = share => {
   const place = Math.min(Math.max(share, 0), 1) * (VIRIDIS.length - 1), left = Math.min(Math.floor(place), VIRIDIS.length - 2);
   const parts = [0, 2, 4].map(at => [left, left + 1].map(n => parseInt(VIRIDIS[n].slice(at, at + 2), 16)));
   return `rgb(${parts.map(([a, b]) => Math.round(a + (b - a) * (place - left))).join()})`;
 };
 const value_of = (tag, number) => tag.has_failed || !data.sensors.length ? null : tag.values[number];
-// Returns the tags with the lowest and the highest value of a sensor, if it has any.
-const extremes_of = number => {
-  const known = data.tags.filter(tag => value_of(tag, number) !== null).sort((one, other) => one.values[number] - other.values[number]);
-  return known.length ? [known[0], known.at(-1)] : [];
-};
 const view = (() => {
   const corners = [data.walls.slice(0, 2), data.walls.slice(2), ...data.route, ...data.tables.flatMap(each => [each.slice(0, 2), each.slice(2)]),
     ...data.tags.filter(tag => tag.x !== null).map(tag => [tag.x, tag.y])];
@@ -190,11 +178,11 @@ function draw_map() {
     (low, other) => Math.hypot(one.x - other.x, one.y - other.y) > 1 ? Math.min(low, Math.hypot(one.x - other.x, one.y - other.y)) : low, least), Infinity);
   const radius = Math.min(Math.max(gap / 2 - 1, 2.5), 9);
   const radius_of = tag => tag.has_failed || value_of(tag, number) !== null ? radius : Math.min(radius, 4.5);
-  const extremes = extremes_of(number), ring_of = tag => radius_of(tag) + (extremes.includes(tag) ? 3 : 0);
+  const extremes = (sensor?.extremes ?? []).flatMap(([, numbers]) => numbers.map(each => data.tags[each])), ring_of = tag => radius_of(tag) + (extremes.includes(tag) ? 3 : 0);
   const taken = tags.map(({ tag, x, y }) => around(x, y, 2 * ring_of(tag), 2 * ring_of(tag)));
   if (data.route.length > 1) {
-    for (const [word, point] of [['start', data.route[0]], ['end', data.route.at(-1)]]) {
-      const [x, y] = [frame.x(point[0]), frame.y(point[1])];
+    const [start, end] = [data.route[0], data.route.at(-1)].map(([x, y]) => [frame.x(x), frame.y(y)]);
+    for (const [word, [x, y]] of Math.hypot(start[0] - end[0], start[1] - end[1]) < 8 ? [['start and end', start]] : [['start', start], ['end', end]]) {
       const { box } = place_label(x, y, 5, pen.measureText(word).width + 2, 13, taken, way, room);
       taken.push(around(x, y, 10, 10), box);
       draw(svg, 'text', { class: 'muted halo', x: (box[0] + box[2]) / 2, y: box[3] - 3, 'text-anchor': 'middle' }, word);
@@ -216,7 +204,7 @@ function draw_map() {
     } else if (value === null) draw(group, 'circle', { class: 'dot empty', cx: x, cy: y, r: mine });
     else draw(group, 'circle', { class: 'dot', cx: x, cy: y, r: mine, fill: colour((value - limits[0]) / (limits[1] - limits[0])) });
     const mark = value === null ? '' : value > limits[1] ? ' ▲' : value < limits[0] ? ' ▼' : '';
-    const text = value === null ? tag.has_failed ? failed_words.length > 1 ? ` ${tag.outcome}` : '' : '' : ` ${written(sensor, value)}${mark}`;
+    const text = value === null ? tag.has_failed ? failed_words.length > 1 ? ` ${tag.outcome}` : '' : '' : `: ${written(sensor, value)}${mark}`;
     const width = pen.measureText(tag.id + text).width + Math.min(tag.id.length, 12) + 6;
     const { box, covered, is_far } = place_label(x, y, ring_of(tag), width, 13, taken, way, room);
     if (covered > 0.12 * width * 13) continue;
@@ -241,7 +229,7 @@ function draw_axes(svg, frame, room) {
 
 function draw_scale(width, limits) {
   const sensor = data.sensors[state.sensor], svg = drawing(element('scale'), width, 46, { role: 'img', 'aria-label': sensor ? `Colours from ${limits.map(each => with_unit(sensor, each)).join(' to ')}` : 'Key of the map' });
-  let x = 34;
+  let x = 12;
   const key = (shape, text) => {
     shape(x, 38);
     draw(svg, 'text', { class: 'muted', x: x + 12, y: 42 }, text);
@@ -262,6 +250,7 @@ function draw_scale(width, limits) {
   }
   if (failed_words.length) key((at, y) => draw(svg, 'path', { class: 'cross', d: `M${at - 4} ${y - 4}l8 8m-8 0l8 -8` }), failed_words.length > 1 ? 'not read' : failed_words[0]);
   key((at, y) => draw(svg, 'circle', { class: 'dot empty', cx: at, cy: y, r: 4.5 }), sensor ? `no ${sensor.name}` : 'tag');
+  if (data.tables.length) key((at, y) => draw(svg, 'rect', { class: 'bench', x: at - 5, y: y - 5, width: 10, height: 10 }), 'table');
   if (data.route.length > 1) key((at, y) => { draw(svg, 'path', { class: 'route', d: `M${at - 7} ${y}h14` }); draw(svg, 'path', { class: 'arrow', d: 'M5 0L-4 -3.5L-4 3.5Z', transform: `translate(${at} ${y})` }); }, 'route');
 }
 
@@ -298,7 +287,7 @@ function mark_tab() {
   });
   const sensor = data.sensors[state.sensor];
   element('shown').textContent = sensor ? sensor.label : 'No tag was read';
-  const words = extremes_of(state.sensor).map((tag, n) => `${n ? 'highest' : 'lowest'} ${with_unit(sensor, tag.values[state.sensor])} at tag ${tag.id}`);
+  const words = sensor?.extremes.map(([text]) => text) ?? [];
   element('extremes').textContent = words.length ? `ringed: ${words.join(' · ')}` : '';
 }
 

@@ -21,7 +21,11 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from lupin_greenhouse_bridge.contract import latched
-from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges
+from lupin_greenhouse_bridge.display.drawing_command import (
+    colour_limits,
+    extremes_of,
+    read_colour_ranges,
+)
 from lupin_greenhouse_bridge.display.field import Grid, grid_over, interpolate, scaled
 from lupin_greenhouse_bridge.display.markers import Scale, Scene, field_marker
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
@@ -38,7 +42,7 @@ from lupin_greenhouse_bridge.runtime.parameters import (
 from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
-from lupin_greenhouse_bridge.units import label_of, value_text
+from lupin_greenhouse_bridge.units import label_of
 
 NODE_NAME = 'show_readings'
 PUBLISH_EVERY_SECONDS = 1.0  # web clients receive a latched topic only when it is published again
@@ -113,6 +117,7 @@ class ShowReadingsNode(Node):
         self._tags = layout.tags
         self._scene = Scene(layout, walls, self._layout_in_map, self._scale)
         self._heard: dict[str, Heard] = {}  # the newest reading of each tag
+        self._ends: list[float] = []  # the lowest and the highest value so far: the colours do not flicker
         self._has_warned = False
         self._cells = self._field_marker = None  # of the field; None if a reading has arrived since
         self._unknown_ids = set()
@@ -175,10 +180,13 @@ class ShowReadingsNode(Node):
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.map_frame)
         samples = self._samples()
         if self._cells is None:
+            values = [*self._ends, *(value for *_, value in samples.values())]
+            self._ends = [min(values), max(values)] if values else []
+            self._scene.scale = Scale(self._scale.sensor, *colour_limits(self._ends, self._scale[1:]))
             values = interpolate(self._grid, list(samples.values()), self._settings.radius_m)
             self._cells = array.array('b', scaled(values, *self._scale[1:]).tobytes())
             if values.size <= MOST_CELLS_MARKED:
-                self._field_marker = field_marker(self._grid, values, self._scale, self._layout_in_map)
+                self._field_marker = field_marker(self._grid, values, self._scene.scale, self._layout_in_map)
         x, y = self._layout_in_map.point(self._grid.x, self._grid.y)
         info = MapMetaData(
             map_load_time=header.stamp,
@@ -205,18 +213,10 @@ class ShowReadingsNode(Node):
 
     def _caption(self, samples: dict[str, tuple[float, float, float]]) -> str:
         """Return what the colours show, in the words of the page of readings."""
-        sensor, lowest, highest = self._scale
+        sensor, lowest, highest = self._scene.scale
         lines = [f'{label_of(sensor)}: colours from {lowest:g} to {highest:g}']
-        if samples:
-            values = {tag_id: value for tag_id, (*_, value) in samples.items()}
-            extremes = (
-                f'{word} {value_text(sensor, values[tag_id])} at tag {escaped(tag_id, 40)}'
-                for word, tag_id in (
-                    ('lowest', min(values, key=values.get)),
-                    ('highest', max(values, key=values.get)),
-                )
-            )
-            lines.append(', '.join(extremes))
+        values = {tag_id: value for tag_id, (*_, value) in samples.items()}
+        lines += [text for text, _ in extremes_of(sensor, values)]
         lines.append(f'field: interpolated from {pluralized(len(samples), "received reading")},')
         return '\n'.join([*lines, 'not from the model of the simulator'])
 

@@ -8,7 +8,7 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
-from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges
+from lupin_greenhouse_bridge.display.drawing_command import colour_limits, read_colour_ranges
 from lupin_greenhouse_bridge.display.plot_report import main
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.drawing import Box, place_labels
@@ -64,12 +64,12 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, texts_
         '1: 22.6',
         '5: 615',
         'y (m)',
-        'lowest 22.6 at tag 1 · highest 24.0 at tag 5',
+        'lowest 22.6 °C at tag 1\nhighest 24.0 °C at tag 5',
     ):
         assert text in drawn
     drawn = '\n'.join(drawn)
     assert f'2 of {len(shipped_tags)} tags read\n·\n1 timeout\n·\n1 unknown tag\n·\n' in drawn
-    reasons = '1 timeout (no reply before the timeout): 7', '1 unknown tag (no such tag): unknown'
+    reasons = 'Tag 7 timeout: no reply before the timeout', 'Tag unknown unknown tag: no such tag'
     for text in ('7 timeout', *reasons):
         assert text in drawn.splitlines()
 
@@ -82,6 +82,72 @@ def test_one_word_for_all_failures_is_in_the_key_and_not_at_each_tag(tmp_path, t
     )
     drawn = texts_of(write_report(tmp_path / 'report.jsonl', *visits))
     assert {'7', '9', 'tag that was not read: timeout'} <= set(drawn)
+
+
+def test_tags_with_the_same_value_are_all_named_and_ringed(tmp_path, monkeypatch):
+    save, drawn = Figure.savefig, []
+    monkeypatch.setattr(
+        Figure, 'savefig', lambda *args, **options: drawn.append(args[0]) or save(*args, **options)
+    )
+    values = {'1': 600.2, '3': 599.9, '5': 700.0, '12': 650.0}
+    visits = [visit(tag_id, co2=value) for tag_id, value in values.items()]
+    assert main([str(write_report(tmp_path / 'report.jsonl', *visits))]) == 0
+    axes = drawn[0].axes[0]
+    texts = [each.get_text() for each in axes.texts]
+    assert 'lowest 600 ppm at tags 1 and 3\nhighest 700 ppm at tag 5' in texts
+    (rings,) = [each for each in axes.lines if each.get_markerfacecolor() == 'none']
+    assert len(rings.get_xdata()) == 3
+
+
+def test_the_failed_tags_come_first_and_a_code_last(tmp_path, texts_of):
+    detail = 'navigate_to_pose aborted the drive with code 208: no path'
+    visits = (
+        visit('1', co2=1.0),
+        *(visit(tag_id, 'UNREACHABLE', detail) for tag_id in ('7', '9', 'A3')),
+        visit('10', 'UNREACHABLE', f'pose 1: {detail}; pose 2: {detail}'),
+    )
+    tag_file = {
+        each: {'x': n, 'y': n, 'sensors': ['co2']} for n, each in enumerate(('1', '7', '9', '10', 'A3'))
+    }
+    (tmp_path / 'report-tag_locations.json').write_text(json.dumps(tag_file), encoding='utf-8')
+    drawn = ' '.join(texts_of(write_report(tmp_path / 'report.jsonl', *visits)))  # in lines of some length
+    reason = 'no path (navigate_to_pose aborted the drive with code 208)'
+    assert f'Tags 7, 9 and A3 unreachable: {reason} ' in drawn
+    assert f'Tag 10 unreachable: pose 1: {reason}; pose 2: no path' in drawn
+
+
+def test_a_clock_of_the_greenhouse_that_is_faster_is_told(report, texts_of, tmp_path):
+    assert not any('times faster' in text for text in texts_of(report))
+    row = read_file(report).rows[0]
+    rows = [
+        row._replace(stamp_ns=row.stamp_ns + second * 10**9, sim_time_of_day_seconds=second * 1800.0 % 86_400)
+        for second in range(47)
+    ]
+    for name, shown, expected in (('steady', rows, True), ('gap', rows[:2] + rows[-2:], False)):
+        store = open_store(str(tmp_path / f'{name}.csv'))
+        store.keep(shown)
+        store.close()
+        drawn = ' '.join(texts_of(tmp_path / f'{name}.csv'))
+        assert ('greenhouse clock about 1,800 times faster' in drawn) is expected
+
+
+@pytest.mark.parametrize(
+    ('values', 'limits', 'expected'),
+    [
+        ([47.4, 59.0], (0.0, 100.0), (40.0, 60.0)),
+        ([7.8, 25.8], (0.0, 30.0), (6.0, 30.0)),
+        ([24.0], (0.0, 30.0), (24.0, 30.0)),
+        ([0.413, 0.689], (0.2, 0.8), (0.32, 0.8)),
+        ([0.44, 0.56], (0.2, 0.8), (0.44, 0.56)),
+        ([-5.0, 12.0], (0.0, 30.0), (0.0, 12.0)),
+        ([31.0, 45.0], (0.0, 30.0), (24.0, 30.0)),
+        ([], (0.0, 30.0), (0.0, 30.0)),
+        ([3.0, 4.0], None, (3.0, 4.0)),
+        ([3.0], None, (2.5, 3.5)),
+    ],
+)
+def test_the_colours_reach_over_the_fifths_of_the_config_in_which_the_values_lie(values, limits, expected):
+    assert colour_limits(values, limits) == expected
 
 
 @pytest.mark.parametrize('name', ['day.sqlite', 'day.csv'])

@@ -87,7 +87,7 @@ class Scene:
 
     def __init__(self, layout: Layout, walls: Walls, layout_in_map: Transform, scale: Scale):
         """Compute the positions of all markers; raises StartUpError for a table without an area."""
-        self._layout_in_map, self._scale = layout_in_map, scale
+        self._layout_in_map, self.scale = layout_in_map, scale
         self._tables = tables_of(layout)
         self._plates = place_plates(layout, walls, layout_in_map)
         labels = [plate.label for plate in self._plates.values()]
@@ -117,7 +117,7 @@ class Scene:
             colour, alpha = GREY, 1.0
             if tag_id in readings:
                 reading, age = readings[tag_id]
-                colour = self._scale.colour_of(reading)
+                colour = self.scale.colour_of(reading)
                 alpha = STALE_ALPHA if age > stale_seconds else 1.0
                 values = sorted(reading.readings, key=lambda each: sensor_order(each.name))
                 lines = [_value_line(each.name, each.value) for each in values]
