@@ -38,6 +38,7 @@ CREATE TABLE IF NOT EXISTS readings (
     source TEXT NOT NULL,
     PRIMARY KEY (stamp_ns, tag_id, sensor)
 )"""
+_BEGIN = 'BEGIN IMMEDIATE'  # with a plain one, programs that read before they write wait for each other
 _MARKS = ', '.join('?' * len(Row._fields))
 _INSERT = f'INSERT OR IGNORE INTO readings ({HEADER}) VALUES ({_MARKS})'  # noqa: S608 (no text of a user)
 _ERRORS = (OSError, ValueError, sqlite3.Error)
@@ -138,26 +139,17 @@ class SqliteStore(Store):
         self._connection = sqlite3.connect(
             self._path, timeout=LOCKED_FOR_SECONDS, isolation_level=None, check_same_thread=False
         )
-        with self._transaction():
+        with self._connection:  # commits, or rolls back
+            self._connection.execute(_BEGIN)
             self._connection.execute(f'PRAGMA application_id = {APPLICATION_ID}')
             self._connection.execute(_TABLE)
         (self.row_count,) = self._connection.execute('SELECT count(*) FROM readings').fetchone()
         self._identity = identity
 
-    @contextlib.contextmanager
-    def _transaction(self):
-        # Not a plain BEGIN: two programs that read before they write can wait for each other.
-        self._connection.execute('BEGIN IMMEDIATE')
-        try:
-            yield
-            self._connection.execute('COMMIT')
-        finally:
-            if self._connection.in_transaction:
-                self._connection.execute('ROLLBACK')
-
     def _write(self, rows: Sequence[Row]) -> int:
         before = self._connection.total_changes
-        with self._transaction():
+        with self._connection:
+            self._connection.execute(_BEGIN)
             self._connection.executemany(_INSERT, rows)
         return self._connection.total_changes - before
 

@@ -92,7 +92,7 @@ def _read(node, bridge: client.Client, options) -> int:
     rounds = 1 if options.watch is None else options.count
     screen = Sheet(_positions(bridge, service_name)) if options.csv else Screen(options.watch is not None)
     exit_code, started, warning = INTERRUPTED, 0.0, ''
-    for number in itertools.count() if rounds is None else range(rounds):
+    for number in itertools.islice(itertools.count(), rounds):
         if number > 0:
             process.sleep(started + options.watch - time.monotonic())
         if process.is_asked_to_end() or process.has_lost_output():
