@@ -3,7 +3,6 @@
 
 import importlib.util
 import itertools
-import json
 import os
 import sys
 from xml.etree import ElementTree
@@ -167,13 +166,6 @@ def test_the_picture_lies_beside_the_report(report, capsys):
     picture = report.with_suffix('.png')
     assert capsys.readouterr().out == f'picture: {picture}\n'
     assert picture.read_bytes().startswith(b'\x89PNG')
-
-
-def test_a_custom_tag_file_places_the_tags(report, tmp_path):
-    tags = {tag_id: {'x': 1.0, 'y': 2.0, 'sensors': ['co2']} for tag_id in ('1', '5', '7', 'unknown')}
-    tag_file = tmp_path / 'tags.json'
-    tag_file.write_text(json.dumps(tags), encoding='utf-8')
-    assert main([str(report), '--tag-file', str(tag_file)]) == 0
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 """record_readings: what it receives, what it keeps, and what it says when it cannot."""
 
 import contextlib
-import sqlite3
 import threading
 from itertools import count
 from types import SimpleNamespace
@@ -22,7 +21,6 @@ from lupin_greenhouse_bridge.testing import (
     PATIENCE_SECONDS,
     ManualClock,
     executable,
-    running,
     spinning_node,
     wait_until,
 )
@@ -216,17 +214,16 @@ def test_two_readings_of_one_stamp_and_tag_with_other_sensors_are_both_received(
 
 
 @pytest.fixture
-def start_recorder(tmp_path, monkeypatch):
+def start_recorder(run_nodes, tmp_path, monkeypatch):
     """Return a function that starts the node in the test's process, with a file in the test's folder."""
     monkeypatch.chdir(tmp_path)
-    with contextlib.ExitStack() as stack:
 
-        def start(**parameters):
-            parameters = {'readings_topics': TOPIC, **parameters}
-            (node,) = stack.enter_context(running(record_readings.RecordReadingsNode, **parameters))
-            return SimpleNamespace(node=node, file=tmp_path / parameters.get('file', 'readings.sqlite'))
+    def start(file='readings.sqlite', **parameters):
+        parameters = {'readings_topics': TOPIC, 'file': file, **parameters}
+        node, _ = run_nodes(record_readings.RecordReadingsNode, **parameters)
+        return SimpleNamespace(node=node, file=tmp_path / file)
 
-        yield start
+    return start
 
 
 @pytest.mark.parametrize('file', ['readings.sqlite', 'readings.csv'])
@@ -312,12 +309,11 @@ def test_positions_come_from_the_tag_file(start_recorder, robot, tmp_path):
     (tmp_path / 'tags.json').write_text('{"7": {"x": 9.0, "y": 9.5, "sensors": ["co2"]}}')
     recorder = start_recorder(tag_file=tmp_path / 'tags.json', readings_topics=f'["{TOPIC}"]')
     readings = publisher_on(robot, LATCHED)
-    for tag_id in ('7', '8'):
+    for tag_id in ('7', 'nowhere'):
         readings.publish(reading(1, tag_id))
-    with contextlib.closing(sqlite3.connect(recorder.file)) as database:
-        ask = 'SELECT DISTINCT tag_id, x_m, y_m, source FROM readings'
-        wait_until(lambda: len(database.execute(ask).fetchall()) == 2)
-        assert database.execute(ask).fetchall() == [('7', 9.0, 9.5, TOPIC), ('8', None, None, TOPIC)]
+    wait_until(lambda: len(read_rows(recorder.file)) == 4)
+    rows = {(row.tag_id, row.x_m, row.y_m, row.source) for row in read_rows(recorder.file)}
+    assert rows == {('7', 9.0, 9.5, TOPIC), ('nowhere', None, None, TOPIC)}
 
 
 def test_a_recorder_that_was_killed_goes_on_and_keeps_nothing_twice(start_node, robot, tmp_path):

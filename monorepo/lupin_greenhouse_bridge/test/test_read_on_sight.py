@@ -1,8 +1,6 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """read_on_sight: what it requests, how often, and what it publishes."""
 
-import contextlib
-import dataclasses
 import importlib.util
 import math
 import re
@@ -10,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+from types import SimpleNamespace
 from typing import ClassVar, NamedTuple
 
 import pytest
@@ -23,6 +22,7 @@ from lupin_greenhouse_bridge.reading.read_on_sight import GetTagReading, ReadOnS
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
 from lupin_greenhouse_bridge.testing import (
     PATIENCE_SECONDS,
+    ManualClock,
     executable,
     greet,
     running,
@@ -96,14 +96,6 @@ def test_an_unanswered_request_is_tried_again_so_many_times_and_then_left_for_as
     assert sightings.timed_out('7', 14.0)  # the attempts start again
 
 
-def test_a_tag_that_has_been_out_of_view_for_longer_than_a_timeout_is_not_asked_for():
-    sightings = Sightings(SETTINGS)
-    sightings.see('7', 0.9)
-    sightings.see('8', 1.0)
-    sightings.forget(3.0)
-    assert asked(sightings, 3.0) == ['8']
-
-
 def test_the_attempts_start_again_for_a_tag_that_comes_back_into_view():
     sightings = Sightings(SETTINGS)
     sightings.see('7', 0.0)
@@ -132,19 +124,6 @@ def test_a_number_becomes_a_tag_id(tag_id_format, tag_id):
 def test_a_format_without_the_number_is_refused(tag_id_format):
     with pytest.raises(StartUpError, match=r'parameter tag_id_format is .*: must be a text with \{id\} once'):
         Settings(tag_id_format=tag_id_format)
-
-
-@dataclasses.dataclass
-class Clock:
-    """The clock of the node, which only the test moves."""
-
-    now: float = 1000.0
-
-    def monotonic(self):
-        return self.now
-
-    def tick(self) -> None:
-        self.now += 0.01
 
 
 class Camera:
@@ -183,7 +162,7 @@ class Reader(NamedTuple):
     """The node in the test's process, with a camera, and with what it has published."""
 
     node: ReadOnSightNode
-    clock: Clock
+    clock: ManualClock
     seen: list  # the tag ids, as the node sees them
     looks: list  # grows when the node begins to look at its pending requests
     camera: Camera
@@ -195,31 +174,31 @@ class Reader(NamedTuple):
 
     def look(self, seconds=0.0) -> None:
         """Let this time pass, and wait until the node has looked at its pending requests."""
-        self.clock.now += seconds
+        self.clock.pass_seconds(seconds)
         wanted = len(self.looks) + 2
         wait_until(lambda: len(self.looks) >= wanted)
 
 
 @pytest.fixture
-def start_reader(monkeypatch, detector):
+def start_reader(run_nodes, monkeypatch, detector):
     """Return a function that starts the node, and waits for its service; its clock stands still."""
-    with contextlib.ExitStack() as stack:
 
-        def start(clock=None, *, is_served=True, **parameters):
-            clock, seen, looks = clock or Clock(), [], []
-            see, forget = Sightings.see, Sightings.forget
-            monkeypatch.setattr(read_on_sight, 'time', clock)
-            monkeypatch.setattr(Sightings, 'see', lambda *each: seen.append(each[1]) or see(*each))
-            monkeypatch.setattr(Sightings, 'forget', lambda *each: looks.append(each[1]) or forget(*each))
-            parameters = {'detections_topic': TOPIC, 'bridge_service_name': HeldService.name, **parameters}
-            (node,) = stack.enter_context(running(ReadOnSightNode, **parameters))
-            if is_served:
-                (client,) = node.clients
-                assert client.wait_for_service(PATIENCE_SECONDS)
-                greet(client, GetTagReading.Request())
-            return Reader(node, clock, seen, looks, Camera(detector), listen(detector, READINGS))
+    def start(*, is_served=True, has_real_clock=False, **parameters):
+        clock, seen, looks = ManualClock(), [], []
+        see, forget = Sightings.see, Sightings.forget
+        now = time.monotonic if has_real_clock else clock
+        monkeypatch.setattr(read_on_sight, 'time', SimpleNamespace(monotonic=now))
+        monkeypatch.setattr(Sightings, 'see', lambda *each: seen.append(each[1]) or see(*each))
+        monkeypatch.setattr(Sightings, 'forget', lambda *each: looks.append(each[1]) or forget(*each))
+        parameters = {'detections_topic': TOPIC, 'bridge_service_name': HeldService.name, **parameters}
+        node, _ = run_nodes(ReadOnSightNode, **parameters)
+        if is_served:
+            (client,) = node.clients
+            assert client.wait_for_service(PATIENCE_SECONDS)
+            greet(client, GetTagReading.Request())
+        return Reader(node, clock, seen, looks, Camera(detector), listen(detector, READINGS))
 
-        yield start
+    return start
 
 
 @pytest.fixture
@@ -330,7 +309,7 @@ def test_a_tag_in_view_is_published_again_after_its_cooldown(noon_bridge, start_
         wait_until(lambda: len(reader.readings) >= count)  # noqa: B023 (called at once)
         reader.look(9.75)
         assert reader.tag_ids == ['1'] * count
-        reader.clock.now += 0.25
+        reader.clock.pass_seconds(0.25)
 
 
 @needs_detections
@@ -339,7 +318,7 @@ def test_other_families_are_ignored_the_format_makes_the_id_and_an_unknown_one_i
 ):
     held_service.status, held_service.error_message = GetTagReading.Response.STATUS_UNKNOWN_TAG, 'Unknown x6.'
     held_service.reply(1000)
-    reader = start_reader(time, tag_id_format='x{id}', cooldown_seconds=0.01)
+    reader = start_reader(has_real_clock=True, tag_id_format='x{id}', cooldown_seconds=0.01)
     reader.camera.in_view = [('tag25h9', 5), ('tf36h11', 6)]
     wait_until(lambda: len(held_service.requests) >= 4)
     assert set(held_service.requests) == {'x6'}
@@ -443,7 +422,7 @@ def test_a_tag_without_any_reply_is_said_after_its_attempts(held_service, start_
     assert said not in log()
     wait_until(lambda: reader.node._futures)
     (last,) = reader.node._futures.values()
-    reader.clock.now += 2.0
+    reader.clock.pass_seconds(2.0)
     wait_until(lambda: said in log())
     assert last not in reader.node._client._pending_requests.values()  # rclpy would keep it for ever
 
@@ -457,10 +436,10 @@ def test_a_reply_that_arrives_while_its_request_is_given_up_is_ignored(
     reader = start_reader(max_attempts=1)
     reader.camera.look_at(7)
     wait_until(lambda: held_service.requests == ['7'])
-    reader.clock.now += 2.0
+    reader.clock.pass_seconds(2.0)
     wait_until(lambda: "tag '7': no reply" in log())
     held_service.reply()
-    reader.clock.now += 2.0
+    reader.clock.pass_seconds(2.0)
     wait_until(lambda: held_service.requests == ['7', '7'])
     held_service.reply()
     wait_until(lambda: reader.readings)
@@ -485,7 +464,7 @@ def test_a_reply_that_is_handled_just_before_its_request_is_given_up_is_publishe
     monkeypatch.setattr(Sightings, 'overdue', late_overdue)
     reader.camera.look_at(7)
     wait_until(lambda: held_service.requests == ['7'])
-    reader.clock.now += 2.0
+    reader.clock.pass_seconds(2.0)
     wait_until(lambda: reader.readings)
     held_service.reply()
     reader.camera.look_at(8)
@@ -533,7 +512,7 @@ def test_a_tag_that_was_seen_long_before_the_bridge_came_is_not_read(start_reade
     with spinning_node('late') as node:
         service = HeldService(node)
         service.reply(1000)
-        wait_until(lambda: reader.clock.tick() or '3' in service.requests)
+        wait_until(lambda: reader.clock.pass_seconds(0.01) or '3' in service.requests)
     assert '1' not in service.requests
 
 

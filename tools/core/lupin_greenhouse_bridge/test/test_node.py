@@ -26,28 +26,6 @@ def call_node_service(bridge, service_type, name, request):
     return call(client, request)
 
 
-def test_the_node_offers_one_service_and_no_topic_of_its_own(noon_bridge):
-    noon_bridge.connect()
-    node, namespace = noon_bridge.node, noon_bridge.service_name.rpartition('/greenhouse_bridge/')[0]
-    of_any_node = {
-        name.replace('/bridge_test/', f'{namespace}/greenhouse_bridge/')
-        for name, _ in node.get_service_names_and_types_by_node('bridge_test', '/')
-    }
-    package = GetTagReading.__module__.split('.')[0]
-
-    def services_of_the_bridge():
-        if ('greenhouse_bridge', namespace) not in node.get_node_names_and_namespaces():
-            return {}
-        return dict(node.get_service_names_and_types_by_node('greenhouse_bridge', namespace))
-
-    wait_until(lambda: services_of_the_bridge().keys() >= of_any_node | {noon_bridge.service_name})
-    services = services_of_the_bridge()
-    assert services.pop(noon_bridge.service_name) == [f'{package}/srv/GetTagReading']
-    assert services.keys() == of_any_node
-    topics = node.get_publisher_names_and_types_by_node('greenhouse_bridge', namespace)
-    assert {name for name, _ in topics} == {'/parameter_events', '/rosout'}
-
-
 def test_every_parameter_is_described_and_read_only_and_a_number_has_a_range(noon_bridge):
     arguments = dataclasses.fields(Settings)
     names = [*(each.name for each in arguments), 'loaded_tag_ids']
