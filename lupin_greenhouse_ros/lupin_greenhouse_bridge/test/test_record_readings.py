@@ -35,17 +35,6 @@ TOPIC = '/tested/readings'
 RECORD_READINGS = [executable('lupin_greenhouse_bridge', 'record_readings')]
 
 
-class Log:
-    """A logger that keeps its lines by severity."""
-
-    def __init__(self):
-        self.infos, self.warnings, self.errors = [], [], []
-        self.info, self.error = self.infos.append, self.errors.append
-
-    def warning(self, line, **_throttle):
-        self.warnings.append(line)
-
-
 class Disk:
     """A store in memory, whose disk is full or whose file is locked while the test says so."""
 
@@ -69,8 +58,9 @@ class Disk:
 @pytest.fixture
 def kept():
     """Return a writer with its disk, its log and its clock. Its thread writes if the test starts it."""
-    disk, log, clock = Disk(), Log(), ManualClock()
-    return SimpleNamespace(writer=BufferedWriter(disk, log, clock), disk=disk, log=log, clock=clock)
+    disk, log, clock = Disk(), SimpleNamespace(infos=[], warnings=[], errors=[]), ManualClock()
+    logger = SimpleNamespace(info=log.infos.append, warning=log.warnings.append, error=log.errors.append)
+    return SimpleNamespace(writer=BufferedWriter(disk, logger, clock), disk=disk, log=log, clock=clock)
 
 
 def test_rows_that_arrive_while_the_file_is_locked_wait_for_nobody_and_are_written(kept):
@@ -214,21 +204,21 @@ def test_two_readings_of_one_stamp_and_tag_with_other_sensors_are_both_received(
 
 
 @pytest.fixture
-def start_recorder(run_nodes, tmp_path, monkeypatch):
+def start_recorder(run_nodes, tmp_path):
     """Return a function that starts the node in the test's process, with a file in the test's folder."""
-    monkeypatch.chdir(tmp_path)
 
-    def start(file='readings.sqlite', **parameters):
+    def start(name='readings.sqlite', **parameters):
+        file = tmp_path / name
         parameters = {'readings_topics': TOPIC, 'file': file, **parameters}
         node, _ = run_nodes(record_readings.RecordReadingsNode, **parameters)
-        return SimpleNamespace(node=node, file=tmp_path / file)
+        return SimpleNamespace(node=node, file=file)
 
     return start
 
 
 @pytest.mark.parametrize('file', ['readings.sqlite', 'readings.csv'])
 def test_a_thousand_readings_at_once_are_all_kept(start_recorder, robot, shipped_tags, file):
-    recorder = start_recorder(file=file)
+    recorder = start_recorder(file)
     readings = publisher_on(robot, LATCHED)
     for number in range(1000):
         readings.publish(reading(number))

@@ -109,7 +109,7 @@ def test_a_full_disk_keeps_all_of_some_rows_or_none_and_can_be_written_afterward
     store.keep([row()])
     many = [row(number) for number in range(1, 2000)]
     before = path.read_bytes()
-    with full_disk(len(before) + 100), pytest.raises(StoreError, match=path.name):
+    with full_disk(len(before) + 20_000), pytest.raises(StoreError, match=path.name):
         store.keep(many)
     assert path.read_bytes() == before
     assert store.keep(many) == len(many)

@@ -26,6 +26,7 @@ from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
 from lupin_greenhouse_bridge.testing import (
     PATIENCE_SECONDS,
+    ManualClock,
     executable,
     has_found_a_client,
     spinning_node,
@@ -60,16 +61,14 @@ def times_out_when(monkeypatch):
         return nodes[-1]
 
     def install(is_so):
-        class Time:
-            now = 0.0
-            end = time.monotonic() + PATIENCE_SECONDS
+        clock, end = ManualClock(), time.monotonic() + PATIENCE_SECONDS
 
-            def monotonic(self):
-                if time.monotonic() > self.end or (nodes and is_so(nodes[-1])):
-                    self.now += 1000.0
-                return self.now
+        def monotonic():
+            if time.monotonic() > end or (nodes and is_so(nodes[-1])):
+                clock.pass_seconds(1000.0)
+            return clock()
 
-        monkeypatch.setattr(client, 'time', Time())
+        monkeypatch.setattr(client, 'time', SimpleNamespace(monotonic=monotonic))
 
     monkeypatch.setattr(rclpy, 'create_node', create)
     return install
@@ -102,24 +101,19 @@ def test_the_good_ones_of_several_tags_are_read_and_the_others_are_typed_errors(
 
 
 def test_json_is_one_object_per_line_and_keeps_characters_as_they_are(read, noon_bridge, warm_tag_id):
-    started = time.time()
     ended = read('--json', warm_tag_id, '番茄')
     good, bad = map(json.loads, ended.out.splitlines())
     assert ended.code == SOME_FAILED
     assert '番茄' in ended.out
-    assert good == {
-        'tag_id': warm_tag_id,
-        'status': 'OK',
-        'error_message': '',
-        'stamp': {'sec': pytest.approx(started, abs=PATIENCE_SECONDS), 'nanosec': good['stamp']['nanosec']},
-        'sim_time_of_day_seconds': 43200.0,
-        'readings': good['readings'],
-    }
-    assert good['readings']['temperature'] == noon_bridge.values(warm_tag_id)['temperature']
-    assert good['readings'].keys() == noon_bridge.values(warm_tag_id).keys()
-    assert (bad.pop('tag_id'), bad.pop('status')) == ('番茄', 'UNKNOWN_TAG')
+    readings, stamp = good.pop('readings'), good.pop('stamp')
+    assert readings['temperature'] == noon_bridge.values(warm_tag_id)['temperature']
+    assert readings.keys() == noon_bridge.values(warm_tag_id).keys()
+    assert stamp['sec'] > 10**9 > stamp['nanosec']
+    ok = {'tag_id': warm_tag_id, 'status': 'OK', 'error_message': '', 'sim_time_of_day_seconds': 43200.0}
+    assert good == ok
     assert "Tag '番茄' is not in the loaded greenhouse" in bad.pop('error_message')
-    assert bad == {'stamp': None, 'sim_time_of_day_seconds': None, 'readings': None}
+    nothing = dict.fromkeys(('stamp', 'sim_time_of_day_seconds', 'readings'))
+    assert bad == {'tag_id': '番茄', 'status': 'UNKNOWN_TAG', **nothing}
 
 
 def test_csv_has_the_columns_of_the_recorder_and_one_header(read, noon_bridge, shipped_tags, monkeypatch):
@@ -276,11 +270,12 @@ def test_all_needs_a_bridge_that_names_its_tags(read_tag_here):
 def hint(run_here, times_out_when):
     """Return a function that returns the hint of a read_tag that finds no service before is_so(its node)."""
 
-    def hint(is_so=lambda _node: True, service='', default='/greenhouse_bridge/get_tag_reading'):
+    def hint(is_so=lambda _node: True, service=''):
         times_out_when(is_so)
         ended = run_here(read_tag.main, '1', *(['--service', service] if service else []))
+        asked_for = service or '/greenhouse_bridge/get_tag_reading'
         assert (ended.code, ended.out) == (NO_ANSWER, '')
-        assert ended.said.startswith(f'read_tag: no service {service or default} within 5 s; ')
+        assert ended.said.startswith(f'read_tag: no service {asked_for} within 5 s; ')
         return ended.said.partition('; ')[2]
 
     return hint
@@ -390,9 +385,8 @@ def test_a_watch_goes_on_while_the_bridge_is_away(run_here, times_out_when, monk
 
     def reply(_request, response):
         is_there.wait(PATIENCE_SECONDS)
-        wait_until(
-            lambda: has_found_a_client(node, service)
-        )  # the time in which it would ask again stands still
+        # The time in which it would ask again stands still.
+        wait_until(lambda: has_found_a_client(node, service))
         return response
 
     def sleep(_seconds):
@@ -496,9 +490,11 @@ def test_the_size_is_that_of_the_window_or_the_usual_one(window, size):
 
 
 def test_a_watched_table_in_a_pipe_has_one_header_and_its_columns_never_get_narrower(capsys):
-    screen = Screen(is_watched=True)
+    screen, failed = Screen(is_watched=True), {'8': failure(UNKNOWN_TAG, 'no 8')}
+    screen.show(failed, STATUS_NAMES)
+    assert capsys.readouterr().out == ''  # the header comes with the first reading
     for value in (100000.0, 1.0):
-        screen.show({'7': answer(co2=value), '8': failure(UNKNOWN_TAG, 'no 8')}, STATUS_NAMES)
+        screen.show({'7': answer(co2=value), **failed}, STATUS_NAMES)
     out, err = capsys.readouterr()
     assert out == (
         'tag  sim time  sensor   value  unit\n'
@@ -506,14 +502,6 @@ def test_a_watched_table_in_a_pipe_has_one_header_and_its_columns_never_get_narr
         '7    00:00:00  co2          1  ppm\n'
     )
     assert err == 'read_tag: UNKNOWN_TAG: no 8\n' * 2
-
-
-def test_the_header_comes_with_the_first_reading(capsys):
-    screen = Screen(is_watched=True)
-    screen.show({'7': failure(UNKNOWN_TAG, 'no 7')}, STATUS_NAMES)
-    assert capsys.readouterr().out == ''
-    screen.show({'7': answer(co2=1.0)}, STATUS_NAMES)
-    assert capsys.readouterr().out.startswith('tag')
 
 
 @pytest.fixture

@@ -281,7 +281,7 @@ def room():
 
 
 @pytest.fixture
-def start_here(run_nodes, monkeypatch):
+def start_here(monkeypatch, run_nodes):
     """Return a function that starts the node in the test's process."""
 
     def start(publish_every_seconds=0.1, **parameters):

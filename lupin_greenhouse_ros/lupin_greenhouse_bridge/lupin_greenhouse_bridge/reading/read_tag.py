@@ -29,7 +29,6 @@ from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.parameters import warn_of_unknown_parameters
-from lupin_greenhouse_bridge.runtime.process import security_problem
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.simulator.layout import find_places, natural_order
@@ -58,11 +57,10 @@ def _progress():
 
 def main(args=None):
     """Print readings as the command line asks; return the exit code."""
-    options = argparse.Namespace(watch=None)
     try:
         with ros(args) as executor:
             words = remove_ros_args(sys.argv if args is None else args)[1:]
-            _parser(executor).parse_args(words, options)
+            options = _parser(executor).parse_args(words)
             if bool(options.tag_ids) == options.all:
                 raise client.UsageError('name one or more tag ids, or --all')
             if options.count is not None and options.watch is None:
@@ -130,7 +128,7 @@ def _connect(node, bridge: client.Client, service: str):
         try:
             get_tag_reading = bridge.connect(GetTagReading, service, show)
         except client.NoAnswer as error:
-            security = f'; {SECURED}' if security_problem() else ''
+            security = f'; {SECURED}' if process.security_problem() else ''
             cause = _likely_cause(node, node.resolve_service_name(service))
             raise client.NoAnswer(f'{error}; {cause}{security}') from error
     return get_tag_reading

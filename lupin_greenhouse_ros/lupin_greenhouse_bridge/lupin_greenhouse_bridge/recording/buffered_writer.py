@@ -73,15 +73,13 @@ class BufferedWriter:
         with self._lock:
             del self._waiting[: len(rows)]
             self._bytes -= size
-            lost = self._lost
         self._kept += kept
         if kept:
             self._logger.info(f'{self._kept} rows kept')
-        if lost > self._lost_said:
-            self._lost_said = lost
-            self._logger.warning(
-                f'{pluralized(lost, "row")} dropped so far: the file could not be written for too long'
-            )
+        if self._lost > self._lost_said:
+            self._lost_said = self._lost
+            dropped = pluralized(self._lost_said, 'row')
+            self._logger.warning(f'{dropped} dropped so far: the file could not be written for too long')
         return True
 
     def end(self) -> int:

@@ -179,7 +179,7 @@ class Reader(NamedTuple):
 
 
 @pytest.fixture
-def start_reader(run_nodes, monkeypatch, detector):
+def start_reader(monkeypatch, run_nodes, detector):
     """Return a function that starts the node, and waits for its service; its clock stands still."""
 
     def start(*, is_served=True, has_real_clock=False, **parameters):
