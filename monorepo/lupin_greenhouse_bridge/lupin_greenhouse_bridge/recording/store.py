@@ -22,7 +22,7 @@ from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, has_he
 APPLICATION_ID = 0x4C755250  # marks our SQLite files, in big-endian order at byte 68
 HEAD_BYTES = 72
 LOCKED_FOR_SECONDS = 0.5  # how long a commit waits for another program; then its rows wait in memory
-TAIL_BYTES = 2 * 2**20  # of a CSV file: at the start, about as many are parsed
+TAIL_BYTES = 2 * 2**20  # of a CSV file: at the start, one to two times as many are parsed
 MOST_KEYS = 20_000  # of the last rows of a CSV file; a latched topic repeats at most 2,000 readings
 _TABLE = """
 CREATE TABLE IF NOT EXISTS readings (
@@ -238,12 +238,10 @@ def _start_of_tail(file: int, size: int) -> tuple[int, int]:
     """Return where a row starts in the last bytes of a CSV file, and how many lines come before it."""
     if not has_header(os.pread(file, 4 * len(HEADER), 0)):
         return 0, 0
-    start = lines_before = offset = quotes = 0
-    with open(file, 'rb', closefd=False) as lines:
-        for number, line in enumerate(lines, start=1):
-            offset, quotes = offset + len(line), quotes + line.count(b'"')
-            if offset + TAIL_BYTES >= size:
-                break
+    start = lines_before = lines = quotes = 0
+    with open(file, 'rb', closefd=False) as parts:
+        while (part := parts.readlines(TAIL_BYTES)) and parts.tell() + TAIL_BYTES < size:
+            lines, quotes = lines + len(part), quotes + b''.join(part).count(b'"')
             if quotes % 2 == 0:  # not within a quoted cell: this line end ends a row
-                start, lines_before = offset, number
+                start, lines_before = parts.tell(), lines
     return start, lines_before
