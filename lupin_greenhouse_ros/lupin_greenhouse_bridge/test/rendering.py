@@ -21,8 +21,8 @@ def turned(pose) -> Affine2D:
     return Affine2D().rotate(yaw).translate(x, y)
 
 
-def colour_of(marker):
-    return marker.color.r, marker.color.g, marker.color.b, marker.color.a
+def rgba(colour) -> tuple[float, float, float, float]:
+    return colour.r, colour.g, colour.b, colour.a
 
 
 def render(path, markers) -> dict[tuple[str, int], Bbox]:
@@ -32,19 +32,10 @@ def render(path, markers) -> dict[tuple[str, int], Bbox]:
     boxes = {}
     for marker in sorted(markers.markers, key=lambda each: each.pose.position.z):
         if marker.type == Marker.CUBE:
-            size = marker.scale
-            corner = (-size.x / 2, -size.y / 2)
-            axes.add_patch(
-                Rectangle(
-                    corner,
-                    size.x,
-                    size.y,
-                    facecolor=colour_of(marker),
-                    transform=turned(marker.pose) + axes.transData,
-                )
-            )
+            draw_box(axes, marker, (0.0, 0.0), marker.color)
         elif marker.type == Marker.CUBE_LIST:
-            draw_cells(axes, marker)
+            for point, colour in zip(marker.points, marker.colors, strict=True):
+                draw_box(axes, marker, (point.x, point.y), colour)
         else:
             assert marker.type == Marker.TEXT_VIEW_FACING
             boxes[marker.ns, marker.id] = draw_text(axes, marker)
@@ -56,15 +47,12 @@ def render(path, markers) -> dict[tuple[str, int], Bbox]:
     return boxes
 
 
-def draw_cells(axes, marker) -> None:
-    """Draw the rectangles of a list, each in its own colour."""
+def draw_box(axes, marker, middle, colour) -> None:
+    """Draw a rectangle of the marker's size around a point of its frame."""
     width, height = marker.scale.x, marker.scale.y
-    for point, colour in zip(marker.points, marker.colors, strict=True):
-        corner = (point.x - width / 2, point.y - height / 2)
-        style = {'facecolor': (colour.r, colour.g, colour.b, colour.a), 'linewidth': 0}
-        axes.add_patch(
-            Rectangle(corner, width, height, **style, transform=turned(marker.pose) + axes.transData)
-        )
+    corner = (middle[0] - width / 2, middle[1] - height / 2)
+    style = {'facecolor': rgba(colour), 'linewidth': 0}
+    axes.add_patch(Rectangle(corner, width, height, **style, transform=turned(marker.pose) + axes.transData))
 
 
 def draw_text(axes, marker) -> Bbox:
@@ -77,5 +65,5 @@ def draw_text(axes, marker) -> Bbox:
     for number, line in enumerate(lines):
         base = position.y + height / 2 - (number + ASCENT) * size
         placed = line.transformed(Affine2D().translate(position.x - width / 2, base))
-        axes.add_patch(PathPatch(placed, color=colour_of(marker), linewidth=0))
+        axes.add_patch(PathPatch(placed, color=rgba(marker.color), linewidth=0))
     return Bbox.from_bounds(position.x - width / 2, position.y - height / 2, width, height)

@@ -115,19 +115,18 @@ def test_the_wait_for_a_service_ends_at_its_timeout_and_not_before(caller, monke
 def test_a_call_ends_at_its_timeout_and_is_forgotten(service, caller, monkeypatch):
     found = connected(*caller)
     service.replies.clear()
-    asked, forgotten = [], []
-    call_async, remove_pending_request = found.call_async, found.remove_pending_request
-    monkeypatch.setattr(found, 'call_async', lambda request: asked.append(call_async(request)) or asked[-1])
-    monkeypatch.setattr(
-        found,
-        'remove_pending_request',
-        lambda future: forgotten.append(future) or remove_pending_request(future),
-    )
+    pending = []
+
+    class Executor:
+        def spin_once(self, timeout_sec):
+            assert timeout_sec == pytest.approx(0.1)
+            pending.extend(found._pending_requests)
+
     monkeypatch.setattr(client, 'time', Time(100.0, 101.9, 102.0))
     with pytest.raises(NoAnswer, match=f'^{SERVICE} did not answer within 2 s$'):
-        Client(*caller, 2.0).call(found, GREETING)
-    assert len(forgotten) == 1
-    assert forgotten == asked
+        Client(Executor(), caller[1], 2.0).call(found, GREETING)
+    assert len(pending) == 1
+    assert not found._pending_requests
 
 
 def test_a_request_whose_reply_is_lost_is_sent_again(service, caller, monkeypatch):

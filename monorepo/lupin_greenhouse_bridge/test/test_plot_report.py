@@ -3,7 +3,6 @@
 
 import importlib.util
 import itertools
-import json
 import os
 import sys
 from xml.etree import ElementTree
@@ -39,16 +38,23 @@ def report(tmp_path):
 
 
 @pytest.fixture
-def texts_of(monkeypatch):
-    """Return a function that draws a file as SVG, and returns each text of the picture."""
+def figures(monkeypatch):
+    """Return the list of the figures that are saved from now on."""
     save, figures = Figure.savefig, []
 
     def save_and_keep(figure, *arguments, **options):
         figures.append(figure)
         save(figure, *arguments, **options)
 
+    monkeypatch.setattr(Figure, 'savefig', save_and_keep)
+    return figures
+
+
+@pytest.fixture
+def texts_of(figures):
+    """Return a function that draws a file as SVG, and returns each text of the picture."""
+
     def draw(file):
-        monkeypatch.setattr(Figure, 'savefig', save_and_keep)
         output = file.with_suffix('.svg')
         assert main([str(file), '--output', str(output)]) == 0
         ElementTree.fromstring(output.read_text(encoding='utf-8'))
@@ -159,16 +165,13 @@ def test_a_recording_is_drawn_like_a_report(report, tmp_path, texts_of, name):
     assert {'temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615'} <= set(texts_of(tmp_path / name))
 
 
-def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report, tmp_path, monkeypatch):
+def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report, tmp_path, figures):
     route = tmp_path / 'report-route.csv'  # taken by itself
     route.write_text('x,y\n0.5,0.5\n0.5,-3.5\n3.5,-3.5\n', encoding='utf-8')
-    output, save, drawn = tmp_path / 'picture.svg', Figure.savefig, []
-    monkeypatch.setattr(
-        Figure, 'savefig', lambda *args, **options: drawn.append(args[0]) or save(*args, **options)
-    )
+    output = tmp_path / 'picture.svg'
     assert main([str(report), '-o', str(output)]) == 0
     assert 'the robot drove 7.0 m' in output.read_text(encoding='utf-8')
-    (figure,) = drawn
+    (figure,) = figures
     way = [(0.5, 0.5), (0.5, -3.5), (3.5, -3.5)]
     drawn_in = [
         axes for axes in figure.axes for line in axes.lines if list(map(tuple, line.get_xydata())) == way
@@ -177,16 +180,14 @@ def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report,
     assert drawn_in[0].get_ylim()[0] < -3.5
 
 
-def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, monkeypatch):
+def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, figures, monkeypatch):
     """In the shipped greenhouse, with a value of every sensor of every tag."""
     widest = 1234.5
     visits = [visit(tag_id, **dict.fromkeys(tag['sensors'], widest)) for tag_id, tag in shipped_tags.items()]
     report = write_report(tmp_path / 'report.jsonl', *visits)
-    drawn = []
-    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_arguments, **_options: drawn.append(figure))
     monkeypatch.setattr('matplotlib.pyplot.close', lambda _figure: None)
     assert main([str(report)]) == 0
-    (figure,) = drawn
+    (figure,) = figures
     figure.canvas.draw()
     for axes in (axes for axes in figure.axes if axes.texts):
         boxes = [text.get_window_extent() for text in axes.texts]
@@ -233,13 +234,6 @@ def test_the_picture_lies_beside_the_report(report, capsys):
     assert picture.read_bytes().startswith(b'\x89PNG')
 
 
-def test_a_custom_tag_file_places_the_tags(report, tmp_path):
-    tags = {tag_id: {'x': 1.0, 'y': 2.0, 'sensors': ['co2']} for tag_id in ('1', '5', '7', 'unknown')}
-    tag_file = tmp_path / 'tags.json'
-    tag_file.write_text(json.dumps(tags), encoding='utf-8')
-    assert main([str(report), '--tag-file', str(tag_file)]) == 0
-
-
 @pytest.mark.parametrize(
     ('arguments', 'fragment'),
     [
@@ -247,7 +241,10 @@ def test_a_custom_tag_file_places_the_tags(report, tmp_path):
         (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
         (['REPORT', '--tag-file', 'REPORT'], 'is not JSON'),
         (['REPORT', '--sim-config-file', 'TAGS'], 'visualization is missing'),
-        (['REPORT', '--tag-file', 'TAGS'], "4 of the file's 4 tags are not in it, such as '1'"),
+        (
+            ['REPORT', '--tag-file', 'TAGS'],
+            "4 of the file's 4 tags are not in it, such as '1': name the tag_file of its bridge",
+        ),
         (['REPORT', '--output', '/missing/picture.png'], '/missing/picture.png'),
         (['REPORT', '--output', 'picture.docx'], 'picture.docx'),
         (['REPORT', '--output', 'REPORT'], 'is the file of readings itself: name another'),
@@ -283,13 +280,6 @@ def test_without_matplotlib_the_package_to_install_is_named(report, monkeypatch,
     monkeypatch.setitem(sys.modules, 'matplotlib', None)
     assert main([str(report)]) == 2
     assert capsys.readouterr().err.endswith(': sudo apt install python3-matplotlib\n')
-
-
-def test_without_the_simulator_a_layout_has_to_be_named(report, monkeypatch, capsys):
-    monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
-    assert main([str(report)]) == 2
-    message = 'plot_report: mdp-greenhouse is not installed here: name the layout with --tag-file\n'
-    assert capsys.readouterr().err == message
 
 
 def shared_m2(one: Box, other: Box) -> float:

@@ -40,7 +40,7 @@ def test_the_policy_has_the_form_of_sros2_0_2_0():
             assert {each.tag for each in group} == {group.tag.removesuffix('s')}
 
 
-def test_the_bridge_may_do_what_it_does_and_nothing_more(noon_bridge):
+def test_the_bridge_offers_one_service_and_may_do_nothing_more(noon_bridge):
     noon_bridge.connect()
     graph, node = noon_bridge.node, 'greenhouse_bridge'
     namespace = noon_bridge.service_name.partition('/greenhouse_bridge/')[0]
@@ -53,8 +53,10 @@ def test_the_bridge_may_do_what_it_does_and_nothing_more(noon_bridge):
     replies = allowed(node, 'services', 'reply')
     wait_until(lambda: services() >= replies - NOT_EVERYWHERE)
     assert services() | NOT_EVERYWHERE == replies
-    published = graph.get_publisher_names_and_types_by_node(node, namespace)
-    assert {name for name, _ in published} == allowed(node, 'topics', 'publish')
+    of_any_node = names(graph.get_service_names_and_types_by_node('bridge_test', '/'), 'bridge_test', '')
+    assert services() - of_any_node == {'get_tag_reading'}
+    published = {name for name, _ in graph.get_publisher_names_and_types_by_node(node, namespace)}
+    assert published == allowed(node, 'topics', 'publish') == {'/parameter_events', '/rosout'}
     assert graph.get_subscriber_names_and_types_by_node(node, namespace) == []
     assert graph.get_client_names_and_types_by_node(node, namespace) == []
 

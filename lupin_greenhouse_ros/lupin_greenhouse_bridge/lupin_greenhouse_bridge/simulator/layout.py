@@ -52,6 +52,12 @@ def find_layout(tag_file: str) -> Layout | None:
     return read_layout(path) if path else None
 
 
+def find_places(tag_file: str) -> dict[str, tuple[float, float]]:
+    """Return x and y in metres by tag id, from the layout that find_layout() finds; raises StartUpError."""
+    layout = find_layout(tag_file)
+    return {tag_id: (tag.x, tag.y) for tag_id, tag in layout.tags.items()} if layout else {}
+
+
 def natural_order(tag_id: str) -> tuple:
     """Return a sort key for tag ids, such that tag_2 comes before tag_10, and numbers come before words."""
     parts = []

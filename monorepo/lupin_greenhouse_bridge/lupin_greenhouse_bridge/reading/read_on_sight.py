@@ -26,9 +26,14 @@ from lupin_greenhouse_bridge.contract import (
 )
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
-from lupin_greenhouse_bridge.reading.detections import FAMILIES, Limits, Sightings, detection_messages
+from lupin_greenhouse_bridge.reading.detections import FAMILIES, Sightings, detection_messages
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
-from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
+from lupin_greenhouse_bridge.runtime.parameters import (
+    check_parameters,
+    declare_parameters,
+    invalid,
+    parameter,
+)
 from lupin_greenhouse_bridge.runtime.run import run
 
 NODE_NAME = 'read_on_sight'
@@ -48,29 +53,20 @@ class Settings:
         '{id}', "Format that turns the number of a tag into a tag id, such as 'tag_{id:02d}'."
     )
     cooldown_seconds: float = parameter(
-        10.0,
-        'Seconds after a reading before the tag is requested again.',
-        smallest=0.0,
-        largest=86400.0,
+        10.0, 'Seconds after a reading before the tag is requested again.', smallest=0.0, largest=86400.0
     )
     request_timeout_seconds: float = parameter(
         2.0, 'Seconds to wait for each reply.', smallest=0.001, largest=3600.0
     )
     max_attempts: int = parameter(
-        3,
-        'Failed requests for a tag in a row before the node pauses for this tag.',
-        smallest=1,
-        largest=1000,
+        3, 'Failed requests for a tag in a row before the node pauses for this tag.', smallest=1, largest=1000
     )
 
     def __post_init__(self):
         check_parameters(self)
         if not re.fullmatch(r'[^{}]*\{id(:0?\d{1,2}d)?\}[^{}]*', self.tag_id_format):
-            shown = escaped(repr(self.tag_id_format), 100)
-            raise StartUpError(
-                f'parameter tag_id_format is {shown}:'
-                " must hold {id} once, like 'tag_{id}' or '{id:03d}'"
-            )
+            accepted = "a text with {id} once, like 'tag_{id}' or '{id:03d}'"
+            raise invalid('tag_id_format', self.tag_id_format, accepted)
 
     def tag_id(self, number: int) -> str:
         """Return the tag id of a tag with this number."""
@@ -84,9 +80,7 @@ class ReadOnSightNode(Node):
         """Subscribe to the detector; raises StartUpError."""
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
-        self._sightings = Sightings(
-            Limits(settings.cooldown_seconds, settings.request_timeout_seconds, settings.max_attempts)
-        )
+        self._sightings = Sightings(settings)
         self._futures = {}  # by tag id
         self._unknown_ids = set()
         self._has_warned_of_family = False
@@ -164,29 +158,25 @@ class ReadOnSightNode(Node):
         del self._futures[tag_id]
         self._sightings.answered(tag_id, time.monotonic())
         response = future.result()
-        if response.status == GetTagReading.Response.STATUS_OK:
-            self._publish(tag_id, response.reading)
-        elif response.status == GetTagReading.Response.STATUS_UNKNOWN_TAG:
+        if response.status == GetTagReading.Response.STATUS_UNKNOWN_TAG:
             if tag_id not in self._unknown_ids and len(self._unknown_ids) < MOST_UNKNOWN_IDS_LOGGED:
                 self._unknown_ids.add(tag_id)
                 self.get_logger().warning(escaped(response.error_message, 300))
+        elif fault := _fault_of(response, tag_id):
+            self.get_logger().warning(f"tag '{escaped(tag_id, 64)}': {fault}", **NOW_AND_THEN)
         else:
-            status = STATUS_NAMES.get(response.status, response.status)
-            self.get_logger().warning(
-                f"tag '{escaped(tag_id, 64)}': {status}: {escaped(response.error_message, 300)}",
-                **NOW_AND_THEN,
-            )
+            self._readings.publish(response.reading)
 
-    def _publish(self, tag_id: str, reading) -> None:
-        fault = fault_of_reading(reading)
-        if not fault and reading.tag_id != tag_id:
-            fault = f"it is of tag '{escaped(reading.tag_id, 64)}'"
-        if fault:
-            self.get_logger().warning(
-                f"tag '{escaped(tag_id, 64)}': the reading is not published: {fault}", **NOW_AND_THEN
-            )
-        else:
-            self._readings.publish(reading)
+
+def _fault_of(response: GetTagReading.Response, tag_id: str) -> str:
+    """Return why the reading in a response to a request for a tag is not published; '' if it is."""
+    if response.status != GetTagReading.Response.STATUS_OK:
+        status = STATUS_NAMES.get(response.status, response.status)
+        return f'{status}: {escaped(response.error_message, 300)}'
+    fault = fault_of_reading(response.reading)
+    if not fault and response.reading.tag_id != tag_id:
+        fault = f"it is of tag '{escaped(response.reading.tag_id, 64)}'"
+    return fault and f'the reading is not published: {fault}'
 
 
 def main(args=None) -> int:

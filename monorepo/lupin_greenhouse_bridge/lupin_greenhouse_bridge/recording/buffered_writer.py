@@ -62,30 +62,25 @@ class BufferedWriter:
         try:
             kept = self._store.keep(rows) if rows else 0
         except StoreError as error:
-            self._log_notes()
             if self._clock() >= self._next_error:
                 self._next_error = self._clock() + ERROR_EVERY_SECONDS
                 waiting = pluralized(len(rows), 'row')
                 self._logger.error(f'{error}: {waiting} waiting in memory, {self._lost} dropped')
             return False
+        finally:
+            while self._store.notes:
+                self._logger.warning(self._store.notes.pop(0))
         with self._lock:
             del self._waiting[: len(rows)]
             self._bytes -= size
-            lost = self._lost
-        self._log_notes()
         self._kept += kept
         if kept:
             self._logger.info(f'{self._kept} rows kept')
-        if lost > self._lost_said:
-            self._lost_said = lost
-            self._logger.warning(
-                f'{pluralized(lost, "row")} dropped so far: the file could not be written for too long'
-            )
+        if self._lost > self._lost_said:
+            self._lost_said = self._lost
+            dropped = pluralized(self._lost_said, 'row')
+            self._logger.warning(f'{dropped} dropped so far: the file could not be written for too long')
         return True
-
-    def _log_notes(self) -> None:
-        while self._store.notes:
-            self._logger.warning(self._store.notes.pop(0))
 
     def end(self) -> int:
         """Write the waiting rows, close the file, and return how many rows were lost since the start."""

@@ -14,8 +14,8 @@ from typing import NamedTuple
 from lupin_greenhouse_bridge.errors import OneLineError, escaped
 from lupin_greenhouse_bridge.recording.report_line import Observation, is_start_of_report, parse_report
 from lupin_greenhouse_bridge.recording.rows import HEADER, Row, fault_of, has_header, parse_csv
-from lupin_greenhouse_bridge.recording.store import HEAD_BYTES, is_sqlite_of_readings
-from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_greenhouse_bridge.recording.store import HEAD_BYTES, is_sqlite_of_readings, reason_of
+from lupin_greenhouse_bridge.simulator.layout import find_places
 
 WANTED = "name a file of record_readings or read_tag --csv, or a mission's report"
 SELECT = f'SELECT {HEADER} FROM readings'  # noqa: S608 (no text of a user)
@@ -47,17 +47,12 @@ def read_file(path: Path | str, tag_file: str = '') -> ReadingFile:
     try:
         rows, visits = _parse(Path(path))
     except (OSError, sqlite3.Error, ValueError) as error:  # of values: also what is not UTF-8 or not JSON
-        reason = getattr(error, 'strerror', None) or error
-        raise ReadingFileError(f"'{path}': {reason}: {WANTED}") from error
+        raise ReadingFileError(f"'{path}': {reason_of(error)}: {WANTED}") from error
     if any(row.x_m is None for row in rows):
-        layout = find_layout(tag_file)
-        tags = layout.tags if layout else {}
-        rows = [
-            row._replace(x_m=tags[row.tag_id].x, y_m=tags[row.tag_id].y)
-            if row.x_m is None and row.tag_id in tags
-            else row
-            for row in rows
-        ]
+        places_m = find_places(tag_file)
+        for index, row in enumerate(rows):
+            if row.x_m is None and (place_m := places_m.get(row.tag_id)):
+                rows[index] = row._replace(x_m=place_m[0], y_m=place_m[1])
     return ReadingFile(sorted(rows, key=attrgetter('stamp_ns')), visits)
 
 

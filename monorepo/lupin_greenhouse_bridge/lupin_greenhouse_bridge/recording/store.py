@@ -22,7 +22,7 @@ from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, has_he
 APPLICATION_ID = 0x4C755250  # marks our SQLite files, in big-endian order at byte 68
 HEAD_BYTES = 72
 LOCKED_FOR_SECONDS = 0.5  # how long a commit waits for another program; then its rows wait in memory
-TAIL_BYTES = 2 * 2**20  # of a CSV file: at the start, one to two times as many are read
+TAIL_BYTES = 2 * 2**20  # of a CSV file: at the start, one to two times as many are parsed
 MOST_KEYS = 20_000  # of the last rows of a CSV file; a latched topic repeats at most 2,000 readings
 _TABLE = """
 CREATE TABLE IF NOT EXISTS readings (
@@ -38,6 +38,7 @@ CREATE TABLE IF NOT EXISTS readings (
     source TEXT NOT NULL,
     PRIMARY KEY (stamp_ns, tag_id, sensor)
 )"""
+_BEGIN = 'BEGIN IMMEDIATE'  # with a plain one, programs that read before they write wait for each other
 _MARKS = ', '.join('?' * len(Row._fields))
 _INSERT = f'INSERT OR IGNORE INTO readings ({HEADER}) VALUES ({_MARKS})'  # noqa: S608 (no text of a user)
 _ERRORS = (OSError, ValueError, sqlite3.Error)
@@ -71,11 +72,12 @@ def open_store(path: str) -> 'Store':
     try:
         return kind(path)
     except _ERRORS as error:
-        raise StartUpError(f"file '{path}': {_reason(error)}: name another file, or a new one") from error
+        raise StartUpError(f"file '{path}': {reason_of(error)}: name another file, or a new one") from error
 
 
-def _reason(error: Exception):
-    return getattr(error, 'strerror', None) or error
+def reason_of(error: Exception) -> str:
+    """Return why a file cannot be read or written, without the number and the path of an OSError."""
+    return getattr(error, 'strerror', None) or str(error)
 
 
 class Store:
@@ -104,7 +106,7 @@ class Store:
                 if self._is_in_place():  # otherwise nobody may find these rows
                     return kept
         except _ERRORS as error:
-            raise StoreError(f"file '{self._path}': {_reason(error)}") from error
+            raise StoreError(f"file '{self._path}': {reason_of(error)}") from error
 
     def _is_in_place(self) -> bool:
         try:
@@ -137,30 +139,17 @@ class SqliteStore(Store):
         self._connection = sqlite3.connect(
             self._path, timeout=LOCKED_FOR_SECONDS, isolation_level=None, check_same_thread=False
         )
-        try:
-            with self._transaction():
-                self._connection.execute(f'PRAGMA application_id = {APPLICATION_ID}')
-                self._connection.execute(_TABLE)
-            (self.row_count,) = self._connection.execute('SELECT count(*) FROM readings').fetchone()
-        except sqlite3.Error:
-            self.close()
-            raise
+        with self._connection:  # commits, or rolls back
+            self._connection.execute(_BEGIN)
+            self._connection.execute(f'PRAGMA application_id = {APPLICATION_ID}')
+            self._connection.execute(_TABLE)
+        (self.row_count,) = self._connection.execute('SELECT count(*) FROM readings').fetchone()
         self._identity = identity
-
-    @contextlib.contextmanager
-    def _transaction(self):
-        # Not a plain BEGIN: two programs that read before they write can wait for each other.
-        self._connection.execute('BEGIN IMMEDIATE')
-        try:
-            yield
-            self._connection.execute('COMMIT')
-        finally:
-            if self._connection.in_transaction:
-                self._connection.execute('ROLLBACK')
 
     def _write(self, rows: Sequence[Row]) -> int:
         before = self._connection.total_changes
-        with self._transaction():
+        with self._connection:
+            self._connection.execute(_BEGIN)
             self._connection.executemany(_INSERT, rows)
         return self._connection.total_changes - before
 
@@ -247,18 +236,12 @@ def _append(file: int, data: bytes) -> None:
 
 def _start_of_tail(file: int, size: int) -> tuple[int, int]:
     """Return where a row starts in the last bytes of a CSV file, and how many lines come before it."""
-    marks = [(0, 0, 0)]  # by part of the file: its offset, and the lines and the quotes before it
     if not has_header(os.pread(file, 4 * len(HEADER), 0)):
         return 0, 0
-    while marks[-1][0] + TAIL_BYTES < size:
-        offset, lines, quotes = marks[-1]
-        part = os.pread(file, TAIL_BYTES, offset)
-        marks.append((offset + len(part), lines + part.count(b'\n'), quotes + part.count(b'"')))
-    for offset, lines, quotes in reversed(marks[1:-1]):  # the last part may be short
-        text, position = os.pread(file, TAIL_BYTES, offset), 0
-        for number, piece in enumerate(text.split(b'"'), start=quotes):
-            if number % 2 == 0 and b'\n' in piece:  # not within a quoted cell: this line end ends a row
-                start = position + piece.index(b'\n') + 1
-                return offset + start, lines + text[:start].count(b'\n')
-            position += len(piece) + 1
-    return 0, 0
+    start = lines_before = lines = quotes = 0
+    with open(file, 'rb', closefd=False) as parts:
+        while (part := parts.readlines(TAIL_BYTES)) and parts.tell() + TAIL_BYTES < size:
+            lines, quotes = lines + len(part), quotes + b''.join(part).count(b'"')
+            if quotes % 2 == 0:  # not within a quoted cell: this line end ends a row
+                start, lines_before = parts.tell(), lines
+    return start, lines_before

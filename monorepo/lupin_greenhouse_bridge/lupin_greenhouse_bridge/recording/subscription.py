@@ -3,7 +3,7 @@
 
 import os
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
@@ -35,16 +35,11 @@ def topics_parameter():
 
 def topics_of(readings_topics) -> list[str]:
     """Return the topics in the value of readings_topics; raises StartUpError."""
-    topics = readings_topics
-    if isinstance(topics, str):
-        topics = topics.replace(',', ' ').split()
-    if not isinstance(topics, Iterable) or not (topics := list(dict.fromkeys(topics))):
-        raise invalid(
-            'readings_topics', readings_topics, 'the name of a topic, or names with spaces between them'
-        )
-    if not all(isinstance(topic, str) for topic in topics):
-        raise invalid('readings_topics', readings_topics, 'an array of names')
-    return topics
+    is_text = isinstance(readings_topics, str)
+    topics = readings_topics.replace(',', ' ').split() if is_text else readings_topics
+    if not (isinstance(topics, Sequence) and topics and all(isinstance(each, str) for each in topics)):
+        raise invalid('readings_topics', readings_topics, 'the name of a topic, or an array of names')
+    return list(dict.fromkeys(topics))
 
 
 def subscribe_to_readings(

@@ -28,6 +28,7 @@ import subprocess
 import threading
 import time
 import uuid
+from contextlib import closing
 from pathlib import Path
 
 import domain_coordinator
@@ -253,21 +254,22 @@ class NodeProcess:
         self.process.kill()
         self.process.wait()
 
+    def _next_lines(self):
+        while (line := self._lines.get(timeout=PATIENCE_SECONDS)) is not None:
+            self.log.append(line)
+            yield line
+        self._lines.put(None)
+
     def wait_for_log(self, fragment: str) -> str:
         """Return the next log line that contains the fragment; fail if the process ends without it."""
-        while True:
-            line = self._lines.get(timeout=PATIENCE_SECONDS)
-            if line is None:
-                raise AssertionError(f'no {fragment!r} in the log:\n' + '\n'.join(self.log))
-            self.log.append(line)
+        for line in self._next_lines():
             if fragment in line:
                 return line
+        raise AssertionError(f'no {fragment!r} in the log:\n' + '\n'.join(self.log))
 
     def rest_of_log(self) -> list[str]:
         """Return the whole log of a process that ends."""
-        while (line := self._lines.get(timeout=PATIENCE_SECONDS)) is not None:
-            self.log.append(line)
-        self._lines.put(None)
+        list(self._next_lines())
         return self.log
 
     def send(self, *numbers: signal.Signals) -> None:
@@ -331,18 +333,6 @@ class Bridge(NodeProcess):
         return {each.name: each.value for each in response.reading.readings}
 
 
-@contextlib.contextmanager
-def closing_all():
-    """Yield a function that registers a process to close at the end, and returns it."""
-    with contextlib.ExitStack() as stack:
-
-        def closed_at_the_end(process):
-            stack.callback(process.close)
-            return process
-
-        yield closed_at_the_end
-
-
 @pytest.fixture(scope='session', autouse=True)
 def own_domain(tmp_path_factory):
     """Give this test run its own domain, visible on this machine only."""
@@ -386,12 +376,12 @@ def run_nodes():
 @pytest.fixture
 def start_node():
     """Return a function that starts a NodeProcess; each one ends with the test."""
-    with closing_all() as closed_at_the_end:
-        yield lambda *arguments, **keywords: closed_at_the_end(NodeProcess(*arguments, **keywords))
+    with contextlib.ExitStack() as stack:
+        yield lambda *words, **keywords: stack.enter_context(closing(NodeProcess(*words, **keywords)))
 
 
 @pytest.fixture
 def start_bridge():
     """Return a function that starts a Bridge with these parameters; each one ends with the test."""
-    with closing_all() as closed_at_the_end:
-        yield lambda *arguments, **keywords: closed_at_the_end(Bridge(*arguments, **keywords))
+    with contextlib.ExitStack() as stack:
+        yield lambda *words, **keywords: stack.enter_context(closing(Bridge(*words, **keywords)))

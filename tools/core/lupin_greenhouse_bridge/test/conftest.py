@@ -64,13 +64,9 @@ def altered():
 @pytest.fixture(scope='session')
 def noon_bridge(own_domain):  # noqa: ARG001 (the domain comes first)
     """Return a bridge with the shipped greenhouse, frozen at noon."""
-    from lupin_greenhouse_bridge.testing import (
-        Bridge,
-        closing_all,
-    )  # imported here, so that pytest rewrites its assertions
+    from lupin_greenhouse_bridge.testing import Bridge  # here, so that pytest rewrites its assertions
 
-    with closing_all() as closed_at_the_end:
-        bridge = closed_at_the_end(Bridge(debug_time_of_day=12.0))
+    with contextlib.closing(Bridge(debug_time_of_day=12.0)) as bridge:
         bridge.connect()
         yield bridge
 
@@ -103,23 +99,13 @@ class Terminal:
         fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack('HHHH', rows, columns, 0, 0))
         self.stream = os.fdopen(terminal, 'w', encoding='utf-8')
         self.text = ''
-        self._printed = threading.Condition()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
     def _read(self):
         with contextlib.suppress(OSError):  # of a terminal that nobody has open any more
             while part := os.read(self._screen, 4096):
-                with self._printed:
-                    self.text += part.decode(errors='replace')
-                    self._printed.notify()
-
-    def wait_for(self, fragment: str, count: int) -> None:
-        """Wait until a fragment was printed this often."""
-        from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS
-
-        with self._printed:
-            assert self._printed.wait_for(lambda: self.text.count(fragment) >= count, PATIENCE_SECONDS)
+                self.text += part.decode(errors='replace')
 
     def __enter__(self):
         return self

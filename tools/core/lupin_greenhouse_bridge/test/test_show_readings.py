@@ -1,6 +1,5 @@
 """show_readings: what it publishes of the readings that it hears."""
 
-import contextlib
 import importlib.util
 import json
 import math
@@ -32,7 +31,7 @@ from lupin_greenhouse_bridge.planning.registration import Transform, write_trans
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
-from lupin_greenhouse_bridge.testing import executable, running, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock as ClockMessage
@@ -281,17 +280,15 @@ def room():
 
 
 @pytest.fixture
-def start_here(monkeypatch):
+def start_here(monkeypatch, run_nodes):
     """Return a function that starts the node in the test's process."""
-    with contextlib.ExitStack() as stack:
 
-        def start(*arguments, publish_every_seconds=0.1, **parameters):
-            monkeypatch.setattr(show_readings, 'PUBLISH_EVERY_SECONDS', publish_every_seconds)
-            parameters = {'readings_topics': TOPIC, **parameters}
-            (node,) = stack.enter_context(running(ShowReadingsNode, arguments=arguments, **parameters))
-            return node
+    def start(publish_every_seconds=0.1, **parameters):
+        monkeypatch.setattr(show_readings, 'PUBLISH_EVERY_SECONDS', publish_every_seconds)
+        node, _ = run_nodes(ShowReadingsNode, **{'readings_topics': TOPIC, **parameters})
+        return node
 
-        yield start
+    return start
 
 
 @pytest.mark.parametrize('durability', [LATCHED, VOLATILE])
@@ -477,23 +474,29 @@ def test_the_colours_reach_over_all_values_so_far(start_here, room, warm_tag_id)
         assert caption.text.startswith(f'temperature (deg C): colours from {limits}\n')
 
 
-def displays_of_rviz():
-    """Return topic, type and durability of each display, and the fixed frame."""
-    types = {'Map': OccupancyGrid, 'MarkerArray': MarkerArray, 'PoseArray': PoseArray}
+@pytest.fixture
+def rviz():
+    """Return the displays and the options in the configuration of RViz."""
     config = yaml.safe_load((SHARE / 'rviz/greenhouse.rviz').read_text(encoding='utf-8'))
-    manager = config['Visualization Manager']
-    displays = {}
-    for each in manager['Displays']:
+    return config['Visualization Manager']
+
+
+@pytest.fixture
+def foxglove():
+    """Return the panel in the layout of Foxglove."""
+    layout = json.loads((SHARE / 'foxglove/greenhouse.json').read_text(encoding='utf-8'))
+    return layout['configById'][layout['layout']]
+
+
+def test_the_displays_of_rviz_and_foxglove_are_of_topics_that_are_published(start_here, room, rviz, foxglove):
+    types = {'Map': OccupancyGrid, 'MarkerArray': MarkerArray, 'PoseArray': PoseArray}
+    displays, frame = {}, rviz['Global Options']['Fixed Frame']
+    for each in rviz['Displays']:
         if topic := each.get('Topic'):
             assert each['Enabled'] == (topic['Value'] != '/show_readings/field')
             assert topic['Durability Policy'] == 'Transient Local'
             displays[topic['Value']] = types[each['Class'].removeprefix('rviz_default_plugins/')]
-    return displays, manager['Global Options']['Fixed Frame']
-
-
-def test_the_displays_of_rviz_and_foxglove_are_of_topics_that_are_published(start_here, room):
     node = start_here()
-    displays, frame = displays_of_rviz()
     viewer = Viewer(room)
     wait_until(lambda: viewer.markers)
     assert viewer.markers[-1].markers[0].header.frame_id == frame
@@ -502,26 +505,18 @@ def test_the_displays_of_rviz_and_foxglove_are_of_topics_that_are_published(star
         kind = displays.pop(topic)
         assert published[topic] == [f'{kind.__module__.partition(".")[0]}/msg/{kind.__name__}']
     assert displays == {'/approach_poses/poses': PoseArray}
-
-    layout = json.loads((SHARE / 'foxglove/greenhouse.json').read_text(encoding='utf-8'))
-    panel = layout['configById'][layout['layout']]
-    assert panel['followTf'] == frame
-    shown = {topic for topic, settings in panel['topics'].items() if settings['visible']}
+    assert foxglove['followTf'] == frame
+    shown = {topic for topic, settings in foxglove['topics'].items() if settings['visible']}
     assert shown == {'/show_readings/markers', '/approach_poses/poses'}
 
 
-def test_rviz_and_foxglove_have_the_dark_colours_of_the_page():
+def test_rviz_and_foxglove_have_the_dark_colours_of_the_page(rviz, foxglove):
     page = Path(show_readings.__file__).with_name('readings_page.html').read_text(encoding='utf-8')
     dark = dict(re.findall(r'--(\w+): (#\w+)', page.partition('prefers-color-scheme: dark')[2]))
-    manager = yaml.safe_load((SHARE / 'rviz/greenhouse.rviz').read_text(encoding='utf-8'))[
-        'Visualization Manager'
-    ]
-    (poses,) = (each for each in manager['Displays'] if 'PoseArray' in each['Class'])
-    in_rviz = manager['Global Options']['Background Color'], poses['Color']
-    layout = json.loads((SHARE / 'foxglove/greenhouse.json').read_text(encoding='utf-8'))
-    panel = layout['configById'][layout['layout']]
-    gradient = panel['topics']['/approach_poses/poses']['gradient']
-    assert (panel['scene']['backgroundColor'], *gradient) == (dark['page'], *[f'{dark["route"]}ff'] * 2)
+    (poses,) = (each for each in rviz['Displays'] if 'PoseArray' in each['Class'])
+    in_rviz = rviz['Global Options']['Background Color'], poses['Color']
+    gradient = foxglove['topics']['/approach_poses/poses']['gradient']
+    assert (foxglove['scene']['backgroundColor'], *gradient) == (dark['page'], *[f'{dark["route"]}ff'] * 2)
     for shown, colour in zip(in_rviz, (dark['page'], dark['route']), strict=True):
         assert shown == '; '.join(str(int(colour[at : at + 2], 16)) for at in (1, 3, 5))
 

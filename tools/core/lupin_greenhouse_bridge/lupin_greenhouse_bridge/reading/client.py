@@ -45,9 +45,7 @@ class Client:
         """Wait until the service of a client is available; raises NoAnswer and Interrupted."""
         deadline = time.monotonic() + self._timeout_seconds
         while not client.service_is_ready():
-            left_seconds = _left_until(deadline)
-            if left_seconds <= 0.0:
-                raise NoAnswer(f'no service {client.srv_name} within {self._timeout_seconds:g} s')
+            left_seconds = self._left_until(deadline, f'no service {client.srv_name}')
             show(f'waiting for {client.srv_name}, {left_seconds:.0f} s more')
             self._executor.spin_once(timeout_sec=min(left_seconds, 0.02))
 
@@ -62,9 +60,7 @@ class Client:
         deadline = time.monotonic() + self._timeout_seconds
         try:
             while not any(future.done() for future in futures):
-                left_seconds = _left_until(deadline)
-                if left_seconds <= 0.0:
-                    raise NoAnswer(f'{client.srv_name} did not answer within {self._timeout_seconds:g} s')
+                left_seconds = self._left_until(deadline, f'{client.srv_name} did not answer')
                 if self._timeout_seconds - left_seconds >= len(futures) * REPEAT_AFTER_SECONDS:
                     futures.append(client.call_async(request))
                 self._executor.spin_once(timeout_sec=min(left_seconds, LONGEST_WAIT_SECONDS))
@@ -73,8 +69,9 @@ class Client:
             for future in futures:
                 client.remove_pending_request(future)
 
-
-def _left_until(deadline: float) -> float:
-    if is_asked_to_end():
-        raise Interrupted
-    return deadline - time.monotonic()
+    def _left_until(self, deadline: float, problem: str) -> float:
+        if is_asked_to_end():
+            raise Interrupted
+        if (left_seconds := deadline - time.monotonic()) <= 0.0:
+            raise NoAnswer(f'{problem} within {self._timeout_seconds:g} s')
+        return left_seconds

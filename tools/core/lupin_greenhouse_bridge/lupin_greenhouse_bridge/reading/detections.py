@@ -1,7 +1,6 @@
 """What an AprilTag detector sees: its messages, and which tag to request next. Importable without ROS."""
 
 import importlib
-from dataclasses import dataclass
 
 from lupin_greenhouse_bridge.errors import StartUpError
 
@@ -21,18 +20,9 @@ def detection_messages():
         ) from error
 
 
-@dataclass(frozen=True)
-class Limits:
-    """How often to request a tag. All times are seconds of one steady clock."""
-
-    cooldown_seconds: float
-    request_timeout_seconds: float
-    max_attempts: int
-
-
 class Sightings:
     """
-    Keeps the tags in view and the pending requests.
+    Keeps the tags in view and the pending requests. All times are seconds of one steady clock.
 
     Each tag is requested once per cooldown, which starts with the reply. Only a few requests are pending at
     any time. A request that times out is repeated, up to the number of attempts. After the last attempt, the
@@ -40,8 +30,9 @@ class Sightings:
     been out of view for longer than a timeout is not requested.
     """
 
-    def __init__(self, limits: Limits):
-        self._limits = limits
+    def __init__(self, settings):
+        """Take the cooldown, the timeout and the attempts from the settings of read_on_sight."""
+        self._settings = settings
         self._waiting: dict[str, float] = {}  # when each tag was seen last; ordered by when it came into view
         self._attempts: dict[str, int] = {}  # of the tags that wait for another attempt or its reply
         self._in_flight: dict[str, float] = {}  # when each request was sent
@@ -69,16 +60,16 @@ class Sightings:
         """Note that a reply arrived for a tag, with any status."""
         del self._in_flight[tag_id]
         del self._attempts[tag_id]
-        self._cool_at[tag_id] = now + self._limits.cooldown_seconds
+        self._cool_at[tag_id] = now + self._settings.cooldown_seconds
 
     def timed_out(self, tag_id: str, now: float) -> bool:
         """Give up a request without a reply; return whether the tag will be requested again."""
-        limits = self._limits
-        if self._attempts[tag_id] >= limits.max_attempts:
-            self.answered(tag_id, now)
+        settings = self._settings
+        if self._attempts[tag_id] >= settings.max_attempts:
             # The bridge may return long before a whole cooldown would end.
-            pause_seconds = limits.max_attempts * limits.request_timeout_seconds
-            self._cool_at[tag_id] = now + min(limits.cooldown_seconds, pause_seconds)
+            pause_seconds = settings.max_attempts * settings.request_timeout_seconds
+            self.answered(tag_id, now)
+            self._cool_at[tag_id] = now + min(settings.cooldown_seconds, pause_seconds)
             return False
         del self._in_flight[tag_id]
         self._waiting[tag_id] = now
@@ -86,12 +77,12 @@ class Sightings:
 
     def overdue(self, now: float) -> list[str]:
         """Return the tags whose requests have taken too long."""
-        longest = self._limits.request_timeout_seconds
+        longest = self._settings.request_timeout_seconds
         return [tag_id for tag_id, sent in self._in_flight.items() if now - sent >= longest]
 
     def forget(self, now: float) -> None:
         """Drop the tags that have gone out of view, and the cooldowns that have ended."""
-        oldest = now - self._limits.request_timeout_seconds
+        oldest = now - self._settings.request_timeout_seconds
         for tag_id in [tag_id for tag_id, seen in self._waiting.items() if seen < oldest]:
             del self._waiting[tag_id]
             self._attempts.pop(tag_id, None)

@@ -20,7 +20,7 @@ from lupin_greenhouse_bridge.contract import (
     tag_ids_of,
     tag_ids_request,
 )
-from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading import client
 from lupin_greenhouse_bridge.reading.table import Screen, Sheet, json_line, terminal_size
@@ -28,11 +28,11 @@ from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.parameters import warn_of_unknown_parameters
-from lupin_greenhouse_bridge.runtime.process import security_problem
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator import simulation
-from lupin_greenhouse_bridge.simulator.layout import find_layout, natural_order
+from lupin_greenhouse_bridge.simulator.layout import find_places, natural_order
 
+LIMITED_TO_THIS_MACHINE = {('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'), ('ROS_LOCALHOST_ONLY', '1')}
 SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
 COMPLETION_TIMEOUT_SECONDS = 0.3
@@ -56,11 +56,10 @@ def _progress():
 
 def main(args=None):
     """Print readings as the command line asks; return the exit code."""
-    options = argparse.Namespace(watch=None)
     try:
         with ros(args) as executor:
             words = remove_ros_args(sys.argv if args is None else args)[1:]
-            _parser(executor).parse_args(words, options)
+            options = _parser(executor).parse_args(words)
             if bool(options.tag_ids) == options.all:
                 raise client.UsageError('name one or more tag ids, or --all')
             if options.count is not None and options.watch is None:
@@ -70,12 +69,9 @@ def main(args=None):
             return _read(node, client.Client(executor, node, options.timeout), options)
     except client.Interrupted:
         return INTERRUPTED
-    except client.NoAnswer as error:
+    except OneLineError as error:
         print(f'read_tag: {error}', file=sys.stderr)
-        return NO_ANSWER
-    except (client.UsageError, StartUpError) as error:
-        print(f'read_tag: {error}', file=sys.stderr)
-        return USAGE
+        return NO_ANSWER if isinstance(error, client.NoAnswer) else USAGE
 
 
 def _node_in(executor):
@@ -93,7 +89,7 @@ def _read(node, bridge: client.Client, options) -> int:
     rounds = 1 if options.watch is None else options.count
     screen = Sheet(_positions(bridge, service_name)) if options.csv else Screen(options.watch is not None)
     exit_code, started, warning = INTERRUPTED, 0.0, ''
-    for number in itertools.count() if rounds is None else range(rounds):
+    for number in itertools.islice(itertools.count(), rounds):
         if number > 0:
             process.sleep(started + options.watch - time.monotonic())
         if process.is_asked_to_end() or process.has_lost_output():
@@ -131,7 +127,7 @@ def _connect(node, bridge: client.Client, service: str):
         try:
             get_tag_reading = bridge.connect(GetTagReading, service, show)
         except client.NoAnswer as error:
-            security = f'; {SECURED}' if security_problem() else ''
+            security = f'; {SECURED}' if process.security_problem() else ''
             cause = _likely_cause(node, node.resolve_service_name(service))
             raise client.NoAnswer(f'{error}; {cause}{security}') from error
     return get_tag_reading
@@ -167,10 +163,9 @@ def _positions(bridge: client.Client, service_name: str) -> dict[str, tuple[floa
     try:
         parameters = bridge.connect(GetParameters, parameter_service_of(service_name))
         values = bridge.call(parameters, tag_ids_request()).values
-        layout = find_layout(values[-1].string_value) if values else None
+        return find_places(values[-1].string_value) if values else {}
     except (client.NoAnswer, StartUpError):
         return {}
-    return {tag_id: (tag.x, tag.y) for tag_id, tag in layout.tags.items()} if layout else {}
 
 
 def _likely_cause(node, service_name: str) -> str:
@@ -185,20 +180,13 @@ def _likely_cause(node, service_name: str) -> str:
     if elsewhere := [name for name, types in services.items() if wanted in types and name != service_name]:
         return f'there is {elsewhere[0]}: name it with --service'
     domain = f'ROS_DOMAIN_ID {os.environ.get("ROS_DOMAIN_ID") or "0"}'
-    if _is_limited_to_this_machine():
+    if LIMITED_TO_THIS_MACHINE & os.environ.items():
         domain += ', limited to this machine by ROS_AUTOMATIC_DISCOVERY_RANGE or ROS_LOCALHOST_ONLY,'
     has_others = len(node.get_node_names()) > 1
     seen = 'other nodes but no bridge' if has_others else 'no other node'
     return (
         f'{domain} has {seen}: start the bridge (ros2 launch lupin_greenhouse_bridge'
         " greenhouse_bridge.launch.py), or set ROS_DOMAIN_ID to the bridge's domain"
-    )
-
-
-def _is_limited_to_this_machine() -> bool:
-    return (
-        os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE') == 'LOCALHOST'
-        or os.environ.get('ROS_LOCALHOST_ONLY') == '1'  # Humble's
     )
 
 
@@ -247,14 +235,10 @@ def _parser(executor) -> argparse.ArgumentParser:
 
 
 def _seconds(text: str) -> float:
-    problem = f'{text!r} is not a number of seconds above 0'
-    try:
-        seconds = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(problem) from None
-    if not 0.0 < seconds < math.inf:
-        raise argparse.ArgumentTypeError(problem)
-    return seconds
+    with contextlib.suppress(ValueError):
+        if 0.0 < (seconds := float(text)) < math.inf:
+            return seconds
+    raise argparse.ArgumentTypeError(f'{text!r} is not a number of seconds above 0')
 
 
 def _rounds(text: str) -> int:

@@ -25,7 +25,7 @@ from lupin_greenhouse_bridge.recording.subscription import (
 )
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.runtime.run import run
-from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_greenhouse_bridge.simulator.layout import find_places
 
 NODE_NAME = 'record_readings'
 ASK_EVERY_SECONDS = 1.0
@@ -58,7 +58,7 @@ class RecordReadingsNode(Node):
         """Open the file and subscribe; raises StartUpError."""
         super().__init__(NODE_NAME)
         settings = declare_parameters(self, Settings)
-        self._places_m = _places_in(settings.tag_file)
+        self._places_m = find_places(settings.tag_file)
         self._has_places = bool(settings.tag_file)
         self._refused = 0
         store = open_store(settings.file)
@@ -104,7 +104,7 @@ class RecordReadingsNode(Node):
             if not (values := asked.result().values):
                 raise StartUpError(UNTOLD)
             if tag_file := values[-1].string_value:
-                self._places_m = _places_in(tag_file)
+                self._places_m = find_places(tag_file)
                 self.get_logger().info(f"positions: those of the bridge's tag_file {escaped(tag_file, 500)}")
         except StartUpError as error:  # also of a bridge on another machine
             self.get_logger().warning(f'{error}: {SHIPPED_PLACES}')
@@ -123,12 +123,6 @@ class RecordReadingsNode(Node):
         """End the thread, also of a node that nobody has ended."""
         self._writer.end()
         super().destroy_node()
-
-
-def _places_in(tag_file: str) -> dict[str, tuple[float, float]]:
-    """Return the positions in metres by tag, of the shipped file for ''; raises StartUpError."""
-    layout = find_layout(tag_file)
-    return {tag_id: (tag.x, tag.y) for tag_id, tag in layout.tags.items()} if layout else {}
 
 
 def main(args=None) -> int:

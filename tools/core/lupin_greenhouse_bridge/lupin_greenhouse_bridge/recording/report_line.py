@@ -8,7 +8,7 @@ from lupin_greenhouse_bridge.recording.rows import Row, fault_of, make_rows
 
 SOURCE = 'mission report'
 _START = b'{"tag_id": '  # of each line
-# Of from_line(); int() raises OverflowError for 1e999.
+# int() raises OverflowError for 1e999.
 _NO_OBSERVATION = (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError)
 
 
@@ -86,26 +86,21 @@ class Observation:
     def from_line(cls, line: bytes) -> 'Observation':
         """Return the observation in a line; raises ValueError if there is none."""
         try:
-            return cls._from_json(json.loads(line.decode()))
+            data = json.loads(line.decode())
+            tag_id, outcome, reading = str(data['tag_id']), Outcome(data['outcome']), None
+            if outcome is Outcome.OK:
+                stamp = int(data['stamp']['sec']), int(data['stamp']['nanosec'])
+                values = {str(name): float(value) for name, value in data['readings'].items()}
+                reading = Reading(tag_id, stamp, float(data['sim_time_of_day_seconds']), values)
+                if reading.fault:
+                    raise ValueError(reading.fault)
+            seen, pose, drive = data.get('seen'), int(data.get('pose', 1)), str(data.get('drive', ''))
+            if seen not in (None, True, False):
+                raise ValueError(f'seen is {seen!r}: must be true, false or null')
+            detail, attempts = str(data['detail']), int(data['attempts'])
         except _NO_OBSERVATION as error:
             raise ValueError(f'is not an observation ({type(error).__name__}: {error})') from error
-
-    @classmethod
-    def _from_json(cls, data: dict) -> 'Observation':
-        tag_id, outcome, reading = str(data['tag_id']), Outcome(data['outcome']), None
-        if outcome is Outcome.OK:
-            reading = Reading(
-                tag_id,
-                (int(data['stamp']['sec']), int(data['stamp']['nanosec'])),
-                float(data['sim_time_of_day_seconds']),
-                {str(name): float(value) for name, value in data['readings'].items()},
-            )
-            if reading.fault:
-                raise ValueError(reading.fault)
-        seen, pose, drive = data.get('seen'), int(data.get('pose', 1)), str(data.get('drive', ''))
-        if seen not in (None, True, False):
-            raise ValueError(f'seen is {seen!r}: must be true, false or null')
-        return cls(tag_id, outcome, str(data['detail']), int(data['attempts']), reading, seen, pose, drive)
+        return cls(tag_id, outcome, detail, attempts, reading, seen, pose, drive)
 
 
 def is_start_of_report(content: bytes) -> bool:
