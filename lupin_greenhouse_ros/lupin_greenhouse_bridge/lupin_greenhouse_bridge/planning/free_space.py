@@ -152,7 +152,7 @@ class FreeSpace:
         for rectangle in (wide, high):  # in the octagon, of which both cover most
             x0, y0, x1, y1 = np.clip(np.array(rectangle) - np.tile(points[whose].T, (2, 1)), -half, half)
             middle = np.arctan2(y0 + y1, x0 + x1)
-            aside = _wrapped(np.arctan2([y0, y0, y1, y1], [x0, x1, x0, x1]) - middle)
+            aside = wrapped(np.arctan2([y0, y0, y1, y1], [x0, x1, x0, x1]) - middle)
             first = np.ceil((middle + aside.min(axis=0) - EDGES[0]) / SECTOR + 1e-6).astype(int)
             count = np.floor((middle + aside.max(axis=0) - EDGES[0]) / SECTOR - 1e-6).astype(int) - first
             hides = np.flatnonzero((x0 < x1) & (y0 < y1) & (count > 0) & (count <= SECTORS // 2))
@@ -429,7 +429,7 @@ def _vertices(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(xs, axis=1), np.stack(ys, axis=1)], axis=2)
 
 
-def _wrapped(angles: np.ndarray) -> np.ndarray:
+def wrapped(angles: np.ndarray) -> np.ndarray:
     """Return angles from -pi to pi."""
     return angles - math.tau * np.round(angles / math.tau)
 
