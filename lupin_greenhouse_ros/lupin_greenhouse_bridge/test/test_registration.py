@@ -19,12 +19,9 @@ from lupin_greenhouse_bridge.planning.registration import (
     read_transform,
     write_transform,
 )
-from lupin_greenhouse_bridge.simulator.files import shipped_file
-from lupin_greenhouse_bridge.simulator.layout import read_tags_with_sensors
+from lupin_greenhouse_bridge.simulator.layout import find_layout
 
-SHIPPED_M = {
-    tag_id: tag[:2] for tag_id, tag in read_tags_with_sensors(shipped_file('tag_locations.json')).items()
-}
+SHIPPED_M = {tag_id: tag[:2] for tag_id, tag in find_layout('').tags.items()}
 SQUARE_M = {'a': (0.0, 0.0), 'b': (4.0, 0.0), 'c': (4.0, 3.0), 'd': (0.0, 3.0)}
 METRES, YAWS = st.floats(-1000.0, 1000.0), st.floats(-math.pi, math.pi)
 TRANSFORMS = st.builds(Transform, METRES, METRES, YAWS)
