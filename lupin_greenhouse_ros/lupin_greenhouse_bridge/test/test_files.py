@@ -81,7 +81,7 @@ BAD_TAG_BYTES = [
     (b'{"7": {"x": 1, "x": 2, "y": 1, "sensors": []}}', "'x' appears twice in one object"),
     (b'{"7": {}, "8": {}, "7": {}}', "'7' appears twice in one object: keep one of them"),
     (b'{"tags": {}, "tags": {}}', "'tags' appears twice in one object"),
-    (b'[' * 20_000, 'is too deeply nested: a tag file has 4 levels'),
+    (b'[' * 20_000, 'is too deeply nested: use at most 4 levels'),
 ]
 
 CO2 = "sensor 'co2', component 1"
@@ -91,8 +91,8 @@ HOURS = 'must be a number from 0 to 24 (hours)'
 KNOWN = 'known are co2, humidity, light, soil_moisture, temperature'
 # Changes to the shipped config by path, and the expected message.
 BAD_CONFIGS = [
-    ({'': None}, 'holds null at its top level, not a mapping with time and sensors'),
-    ({'': []}, 'holds a list at its top level'),
+    ({'': None}, 'time is missing, not a mapping'),
+    ({'': []}, 'holds a list at its top level, not a mapping with time and sensors'),
     ({'': 'text'}, 'holds text at its top level'),
     ({'time': MISSING}, 'time is missing, not a mapping'),
     ({'time': None}, 'time is None, not a mapping'),
@@ -178,7 +178,7 @@ BAD_CONFIG_BYTES = [
         b'time:\n  debug_mode: false\n  debug_mode: true',
         "'debug_mode' appears twice in the mapping of line 2",
     ),
-    (b'', 'holds null at its top level'),
+    (b'', 'time is missing, not a mapping'),
     ('time: {}'.encode('utf-16'), 'is not UTF-8 text'),
     (b'time: {}\n---\ntime: {}\n', 'is not YAML:'),
     (b'time: [1, 2\n', 'is not YAML:'),
@@ -193,7 +193,7 @@ BAD_CONFIG_BYTES = [
     (b'2026-11-21 06:00:00\n', 'holds a date at its top level'),
     (b'!!set {time, sensors}\n', 'holds a set at its top level'),
     (b'!!python/object/apply:os.system ["touch was_run"]\n', 'is not YAML: ConstructorError'),
-    (b'[' * 2000, 'is too deeply nested: a greenhouse config has 4 levels'),
+    (b'[' * 2000, 'is too deeply nested: use at most 4 levels'),
 ]
 BAD_FILES = [
     *(('tag_file', row, message) for row, message in [*BAD_TAGS, *BAD_TAG_BYTES]),

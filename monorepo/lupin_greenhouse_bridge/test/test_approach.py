@@ -751,6 +751,7 @@ def test_the_overrides_are_read_by_tag_and_an_unknown_tag_is_warned_of(overrides
         ('overrides: {"7": {goal_x: .nan}}', "tag '7': goal_x is nan: must be a number"),
         ('overrides: {"7": {yaw: "north"}}', "tag '7': yaw is 'north': must be a number"),
         ('overrides: [7]', 'is not a mapping, such as {overrides:'),
+        ('[7]', 'holds a list at its top level, not a mapping, such as {overrides:'),
         ('overrides: {"7": 1.5}', "tag '7': is not a mapping"),
         ('overrides: {', 'is not YAML'),
         ('{"overrides": {\n\t"7": {"Yaw": 1}}}', "tag '7': line 2: unknown key 'Yaw': use yaw"),

@@ -290,9 +290,9 @@ GOOD = 'frame_id: map\nx: 1.5\ny: 2\nyaw: 0.3\n'
         (GOOD.replace('map', ''), 'frame_id is missing or no text'),
         (GOOD + 'z: 0.1', "unknown key 'z': the keys are frame_id, x, y and yaw"),
         (GOOD + 'x: 0.1', "'x' appears twice in the mapping of line 1"),
-        ('[1, 2]', 'is not a mapping, such as'),
+        ('[1, 2]', 'holds a list at its top level, not a mapping, such as'),
         ('{', 'is not YAML'),
-        ('', 'is not a mapping'),
+        ('', 'frame_id is missing'),
     ],
 )
 def test_a_malformed_file_is_refused_with_its_key(tmp_path, text, fault):
@@ -336,7 +336,7 @@ def test_positions_are_read_from_json_and_yaml(tmp_path, name, text):
         ('"7": [1.5]', "tag '7': must be a list of x and y"),
         ('"7": [1.5, .inf]', "tag '7': y is inf: must be a number"),
         ('"7": [1, 2]\n"7": [1, 2]', "'7' appears twice"),
-        ('[1, 2]', 'must hold positions in the map by tag id'),
+        ('[1, 2]', 'holds a list at its top level, not positions in the map by tag id'),
     ],
 )
 def test_malformed_positions_are_refused_with_their_tag(tmp_path, text, fault):

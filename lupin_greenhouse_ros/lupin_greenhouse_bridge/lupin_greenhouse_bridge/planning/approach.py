@@ -425,7 +425,7 @@ def read_overrides(path: str | Path, layout_ids: Collection[str]) -> tuple[dict[
     Raises StartUpError if the file is malformed.
     """
     where = f"approach overrides '{escaped(str(path), 500)}'"
-    data = _mapping(read_yaml(path, where, 'it has three levels'), ('overrides',), path, where)
+    data = _mapping(read_yaml(path, where, f'a mapping, {_EXAMPLE}'), ('overrides',), path, where)
     found, warnings = {}, []
     for tag_id, each in _mapping(data.get('overrides'), None, path, where).items():
         here = f"{where}: tag '{escaped(str(tag_id), 64)}'"

@@ -54,14 +54,10 @@ class FreeSpace:
         self.diagonal_m = math.hypot(x1 - x0, y1 - y0)
         self.tolerance_m = 1e-9 + 4e-15 * max(map(abs, walls))  # of the numbers, far from the origin
         tables = np.array(tables_of(layout)).reshape(-1, 4)
-        low, high = (np.empty((0, 4)),) * 2
-        for shapes in (
-            tables[:, [[0, 1], [0, 3], [2, 1], [2, 3]]],
-            np.array([each.ends_of_plate() for each in self.tag_poses.values()]),
-        ):
-            along = shapes @ AXES
-            low = np.concatenate([low, along.min(axis=1) - radius_m * LENGTHS])
-            high = np.concatenate([high, along.max(axis=1) + radius_m * LENGTHS])
+        plates = np.array([each.ends_of_plate() for each in self.tag_poses.values()])
+        along = [shapes @ AXES for shapes in (tables[:, [[0, 1], [0, 3], [2, 1], [2, 3]]], plates)]
+        low = np.concatenate([each.min(axis=1) for each in along]) - radius_m * LENGTHS
+        high = np.concatenate([each.max(axis=1) for each in along]) + radius_m * LENGTHS
         is_outer = ~_are_within_another(low, high)
         low, high = low[is_outer], high[is_outer]
         self._octagons = Grid(low[:, :2], high[:, :2])
@@ -164,7 +160,7 @@ class FreeSpace:
 
     def are_tangent(self, corners: np.ndarray, towards: np.ndarray) -> np.ndarray:
         """Return whether a line in each direction (lines, 2) passes by its corner, which has this number."""
-        turns = [_cross(towards, side[corners]) for side in self._sides]
+        turns = [cross(towards, side[corners]) for side in self._sides]
         return (np.minimum(*turns) >= -self.tolerance_m) | (np.maximum(*turns) <= self.tolerance_m)
 
     def point_of_largest_region(self) -> tuple[float, float]:
@@ -434,5 +430,6 @@ def wrapped(angles: np.ndarray) -> np.ndarray:
     return angles - math.tau * np.round(angles / math.tau)
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the cross product of each vector (vectors, 2) of one array with that of the other."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

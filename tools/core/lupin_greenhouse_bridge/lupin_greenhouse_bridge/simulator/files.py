@@ -73,11 +73,7 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
     Raises StartUpError if the simulator could not serve the config at every hour of the day.
     """
     where = f"sim_config_file '{path}'"
-    config = read_yaml(path, where, 'a greenhouse config has 4 levels')
-    if not isinstance(config, dict):
-        raise StartUpError(
-            f'{where}: holds {_kind(config)} at its top level, not a mapping with time and sensors'
-        )
+    config = read_yaml(path, where, 'a mapping with time and sensors')
     _check_time(mapping_of(config, 'time', where), settings, f'{where}: time')
     sensors = mapping_of(config, 'sensors', where)
     if not sensors:
@@ -95,17 +91,18 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
     return config
 
 
-def read_yaml(path, where: str, levels: str):
+def read_yaml(path, where: str, wanted: str) -> dict:
     """
-    Return the content of a YAML file, or of a JSON file whose name ends in .json.
+    Return the mapping in a YAML file, or in a JSON file whose name ends in .json; {} for an empty file.
 
-    Raises a StartUpError that begins with `where` if the file is unreadable or malformed. `levels` tells in
-    this error how deep the file may be nested.
+    Raises a StartUpError that begins with `where` if the file is unreadable, malformed or not `wanted`.
     """
     text = _read_text(path, where, LARGEST_CONFIG_FILE_BYTES)
-    if str(path).endswith('.json'):  # 1e3 is a number in JSON, and text in YAML 1.1
-        return _parse_json(text, where)
-    return _parse_yaml(text, where, levels)
+    # 1e3 is a number in JSON, and text in YAML 1.1.
+    data = _parse_json(text, where) if str(path).endswith('.json') else _parse_yaml(text, where)
+    if not isinstance(data, (dict, type(None))):
+        raise StartUpError(f'{where}: holds {_kind(data)} at its top level, not {wanted}')
+    return data or {}
 
 
 _TABLE_EXAMPLE = 'such as {"bench": {"x0": 0, "y0": 0, "x1": 2, "y1": 1}}'
@@ -265,12 +262,12 @@ def _parse_json(text: str, where: str):
     try:
         return json.loads(text, object_pairs_hook=without_duplicates)
     except RecursionError as error:
-        raise StartUpError(f'{where}: is too deeply nested: a tag file has 4 levels') from error
+        raise StartUpError(f'{where}: is too deeply nested: use at most 4 levels') from error
     except ValueError as error:
         raise StartUpError(f'{where}: is not JSON: {error}') from error
 
 
-def _parse_yaml(text: str, where: str, levels: str):
+def _parse_yaml(text: str, where: str):
     import yaml  # mdp-greenhouse brings it; start-up reports a missing mdp-greenhouse first
 
     try:
@@ -288,7 +285,7 @@ def _parse_yaml(text: str, where: str, levels: str):
     except StartUpError:
         raise
     except RecursionError as error:
-        raise StartUpError(f'{where}: is too deeply nested: {levels}') from error
+        raise StartUpError(f'{where}: is too deeply nested: use at most 4 levels') from error
     except Exception as error:  # PyYAML's constructors leak KeyError, IndexError and others on bad scalars
         raise StartUpError(f'{where}: is not YAML: {type(error).__name__}: {error}') from error
 
