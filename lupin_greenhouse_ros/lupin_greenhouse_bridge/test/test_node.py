@@ -14,7 +14,6 @@ from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, spinning_node, wait_until
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.utilities import get_rmw_implementation_identifier
 
@@ -161,12 +160,3 @@ def test_at_most_one_handler_is_in_the_simulator_whatever_the_executor(monkeypat
         wait_until(lambda: all(each.done() for each in asked))
         assert [each.result().status for each in asked] == [GetTagReading.Response.STATUS_OK] * 24
         assert held.most == 1
-
-
-def test_without_the_mutually_exclusive_group_handlers_would_overlap(monkeypatch):
-    """The check above can fail: it fails with a reentrant group."""
-    monkeypatch.setattr(bridge_node, 'MutuallyExclusiveCallbackGroup', ReentrantCallbackGroup)
-    with held_handlers(monkeypatch) as (held, client, _):
-        for _ in range(2):
-            client.call_async(GetTagReading.Request(tag_id='1'))
-        wait_until(lambda: held.most > 1)

@@ -11,7 +11,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
 from lupin_greenhouse_bridge.runtime.parameters import launch_arguments, parameter
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing.signals import MOMENTS, SIGNALS, command
 from rclpy.executors import SingleThreadedExecutor
 
@@ -101,16 +101,6 @@ def test_read_tag_that_watches_ends_with_exit_code_0(noon_bridge, read_tag_here,
     ended = read_tag_here(*ask, signals_at={between: signals})
     assert (ended.code, ended.said) == (0, '')
     assert ended.out.startswith('tag')
-
-
-def test_the_process_of_read_tag_that_watches_ends_with_exit_code_0(noon_bridge):
-    ask = [executable(PACKAGE, 'read_tag'), '1', '--watch', '100', '--service', noon_bridge.service_name]
-    ask += ['--timeout', str(PATIENCE_SECONDS)]
-    with subprocess.Popen(ask, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout.readline().startswith('tag')
-        process.terminate()
-        assert process.wait(PATIENCE_SECONDS) == 0
-        assert 'Traceback' not in process.stderr.read()
 
 
 @pytest.mark.parametrize('signals', ['Ctrl-C', 'SIGTERM'])
