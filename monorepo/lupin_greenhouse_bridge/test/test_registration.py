@@ -132,22 +132,21 @@ def test_three_tags_never_leave_one_out():
     assert fit(SQUARE_M, shifted(SQUARE_M, 'c', 1.0)).left_out == ['c']
 
 
-@pytest.mark.parametrize('places_m', [{}, {'a': (1.0, 2.0)}])
-def test_fewer_than_two_tags_are_refused(places_m):
-    with pytest.raises(CannotFit, match=f'position in the map: {len(places_m)}: at least 2 are needed'):
-        fit(SQUARE_M, places_m)
+SPOTS_M = [{'a': (1.0, 1.0), 'b': (1.0 + width, 1.0), 'c': (1.0, 1.0 + width)} for width in (0.0, 0.05)]
 
 
-@pytest.mark.parametrize('width_m', [0.0, 0.05])
-def test_tags_in_one_spot_are_refused(width_m):
-    layout_m = {'a': (1.0, 1.0), 'b': (1.0 + width_m, 1.0), 'c': (1.0, 1.0 + width_m)}
-    with pytest.raises(CannotFit, match='the 3 tags that fit lie in one spot of the layout'):
-        fit(layout_m, layout_m)
-
-
-def test_tags_in_one_spot_of_the_map_are_refused():
-    with pytest.raises(CannotFit, match='the largest residual is'):
-        fit(SQUARE_M, dict.fromkeys(SQUARE_M, (1.0, 2.0)))
+@pytest.mark.parametrize(
+    ('layout_m', 'places_m', 'fault'),
+    [
+        (SQUARE_M, {}, 'position in the map: 0: at least 2 are needed'),
+        (SQUARE_M, {'a': (1.0, 2.0)}, 'position in the map: 1: at least 2 are needed'),
+        *((spot_m, spot_m, 'the 3 tags that fit lie in one spot of the layout') for spot_m in SPOTS_M),
+        (SQUARE_M, dict.fromkeys(SQUARE_M, (1.0, 2.0)), 'the largest residual is'),
+    ],
+)
+def test_positions_that_give_no_rotation_are_refused(layout_m, places_m, fault):
+    with pytest.raises(CannotFit, match=fault):
+        fit(layout_m, places_m)
 
 
 @given(TRANSFORMS, st.sampled_from([SHIPPED_M, SQUARE_M, {each: SQUARE_M[each] for each in 'abc'}]))

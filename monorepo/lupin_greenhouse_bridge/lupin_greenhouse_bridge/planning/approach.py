@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.free_space import FreeSpace, wrapped
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.surroundings import AllSurroundings
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose, tables_of
@@ -127,13 +127,13 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     Return an approach pose for each tag that the robot can look at.
 
     Each pose is free, has the whole tag in view, and is connected to the start; without a start, to the
-    largest part of the free space. Among such poses those with the clearance win, then those with view and
-    room after an arrival beside the pose, then the one nearest to the preferred standoff, then the one with
-    the smallest incidence angle. Without that room, the roomiest pose wins.
-    With more than one pose per tag, the alternatives to it are the next best ones that are at least OTHER_M
-    or OTHER_RAD from each before; where an override sets the pose, there is none.
-    A map of the room, in the frame of the layout, leaves only the poses from which it is free by the radius
-    and the clearance. The free space, and with it the paths, does not know the map.
+    largest part of the free space. Those with the clearance win, then those with view and room after an
+    arrival beside the pose, then the one nearest to the preferred standoff, then the one with the smallest
+    incidence angle. Without that room, the roomiest pose wins.
+    With more than one pose per tag, the next best ones that are at least OTHER_M or OTHER_RAD from each
+    before are its alternatives; where an override sets the pose, there is none.
+    A map, in the frame of the layout, leaves only the poses from which it is free by the radius and the
+    clearance. The free space, and with it the paths, does not know it.
     `progress` is told what is done, how much of it, and of how much.
     Raises StartUpError for a start that is not free, if no point is free, or for a map of another place.
     """
@@ -248,7 +248,7 @@ class _Search:
         candidates, found = _candidates(tag, self._limits, override), [best]
         while len(found) < most:
             apart_m = np.linalg.norm(candidates[:, :2] - found[-1][:2], axis=1)
-            turned_rad = np.abs(wrapped(candidates[:, 2] - found[-1].yaw))
+            turned_rad = np.abs(_wrapped(candidates[:, 2] - found[-1].yaw))
             candidates = candidates[(apart_m >= OTHER_M - SAME_M) | (turned_rad >= OTHER_RAD - SAME_M)]
             if not (pose := self._try(tag_id, candidates).pose):
                 break
@@ -364,13 +364,18 @@ def _candidates(
     towards = tag[:2] - places
     sights = np.arctan2(towards[:, 1], towards[:, 0])
     yaws = sights if override.yaw is None else np.full(len(places), math.remainder(override.yaw, math.tau))
-    incidences = np.abs(wrapped(sights + math.pi - tag.facing))
+    incidences = np.abs(_wrapped(sights + math.pi - tag.facing))
     return np.column_stack([places, yaws, np.hypot(*towards.T), incidences])
 
 
 def _directions(angles: np.ndarray) -> np.ndarray:
     """Return the unit vectors of angles to the x axis, in an array (angles, 2)."""
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
+def _wrapped(angles: np.ndarray) -> np.ndarray:
+    """Return angles from -pi to pi."""
+    return angles - math.tau * np.round(angles / math.tau)
 
 
 def _steps(start: float, end: float, step: float) -> list[float]:

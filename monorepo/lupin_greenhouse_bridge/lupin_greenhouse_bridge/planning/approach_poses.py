@@ -214,19 +214,17 @@ def _parser() -> argparse.ArgumentParser:
         prog='approach_poses',
         description='Print the pose from which a robot sees each tag, in the order of visits.',
     )
-    parser.add_argument(
-        '--tag-file',
-        default='',
-        metavar='FILE',
-        help="the bridge's tag_file; default: the one of mdp-greenhouse",
-    )
+    add = parser.add_argument
+    place = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
+    shipped = "the bridge's tag_file; default: the one of mdp-greenhouse"
+    add('--tag-file', default='', metavar='FILE', help=shipped)
     add_wall_options(parser)
     for option, field, unit, what in LIMITS:
         value = getattr(default, field)
         value = math.degrees(value) if unit == 'DEGREES' else value
         shown = f'{what} (default: %(default)g)'
-        parser.add_argument(option, dest=field, type=float, default=value, metavar=unit, help=shown)
-    parser.add_argument(
+        add(option, dest=field, type=float, default=value, metavar=unit, help=shown)
+    add(
         '--arrival-tolerance',
         type=float,
         nargs=2,
@@ -235,37 +233,25 @@ def _parser() -> argparse.ArgumentParser:
         help='how far from its pose the robot may arrive, as xy_goal_tolerance and yaw_goal_tolerance of Nav2'
         ' (default: 0.06 0.15)',
     )
-    parser.add_argument(
-        '--order', choices=ORDERS, default='shortest', help='order of the visits (default: %(default)s)'
-    )
-    parser.add_argument(
-        '--start', type=float, nargs=2, metavar=('X', 'Y'), help='where the robot starts, in the layout'
-    )
-    parser.add_argument(
-        '--end', type=float, nargs=2, metavar=('X', 'Y'), help='where the route ends, such as at a dock'
-    )
-    parser.add_argument('--overrides', metavar='FILE', help='YAML file of poses that are set by hand')
-    parser.add_argument(
-        '--layout-in-map', metavar='FILE', help='file of register_layout: print the poses in the map'
-    )
-    parser.add_argument(
+    add('--order', choices=ORDERS, default='shortest', help='order of the visits (default: %(default)s)')
+    add('--start', **place, help='where the robot starts, in the layout')
+    add('--end', **place, help='where the route ends, such as at a dock')
+    add('--overrides', metavar='FILE', help='YAML file of poses that are set by hand')
+    add('--layout-in-map', metavar='FILE', help='file of register_layout: print the poses in the map')
+    add(
         '--map',
         metavar='FILE',
         help="YAML file of the robot's map, as of Nav2's map_server: each pose has its clearance there too",
     )
-    parser.add_argument(
+    add(
         '--unknown',
         choices=('occupied', 'free'),
         default='occupied',
         help='what the unknown cells of the map count as (default: %(default)s)',
     )
-    parser.add_argument(
-        '--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)'
-    )
-    parser.add_argument('--picture', metavar='FILE', help='draw the layout, the poses and the route')
-    parser.add_argument(
-        '--publish', action='store_true', help='keep the poses on ~/poses until Ctrl-C, for RViz'
-    )
+    add('--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)')
+    add('--picture', metavar='FILE', help='draw the layout, the poses and the route')
+    add('--publish', action='store_true', help='keep the poses on ~/poses until Ctrl-C, for RViz')
     return parser
 
 

@@ -31,13 +31,13 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
 
 NAME = 'register_layout'
 WRITTEN, NO_FIT, USAGE, INTERRUPTED = 0, 1, 2, 130
-DEFAULT_OUTPUT = 'layout_in_map.yaml'
 EPILOG = (
     'While a residual is above the tolerance, the tag is left out whose removal makes the others fit best.'
     ' At least 3 tags remain, and more than half of them. The expected error at the tag of the layout that is'
     ' farthest from the others must be within the tolerance too.'
     ' Exit code: 0 written, 1 the layout does not fit the map, 2 usage.'
 )
+DEFAULT_OUTPUT = 'layout_in_map.yaml'
 CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
 
 
@@ -228,40 +228,30 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
     )
     source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument(
-        '--pairs', metavar='FILE', help='YAML or JSON: positions in the map, such as {"7": [1.5, 7.3]}'
-    )
-    source.add_argument(
-        '--click', nargs='+', metavar='ID', help='take a click of RViz (Publish Point) for each tag in turn'
-    )
-    source.add_argument(
-        '--suggest', type=int, metavar='N', help='print the N tags that are best to click, and write nothing'
-    )
+    add = source.add_argument
+    add('--pairs', metavar='FILE', help='YAML or JSON: positions in the map, such as {"7": [1.5, 7.3]}')
+    add('--click', nargs='+', metavar='ID', help='take a click of RViz (Publish Point) for each tag in turn')
+    add('--suggest', type=int, metavar='N', help='print the N tags that are best to click, and write nothing')
     add_arguments(parser)
     return parser
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of layout_of() and register()."""
-    parser.add_argument(
-        '-o', '--output', default=DEFAULT_OUTPUT, metavar='FILE', help='file to write; default: %(default)s'
-    )
-    parser.add_argument(
-        '--tag-file', default='', metavar='FILE', help="the bridge's tag_file; default: the shipped one"
-    )
-    parser.add_argument(
+    add, metres = parser.add_argument, {'type': float, 'metavar': 'M'}
+    add('-o', '--output', default=DEFAULT_OUTPUT, metavar='FILE', help='file to write; default: %(default)s')
+    add('--tag-file', default='', metavar='FILE', help="the bridge's tag_file; default: the shipped one")
+    add(
         '--tolerance',
-        type=float,
+        **metres,
         default=DEFAULT_TOLERANCE_M,
-        metavar='M',
         help='largest residual in metres of a tag that is not left out, and largest expected error;'
         ' default: %(default)s',
     )
-    parser.add_argument(
+    add(
         '--click-error',
-        type=float,
+        **metres,
         default=DEFAULT_CLICK_ERROR_M,
-        metavar='M',
         help='standard deviation in metres of a position along each axis, unless the residuals show more;'
         ' default: %(default)s',
     )

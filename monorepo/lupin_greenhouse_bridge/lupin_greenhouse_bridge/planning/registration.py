@@ -210,11 +210,7 @@ def read_places(path: str | Path) -> dict[str, tuple[float, float]]:
 
 
 def read_transform(path: str | Path, frame_id: str = '') -> Transform:
-    """
-    Return the transform that write_transform() wrote.
-
-    Raises StartUpError if the file is malformed, or if its frame is not `frame_id`.
-    """
+    """Return the transform that read_registration() reads; also raises StartUpError for another frame."""
     registered_frame_id, transform = read_registration(path)
     if frame_id and registered_frame_id != frame_id:
         raise StartUpError(
@@ -225,7 +221,7 @@ def read_transform(path: str | Path, frame_id: str = '') -> Transform:
 
 
 def read_registration(path: str | Path) -> tuple[str, Transform]:
-    """Return the frame and the transform in a file of register_layout; raises StartUpError."""
+    """Return the frame and the transform in a file of write_transform(); raises StartUpError."""
     where = _where(path)
     data = read_yaml(path, where, f'a mapping, {_EXAMPLE}')
     if unknown := [key for key in data if key not in ('frame_id', *_UNITS)]:
