@@ -352,11 +352,6 @@ def test_a_pose_that_is_set_by_hand_has_no_alternative():
     assert not find_approaches(layout, walls, limits, overrides=overrides, most_per_tag=3).alternatives['0']
 
 
-def test_a_start_that_is_not_free_is_refused(shipped):
-    with pytest.raises(StartUpError, match=r'the start at \(2, 7.4\) is not free'):
-        approaches_of(shipped, start_m=(2.0, 7.4))
-
-
 @pytest.mark.parametrize(
     ('values', 'fragment'),
     [

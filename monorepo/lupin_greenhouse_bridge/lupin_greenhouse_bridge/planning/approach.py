@@ -331,11 +331,7 @@ def _allow_arrival(poses: np.ndarray, limits: ViewingLimits) -> np.ndarray:
 def _candidates(
     tag: TagPose, limits: ViewingLimits, override: Override, *, is_preferred: bool = False
 ) -> np.ndarray:
-    """
-    Return the poses that may be one of a tag, with the columns of ApproachPose, in an array (poses, 5).
-
-    Only those at the preferred standoff, if asked for.
-    """
+    """Return the possible poses of a tag, or only those at the preferred standoff, in an array (poses, 5)."""
     preferred_m = limits.preferred_standoff_m
     standoffs_m = [
         preferred_m,
@@ -424,11 +420,7 @@ _LIMITS = {
 
 
 def read_overrides(path: str | Path, layout_ids: Collection[str]) -> tuple[dict[str, Override], list[str]]:
-    """
-    Return the overrides of an approach_overrides.yaml by tag id, and a warning for each unknown id.
-
-    Raises StartUpError if the file is malformed.
-    """
+    """Return the overrides of a file by tag id, and a warning for each unknown id; raises StartUpError."""
     where = f"approach overrides '{escaped(str(path), 500)}'"
     data = _mapping(read_yaml(path, where, f'a mapping, {_EXAMPLE}'), ('overrides',), path, where)
     found, warnings = {}, []

@@ -20,11 +20,7 @@ NONE = 2**30  # the column of a cell that there is not
 
 
 class OccupancyMap:
-    """
-    An occupancy grid in the plane.
-
-    Unknown cells, and everything outside the grid, count as occupied unless `unknown_is_free` is set.
-    """
+    """An occupancy grid. Unknown cells and all outside it count as occupied, or as free if asked for."""
 
     files: tuple[Path, ...] = ()  # that it was read from
 

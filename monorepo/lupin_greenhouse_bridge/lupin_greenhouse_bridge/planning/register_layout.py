@@ -170,11 +170,7 @@ def node_in(executor, name: str):
 
 
 def _take_clicks(executor, layout: Layout, tag_ids: list[str]) -> tuple[dict, str]:
-    """
-    Return the clicked places by tag id, and their frame; raises Interrupted.
-
-    RViz has one click for each tag in turn; each must be in the frame of the first.
-    """
+    """Return the clicked places by tag id, and the frame of all; raises Interrupted."""
     _check_known(layout, tag_ids)
     if len(tag_ids) < 2:
         raise UsageError('--click needs at least 2 tags')

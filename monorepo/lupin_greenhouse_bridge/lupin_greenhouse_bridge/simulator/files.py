@@ -292,11 +292,7 @@ def _parse_yaml(text: str, where: str):
 
 
 def _written_out(node, sizes: dict[int, float], where: str) -> float:
-    """
-    Return how many values a YAML node has after its aliases are expanded; infinite if it holds itself.
-
-    Raises StartUpError for a key that appears twice in one mapping.
-    """
+    """Return how many values a node has with its aliases expanded: infinite if it holds itself."""
     if id(node) not in sizes:
         sizes[id(node)] = math.inf
         children = node.value if isinstance(node.value, list) else []  # a scalar holds a string

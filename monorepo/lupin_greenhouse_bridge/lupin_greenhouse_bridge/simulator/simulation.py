@@ -87,12 +87,9 @@ def served_tag_ids(tag_file: str) -> list[str]:
 
 def require_simulator() -> str:
     """
-    Return the installed version of mdp-greenhouse.
+    Return the installed version of mdp-greenhouse, which `greenhouse_sim.simulator.__version__` is not.
 
-    Raises StartUpError if it is missing, older than 1.0.7, or cannot be imported.
-
-    Reads the package's metadata, because `greenhouse_sim.simulator.__version__` is not kept up to date.
-    Before 1.0.7 the simulated clock is wrong: it exceeds a day (1.0.5) or is 24 times off (1.0.6).
+    Raises StartUpError if it is missing, or cannot be imported, or before 1.0.7: the clock was wrong.
     """
     try:
         version = importlib.metadata.version('mdp-greenhouse')

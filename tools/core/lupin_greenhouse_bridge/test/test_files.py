@@ -506,28 +506,17 @@ TABLE = {'x0': 0, 'y0': 0, 'x1': 2, 'y1': 1}
 BARE = {**TAG, 'sensors': []}
 
 
-@pytest.fixture
-def tag_file(tmp_path):
-    """Return a function that writes a tag file and returns its path."""
-
-    def write(data):
-        path = tmp_path / 'tags.json'
-        path.write_text(data if isinstance(data, str) else json.dumps(data), encoding='utf-8')
-        return str(path)
-
-    return write
-
-
 @pytest.mark.parametrize('data', [{'9': TAG, '7': TAG}, {'tags': {'9': TAG, '8': BARE, '7': TAG}}])
-def test_both_formats_give_the_tags_with_sensors_in_their_order(tag_file, data):
-    layout = read_layout(tag_file(data))
+def test_both_formats_give_the_tags_with_sensors_in_their_order(write, data):
+    layout = read_layout(write('tag_file', {'': data}))
     assert list(layout.tags) == ['9', '7']
     assert layout.tags['7'] == Tag(1.0, 2.5, ['co2'])
     assert layout.tables == {}
 
 
-def test_the_tables_are_their_corners_in_metres(tag_file):
-    layout = read_layout(tag_file({'tags': {'7': TAG}, 'tables': {'bench': {**TABLE, 'colour': 'green'}}}))
+def test_the_tables_are_their_corners_in_metres(write):
+    row = {'tables': {'bench': {**TABLE, 'colour': 'green'}}}
+    layout = read_layout(write('tag_file', row))
     assert layout.tables == {'bench': (0.0, 0.0, 2.0, 1.0)}
 
 
@@ -553,8 +542,8 @@ def test_without_the_simulator_there_is_no_shipped_layout(monkeypatch):
         ({'t': {**TABLE, 'y1': float('nan')}}, "table 't': y1 is nan: must be a number"),
     ],
 )
-def test_a_malformed_table_is_refused_where_the_tables_matter_and_only_there(tag_file, tables, fragment):
-    path = tag_file({'tags': {'7': TAG}, 'tables': tables})
+def test_a_malformed_table_is_refused_where_the_tables_matter_and_only_there(write, tables, fragment):
+    path = write('tag_file', {'tables': tables})
     with pytest.raises(StartUpError) as refusal:
         read_layout(path)
     assert f"tag_file '{path}': {fragment}" in str(refusal.value)

@@ -81,11 +81,7 @@ class FreeSpace:
         return bool(self.are_free([(x, y)])[0])
 
     def are_in_sight(self, start, ends) -> np.ndarray:
-        """
-        Return whether the straight line is free from one free point, or from each, to each of an array.
-
-        The arrays have the shape (points, 2), in metres.
-        """
+        """Return whether the line from a free point, or from each, to each free point (points, 2) is free."""
         ends = np.asarray(ends, dtype=float).reshape(-1, 2)
         starts = np.broadcast_to(np.asarray(start, dtype=float).reshape(-1, 2), ends.shape)
         is_free = np.ones(len(ends), dtype=bool)
@@ -310,25 +306,20 @@ class VisibilityGraph:
         return whose[are_seen], nodes[are_seen]
 
     def regions(self) -> np.ndarray:
-        """
-        Return for each node the number of its region, which is the same where nodes are connected.
-
-        Short links come first. Longer ones are then sought from the smallest region that is left each time.
-        """
+        """Return for each node the number of its region, which is the same where nodes are connected."""
         reach_m = next(self.reaches_m())
         for numbers in _parts(np.arange(len(self.nodes))):
             self._find_links(numbers, 0.0, reach_m)
-        found, members = np.full(len(self.nodes), -1), {}
+        found, left = np.full(len(self.nodes), -1), {}
         for node in range(len(found)):
             if found[node] < 0:
-                members[node], found[node] = [node], node
-                for each in members[node]:  # grows
+                left[node], found[node] = [node], node
+                for each in left[node]:  # grows
                     for _, other in self._links[each]:
                         if found[other] < 0:
                             found[other] = node
-                            members[node].append(other)
-        left = dict(members)
-        while len(left) > 1:
+                            left[node].append(other)
+        while len(left) > 1:  # seek a longer link from the smallest region
             region = min(left, key=lambda each: len(left[each]))
             nodes = left.pop(region)
             for reach_m, numbers in itertools.product(self.reaches_m(), _parts(np.array(nodes))):
