@@ -97,13 +97,8 @@ def test_the_ready_line_names_tags_sensors_clock_and_rmw(bridge_here, shipped_ta
     assert '; clock frozen at 6.5 h' in frozen
 
 
-@contextlib.contextmanager
-def held_handlers(monkeypatch):
-    """
-    Yield a bridge with 8 executor threads, whose handlers stay in the simulator, its client and another one.
-
-    The bridge counts the handlers: `inside` now, and the `most` at once. They leave when `let_go` is set.
-    """
+def test_at_most_one_handler_is_in_the_simulator_whatever_the_executor(monkeypatch):
+    """More requests wait than ROS's default depth keeps, while 8 threads run other callbacks."""
 
     class HeldSimulator(simulator.GreenhouseSimulator):
         inside = most = 0
@@ -144,19 +139,12 @@ def held_handlers(monkeypatch):
             assert each.wait_for_service(timeout_sec=PATIENCE_SECONDS)
             greet(each, request)
         HeldSimulator.let_go.clear()
-        HeldSimulator.most = 0
-        yield HeldSimulator, client, other
-
-
-def test_at_most_one_handler_is_in_the_simulator_whatever_the_executor(monkeypatch):
-    """More requests wait than ROS's default depth keeps, while the executor runs other callbacks."""
-    with held_handlers(monkeypatch) as (held, client, other):
-        asked = []
+        HeldSimulator.most, asked = 0, []
         for _ in range(24):
             asked.append(client.call_async(GetTagReading.Request(tag_id='1')))
-            wait_until(lambda: held.inside)
+            wait_until(lambda: HeldSimulator.inside)
             assert tag_ids_of(call(other, tag_ids_request()))
-        held.let_go.set()
+        HeldSimulator.let_go.set()
         wait_until(lambda: all(each.done() for each in asked))
         assert [each.result().status for each in asked] == [GetTagReading.Response.STATUS_OK] * 24
-        assert held.most == 1
+        assert HeldSimulator.most == 1

@@ -149,13 +149,6 @@ def test_positions_that_give_no_rotation_are_refused(layout_m, places_m, fault):
         fit(layout_m, places_m)
 
 
-@given(TRANSFORMS, st.sampled_from([SHIPPED_M, SQUARE_M, {each: SQUARE_M[each] for each in 'abc'}]))
-def test_a_mirrored_map_is_refused(transform, layout_m):
-    mirrored_m = {tag_id: (-x, y) for tag_id, (x, y) in layout_m.items()}
-    with pytest.raises(CannotFit, match='are a mirror image of the layout: x and y are swapped'):
-        fit(layout_m, moved(mirrored_m, transform))
-
-
 def test_a_mirrored_map_of_tags_almost_on_one_line_is_refused_if_it_fits_better():
     layout_m = {'a': (0.0, 0.0), 'b': (2.0, 0.06), 'c': (4.0, 0.0)}
     assert not fit(layout_m, layout_m).left_out

@@ -174,15 +174,11 @@ def test_an_error_is_one_line_that_keeps_the_spaces_of_a_name():
 def test_launch_gets_every_parameter_as_it_writes_defaults():
     @dataclasses.dataclass
     class Example:
-        name: str = parameter('', 'A text.')
         hours: float = parameter(-1.0, 'A number.', smallest=-1.0, largest=24.0)
-        seed: int = parameter(-1, 'A whole number.', smallest=-1, largest=9)
         is_on: bool = parameter(False, 'A switch.')
 
     assert launch_arguments(Example) == [
-        ('name', '', str, 'A text.'),
         ('hours', '-1.0', float, 'A number.'),
-        ('seed', '-1', int, 'A whole number.'),
         ('is_on', 'false', bool, 'A switch.'),
     ]
 

@@ -56,12 +56,11 @@ def main(args=None) -> int:
         print_line(FORMATS[options.format](data), end='')
         for each in data['unreachable']:
             print_line(f"approach_poses: tag '{escaped(each['tag_id'], 64)}': {each['reason']}", sys.stderr)
-        if options.publish:
-            _publish(data['poses'], frame_id, ['approach_poses', *ros_words])
     except OneLineError as error:
         print(f'approach_poses: {error}', file=sys.stderr)
         return USAGE
-    return SOME_HAVE_NONE if data['unreachable'] else ALL_HAVE_A_POSE
+    exit_code = SOME_HAVE_NONE if data['unreachable'] else ALL_HAVE_A_POSE
+    return _publish(data['poses'], frame_id, ros_words, exit_code) if options.publish else exit_code
 
 
 def _compute(options) -> tuple[dict, str]:
@@ -184,28 +183,26 @@ FORMATS = {
 }
 
 
-def _publish(poses: list[dict], frame_id: str, args: list[str]) -> None:
-    """Publish the poses on the latched topic `~/poses` until Ctrl-C or SIGTERM."""
+def _publish(poses: list[dict], frame_id: str, ros_words: list[str], exit_code: int) -> int:
+    """Publish the poses on the latched topic `~/poses` until Ctrl-C or SIGTERM; return the exit code."""
     import rclpy
     from geometry_msgs.msg import PoseArray
 
     from lupin_greenhouse_bridge.contract import latched
-    from lupin_greenhouse_bridge.runtime import process
-    from lupin_greenhouse_bridge.runtime.run import node_creation, ros
+    from lupin_greenhouse_bridge.runtime.run import run
 
-    with ros(args) as executor:
-        with node_creation():
-            node = rclpy.create_node('approach_poses')
-        executor.add_node(node)
-        message = PoseArray()
+    def node_with_poses():
+        node = rclpy.create_node('approach_poses')
+        message = PoseArray(poses=[pose_message(each['x'], each['y'], each['yaw']) for each in poses])
         message.header.frame_id = frame_id
         message.header.stamp = node.get_clock().now().to_msg()
-        message.poses = [pose_message(each['x'], each['y'], each['yaw']) for each in poses]
         publisher = node.create_publisher(PoseArray, '~/poses', latched())
         publisher.publish(message)
         node.get_logger().info(f'{pluralized(len(poses), "pose")} on {publisher.topic_name} until Ctrl-C')
-        while not process.is_asked_to_end():
-            executor.spin_once(timeout_sec=process.LONGEST_WAIT_SECONDS)
+        return node
+
+    args = ['approach_poses', *ros_words]
+    return run('approach_poses', node_with_poses, args, conclude=lambda _: exit_code, refused=USAGE)
 
 
 def _parser() -> argparse.ArgumentParser:

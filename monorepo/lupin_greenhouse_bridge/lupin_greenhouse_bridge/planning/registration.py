@@ -59,12 +59,10 @@ def fit(
     """
     Return the rotation and shift from the layout to the map, by least squares.
 
-    Both mappings have x and y in metres by tag id, and the layout must have every tag of the map. If a
-    residual is above the tolerance, the function leaves out the tag whose removal gives the best fit, and
-    repeats this. It keeps at least three tags, and more than half of them.
-
-    The click error is the smallest standard deviation to assume for a position in the map, along each axis. A
-    few residuals can be small by chance, and those of two tags do not show an error of the rotation.
+    Both mappings have x and y in metres by tag id, and the layout must have every tag of the map. While a
+    residual is above the tolerance, the tag is left out without which the others fit best; at least three
+    tags, and more than half of them, remain. The click error is the smallest standard deviation to assume for
+    a position in the map, along each axis: a few residuals can be small by chance.
 
     Raises CannotFit if there are fewer than two tags, if the tags are in one spot, if the positions are a
     mirror image, or if a residual or the expected error is above the tolerance.
