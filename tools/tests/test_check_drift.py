@@ -119,7 +119,7 @@ EDITS = [
     (INTERFACE, 'monorepo', READING, 'string tag_id    ', 'string tag_id\t'),
     (INTERFACE, 'mirror', SENSOR, 'float64 value', 'float64 v\u0430lue'),
     (PACKAGE_DIFFERS, 'mirror', LAUNCH, "'screen'", "'scre\u0435n'"),
-    (PACKAGE_DIFFERS, 'mirror', SIMULATION, 'tags have no sensors', 'tags have\u200b no sensors'),
+    (PACKAGE_DIFFERS, 'mirror', SIMULATION, 'without sensors', 'without\u200b sensors'),
     (NODE_DIFFERS, 'monorepo', NODE, 'sys.exit(main())\n', 'sys.exit(main())'),
     (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/setup.cfg', 'lupin_greenhouse_bridge\n', 'lupin_greenhouse_bridge  \n'),
 ]  # fmt: skip

@@ -13,11 +13,7 @@ HOURS = 'between 0 and 24 hours, or -1.0 for the time of the config'
 
 @dataclass(frozen=True)
 class Settings:
-    """
-    The validated parameters of one run. A default keeps the value of the config file.
-
-    Raises StartUpError for a value outside its limits.
-    """
+    """The parameters of one run; raises StartUpError. A default keeps the value of the config."""
 
     tag_file: str = parameter('', 'Path of a tag_locations.json; empty: the one of mdp-greenhouse.')
     sim_config_file: str = parameter(

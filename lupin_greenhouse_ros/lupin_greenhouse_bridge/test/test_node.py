@@ -5,7 +5,6 @@ import contextlib
 import dataclasses
 import threading
 
-import pytest
 import rclpy
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node
@@ -72,14 +71,8 @@ def test_the_ready_line_names_tags_sensors_clock_and_rmw(bridge_here, shipped_ta
     assert '; clock frozen at 6.5 h' in frozen
 
 
-@pytest.fixture
-def held_handlers(monkeypatch):
-    """
-    Run a bridge with 8 executor threads, whose handlers stay in the simulator.
-
-    Returns the simulator, which counts the handlers (`inside` now, and the `most` at once) and holds them
-    until `let_go` is set, a client, and a client of another service.
-    """
+def test_at_most_one_handler_is_in_the_simulator_whatever_the_executor(monkeypatch):
+    """More requests wait than ROS's default depth keeps, while 8 threads run other callbacks."""
 
     class HeldSimulator(simulator.GreenhouseSimulator):
         inside = most = 0
@@ -116,19 +109,12 @@ def held_handlers(monkeypatch):
             assert each.wait_for_service(timeout_sec=PATIENCE_SECONDS)
             greet(each, request)
         HeldSimulator.let_go.clear()
-        HeldSimulator.most = 0
-        yield HeldSimulator, client, other
-
-
-def test_at_most_one_handler_is_in_the_simulator_whatever_the_executor(held_handlers):
-    """More requests wait than ROS's default depth keeps, while the executor runs other callbacks."""
-    held, client, other = held_handlers
-    asked = []
-    for _ in range(24):
-        asked.append(client.call_async(GetTagReading.Request(tag_id='1')))
-        wait_until(lambda: held.inside)
-        assert tag_ids_of(call(other, tag_ids_request()))
-    held.let_go.set()
-    wait_until(lambda: all(each.done() for each in asked))
-    assert [each.result().status for each in asked] == [GetTagReading.Response.STATUS_OK] * 24
-    assert held.most == 1
+        HeldSimulator.most, asked = 0, []
+        for _ in range(24):
+            asked.append(client.call_async(GetTagReading.Request(tag_id='1')))
+            wait_until(lambda: HeldSimulator.inside)
+            assert tag_ids_of(call(other, tag_ids_request()))
+        HeldSimulator.let_go.set()
+        wait_until(lambda: all(each.done() for each in asked))
+        assert [each.result().status for each in asked] == [GetTagReading.Response.STATUS_OK] * 24
+        assert HeldSimulator.most == 1

@@ -267,8 +267,8 @@ def test_a_map_of_another_place_is_refused_with_both_extents(write_map, poses_of
         ({'resolution': '0.05 m'}, "resolution is '0.05 m': must be a number"),
         ({'origin': [0.0, 0.0]}, 'origin is missing or not a list of three'),
         ({'origin': [0.0, 'one', 0.0]}, "origin: y is 'one': must be a number"),
-        ({'mode': 'binary'}, "mode is 'binary': must be trinary, scale or raw"),
-        ({'negate': 2}, 'negate is 2: must be 0 or 1'),
+        ({'mode': 'binary'}, "mode is 'binary': must be one of trinary, scale, raw"),
+        ({'negate': 2}, 'negate is 2: must be one of 0, 1'),
         ({'occupied_thresh': 1.5}, 'occupied_thresh is 1.5: must be a number from 0 to 1'),
         ({'free_thresh': 0.65}, 'free_thresh must be below occupied_thresh'),
     ],
@@ -291,7 +291,7 @@ def test_an_image_in_place_of_its_yaml_file_a_torn_image_and_no_file_are_refused
     image.write_bytes(image.read_bytes()[:60])
     assert re.search(r"image '.*map\.png' cannot be read: ", poses_of('--map', path)[2])
     path.write_text('[1, 2]', encoding='utf-8')
-    assert 'is not a mapping with image' in poses_of('--map', path)[2]
+    assert 'not a mapping with image' in poses_of('--map', path)[2]
 
 
 def test_without_pillow_the_package_to_install_is_named(write_map, poses_of, monkeypatch):

@@ -151,7 +151,6 @@ def test_a_tag_that_the_layout_lacks_is_refused(register, places, tmp_path):
             ['--pairs', 'none.json', '-o', 'a.yaml', '--tolerance', 'nan'],
             '--tolerance is nan: must be a number of metres',
         ),
-        (['--pairs', 'none.json', '--tolerance', 'inf'], '--tolerance is inf: must be a number of metres'),
         (['--pairs', 'none.json', '--click-error', '0'], '--click-error is 0: must be a number of metres'),
         (['--suggest', '1'], '--suggest is 1: must be from 2 to'),
         (['--suggest', '999'], '--suggest is 999: must be from 2 to'),

@@ -2,7 +2,6 @@
 """The approach poses of a layout, the free space, and the order of visits."""
 
 import functools
-import heapq
 import itertools
 import math
 
@@ -197,20 +196,6 @@ def test_the_preferred_standoff_comes_before_the_smallest_angle():
     assert 0.1 < pose.angle_rad < math.pi / 4
 
 
-# Two benches with an aisle of 0.35 m, and three tags at it.
-AISLE = layout_of(
-    (0.1, 0.5), (0.2, 0.85), (1.9, 0.5), south=(0.0, 0.0, 2.0, 0.5), north=(0.0, 0.85, 2.0, 1.35)
-)
-
-
-@pytest.mark.parametrize('camera_offset_m', [0.0, 0.1, -0.1])
-def test_at_a_narrow_aisle_each_tag_is_in_view_from_its_pose(camera_offset_m):
-    approaches = approaches_of(AISLE, camera_offset_m=camera_offset_m)
-    assert set(approaches.poses) == set(AISLE.tags)
-    for tag_id, pose in approaches.poses.items():
-        assert not is_hidden(AISLE, tag_id, pose, camera_offset_m)
-
-
 def test_a_tag_that_another_one_hides_everywhere_has_the_reason():
     hidden = 'tables or other tags hide it wherever the robot has a place'
     layout = layout_of((2.0, 1.0), (2.0, 1.0), (2.5, 1.0), table=(1.0, 1.0, 3.0, 1.5))
@@ -223,14 +208,6 @@ def test_tags_side_by_side_hide_nothing_of_each_other():
     layout = layout_of(*((1.5 + PLATE_WIDTH_M * n, 1.0) for n in range(4)), table=(1.0, 1.0, 3.0, 1.5))
     angles = [pose.angle_rad for pose in approaches_of(layout).poses.values()]
     assert angles == pytest.approx([0.0] * 4)
-
-
-def test_a_pose_beside_a_tag_that_is_in_the_way_wins():
-    """Tag 1 is ahead of tag 0, edge-on."""
-    layout = layout_of((2.0, 1.0), (2.0, 0.7), table=(1.0, 1.0, 3.0, 1.5), post=(2.0, 0.69, 2.01, 0.71))
-    poses = approaches_of(layout, 0.1).poses
-    assert poses['0'].angle_rad > 0.05
-    assert not is_hidden(layout, '0', poses['0'])
 
 
 def test_the_view_is_that_of_the_camera_ahead_of_the_centre():
@@ -293,19 +270,7 @@ def arrivals(pose: ApproachPose, count: int = 100):
         yield x, y, pose.yaw + turn
 
 
-def test_a_pose_has_room_for_an_arrival_beside_it_where_there_is_such_a_place(shipped):
-    walls = find_walls(shipped)
-    poses = find_approaches(shipped, walls, ViewingLimits()).poses
-    tight = {
-        tag_id
-        for tag_id, pose in poses.items()
-        for x, y, _ in arrivals(pose)
-        if gap_m(shipped, x, y, walls) < 0.2 + TIGHT_M
-    }
-    assert tight <= {'21'}
-
-
-def allows_arrival(tag, pose: ApproachPose, camera_offset_m: float = 0.0) -> bool:
+def allows_arrival(tag, pose: ApproachPose, camera_offset_m: float) -> bool:
     """Return whether the view is within the limits from wherever the robot arrives."""
     for x, y, yaw in arrivals(pose):
         eye = x + camera_offset_m * math.cos(yaw), y + camera_offset_m * math.sin(yaw)
@@ -326,6 +291,12 @@ def test_a_pose_allows_for_an_arrival_beside_it_where_there_is_room(shipped, cam
         if not allows_arrival(free_space.tag_poses[tag_id], pose, camera_offset_m)
     }
     assert tight <= {'21', '25', '26'}, tight
+    assert {
+        tag_id
+        for tag_id, pose in poses.items()
+        for x, y, _ in arrivals(pose)
+        if gap_m(shipped, x, y, walls) < 0.2 + TIGHT_M
+    } <= {'21'}
     blocked = layout_of((2.0, 1.0), table=(1.0, 1.0, 3.0, 1.5), ahead=(1.9, 0.3, 2.1, 0.6))
     pose = approaches_of(blocked, 0.1, camera_offset_m=camera_offset_m).poses['0']
     assert pose.angle_rad > 0.3
@@ -376,19 +347,9 @@ def test_the_alternatives_of_a_tag_are_poses_too_and_apart_from_each_other(shipp
 
 def test_a_pose_that_is_set_by_hand_has_no_alternative():
     layout = layout_of((2.0, 1.0), table=(1.0, 1.0, 3.0, 1.5))
-    approaches = find_approaches(
-        layout,
-        walls_around(layout),
-        ViewingLimits(),
-        overrides={'0': Override(math.pi / 2, 0.4)},
-        most_per_tag=3,
-    )
-    assert approaches.alternatives == {'0': []}
-
-
-def test_a_start_that_is_not_free_is_refused(shipped):
-    with pytest.raises(StartUpError, match=r'the start at \(2, 7.4\) is not free'):
-        approaches_of(shipped, start_m=(2.0, 7.4))
+    overrides = {'0': Override(math.pi / 2, 0.4)}
+    walls, limits = walls_around(layout), ViewingLimits()
+    assert not find_approaches(layout, walls, limits, overrides=overrides, most_per_tag=3).alternatives['0']
 
 
 @pytest.mark.parametrize(
@@ -498,41 +459,25 @@ def test_a_path_is_free_and_no_longer_than_on_a_grid(layout, radius_m, ends):
     else:
         assert (path[0], path[-1]) == (start, goal)
         assert all(gap_m(layout, *point) >= radius_m - SAME_M for point in points_of(path, 0.05))
-        assert free_space.length_m(path) <= 1.03 * on_grid_m + 0.2
+        assert free_space.length_m(path) <= on_grid_m + 0.15
 
 
 def grid_length_m(layout: Layout, radius_m: float, start, goal, step_m: float = 0.1) -> float:
     """Return the length of the shortest path on a grid with eight neighbours; infinite if there is none."""
     x0, y0, x1, y1 = walls_around(layout)
-    clear_m = radius_m * 1.09 + 0.001  # outside the octagon around the robot's circle
-
-    def nearest(point):
-        i, j = (round((point[axis] - (x0, y0)[axis]) / step_m) for axis in (0, 1))
-        return i, j
-
-    is_free = {}
-
-    def free(cell):
-        if cell not in is_free:
-            x, y = x0 + cell[0] * step_m, y0 + cell[1] * step_m
-            is_free[cell] = x0 < x < x1 and y0 < y < y1 and gap_m(layout, x, y) > clear_m + step_m
-        return is_free[cell]
-
-    first, last = nearest(start), nearest(goal)
-    if not (free(first) and free(last)):
-        return math.inf
-    best, heap = {first: 0.0}, [(0.0, first)]
-    while heap:
-        length_m, cell = heapq.heappop(heap)
-        if cell == last:
-            return length_m
+    points = np.stack(np.meshgrid(np.arange(x0, x1, step_m), np.arange(y0, y1, step_m), indexing='ij'), -1)
+    # With this room, the robot can drive from each free point to those beside it.
+    is_free = np.pad(free_space_of(layout, radius_m + step_m).are_free(points).reshape(points.shape[:2]), 1)
+    first, last = (tuple(1 + np.rint((np.array(at) - (x0, y0)) / step_m).astype(int)) for at in (start, goal))
+    shorter_m = np.full(is_free.shape, np.inf)
+    shorter_m[first] = 0.0 if is_free[first] else np.inf
+    lengths_m = None
+    while not np.array_equal(lengths_m, shorter_m):
+        lengths_m = shorter_m
         for step in itertools.product((-1, 0, 1), repeat=2):
-            there = cell[0] + step[0], cell[1] + step[1]
-            longer_m = length_m + step_m * math.hypot(*step)
-            if longer_m < best.get(there, math.inf) and free(there):
-                best[there] = longer_m
-                heapq.heappush(heap, (longer_m, there))
-    return math.inf
+            along_m = np.roll(lengths_m, step, axis=(0, 1)) + step_m * math.hypot(*step)
+            shorter_m = np.where(is_free, np.minimum(shorter_m, along_m), np.inf)
+    return float(lengths_m[last])
 
 
 def benches_of(count: int) -> Layout:
@@ -636,14 +581,6 @@ def test_the_shortest_route_of_the_shipped_layout_is_much_shorter_than_by_number
         assert route.points_m[0] == (0.5, 0.5)
         assert route.length_m == pytest.approx(free_space.length_m(route.points_m))
         assert all(poses[tag_id][:2] in route.points_m for tag_id in route.tag_ids)
-
-
-def test_two_opt_mends_what_the_nearest_first_leaves():
-    free_space = free_space_of(layout_of((0.0, -3.0), (12.0, 3.0)), 0.1)
-    stops = {'1': 1.0, '2': -1.5, '3': 3.5, '4': -5.0}  # nearest first turns round at each
-    poses = {tag_id: ApproachPose(x + 5.0, 0.0, 0.0, 0.5, 0.0) for tag_id, x in stops.items()}
-    route = plan_route(free_space, poses, (5.0, 0.0), 'shortest')
-    assert route.length_m < 13.5
 
 
 @pytest.mark.parametrize('start_m', [None, (0.5, 0.5)])
@@ -757,6 +694,7 @@ def test_the_overrides_are_read_by_tag_and_an_unknown_tag_is_warned_of(overrides
         ('overrides: {"7": {goal_x: .nan}}', "tag '7': goal_x is nan: must be a number"),
         ('overrides: {"7": {yaw: "north"}}', "tag '7': yaw is 'north': must be a number"),
         ('overrides: [7]', 'is not a mapping, such as {overrides:'),
+        ('[7]', 'holds a list at its top level, not a mapping, such as {overrides:'),
         ('overrides: {"7": 1.5}', "tag '7': is not a mapping"),
         ('overrides: {', 'is not YAML'),
         ('{"overrides": {\n\t"7": {"Yaw": 1}}}', "tag '7': line 2: unknown key 'Yaw': use yaw"),

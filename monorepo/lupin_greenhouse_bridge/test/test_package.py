@@ -102,11 +102,6 @@ def test_a_module_imports_only_from_its_row_and_those_above_it(row):
     assert {file.name: found for file in files if (found := imported_rooms(file) - above)} == {}
 
 
-def test_errors_units_and_the_runtime_stand_alone():
-    assert imported_rooms(MODULES / 'errors.py') | imported_rooms(MODULES / 'units.py') == set()
-    assert set().union(*map(imported_rooms, (MODULES / 'runtime').glob('*.py'))) == {'errors', 'runtime'}
-
-
 @pytest.mark.parametrize(
     ('files', 'kinds', 'besides'),
     [

@@ -11,7 +11,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
 from lupin_greenhouse_bridge.runtime.parameters import launch_arguments, parameter
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing.signals import MOMENTS, SIGNALS, command
 from rclpy.executors import SingleThreadedExecutor
 
@@ -103,16 +103,6 @@ def test_read_tag_that_watches_ends_with_exit_code_0(noon_bridge, read_tag_here,
     assert ended.out.startswith('tag')
 
 
-def test_the_process_of_read_tag_that_watches_ends_with_exit_code_0(noon_bridge):
-    ask = [executable(PACKAGE, 'read_tag'), '1', '--watch', '100', '--service', noon_bridge.service_name]
-    ask += ['--timeout', str(PATIENCE_SECONDS)]
-    with subprocess.Popen(ask, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout.readline().startswith('tag')
-        process.terminate()
-        assert process.wait(PATIENCE_SECONDS) == 0
-        assert 'Traceback' not in process.stderr.read()
-
-
 @pytest.mark.parametrize('signals', ['Ctrl-C', 'SIGTERM'])
 @pytest.mark.parametrize('name', ['planning/approach_poses', 'display/plot_report', 'display/readings_page'])
 def test_a_command_without_a_node_is_ended_by_a_signal_at_once(name, signals):
@@ -184,15 +174,11 @@ def test_an_error_is_one_line_that_keeps_the_spaces_of_a_name():
 def test_launch_gets_every_parameter_as_it_writes_defaults():
     @dataclasses.dataclass
     class Example:
-        name: str = parameter('', 'A text.')
         hours: float = parameter(-1.0, 'A number.', smallest=-1.0, largest=24.0)
-        seed: int = parameter(-1, 'A whole number.', smallest=-1, largest=9)
         is_on: bool = parameter(False, 'A switch.')
 
     assert launch_arguments(Example) == [
-        ('name', '', str, 'A text.'),
         ('hours', '-1.0', float, 'A number.'),
-        ('seed', '-1', int, 'A whole number.'),
         ('is_on', 'false', bool, 'A switch.'),
     ]
 

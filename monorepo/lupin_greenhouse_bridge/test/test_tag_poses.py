@@ -59,6 +59,11 @@ def test_on_a_corner_a_tag_faces_the_side_where_the_next_table_or_wall_is_farthe
         # on an edge: none inwards, infinite outwards
         (2.0, 1.0, {NORTH: 0.0, SOUTH: math.inf}),
         (3.0, 1.2, {WEST: 0.0, EAST: math.inf}),
+        # beside the table by 9 cm, and by 11 cm
+        *((1.0 - beside, 0.5, {NORTH: away}) for beside, away in ((0.09, 0.5), (0.11, math.inf))),
+        *((3.0 + beside, 2.0, {SOUTH: away}) for beside, away in ((0.09, 0.5), (0.11, math.inf))),
+        *((0.5, 1.0 - beside, {EAST: away}) for beside, away in ((0.09, 0.5), (0.11, math.inf))),
+        *((3.5, 1.5 + beside, {WEST: away}) for beside, away in ((0.09, 0.5), (0.11, math.inf))),
     ],
 )
 def test_the_distance_to_a_table_ahead_is_measured_along_an_axis(x, y, distances_m):
@@ -66,37 +71,11 @@ def test_the_distance_to_a_table_ahead_is_measured_along_an_axis(x, y, distances
     assert found == pytest.approx(distances_m)
 
 
-@pytest.mark.parametrize(('beside_m', 'distance_m'), [(0.09, 0.5), (0.11, math.inf)])
-@pytest.mark.parametrize(
-    ('place_beside', 'angle'),
-    [
-        (lambda beside: (1.0 - beside, 0.5), NORTH),
-        (lambda beside: (3.0 + beside, 0.5), NORTH),
-        (lambda beside: (1.0 - beside, 2.0), SOUTH),
-        (lambda beside: (0.5, 1.0 - beside), EAST),
-        (lambda beside: (0.5, 1.5 + beside), EAST),
-        (lambda beside: (3.5, 1.5 + beside), WEST),
-    ],
-)
-def test_a_table_more_than_10_cm_aside_is_not_ahead(beside_m, distance_m, place_beside, angle):
-    assert Table(*LONG).distance_ahead_m(*place_beside(beside_m), angle) == distance_m
-
-
-def test_on_a_corner_a_table_that_is_aside_or_behind_does_not_count():
-    beside = (1.5, 0.0, 3.0, 0.5)  # half a metre to the east of the line to the south
-    assert facing(1.0, 1.0, table=LONG, beside=beside) == SOUTH
-    behind = (0.5, 2.0, 3.0, 2.5)  # to the north
-    assert facing(1.0, 1.0, table=LONG, behind=behind) == SOUTH
-
-
 @pytest.mark.parametrize(
     ('x', 'y', 'distance_m'),
     [
         (2.0, 1.2, 0.0),
-        (1.0, 1.5, 0.0),
         (0.4, 1.2, 0.6),
-        (3.5, 1.2, 0.5),
-        (2.0, 0.8, 0.2),
         (2.0, 1.9, 0.4),
         (0.7, 0.6, 0.5),
         (3.3, 1.9, 0.5),

@@ -13,7 +13,7 @@ from lupin_greenhouse_bridge.contract import (
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.registration import Transform, read_transform
 from lupin_greenhouse_bridge.simulator.files import shipped_file
-from lupin_greenhouse_bridge.simulator.layout import Layout, read_layout, read_tags_with_sensors
+from lupin_greenhouse_bridge.simulator.layout import Layout, read_layout
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
 
@@ -45,7 +45,7 @@ class Tags:
         if self._world:
             self.ids = list(self._world)
         elif settings.tag_locations_file:
-            self.ids = list(read_tags_with_sensors(settings.tag_locations_file))
+            self.ids = list(read_layout(settings.tag_locations_file, has_tables=False).tags)
 
     def layout(self) -> Layout:
         """Return the layout, once the tags are known; raises StartUpError."""
@@ -132,7 +132,7 @@ class Tags:
         """Take the tags that mdp-greenhouse ships, if it is installed."""
         if shipped := shipped_file('tag_locations.json'):
             log(f'{reason}: using those of {shipped}')
-            on_tags(list(read_tags_with_sensors(shipped)), is_custom_file=False)
+            on_tags(list(read_layout(shipped, has_tables=False).tags), is_custom_file=False)
 
     def _has_no_parameters(self, has_service: Callable[[], bool]) -> bool:
         """Return whether the service has been there for a while without the parameters of a bridge."""
@@ -149,7 +149,7 @@ class Tags:
             return
         layout = self._world
         if not layout and self._tag_file:
-            layout = read_tags_with_sensors(self._tag_file)
+            layout = read_layout(self._tag_file, has_tables=False).tags
         self.positions_m = {tag_id: self.layout_in_map.point(*tag[:2]) for tag_id, tag in layout.items()}
 
 

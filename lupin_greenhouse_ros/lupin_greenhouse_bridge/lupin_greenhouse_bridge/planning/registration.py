@@ -59,12 +59,10 @@ def fit(
     """
     Return the rotation and shift from the layout to the map, by least squares.
 
-    Both mappings have x and y in metres by tag id, and the layout must have every tag of the map. If a
-    residual is above the tolerance, the function leaves out the tag whose removal gives the best fit, and
-    repeats this. It keeps at least three tags, and more than half of them.
-
-    The click error is the smallest standard deviation to assume for a position in the map, along each axis. A
-    few residuals can be small by chance, and those of two tags do not show an error of the rotation.
+    Both mappings have x and y in metres by tag id, and the layout must have every tag of the map. While a
+    residual is above the tolerance, the tag is left out without which the others fit best; at least three
+    tags, and more than half of them, remain. The click error is the smallest standard deviation to assume for
+    a position in the map, along each axis: a few residuals can be small by chance.
 
     Raises CannotFit if there are fewer than two tags, if the tags are in one spot, if the positions are a
     mirror image, or if a residual or the expected error is above the tolerance.
@@ -137,11 +135,9 @@ def best_to_click(layout_m: Mapping[str, tuple[float, float]], count: int) -> li
 def _spread(places: list[complex]) -> tuple[float, float]:
     """Return the determinant and the trace of the scatter matrix: the trace counts for tags on a line."""
     mean = sum(places) / len(places)
-    xx, yy, xy = (
-        sum(part(place - mean) for place in places)
-        for part in (lambda p: p.real**2, lambda p: p.imag**2, lambda p: p.real * p.imag)
-    )
-    return round(xx * yy - xy**2, 6), xx + yy
+    trace = sum(abs(place - mean) ** 2 for place in places)
+    squares = sum((place - mean) ** 2 for place in places)  # xx - yy + 2j * xy
+    return round((trace**2 - abs(squares) ** 2) / 4, 6), trace
 
 
 # Positions are complex numbers, in pairs (layout, map) by tag id: a rotation is a factor of length 1.
@@ -197,10 +193,8 @@ def _worst(pairs: dict) -> str:
 def read_places(path: str | Path) -> dict[str, tuple[float, float]]:
     """Return x and y in metres by tag id, from a YAML or JSON file; raises StartUpError for a bad file."""
     where = f"pairs '{escaped(str(path), 500)}'"
-    data = read_yaml(path, where, 'the file has two levels')
     example = 'such as {"7": [1.5, 7.3]}'
-    if not isinstance(data, dict):
-        raise StartUpError(f'{where}: must hold positions in the map by tag id, {example}')
+    data = read_yaml(path, where, f'positions in the map by tag id, {example}')
     places = {}
     for tag_id, place in data.items():
         here = f"{where}: tag '{escaped(str(tag_id), 64)}'"
@@ -214,11 +208,7 @@ def read_places(path: str | Path) -> dict[str, tuple[float, float]]:
 
 
 def read_transform(path: str | Path, frame_id: str = '') -> Transform:
-    """
-    Return the transform that write_transform() wrote.
-
-    Raises StartUpError if the file is malformed, or if its frame is not `frame_id`.
-    """
+    """Return the transform that read_registration() reads; also raises StartUpError for another frame."""
     registered_frame_id, transform = read_registration(path)
     if frame_id and registered_frame_id != frame_id:
         raise StartUpError(
@@ -229,11 +219,9 @@ def read_transform(path: str | Path, frame_id: str = '') -> Transform:
 
 
 def read_registration(path: str | Path) -> tuple[str, Transform]:
-    """Return the frame and the transform in a file of register_layout; raises StartUpError."""
+    """Return the frame and the transform in a file of write_transform(); raises StartUpError."""
     where = _where(path)
-    data = read_yaml(path, where, 'a registration has one level')
-    if not isinstance(data, dict):
-        raise StartUpError(f'{where}: is not a mapping, {_EXAMPLE}')
+    data = read_yaml(path, where, f'a mapping, {_EXAMPLE}')
     if unknown := [key for key in data if key not in ('frame_id', *_UNITS)]:
         shown = escaped(str(unknown[0]), 64)
         raise StartUpError(f"{where}: unknown key '{shown}': the keys are frame_id, x, y and yaw")

@@ -146,43 +146,38 @@ class _Tour:
         self._near = [sorted(each, key=each.get)[: NEIGHBOURS + 1] for each in lengths_m]
         self._places = {stop: place for place, stop in enumerate(order)}
         self._exchanges: list[tuple[int, int, int, int]] = []  # since the last kick
+        self._gain_m = 0.0  # by these
 
-    def improve(self, stops: Iterable[int], progress: Callable = lambda *_: None) -> float:
-        """Make the tour shorter around these stops, as long as that goes; return by how much, in metres."""
-        queue, all_m = collections.deque(stops), 0.0
+    def improve(self, stops: Iterable[int], progress: Callable = lambda *_: None) -> None:
+        """Make the tour shorter around these stops, as long as that goes."""
+        queue = collections.deque(stops)
         is_queued = set(queue)
         while queue:
             progress('tags in an order', len(self.order) - len(queue), len(self.order))
             stop = queue.popleft()
             is_queued.discard(stop)
-            while True:
-                gain_m, changed = self._two_opt(stop)
-                if not changed:
-                    gain_m, changed = self._or_opt(stop)
-                if not changed:
-                    break
-                all_m += gain_m
+            while changed := self._two_opt(stop) or self._or_opt(stop):
                 queue.extend(each for each in changed if each not in is_queued)
                 is_queued.update(changed)
-        return all_m
 
     def kick(self, chance: random.Random) -> None:
         """Exchange two parts that follow each other, and improve around them; undo what is not shorter."""
         self._exchanges.clear()
+        self._gain_m = 0.0
         at = chance.randrange(len(self.order))
         middle, last = sorted(chance.sample(range(1, min(len(self.order) - 1, LONGEST_KICK)), 2))
         places = (at, at + 1, at + middle, at + middle + 1, at + last, at + last + 1)
         a, b, c, d, e, f = (self.order[each % len(self.order)] for each in places)
-        gain_m = self._m(a, b) + self._m(c, d) + self._m(e, f) - self._m(a, d) - self._m(e, b) - self._m(c, f)
         self._exchange(a, b, e, f)
         self._exchange(a, e, d, c)
         self._exchange(e, c, b, f)
-        if gain_m + self.improve((a, b, c, d, e, f)) < GAIN_M:
+        self.improve((a, b, c, d, e, f))
+        if self._gain_m < GAIN_M:
             for a, b, c, d in self._exchanges[::-1]:
                 self._exchange(a, c, b, d)
 
-    def _two_opt(self, a: int) -> tuple[float, tuple[int, ...]]:
-        """Join a stop to one that is near, and those beside both; return the gain, and what has changed."""
+    def _two_opt(self, a: int) -> tuple[int, ...]:
+        """Join a stop to one that is near, and those beside both; return what has changed."""
         for step in (1, -1):
             b = self._beside(a, step)
             for c in self._near[a]:
@@ -193,10 +188,10 @@ class _Tour:
                 gain_m += self._m(c, d) - self._m(b, d)
                 if gain_m > GAIN_M:
                     self._exchange(a, b, c, d)
-                    return gain_m, (a, b, c, d)
-        return 0.0, ()
+                    return a, b, c, d
+        return ()
 
-    def _or_opt(self, a: int) -> tuple[float, tuple[int, ...]]:
+    def _or_opt(self, a: int) -> tuple[int, ...]:
         """Move a part of up to three stops, of which this is the first, beside one that is near it."""
         for step in (1, -1):
             part, before = [a], self._beside(a, -step)
@@ -215,9 +210,9 @@ class _Tour:
                             self._exchange(before, x, after, last)
                             if turn == step:
                                 self._exchange(x, last, a, y)
-                            return gain_m, (before, a, last, after, c, d)
+                            return before, a, last, after, c, d
                 part.append(after)
-        return 0.0, ()
+        return ()
 
     def _m(self, here: int, there: int) -> float:
         """Return the length of the path between two stops, or the distance and FAR_M, in metres."""
@@ -231,6 +226,7 @@ class _Tour:
     def _exchange(self, a: int, b: int, c: int, d: int) -> None:
         """Join a to c and b to d, in place of a to b and c to d: d is on that side of c as b is of a."""
         self._exchanges.append((a, b, c, d))
+        self._gain_m += self._m(a, b) + self._m(c, d) - self._m(a, c) - self._m(b, d)
         count, order, places = len(self.order), self.order, self._places
         first, last = (places[b], places[c]) if self._beside(a, 1) == b else (places[a], places[d])
         if 2 * ((last - first) % count + 1) > count:  # turn round the other part instead

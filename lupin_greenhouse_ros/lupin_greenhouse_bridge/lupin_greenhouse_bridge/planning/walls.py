@@ -11,6 +11,7 @@ from lupin_greenhouse_bridge.runtime.parameters import parameter
 from lupin_greenhouse_bridge.simulator.files import mapping_of, number, read_yaml, shipped_file
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
+SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0
 MARGIN_M = 1.6  # without a config, the robot can stand 1.5 m in front of every tag
 SMALLEST_SIDE_M = 0.01
 
@@ -28,11 +29,8 @@ class Walls(NamedTuple):
         return self.x0 <= x <= self.x1 and self.y0 <= y <= self.y1
 
     def distance_ahead_m(self, x: float, y: float, angle: float) -> float:
-        """Return the distance from a point to the wall ahead, along an axis; below 0 outside the walls."""
-        along_x, along_y = round(math.cos(angle)), round(math.sin(angle))
-        if along_x:
-            return self.x1 - x if along_x > 0 else x - self.x0
-        return self.y1 - y if along_y > 0 else y - self.y0
+        """Return the distance from a point to the wall in one of the four directions; below 0 outside."""
+        return {EAST: self.x1 - x, WEST: x - self.x0, NORTH: self.y1 - y, SOUTH: y - self.y0}[angle]
 
     def __str__(self) -> str:
         return f'x {self.x0:g} to {self.x1:g} m, y {self.y0:g} to {self.y1:g} m'
@@ -73,9 +71,8 @@ def read_visualization(sim_config_file: str = '') -> tuple[dict, str] | None:
     if not path:
         return None
     where = f"sim_config_file '{path}'"
-    config = read_yaml(path, where, 'a greenhouse config has 4 levels')
-    section = mapping_of(config if isinstance(config, dict) else {}, 'visualization', where)
-    return section, f'{where}: visualization'
+    config = read_yaml(path, where, 'a mapping with visualization')
+    return mapping_of(config, 'visualization', where), f'{where}: visualization'
 
 
 def parse_walls(value) -> Walls | None:

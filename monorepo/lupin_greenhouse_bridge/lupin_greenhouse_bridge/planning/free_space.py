@@ -23,11 +23,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout
 # An octagon is eight limits: the lowest and the highest value of x, y, x + y and x - y.
 AXES = np.array([(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0)]).T
 LENGTHS = np.linalg.norm(AXES, axis=0)
-SECTORS = 256  # of the view around a node
-EDGES = np.linspace(-math.pi, math.pi, SECTORS + 1)  # of the sectors, in radians to the x axis
-SECTOR = math.tau / SECTORS
-DIRECTIONS = np.stack([np.cos(EDGES), np.sin(EDGES)], axis=1)
-HIDING = 2  # times the first reach: what is farther away hides little more
+REACH = 4.0  # cells of the grid: how far links are sought first
 AT_ONCE = 512  # nodes whose links are computed together, and lines that are tested
 
 
@@ -54,14 +50,10 @@ class FreeSpace:
         self.diagonal_m = math.hypot(x1 - x0, y1 - y0)
         self.tolerance_m = 1e-9 + 4e-15 * max(map(abs, walls))  # of the numbers, far from the origin
         tables = np.array(tables_of(layout)).reshape(-1, 4)
-        low, high = (np.empty((0, 4)),) * 2
-        for shapes in (
-            tables[:, [[0, 1], [0, 3], [2, 1], [2, 3]]],
-            np.array([each.ends_of_plate() for each in self.tag_poses.values()]),
-        ):
-            along = shapes @ AXES
-            low = np.concatenate([low, along.min(axis=1) - radius_m * LENGTHS])
-            high = np.concatenate([high, along.max(axis=1) + radius_m * LENGTHS])
+        plates = np.array([each.ends_of_plate() for each in self.tag_poses.values()])
+        along = [shapes @ AXES for shapes in (tables[:, [[0, 1], [0, 3], [2, 1], [2, 3]]], plates)]
+        low = np.concatenate([each.min(axis=1) for each in along]) - radius_m * LENGTHS
+        high = np.concatenate([each.max(axis=1) for each in along]) + radius_m * LENGTHS
         is_outer = ~_are_within_another(low, high)
         low, high = low[is_outer], high[is_outer]
         self._octagons = Grid(low[:, :2], high[:, :2])
@@ -76,7 +68,8 @@ class FreeSpace:
     def are_free(self, points) -> np.ndarray:
         """Return for each point, of an array (points, 2) in metres, whether the robot can be there."""
         points = np.asarray(points, dtype=float).reshape(-1, 2)
-        is_free = self.are_inside(points)
+        low, high = self._inside
+        is_free = ((points >= low - self.tolerance_m) & (points <= high + self.tolerance_m)).all(axis=1)
         inside = np.flatnonzero(is_free)
         places, octagons = self._octagons.near(points[inside], points[inside])
         along = points[inside[places]] @ AXES
@@ -84,22 +77,12 @@ class FreeSpace:
         is_free[inside[places[is_taken]]] = False
         return is_free
 
-    def are_inside(self, points: np.ndarray, beyond_m: float = 0.0) -> np.ndarray:
-        """Return for each point (points, 2) whether the robot is within the walls, or only so far beyond."""
-        low, high = self._inside
-        beyond_m += self.tolerance_m
-        return ((points >= low - beyond_m) & (points <= high + beyond_m)).all(axis=1)
-
     def is_free(self, x: float, y: float) -> bool:
         """Return whether the robot's centre can be at this point."""
         return bool(self.are_free([(x, y)])[0])
 
     def are_in_sight(self, start, ends) -> np.ndarray:
-        """
-        Return whether the straight line is free from one free point, or from each, to each of an array.
-
-        The arrays have the shape (points, 2), in metres.
-        """
+        """Return whether the line from a free point, or from each, to each free point (points, 2) is free."""
         ends = np.asarray(ends, dtype=float).reshape(-1, 2)
         starts = np.broadcast_to(np.asarray(start, dtype=float).reshape(-1, 2), ends.shape)
         is_free = np.ones(len(ends), dtype=bool)
@@ -135,36 +118,9 @@ class FreeSpace:
         are_blocked[lines[near[first < last]]] = True
         return are_blocked
 
-    def hidden_sectors(self, points: np.ndarray, reach_m: float) -> np.ndarray:
-        """
-        Return in which sectors around free points (points, 2) all that is farther away is out of sight.
-
-        There, one octagon within this distance, in metres, takes up the whole sector (points, SECTORS).
-        """
-        half = reach_m / math.sqrt(2.0)
-        whose, octagons = self._octagons.near(points - half, points + half)
-        x0, y0, sum0, difference0 = self._low[octagons].T
-        x1, y1, sum1, difference1 = self._high[octagons].T
-        wide = x0, np.maximum(x1 - difference1, sum0 - x0), x1, np.minimum(sum1 - x1, x0 - difference0)
-        high = np.maximum(sum0 - y0, difference0 + y1), y0, np.minimum(sum1 - y1, difference1 + y0), y1
-        size = len(points), 2 * SECTORS + 1
-        begun, ended = np.zeros((2, size[0] * size[1]), dtype=int)
-        for rectangle in (wide, high):  # in the octagon, of which both cover most
-            x0, y0, x1, y1 = np.clip(np.array(rectangle) - np.tile(points[whose].T, (2, 1)), -half, half)
-            middle = np.arctan2(y0 + y1, x0 + x1)
-            aside = _wrapped(np.arctan2([y0, y0, y1, y1], [x0, x1, x0, x1]) - middle)
-            first = np.ceil((middle + aside.min(axis=0) - EDGES[0]) / SECTOR + 1e-6).astype(int)
-            count = np.floor((middle + aside.max(axis=0) - EDGES[0]) / SECTOR - 1e-6).astype(int) - first
-            hides = np.flatnonzero((x0 < x1) & (y0 < y1) & (count > 0) & (count <= SECTORS // 2))
-            first = whose[hides] * size[1] + first[hides] % SECTORS
-            begun += np.bincount(first, minlength=len(begun))
-            ended += np.bincount(first + count[hides], minlength=len(ended))
-        is_hidden = np.cumsum((begun - ended).reshape(size), axis=1)[:, :-1] > 0
-        return is_hidden[:, :SECTORS] | is_hidden[:, SECTORS:]
-
     def are_tangent(self, corners: np.ndarray, towards: np.ndarray) -> np.ndarray:
         """Return whether a line in each direction (lines, 2) passes by its corner, which has this number."""
-        turns = [_cross(towards, side[corners]) for side in self._sides]
+        turns = [cross(towards, side[corners]) for side in self._sides]
         return (np.minimum(*turns) >= -self.tolerance_m) | (np.maximum(*turns) <= self.tolerance_m)
 
     def point_of_largest_region(self) -> tuple[float, float]:
@@ -221,7 +177,6 @@ class VisibilityGraph:
         self._points = list(map(tuple, self.nodes.tolist()))
         self._links: list[list[tuple[float, int]]] = [[] for _ in self._points]  # the shortest first
         self._known_m = np.zeros(len(self.nodes))  # all shorter links are known
-        self._is_open = np.ones((len(self.nodes), SECTORS), dtype=bool)  # may have a longer one
 
     def nearest(self, start: int):
         """Yield each other point that can be reached, and the length of the path in metres, nearest first."""
@@ -274,7 +229,7 @@ class VisibilityGraph:
 
     def reaches_m(self, known_m: float = 0.0):
         """Yield growing distances in metres, and at last the one from wall to wall."""
-        reach_m = max(3.0 * self._grid.cell_m, 2.0 * known_m)
+        reach_m = max(REACH * self._grid.cell_m, 2.0 * known_m)
         while reach_m < self._free_space.diagonal_m:
             yield reach_m
             reach_m *= 2.0
@@ -283,38 +238,20 @@ class VisibilityGraph:
     def _extend(self, node: int) -> None:
         """Find longer links of a node, and of those around it if they are not long."""
         known_m, shortest_m = self._known_m[node], next(self.reaches_m())
-        reach_m, numbers = next(self.reaches_m(known_m)), np.array([node])
-        if reach_m <= HIDING * shortest_m:
-            _, near = self._grid.near(
-                self.nodes[numbers] - 2 * shortest_m, self.nodes[numbers] + 2 * shortest_m
-            )
+        numbers = np.array([node])
+        if known_m <= shortest_m:
+            around = self.nodes[numbers]
+            _, near = self._grid.near(around - 2 * shortest_m, around + 2 * shortest_m)
             near = near[(self._known_m[near] == known_m) & (near != node)]
             numbers = np.append(numbers, near[:AT_ONCE])
-        self._find_links(numbers, known_m, reach_m)
+        self._find_links(numbers, known_m, next(self.reaches_m(known_m)))
 
     def _find_links(self, numbers: np.ndarray, known_m: float, reach_m: float) -> None:
         """Add the links of these nodes up to a length, of which those up to another are known."""
         whose, others, lengths_m = self._links_within(numbers, reach_m, known_m)
         for node, *link in zip(numbers[whose].tolist(), lengths_m.tolist(), others.tolist(), strict=True):
             self._links[node].append(tuple(link))
-        self._known_m[numbers] = reach_m
-        self._known_m[numbers[~self._have_more(numbers, reach_m)]] = math.inf
-
-    def _hide(self, numbers: np.ndarray, reach_m: float) -> None:
-        """Close the sectors of nodes that are hidden farther away than this."""
-        if reach_m <= HIDING * next(self.reaches_m()):
-            self._is_open[numbers] &= ~self._free_space.hidden_sectors(self.nodes[numbers], reach_m)
-
-    def _have_more(self, numbers: np.ndarray, reach_m: float) -> np.ndarray:
-        """Return for each of these nodes whether it may have a longer link."""
-        self._hide(numbers, reach_m)
-        places, sectors = np.nonzero(self._is_open[numbers])
-        may_have = np.zeros(len(places), dtype=bool)
-        for edge in (DIRECTIONS[sectors], DIRECTIONS[sectors + 1]):
-            ends = self.nodes[numbers[places]] + reach_m * edge
-            is_inside = self._free_space.are_inside(ends, reach_m * SECTOR)  # some of the sector may be
-            may_have |= is_inside & self._are_tangent(numbers[places], edge)
-        return np.bincount(places[may_have], minlength=len(numbers)) > 0
+        self._known_m[numbers] = reach_m if reach_m < self._free_space.diagonal_m else math.inf
 
     def _links_within(
         self, numbers: np.ndarray, reach_m: float, known_m: float = 0.0, regions: np.ndarray | None = None
@@ -333,9 +270,7 @@ class VisibilityGraph:
             whose, others = whose[is_apart], others[is_apart]
         towards = self.nodes[others] - starts[whose]
         lengths_m, angles = np.hypot(*towards.T), np.arctan2(*towards.T[::-1])
-        sectors = ((angles - EDGES[0]) / SECTOR).astype(int) % SECTORS
-        is_open = self._is_open[numbers].ravel()[whose * SECTORS + sectors]
-        left = np.flatnonzero(is_open & (lengths_m <= reach_m) & (numbers[whose] != others))
+        left = np.flatnonzero((lengths_m <= reach_m) & (numbers[whose] != others))
         for ends in (others, numbers[whose]) if regions is None else ():
             left = left[self._are_tangent(ends[left], towards[left])]
         left = left[self._are_first(whose[left], others[left], angles[left], lengths_m[left])]
@@ -372,30 +307,23 @@ class VisibilityGraph:
         return whose[are_seen], nodes[are_seen]
 
     def regions(self) -> np.ndarray:
-        """
-        Return for each node the number of its region, which is the same where nodes are connected.
-
-        Short links come first. Longer ones are then sought from the smallest region that is left each time.
-        """
+        """Return for each node the number of its region, which is the same where nodes are connected."""
         reach_m = next(self.reaches_m())
         for numbers in _parts(np.arange(len(self.nodes))):
             self._find_links(numbers, 0.0, reach_m)
-        found, members = np.full(len(self.nodes), -1), {}
+        found, left = np.full(len(self.nodes), -1), {}
         for node in range(len(found)):
             if found[node] < 0:
-                members[node], found[node] = [node], node
-                for each in members[node]:  # grows
+                left[node], found[node] = [node], node
+                for each in left[node]:  # grows
                     for _, other in self._links[each]:
                         if found[other] < 0:
                             found[other] = node
-                            members[node].append(other)
-        left = dict(members)
-        while len(left) > 1:
+                            left[node].append(other)
+        while len(left) > 1:  # seek a longer link from the smallest region
             region = min(left, key=lambda each: len(left[each]))
             nodes = left.pop(region)
             for reach_m, numbers in itertools.product(self.reaches_m(), _parts(np.array(nodes))):
-                self._hide(numbers, reach_m / 2)
-                numbers = numbers[self._is_open[numbers].any(axis=1)]  # noqa: PLW2901
                 _, others, _ = self._links_within(numbers, reach_m, regions=found)
                 if len(others):
                     into = int(found[others[0]])
@@ -429,10 +357,6 @@ def _vertices(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(xs, axis=1), np.stack(ys, axis=1)], axis=2)
 
 
-def _wrapped(angles: np.ndarray) -> np.ndarray:
-    """Return angles from -pi to pi."""
-    return angles - math.tau * np.round(angles / math.tau)
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the cross product of each vector (vectors, 2) of one array with that of the other."""
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -31,13 +31,13 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
 
 NAME = 'register_layout'
 WRITTEN, NO_FIT, USAGE, INTERRUPTED = 0, 1, 2, 130
-DEFAULT_OUTPUT = 'layout_in_map.yaml'
 EPILOG = (
     'While a residual is above the tolerance, the tag is left out whose removal makes the others fit best.'
     ' At least 3 tags remain, and more than half of them. The expected error at the tag of the layout that is'
     ' farthest from the others must be within the tolerance too.'
     ' Exit code: 0 written, 1 the layout does not fit the map, 2 usage.'
 )
+DEFAULT_OUTPUT = 'layout_in_map.yaml'
 CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
 
 
@@ -79,19 +79,19 @@ def layout_of(options) -> Layout:
     for name, value in (('--tolerance', options.tolerance), ('--click-error', options.click_error)):
         if not 0.0 < value < math.inf:  # NaN neither
             raise UsageError(f'{name} is {value:g}: must be a number of metres above 0')
+    output = Path(options.output)
     try:
-        if Path(options.output).is_dir():
-            raise UsageError(f"--output '{options.output}' is a folder: name a file in it")
-        if not (folder := Path(options.output).parent).is_dir():
-            raise UsageError(f"--output: there is no folder '{folder}': name a file in a folder that exists")
-        output = Path(options.output)
+        if output.is_dir():
+            raise UsageError(f"--output '{output}' is a folder: name a file in it")
+        if not output.parent.is_dir():
+            raise UsageError(
+                f"--output: there is no folder '{output.parent}': name a file in a folder that exists"
+            )
         for name, path in (('--pairs', getattr(options, 'pairs', None)), ('--tag-file', options.tag_file)):
             if path and output.exists() and Path(path).exists() and output.samefile(path):
-                raise UsageError(
-                    f"--output '{options.output}' is the file of {name} itself: name another file"
-                )
+                raise UsageError(f"--output '{output}' is the file of {name} itself: name another file")
     except OSError as error:
-        raise UsageError(f"--output '{options.output}': {error.strerror}: name another file") from error
+        raise UsageError(f"--output '{output}': {error.strerror}: name another file") from error
     if layout := find_layout(options.tag_file):
         return layout
     raise UsageError('mdp-greenhouse is not installed: name the tag file of the bridge with --tag-file')
@@ -112,20 +112,18 @@ def register(layout: Layout, places: dict, frame_id: str, options) -> None:
         numbers = (f'{each:.3f}' for each in (*place, fitted.residuals_m[tag_id]))
         rows.append((escaped(tag_id, 40), *numbers, 'left out' if tag_id in fitted.left_out else ''))
     print_line('\n'.join(aligned_table(rows, [1, 2, 3])))
-    count = len(places) - len(fitted.left_out)
+    count, notes = len(places) - len(fitted.left_out), []
     if count == 2:
-        print('two tags cannot show whether they are swapped or mirrored: add a third', file=sys.stderr)
+        notes.append('two tags cannot show whether they are swapped or mirrored: add a third')
     elif fitted.hides_mirror:
-        print(
+        notes.append(
             f'the {count} tags lie almost on one line, and cannot show whether they are mirrored: add a tag'
-            ' beside this line',
-            file=sys.stderr,
+            ' beside this line'
         )
     if frame_id.rpartition('/')[2] != MAP_FRAME:
-        print(
-            f"the positions are in the frame '{shown}': set RViz's Fixed Frame to {MAP_FRAME}",
-            file=sys.stderr,
-        )
+        notes.append(f"the positions are in the frame '{shown}': set RViz's Fixed Frame to {MAP_FRAME}")
+    for note in notes:
+        print(note, file=sys.stderr)
     write_transform(options.output, fitted.transform, frame_id)
     x, y, yaw = fitted.transform
     print_line(
@@ -171,56 +169,44 @@ def node_in(executor, name: str):
     return node
 
 
-class Clicks:
-    """Receives one click of RViz for each tag in turn; each must be in the frame of the first click."""
+def _take_clicks(executor, layout: Layout, tag_ids: list[str]) -> tuple[dict, str]:
+    """Return the clicked places by tag id, and the frame of all; raises Interrupted."""
+    _check_known(layout, tag_ids)
+    if len(tag_ids) < 2:
+        raise UsageError('--click needs at least 2 tags')
+    places, left, first_frame_id = {}, list(tag_ids), ''
 
-    def __init__(self, node, layout: Layout, tag_ids: list[str]):
-        self.places: dict[str, tuple[float, float]] = {}
-        self.frame_id = ''
-        self._layout = layout
-        self._left = tag_ids
-        node.create_subscription(PointStamped, CLICK_TOPIC, self._on_click, QoSProfile(depth=10))
-        self._ask()
-
-    def is_done(self) -> bool:
-        """Return whether every tag has been clicked."""
-        return not self._left
-
-    def _ask(self) -> None:
-        x, y, *_ = self._layout.tags[self._left[0]]
+    def ask() -> None:
+        x, y, *_ = layout.tags[left[0]]
         print_line(
-            f'click tag {escaped(self._left[0], 40)} with Publish Point in RViz, {len(self._left)} to go'
+            f'click tag {escaped(left[0], 40)} with Publish Point in RViz, {len(left)} to go'
             f' (in the layout it is at x {x:g} m, y {y:g} m)',
         )
 
-    def _on_click(self, message) -> None:
-        if self.is_done():
-            return
+    def on_click(message) -> None:
+        nonlocal first_frame_id
         frame_id, x, y = message.header.frame_id, message.point.x, message.point.y
-        if frame_id != (self.frame_id or frame_id):
+        if not left:
+            return
+        if frame_id != (first_frame_id or frame_id):
             fault = (
-                f"in the frame '{escaped(frame_id, 64)}': the first was in '{self.frame_id}',"
+                f"in the frame '{escaped(frame_id, 64)}': the first was in '{first_frame_id}',"
                 " so set RViz's Fixed Frame to it"
             )
         elif not (frame_id.strip() and frame_id.isprintable() and math.isfinite(x) and math.isfinite(y)):
             fault = 'without a frame or a position: click on the map'
         else:
-            self.frame_id = frame_id
-            self.places[self._left.pop(0)] = (x, y)
-            if self._left:
-                self._ask()
+            first_frame_id = frame_id
+            places[left.pop(0)] = (x, y)
+            if left:
+                ask()
             return
         print(f'{NAME}: ignored a click {fault}', file=sys.stderr, flush=True)
 
-
-def _take_clicks(executor, layout: Layout, tag_ids: list[str]) -> tuple[dict, str]:
-    """Return the clicked places by tag id, and their frame; raises Interrupted."""
-    _check_known(layout, tag_ids)
-    if len(tag_ids) < 2:
-        raise UsageError('--click needs at least 2 tags')
-    clicks = Clicks(node_in(executor, NAME), layout, tag_ids)
-    spin(executor, clicks.is_done)
-    return clicks.places, clicks.frame_id
+    node_in(executor, NAME).create_subscription(PointStamped, CLICK_TOPIC, on_click, QoSProfile(depth=10))
+    ask()
+    spin(executor, lambda: not left)
+    return places, first_frame_id
 
 
 def spin(executor, is_done) -> None:
@@ -238,40 +224,30 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
     )
     source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument(
-        '--pairs', metavar='FILE', help='YAML or JSON: positions in the map, such as {"7": [1.5, 7.3]}'
-    )
-    source.add_argument(
-        '--click', nargs='+', metavar='ID', help='take a click of RViz (Publish Point) for each tag in turn'
-    )
-    source.add_argument(
-        '--suggest', type=int, metavar='N', help='print the N tags that are best to click, and write nothing'
-    )
+    add = source.add_argument
+    add('--pairs', metavar='FILE', help='YAML or JSON: positions in the map, such as {"7": [1.5, 7.3]}')
+    add('--click', nargs='+', metavar='ID', help='take a click of RViz (Publish Point) for each tag in turn')
+    add('--suggest', type=int, metavar='N', help='print the N tags that are best to click, and write nothing')
     add_arguments(parser)
     return parser
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of layout_of() and register()."""
-    parser.add_argument(
-        '-o', '--output', default=DEFAULT_OUTPUT, metavar='FILE', help='file to write; default: %(default)s'
-    )
-    parser.add_argument(
-        '--tag-file', default='', metavar='FILE', help="the bridge's tag_file; default: the shipped one"
-    )
-    parser.add_argument(
+    add, metres = parser.add_argument, {'type': float, 'metavar': 'M'}
+    add('-o', '--output', default=DEFAULT_OUTPUT, metavar='FILE', help='file to write; default: %(default)s')
+    add('--tag-file', default='', metavar='FILE', help="the bridge's tag_file; default: the shipped one")
+    add(
         '--tolerance',
-        type=float,
+        **metres,
         default=DEFAULT_TOLERANCE_M,
-        metavar='M',
         help='largest residual in metres of a tag that is not left out, and largest expected error;'
         ' default: %(default)s',
     )
-    parser.add_argument(
+    add(
         '--click-error',
-        type=float,
+        **metres,
         default=DEFAULT_CLICK_ERROR_M,
-        metavar='M',
         help='standard deviation in metres of a position along each axis, unless the residuals show more;'
         ' default: %(default)s',
     )

@@ -4,11 +4,11 @@
 import inspect
 import itertools
 import sys
-from dataclasses import fields
 from types import ModuleType
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.runtime.output import print_line
+from lupin_greenhouse_bridge.runtime.parameters import launch_arguments
 
 
 def answer_help(node_type, args: list[str] | None) -> bool:
@@ -33,11 +33,10 @@ def answer_help(node_type, args: list[str] | None) -> bool:
 
 def help_text(module: ModuleType) -> str:
     """Return the docstring of a node's module, then a table of the parameters in its `Settings`."""
-    rows = [(each.name, _default(each), each.metadata['description']) for each in fields(module.Settings)]
+    rows = [
+        (name, repr(default) if kind is str else default, description)
+        for name, default, kind, description in launch_arguments(module.Settings)
+    ]
     widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
     lines = [f'  {row[0]:<{widths[0]}}  {row[1]:<{widths[1]}}  {row[2]}' for row in rows]
     return '\n'.join([inspect.cleandoc(module.__doc__), '', 'Parameters and their defaults:', *lines])
-
-
-def _default(field) -> str:
-    return str(field.default).lower() if field.type is bool else repr(field.default)

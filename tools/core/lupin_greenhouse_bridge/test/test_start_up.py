@@ -91,9 +91,11 @@ def test_a_custom_config_is_served(start_bridge, shipped_config, warm_tag_id, tm
     [
         ('debug_time_of_day', '24.000001', 'is 24.000001: must be between 0 and 24 hours'),
         ('debug_time_of_day', '-0.5', 'is -0.5: must be between 0 and 24 hours'),
+        ('debug_time_of_day', 'noon', "is 'noon': must be a number"),
+        ('speedup_factor', '-1.0', 'finite and above 0'),
         ('speedup_factor', '.inf', 'finite and above 0'),
         ('debug_seed', '-2', 'must be 0 or above'),
-        ('debug_seed', '[1, 2]', ': must be a whole number'),
+        ('debug_seed', '1.5', 'is 1.5: must be a whole number'),
         ('tag_file', '7', 'is 7: must be text'),
         ('sim_config_file', '/no/such/file.yaml', "'/no/such/file.yaml': cannot be read (No such file"),
         ('tag_file', '/no/such/file.json', "'/no/such/file.json': cannot be read (No such file"),

@@ -126,13 +126,13 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     Return an approach pose for each tag that the robot can look at.
 
     Each pose is free, has the whole tag in view, and is connected to the start; without a start, to the
-    largest part of the free space. Among such poses those with the clearance win, then those with view and
-    room after an arrival beside the pose, then the one nearest to the preferred standoff, then the one with
-    the smallest incidence angle. Without that room, the roomiest pose wins.
-    With more than one pose per tag, the alternatives to it are the next best ones that are at least OTHER_M
-    or OTHER_RAD from each before; where an override sets the pose, there is none.
-    A map of the room, in the frame of the layout, leaves only the poses from which it is free by the radius
-    and the clearance. The free space, and with it the paths, does not know the map.
+    largest part of the free space. Those with the clearance win, then those with view and room after an
+    arrival beside the pose, then the one nearest to the preferred standoff, then the one with the smallest
+    incidence angle. Without that room, the roomiest pose wins.
+    With more than one pose per tag, the next best ones that are at least OTHER_M or OTHER_RAD from each
+    before are its alternatives; where an override sets the pose, there is none.
+    A map, in the frame of the layout, leaves only the poses from which it is free by the radius and the
+    clearance. The free space, and with it the paths, does not know it.
     `progress` is told what is done, how much of it, and of how much.
     Raises StartUpError for a start that is not free, if no point is free, or for a map of another place.
     """
@@ -145,9 +145,11 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
         raise StartUpError(
             f'{origin} is not free for a robot of radius {limits.robot_radius_m:g} m: choose another'
         )
+    tags = np.array(list(free_space.tag_poses.values()))
+    before_tags = tags[:, :2] + limits.preferred_standoff_m * _directions(tags[:, 2])
     if occupancy is not None:
-        _check_place_of(occupancy, limits, walls, free_space)
-    region = _Region(free_space, start_m, _places_before(free_space.tag_poses, limits))
+        _check_place_of(occupancy, before_tags, walls)
+    region = _Region(free_space, start_m, before_tags)
     search = _Search(layout, walls, limits, free_space, region, occupancy)
     found = Approaches({}, {}, free_space, {}, {})
     for count, (tag_id, tag) in enumerate(free_space.tag_poses.items()):
@@ -161,7 +163,9 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
             found.unreachable[tag_id] = trial.reason(origin, limits, override)
             continue
         found.poses[tag_id] = trial.pose
-        found.alternatives[tag_id] = search.others(tag_id, tag, override, trial.pose, most_per_tag - 1)
+        found.alternatives[tag_id] = (
+            search.others(tag_id, tag, override, trial.pose, most_per_tag) if most_per_tag > 1 else []
+        )
         if trial.room_m < limits.clearance_m - SAME_M:
             found.warnings[tag_id] = (
                 f"tag '{escaped(tag_id, 64)}': its pose has {trial.room_m:.3f} m of room beyond the robot's"
@@ -170,28 +174,18 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     return found
 
 
-def _check_place_of(
-    occupancy: OccupancyMap, limits: ViewingLimits, walls: Walls, free_space: FreeSpace
-) -> None:
-    """Raise StartUpError if the map holds fewer than half of the places before the tags."""
-    places = _places_before(free_space.tag_poses, limits)
+def _check_place_of(occupancy: OccupancyMap, places: np.ndarray, walls: Walls) -> None:
+    """Raise StartUpError if the map holds fewer than half of the places (tags, 2) before the tags."""
     count = int(occupancy.have_inside(places).sum())
     if 2 * count < len(places):
+        map_extent, greenhouse = (
+            Walls(*(round(each, 2) + 0.0 for each in extent)) for extent in (occupancy.extent, walls)
+        )
         raise StartUpError(
             f'the map holds only {count} of the {len(places)} places before the tags: it reaches from'
-            f' {_rounded(occupancy.extent)}, and the greenhouse from {_rounded(walls)}, both in the frame of'
-            ' the layout: find where the layout lies in this map with register_layout'
+            f' {map_extent}, and the greenhouse from {greenhouse}, both in the frame of the layout: find'
+            ' where the layout lies in this map with register_layout'
         )
-
-
-def _places_before(tag_poses: Mapping[str, TagPose], limits: ViewingLimits) -> np.ndarray:
-    """Return the places at the preferred standoff from the tags, head-on, in an array (tags, 2)."""
-    tags = np.array(list(tag_poses.values()))
-    return tags[:, :2] + limits.preferred_standoff_m * _directions(tags[:, 2])
-
-
-def _rounded(extent: Walls) -> Walls:
-    return Walls(*(round(each, 2) + 0.0 for each in extent))
 
 
 @dataclass
@@ -242,38 +236,28 @@ class _Search:
 
     def best(self, tag_id: str, tag: TagPose, override: Override) -> _Trial:
         """Return the best pose of a tag; most tags need no more than the preferred standoff."""
-        trial = _Trial()
-        if override == Override():
-            preferred = _candidates(tag, self._limits, override, is_preferred=True)
-            self._try(tag_id, preferred, trial, worst_rank=0)
-        if trial.pose is None:
-            self._try(tag_id, _candidates(tag, self._limits, override), trial)
-        return trial
+        preferred = _candidates(tag, self._limits, override, is_preferred=True)
+        trial = self._try(tag_id, preferred, worst_rank=0)
+        return trial if trial.pose else self._try(tag_id, _candidates(tag, self._limits, override))
 
     def others(
         self, tag_id: str, tag: TagPose, override: Override, best: ApproachPose, most: int
     ) -> list[ApproachPose]:
-        """Return up to so many alternatives to the best pose of a tag."""
-        if not most:
-            return []
+        """Return the alternatives to the best pose of a tag, with which it has at most so many."""
         candidates, found = _candidates(tag, self._limits, override), [best]
-        while len(found) <= most:
+        while len(found) < most:
             apart_m = np.linalg.norm(candidates[:, :2] - found[-1][:2], axis=1)
             turned_rad = np.abs(_wrapped(candidates[:, 2] - found[-1].yaw))
             candidates = candidates[(apart_m >= OTHER_M - SAME_M) | (turned_rad >= OTHER_RAD - SAME_M)]
-            trial = _Trial()
-            self._try(tag_id, candidates, trial)
-            if trial.pose is None:
+            if not (pose := self._try(tag_id, candidates).pose):
                 break
-            found.append(trial.pose)
+            found.append(pose)
         return found[1:]
 
-    def _try(self, tag_id: str, poses: np.ndarray, trial: _Trial, worst_rank: float = math.inf) -> None:
+    def _try(self, tag_id: str, poses: np.ndarray, worst_rank: float = math.inf) -> _Trial:
         """Find the best of some poses, an array (poses, 5), with at most this rank."""
-        limits = self._limits
-        if not len(poses):
-            return
-        reach_m = float(poses[:, 3].max()) + limits.robot_radius_m + limits.clearance_m
+        limits, trial = self._limits, _Trial()
+        reach_m = float(poses[:, 3].max(initial=0.0)) + limits.robot_radius_m + limits.clearance_m
         around = self._surroundings.of(tag_id, reach_m)
         rooms_m = around.gaps_m(poses[:, :2]) - limits.robot_radius_m
         for order in np.split(_best_first(poses, rooms_m, limits, worst_rank), [FIRST]):
@@ -288,7 +272,8 @@ class _Search:
             if number is not None:
                 trial.pose = ApproachPose(*poses[seen[number]].tolist())
                 trial.room_m = float(rooms_m[seen[number]])
-                return
+                break
+        return trial
 
     def _are_free_in_map(self, points: np.ndarray, trial: _Trial) -> np.ndarray:
         """Return whether the map leaves room at each point (points, 2), and note the most room."""
@@ -345,11 +330,7 @@ def _allow_arrival(poses: np.ndarray, limits: ViewingLimits) -> np.ndarray:
 def _candidates(
     tag: TagPose, limits: ViewingLimits, override: Override, *, is_preferred: bool = False
 ) -> np.ndarray:
-    """
-    Return the poses that may be one of a tag, with the columns of ApproachPose, in an array (poses, 5).
-
-    Only those at the preferred standoff, if asked for.
-    """
+    """Return the possible poses of a tag, or only those at the preferred standoff, in an array (poses, 5)."""
     preferred_m = limits.preferred_standoff_m
     standoffs_m = [
         preferred_m,
@@ -438,21 +419,14 @@ _LIMITS = {
 
 
 def read_overrides(path: str | Path, layout_ids: Collection[str]) -> tuple[dict[str, Override], list[str]]:
-    """
-    Return the overrides of an approach_overrides.yaml by tag id, and a warning for each unknown id.
-
-    Raises StartUpError if the file is malformed.
-    """
+    """Return the overrides of a file by tag id, and a warning for each unknown id; raises StartUpError."""
     where = f"approach overrides '{escaped(str(path), 500)}'"
-    data = read_yaml(path, where, 'it has three levels')
-    _check_mapping(data, ('overrides',), path, where)
-    overrides = {} if data is None or data.get('overrides') is None else data['overrides']
-    _check_mapping(overrides, None, path, where)
+    data = _mapping(read_yaml(path, where, f'a mapping, {_EXAMPLE}'), ('overrides',), path, where)
     found, warnings = {}, []
-    for tag_id, values in overrides.items():
+    for tag_id, each in _mapping(data.get('overrides'), None, path, where).items():
         here = f"{where}: tag '{escaped(str(tag_id), 64)}'"
-        _check_mapping(values, _LIMITS, path, here, 'overrides', tag_id)
-        override = Override(**{key: float(number(values, key, here, **_LIMITS[key])) for key in values or {}})
+        values = _mapping(each, _LIMITS, path, here, 'overrides', tag_id)
+        override = Override(**{key: float(number(values, key, here, **_LIMITS[key])) for key in values})
         if str(tag_id) in layout_ids:
             found[str(tag_id)] = override
         else:
@@ -460,16 +434,18 @@ def read_overrides(path: str | Path, layout_ids: Collection[str]) -> tuple[dict[
     return found, warnings
 
 
-def _check_mapping(data, keys: Collection[str] | None, path: str | Path, where: str, *parents) -> None:
-    """Raise StartUpError for anything but a mapping with these keys; None is an empty mapping."""
-    if data is not None and not isinstance(data, dict):
+def _mapping(data, keys: Collection[str] | None, path: str | Path, where: str, *parents) -> dict:
+    """Return a mapping with these keys, {} for None; raises StartUpError for anything else."""
+    data = {} if data is None else data
+    if not isinstance(data, dict):
         raise StartUpError(f'{where}: is not a mapping, {_EXAMPLE}')
-    for key in data or {}:
+    for key in data:
         if keys is not None and key not in keys:
             raise StartUpError(
                 f"{where}: line {_line_of(path, *parents, key)}: unknown key '{escaped(str(key), 64)}':"
                 f' use {", ".join(keys)}'
             )
+    return data
 
 
 def _line_of(path: str | Path, *keys) -> int:
@@ -477,11 +453,7 @@ def _line_of(path: str | Path, *keys) -> int:
     import yaml  # imported here: read_yaml has found it
 
     # JSON may be indented with tabs, YAML may not.
-    node = yaml.compose(Path(path).read_text(encoding='utf-8').replace('\t', ' '))
-    line = 1
+    name = node = yaml.compose(Path(path).read_text(encoding='utf-8').replace('\t', ' '))
     for key in keys:
-        for name, value in node.value:
-            if name.value == str(key):
-                line, node = name.start_mark.line + 1, value
-                break
-    return line
+        name, node = next((pair for pair in node.value if pair[0].value == str(key)), (name, node))
+    return name.start_mark.line + 1

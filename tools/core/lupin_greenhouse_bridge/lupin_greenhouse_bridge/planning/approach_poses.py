@@ -12,6 +12,8 @@ import math
 import sys
 from pathlib import Path
 
+import yaml
+
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.approach import (
     ApproachPose,
@@ -28,7 +30,19 @@ from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 
 ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
-COLUMNS = ('tag_id', *ApproachPose._fields)
+LIMITS = (  # option, field of ViewingLimits, unit, help
+    ('--radius', 'robot_radius_m', 'M', 'radius of the robot in metres'),
+    ('--clearance', 'clearance_m', 'M', 'room beyond the radius to tables, walls and plates'),
+    ('--standoff', 'preferred_standoff_m', 'M', 'preferred distance to the tag'),
+    ('--smallest-standoff', 'smallest_standoff_m', 'M', 'smallest distance to the tag'),
+    ('--largest-standoff', 'largest_standoff_m', 'M', 'largest distance to the tag'),
+    ('--angle', 'largest_angle_rad', 'DEGREES', 'largest incidence angle'),
+    (
+        *('--steepest-angle', 'steepest_angle_rad', 'DEGREES'),
+        'largest incidence angle where there is hardly any room',
+    ),
+    ('--camera-offset', 'camera_offset_m', 'M', "how far the camera is ahead of the robot's centre"),
+)
 
 
 def main(args=None) -> int:
@@ -37,20 +51,19 @@ def main(args=None) -> int:
     ros_words = words[words.index('--ros-args') :] if '--ros-args' in words else []
     options = _parser().parse_args(words[: len(words) - len(ros_words)])
     try:
-        data, frame_id, has_all = _compute(options)
+        data, frame_id = _compute(options)
         print_line(FORMATS[options.format](data), end='')
         for each in data['unreachable']:
             print_line(f"approach_poses: tag '{escaped(each['tag_id'], 64)}': {each['reason']}", sys.stderr)
-        if options.publish:
-            _publish(data['poses'], frame_id, ['approach_poses', *ros_words])
     except OneLineError as error:
         print(f'approach_poses: {error}', file=sys.stderr)
         return USAGE
-    return ALL_HAVE_A_POSE if has_all else SOME_HAVE_NONE
+    exit_code = SOME_HAVE_NONE if data['unreachable'] else ALL_HAVE_A_POSE
+    return _publish(data['poses'], frame_id, ros_words, exit_code) if options.publish else exit_code
 
 
-def _compute(options) -> tuple[dict, str, bool]:
-    """Return what `--format json` prints, the frame of the poses, and whether every tag has one."""
+def _compute(options) -> tuple[dict, str]:
+    """Return what `--format json` prints, and the frame of the poses."""
     layout = find_layout(options.tag_file)
     if layout is None:
         raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
@@ -59,25 +72,19 @@ def _compute(options) -> tuple[dict, str, bool]:
     )
     overrides, warnings = read_overrides(options.overrides, layout.tags) if options.overrides else ({}, [])
     walls = find_walls(layout, options.sim_config_file, options.walls)
+    values = {field: getattr(options, field) for _, field, *_ in LIMITS}
+    off_m, off_rad = options.arrival_tolerance
     limits = ViewingLimits(
-        robot_radius_m=options.radius,
-        smallest_standoff_m=options.smallest_standoff,
-        largest_standoff_m=options.largest_standoff,
-        preferred_standoff_m=options.standoff,
-        largest_angle_rad=math.radians(options.angle),
-        steepest_angle_rad=math.radians(options.steepest_angle),
-        clearance_m=options.clearance,
-        arrival_tolerance_m=options.arrival_tolerance[0],
-        arrival_tolerance_rad=options.arrival_tolerance[1],
-        camera_offset_m=options.camera_offset,
+        **{name: math.radians(each) if name.endswith('_rad') else each for name, each in values.items()},
+        arrival_tolerance_m=off_m,
+        arrival_tolerance_rad=off_rad,
     )
-    start_m = options.start and tuple(options.start)
+    start_m, end_m = (each and tuple(each) for each in (options.start, options.end))
     occupancy = read_map(options.map, unknown_is_free=options.unknown == 'free') if options.map else None
     if occupancy:
         occupancy = occupancy.in_layout(transform)
         if not options.layout_in_map:
             warnings.append('without --layout-in-map, the map counts as one in the frame of the layout')
-    end_m = options.end and tuple(options.end)
     progress = Progress('approach_poses')
     try:
         approaches = find_approaches(
@@ -103,14 +110,11 @@ def _compute(options) -> tuple[dict, str, bool]:
     for tag_id in route.tag_ids:
         pose = approaches.poses[tag_id]
         x, y = transform.point(pose.x, pose.y)
-        moved = pose._replace(x=x, y=y, yaw=transform.heading(pose.yaw))
+        moved = pose._replace(x=x, y=y, yaw=transform.heading(pose.yaw))._asdict()
         # + 0.0 makes 0.0 of -0.0.
-        poses.append(
-            {'tag_id': tag_id} | {key: round(value, 6) + 0.0 for key, value in moved._asdict().items()}
-        )
+        poses.append({'tag_id': tag_id, **{key: round(value, 6) + 0.0 for key, value in moved.items()}})
     unreachable = [{'tag_id': each, 'reason': reason} for each, reason in approaches.unreachable.items()]
-    length_m = round(route.length_m, 6)
-    return {'poses': poses, 'unreachable': unreachable, 'length_m': length_m}, frame_id, not unreachable
+    return {'poses': poses, 'unreachable': unreachable, 'length_m': round(route.length_m, 6)}, frame_id
 
 
 def _draw(path: str, layout, walls, approaches, route, occupancy) -> None:
@@ -149,28 +153,16 @@ def _as_table(data: dict) -> str:
     return '\n'.join([*lines, ''])
 
 
-def _as_json(data: dict) -> str:
-    return json.dumps(data, ensure_ascii=False, indent=2) + '\n'
-
-
 def _as_csv(data: dict) -> str:
     text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator='\n')
+    writer = csv.DictWriter(text, ('tag_id', *ApproachPose._fields), lineterminator='\n')
     writer.writeheader()
     writer.writerows(data['poses'])
     return text.getvalue()
 
 
-def _as_yaml(data: dict) -> str:
-    import yaml  # imported here: the other formats do without
-
-    return yaml.safe_dump(data, allow_unicode=True, sort_keys=False)
-
-
 def _as_nav2(data: dict) -> str:
     """Return the waypoints in the format of the nav2_rviz_plugins panel, whose quaternions begin with w."""
-    import yaml
-
     waypoints = {}
     for number, each in enumerate(data['poses']):
         x, y, z, w = quaternion_of(each['yaw'])
@@ -181,31 +173,35 @@ def _as_nav2(data: dict) -> str:
     return yaml.safe_dump({'waypoints': waypoints}, sort_keys=False)
 
 
-FORMATS = {'table': _as_table, 'yaml': _as_yaml, 'json': _as_json, 'csv': _as_csv, 'nav2': _as_nav2}
+FORMATS = {
+    'table': _as_table,
+    'yaml': lambda data: yaml.safe_dump(data, allow_unicode=True, sort_keys=False),
+    'json': lambda data: json.dumps(data, ensure_ascii=False, indent=2) + '\n',
+    'csv': _as_csv,
+    'nav2': _as_nav2,
+}
 
 
-def _publish(poses: list[dict], frame_id: str, args: list[str]) -> None:
-    """Publish the poses on the latched topic `~/poses` until Ctrl-C or SIGTERM."""
+def _publish(poses: list[dict], frame_id: str, ros_words: list[str], exit_code: int) -> int:
+    """Publish the poses on the latched topic `~/poses` until Ctrl-C or SIGTERM; return the exit code."""
     import rclpy
     from geometry_msgs.msg import PoseArray
 
     from lupin_greenhouse_bridge.contract import latched
-    from lupin_greenhouse_bridge.runtime import process
-    from lupin_greenhouse_bridge.runtime.run import node_creation, ros
+    from lupin_greenhouse_bridge.runtime.run import run
 
-    with ros(args) as executor:
-        with node_creation():
-            node = rclpy.create_node('approach_poses')
-        executor.add_node(node)
-        message = PoseArray()
+    def node_with_poses():
+        node = rclpy.create_node('approach_poses')
+        message = PoseArray(poses=[pose_message(each['x'], each['y'], each['yaw']) for each in poses])
         message.header.frame_id = frame_id
         message.header.stamp = node.get_clock().now().to_msg()
-        message.poses = [pose_message(each['x'], each['y'], each['yaw']) for each in poses]
         publisher = node.create_publisher(PoseArray, '~/poses', latched())
         publisher.publish(message)
         node.get_logger().info(f'{pluralized(len(poses), "pose")} on {publisher.topic_name} until Ctrl-C')
-        while not process.is_asked_to_end():
-            executor.spin_once(timeout_sec=process.LONGEST_WAIT_SECONDS)
+        return node
+
+    args = ['approach_poses', *ros_words]
+    return run('approach_poses', node_with_poses, args, conclude=lambda _: exit_code, refused=USAGE)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -214,37 +210,17 @@ def _parser() -> argparse.ArgumentParser:
         prog='approach_poses',
         description='Print the pose from which a robot sees each tag, in the order of visits.',
     )
-    parser.add_argument(
-        '--tag-file',
-        default='',
-        metavar='FILE',
-        help="the bridge's tag_file; default: the one of mdp-greenhouse",
-    )
+    add = parser.add_argument
+    place = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
+    shipped = "the bridge's tag_file; default: the one of mdp-greenhouse"
+    add('--tag-file', default='', metavar='FILE', help=shipped)
     add_wall_options(parser)
-    for name, value, unit, what in (
-        ('--radius', default.robot_radius_m, 'M', 'radius of the robot in metres'),
-        ('--clearance', default.clearance_m, 'M', 'room beyond the radius to tables, walls and plates'),
-        ('--standoff', default.preferred_standoff_m, 'M', 'preferred distance to the tag'),
-        ('--smallest-standoff', default.smallest_standoff_m, 'M', 'smallest distance to the tag'),
-        ('--largest-standoff', default.largest_standoff_m, 'M', 'largest distance to the tag'),
-        ('--angle', math.degrees(default.largest_angle_rad), 'DEGREES', 'largest incidence angle'),
-        (
-            '--steepest-angle',
-            math.degrees(default.steepest_angle_rad),
-            'DEGREES',
-            'largest incidence angle where there is hardly any room',
-        ),
-        (
-            '--camera-offset',
-            default.camera_offset_m,
-            'M',
-            "how far the camera is ahead of the robot's centre",
-        ),
-    ):
-        parser.add_argument(
-            name, type=float, default=value, metavar=unit, help=f'{what} (default: %(default)g)'
-        )
-    parser.add_argument(
+    for option, field, unit, what in LIMITS:
+        value = getattr(default, field)
+        value = math.degrees(value) if unit == 'DEGREES' else value
+        shown = f'{what} (default: %(default)g)'
+        add(option, dest=field, type=float, default=value, metavar=unit, help=shown)
+    add(
         '--arrival-tolerance',
         type=float,
         nargs=2,
@@ -253,37 +229,25 @@ def _parser() -> argparse.ArgumentParser:
         help='how far from its pose the robot may arrive, as xy_goal_tolerance and yaw_goal_tolerance of Nav2'
         ' (default: 0.06 0.15)',
     )
-    parser.add_argument(
-        '--order', choices=ORDERS, default='shortest', help='order of the visits (default: %(default)s)'
-    )
-    parser.add_argument(
-        '--start', type=float, nargs=2, metavar=('X', 'Y'), help='where the robot starts, in the layout'
-    )
-    parser.add_argument(
-        '--end', type=float, nargs=2, metavar=('X', 'Y'), help='where the route ends, such as at a dock'
-    )
-    parser.add_argument('--overrides', metavar='FILE', help='YAML file of poses that are set by hand')
-    parser.add_argument(
-        '--layout-in-map', metavar='FILE', help='file of register_layout: print the poses in the map'
-    )
-    parser.add_argument(
+    add('--order', choices=ORDERS, default='shortest', help='order of the visits (default: %(default)s)')
+    add('--start', **place, help='where the robot starts, in the layout')
+    add('--end', **place, help='where the route ends, such as at a dock')
+    add('--overrides', metavar='FILE', help='YAML file of poses that are set by hand')
+    add('--layout-in-map', metavar='FILE', help='file of register_layout: print the poses in the map')
+    add(
         '--map',
         metavar='FILE',
         help="YAML file of the robot's map, as of Nav2's map_server: each pose has its clearance there too",
     )
-    parser.add_argument(
+    add(
         '--unknown',
         choices=('occupied', 'free'),
         default='occupied',
         help='what the unknown cells of the map count as (default: %(default)s)',
     )
-    parser.add_argument(
-        '--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)'
-    )
-    parser.add_argument('--picture', metavar='FILE', help='draw the layout, the poses and the route')
-    parser.add_argument(
-        '--publish', action='store_true', help='keep the poses on ~/poses until Ctrl-C, for RViz'
-    )
+    add('--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)')
+    add('--picture', metavar='FILE', help='draw the layout, the poses and the route')
+    add('--publish', action='store_true', help='keep the poses on ~/poses until Ctrl-C, for RViz')
     return parser
 
 

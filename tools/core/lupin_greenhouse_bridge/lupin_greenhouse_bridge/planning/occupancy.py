@@ -19,11 +19,7 @@ NONE = 2**30  # the column of a cell that there is not
 
 
 class OccupancyMap:
-    """
-    An occupancy grid in the plane.
-
-    Unknown cells, and everything outside the grid, count as occupied unless `unknown_is_free` is set.
-    """
+    """An occupancy grid. Unknown cells and all outside it count as occupied, or as free if asked for."""
 
     files: tuple[Path, ...] = ()  # that it was read from
 
@@ -127,18 +123,13 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap
     where = f"map '{escaped(str(path), 500)}'"
     if Path(path).suffix.lower() in ('.pgm', '.png', '.bmp'):
         raise StartUpError(f'{where}: is an image: name the YAML file of the map, which names the image')
-    data = read_yaml(path, where, 'a map has two levels')
-    if not isinstance(data, dict):
-        raise StartUpError(f'{where}: is not a mapping with image, resolution and origin')
-    data = DEFAULTS | data
+    data = DEFAULTS | read_yaml(path, where, 'a mapping with image, resolution and origin')
     if not isinstance(data.get('image'), str) or not data['image']:
         raise StartUpError(f'{where}: image is missing or no text: must name a PGM or PNG file')
-    if data['mode'] not in MODES:
-        mode = escaped(repr(data['mode']), 60)
-        raise StartUpError(f'{where}: mode is {mode}: must be {", ".join(MODES[:-1])} or {MODES[-1]}')
-    if data['negate'] not in (0, 1):  # false and true too
-        shown = escaped(repr(data['negate']), 60)
-        raise StartUpError(f'{where}: negate is {shown}: must be 0 or 1')
+    for key, accepted in (('mode', MODES), ('negate', (0, 1))):  # negate may be false or true too
+        if data[key] not in accepted:
+            shown = escaped(repr(data[key]), 60)
+            raise StartUpError(f'{where}: {key} is {shown}: must be one of {", ".join(map(str, accepted))}')
     resolution_m = number(data, 'resolution', where, 'metres per cell', smallest=1e-4)
     if not isinstance(data.get('origin'), list) or len(data['origin']) != 3:
         raise StartUpError(f'{where}: origin is missing or not a list of three: must be [x, y, yaw]')

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lupin_greenhouse_bridge.planning.free_space import cross
 from lupin_greenhouse_bridge.planning.grid import Grid
 from lupin_greenhouse_bridge.planning.tag_poses import Table, TagPose, nearest_tables
 from lupin_greenhouse_bridge.planning.walls import Walls
@@ -53,7 +54,7 @@ class Surroundings(NamedTuple):
         corners = np.concatenate([eyes[:, None], ends], axis=1)  # (eyes, 3, 2)
         edges = np.roll(corners, -1, axis=1) - corners
         inwards = np.stack([-edges[..., 1], edges[..., 0]], axis=2)
-        inwards *= np.sign(_cross(edges[:, 0], edges[:, 1]))[:, None, None]
+        inwards *= np.sign(cross(edges[:, 0], edges[:, 1]))[:, None, None]
         inwards /= np.maximum(np.linalg.norm(inwards, axis=2, keepdims=True), SAME_M)
         # The depths of both ends of each side (eyes, 3, sides) within each edge; a part is inside all three.
         first, last = (
@@ -108,7 +109,3 @@ class AllSurroundings:
             np.concatenate([sides, self._plates[plates[plates != number]]]),
             plate,
         )
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.walls import Walls
+from lupin_greenhouse_bridge.planning.walls import EAST, NORTH, SOUTH, WEST, Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
-SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0
 SAME_M = 1e-9
 PLATE_WIDTH_M = 0.0625  # of a tag of 5 cm with its white border
 PLATE_M = 0.1  # a table that is farther aside is not ahead of a tag
@@ -43,15 +42,10 @@ class Table(NamedTuple):
         return [angle for angle, distance in distances_m.items() if distance <= nearest + SAME_M]
 
     def distance_ahead_m(self, x: float, y: float, angle: float) -> float:
-        """Return the distance from a point to this table along an axis; infinite if it is not ahead."""
-        along_x, along_y = round(math.cos(angle)), round(math.sin(angle))
-        if along_x:
-            is_beside = y < self.y0 - PLATE_M or y > self.y1 + PLATE_M
-            ahead = (self.x0 - x) if along_x > 0 else (x - self.x1)
-        else:
-            is_beside = x < self.x0 - PLATE_M or x > self.x1 + PLATE_M
-            ahead = (self.y0 - y) if along_y > 0 else (y - self.y1)
-        return math.inf if is_beside or ahead < 0.0 else ahead
+        """Return the distance from a point to this table in one of four directions; infinite beside it."""
+        ahead = {EAST: self.x0 - x, WEST: x - self.x1, NORTH: self.y0 - y, SOUTH: y - self.y1}[angle]
+        aside = (self.y0 - y, y - self.y1) if angle in (EAST, WEST) else (self.x0 - x, x - self.x1)
+        return math.inf if max(aside) > PLATE_M or ahead < 0.0 else ahead
 
 
 class TagPose(NamedTuple):

@@ -1,8 +1,4 @@
-"""
-The parameters of a node, declared as fields of a dataclass.
-
-Does not import ROS at the top, so that a launch file can read a node's parameters.
-"""
+"""The parameters of a node, as fields of a dataclass. Imports ROS late, for launch files."""
 
 from dataclasses import field, fields
 

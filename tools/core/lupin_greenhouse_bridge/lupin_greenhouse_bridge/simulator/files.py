@@ -21,46 +21,32 @@ LARGEST_NUMBER = 1e12
 SMALLEST_DIVISOR = 1e-12
 
 
-def read_tags(path) -> dict[str, dict]:
+def read_tag_file(path, *, has_tables: bool = True) -> tuple[dict[str, dict], dict[str, tuple]]:
     """
-    Return the tags of a tag file as id -> {x, y, sensors}, from either of the simulator's two formats.
+    Return the tags as id -> {x, y, sensors}, and the tables as name -> (x0, y0, x1, y1) in metres.
 
-    Raises StartUpError if the file or a tag is malformed. Does not check that the sensors exist.
-    """
-    where = f"tag_file '{path}'"
-    return _tags_of(_read_tag_file(path, where), where)
-
-
-def read_tags_and_tables(path) -> tuple[dict[str, dict], dict[str, tuple[float, float, float, float]]]:
-    """
-    Return the tags as read_tags() does, and the tables as name -> (x0, y0, x1, y1) in metres.
-
-    Only the nested format has tables. Raises StartUpError if the file, a tag or a table is malformed. The
-    simulator itself does not read the tables.
+    The simulator has two formats for tags. Only the nested one has tables; the simulator does not read them,
+    nor does this function without `has_tables`.
+    Raises StartUpError if the file, a tag or a table is malformed, or if no tag has a sensor. Does not check
+    that the sensors exist.
     """
     where = f"tag_file '{path}'"
-    data = _read_tag_file(path, where)
-    return _tags_of(data, where), _tables_of(data, where)
-
-
-def _read_tag_file(path, where: str) -> dict:
     data = _parse_json(_read_text(path, where, LARGEST_TAG_FILE_BYTES), where)
     if not isinstance(data, dict):
         raise StartUpError(f'{where}: holds {_kind(data)} at its top level, not an object of tags')
-    return data
-
-
-def _tags_of(data: dict, where: str) -> dict[str, dict]:
-    tags = data['tags'] if isinstance(data.get('tags'), dict) else data
+    is_nested = isinstance(data.get('tags'), dict)
+    tags = data['tags'] if is_nested else data
     if not tags:
         raise StartUpError(f'{where}: holds no tags: add at least one, {_TAG_EXAMPLE}')
     for tag_id, tag in tags.items():
         _check_tag(tag_id, tag, where)
-    return tags
+    tables = _tables_of(data.get('tables', {}), where) if is_nested and has_tables else {}
+    if not any(tag['sensors'] for tag in tags.values()):
+        raise StartUpError(f'{where}: no tag has a sensor: add a sensor to at least one tag')
+    return tags, tables
 
 
-def _tables_of(data: dict, where: str) -> dict[str, tuple[float, float, float, float]]:
-    tables = data.get('tables', {}) if isinstance(data.get('tags'), dict) else {}
+def _tables_of(tables, where: str) -> dict[str, tuple]:
     if not isinstance(tables, dict):
         raise StartUpError(f'{where}: tables is {_kind(tables)}, not an object, {_TABLE_EXAMPLE}')
     corners = {}
@@ -68,9 +54,7 @@ def _tables_of(data: dict, where: str) -> dict[str, tuple[float, float, float, f
         here = f"{where}: table '{escaped(name, 64)}'"
         if not isinstance(table, dict):
             raise StartUpError(f'{here} is {_kind(table)}, not an object, {_TABLE_EXAMPLE}')
-        corners[name] = tuple(
-            float(number(table, key, here, unit='metres')) for key in ('x0', 'y0', 'x1', 'y1')
-        )
+        corners[name] = tuple(float(number(table, key, here, 'metres')) for key in ('x0', 'y0', 'x1', 'y1'))
     return corners
 
 
@@ -89,11 +73,7 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
     Raises StartUpError if the simulator could not serve the config at every hour of the day.
     """
     where = f"sim_config_file '{path}'"
-    config = read_yaml(path, where, 'a greenhouse config has 4 levels')
-    if not isinstance(config, dict):
-        raise StartUpError(
-            f'{where}: holds {_kind(config)} at its top level, not a mapping with time and sensors'
-        )
+    config = read_yaml(path, where, 'a mapping with time and sensors')
     _check_time(mapping_of(config, 'time', where), settings, f'{where}: time')
     sensors = mapping_of(config, 'sensors', where)
     if not sensors:
@@ -111,17 +91,18 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
     return config
 
 
-def read_yaml(path, where: str, levels: str):
+def read_yaml(path, where: str, wanted: str) -> dict:
     """
-    Return the content of a YAML file, or of a JSON file whose name ends in .json.
+    Return the mapping in a YAML file, or in a JSON file whose name ends in .json; {} for an empty file.
 
-    Raises a StartUpError that begins with `where` if the file is unreadable or malformed. `levels` tells in
-    this error how deep the file may be nested.
+    Raises a StartUpError that begins with `where` if the file is unreadable, malformed or not `wanted`.
     """
     text = _read_text(path, where, LARGEST_CONFIG_FILE_BYTES)
-    if str(path).endswith('.json'):  # 1e3 is a number in JSON, and text in YAML 1.1
-        return _parse_json(text, where)
-    return _parse_yaml(text, where, levels)
+    # 1e3 is a number in JSON, and text in YAML 1.1.
+    data = _parse_json(text, where) if str(path).endswith('.json') else _parse_yaml(text, where)
+    if not isinstance(data, (dict, type(None))):
+        raise StartUpError(f'{where}: holds {_kind(data)} at its top level, not {wanted}')
+    return data or {}
 
 
 _TABLE_EXAMPLE = 'such as {"bench": {"x0": 0, "y0": 0, "x1": 2, "y1": 1}}'
@@ -134,14 +115,12 @@ def _check_tag(tag_id: str, tag, where: str) -> None:
         raise StartUpError(f'{where} cannot be sent over ROS: use an id of visible Unicode characters')
     if not isinstance(tag, dict):
         raise StartUpError(f'{where} is {_kind(tag)}, not an object, {_TAG_EXAMPLE}')
-    for key in ('x', 'y', 'sensors'):
-        if key not in tag:
-            raise StartUpError(f'{where} has no {key!r}: a tag needs x, y and sensors, {_TAG_EXAMPLE}')
     for key in ('x', 'y'):
         number(tag, key, where, unit='metres')
-    sensors = tag['sensors']
+    sensors = tag.get('sensors')
     if not isinstance(sensors, list):
-        raise StartUpError(f'{where}: sensors is {_kind(sensors)}: must be a list of names, such as ["co2"]')
+        shown = _shown(tag, 'sensors')
+        raise StartUpError(f'{where}: sensors is {shown}: must be a list of names, such as ["co2"]')
     if no_names := [name for name in sensors if not isinstance(name, str)]:
         raise StartUpError(f'{where}: sensors holds {_kind(no_names[0])}: must hold names, such as ["co2"]')
 
@@ -190,12 +169,7 @@ _COMPONENT_NUMBERS = {
 
 
 def number(
-    mapping: dict,
-    key: str,
-    where: str,
-    unit: str,
-    smallest=-LARGEST_NUMBER,
-    largest=LARGEST_NUMBER,
+    mapping: dict, key: str, where: str, unit: str, smallest=-LARGEST_NUMBER, largest=LARGEST_NUMBER
 ) -> float:
     """Return the value of a key, which must be a number; raises a StartUpError that begins with `where`."""
     value = mapping.get(key)
@@ -288,12 +262,12 @@ def _parse_json(text: str, where: str):
     try:
         return json.loads(text, object_pairs_hook=without_duplicates)
     except RecursionError as error:
-        raise StartUpError(f'{where}: is too deeply nested: a tag file has 4 levels') from error
+        raise StartUpError(f'{where}: is too deeply nested: use at most 4 levels') from error
     except ValueError as error:
         raise StartUpError(f'{where}: is not JSON: {error}') from error
 
 
-def _parse_yaml(text: str, where: str, levels: str):
+def _parse_yaml(text: str, where: str):
     import yaml  # mdp-greenhouse brings it; start-up reports a missing mdp-greenhouse first
 
     try:
@@ -311,17 +285,13 @@ def _parse_yaml(text: str, where: str, levels: str):
     except StartUpError:
         raise
     except RecursionError as error:
-        raise StartUpError(f'{where}: is too deeply nested: {levels}') from error
+        raise StartUpError(f'{where}: is too deeply nested: use at most 4 levels') from error
     except Exception as error:  # PyYAML's constructors leak KeyError, IndexError and others on bad scalars
         raise StartUpError(f'{where}: is not YAML: {type(error).__name__}: {error}') from error
 
 
 def _written_out(node, sizes: dict[int, float], where: str) -> float:
-    """
-    Return how many values a YAML node has after its aliases are expanded; infinite if it holds itself.
-
-    Raises StartUpError for a key that appears twice in one mapping.
-    """
+    """Return how many values a node has with its aliases expanded: infinite if it holds itself."""
     if id(node) not in sizes:
         sizes[id(node)] = math.inf
         children = node.value if isinstance(node.value, list) else []  # a scalar holds a string

@@ -4,8 +4,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.simulator.files import read_tags, read_tags_and_tables, shipped_file
+from lupin_greenhouse_bridge.simulator.files import read_tag_file, shipped_file
 
 
 class Tag(NamedTuple):
@@ -23,26 +22,13 @@ class Layout(NamedTuple):
     tables: dict[str, tuple[float, float, float, float]]  # name -> (x0, y0, x1, y1)
 
 
-def read_layout(tag_file: str | Path) -> Layout:
-    """Return the layout of a tag_locations.json; raises StartUpError."""
-    tags, tables = read_tags_and_tables(tag_file)
-    return Layout(_with_sensors(tags, tag_file), tables)
-
-
-def read_tags_with_sensors(tag_file: str | Path) -> dict[str, Tag]:
-    """Return the tags that a bridge serves with this file, without its tables; raises StartUpError."""
-    return _with_sensors(read_tags(tag_file), tag_file)
-
-
-def _with_sensors(tags: dict[str, dict], tag_file: str | Path) -> dict[str, Tag]:
-    found = {
-        tag_id: Tag(float(tag['x']), float(tag['y']), tag['sensors'])
-        for tag_id, tag in tags.items()
-        if tag['sensors']
-    }
-    if not found:
-        raise StartUpError(f"tag_file '{tag_file}': no tag has a sensor: add a sensor to at least one tag")
-    return found
+def read_layout(tag_file: str | Path, *, has_tables: bool = True) -> Layout:
+    """Return the layout of a tag_locations.json, as read_tag_file() reads it; raises StartUpError."""
+    tags, tables = read_tag_file(tag_file, has_tables=has_tables)
+    served = {tag_id: tag for tag_id, tag in tags.items() if tag['sensors']}
+    return Layout(
+        {each: Tag(float(tag['x']), float(tag['y']), tag['sensors']) for each, tag in served.items()}, tables
+    )
 
 
 def find_layout(tag_file: str) -> Layout | None:

@@ -11,8 +11,8 @@ from packaging.version import InvalidVersion, Version
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.settings import SECONDS_PER_DAY, Settings
-from lupin_greenhouse_bridge.simulator.files import read_config, read_tags, shipped_file
-from lupin_greenhouse_bridge.simulator.layout import read_tags_with_sensors
+from lupin_greenhouse_bridge.simulator.files import read_config, read_tag_file, shipped_file
+from lupin_greenhouse_bridge.simulator.layout import read_layout
 
 OLDEST_SIMULATOR = '1.0.7'
 INSTALL_COMMAND = f"pip install --upgrade 'mdp-greenhouse>={OLDEST_SIMULATOR}'"
@@ -44,10 +44,8 @@ def load(settings: Settings, tag_file, sim_config_file) -> LoadedGreenhouse:
     from greenhouse_sim.simulator import GreenhouseSimulator
 
     tag_path = tag_file or shipped_file('tag_locations.json')
-    tags = read_tags(tag_path)
+    tags, _ = read_tag_file(tag_path, has_tables=False)
     tag_ids = [tag_id for tag_id, tag in tags.items() if tag['sensors']]
-    if not tag_ids:
-        raise StartUpError(f"tag_file '{tag_path}': no tag has a sensor: add a sensor to at least one tag")
     config_path = sim_config_file or shipped_file('greenhouse_config.yaml')
     config = read_config(config_path, settings, AVAILABLE_SENSORS, AVAILABLE_DYNAMICS)
     for tag_id, tag in tags.items():
@@ -83,17 +81,14 @@ def load(settings: Settings, tag_file, sim_config_file) -> LoadedGreenhouse:
 def served_tag_ids(tag_file: str) -> list[str]:
     """Return the ids that a bridge serves with this tag_file, '' for the shipped one; raises StartUpError."""
     require_simulator()
-    return list(read_tags_with_sensors(tag_file or shipped_file('tag_locations.json')))
+    return list(read_layout(tag_file or shipped_file('tag_locations.json'), has_tables=False).tags)
 
 
 def require_simulator() -> str:
     """
-    Return the installed version of mdp-greenhouse.
+    Return the installed version of mdp-greenhouse, which `greenhouse_sim.simulator.__version__` is not.
 
-    Raises StartUpError if it is missing, older than 1.0.7, or cannot be imported.
-
-    Reads the package's metadata, because `greenhouse_sim.simulator.__version__` is not kept up to date.
-    Before 1.0.7 the simulated clock is wrong: it exceeds a day (1.0.5) or is 24 times off (1.0.6).
+    Raises StartUpError if it is missing, or cannot be imported, or before 1.0.7: the clock was wrong.
     """
     try:
         version = importlib.metadata.version('mdp-greenhouse')
@@ -125,10 +120,7 @@ def read(sim, tag_id: str) -> tuple[float, dict[str, float]]:
     Raises ReadingError if a value is missing or not finite.
     """
     try:
-        values = {}
-        for name, value in sim.get_sensor_data(tag_id).items():
-            is_finite_float = type(value) is float and math.isfinite(value)  # almost always; saves a call
-            values[str(name)] = value if is_finite_float else _finite(value, name)
+        values = {str(name): _finite(value, name) for name, value in sim.get_sensor_data(tag_id).items()}
         sim_time = values.pop('timestamp')
     except ReadingError:
         raise
@@ -147,8 +139,8 @@ def read(sim, tag_id: str) -> tuple[float, dict[str, float]]:
 
 
 def _finite(value, name: str) -> float:
-    # int comes first: the simulator's clock is one, and the look at an abstract class takes longer.
-    is_number = isinstance(value, (int, numbers.Real)) and not isinstance(value, bool)
+    # The simulator has floats, and an int for its clock; the look at an abstract class takes longer.
+    is_number = isinstance(value, (float, int, numbers.Real)) and not isinstance(value, bool)
     if not is_number or not math.isfinite(value):
         raise ReadingError(f'the simulator returned {value!r} for {name}, not a finite number')
     return float(value)
@@ -184,13 +176,9 @@ def _prove_readable(sim, tag_ids) -> None:
 
 def _warnings(sim, tags: dict, settings: Settings) -> list[str]:
     warnings = []
-    bare = [escaped(tag_id, 64) for tag_id, tag in tags.items() if not tag['sensors']]
-    if bare:
+    if bare := [escaped(tag_id, 64) for tag_id, tag in tags.items() if not tag['sensors']]:
         some = ', '.join(f"'{tag_id}'" for tag_id in bare[:5])
-        count = (
-            '1 tag has no sensors and is' if len(bare) == 1 else f'{len(bare)} tags have no sensors and are'
-        )
-        warnings.append(f'{count} treated as unknown: {some}')
+        warnings.append(f'{pluralized(len(bare), "tag")} without sensors, treated as unknown: {some}')
     if settings.speedup_factor > 0.0 and sim.sim_config['time']['debug_mode']:
         warnings.append('speedup_factor has no effect: debug mode freezes the simulated clock')
     return warnings
