@@ -57,12 +57,8 @@ class Settings:
         ' of tag_locations_file, or else of the bridge, in natural order.',
         of_any_type=True,
     )
-    tag_locations_file: str = parameter(
-        '', "The bridge's tag_locations.json; empty: ask the bridge for its tags."
-    )
-    world_file: str = parameter(
-        '', 'An SDF world: take the tags and their positions from its models tag_<id>.'
-    )
+    tag_locations_file: str = parameter('', "The bridge's tag_locations.json; empty: ask the bridge.")
+    world_file: str = parameter('', 'An SDF world: its models tag_<id> are the tags with their positions.')
     bridge_service_name: str = parameter('/greenhouse_bridge/get_tag_reading', 'The GetTagReading service.')
     visual_confirmation_service: str = parameter(
         'perception/confirm_tag', 'The ConfirmTag service; a relative name is in the namespace of the node.'
@@ -202,9 +198,7 @@ class Settings:
     amcl_pose_topic: str = parameter(
         'amcl_pose', 'The PoseWithCovarianceStamped topic of the robot, for tags of unknown position.'
     )
-    observations_topic: str = parameter(
-        '/floranova/observations', 'The topic for the observation of each tag.'
-    )
+    observations_topic: str = parameter('/floranova/observations', 'The topic of the observations.')
     layout_in_map: str = parameter(
         '',
         'A file of register_layout: where the layout of the tag file or world lies in the map; empty: the map'

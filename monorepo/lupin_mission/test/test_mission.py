@@ -34,7 +34,6 @@ class World:
     def __init__(self, tag_ids='ab', drive=None, limits=LIMITS, now=0.0, **options):
         self.now = now
         self.sent, self.abandoned, self.recorded, self.events = [], [], [], []
-        self.is_service_there = True
         self.mission = Mission(tag_ids, self, drive or SimulatedDrive(0.0), limits, **options)
         self.mission.start(self.now)
 
@@ -43,7 +42,7 @@ class World:
 
     def abandon(self, request):
         self.abandoned.append(request)
-        return Outcome.TIMEOUT if self.is_service_there else Outcome.NO_SERVICE
+        return Outcome.TIMEOUT
 
     def record(self, observation):
         self.recorded.append(observation)
@@ -238,14 +237,6 @@ def test_the_delay_stops_in_a_pause_and_the_timeout_does_not():
     assert len(world.sent) == 1
     world.wait(0.25)
     assert len(world.sent) == 2
-
-
-def test_a_service_that_is_not_there_is_told_from_one_that_does_not_answer():
-    world = World('a')
-    world.is_service_there = False
-    while world.mission.state is not State.DONE:
-        world.wait(0.5)
-    assert world.outcomes == [('a', Outcome.NO_SERVICE)]
 
 
 def test_an_unknown_tag_is_not_asked_for_again():
@@ -512,11 +503,8 @@ def to_the_dock(world):
     assert world.mission.dock()
     assert not world.mission.dock()
     world.wait(0.0)
-    assert (world.mission.state, world.mission.is_paused, world.mission.target) == (
-        State.RETURNING,
-        False,
-        None,
-    )
+    assert (world.mission.state, world.mission.target) == (State.RETURNING, None)
+    assert not world.mission.is_paused
     world.wait(1.0)
     assert (world.mission.state, world.mission.is_paused) == (State.RETURNING, True)
 

@@ -118,10 +118,8 @@ def test_a_tag_that_is_none_of_the_cameras_family_is_not_read(tmp_path):
 
 def test_a_world_with_another_camera_is_refused_in_one_line(tmp_path, capsys):
     assert inspection.main(['--camera', 'detections', '--world', '--output', str(tmp_path)]) == 2
-    assert (
-        capsys.readouterr().err
-        == 'mission: --world publishes images only: leave --camera out, or name image\n'
-    )
+    error = 'mission: --world publishes images only: leave --camera out, or name image\n'
+    assert capsys.readouterr().err == error
 
 
 @pytest.mark.usefixtures('stand_in')
