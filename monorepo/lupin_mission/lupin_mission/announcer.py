@@ -4,6 +4,7 @@ import math
 import time
 from collections import deque
 
+from geometry_msgs.msg import Point
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome
@@ -52,16 +53,11 @@ class Announcer:
     def started(self, event: str) -> None:
         """Log the start of a mission, and clear the error of the previous one."""
         self._last_error = ''
-        self.inform(event)
+        self._inform(event)
 
-    def inform(self, event: str) -> None:
-        """Put an event into the state, and log it."""
-        self._event, self._severity = escaped(event, 1000), Severity.INFO
+    def _inform(self, event: str) -> None:
+        self.note(event, Severity.INFO)
         self._log()
-
-    def warn(self, event: str) -> None:
-        """Put an event into the state, and log it as a warning."""
-        self.note(event, Severity.WARN)
 
     def _log(self) -> None:
         self._progress.clear()
@@ -74,11 +70,9 @@ class Announcer:
         else:
             logger.error(self._event)
 
-    def closed(
-        self, observation: Observation, mission_id: str, position_m: tuple[float, float] | None
-    ) -> None:
+    def closed(self, observation: Observation, mission_id: str, position: Point | None) -> None:
         """Publish the observation of a tag, and its reading if it was read, and log its outcome."""
-        message = observation_message(observation, mission_id, position_m)
+        message = observation_message(observation, mission_id, position)
         message.status_detail = self._with_remark(message.status_detail)
         self._stamp(message.header)
         self._observations.publish(message)
@@ -89,14 +83,14 @@ class Announcer:
                 f'{name} {value_text(name, value)}' for name, value in observation.reading.values.items()
             )
             pose = f' (pose {observation.pose})' if observation.pose > 1 else ''
-            self.inform(f'{tag}{pose}: {values}')
+            self._inform(f'{tag}{pose}: {values}')
         elif observation.outcome is Outcome.SKIPPED:
-            self.inform(f'{tag}: {observation.outcome.value}: {observation.detail}')
+            self._inform(f'{tag}: {observation.outcome.value}: {observation.detail}')
         else:
             reason = f'{observation.outcome.value}: {escaped(observation.detail, 500)}'
             is_scanned = observation.outcome is not Outcome.UNREACHABLE
             scan = f'scan failed after {observation.attempts} requests: ' if is_scanned else ''
-            self.warn(f'{tag}: {scan}{reason}')
+            self.note(f'{tag}: {scan}{reason}', Severity.WARN)
             self._last_error = self._event
 
     def moved(self, mission: Mission) -> None:

@@ -4,14 +4,6 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 
-class Goal(NamedTuple):
-    """A pose of the robot in the map: metres, and radians counter-clockwise from the x axis."""
-
-    x: float
-    y: float
-    yaw: float
-
-
 class Arrival(NamedTuple):
     """The end of a drive: the robot stands at its goal, or the drive has failed."""
 
@@ -22,11 +14,7 @@ class Arrival(NamedTuple):
 
 
 class Drive(ABC):
-    """
-    Brings the robot to one tag at a time, and to its dock.
-
-    Times are seconds of a clock that stops during a pause.
-    """
+    """Brings the robot to a tag, or to its dock. Times are seconds of a clock that stops during a pause."""
 
     @abstractmethod
     def start(self, tag_id: str, now_seconds: float, pose: int = 1) -> None:

@@ -1,5 +1,7 @@
 """Convert between the mission's objects and the team's messages."""
 
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point, Pose, Quaternion
 from lupin_greenhouse_bridge.contract import STATUS_NAMES
 from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
@@ -15,6 +17,12 @@ STATUSES = {
     Outcome.SKIPPED: ObservationMessage.STATUS_SKIPPED,
     Outcome.UNREACHABLE: ObservationMessage.STATUS_UNREACHABLE,
 }  # of an outcome that is not a failed scan
+COUNTS = {
+    'completed': {Outcome.OK},
+    'skipped': {Outcome.SKIPPED},
+    'unreachable': {Outcome.UNREACHABLE},
+    'failed': {*Outcome} - {Outcome.OK, Outcome.SKIPPED, Outcome.UNREACHABLE},
+}  # of MissionState
 REFUSALS = {outcome.value: outcome for outcome in (Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR)}
 
 
@@ -39,20 +47,18 @@ def accept_response(mission: Mission, request: Request, response) -> bool:
 
 
 def observation_message(
-    observation: Observation, mission_id: str, position_m: tuple[float, float] | None
+    observation: Observation, mission_id: str, position: Point | None
 ) -> ObservationMessage:
     """
     Return the message for the observation of one tag, without its header.
 
-    `position_m` is the tag's x and y in the map. If it is None, the pose is unset, which the team marks by w
-    = 0 (the default pose of rosidl has w = 1). Only a tag that was read gets a reading and a pose, because
-    the team's nodes assume that a tag was inspected if its id is in a reading.
+    Only a tag that was read gets a reading and, if its position in the map is known, a pose: the team's nodes
+    assume that a tag was inspected if its id is in a reading.
     """
     message = ObservationMessage(
         kind=ObservationMessage.KIND_TAG_READING, mission_id=mission_id, source=MISSION_TYPE
     )
-    for pose in (message.tag_pose_in_map, message.flower.pose.pose, message.anomaly.pose.pose):
-        pose.orientation.w = 0.0
+    message.tag_pose_in_map = message.flower.pose.pose = message.anomaly.pose.pose = pose_at(None)
     if observation.outcome is not Outcome.OK:
         message.status = STATUSES.get(observation.outcome, ObservationMessage.STATUS_SCAN_FAILED)
         tag = f'tag {observation.tag_id}: '
@@ -61,18 +67,21 @@ def observation_message(
         return message
     message.status = ObservationMessage.STATUS_OK
     message.status_detail = f'read from pose {observation.pose}' if observation.pose > 1 else ''
-    message.tag_reading.tag_id = observation.tag_id
-    _fill(message.tag_reading, observation.reading)
-    if position_m:
-        message.tag_pose_in_map.position.x, message.tag_pose_in_map.position.y = map(float, position_m)
-        message.tag_pose_in_map.orientation.w = 1.0
+    reading, stamp = observation.reading, Time()
+    stamp.sec, stamp.nanosec = reading.stamp
+    message.tag_reading = TagReading(
+        tag_id=observation.tag_id,
+        stamp=stamp,
+        sim_time_of_day_seconds=reading.sim_time_of_day_seconds,
+        readings=[SensorReading(name=name, value=value) for name, value in reading.values.items()],
+    )
+    message.tag_pose_in_map = pose_at(position)
     return message
 
 
-def _fill(message: TagReading, reading: Reading) -> None:
-    message.stamp.sec, message.stamp.nanosec = reading.stamp
-    message.sim_time_of_day_seconds = reading.sim_time_of_day_seconds
-    message.readings = [SensorReading(name=name, value=value) for name, value in reading.values.items()]
+def pose_at(position: Point | None) -> Pose:
+    """Return the pose at a position, without a direction; w = 0 marks it as unset, where rosidl has 1."""
+    return Pose(position=position or Point(), orientation=Quaternion(w=float(position is not None)))
 
 
 def state_message(mission: Mission | None, mission_id: str, lifecycle_if_none: str) -> MissionState:
@@ -84,13 +93,8 @@ def state_message(mission: Mission | None, mission_id: str, lifecycle_if_none: s
         message.lifecycle_state = LIFECYCLE_STATES.get(mission.state, 'INSPECTING')
         message.mission_phase = mission.phase
         message.current_target = mission.target or ''
-        outcomes = (Outcome.OK, Outcome.SKIPPED, Outcome.UNREACHABLE)
-        read, skipped, unreachable = (mission.count(outcome) for outcome in outcomes)
         message.targets_total = min(len(mission.tag_ids), LARGEST_COUNT)
-        message.targets_completed = min(read, LARGEST_COUNT)
-        message.targets_skipped = min(skipped, LARGEST_COUNT)
-        message.targets_unreachable = min(unreachable, LARGEST_COUNT)
-        failed = len(mission.outcomes) - read - skipped - unreachable
-        message.targets_failed = min(failed, LARGEST_COUNT)
+        for count, outcomes in COUNTS.items():
+            setattr(message, f'targets_{count}', min(mission.count(*outcomes), LARGEST_COUNT))
         message.paused = mission.is_paused
     return message

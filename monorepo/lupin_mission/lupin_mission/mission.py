@@ -81,11 +81,7 @@ class MissionPorts(Protocol):
 
 
 class Mission:
-    """
-    Drives to each tag, has it confirmed if required, reads it, and records one outcome.
-
-    If a scan fails, the mission records the reason and continues with the next tag.
-    """
+    """Drives to each tag, has it confirmed if required, reads it, and records one outcome, whatever it is."""
 
     def __init__(
         self,
@@ -118,7 +114,7 @@ class Mission:
         self._tag_id: str | None = None
         self._drives = 0  # to this pose, or to the dock
         self._pose = 1  # of this tag, from 1
-        self._failures: list[tuple[Outcome, str]] = []  # from the poses before
+        self._failures: list[str] = []  # from the poses before
         self._seen: bool | None = None  # this tag, by the camera
         self._departure: float | None = None  # of the next of them, until the robot sets off
         self._stuck_drives = 0  # in a row
@@ -199,14 +195,10 @@ class Mission:
             if not arrival:
                 return False
             self._end_drive(arrival)
-        elif (
-            self.state is State.INSPECTING
-            and not self._request
-            and self._active_seconds >= self._next_attempt
-        ):
-            self._ask()
-        else:
+        elif self.state is State.DONE or self._request or self._active_seconds < self._next_attempt:
             return False
+        else:
+            self._ask()
         return True
 
     def _drive_on(self) -> None:
@@ -224,12 +216,9 @@ class Mission:
         self._pose, self._failures, self._seen = 1, [], None
 
     def _depart(self, state: State) -> None:
+        """Set off now, or after the pause."""
         self.state = state
         self._scan_reading_done = False
-        self._be_due()
-
-    def _be_due(self) -> None:
-        """Set off now, or after the pause."""
         self._drives = 0
         self._departure = self._active_seconds
         self._retry_delay = self._limits.retry_delay_seconds
@@ -260,20 +249,17 @@ class Mission:
         """Pause with an error; resume() sets off to the same goal again, with all its attempts."""
         self.is_paused = True
         self._drive.pause()
-        self._drives, self._departure, self._stuck_drives = 0, self._active_seconds, 0
-        self._retry_delay = self._limits.retry_delay_seconds
+        self._depart(self.state)
+        self._stuck_drives = 0
         self._ports.note(f'{reason}: resume to go on', Severity.ERROR)
-
-    def _is_stuck(self) -> bool:
-        """Return whether the robot needs a person; a second time at the same tag, the goal is at fault."""
-        is_new = self.state is State.DRIVING and self._tag_id != self._stuck_tag_id
-        return is_new and self._stuck_drives >= STUCK_DRIVES
 
     def _end_drive(self, arrival: Arrival) -> None:
         self._stuck_drives = self._stuck_drives + 1 if arrival.is_stuck else 0
+        # A second time at the same tag, the goal is at fault.
+        can_hold = self.state is State.DRIVING and self._tag_id != self._stuck_tag_id
         if arrival.needs_person:
             self._hold(arrival.failure)
-        elif self._is_stuck():
+        elif can_hold and self._stuck_drives >= STUCK_DRIVES:
             self._stuck_tag_id = self._tag_id
             self._hold(f'the robot is stuck: it did not move in {STUCK_DRIVES} drives: {arrival.failure}')
         elif arrival.failure and not arrival.is_final and self._drives < self._limits.max_drives:
@@ -283,13 +269,14 @@ class Mission:
         elif self.state is State.RETURNING:
             if arrival.failure:
                 self._ports.note(f'the robot is not at the dock: {arrival.failure}', Severity.WARN)
-            if self._is_docking:
-                self._rest()
-            else:
+            if not self._is_docking:
                 self._end()
+                return
+            self._is_docking, self._is_docked, self.is_paused = False, True, True
+            self._ports.note('paused after the return: resume to go on with the tags left', Severity.INFO)
         elif arrival.failure:
             if not self._looks_again(Outcome.UNREACHABLE, arrival.failure):
-                self._close(Outcome.UNREACHABLE, arrival.failure, None)
+                self._close(Outcome.UNREACHABLE, arrival.failure)
                 self._dwell_end = self._active_seconds
         else:
             self.state = State.INSPECTING
@@ -303,16 +290,10 @@ class Mission:
             return False
         event = f'tag {self._tag_id!r}: {outcome.value} {detail}: trying pose {self._pose + 1} of {count}'
         self._ports.note(event, Severity.WARN)
-        self._failures.append((outcome, detail))
+        self._failures.append(detail)
         self._pose += 1
-        self.state = State.DRIVING
-        self._be_due()
+        self._depart(State.DRIVING)
         return True
-
-    def _rest(self) -> None:
-        self._is_docking, self._is_docked = False, True
-        self.is_paused = True
-        self._ports.note('paused after the return: resume to go on with the tags left', Severity.INFO)
 
     def _turn_to(self, service: Service) -> None:
         self._service = service
@@ -405,7 +386,7 @@ class Mission:
             self._leave('aborted')
         for tag_id in self._to_visit:
             self._take_up(tag_id)
-            self._close(Outcome.SKIPPED, 'aborted', None)
+            self._close(Outcome.SKIPPED, 'aborted')
         if has_not_set_off or is_returning:
             self._end()
         else:
@@ -424,7 +405,7 @@ class Mission:
     def _leave(self, detail: str) -> None:
         self._stop_work()
         if not self._scan_reading_done:
-            self._close(Outcome.SKIPPED, detail, None)
+            self._close(Outcome.SKIPPED, detail)
         self._dwell_end = self._active_seconds
 
     def count(self, *outcomes: Outcome) -> int:
@@ -469,14 +450,12 @@ class Mission:
 
     def _attempt_failed(self, outcome: Outcome, detail: str) -> None:
         is_last = outcome is Outcome.UNKNOWN_TAG or self._attempts >= self._limits.max_attempts
-        if is_last and outcome is Outcome.NOT_CONFIRMED and self._looks_again(outcome, detail):
-            return
-        if is_last:
-            self.mark_scan_failed(self._tag_id, outcome, detail)
-        else:
+        if not is_last:
             event = f'tag {self._tag_id!r}: {outcome.value} {detail}: trying again'
             self._ports.note(event, Severity.WARN)
             self._next_attempt = self._next_try()
+        elif outcome is not Outcome.NOT_CONFIRMED or not self._looks_again(outcome, detail):
+            self.mark_scan_failed(self._tag_id, outcome, detail)
 
     def _next_try(self) -> float:
         """Return the time of another attempt, and double the delay of the one after it."""
@@ -486,21 +465,26 @@ class Mission:
 
     def mark_scan_ok(self, tag_id: str, reading: Reading) -> None:
         """Record the reading of the tag at hand; raises ValueError for another tag or a second outcome."""
-        self._end_scan(tag_id, Outcome.OK, '', reading)
+        self._require_at_hand(tag_id)
+        self._close(Outcome.OK, '', reading)
 
     def mark_scan_failed(self, tag_id: str, outcome: Outcome, detail: str) -> None:
         """Record why the tag at hand has no reading; raises ValueError like mark_scan_ok()."""
-        self._end_scan(tag_id, outcome, detail, None)
+        self._require_at_hand(tag_id)
+        self._close(outcome, detail)
 
-    def _end_scan(self, tag_id: str, outcome: Outcome, detail: str, reading: Reading | None) -> None:
+    def _require_at_hand(self, tag_id: str) -> None:
         if tag_id != self.tag_at_hand or self._scan_reading_done:
             raise ValueError(f'tag {tag_id!r} is not being scanned')
-        self._close(outcome, detail, reading)
 
-    def _close(self, outcome: Outcome, detail: str, reading: Reading | None) -> None:
+    def _close(self, outcome: Outcome, detail: str, reading: Reading | None = None) -> None:
         attempts = self._requests - self._requests_before
         if self._failures and outcome is not Outcome.OK:
-            outcome, detail = self._failure_of_all_poses(outcome, detail)
+            # That the camera did not see the tag tells more than a failed drive.
+            if outcome is Outcome.UNREACHABLE and self._seen is not None:
+                outcome = Outcome.NOT_CONFIRMED
+            details = [*self._failures, detail]
+            detail = '; '.join(f'pose {number}: {each}' for number, each in enumerate(details, start=1))
         self.outcomes[self._tag_id] = outcome
         self._is_publishing = True
         observation = Observation(self._tag_id, outcome, detail, attempts, reading, self._seen, self._pose)
@@ -508,13 +492,6 @@ class Mission:
         self._is_publishing = False
         self._request = None
         self._scan_reading_done = True
-
-    def _failure_of_all_poses(self, outcome: Outcome, detail: str) -> tuple[Outcome, str]:
-        """Return one outcome: that the camera did not see the tag tells more than a failed drive."""
-        tried = [*self._failures, (outcome, detail)]
-        if outcome is Outcome.UNREACHABLE and self._seen is not None:
-            outcome = Outcome.NOT_CONFIRMED
-        return outcome, '; '.join(f'pose {number}: {why}' for number, (_, why) in enumerate(tried, start=1))
 
 
 _NO_REPLY = {

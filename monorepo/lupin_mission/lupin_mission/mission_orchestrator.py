@@ -5,8 +5,6 @@ ros2 run lupin_mission mission_orchestrator --ros-args -p tag_sequence:="6 21 29
 """
 
 import contextlib
-import os
-import sys
 import time
 import uuid
 from dataclasses import replace
@@ -49,6 +47,11 @@ LONGEST_STOP_SECONDS = 2.0
 SIMULATED = 'simulated drive'  # what observations and events say where no robot moves
 NOT_KNOWN_YET = 'the tags are not known yet: start the bridge'
 OTHER_MISSION = 'another mission publishes mission/state: end it, or give one of them a namespace'
+NOT_DOCKING = {
+    State.READY: (True, 'no mission runs: nothing moves'),
+    State.RETURNING: (True, 'already returning to dock'),
+    State.DONE: (False, 'cannot dock in state DONE'),
+}  # what mission/dock replies where it does nothing
 RELEASE_ESTOP = 'the e-stop is engaged: release it first'
 
 
@@ -69,9 +72,7 @@ class MissionNode(Node):
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
         self._tags = Tags(settings)
-        self._positions = TagPositions(
-            self, frame_id=settings.frame_id, amcl_pose_topic=settings.amcl_pose_topic
-        )
+        self._positions = TagPositions(self, settings.frame_id, settings.amcl_pose_topic)
         self._transport = Transport(
             self,
             confirm_service=settings.visual_confirmation_service,
@@ -79,7 +80,6 @@ class MissionNode(Node):
         )
         self.tag_ids: list[str] = []  # of the mission
         self.mission: Mission | None = None
-        self._report_status: os.stat_result | None = None  # of the file, once it is open
         self._report_fault = ''  # why the report is lost; the mission ends then
         if not settings.wait_for_start:
             self.report = self._open_report('')
@@ -127,9 +127,7 @@ class MissionNode(Node):
 
     def _open_report(self, mission_id: str) -> Report:
         path = Path(self._settings.report_file or time.strftime('mission-%Y%m%dT%H%M%S.jsonl'))
-        report = Report(path.with_name(f'{path.stem}-{mission_id}{path.suffix}') if mission_id else path)
-        self._report_status = report.path.stat()
-        return report
+        return Report(path.with_name(f'{path.stem}-{mission_id}{path.suffix}') if mission_id else path)
 
     def farewell(self) -> None:
         """Stop the robot, and publish the state once more; wait for both, with timeouts."""
@@ -175,7 +173,8 @@ class MissionNode(Node):
         if self._settings.wait_for_subscriber and not self._announcer.is_heard():
             if time.monotonic() < self._start_deadline:
                 return
-            self._announcer.warn('mission/readings has no subscriber: the mission starts without one')
+            event = 'mission/readings has no subscriber: the mission starts without one'
+            self.note(event, Severity.WARN)
         self._start_deadline = None
         self.executor.create_task(
             self._plan_and_begin, self._new_mission_id(), self._chosen_ids(), self.report
@@ -183,10 +182,10 @@ class MissionNode(Node):
 
     def _on_tag_positions(self) -> None:
         """Plan the drives."""
+        self._positions.in_layout = self._tags.positions_m
         if self._settings.has_poses_in_map and not self._tags.positions_m:
-            self._announcer.warn(
-                "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file"
-            )
+            event = "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file"
+            self.note(event, Severity.WARN)
         if self._planner:
             self._first_plan = self._planner.plan(self._chosen_ids())
 
@@ -200,7 +199,7 @@ class MissionNode(Node):
     def _take(self, drives: Drives) -> None:
         self._drive.goals, self._drive.unreachable = drives.goals, drives.unreachable
         for warning in drives.warnings:
-            self._announcer.warn(warning)
+            self.note(warning, Severity.WARN)
 
     def _chosen_ids(self) -> list[str]:
         """Return the tags of tag_sequence, or all tags in natural order if it is empty."""
@@ -219,9 +218,6 @@ class MissionNode(Node):
             report = self._open_report(mission_id)
             if self.report:
                 self.report.close()
-        self._begin(mission_id, tag_ids, to_visit, report)
-
-    def _begin(self, mission_id: str, tag_ids: list[str], to_visit: list[str], report: Report) -> None:
         self.report = report
         self.tag_ids = tag_ids
         self._mission_id = mission_id
@@ -286,31 +282,20 @@ class MissionNode(Node):
             self._report_fault = str(error)
         if self.has_lost_report():
             return
-        self._announcer.closed(observation, self._mission_id, self._position_of(observation.tag_id))
+        position = self._positions.position_of(observation.tag_id)
+        self._announcer.closed(observation, self._mission_id, position)
         self._publish_state()
 
     def has_lost_report(self) -> bool:
         """Return whether the report cannot be written, or its file was deleted; log the reason once."""
-        if self.report and not self._report_fault:
-            try:
-                is_there = os.path.samestat(self.report.path.stat(), self._report_status)
-            except OSError:
-                is_there = False
-            if not is_there:
-                self._report_fault = (
-                    f"report_file '{self.report.path}' was deleted or replaced: start the mission again"
-                )
+        if self.report and not self._report_fault and not self.report.is_in_place():
+            self._report_fault = (
+                f"report_file '{self.report.path}' was deleted or replaced: start the mission again"
+            )
         if self._report_fault and not self._is_ending:
             self._is_ending = True
             self.get_logger().fatal(self._report_fault)
         return bool(self._report_fault)
-
-    def _position_of(self, tag_id: str) -> tuple[float, float] | None:
-        """Return x and y of a tag in the map: by the layout, as discovered, or where the robot stands."""
-        if tag_id in self._tags.positions_m:
-            return self._tags.positions_m[tag_id]
-        position = self._positions.position_of(tag_id)
-        return (position.x, position.y) if position else None
 
     def note(self, event: str, severity: Severity) -> None:
         """Report an event."""
@@ -338,12 +323,8 @@ class MissionNode(Node):
 
     def _dock(self, _request, response):
         state = self.mission.state if self.mission else State.READY
-        response.success = state is not State.DONE
-        if state is State.RETURNING:
-            response.message = 'already returning to dock'
-        elif state in (State.READY, State.DONE):
-            is_done = state is State.DONE
-            response.message = 'cannot dock in state DONE' if is_done else 'no mission runs: nothing moves'
+        if state in NOT_DOCKING:
+            response.success, response.message = NOT_DOCKING[state]
         else:
             response.success = self.mission.dock()
             response.message = 'heading to dock' if response.success else 'there is no dock: set dock_pose'
@@ -414,7 +395,3 @@ def _conclude(node: MissionNode) -> int:
     found = last_of_each_tag(observations)
     all_read = all(tag in found and found[tag].outcome is Outcome.OK for tag in node.tag_ids)
     return ALL_READ if node.tag_ids and all_read else SOME_NOT_READ
-
-
-if __name__ == '__main__':
-    sys.exit(main())

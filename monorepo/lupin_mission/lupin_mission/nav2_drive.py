@@ -8,12 +8,12 @@ from collections.abc import Callable
 from action_msgs.msg import GoalStatus, GoalStatusArray
 from action_msgs.srv import CancelGoal
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.runtime.poses import pose_message
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_message
 from rclpy.action import ActionClient
 from rclpy.qos import qos_profile_action_status_default
 from unique_identifier_msgs.msg import UUID
 
-from lupin_mission.drive import Arrival, Drive, Goal
+from lupin_mission.drive import Arrival, Drive
 from lupin_mission.mission import Severity
 from lupin_mission.settings import Settings
 
@@ -50,7 +50,7 @@ class Nav2Drive(Drive):
 
     def __init__(self, node, settings: Settings, note: Callable[[str, Severity], None]):
         """Create the client; raises StartUpError for an invalid name, or without nav2_msgs."""
-        self.goals: dict[str, list[Goal]] = {}
+        self.goals: dict[str, list[PoseInPlane]] = {}
         self.unreachable: dict[str, str] = {}
         self._node = node
         self._settings = settings
@@ -68,7 +68,7 @@ class Nav2Drive(Drive):
         node.create_subscription(
             GoalStatusArray, self._status_topic, self._on_statuses, qos_profile_action_status_default
         )
-        self._goal: Goal | None = None
+        self._goal: PoseInPlane | None = None
         self._no_goal = ''  # why there is none
         self._sent: _SentGoal | None = None  # for this goal
         self._not_over: list[_SentGoal] = []
@@ -88,9 +88,9 @@ class Nav2Drive(Drive):
 
     def start_return(self, now_seconds):
         """Start to drive to the dock."""
-        self._set_off(Goal(*self._settings.dock), '', now_seconds)
+        self._set_off(PoseInPlane(*self._settings.dock), '', now_seconds)
 
-    def _set_off(self, goal: Goal | None, no_goal: str, now_seconds: float) -> None:
+    def _set_off(self, goal: PoseInPlane | None, no_goal: str, now_seconds: float) -> None:
         self._goal, self._no_goal = goal, no_goal
         self._sent, self._since = None, now_seconds
         self._rejected_since = self._ended_at = None
@@ -112,8 +112,11 @@ class Nav2Drive(Drive):
                 sent.give_up()
             return Arrival(failure, is_stuck=sent.is_stuck()) if failure else None
         if not self._client.server_is_ready():
-            return self._wait_for_server(elapsed_seconds)
-        if is_over or elapsed_seconds >= LONGEST_END_SECONDS:
+            if elapsed_seconds >= self._settings.dependency_timeout_s:
+                return Arrival(f'there is no action server {self._name}: start Nav2', needs_person=True)
+            if elapsed_seconds >= DISCOVERY_SECONDS:
+                self._warn_once(f'waiting for the action server {self._name}: start Nav2')
+        elif is_over or elapsed_seconds >= LONGEST_END_SECONDS:
             self._send(now_seconds)
         return None
 
@@ -174,13 +177,6 @@ class Nav2Drive(Drive):
         if not self._has_warned:
             self._has_warned = True
             self._note(event, Severity.WARN)
-
-    def _wait_for_server(self, elapsed_seconds: float) -> Arrival | None:
-        if elapsed_seconds >= self._settings.dependency_timeout_s:
-            return Arrival(f'there is no action server {self._name}: start Nav2', needs_person=True)
-        if elapsed_seconds >= DISCOVERY_SECONDS:
-            self._warn_once(f'waiting for the action server {self._name}: start Nav2')
-        return None
 
     def _send(self, now_seconds: float) -> None:
         message, goal = self._action.Goal(), self._goal
@@ -277,9 +273,8 @@ class _SentGoal:
             self._cancel()
 
     def _on_cancel_reply(self, response) -> None:
-        if (
-            response.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
-        ):  # of a server that has restarted
+        # Of a server that has restarted.
+        if response.return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID:
             self._end(f'{self._name} does not know the goal any more')
         has_ended = self.is_over or response.return_code == CancelGoal.Response.ERROR_GOAL_TERMINATED
         if not (response.goals_canceling or has_ended):

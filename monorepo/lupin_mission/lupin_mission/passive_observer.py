@@ -6,10 +6,8 @@ It is silent while a mission runs, which publishes observations of its own.
     ros2 run lupin_mission passive_observer --ros-args -p layout_in_map:=layout_in_map.yaml
 """
 
-import sys
 from dataclasses import dataclass
 
-from geometry_msgs.msg import Point, Pose, Quaternion
 from lupin_greenhouse_bridge.contract import fault_of_reading, latched
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.registration import read_transform
@@ -20,6 +18,7 @@ from lupin_msgs.msg import MissionState, Observation, TagReading
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+from lupin_mission.messages import pose_at
 from lupin_mission.tag_positions import TagPositions
 
 NODE_NAME = 'passive_observer'
@@ -60,8 +59,8 @@ class Settings:
         if self.tag_file and not self.layout_in_map:
             raise StartUpError('parameter tag_file has no effect without layout_in_map: set both')
 
-    def layout_positions(self) -> dict[str, Point]:
-        """Return the layout's positions in the map by tag id; {} without one. Raises StartUpError."""
+    def positions_in_layout(self) -> dict[str, tuple[float, float]]:
+        """Return x and y in the map by tag id; {} without a layout. Raises StartUpError."""
         if not self.layout_in_map:
             return {}
         transform = read_transform(self.layout_in_map, self.map_frame)
@@ -71,13 +70,7 @@ class Settings:
                 'layout_in_map needs the positions of the tags, but mdp-greenhouse is not installed:'
                 ' set tag_file'
             )
-        positions = {tag_id: transform.point(tag.x, tag.y) for tag_id, tag in layout.tags.items()}
-        return {tag_id: Point(x=x, y=y) for tag_id, (x, y) in positions.items()}
-
-
-def pose_at(position: Point | None) -> Pose:
-    """Return the pose at a position, without a direction; w = 0 marks it as unset."""
-    return Pose(position=position or Point(), orientation=Quaternion(w=float(position is not None)))
+        return {tag_id: transform.point(tag.x, tag.y) for tag_id, tag in layout.tags.items()}
 
 
 class PassiveObserver(Node):
@@ -89,9 +82,8 @@ class PassiveObserver(Node):
         settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
         self._lifecycle_state = ''
         self._frame_id = settings.map_frame
-        self._positions = TagPositions(
-            self, frame_id=self._frame_id, layout_positions=settings.layout_positions()
-        )
+        self._positions = TagPositions(self, self._frame_id)
+        self._positions.in_layout = settings.positions_in_layout()
         self._states = self.create_subscription(MissionState, 'mission/state', self._on_state, latched())
         # Not latched: the robot has left the position of an old reading.
         readings = self.create_subscription(
@@ -132,7 +124,3 @@ class PassiveObserver(Node):
 def main(args=None) -> int:
     """Publish until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return run(NODE_NAME, PassiveObserver, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -8,9 +8,9 @@ from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.planning.route import plan_route
 from lupin_greenhouse_bridge.planning.walls import find_walls
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
-from lupin_mission.drive import Goal
 from lupin_mission.settings import Settings
 
 
@@ -41,7 +41,7 @@ class Plan:
         )
         self.goals = {
             tag_id: [
-                Goal(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))
+                PoseInPlane(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))
                 for pose in (best, *others[tag_id])
             ]
             for tag_id, best in self._poses.items()

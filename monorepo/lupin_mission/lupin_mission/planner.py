@@ -1,17 +1,18 @@
 """Plan the drives in a separate thread, so that a large greenhouse does not block any callback."""
 
-import threading
+from collections import deque
 from collections.abc import Callable
-from queue import SimpleQueue
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
+from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane
 from nav_msgs.msg import OccupancyGrid
 from rclpy.task import Future
 
-from lupin_mission.drive import Goal
 from lupin_mission.plan import Plan
-from lupin_mission.room_map import RoomMap, occupancy_of
 from lupin_mission.settings import Settings
 from lupin_mission.tags import Tags
 
@@ -19,7 +20,7 @@ from lupin_mission.tags import Tags
 class Drives(NamedTuple):
     """A plan: the goals by tag id, the reason why a tag has none, and the tags in the order of visits."""
 
-    goals: dict[str, list[Goal]]
+    goals: dict[str, list[PoseInPlane]]
     unreachable: dict[str, str]
     tag_ids: list[str]
     warnings: list[str]  # of poses that no drives before these had
@@ -29,14 +30,15 @@ class Planner:
     """Handles one request for a plan after the other. Call poll() often, which completes the futures."""
 
     def __init__(self, node, settings: Settings, tags: Tags):
-        """Subscribe to the map, and start the thread."""
+        """Subscribe to the map."""
         self._settings, self._tags = settings, tags
-        self._room_map = RoomMap(node, settings.map_topic, settings.frame_id)
-        self._plan: Plan | None = None  # it and the map belong to the thread
-        self._map: OccupancyGrid | None = None  # of that plan
-        self._work: SimpleQueue = SimpleQueue()
-        self._done: SimpleQueue = SimpleQueue()
-        threading.Thread(target=self._run, daemon=True).start()  # a signal ends the mission while it plans
+        self._logger = node.get_logger()
+        self._newest_map: OccupancyGrid | None = None
+        self._maps = node.create_subscription(OccupancyGrid, settings.map_topic, self._on_map, latched())
+        self._plan: Plan | None = None  # it and its map belong to the thread
+        self._map: OccupancyGrid | None = None
+        self._thread = ThreadPoolExecutor(1)
+        self._expected: deque = deque()  # (what the thread works on, the future of its caller)
 
     def plan(self, tag_ids: list[str]) -> Future:
         """Plan the drives without a map. The result of the future is Drives; it can raise StartUpError."""
@@ -44,7 +46,7 @@ class Planner:
 
     def plan_mission(self, tag_ids: list[str], robot_m: tuple[float, float] | None) -> Future:
         """Plan a mission from the robot to these tags, with the current map; otherwise like plan()."""
-        message = self._room_map.take()
+        message = self._usable_map()
 
         def drives() -> Drives:
             found = self._drives(tag_ids, message, is_new=message is not self._map)
@@ -52,36 +54,51 @@ class Planner:
 
         return self._expect(drives)
 
+    def _on_map(self, message: OccupancyGrid) -> None:
+        self._newest_map = message
+
+    def _usable_map(self) -> OccupancyGrid | None:
+        """Return the newest map, if it is in the right frame, and log which one it is."""
+        topic, message = self._maps.topic_name, self._newest_map
+        if message is None or message.header.frame_id != self._settings.frame_id:
+            reason = 'no message' if message is None else f"a map in the frame '{message.header.frame_id}'"
+            self._logger.info(f'the approach poses are planned without a map: {topic} has {reason}')
+            return None
+        info = message.info
+        self._logger.info(
+            f'the approach poses are planned with the map of {topic}: {info.width} x {info.height} cells of'
+            f' {info.resolution:g} m'
+        )
+        return message
+
     def poll(self) -> None:
         """Complete the futures of the finished plans."""
-        while not self._done.empty():
-            future, drives, error = self._done.get()
-            if error:
+        while self._expected and self._expected[0][0].done():
+            work, future = self._expected.popleft()
+            if error := work.exception():
                 future.set_exception(error)
             else:
-                future.set_result(drives)
+                future.set_result(work.result())
 
     def close(self) -> None:
-        """End the thread after its current work."""
-        self._work.put(None)
+        """End the thread after its current work, without waiting for it."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
 
     def _expect(self, work: Callable[[], Drives]) -> Future:
         future = Future()
-        self._work.put((future, work))
+        self._expected.append((self._thread.submit(work), future))
         return future
-
-    def _run(self) -> None:
-        while item := self._work.get():
-            future, work = item
-            try:
-                self._done.put((future, work(), None))
-            except Exception as error:
-                self._done.put((future, None, error))
 
     def _drives(self, tag_ids: list[str], message: OccupancyGrid | None, *, is_new: bool) -> Drives:
         warnings = []
         if is_new or self._plan is None:
-            occupancy = None if message is None else occupancy_of(message)
+            occupancy = message and OccupancyMap(
+                message.info.width,
+                message.info.height,
+                message.info.resolution,
+                pose_in_plane(message.info.origin),
+                message.data,
+            )
             plan = Plan(self._tags.layout(), self._settings, self._tags.layout_in_map, occupancy)
             self._plan, self._map = plan, message
             of_rooms = plan.room_warnings

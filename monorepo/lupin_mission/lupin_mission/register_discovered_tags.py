@@ -1,8 +1,6 @@
 """`ros2 run lupin_mission register_discovered_tags`: fit the layout to the discovered tags."""
 
 import argparse
-import math
-import sys
 
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import UsageError
@@ -16,6 +14,8 @@ from lupin_greenhouse_bridge.planning.register_layout import (
     spin,
 )
 from lupin_msgs.msg import DiscoveredTags
+
+from lupin_mission.tag_positions import discovered_positions
 
 NAME = 'register_discovered_tags'
 FEWEST_TAGS = 4  # with fewer, none can be left out
@@ -46,28 +46,13 @@ def _register(executor, options) -> None:
             f'--tags is {options.tags}: must be from 2 to {len(layout.tags)}, the tags of the layout'
         )
     node = node_in(executor, NAME)
-    places: dict[str, tuple[float, float]] = {}  # in the last message, of tags of the layout
-    frame_id = ''
+    messages = [DiscoveredTags()]
 
-    def on_tags(message) -> None:
-        nonlocal places, frame_id
-        frame_id = message.header.frame_id
-        positions = {
-            tag.tag_id: tag.pose_in_map.position
-            for tag in message.tags
-            if tag.pose_in_map.orientation.w != 0.0  # 0: never populated
-        }
-        places = {
-            tag_id: (at.x, at.y)
-            for tag_id, at in positions.items()
-            if tag_id in layout.tags and math.isfinite(at.x) and math.isfinite(at.y)
-        }
+    def places() -> dict[str, tuple[float, float]]:
+        positions = discovered_positions(messages[-1]).items()
+        return {tag_id: (at.x, at.y) for tag_id, at in positions if tag_id in layout.tags}
 
-    tags = node.create_subscription(DiscoveredTags, 'perception/discovered_tags', on_tags, latched())
+    tags = node.create_subscription(DiscoveredTags, 'perception/discovered_tags', messages.append, latched())
     node.get_logger().info(f'waiting for {options.tags} tags of the layout on {tags.topic_name}')
-    spin(executor, lambda: frame_id and len(places) >= options.tags)
-    register(layout, places, frame_id, options)
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+    spin(executor, lambda: messages[-1].header.frame_id and len(places()) >= options.tags)
+    register(layout, places(), messages[-1].header.frame_id, options)

@@ -18,24 +18,6 @@ class ReportError(OneLineError):
     """A report cannot be read or written."""
 
 
-def read_report(path: Path | str) -> list[Observation]:
-    """Return the observations of a report, without an incomplete last line."""
-    try:
-        if Path(path).exists() and not Path(path).is_file():
-            raise ReportError(f"report '{path}' is not a regular file: name the report of a mission")
-        content = Path(path).read_bytes()
-    except OSError as error:
-        raise ReportError(f"report '{path}': {error.strerror}: name the report of a mission") from error
-    return _observations_of(content, path)[0]
-
-
-def _observations_of(content: bytes, path) -> tuple[list[Observation], int]:
-    try:
-        return parse_report(content)
-    except ValueError as error:
-        raise ReportError(f"report '{path}': {error}: name the report of a mission, or a new file") from error
-
-
 class Report:
     """
     A report open for writing. It continues an existing file.
@@ -54,10 +36,10 @@ class Report:
             raise ReportError(f"report_file '{path}': {reason}: name a file that can be written") from error
         try:
             if not stat.S_ISREG(os.fstat(self._file).st_mode):  # /dev/zero is endless
-                raise ReportError(f"report_file '{path}' is not a regular file: name another file")
+                raise OSError(errno.EINVAL, 'it is not a regular file')
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             content = self.path.read_bytes()
-            self.observations, self._size = _observations_of(content, path)
+            self.observations, self._size = parse_report(content)
             os.ftruncate(self._file, self._size)
             if self._size and content[self._size - 1 : self._size] != b'\n':
                 self._size += os.write(self._file, b'\n')
@@ -65,9 +47,11 @@ class Report:
             self.close()
             cause = 'another mission is writing it' if error.errno == errno.EWOULDBLOCK else error.strerror
             raise ReportError(f"report_file '{path}': {cause}: name another file") from error
-        except ReportError:
+        except ValueError as error:
             self.close()
-            raise
+            raise ReportError(
+                f"report '{path}': {error}: name the report of a mission, or a new file"
+            ) from error
 
     def record(self, observation: Observation) -> None:
         """Append one observation and wait until it is on the disk; raises ReportError."""
@@ -83,6 +67,13 @@ class Report:
             raise ReportError(f"report_file '{self.path}': {error.strerror}") from error
         self._size += len(line)
         self.observations.append(observation)
+
+    def is_in_place(self) -> bool:
+        """Return whether the file was neither deleted nor replaced."""
+        try:
+            return os.path.samestat(os.fstat(self._file), self.path.stat())
+        except OSError:
+            return False
 
     def close(self) -> None:
         """Close the file, so that another mission can open it."""

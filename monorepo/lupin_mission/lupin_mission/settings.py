@@ -7,14 +7,17 @@ from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits
-from lupin_greenhouse_bridge.planning.walls import parse_walls, walls_parameter
+from lupin_greenhouse_bridge.planning.walls import parse_numbers, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 
 from lupin_mission.mission import Limits
 
 LONGEST_SECONDS = 86400.0
-DRIVES = ('nav2', 'simulated')
-ORDERS = ('numeric', 'shortest')
+CHOICES = {
+    'drive': (('nav2', 'simulated'), 'nav2 or simulated'),
+    'order': (('numeric', 'shortest'), 'numeric or shortest'),
+    'tag_poses_in_map': (('', True, False, 'true', 'false'), 'true, false or empty'),
+}
 REPLY_SECONDS = 3.0  # a camera on a busy machine replies this long after its time is over
 # Arguments of the team's orchestrator for what this mission does not do: it does not explore, localize, or
 # move an arm.
@@ -40,6 +43,10 @@ WITHOUT_EFFECT = (
 )
 
 
+def _seconds(default: float, description: str, smallest: float = 0.0):
+    return parameter(default, description, smallest=smallest, largest=LONGEST_SECONDS)
+
+
 @dataclass(frozen=True)
 class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
@@ -50,20 +57,14 @@ class Settings:
         ' of tag_locations_file, or else of the bridge, in natural order.',
         of_any_type=True,
     )
-    tag_locations_file: str = parameter(
-        '', "The bridge's tag_locations.json; empty: ask the bridge for its tags."
-    )
-    world_file: str = parameter(
-        '', 'An SDF world: take the tags and their positions from its models tag_<id>.'
-    )
+    tag_locations_file: str = parameter('', "The bridge's tag_locations.json; empty: ask the bridge.")
+    world_file: str = parameter('', 'An SDF world: its models tag_<id> are the tags with their positions.')
     bridge_service_name: str = parameter('/greenhouse_bridge/get_tag_reading', 'The GetTagReading service.')
     visual_confirmation_service: str = parameter(
-        'perception/confirm_tag',
-        'The ConfirmTag service; a relative name is in the namespace of the node.',
+        'perception/confirm_tag', 'The ConfirmTag service; a relative name is in the namespace of the node.'
     )
     require_visual_confirmation: bool = parameter(
-        False,
-        'Read a tag only if the camera confirms it (hardware); false: trust the ids (simulation).',
+        False, 'Read a tag only if the camera confirms it (hardware); false: trust the ids (simulation).'
     )
     order: str = parameter(
         'numeric',
@@ -75,18 +76,13 @@ class Settings:
         'How the robot gets to a tag: nav2 (it calls NavigateToPose), or simulated (no robot moves; a drive'
         ' takes drive_seconds).',
     )
-    drive_seconds: float = parameter(
-        0.0,
-        'With drive simulated: seconds for the drive to a tag; 0.0: the drive ends at once.',
-        smallest=0.0,
-        largest=LONGEST_SECONDS,
+    drive_seconds: float = _seconds(
+        0.0, 'With drive simulated: seconds for the drive to a tag; 0.0: the drive ends at once.'
     )
     nav_action_name: str = parameter(
         'navigate_to_pose', 'The NavigateToPose action; a relative name is in the namespace of the node.'
     )
-    nav_timeout_s: float = parameter(
-        60.0, 'Seconds for one drive with Nav2; 0.0: no limit.', smallest=0.0, largest=LONGEST_SECONDS
-    )
+    nav_timeout_s: float = _seconds(60.0, 'Seconds for one drive with Nav2; 0.0: no limit.')
     nav_max_attempts: int = parameter(
         Limits.max_drives,
         'Attempts to drive to a pose of a tag, or to the dock, before it counts as unreachable.',
@@ -155,23 +151,14 @@ class Settings:
         ' robot does not return.',
         of_any_type=True,
     )
-    flower_scan_dwell_s: float = parameter(
-        Limits.dwell_seconds,
-        'Minimum time at each tag in seconds.',
-        smallest=0.0,
-        largest=LONGEST_SECONDS,
+    flower_scan_dwell_s: float = _seconds(Limits.dwell_seconds, 'Minimum time at each tag in seconds.')
+    scan_timeout_s: float = _seconds(
+        Limits.read_timeout_seconds, 'Seconds to wait for each reply of the bridge.', smallest=0.001
     )
-    scan_timeout_s: float = parameter(
-        Limits.read_timeout_seconds,
-        'Seconds to wait for each reply of the bridge.',
-        smallest=0.001,
-        largest=LONGEST_SECONDS,
-    )
-    visual_confirmation_timeout_s: float = parameter(
+    visual_confirmation_timeout_s: float = _seconds(
         Limits.confirm_timeout_seconds - REPLY_SECONDS,
         'Seconds that the camera has to confirm a tag; the mission waits 3 more for its reply.',
         smallest=0.001,
-        largest=LONGEST_SECONDS,
     )
     max_attempts: int = parameter(
         Limits.max_attempts,
@@ -179,11 +166,9 @@ class Settings:
         smallest=1,
         largest=1000,
     )
-    retry_delay_seconds: float = parameter(
+    retry_delay_seconds: float = _seconds(
         Limits.retry_delay_seconds,
         'Seconds before the second attempt; doubles with each further attempt, up to 10.',
-        smallest=0.0,
-        largest=LONGEST_SECONDS,
     )
     report_file: str = parameter(
         '',
@@ -199,12 +184,10 @@ class Settings:
         'Without wait_for_start: start once mission/readings has a subscriber, so that a recorder misses no'
         ' reading.',
     )
-    dependency_timeout_s: float = parameter(
+    dependency_timeout_s: float = _seconds(
         30.0,
         'Seconds that a drive waits for its action server; without wait_for_start also the seconds that the'
         ' mission waits for the tags of the bridge, and for a subscriber.',
-        smallest=0.0,
-        largest=LONGEST_SECONDS,
     )
     mission_id_prefix: str = parameter('lupin', 'The first word of each mission id.')
     frame_id: str = parameter('map', 'The frame of the poses, and of the headers of all messages.')
@@ -215,9 +198,7 @@ class Settings:
     amcl_pose_topic: str = parameter(
         'amcl_pose', 'The PoseWithCovarianceStamped topic of the robot, for tags of unknown position.'
     )
-    observations_topic: str = parameter(
-        '/floranova/observations', 'The topic for the observation of each tag.'
-    )
+    observations_topic: str = parameter('/floranova/observations', 'The topic of the observations.')
     layout_in_map: str = parameter(
         '',
         'A file of register_layout: where the layout of the tag file or world lies in the map; empty: the map'
@@ -233,12 +214,13 @@ class Settings:
     def __post_init__(self):
         check_parameters(self)
         parse_walls(self.walls)
-        if self.tag_poses_in_map not in ('', True, False, 'true', 'false'):
-            raise invalid('tag_poses_in_map', self.tag_poses_in_map, 'true, false or empty')
-        for name, accepted in (('drive', DRIVES), ('order', ORDERS)):
-            if getattr(self, name) not in accepted:
-                raise invalid(name, getattr(self, name), ' or '.join(accepted))
-        self._check_name_of_report()
+        for name, (choices, accepted) in CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise invalid(name, getattr(self, name), accepted)
+        if {'/', '\0'} & set(self.mission_id_prefix):  # it is a part of the report's name
+            raise invalid('mission_id_prefix', self.mission_id_prefix, 'a word without /')
+        if self.report_file and Path(self.report_file).name in ('', '..'):
+            raise invalid('report_file', self.report_file, 'the path of a file, or empty')
         _ = self.viewing_limits  # raises StartUpError
         if self.order == 'shortest' and self.drive != 'nav2':
             raise StartUpError('order:=shortest is for a robot that drives: set drive to nav2')
@@ -247,27 +229,14 @@ class Settings:
                 'world_file does not name the tables that a robot drives around:'
                 ' set tag_locations_file to the tag file of the world instead'
             )
-        try:
-            numbers = self.dock
-        except ValueError:
-            numbers = [math.nan]
-        if len(numbers) not in (0, 3) or not all(map(math.isfinite, numbers)):
+        if len(self.dock) != (3 if _words(self.dock_pose) else 0):
             raise invalid('dock_pose', self.dock_pose, 'empty, or x, y and yaw: "1.0 0.5 3.14", or an array')
         if self.world_file and self.tag_locations_file:
             raise StartUpError('parameters world_file and tag_locations_file are both set: set one of them')
-        self._check_tag_sequence()
-
-    def _check_tag_sequence(self) -> None:
         ids = self.chosen_tag_ids
         if twice := sorted({tag_id for tag_id in ids if ids.count(tag_id) > 1}):
             shown = escaped(twice[0], 40)
             raise StartUpError(f"parameter tag_sequence names '{shown}' twice: a mission visits a tag once")
-
-    def _check_name_of_report(self) -> None:
-        if {'/', '\0'} & set(self.mission_id_prefix):  # it is a part of the report's name
-            raise invalid('mission_id_prefix', self.mission_id_prefix, 'a word without /')
-        if self.report_file and Path(self.report_file).name in ('', '..'):
-            raise invalid('report_file', self.report_file, 'the path of a file, or empty')
 
     @property
     def chosen_tag_ids(self) -> list[str]:
@@ -277,7 +246,7 @@ class Settings:
     @property
     def dock(self) -> list[float]:
         """x, y and yaw of the dock in the map; [] if the robot does not return to one."""
-        return [float(word) for word in _words(self.dock_pose)]
+        return parse_numbers(_words(self.dock_pose))
 
     @property
     def has_poses_in_map(self) -> bool:

@@ -70,19 +70,22 @@ class Tags:
         Call on_positions_lost() if the bridge later replies that it has its own tag file. `has_service()`
         returns whether the bridge's service is available.
         """
-        if is_given := self.has_tags_to_visit():
+        is_given = self.has_tags_to_visit()
+        if is_given:
             self._find_positions(is_custom_file=False)
             on_found()
         if self.ids:
             return
-
-        def on_tags(tag_ids: list[str], *, is_custom_file: bool) -> None:
-            self.ids, self._is_settled = tag_ids, True
-            if is_custom_file or not is_given:
-                self._find_positions(is_custom_file=is_custom_file)
-                (on_positions_lost if is_given else on_found)()
-
-        self._ask_the_bridge(node, has_service, on_tags)
+        self._node, self._has_service = node, has_service
+        self._on_tags = on_positions_lost if is_given else on_found
+        service = parameter_service_of(node.resolve_service_name(self._settings.bridge_service_name))
+        self._client = create_client(node, GetParameters, service)
+        self._deadline = time.monotonic() + self._settings.dependency_timeout_s
+        if not is_given:
+            node.get_logger().info(f'waiting for the tags of {self._client.srv_name}')
+        # Monotonic: use_sim_time does not affect it.
+        clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(ASK_EVERY_SECONDS, self._ask_the_bridge, clock=clock)
 
     def is_waiting_for_tags(self) -> bool:
         """Return whether the bridge is available, and may still reply that it has its own tag file."""
@@ -92,53 +95,49 @@ class Tags:
             self._reply_deadline = time.monotonic() + self._settings.dependency_timeout_s
         return time.monotonic() < self._reply_deadline
 
-    def _ask_the_bridge(self, node, has_service, on_tags) -> None:
+    def _ask_the_bridge(self) -> None:
         """Ask the bridge for its tags. Repeat the request, because DDS can drop an early one."""
-        service = parameter_service_of(node.resolve_service_name(self._settings.bridge_service_name))
-        self._client = client = create_client(node, GetParameters, service)
-        timeout_seconds = self._settings.dependency_timeout_s
-        deadline = time.monotonic() + timeout_seconds
+        service, is_over = self._client.srv_name, time.monotonic() >= self._deadline
+        if self._is_settled:
+            self._timer.cancel()
+        elif is_over and not (self.has_tags_to_visit() or self._settings.wait_for_start):
+            raise StartUpError(
+                f'{service} did not return the tags within {self._settings.dependency_timeout_s:g} s:'
+                ' start the bridge, or set tag_sequence or tag_locations_file'
+            )
+        elif self._client.service_is_ready():
+            self._client.call_async(tag_ids_request()).add_done_callback(self._on_reply)
+        elif self._has_no_parameters():
+            self._take_shipped(f'no node offers {service}', self._node.get_logger().warning)
 
-        def ask():
-            if self._is_settled:
-                timer.cancel()
-            elif not (self.has_tags_to_visit() or self._settings.wait_for_start) and is_over(deadline):
-                raise StartUpError(
-                    f'{client.srv_name} did not return the tags within {timeout_seconds:g} s:'
-                    ' start the bridge, or set tag_sequence or tag_locations_file'
-                )
-            elif client.service_is_ready():
-                client.call_async(tag_ids_request()).add_done_callback(
-                    lambda future: self._on_reply(node, future.result(), on_tags)
-                )
-            elif self._has_no_parameters(has_service):
-                self._take_shipped(f'no node offers {client.srv_name}', node.get_logger().warning, on_tags)
-
-        if not self.has_tags_to_visit():
-            node.get_logger().info(f'waiting for the tags of {client.srv_name}')
-        # Monotonic: use_sim_time does not affect it.
-        timer = node.create_timer(ASK_EVERY_SECONDS, ask, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def _on_reply(self, node, response, on_tags) -> None:
+    def _on_reply(self, future) -> None:
+        response = future.result()
         if self._is_settled:
             return
         if tag_ids := tag_ids_of(response):
-            on_tags(tag_ids, is_custom_file=has_tag_file(response))
+            self._settle(tag_ids, is_custom_file=has_tag_file(response))
         else:
             reason = f'the node of {self._settings.bridge_service_name} does not list its tags'
-            self._take_shipped(reason, node.get_logger().info, on_tags)
+            self._take_shipped(reason, self._node.get_logger().info)
 
-    def _take_shipped(self, reason: str, log: Callable[[str], None], on_tags) -> None:
+    def _take_shipped(self, reason: str, log: Callable[[str], None]) -> None:
         """Take the tags that mdp-greenhouse ships, if it is installed."""
         if shipped := shipped_file('tag_locations.json'):
             log(f'{reason}: using those of {shipped}')
-            on_tags(list(read_layout(shipped, has_tables=False).tags), is_custom_file=False)
+            self._settle(list(read_layout(shipped, has_tables=False).tags), is_custom_file=False)
 
-    def _has_no_parameters(self, has_service: Callable[[], bool]) -> bool:
+    def _settle(self, tag_ids: list[str], *, is_custom_file: bool) -> None:
+        is_given = self.has_tags_to_visit()
+        self.ids, self._is_settled = tag_ids, True
+        if is_custom_file or not is_given:
+            self._find_positions(is_custom_file=is_custom_file)
+            self._on_tags()
+
+    def _has_no_parameters(self) -> bool:
         """Return whether the service has been there for a while without the parameters of a bridge."""
-        if self._parameters_deadline is None and has_service():
+        if self._parameters_deadline is None and self._has_service():
             self._parameters_deadline = time.monotonic() + LONGEST_WITHOUT_PARAMETERS_SECONDS
-        return self._parameters_deadline is not None and is_over(self._parameters_deadline)
+        return self._parameters_deadline is not None and time.monotonic() >= self._parameters_deadline
 
     def _find_positions(self, *, is_custom_file: bool) -> None:
         # The shipped positions are wrong for a bridge with a custom tag file.
@@ -151,8 +150,3 @@ class Tags:
         if not layout and self._tag_file:
             layout = read_layout(self._tag_file, has_tables=False).tags
         self.positions_m = {tag_id: self.layout_in_map.point(*tag[:2]) for tag_id, tag in layout.items()}
-
-
-def is_over(deadline: float) -> bool:
-    """Return whether a time of the monotonic clock has come."""
-    return time.monotonic() >= deadline

@@ -26,7 +26,7 @@ class Transport:
     def __init__(self, node, *, confirm_service: str, read_service: str):
         """Create the clients; raises StartUpError for an invalid name."""
         self._node = node
-        self._logged_warnings: set[str] = set()  # logged
+        self._logged_warnings: set[str] = set()
         self._clients = {
             Service.CONFIRM: create_client(node, ConfirmTag, confirm_service),
             Service.READ: create_client(node, GetTagReading, read_service),
@@ -52,15 +52,12 @@ class Transport:
             message = ConfirmTag.Request(expected_tag_id=request.tag_id)
         else:
             message = GetTagReading.Request(tag_id=request.tag_id)
-        self._warn_of_two_servers(self._clients[request.service].srv_name)
-        self._future = self._clients[request.service].call_async(message)
-        self._future.add_done_callback(lambda future: on_response(future.result()))
-
-    def _warn_of_two_servers(self, service_name: str) -> None:
-        warning = duplicate_server_warning(self._node, service_name)
+        warning = duplicate_server_warning(self._node, self._clients[request.service].srv_name)
         if warning and warning not in self._logged_warnings:
             self._logged_warnings.add(warning)
             self._node.get_logger().warning(warning)
+        self._future = self._clients[request.service].call_async(message)
+        self._future.add_done_callback(lambda future: on_response(future.result()))
 
     def abandon(self, request: Request) -> Outcome:
         """Forget a request, so that its late reply is ignored."""

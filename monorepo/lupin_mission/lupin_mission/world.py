@@ -35,19 +35,15 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
         match = TAG_MODEL.fullmatch(model.get('name') or '')
         if not match:
             continue
-        number = match[1]
+        number, shown = match[1], f'tag_{escaped(match[1], 40)}'
         if number in positions:
-            raise StartUpError(
-                f'{where} has the model tag_{escaped(number, 40)} twice: make it again with generate_world'
-            )
+            raise StartUpError(f'{where} has the model {shown} twice: make it again with generate_world')
         try:
             x, y = map(float, (model.findtext('pose') or '').split()[:2])
         except ValueError as error:
-            raise StartUpError(
-                f'{where}: the model tag_{escaped(number, 40)} has no pose: make it again'
-            ) from error
+            raise StartUpError(f'{where}: the model {shown} has no pose: make it again') from error
         if not (math.isfinite(x) and math.isfinite(y)):
-            raise StartUpError(f'{where}: the pose of tag_{escaped(number, 40)} is not finite: make it again')
+            raise StartUpError(f'{where}: the pose of {shown} is not finite: make it again')
         positions[number] = (x, y)
     if not positions:
         raise StartUpError(f'{where} has no model tag_<id>: use a world made by generate_world')

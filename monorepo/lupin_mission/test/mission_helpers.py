@@ -14,11 +14,10 @@ from concurrent.futures import Future
 from pathlib import Path
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
-from lupin_greenhouse_bridge.recording.report_line import Outcome
+from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, parse_report
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, has_found_a_client, wait_until
 from lupin_mission import mission_orchestrator
-from lupin_mission.report import read_report
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.srv import StartMission
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -240,6 +239,11 @@ class MissionThread:
         return fatal
 
 
+def observations_in(report: Path) -> list[Observation]:
+    """Return the observations of a report, without an incomplete last line."""
+    return parse_report(report.read_bytes())[0]
+
+
 class RunningMission:
     """One real mission and its report."""
 
@@ -251,7 +255,7 @@ class RunningMission:
         """Return the lines of the report so far; a mission that waits for its start has one for each id."""
         name = f'{self.report_file.stem}-{mission_id}.jsonl' if mission_id else self.report_file.name
         path = self.report_file.with_name(name)
-        return read_report(path) if path.exists() else []
+        return observations_in(path) if path.exists() else []
 
     def outcomes(self, mission_id: str = '') -> list[tuple[str, Outcome]]:
         """Return (tag id, outcome) for each line of the report so far."""

@@ -6,8 +6,9 @@ import threading
 import time
 import uuid
 
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, has_found_a_client, wait_until
-from lupin_mission.drive import Arrival, Goal
+from lupin_mission.drive import Arrival
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.settings import Settings
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -133,7 +134,7 @@ class Trip:
         self.change_executor()
         settings = Settings(drive='nav2', nav_action_name=self.name, **options)
         self.drive = Nav2Drive(node, settings, lambda *note: self.notes.append(note))
-        self.drive.goals.update(a=[Goal(1.0, 2.0, math.pi / 2)], b=[Goal(3.0, 4.0, 0.0)])
+        self.drive.goals.update(a=[PoseInPlane(1.0, 2.0, math.pi / 2)], b=[PoseInPlane(3.0, 4.0, 0.0)])
 
     def change_executor(self) -> None:
         """End the executor, and go on with another."""

@@ -64,18 +64,15 @@ def poses(start_mission, reader, confirmer, operate, twin, node):
     return run
 
 
-def test_the_registered_layout_comes_first_then_perception_then_the_robot(poses, layout_file, shipped_tags):
+@pytest.mark.parametrize('frame_id', ['map', 'robot1/map'])
+def test_the_registered_layout_comes_first_then_perception_then_the_robot(
+    poses, tmp_path, shipped_tags, frame_id
+):
+    write_transform(tmp_path / 'layout.yaml', TRANSFORM, frame_id)
     place = TRANSFORM.point(shipped_tags['1']['x'], shipped_tags['1']['y'])
-    found = poses(layout_in_map=layout_file)
+    found = poses(layout_in_map=tmp_path / 'layout.yaml', frame_id=frame_id)
     assert found[0] == pytest.approx((*place, 1.0))
     assert found[1:] == [(7.0, 0.0, 1.0), (5.0, 0.0, 1.0)]
-
-
-def test_the_poses_are_in_the_frame_of_the_registration(poses, tmp_path, shipped_tags):
-    write_transform(tmp_path / 'layout.yaml', TRANSFORM, 'robot1/map')
-    place = TRANSFORM.point(shipped_tags['1']['x'], shipped_tags['1']['y'])
-    found = poses(layout_in_map=tmp_path / 'layout.yaml', frame_id='robot1/map')
-    assert found[0] == pytest.approx((*place, 1.0))
 
 
 @pytest.mark.parametrize('parameters', [{}, {'tag_poses_in_map': False}])
@@ -86,21 +83,9 @@ def test_without_a_layout_in_the_map_perception_comes_first(poses, layout_file, 
     assert poses(**parameters) == [(7.0, 0.0, 1.0), (7.0, 0.0, 1.0), (5.0, 0.0, 1.0)]
 
 
-@pytest.mark.parametrize('camera', [False, True])
-@pytest.mark.parametrize(('value', 'has_poses'), [('', True), (False, False), ('false', False)])
-def test_a_registered_layout_gives_the_poses_unless_told_otherwise(camera, value, has_poses):
-    settings = Settings(layout_in_map='/a', tag_poses_in_map=value, require_visual_confirmation=camera)
-    assert settings.has_poses_in_map == has_poses
-
-
 def test_a_registration_in_another_frame_is_refused(start_mission, layout_file):
     fatal = start_mission(layout_in_map=layout_file, frame_id='robot1/map').refusal(exit_code=2)
     assert "frame_id is 'map', but the map's frame is 'robot1/map'" in fatal
-
-
-def test_a_registration_that_is_missing_is_refused(start_mission):
-    fatal = start_mission(layout_in_map='/none.yaml').refusal(exit_code=2)
-    assert "registration '/none.yaml': cannot be read" in fatal
 
 
 @pytest.mark.parametrize(

@@ -2,19 +2,15 @@
 
 import importlib.util
 import math
-import sys
 import uuid
+from unittest.mock import Mock
 
 import pytest
 import rclpy
 from action_msgs.srv import CancelGoal
-from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
 from lupin_mission.drive import Arrival
-from lupin_mission.mission import Limits, Mission, Severity, State
-from lupin_mission.nav2_drive import Nav2Drive, navigate_to_pose
-from lupin_mission.settings import Settings
+from lupin_mission.mission import Limits, Mission, MissionPorts, Severity, State
 from navigator_helpers import Trip
 from rclpy.action import ActionClient
 from rclpy.context import Context
@@ -376,27 +372,8 @@ def test_a_reply_whose_executor_has_ended_is_taken_under_the_next(trip, navigato
     trip.spin_until(trip.drive.is_over)
 
 
-class Bystander:
-    """The ports of a mission that only drives."""
-
-    def __init__(self):
-        self.outcomes = []
-
-    def send(self, request):
-        pass
-
-    def abandon(self, request):
-        pass
-
-    def record(self, observation):
-        self.outcomes.append((observation.outcome, observation.detail))
-
-    def note(self, event, severity):
-        pass
-
-
 def test_after_a_pause_of_an_hour_the_goal_is_sent_again_with_all_its_time(trip, navigator):
-    mission = Mission('a', bystander := Bystander(), trip.drive, Limits(max_drives=1))
+    mission = Mission('a', Mock(spec=MissionPorts), trip.drive, Limits(max_drives=1))
     now_seconds = 1000.0
     mission.start(now_seconds)
 
@@ -422,31 +399,4 @@ def test_after_a_pause_of_an_hour_the_goal_is_sent_again_with_all_its_time(trip,
     assert mission.state is State.DRIVING
     navigator.end(goal, 'succeed')
     step_until(lambda: mission.state is State.INSPECTING)
-    assert bystander.outcomes == []
-
-
-def test_without_nav2_msgs_it_is_refused_in_one_line(monkeypatch):
-    for name in ('nav2_msgs', 'nav2_msgs.action'):
-        monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(StartUpError, match=r'package nav2_msgs .* sudo apt install ros-'):
-        navigate_to_pose()
-
-
-@pytest.mark.filterwarnings(
-    'ignore:Failed to fini:RuntimeWarning'
-)  # rclpy's, of a client that it cannot make
-def test_an_invalid_action_name_is_refused_in_one_line(node):
-    with pytest.raises(StartUpError, match="'no such name' is not an action name"):
-        Nav2Drive(node, Settings(nav_action_name='no such name'), None)
-
-
-def test_each_outcome_of_a_drive_that_fails_twice_reaches_the_report(trip, navigator):
-    limits = Limits(retry_delay_seconds=0.0)
-    mission = Mission('a', bystander := Bystander(), trip.drive, limits)
-    mission.start(0.0)
-    for _ in range(2):
-        trip.spin_until(navigator.has_goal, lambda: mission.step(0.0))
-        navigator.wait_for_goal()
-        navigator.end(navigator.accept(), 'abort')
-    trip.spin_until(lambda: mission.state is State.DONE, lambda: mission.step(0.0))
-    assert bystander.outcomes == [(Outcome.UNREACHABLE, f'{trip.name} aborted the drive')]
+    assert mission.outcomes == {}

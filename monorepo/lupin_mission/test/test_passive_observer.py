@@ -11,14 +11,7 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, spinning_node, wait_until
 from lupin_mission.passive_observer import PassiveObserver, Settings
-from lupin_msgs.msg import (
-    DiscoveredTag,
-    DiscoveredTags,
-    MissionState,
-    Observation,
-    SensorReading,
-    TagReading,
-)
+from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState, Observation, SensorReading, TagReading
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 
@@ -110,12 +103,9 @@ def stack(run_nodes):
 
 def test_a_reading_becomes_an_observation(stack):
     observation = stack.observe('7')
-    assert (observation.kind, observation.status, observation.status_detail) == (
-        Observation.KIND_TAG_READING,
-        Observation.STATUS_OK,
-        '',
-    )
-    assert (observation.source, observation.mission_id) == ('PassiveObserver', '')
+    assert (observation.kind, observation.status) == (observation.KIND_TAG_READING, observation.STATUS_OK)
+    assert observation.source == 'PassiveObserver'
+    assert observation.mission_id == observation.status_detail == ''
     assert observation.header.frame_id == 'map'
     assert observation.header.stamp.sec > 0
     assert [(sensor.name, sensor.value) for sensor in observation.tag_reading.readings] == [('co2', 600.0)]
@@ -160,8 +150,7 @@ def test_the_layout_is_that_of_the_tag_file(tmp_path):
     tag_file.write_text(json.dumps({'7': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}}), encoding='utf-8')
     write_transform(tmp_path / 'layout.yaml', Transform(x=10.0))
     settings = Settings(layout_in_map=str(tmp_path / 'layout.yaml'), tag_file=str(tag_file))
-    (place,) = settings.layout_positions().values()
-    assert (place.x, place.y) == (11.0, 2.0)
+    assert settings.positions_in_layout() == {'7': (11.0, 2.0)}
 
 
 def test_a_layout_that_cannot_be_used_is_refused(tmp_path):
@@ -169,7 +158,7 @@ def test_a_layout_that_cannot_be_used_is_refused(tmp_path):
         Settings(tag_file='/tags.json')
     write_transform(tmp_path / 'layout.yaml', Transform(), 'odom')
     with pytest.raises(StartUpError, match="frame_id is 'odom', but the map's frame is 'map'"):
-        Settings(layout_in_map=str(tmp_path / 'layout.yaml')).layout_positions()
+        Settings(layout_in_map=str(tmp_path / 'layout.yaml')).positions_in_layout()
 
 
 def test_a_localiser_that_does_not_latch_is_used(run_nodes):
@@ -192,16 +181,15 @@ def test_a_localiser_that_is_older_than_the_observer_is_used(run_nodes):
         wait_until(lambda: stack.place_of('7') == (1.0, 2.0))
 
 
-def test_a_place_in_another_frame_is_ignored(stack):
-    stack.discover('7', 3.0, 4.0, frame='odom')
-    stack.stand(1.0, 2.0, frame='odom')
-    assert stack.place_of('7') is None
-
-
-def test_an_unset_position_of_a_tag_is_ignored(stack):
-    stack.stand(1.0, 2.0)
+@pytest.mark.parametrize(
+    ('x', 'y', 'frame'), [(3.0, 4.0, 'odom'), (math.nan, 2.0, 'map'), (1.0, math.inf, 'map')]
+)
+def test_a_place_in_another_frame_or_without_a_finite_or_a_set_position_is_ignored(stack, x, y, frame):
     stack.discover('7', 3.0, 4.0, w=0.0)
-    assert stack.place_of('7') == (1.0, 2.0)
+    assert stack.place_of('7') is None
+    stack.discover('7', x, y, frame=frame)
+    stack.stand(x, y, frame=frame)
+    assert stack.place_of('7') is None
 
 
 @pytest.mark.parametrize(
@@ -219,13 +207,6 @@ def test_a_reading_that_cannot_be_is_no_observation(stack, capfd, tag_id, values
     stack.observe('8')
     assert len(stack.observations) == 1
     assert f"reading of tag '{tag_id}' ignored: it " in capfd.readouterr().err
-
-
-def test_a_position_that_is_not_finite_is_ignored(stack):
-    for x, y in ((math.nan, 2.0), (1.0, math.inf)):
-        stack.stand(x, y)
-        stack.discover('7', x, y)
-    assert stack.place_of('7') is None
 
 
 @pytest.mark.parametrize('busy', ['PREPARE', 'EXPLORING', 'INSPECTING', 'MONITORING', 'RETURNING'])

@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import pytest
 from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
-from lupin_mission.report import Report, ReportError, last_of_each_tag, read_report, summary_table
+from lupin_mission.report import Report, ReportError, last_of_each_tag, summary_table
+from mission_helpers import observations_in
 
 OK = Observation('7', Outcome.OK, '', 1, Reading('7', (12, 34), 43200.0, {'temperature': 21.5, 'co2': 600.0}))
 FAILED = Observation('8', Outcome.TIMEOUT, 'no reply before the timeout', 3)
@@ -21,14 +22,14 @@ def test_a_report_is_continued(tmp_path):
         report = Report(path)
         report.record(observation)
         report.close()
-    assert report.observations == read_report(path) == [OK, FAILED]
+    assert report.observations == observations_in(path) == [OK, FAILED]
 
 
 @pytest.mark.parametrize('cut', range(1, len(FAILED.to_line())))
 def test_a_line_that_a_kill_cut_short_is_not_there(tmp_path, cut):
     path = tmp_path / 'report.jsonl'
     path.write_text(f'{OK.to_line()}\n{FAILED.to_line()[:cut]}', encoding='utf-8')
-    assert read_report(path) == [OK]
+    assert observations_in(path) == [OK]
     report = Report(path)
     report.record(FAILED)
     report.close()
@@ -38,7 +39,7 @@ def test_a_line_that_a_kill_cut_short_is_not_there(tmp_path, cut):
 def test_a_last_line_that_lost_only_its_newline_is_kept(tmp_path):
     path = tmp_path / 'report.jsonl'
     path.write_text(f'{OK.to_line()}\n{FAILED.to_line()}', encoding='utf-8')
-    assert read_report(path) == [OK, FAILED]
+    assert observations_in(path) == [OK, FAILED]
     report = Report(path)
     report.record(OK)
     report.close()
@@ -66,18 +67,12 @@ def test_a_last_line_that_lost_only_its_newline_is_kept(tmp_path):
 def test_a_file_that_is_no_report_is_refused_and_left_alone(tmp_path, content):
     path = tmp_path / 'notes.txt'
     path.write_bytes(content.encode('latin-1'))
-    for use in (Report, read_report):
-        with pytest.raises(ReportError, match=r'notes\.txt.* not an observation') as refusal:
-            use(path)
+    with pytest.raises(ReportError, match=r'notes\.txt.* not an observation') as refusal:
+        Report(path)
     assert path.read_bytes() == content.encode('latin-1')
     path.write_bytes(b'')
     Report(path).close()  # otherwise another mission would seem to write it
     del refusal
-
-
-def test_a_report_that_is_not_there_cannot_be_read():
-    with pytest.raises(ReportError, match='No such file or directory: name the report of a mission'):
-        read_report('/missing.jsonl')
 
 
 @pytest.mark.parametrize('path', ['', 'missing/report.jsonl', '.', 'nul\0'])
@@ -91,9 +86,8 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path, monkeypatch, path):
 def test_what_is_no_regular_file_is_refused(tmp_path, monkeypatch, path):
     monkeypatch.chdir(tmp_path)
     os.mkfifo('pipe')
-    for use in (Report, read_report):
-        with pytest.raises(ReportError, match='is not a regular file'):
-            use(path)
+    with pytest.raises(ReportError, match='is not a regular file'):
+        Report(path)
 
 
 def test_two_missions_do_not_write_one_report(tmp_path):
@@ -121,7 +115,7 @@ except ReportError as error:
 """
     run = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=True)
     assert 'report.jsonl' in run.stdout
-    assert [each.tag_id for each in read_report(path)] == ['1']
+    assert [each.tag_id for each in observations_in(path)] == ['1']
     assert path.read_bytes().endswith(b'\n')
 
 
@@ -136,7 +130,7 @@ def test_an_observation_counts_only_once_it_is_on_the_disk(tmp_path, monkeypatch
     with pytest.raises(ReportError, match='Input/output error'):
         report.record(FAILED)
     report.close()
-    assert read_report(report.path) == [OK]
+    assert observations_in(report.path) == [OK]
 
 
 def test_a_torn_line_that_cannot_be_removed_at_once_is_removed_before_the_next(tmp_path, monkeypatch):
@@ -154,7 +148,7 @@ def test_a_torn_line_that_cannot_be_removed_at_once_is_removed_before_the_next(t
     assert not report.path.read_bytes().endswith(b'\n')
     report.record(FAILED)
     report.close()
-    assert read_report(report.path) == [OK, FAILED]
+    assert observations_in(report.path) == [OK, FAILED]
 
 
 def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():

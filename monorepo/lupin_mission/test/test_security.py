@@ -51,26 +51,24 @@ def without_optional(rights: dict[str, set[str]]) -> dict[str, set[str]]:
     return {right: {each for each in names if NOT_EVERYWHERE not in each} for right, names in rights.items()}
 
 
-@pytest.mark.parametrize('enclave', ['/mission', '/mission_launch'])
-def test_the_mission_may_do_what_it_does_and_nothing_more(start_mission, node, enclave):
-    pytest.importorskip('nav2_msgs', reason='without nav2_msgs the mission does not call its action')
-    rights = without_optional(rights_of('mission_orchestrator', enclave))
-    namespace = start_mission(drive='nav2').namespace
+@pytest.mark.parametrize(
+    ('name', 'enclave'),
+    [
+        ('mission_orchestrator', '/mission'),
+        ('mission_orchestrator', '/mission_launch'),
+        ('confirm_tag', '/mission_launch'),
+    ],
+)
+def test_a_node_may_do_what_it_does_and_nothing_more(start_mission, start_node, node, name, enclave):
+    rights = without_optional(rights_of(name, enclave))
+    if name == 'confirm_tag':
+        namespace = start_node([executable('lupin_tag_confirmation', name)]).namespace
+    else:
+        pytest.importorskip('nav2_msgs', reason='without nav2_msgs the mission does not call its action')
+        namespace = start_mission(drive='nav2').namespace
 
     def created():
-        found = without_optional(created_by(node, 'mission_orchestrator', namespace))
-        return {right: {each.removeprefix(namespace) for each in names} for right, names in found.items()}
-
-    wait_until(lambda: created() == rights)
-
-
-def test_the_camera_of_the_launch_may_do_what_it_does_and_nothing_more(start_node, node):
-    rights = without_optional(rights_of('confirm_tag', '/mission_launch'))
-    process = start_node([executable('lupin_tag_confirmation', 'confirm_tag')])
-    namespace = process.namespace
-
-    def created():
-        found = without_optional(created_by(node, 'confirm_tag', namespace))
+        found = without_optional(created_by(node, name, namespace))
         return {right: {each.removeprefix(namespace) for each in names} for right, names in found.items()}
 
     wait_until(lambda: created() == rights)

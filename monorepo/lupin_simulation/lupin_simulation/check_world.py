@@ -1,7 +1,5 @@
 """
-`ros2 run lupin_simulation check_world`: check that the SDF world matches the layout.
-
-Each tag must be legible for the camera.
+`ros2 run lupin_simulation check_world`: check that the world matches the layout, and each tag is legible.
 
 Exit code: 0 the world is right, 1 it is wrong, 2 it cannot be checked.
 """
@@ -10,7 +8,6 @@ import argparse
 import itertools
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import cv2
@@ -19,7 +16,7 @@ from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
 from lupin_greenhouse_bridge.planning.tag_poses import tables_of
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options
-from lupin_greenhouse_bridge.runtime.output import print_line
+from lupin_greenhouse_bridge.runtime.output import Progress, print_line
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.settings import Criteria
 
@@ -33,37 +30,29 @@ ROBOT_RADIUS_M = 0.15
 RADII_M = (0.15, 0.20, 0.30)  # of the approach poses
 SAME_M = 1e-9
 STEP_M = 0.02
-LINE_SECONDS = 15.0  # where no terminal can rewrite a line
 
 
-class Views:
-    """Counts the views of tags that are rendered, and shows the count on standard error."""
+class Looks:
+    """Looks at the tags of a world like confirm_tag, and shows how many it has looked at."""
 
-    def __init__(self, total: int):
-        self._done, self._total = 0, total
-        self._next_s = 0.0
+    def __init__(self, world, total: int):
+        self._world, self._detector, self._criteria = world, TagDetector(), Criteria()
+        self._progress, self._done, self._total = Progress('check_world'), 0, total
 
-    def count(self) -> None:
-        """Count one view, and show the count: in one line on a terminal, otherwise in a line every 15 s."""
-        self._done += 1
-        text = f'check_world: {self._done} of {self._total} views of tags are rendered'
-        if sys.stderr.isatty():
-            print(f'\r{text}', end='', file=sys.stderr, flush=True)
-        elif time.monotonic() >= self._next_s:
-            print(text, file=sys.stderr, flush=True)
-            self._next_s = time.monotonic() + LINE_SECONDS
+    def _has(self, number: int, eye: np.ndarray, at: np.ndarray) -> bool:
+        found = self._detector.detect(cv2.cvtColor(self._world.look(eye, at), cv2.COLOR_RGB2GRAY))
+        return any(each.tag_number == number and not self._criteria.flaw_of(each) for each in found)
 
-    def clear(self) -> None:
-        """Remove the count from a terminal, for another line."""
-        if sys.stderr.isatty():
-            print('\r\033[K', end='', file=sys.stderr, flush=True)
-
-
-def seen_from(world, detector: TagDetector, eye: np.ndarray, at: np.ndarray) -> set[int]:
-    """Return the ids that confirm_tag accepts in an image from this viewpoint."""
-    picture = cv2.cvtColor(world.look(eye, at), cv2.COLOR_RGB2GRAY)
-    criteria = Criteria()
-    return {each.tag_number for each in detector.detect(picture) if not criteria.flaw_of(each)}
+    def read(self, views: dict[int, tuple]) -> set[int]:
+        """Return the tags that are read in `views`: by tag, all or any, and pairs of (eye, point ahead)."""
+        read = set()
+        for number, (enough, looks) in views.items():
+            if enough(self._has(number, *each) for each in looks):
+                read.add(number)
+            self._done += 1
+            self._progress('rendered views of tags', self._done, self._total)
+        self._progress.end()
+        return read
 
 
 def corners_of(world) -> tuple[np.ndarray, np.ndarray]:
@@ -104,9 +93,7 @@ def check_layout(world, layout) -> bool:
     )
 
 
-def check_distances(
-    world, detector: TagDetector, tables: list, walls: Walls, side: str, views: Views
-) -> bool:
+def check_distances(world, looks: Looks, tables: list, walls: Walls, side: str) -> bool:
     """Return whether each tag is read from each distance and angle at which a robot can stand."""
 
     def can_stand(eye) -> bool:
@@ -116,31 +103,16 @@ def check_distances(
 
     are_read = []
     for distance_m, angle_degrees in itertools.product(DISTANCES_M, ANGLES_DEGREES):
-        read, free = set(), 0
-        for number, tag in world.tags.items():
+        views, free = {}, 0
+        for number, tag in sorted(world.tags.items()):
             eyes = [viewpoint(tag, distance_m, turn * angle_degrees) for turn in (1, -1)]
             # Where a robot cannot stand, a picture from above the tables counts, from either side.
             standing = [eye for eye in eyes if can_stand(eye)]
             free += bool(standing)
-            is_seen = [number in seen_from(world, detector, eye, tag.centre) for eye in standing or eyes]
-            if all(is_seen) if standing else any(is_seen):
-                read.add(number)
-            views.count()
-        views.clear()
+            views[number] = (all if standing else any), [(eye, tag.centre) for eye in standing or eyes]
         setting, note = f'{side}, {distance_m:g} m, {angle_degrees}°', f' (a robot can stand there at {free})'
-        are_read.append(print_share(setting, sorted(world.tags), read, note))
+        are_read.append(print_share(setting, views, looks.read(views), note))
     return all(are_read)
-
-
-def check_approaches(world, detector: TagDetector, poses: dict, setting: str, views: Views) -> bool:
-    """Return whether each tag is read from its approach pose, with the camera along the robot's x axis."""
-    read = set()
-    for tag_id, pose in poses.items():
-        if int(tag_id) in seen_from(world, detector, *view_ahead(pose.x, pose.y, pose.yaw)):
-            read.add(tag_id)
-        views.count()
-    views.clear()
-    return print_share(setting, poses, read)
 
 
 def check(options: argparse.Namespace, side_m: float, folder: Path) -> bool:
@@ -148,22 +120,21 @@ def check(options: argparse.Namespace, side_m: float, folder: Path) -> bool:
     sdf_file, layout, walls = make_world(
         folder / f'{side_m:g}', options.tag_file, side_m, options.sim_config_file, options.walls
     )
-    world, detector, side = RenderedWorld(sdf_file), TagDetector(), f'{100 * side_m:g} cm'
+    world, side = RenderedWorld(sdf_file), f'{100 * side_m:g} cm'
     is_right = check_layout(world, layout)
     counts = f'{len(world.tags)} tags and {len(world.tables)} tables'
     print_line(f'{side}: {counts}, {"where" if is_right else "NOT where"} the layout has them')
-    settings = len(DISTANCES_M) * len(ANGLES_DEGREES) + len(RADII_M)
-    views = Views(settings * len(world.tags))
-    is_right &= check_distances(world, detector, tables_of(layout), walls, side, views)
+    settings = len(DISTANCES_M) * len(ANGLES_DEGREES) + len(RADII_M) + 1
+    looks = Looks(world, settings * len(world.tags))
+    is_right &= check_distances(world, looks, tables_of(layout), walls, side)
     for radius_m in RADII_M:
         poses = find_approaches(layout, walls, ViewingLimits(radius_m)).poses
+        # The camera looks along the robot's x axis.
+        views = {int(tag_id): (all, [view_ahead(each.x, each.y, each.yaw)]) for tag_id, each in poses.items()}
         setting = f'{side}, approach poses of a robot of radius {radius_m:.2f} m'
-        is_right &= check_approaches(world, detector, poses, setting, views)
-    behind = [
-        number
-        for number, tag in world.tags.items()
-        if number in seen_from(world, detector, tag.centre - DISTANCES_M[0] * tag.out, tag.centre)
-    ]
+        is_right &= print_share(setting, views, looks.read(views))
+    distance_m, tags = DISTANCES_M[0], world.tags.items()
+    behind = looks.read({n: (all, [(tag.centre - distance_m * tag.out, tag.centre)]) for n, tag in tags})
     print_line(f'{side}, from behind: {len(behind)} of {len(world.tags)} read')
     return is_right and not behind
 

@@ -7,7 +7,6 @@ Subscribes to `mission/at_tag`. Between two tags, and for an id outside tag36h11
     ros2 run lupin_simulation fake_camera --ros-args -p publishes:=compressed
 """
 
-import sys
 from dataclasses import dataclass
 
 import cv2
@@ -34,7 +33,6 @@ from lupin_simulation import scene
 NODE_NAME = 'camera'
 FRAMES_PER_SECOND = 8
 JPEG_QUALITY = 80
-AT_TAG_TOPIC, ODOMETRY_TOPIC = 'mission/at_tag', 'odom'  # relative: a namespace moves them
 
 
 def from_odometry_parameter():
@@ -66,18 +64,6 @@ class Settings:
         check_source('publishes', self.publishes)
 
 
-class RobotPose:
-    """Receives `odom`, whose frame is that of the layout, because a simulated robot does not slip."""
-
-    def __init__(self, node):
-        self.newest: PoseInPlane | None = None  # None before the first message
-        newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # fits every publisher
-        node.create_subscription(Odometry, ODOMETRY_TOPIC, self._on_odometry, newest)
-
-    def _on_odometry(self, message) -> None:
-        self.newest = pose_in_plane(message.pose.pose)
-
-
 class CameraNode(Node):
     """A camera that knows the tag of the mission, or the pose of the robot. _look() returns its message."""
 
@@ -85,17 +71,25 @@ class CameraNode(Node):
         super().__init__(NODE_NAME)
         self._settings = declare_parameters(self, settings_type)
         self._random = np.random.default_rng(0)
-        self._robot = RobotPose(self) if self._settings.from_odometry else None
-        self._tag_id = ''
+        self._tag_id = ''  # of the mission; it stays empty on the robot
+        self._eye: PoseInPlane | None = None  # on the robot, after its first message
 
     def _publish(self, message_type, topic: str, frames_per_second: int) -> None:
         """Publish from now on."""
         self._publisher = self.create_publisher(message_type, topic, qos_profile_sensor_data)
-        self.create_subscription(String, AT_TAG_TOPIC, self._on_tag, latched())
+        if self._settings.from_odometry:
+            newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # fits every publisher
+            self.create_subscription(Odometry, 'odom', self._on_odometry, newest)
+        else:
+            self.create_subscription(String, 'mission/at_tag', self._on_tag, latched())
         self.create_timer(1.0 / frames_per_second, self._on_timer)
 
     def _on_tag(self, message) -> None:
         self._tag_id = message.data
+
+    def _on_odometry(self, message) -> None:
+        """Take the pose, whose frame is that of the layout, because a simulated robot does not slip."""
+        self._eye = pose_in_plane(message.pose.pose)
 
     def _on_timer(self) -> None:
         message = self._look()
@@ -116,7 +110,7 @@ class FakeCamera(CameraNode):
             'compressed': lambda: (CompressedImage, compressed_image_of),
             'detections': detections,
         }[publishes]()
-        self._tags = tag_poses_by_number(self._settings) if self._robot else {}
+        self._tags = tag_poses_by_number(self._settings) if self._settings.from_odometry else {}
         self._publish(message_type, TOPICS[publishes], FRAMES_PER_SECOND)
 
     def _look(self):
@@ -124,13 +118,11 @@ class FakeCamera(CameraNode):
             'blur_pixels': self._random.uniform(0.3, 1.2),
             'noise_levels': self._random.uniform(2.0, 8.0),
         }
-        if self._robot and self._robot.newest:
-            return self._message_of(
-                self._camera.look_around(self._tags, self._robot.newest, self._random, **conditions)
-            )
-        has_tag = not self._robot and has_marker(self._tag_id)
+        if self._eye:
+            picture = self._camera.look_around(self._tags, self._eye, self._random, **conditions)
+            return self._message_of(picture)
         picture = self._camera.look_at(
-            scene.marker(int(self._tag_id), scene.MODULE_PIXELS) if has_tag else None,
+            scene.marker(int(self._tag_id), scene.MODULE_PIXELS) if has_marker(self._tag_id) else None,
             self._random,
             distance_m=self._random.uniform(0.3, 1.0),
             angle_degrees=self._random.uniform(0.0, 40.0),
@@ -195,7 +187,3 @@ def detections():
 def main(args=None) -> int:
     """Publish until Ctrl-C or SIGTERM."""
     return run(NODE_NAME, FakeCamera, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

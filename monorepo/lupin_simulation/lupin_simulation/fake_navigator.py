@@ -11,7 +11,6 @@ until it is active. `~/change_state` changes its state, as for each managed node
 """
 
 import math
-import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -229,7 +228,3 @@ class FakeNavigator(LifecycleNode):
 def main(args=None) -> int:
     """Navigate until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return run(NODE_NAME, FakeNavigator, args, conclude=FakeNavigator.farewell)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

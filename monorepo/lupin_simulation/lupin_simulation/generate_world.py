@@ -69,11 +69,7 @@ def make_world(
 
 
 def write(folder: Path, files: dict[str, bytes]) -> None:
-    """
-    Write the files of a world, and remove the files of an earlier world.
-
-    Raises StartUpError and writes nothing if this would overwrite a file that this program did not write.
-    """
+    """Replace the files of an earlier world; raises StartUpError before it would overwrite another file."""
     manifest = folder / MANIFEST
     own = set(manifest.read_text(encoding='utf-8').splitlines()) if manifest.is_file() else set()
     for path in files:
@@ -89,7 +85,3 @@ def write(folder: Path, files: dict[str, bytes]) -> None:
     for path, content in files.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_bytes(content)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -74,11 +74,7 @@ class UnknownArgument(Exception):
 
 
 def arguments_by_node(options) -> dict[str, list[str]]:
-    """
-    Return the arguments of each node, which are those that it has as parameters.
-
-    Raises UnknownArgument for an argument that no node of this run has.
-    """
+    """Return the arguments of each node: its parameters. Raises UnknownArgument for one that no node has."""
     types = {
         'bridge_node': bridge_settings.Settings,
         'mission_orchestrator': mission_settings.Settings,
@@ -133,42 +129,37 @@ def commands_of(options, report: Path) -> list[list[str]]:
     """Return the commands of the nodes. The last one is the mission; the first one ends last."""
     given = arguments_by_node(options)
     tag_file = value_of(options.arguments, 'tag_file')
+    world = [f'world_file:="{options.output / "world/greenhouse.sdf"}"'] if options.world else []
     nodes = [node('lupin_greenhouse_bridge', 'bridge_node', *given['bridge_node'])]
-    if options.record:
-        keeping = [f'file:="{options.record}"']
-        keeping += [f'tag_file:="{tag_file}"'] if tag_file else []
-        nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', *keeping))
     own = [f'report_file:="{report}"', 'wait_for_start:=false']
-    own += ['wait_for_subscriber:=true'] if options.record else []
-    showing = []
+    if options.record:
+        own.append('wait_for_subscriber:=true')
+        kept = [f'file:="{options.record}"', *([f'tag_file:="{tag_file}"'] if tag_file else [])]
+        nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', *kept))
     if options.drive:
         driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{beside(report, ROUTE)}"']
         nodes.append(node('lupin_simulation', 'fake_navigator', *driving, *given['fake_navigator']))
         start_pose = value_of(options.arguments, 'start_pose') or disc_robot.Settings.start_pose
-        dock = f'dock_pose:="{start_pose}"'
-        own += ['drive:=nav2', 'order:=shortest', dock]
-        showing.append('from_odometry:=true')
+        own += ['drive:=nav2', 'order:=shortest', f'dock_pose:="{start_pose}"']
     else:
         own.append('drive:=simulated')
-    world_file = f'world_file:="{options.output / "world/greenhouse.sdf"}"' if options.world else ''
-    if world_file and not options.drive:  # it does not name the tables to drive around
-        own.append(world_file)
+    if world and not options.drive:  # it does not name the tables to drive around
+        own += world
     elif tag_file:
         own.append(f'tag_locations_file:="{tag_file}"')
     if options.camera:
         own += ['require_visual_confirmation:=true', 'drive_seconds:=0.2']
-        if world_file:
+        showing = ['from_odometry:=true'] if options.drive else []
+        if world:
             # Rendering an image takes a while.
             own.append(f'visual_confirmation_timeout_s:={PATIENCE_SECONDS}')
             listening = [f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']
-            camera = node('lupin_simulation', 'world_camera', world_file, *showing)
+            camera = node('lupin_simulation', 'world_camera', *world, *showing)
         else:
             listening = [f'source:={options.camera}']
-            showing.append(f'publishes:={options.camera}')
-            showing += [
-                f'{name}:="{value}"' for name in LAYOUT if (value := value_of(options.arguments, name))
-            ]
-            camera = node('lupin_simulation', 'fake_camera', *showing)
+            layout = {name: value_of(options.arguments, name) for name in LAYOUT}
+            showing += [f'{name}:="{value}"' for name, value in layout.items() if value]
+            camera = node('lupin_simulation', 'fake_camera', f'publishes:={options.camera}', *showing)
         nodes += [node('lupin_tag_confirmation', 'confirm_tag', *listening, *given['confirm_tag']), camera]
     return [*nodes, node('lupin_mission', 'mission_orchestrator', *own, *given['mission_orchestrator'])]
 
@@ -234,11 +225,7 @@ def stop(process: subprocess.Popen) -> None:
 
 
 def exit_code_of(mission: subprocess.Popen, others: list[subprocess.Popen]) -> int:
-    """
-    Return the exit code of the mission, however long it takes.
-
-    Raises NodeEnded if another node ends first, or KeyboardInterrupt after Ctrl-C or SIGTERM.
-    """
+    """Return the mission's exit code; raises NodeEnded for another node, KeyboardInterrupt for a signal."""
     while True:
         with contextlib.suppress(subprocess.TimeoutExpired):
             mission.wait(LOOK_EVERY_SECONDS)
@@ -303,12 +290,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         '--output', type=Path, default=Path('.mission'), metavar='FOLDER', help='default: %(default)s'
     )
-    parser.add_argument(
-        'arguments',
-        nargs='*',
-        metavar='name:=value',
-        help='parameters of the nodes',
-    )
+    parser.add_argument('arguments', nargs='*', metavar='name:=value', help='parameters of the nodes')
     options = parser.parse_args(arguments)
     # The mission's name for the tag file: a run has one greenhouse.
     options.arguments = [re.sub('^tag_locations_file:=', 'tag_file:=', each) for each in options.arguments]
@@ -325,7 +307,3 @@ def main(arguments: list[str] | None = None) -> int:
         return USAGE
     except KeyboardInterrupt:
         return 130
-
-
-if __name__ == '__main__':
-    sys.exit(main())

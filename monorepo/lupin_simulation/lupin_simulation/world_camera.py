@@ -50,10 +50,8 @@ class WorldCamera(CameraNode):
         self.get_logger().info(f'ready: {len(self._tags)} tags in the world')
 
     def _look(self) -> Image:
-        if self._robot and self._robot.newest:
-            view = view_ahead(*self._robot.newest)
-        else:
-            view = view_of(None if self._robot else self._tags.get(self._tag_id), self._random)
+        tag = self._tags.get(self._tag_id)
+        view = view_ahead(*self._eye) if self._eye else view_of(tag, self._random)
         # Grey: on a busy machine, best effort loses images of 900 kB.
         return image_of(cv2.cvtColor(self._world.look(*view), cv2.COLOR_RGB2GRAY))
 

@@ -1,6 +1,5 @@
 """The check of a world, as far as it needs no Drake; ci/tests/test_world.py has the rest."""
 
-import re
 import subprocess
 from types import SimpleNamespace
 
@@ -10,7 +9,9 @@ from lupin_greenhouse_bridge.planning.tag_poses import Table
 from lupin_greenhouse_bridge.testing import executable
 from lupin_simulation import check_world
 from lupin_simulation.rendered_world import Tag, viewpoint
+from lupin_simulation.scene import Camera, marker
 
+BLANK = np.full((480, 640), 255, np.uint8)
 TABLES = [Table(1.0, 1.0, 3.0, 1.5), Table(1.0, 4.0, 3.0, 4.5)]
 
 
@@ -47,19 +48,17 @@ def test_a_tag_must_face_away_from_its_table_or_else_to_the_middle(x, y, out, ta
     assert check_world.faces_outwards(tag(x, y, out), tables, np.array([2.0, 2.0])) == is_right
 
 
-@pytest.mark.parametrize(('is_terminal', 'shown'), [(False, '1 16 31'), (True, '1 2 3')])
-def test_how_many_views_are_rendered_is_shown(monkeypatch, capsys, is_terminal, shown):
-    """The clock advances a second with each look at it."""
-    seconds = iter(range(1000))
-    monkeypatch.setattr(check_world, 'time', SimpleNamespace(monotonic=lambda: next(seconds)))
-    monkeypatch.setattr(check_world.sys.stderr, 'isatty', lambda: is_terminal)
-    views = check_world.Views(40)
-    for _ in range(40):
-        views.count()
-    printed = capsys.readouterr().err
-    numbers = re.findall(r'check_world: (\d+) of 40 views of tags are rendered', printed)
-    assert ' '.join(numbers[:3]) == shown
-    assert ('\n' in printed) != is_terminal
+def test_a_tag_is_read_in_all_or_in_any_of_its_views_which_are_counted(monkeypatch, capsys):
+    for name in ('FIRST_SECONDS', 'NEXT_SECONDS'):
+        monkeypatch.setattr(check_world.Progress, name, 0.0)
+    pictures = {'front': Camera().look_at(marker(7, 30), np.random.default_rng(0)), 'back': BLANK}
+    world = SimpleNamespace(look=lambda eye, _at: np.stack([pictures[eye]] * 3, axis=-1))
+    looks = check_world.Looks(world, 2)
+    both = [('back', None), ('front', None)]
+    assert looks.read({7: (any, both), 8: (any, both)}) == {7}
+    shown = [f'check_world: rendered views of tags: {number} of 2' for number in (1, 2)]
+    assert capsys.readouterr().err.splitlines() == shown
+    assert looks.read({7: (all, both)}) == set()
 
 
 def refusal(*arguments: str) -> str:

@@ -103,10 +103,7 @@ def test_the_robot_can_be_where_no_obstacle_is():
     ('parameters', 'problem'),
     [
         ({'blocked': '0.4 0.4 0.6 0.6'}, 'start_pose is 0.5 0.5 0.0: a robot of radius 0.2 m does not fit'),
-        (
-            {'robot_radius_m': 2.0},
-            'a robot of radius 2 m does not fit between the walls',
-        ),
+        ({'robot_radius_m': 2.0}, 'a robot of radius 2 m does not fit between the walls'),
         ({'tag_file': '/none.json'}, '/none.json'),
     ],
 )

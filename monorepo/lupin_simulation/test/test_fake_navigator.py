@@ -113,6 +113,12 @@ class Client:
         response = result_of(goal.get_result_async())
         return response.status, response.result
 
+    def arrives_at(self, pose: PoseInPlane, clock) -> bool:
+        """Send a goal and let an hour pass; return whether the goal has succeeded."""
+        goal = self.send(pose)
+        clock.pass_seconds(HOUR)
+        return self.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+
     def wait_until_robot(self, is_it) -> PoseInPlane:
         """Return the pose of the robot once this is true of it."""
         heard = len(self.odometry)
@@ -147,10 +153,7 @@ def start(monkeypatch, clock):  # noqa: ARG001 - the robot has its clock from th
 
 def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(start, clock, tmp_path):
     client = start(route_file=f'"{tmp_path / "route.csv"}"', robot_radius_m=0.2)
-    goal = client.send(FAR)
-    assert goal.accepted
-    clock.pass_seconds(HOUR)
-    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert client.arrives_at(FAR, clock)
     wait_until(lambda: pose_in_plane(client.estimates[-1].pose.pose) == pytest.approx(FAR))
     client.wait_until_robot(lambda pose: pose == pytest.approx(FAR))  # a topic of its own
     assert (client.odometry[-1].header.frame_id, client.odometry[-1].child_frame_id) == ('odom', 'base_link')
@@ -174,9 +177,7 @@ def test_a_goal_behind_an_obstacle_is_aborted_with_the_reason_that_the_distro_ca
     assert status == GoalStatus.STATUS_ABORTED
     told = told_by(result)
     assert told == {name: reason[name] for name in told}
-    goal = client.send(NEAR)
-    clock.pass_seconds(HOUR)
-    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert client.arrives_at(NEAR, clock)
 
 
 def test_a_cancelled_goal_stops_the_robot_where_it_is(start, clock):
@@ -190,9 +191,7 @@ def test_a_cancelled_goal_stops_the_robot_where_it_is(start, clock):
     clock.pass_seconds(HOUR)
     for _ in range(3):
         assert client.wait_until_robot(lambda _pose: True) == here
-    goal = client.send(NEAR)
-    clock.pass_seconds(HOUR)
-    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert client.arrives_at(NEAR, clock)
 
 
 def test_a_newer_goal_aborts_the_one_before(start, clock):
@@ -254,9 +253,7 @@ def test_a_navigator_that_is_configured_offers_its_action_and_rejects_goals_unti
     client.wait_for_server()
     assert not client.send(NEAR).accepted
     client.change_state(Transition.TRANSITION_ACTIVATE)
-    goal = client.send(NEAR)
-    clock.pass_seconds(HOUR)
-    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert client.arrives_at(NEAR, clock)
 
 
 def test_a_navigator_that_is_deactivated_aborts_its_goal_and_stops_the_robot(start, clock):
@@ -283,32 +280,24 @@ def test_a_navigator_that_is_restarted_withdraws_its_action_and_does_not_know_th
     client.change_state(Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
     client.wait_for_server()
     assert result_of(goal.cancel_goal_async()).return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID
-    goal = client.send(NEAR)
-    clock.pass_seconds(HOUR)
-    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert client.arrives_at(NEAR, clock)
 
 
 def test_a_robot_that_arrived_too_near_to_a_table_finds_no_path_away(start, clock):
     """It is sent to 2.5 cm from the obstacle, where the planner keeps 2 cm, and arrives nearer."""
     client = start(blocked='"0.3 1.225 0.7 1.3"', padding_m=0.02, arrival_error_m=0.06)
-    goal = client.send(PoseInPlane(0.5, 1.0, 0.0))
-    clock.pass_seconds(HOUR)
-    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert client.arrives_at(PoseInPlane(0.5, 1.0, 0.0), clock)
     status, result = client.end_of(client.send(NEAR))
     assert (status, told_by(result).get('error_code', 205)) == (GoalStatus.STATUS_ABORTED, 205)
 
 
 def test_a_wedged_robot_fails_to_make_progress_until_it_is_freed(start, clock):
     client = start(wedged_after=1)
-    goal = client.send(NEAR)
-    clock.pass_seconds(HOUR)
-    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert client.arrives_at(NEAR, clock)
     goal = client.send(FAR)
     clock.pass_seconds(PROGRESS_SECONDS)
     status, result = client.end_of(goal)
     assert (status, told_by(result).get('error_code', 105)) == (GoalStatus.STATUS_ABORTED, 105)
     client.wait_until_robot(lambda pose: pose == pytest.approx(NEAR))
     assert client.call('set_wedged', SetBool.Request(data=False)).success
-    goal = client.send(FAR)
-    clock.pass_seconds(HOUR)
-    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert client.arrives_at(FAR, clock)

@@ -6,12 +6,11 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_mission.world import read_world
 from lupin_simulation import generate_world
-from lupin_simulation.sdf import SDF_FILE, paper_m
+from lupin_simulation.sdf import SDF_FILE
 
 TAGS = {'tags': {str(n): {'x': n / 10, 'y': 0.0, 'sensors': ['co2']} for n in (0, 7, 586)}}
 TABLES = {
@@ -68,18 +67,12 @@ def test_the_same_input_gives_the_same_bytes(tmp_path, tag_file):
     assert content(tmp_path / 'one') == content(tmp_path / 'two')
 
 
-def test_the_mesh_is_as_wide_as_the_tag_with_its_border(tmp_path, tag_file):
-    make(tmp_path / 'world', '--tag-file', tag_file, '--side', '0.08')
-    lines = (tmp_path / 'world/models/tag_7/tag_7.obj').read_text().splitlines()
-    corners = np.array([line.split()[1:] for line in lines if line.startswith('v ')], dtype=float)
-    assert np.allclose(np.abs(corners[:, :2]), paper_m(0.08) / 2)
-    assert paper_m(0.08) == pytest.approx(0.1)
-
-
-def test_by_default_a_tag_is_5_cm_wide(tmp_path, tag_file):
+def test_a_tag_is_5_cm_wide_or_as_told(tmp_path, tag_file):
+    """How wide that makes its mesh and its plate is tested in test_sdf.py."""
     make(tmp_path / 'new/default', '--tag-file', tag_file)
-    make(tmp_path / 'new/told', '--tag-file', tag_file, '--side', '0.05')
-    assert content(tmp_path / 'new/default') == content(tmp_path / 'new/told')
+    for side in ('0.05', '0.08'):
+        make(tmp_path / side, '--tag-file', tag_file, '--side', side)
+    assert content(tmp_path / 'new/default') == content(tmp_path / '0.05') != content(tmp_path / '0.08')
 
 
 def test_files_of_an_earlier_world_go_and_those_of_a_person_stay(tmp_path, tag_file):

@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from argparse import Namespace
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.simulator.layout import find_layout
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, wait_until
+from lupin_greenhouse_bridge.testing import executable
 from lupin_mission.settings import Settings as MissionSettings
 from lupin_simulation import inspection
 from lupin_tag_confirmation.settings import Settings as CameraSettings
@@ -119,10 +118,8 @@ def test_a_tag_that_is_none_of_the_cameras_family_is_not_read(tmp_path):
 
 def test_a_world_with_another_camera_is_refused_in_one_line(tmp_path, capsys):
     assert inspection.main(['--camera', 'detections', '--world', '--output', str(tmp_path)]) == 2
-    assert (
-        capsys.readouterr().err
-        == 'mission: --world publishes images only: leave --camera out, or name image\n'
-    )
+    error = 'mission: --world publishes images only: leave --camera out, or name image\n'
+    assert capsys.readouterr().err == error
 
 
 @pytest.mark.usefixtures('stand_in')
@@ -165,29 +162,6 @@ def test_the_first_node_that_ends_ends_the_run_and_is_named_unless_it_is_the_mis
     assert capfd.readouterr().err == error
     with pytest.raises(ProcessLookupError):
         os.kill(int(process_id.read_text(encoding='utf-8')), 0)
-
-
-def test_sigterm_ends_all_that_an_inspection_started(tmp_path, stand_in):
-    nodes = ['bridge_node', 'mission_orchestrator']
-    for name in nodes:
-        stand_in(name, f'echo $$ >{tmp_path / name}.id; exec sleep 600')
-    program = f"""
-import sys
-from lupin_mission.settings import Settings as MissionSettings
-from lupin_simulation import inspection
-from lupin_tag_confirmation.settings import Settings as CameraSettings
-inspection.executable = lambda _package, name: f'{tmp_path}/{{name}}'
-sys.exit(inspection.main(['--output', '{tmp_path}/output']))
-"""
-    process_ids = [tmp_path / f'{name}.id' for name in nodes]
-    with subprocess.Popen([sys.executable, '-c', program], stderr=subprocess.PIPE, text=True) as running:
-        wait_until(lambda: all(each.exists() and each.read_text(encoding='utf-8') for each in process_ids))
-        running.terminate()
-        assert running.wait(PATIENCE_SECONDS) == 130
-        assert running.stderr.read() == ''
-    for each in process_ids:
-        with pytest.raises(ProcessLookupError):
-            os.kill(int(each.read_text(encoding='utf-8')), signal.SIGTERM)
 
 
 @pytest.mark.parametrize('number', process.SIGNALS)

@@ -4,7 +4,6 @@ ROS 2 node `confirm_tag`: confirms that the camera sees the tag that the robot e
 ros2 run lupin_tag_confirmation confirm_tag --ros-args -p source:=compressed
 """
 
-import sys
 import time
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
@@ -154,7 +153,3 @@ class ConfirmTagNode(Node):
 def main(args=None):
     """Serve until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return run(NODE_NAME, ConfirmTagNode, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -1,5 +1,6 @@
 """Decide from the last frames whether the expected tag is in view. Does not import ROS."""
 
+import itertools
 import re
 from collections import deque
 from collections.abc import Callable
@@ -8,7 +9,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from lupin_greenhouse_bridge.errors import OneLineError, escaped
+from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 
 from lupin_tag_confirmation.images import UnusableImage
 from lupin_tag_confirmation.settings import Criteria
@@ -121,7 +122,7 @@ class Confirmer:
             return Verdict(1.0, '', usable[0])
         if len(recent) < needed:
             seconds = self._criteria.timeout_seconds or self._criteria.max_image_age_seconds
-            reason = f'{_images(len(recent))} in {seconds:g} s: {needed} are needed'
+            reason = f'{pluralized(len(recent), "image")} in {seconds:g} s: {needed} are needed'
         return Verdict(sightings / needed, f'tag {number}: {reason}', usable[0])
 
     def _fault_of_age(self, frame: Frame, now: Moment, asked_at: Moment) -> str:
@@ -139,26 +140,20 @@ class Confirmer:
 
     def _count(self, number: int, sights: list[Sight]) -> tuple[int, str]:
         """Return how many of the sights, newest first, show the tag, and why the others do not."""
-        sightings = 0
-        flaws: list[str] = []
-        others: set[int] = set()
-        for sight in sights:
-            others.update({tag.tag_number for tag in sight.detections} - {number})
-            found = [self._criteria.flaw_of(tag) for tag in sight.detections if tag.tag_number == number]
-            flaws += filter(None, found)
-            sightings += '' in found
-        if flaws:
-            return sightings, f'in view, but {flaws[0]}'
+        flaws = [
+            [self._criteria.flaw_of(tag) for tag in sight.detections if tag.tag_number == number]
+            for sight in sights
+        ]
+        sightings = sum('' in each for each in flaws)
+        others = {tag.tag_number for sight in sights for tag in sight.detections} - {number}
+        if flaw := next(filter(None, itertools.chain(*flaws)), ''):
+            return sightings, f'in view, but {flaw}'
         if sightings:
             return sightings, f'seen in {sightings} of the {self._criteria.min_frames} images needed'
         if others:
             return 0, f'other tags in view: {", ".join(map(str, sorted(others)))}'
-        return 0, f'no tag in view in {_images(len(sights))}'
+        return 0, f'no tag in view in {pluralized(len(sights), "image")}'
 
 
 def _by_arrival(*frames: Frame) -> list[Frame]:
     return sorted(frames, key=lambda frame: frame.arrival_seconds)
-
-
-def _images(number: int) -> str:
-    return f'{number} image' + 's' * (number != 1)

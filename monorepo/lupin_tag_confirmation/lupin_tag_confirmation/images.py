@@ -65,11 +65,7 @@ def grey_picture(encoding: str, height: int, width: int, step: int, data) -> np.
 
 
 def decoded_picture(data) -> np.ndarray:
-    """
-    Return the picture of a sensor_msgs/CompressedImage, JPEG or PNG, as uint8 of the shape (height, width).
-
-    Raises UnusableImage.
-    """
+    """Return the picture in a JPEG or PNG as uint8 of the shape (height, width); raises UnusableImage."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter('ignore')  # about large pictures, which are limited below

@@ -5,10 +5,9 @@ from dataclasses import dataclass
 from lupin_greenhouse_bridge.errors import StartUpError, pluralized
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, parameter
 
-DEFAULT_IMAGE_TOPIC = 'camera/color/image_raw'
 TOPICS = {
-    'image': DEFAULT_IMAGE_TOPIC,
-    'compressed': f'{DEFAULT_IMAGE_TOPIC}/compressed',
+    'image': 'camera/color/image_raw',
+    'compressed': 'camera/color/image_raw/compressed',
     'detections': 'detections',
 }
 
@@ -52,9 +51,8 @@ class Criteria:
     def flaw_of(self, detection) -> str:
         """Return why a Detection does not count; '' if it does."""
         if detection.hamming > self.max_hamming:
-            return (
-                f'with {pluralized(detection.hamming, "corrected bit")}, at most {self.max_hamming} allowed'
-            )
+            bits = pluralized(detection.hamming, 'corrected bit')
+            return f'with {bits}, at most {self.max_hamming} allowed'
         if detection.decision_margin != 0.0 and not detection.decision_margin >= self.min_decision_margin:
             margin = f'{detection.decision_margin:.0f}'
             return f'unclear: decision margin {margin}, {self.min_decision_margin:g} needed'

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.reading.detections import FAMILIES, detection_messages
+from sensor_msgs.msg import CompressedImage, Image
 
 from lupin_tag_confirmation.confirmation import Detection, Sight
 from lupin_tag_confirmation.images import decoded_picture, grey_picture
@@ -21,45 +22,24 @@ class Source(NamedTuple):
 
 def open_source(settings: Settings) -> Source:
     """Return the source of the settings; raises StartUpError if a package that it needs is missing."""
-    message_type, sight_of = _OPEN[settings.source](settings)
-    return Source(message_type, TOPICS[settings.source], sight_of)
-
-
-def _images(settings: Settings):
-    from sensor_msgs.msg import Image
-
+    topic = TOPICS[settings.source]
+    if settings.source == 'detections':
+        return Source(detection_messages().AprilTagDetectionArray, topic, detections_of)
+    message_type, picture_of = _PICTURES[settings.source]
     detect = _detector(settings).detect
 
     def sight_of(message) -> Sight:
-        picture = grey_picture(message.encoding, message.height, message.width, message.step, message.data)
+        picture = picture_of(message)
         return Sight(detect(picture), picture)
 
-    return Image, sight_of
-
-
-def _compressed_images(settings: Settings):
-    from sensor_msgs.msg import CompressedImage
-
-    detect = _detector(settings).detect
-
-    def sight_of(message) -> Sight:
-        picture = decoded_picture(message.data)
-        return Sight(detect(picture), picture)
-
-    return CompressedImage, sight_of
-
-
-def _detections(_settings: Settings):
-    return detection_messages().AprilTagDetectionArray, detections_of
+    return Source(message_type, topic, sight_of)
 
 
 def detections_of(message) -> Sight:
     """Return the detections of tag36h11; other families are ignored."""
     return Sight(
         [
-            Detection(
-                tag.id, tag.hamming, tag.decision_margin, [(corner.x, corner.y) for corner in tag.corners]
-            )
+            Detection(tag.id, tag.hamming, tag.decision_margin, [(each.x, each.y) for each in tag.corners])
             for tag in message.detections
             if tag.family in FAMILIES
         ]
@@ -76,8 +56,7 @@ def _detector(settings: Settings):
     return TagDetector(settings.max_hamming)
 
 
-_OPEN = {
-    'image': _images,
-    'compressed': _compressed_images,
-    'detections': _detections,
+_PICTURES = {
+    'image': (Image, lambda each: grey_picture(each.encoding, each.height, each.width, each.step, each.data)),
+    'compressed': (CompressedImage, lambda each: decoded_picture(each.data)),
 }

@@ -13,9 +13,8 @@ import pytest
 import rclpy
 import yaml
 from ament_index_python.packages import get_package_share_directory
-from apriltag_msgs.msg import AprilTagDetectionArray
 from builtin_interfaces.msg import Time
-from conftest import PATIENCE_SECONDS, TOPIC, Perception
+from conftest import PATIENCE_SECONDS, Perception
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
@@ -29,19 +28,17 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage, Image
 
 
-def test_one_call_confirms_the_expected_tag(start, tag_7):
-    image = image_of(tag_7, 'rgba8', padding=5, is_bigendian=1)
-    assert start().confirm('7', image).detected
-
-
-def test_one_call_confirms_the_tag_of_a_compressed_image(start, tag_7):
-    perception = start(CompressedImage, 'compressed')
-    assert perception.confirm('7', compressed(tag_7, 'JPEG')).detected
-
-
-def test_one_call_confirms_the_tag_of_a_detector(start):
-    perception = start(AprilTagDetectionArray, 'detections')
-    assert perception.confirm('7', detections((9, 0, 50.0), (7, 0, 50.0))).detected
+@pytest.mark.parametrize(
+    ('source', 'message_of'),
+    [
+        ('image', lambda picture: image_of(picture, 'rgba8', padding=5, is_bigendian=1)),
+        ('compressed', lambda picture: compressed(picture, 'JPEG')),
+        ('detections', lambda _picture: detections((9, 0, 50.0), (7, 0, 50.0))),
+    ],
+)
+def test_one_call_confirms_the_expected_tag(start, tag_7, source, message_of):
+    message = message_of(tag_7)
+    assert start(type(message), source).confirm('7', message).detected
 
 
 def test_a_tag_that_is_not_there_is_said_after_the_timeout(start, tag_7):
@@ -245,13 +242,6 @@ def test_what_cannot_be_is_refused_in_one_line(run_main, parameters, fragment):
     code, log = run_main(**parameters)
     (line,) = [line for line in log.splitlines() if '[FATAL]' in line]
     assert (code, fragment in line, 'Traceback' in log) == (1, True, False), log
-
-
-def test_a_mistyped_parameter_is_named_and_changes_nothing(start, capfd):
-    start(min_frame=0)
-    log = capfd.readouterr().err
-    assert 'parameter min_frame is unknown and ignored' in log
-    assert f'ready: images from {TOPIC}' in log
 
 
 def test_the_parameter_file_has_each_parameter_with_its_default():

@@ -40,12 +40,8 @@ def answer(confirmer, tag_id='7', stamp_now=NOW, arrival_now=NOW):
     return confirmer.confirm(tag_id, stamp_now, arrival_now)[:2]
 
 
-def test_a_tag_in_enough_frames_is_confirmed():
-    assert answer(confirmer([GOOD], [GOOD])) == (1.0, '')
-
-
-def test_one_frame_without_the_tag_among_enough_with_it_does_no_harm():
-    assert answer(confirmer([GOOD], [], [GOOD])) == (1.0, '')
+def test_a_tag_in_enough_frames_is_confirmed_whatever_the_others_show():
+    assert answer(confirmer([GOOD], [GOOD])) == answer(confirmer([GOOD], [], [GOOD])) == (1.0, '')
 
 
 @pytest.mark.parametrize(
@@ -201,19 +197,7 @@ def test_without_a_usable_sight_the_verdict_comes_without_one():
 
 @pytest.mark.parametrize(
     ('name', 'value'),
-    [
-        ('max_image_age_seconds', 0.0),
-        ('max_image_age_seconds', float('nan')),
-        ('max_hamming', -1),
-        ('max_hamming', 3),
-        ('max_hamming', 0.5),
-        ('min_decision_margin', -1.0),
-        ('min_decision_margin', 256.0),
-        ('min_frames', 0),
-        ('min_frames', 1.5),
-        ('min_frames', True),
-        ('min_frames', 'two'),
-    ],
+    [('max_hamming', 3), ('min_decision_margin', 256.0), ('min_frames', 0), ('max_image_age_seconds', 0.0)],
 )
 def test_a_criterion_out_of_its_limits_is_refused(name, value):
     with pytest.raises(StartUpError, match=rf'parameter {name} is .*: must be a (whole )?number from'):
