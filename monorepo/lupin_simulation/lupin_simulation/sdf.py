@@ -6,7 +6,7 @@ The functions are named after the elements that they return.
 
 import io
 import math
-from xml.etree.ElementTree import fromstring, indent, tostring
+from xml.etree.ElementTree import Element, indent, tostring
 
 import numpy as np
 from lupin_greenhouse_bridge.errors import StartUpError
@@ -42,7 +42,11 @@ LIGHT_DIRECTIONS = {
 
 
 def tag_poses_by_number(layout: Layout, walls: Walls) -> dict[int, TagPose]:
-    """Return each tag's pose by its number, in order; raises StartUpError for a bad id, or a flat table."""
+    """
+    Return the pose of each tag by its number, in numeric order.
+
+    Raises StartUpError for an id outside tag36h11, or a table without an area.
+    """
     try:
         tag_poses = find_tag_poses(layout, walls).items()
         return dict(sorted((tag_number(tag_id), each) for tag_id, each in tag_poses))
@@ -61,10 +65,13 @@ def paper_m(side_m: float) -> float:
 
 
 def world_files(layout: Layout, walls: Walls, side_m: float) -> dict[str, bytes]:
-    """Return each file's content by its path; `side_m` is of a tag's black square. Raises StartUpError."""
+    """
+    Return the content of each file of the world by its path. The same input gives the same files.
+
+    `side_m` is the length of the black square of each tag. Raises StartUpError.
+    """
     tag_poses = tag_poses_by_number(layout, walls)
-    world = _world(layout, walls, tag_poses, side_m)
-    sdf = fromstring(f'<sdf version="1.6">{world}</sdf>')  # noqa: S314 - its names and numbers are ours
+    sdf = _element('sdf', _world(layout, walls, tag_poses, side_m), version='1.6')
     indent(sdf)
     files = {SDF_FILE: HEADER + tostring(sdf) + b'\n'}
     for number in tag_poses:
@@ -90,62 +97,94 @@ def _mesh_files(number: int, side_m: float) -> dict[str, bytes]:
     }
 
 
+def _element(name: str, /, *content: Element | str, **attributes: str) -> Element:
+    """Return an element with this text, or with these children."""
+    element = Element(name, attributes)
+    for each in content:
+        if isinstance(each, str):
+            element.text = each
+        else:
+            element.append(each)
+    return element
+
+
 def _numbers(*values: float) -> str:
     return ' '.join(map(repr, values))
 
 
-def _world(layout: Layout, walls: Walls, tag_poses: dict[int, TagPose], side_m: float) -> str:
+def _world(layout: Layout, walls: Walls, tag_poses: dict[int, TagPose], side_m: float) -> Element:
     (x0, y0, x1, y1), thick = walls, THICKNESS_M
-    tables = {f'table_{number}': each for number, each in enumerate(tables_of(layout), 1)}
-    sides = {
+    boxes = {
         'wall_south': Table(x0 - thick, y0 - thick, x1 + thick, y0),
         'wall_north': Table(x0 - thick, y1, x1 + thick, y1 + thick),
         'wall_west': Table(x0 - thick, y0, x0, y1),
         'wall_east': Table(x1, y0, x1 + thick, y1),
     }
-    parts = [
-        '<scene><ambient>0.7 0.7 0.7 1</ambient><background>0.7 0.8 0.9 1</background>',
-        '<shadows>false</shadows></scene>',
+    scene = _element(
+        'scene',
+        _element('ambient', '0.7 0.7 0.7 1'),
+        _element('background', '0.7 0.8 0.9 1'),
+        _element('shadows', 'false'),
+    )
+    return _element(
+        'world',
+        scene,
         *(_light(*each) for each in LIGHT_DIRECTIONS.items()),
         _box_model('floor', walls, -THICKNESS_M, 0.0, GREEN),
-        *(_box_model(name, each, 0.0, WALL_HEIGHT_M, GREY) for name, each in sides.items()),
-        *(_box_model(name, each, 0.0, TABLE_HEIGHT_M, BROWN) for name, each in tables.items()),
+        *(_box_model(name, each, 0.0, WALL_HEIGHT_M, GREY) for name, each in boxes.items()),
+        *(
+            _box_model(f'table_{number}', each, 0.0, TABLE_HEIGHT_M, BROWN)
+            for number, each in enumerate(tables_of(layout), 1)
+        ),
         *(_tag_model(number, each, side_m) for number, each in tag_poses.items()),
-    ]
-    return f'<world name="greenhouse">{"".join(parts)}</world>'
-
-
-def _light(name: str, direction: str) -> str:
-    return (
-        f'<light name="{name}" type="directional"><pose>0 0 10 0 0 0</pose><cast_shadows>false</cast_shadows>'
-        '<diffuse>0.35 0.35 0.35 1</diffuse><specular>0 0 0 1</specular>'
-        f'<direction>{direction}</direction></light>'
+        name='greenhouse',
     )
 
 
-def _box_model(name: str, footprint: Table, bottom_m: float, top_m: float, colour: str) -> str:
+def _light(name: str, direction: str) -> Element:
+    return _element(
+        'light',
+        _element('pose', '0 0 10 0 0 0'),
+        _element('cast_shadows', 'false'),
+        _element('diffuse', '0.35 0.35 0.35 1'),
+        _element('specular', '0 0 0 1'),
+        _element('direction', direction),
+        name=name,
+        type='directional',
+    )
+
+
+def _box_model(name: str, footprint: Table, bottom_m: float, top_m: float, colour: str) -> Element:
     x0, y0, x1, y1 = footprint
     centre = (x0 + x1) / 2, (y0 + y1) / 2, (bottom_m + top_m) / 2
     size = x1 - x0, y1 - y0, top_m - bottom_m
-    return _model(name, f'{_numbers(*centre)} 0 0 0', _box('body', size, '0 0 0', colour))
+    return _model(name, f'{_numbers(*centre)} 0 0 0', *_box('body', size, '0 0 0', colour))
 
 
-def _tag_model(number: int, tag_pose: TagPose, side_m: float) -> str:
+def _tag_model(number: int, tag_pose: TagPose, side_m: float) -> Element:
     """Return the model of a tag: its origin is the centre of the tag, z points out of its face, y up."""
     pose = _numbers(tag_pose.x, tag_pose.y, TAG_HEIGHT_M, *roll_pitch_yaw(tag_pose))
-    mesh = f'<mesh><uri>models/tag_{number}/tag_{number}.obj</uri></mesh>'
+    mesh = _element('mesh', _element('uri', f'models/tag_{number}/tag_{number}.obj'))
     size = paper_m(side_m), paper_m(side_m), PLATE_THICKNESS_M
-    plate = _box('plate', size, f'0 0 {-GAP_M - PLATE_THICKNESS_M / 2!r}', WHITE)
-    return _model(f'tag_{number}', pose, f'<visual name="tag"><geometry>{mesh}</geometry></visual>{plate}')
+    behind = f'0 0 {-GAP_M - PLATE_THICKNESS_M / 2!r}'
+    visual = _element('visual', _element('geometry', mesh), name='tag')
+    return _model(f'tag_{number}', pose, visual, *_box('plate', size, behind, WHITE))
 
 
-def _model(name: str, pose: str, parts: str) -> str:
-    link = f'<link name="link">{parts}</link>'
-    return f'<model name="{name}"><static>true</static><pose>{pose}</pose>{link}</model>'
+def _model(name: str, pose: str, *parts: Element) -> Element:
+    link = _element('link', *parts, name='link')
+    return _element('model', _element('static', 'true'), _element('pose', pose), link, name=name)
 
 
-def _box(name: str, size: tuple[float, ...], position: str, colour: str) -> str:
+def _box(name: str, size: tuple[float, ...], position: str, colour: str) -> tuple[Element, Element]:
     """Return the visual and the collision of a box."""
-    shape = f'<pose>{position} 0 0 0</pose><geometry><box><size>{_numbers(*size)}</size></box></geometry>'
-    material = f'<material><ambient>{colour} 1</ambient><diffuse>{colour} 1</diffuse></material>'
-    return f'<visual name="{name}">{shape}{material}</visual><collision name="{name}">{shape}</collision>'
+
+    def shape() -> tuple[Element, Element]:
+        box = _element('box', _element('size', _numbers(*size)))
+        return _element('pose', f'{position} 0 0 0'), _element('geometry', box)
+
+    material = _element('material', *(_element(each, f'{colour} 1') for each in ('ambient', 'diffuse')))
+    return (
+        _element('visual', *shape(), material, name=name),
+        _element('collision', *shape(), name=name),
+    )
