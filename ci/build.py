@@ -9,7 +9,6 @@ one, because the mirror's COLCON_IGNORE hides its root. It imports little: every
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import os
 import re
@@ -18,7 +17,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from jobs import Build, run
+from jobs import Build, locked, run
 
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN = re.compile(r'^--- stderr:(?s:.*?)^---$|^.*WARNING.*$|^Summary.*$', re.MULTILINE)
@@ -71,8 +70,7 @@ def build(workspace: Workspace, packages: list[Path]) -> int:
     """Build what has changed; return the exit code."""
     folder = workspace.folder
     folder.mkdir(parents=True, exist_ok=True)
-    with open(f'{folder}.lock', 'w', encoding='utf-8') as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # of two builds at once, the second waits, then finds nothing to do
+    with locked(f'{folder}.lock', 'build'):  # of two builds at once, the second finds nothing to do
         changed = {}
         for package in packages:
             mark, now = folder / f'{package.name}.built', fingerprint(package, workspace.venv)

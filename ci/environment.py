@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import fcntl
 import hashlib
 import importlib.util
 import os
@@ -27,7 +26,7 @@ import sysconfig
 import time
 from pathlib import Path
 
-from jobs import TICK_SECONDS, Status
+from jobs import TICK_SECONDS, Status, locked
 
 HERE = Path(__file__).resolve().parent
 REQUIREMENTS = HERE / 'requirements'
@@ -217,8 +216,7 @@ def main(arguments: list[str] | None = None) -> int:
     wanted = fingerprint(venv, ros_distro or '', [REQUIREMENTS / f'{name}.txt' for name in names])
 
     venv.parent.mkdir(parents=True, exist_ok=True)
-    with open(f'{venv}.lock', 'w', encoding='utf-8') as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)  # of two runs at once, the second waits, then finds it complete
+    with locked(f'{venv}.lock', 'environment'):  # of two runs at once, the second finds it complete
         if is_complete(venv, wanted):
             return 0
         source = f'the sourced ROS 2 {ros_distro}' if ros_distro else f'ROS 2 {options.distro} wheels'

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import queue
 import re
 import shutil
@@ -10,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -18,6 +20,18 @@ LINE_SECONDS = 15.0  # where no terminal can rewrite a line
 FIRST_SECONDS = 3.0  # a shorter wait needs no line
 END_OF_LOG_LINES = 60
 FAILED = 'failed: '  # begins each line at the end that names a failure
+
+
+@contextlib.contextmanager
+def locked(path: str | Path, name: str) -> Iterator[None]:
+    """Hold a lock file; say so before waiting for another process that holds it, in a line with this name."""
+    with open(path, 'w', encoding='utf-8') as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            print(f'{name}: waiting for another make, which does the same', file=sys.stderr, flush=True)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 class Job:

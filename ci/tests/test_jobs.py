@@ -5,6 +5,7 @@ import itertools
 import re
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import jobs
@@ -141,3 +142,20 @@ def test_a_test_run_that_fails_without_a_failed_test_shows_the_end_of_its_output
     job = jobs.Tests('none', [sys.executable, '-c', 'exit("cannot import rclpy")'], tmp_path / 'log')
     assert not jobs.run([job])
     assert 'cannot import rclpy' in capsys.readouterr().out
+
+
+def test_who_waits_for_a_lock_says_so_and_goes_on(tmp_path, capsys):
+    path, entered = tmp_path / 'lock', threading.Event()
+
+    def enter():
+        with jobs.locked(path, 'build'):
+            entered.set()
+
+    with jobs.locked(path, 'build'):
+        waiting = threading.Thread(target=enter)
+        waiting.start()
+        while not (text := capsys.readouterr().err):
+            assert waiting.is_alive()
+    assert text == 'build: waiting for another make, which does the same\n'
+    waiting.join()
+    assert entered.is_set()

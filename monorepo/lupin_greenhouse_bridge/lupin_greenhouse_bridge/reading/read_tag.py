@@ -6,6 +6,7 @@ import contextlib
 import itertools
 import math
 import os
+import shutil
 import sys
 import time
 
@@ -185,10 +186,9 @@ def _likely_cause(node, service_name: str) -> str:
         domain += ', limited to this machine by ROS_AUTOMATIC_DISCOVERY_RANGE or ROS_LOCALHOST_ONLY,'
     has_others = len(node.get_node_names()) > 1
     seen = 'other nodes but no bridge' if has_others else 'no other node'
-    return (
-        f'{domain} has {seen}: start the bridge (ros2 launch lupin_greenhouse_bridge'
-        " greenhouse_bridge.launch.py), or set ROS_DOMAIN_ID to the bridge's domain"
-    )
+    launch = 'ros2 launch lupin_greenhouse_bridge greenhouse_bridge.launch.py'
+    command = launch if shutil.which('ros2') else 'make run'
+    return f"{domain} has {seen}: start the bridge ({command}), or set ROS_DOMAIN_ID to the bridge's domain"
 
 
 def _ids_to_complete(executor) -> list[str]:

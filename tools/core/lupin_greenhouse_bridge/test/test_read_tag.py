@@ -299,6 +299,14 @@ def test_the_hint_names_the_domain_the_discovery_and_what_is_there(hint, monkeyp
     assert 'has no other node: start the bridge' in text
 
 
+def test_the_hint_starts_the_bridge_by_ros2_or_without_it_by_make(hint, monkeypatch, tmp_path):
+    monkeypatch.setenv('PATH', str(tmp_path))
+    with empty_domain():
+        assert 'start the bridge (make run)' in hint()
+        (tmp_path / 'ros2').touch(0o755)
+        assert 'start the bridge (ros2 launch lupin_greenhouse_bridge greenhouse_bridge.launch.py)' in hint()
+
+
 def test_the_hint_names_a_bridge_of_another_name(hint, noon_bridge):
     name = noon_bridge.service_name
 
