@@ -24,6 +24,7 @@ MIRROR = 'lupin_greenhouse_ros'
 PACKAGES = ('lupin_greenhouse_msgs', 'lupin_greenhouse_bridge')
 NOTES = 'refs/notes/commits'
 PLACEHOLDER = 'URL_OF_THIS_REPOSITORY'
+SECTION = re.compile(r'^(.+)\n-+$', re.MULTILINE)  # of a changelog
 # On these hosts a repository has the same path by https as by ssh.
 HTTPS_TOO = ('github.com', 'gitlab.com', 'gitlab.tudelft.nl', 'codeberg.org')
 # What identifies a commit on both sides of the split, besides its tree.
@@ -158,8 +159,12 @@ def check_release(published: Repository, main: str, release: str) -> None:
         version = ElementTree.fromstring(text).findtext('version')  # noqa: S314 - our own
         if version != release:
             raise PublishError(f'release {release}: {package}/package.xml has version {version}')
-        if f'\n{release} (' not in published.git('show', f'{main}:{package}/CHANGELOG.rst'):
-            raise PublishError(f'release {release}: {package}/CHANGELOG.rst has no section of it')
+        sections = SECTION.findall(published.git('show', f'{main}:{package}/CHANGELOG.rst'))
+        if not sections[0].startswith(f'{release} ('):
+            raise PublishError(
+                f'release {release}: {package}/CHANGELOG.rst begins with {sections[0]}: give this section'
+                ' the version and the date'
+            )
     tagged = published.commit(f'refs/tags/{release}')
     if tagged not in ('', main):
         raise PublishError(f'release {release} is {tagged[:10]} already: choose another version')

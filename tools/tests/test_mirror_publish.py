@@ -177,14 +177,22 @@ def leave_uncommitted(folder):
     (folder / README).write_text('changed')
 
 
+def begin_next_release(folder):
+    path = folder / 'lupin_greenhouse_ros/lupin_greenhouse_msgs/CHANGELOG.rst'
+    section = f'\n{VERSION} ('
+    path.write_text(path.read_text().replace(section, f'\nForthcoming\n-----------\n* More.\n{section}', 1))
+    change(folder)
+
+
 @pytest.mark.parametrize(
     ('spoil', 'arguments', 'reason'),
     [
+        (begin_next_release, ['--release', VERSION], 'begins with Forthcoming: give this section'),
         (spoil_generation, [], 'tools/generate.py fails'),
         (leave_uncommitted, [], 'there are uncommitted changes: commit or stash them'),
         (None, ['--release', '9.9.9'], f'lupin_greenhouse_msgs/package.xml has version {VERSION}'),
     ],
-    ids=['not generated', 'uncommitted', 'another version'],
+    ids=['entries of the next release', 'not generated', 'uncommitted', 'another version'],
 )
 def test_a_spoiled_checkout_is_not_published(repositories, remote, publish, spoil, arguments, reason):
     if spoil:
