@@ -10,7 +10,6 @@ from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
@@ -72,26 +71,15 @@ def test_the_example_says_that_no_reply_came(start_check):
     assert (reply.success, reply.message) == (False, 'the bridge did not reply')
 
 
-class MyNode(Node):
-    """A node as the page about tests expects it."""
-
-    def __init__(self):
-        super().__init__('my_node')
-        service_name = self.declare_parameter('bridge_service_name', '').value
-        self._readings = example_of('clients.md')['ReadingClient'](self, service_name)
-        self.temperature = None
-
-    def ask(self, tag_id: str) -> None:
-        self.executor.create_task(self._ask, tag_id)
-
-    async def _ask(self, tag_id: str) -> None:
-        answer = await self._readings.read(tag_id, attempts=1000)
-        self.temperature = {each.name: each.value for each in answer.reading.readings}['temperature']
-
-
 def test_the_test_of_the_page_about_tests_passes(start_bridge, run_nodes):
+    client = example_of('clients.md')['ReadingClient']
+
+    class PatientClient(client):
+        async def read(self, tag_id):
+            return await super().read(tag_id, attempts=1000)
+
     page = example_of('tests.md')
-    page['MyNode'] = MyNode
+    page['ReadingClient'] = PatientClient
     page['test_my_node'](start_bridge, run_nodes)
 
 
