@@ -172,7 +172,7 @@ def named(tag_ids: list[str], most: int) -> str:
 
 
 def extremes_of(sensor: str, values: Mapping[str, float]) -> list[tuple[str, list[str]]]:
-    """Return the lowest and the highest of values by tag id as texts and all their tags; one if all are equal."""
+    """Return the lowest and the highest value as texts, with all their tags; one text if all are equal."""
     found, is_one = [], len({value_text(sensor, value) for value in values.values()}) == 1
     for word, pick in (('lowest', min), ('highest', max)) if values else ():
         text = value_text(sensor, pick(values.values()))
