@@ -13,7 +13,7 @@ from lupin_greenhouse_bridge.display import readings_page
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.simulator.layout import find_layout
-from lupin_greenhouse_bridge.units import value_text
+from lupin_greenhouse_bridge.units import UNITS, value_text
 
 pytestmark = pytest.mark.skipif(not CHROMIUM, reason=NO_CHROMIUM)
 START_S = 1795190000
@@ -201,6 +201,23 @@ def test_the_name_of_a_tag_has_its_values_outcome_and_times(report, open_page):
         assert fragment in name
     failed = list(tags)[3]
     assert f'tag {failed}: timeout ({EVIL})' in page.evaluate(NAMES)
+
+
+def test_one_value_is_told_once_on_an_axis_of_its_decimals(tmp_path, open_page):
+    path = tmp_path / 'report.jsonl'
+    path.write_text(visit(0, '5', ['temperature']) + '\n', encoding='utf-8')
+    page = open_page(path)
+    assert page.evaluate("document.getElementById('extremes').textContent") == 'ringed: 20.0 °C at tag 5'
+    assert page.evaluate("document.querySelector('#tabs button > span').textContent") == '20.0 °C'
+    assert ' to ' not in page.evaluate(HEAD)
+    scale = "[...document.querySelectorAll('figure text[text-anchor=end]')].map(each => each.textContent)"
+    assert page.evaluate(scale) == ['19.9', '20.0', '20.1']
+
+
+def test_a_narrow_window_has_no_small_maps(report, open_page):
+    seen = "[...document.querySelectorAll('#tabs svg')].filter(each => each.getClientRects().length).length"
+    assert open_page(report, width=390).evaluate(seen) == 0
+    assert open_page(report, width=800).evaluate(seen) == len(UNITS)
 
 
 def test_the_table_sorts_by_a_column_with_failures_first(report, open_page):

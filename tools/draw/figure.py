@@ -179,9 +179,15 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
         ]
         low, middle, high = ([each[int(share * SAMPLES)] for each in samples] for share in (0.05, 0.5, 0.95))
         band = axes.fill_between(
-            hours, low, high, color=BAND_COLOUR, linewidth=0, label='90 % of the readings'
+            hours, low, high, color=BAND_COLOUR, linewidth=0, label='90 % of these readings'
         )
-        (line,) = axes.plot(hours, middle, color=drawing.ROUTE_COLOUR, linewidth=1.6, label='median')
+        (line,) = axes.plot(
+            hours,
+            middle,
+            color=drawing.ROUTE_COLOUR,
+            linewidth=1.6,
+            label=f'median of {SAMPLES:,} readings at each time',
+        )
         axes.set_title(label_of(name) + ': no noise, so no band' * (low == high), loc='left', fontsize=9)
         axes.grid(alpha=0.3)
     all_axes[-1, 0].set(xlabel='greenhouse time of day (h)', xlim=(0, 24), xticks=range(0, 25, 3))

@@ -4,8 +4,8 @@ Draw the ROS graph of each use, for the documents: the nodes, topics, services a
     make figure
 
 It creates the nodes, asks ROS what they publish, subscribe to, offer and call, and draws what connects two of
-them. Each arrow goes from a column to the next, so that none crosses another. Each figure has a light and a
-dark version. Their metadata names the graph and the code: --check compares these.
+them. Each arrow goes to the next column, or to the box below or above, so that none crosses another. Each
+figure has a light and a dark version. Their metadata names the graph and the code: --check compares these.
 """
 
 import argparse
@@ -38,7 +38,7 @@ USES = {
     'graph_readings': (COMMITTED, [[ReadOnSightNode], [RecordReadingsNode, ShowReadingsNode], ['RViz']]),
     'graph_mission': (
         OF_MISSION,
-        [['your stack', GreenhouseBridgeNode], [MissionNode], ['Nav2', ConfirmTagNode], ['your camera']],
+        [['your stack', GreenhouseBridgeNode], [MissionNode], ['Nav2', ConfirmTagNode, 'your camera']],
     ),
 }
 # What these nodes publish, subscribe to, offer or call: the other end of what a node of ours has.
@@ -100,20 +100,23 @@ def connections(columns, others: dict[str, list[str]]) -> tuple[list[list[str]],
 
 
 def rows_of(columns: list[list[str]], links: list[tuple]) -> dict[tuple, int]:
-    """Return the row of each link: those of a node are neighbours on each side of it."""
+    """Return the row of each link: those of a node are neighbours on each side, or below it."""
     column_of = {name: number for number, names in enumerate(columns) for name in names}
     rows: dict[tuple, int] = {}
     for names in sorted(columns, key=len, reverse=True):  # a node alone in its column follows the others
         first = 0
         for name in names:
-            sides = {-1: [], 1: []}
+            sides = {-1: [], 0: [], 1: []}
             for link in links:
                 if name in link[3:]:
                     (other,) = {*link[3:]} - {name}
                     sides[column_of[other] - column_of[name]].append(link)
+            below = sides.pop(0)
             for each in sides.values():
                 rows = {link: first + number for number, link in enumerate(each)} | rows
             first += max(map(len, sides.values()))
+            rows = dict.fromkeys(below, first) | rows
+            first += len(below)
     return rows
 
 
@@ -121,15 +124,19 @@ def draw(columns: list[list[str]], links: list[tuple], others, theme: str):
     """Return the figure of a graph, in inches from its upper left corner."""
     paper, ink, line = THEMES[theme]
     rows = rows_of(columns, links)
-    width, height = len(columns) * (BOX + GAP) - GAP, (max(rows.values()) + 1) * ROW
+    lefts = {name: n * (BOX + GAP) for n, names in enumerate(columns) for name in names}
+    spans = {}  # of each box in rows: beside its arrows, or below the only one
+    for name in lefts:
+        mine = [(row, lefts[link[3]] == lefts[link[4]]) for link, row in rows.items() if name in link[3:]]
+        beside = [row for row, is_vertical in mine if not is_vertical] or [row + 1 for row, _ in mine]
+        spans[name] = min(beside) * ROW + 0.06, (max(beside) + 1) * ROW - 0.06
+    width, height = len(columns) * (BOX + GAP) - GAP, max(bottom for _, bottom in spans.values()) + 0.06
     size = width + 0.2, height + FOOT + 0.1
     figure, axes = pyplot.subplots(figsize=size, facecolor=paper)
     axes.set(xlim=(-0.1, width + 0.1), ylim=(height + FOOT, -0.1), position=(0, 0, 1, 1))
     axes.axis('off')
-    lefts = {name: n * (BOX + GAP) for n, names in enumerate(columns) for name in names}
     for name, left in lefts.items():
-        mine = [row for link, row in rows.items() if name in link[3:]]
-        top, bottom = min(mine) * ROW + 0.06, (max(mine) + 1) * ROW - 0.06
+        top, bottom = spans[name]
         edge = {'edgecolor': line, 'linestyle': '--'} if name in others else {'edgecolor': ink}
         style = {'boxstyle': 'round,pad=0,rounding_size=0.08', 'facecolor': paper, **edge}
         axes.add_patch(FancyBboxPatch((left, top), BOX, bottom - top, **style))
@@ -139,19 +146,23 @@ def draw(columns: list[list[str]], links: list[tuple], others, theme: str):
     for (kind, name, message, source, target), row in rows.items():
         style, colours = STYLES[kind]
         is_right = lefts[source] < lefts[target]
-        start, end = lefts[source] + BOX * is_right, lefts[target] + BOX * (not is_right)
-        y = (row + 0.5) * ROW
+        y, is_up = (row + 0.5) * ROW, spans[source] > spans[target]
+        start, end = (lefts[source] + BOX * is_right, y), (lefts[target] + BOX * (not is_right), y)
+        middle, side = (start[0] + end[0]) / 2, 'center'
+        if is_vertical := lefts[source] == lefts[target]:
+            middle = lefts[source] + BOX / 2
+            start, end = (middle, spans[source][not is_up]), (middle, spans[target][is_up])
+            middle, side = middle - 0.1, 'right'
         arrow = {'arrowstyle': '-|>', 'color': colours[theme], 'linestyle': style, 'lw': 1.4}
-        axes.annotate('', (end, y), (start, y), arrowprops=arrow | {'shrinkA': 0, 'shrinkB': 0})
+        axes.annotate('', end, start, arrowprops=arrow | {'shrinkA': 0, 'shrinkB': 0})
         package, _, short = message.rpartition('/')
         typed = short if package.startswith('lupin_') else message  # the mirror's package has another name
         above, below = (
-            '/\n'.join(text.rsplit('/', 1)) if len(text) > LONGEST_TEXT else text
+            '/\n'.join(text.rsplit('/', 1)) if len(text) > LONGEST_TEXT and not is_vertical else text
             for text in (name, f'{kind}, {typed}')
         )
-        middle = (start + end) / 2
-        axes.text(middle, y - 0.06, above, ha='center', va='bottom', color=colours[theme], size=10)
-        axes.text(middle, y + 0.06, below, ha='center', va='top', color=ink, size=8.5)
+        axes.text(middle, y - 0.06, above, ha=side, va='bottom', color=colours[theme], size=10)
+        axes.text(middle, y + 0.06, below, ha=side, va='top', color=ink, size=8.5)
     axes.text(width / 2, height + FOOT / 2, FOOTNOTE, ha='center', va='center', color=ink, size=8.5)
     return figure
 

@@ -107,6 +107,12 @@ def test_tags_with_the_same_value_are_all_named_and_ringed(tmp_path, monkeypatch
     assert len(rings.get_xdata()) == 3
 
 
+def test_one_value_and_one_time_are_told_once(tmp_path, texts_of):
+    drawn = texts_of(write_report(tmp_path / 'report.jsonl', visit('4', temperature=20.66)))
+    assert '20.7 °C at tag 4' in drawn
+    assert not any('lowest 2' in text or ' to ' in text for text in drawn)
+
+
 def test_the_failed_tags_come_first_and_a_code_last(tmp_path, texts_of):
     detail = 'navigate_to_pose aborted the drive with code 208: no path'
     visits = (
@@ -152,6 +158,7 @@ def test_a_clock_of_the_greenhouse_that_is_faster_is_told(report, texts_of, tmp_
         ([], (0.0, 30.0), (0.0, 30.0)),
         ([3.0, 4.0], None, (3.0, 4.0)),
         ([3.0], None, (2.5, 3.5)),
+        ([3.0, 3.001], None, (2.5, 3.501)),
     ],
 )
 def test_the_colours_reach_over_the_fifths_of_the_config_in_which_the_values_lie(values, limits, expected):
@@ -177,7 +184,7 @@ def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report,
     drawn_in = [
         axes for axes in figure.axes for line in axes.lines if list(map(tuple, line.get_xydata())) == way
     ]
-    assert [axes.get_title() for axes in drawn_in] == ['route and tags not read']
+    assert [axes.get_title() for axes in drawn_in] == ['route']
     assert drawn_in[0].get_ylim()[0] < -3.5
 
 

@@ -28,7 +28,7 @@ def draw(verdict: Verdict, tag_number: int, criteria: Criteria) -> np.ndarray:
         pen.line([*corners, corners[0]], fill=colour, width=4)
         (left, top), (_, bottom) = np.min(corners, axis=0), np.max(corners, axis=0)
         border = (bottom - top) / 8  # white, one of the tag's modules wide
-        label = f'tag {each.tag_number}'
+        label = f'tag id {each.tag_number}'
         if is_expected:
             label += f': decision margin {each.decision_margin:.0f}, {criteria.min_decision_margin:g} needed'
         if is_expected and each.hamming:
@@ -39,7 +39,7 @@ def draw(verdict: Verdict, tag_number: int, criteria: Criteria) -> np.ndarray:
         pen.rectangle((left, y, left + width + 1, y + height + 3), fill=PAPER)
         pen.text((left, y), label, fill=colour)
     pen.rectangle((0, 0, picture.width, BAR_PIXELS), fill=PAPER)
-    pen.text((4, 3), f'camera image: looking for tag {tag_number}', fill=ASKED)
+    pen.text((4, 3), f'camera image: looking for tag id {tag_number}', fill=ASKED)
     reason = verdict.reason.removeprefix(f'tag {tag_number}: ')
     answer, colour = (f'not confirmed; {reason}', FLAWED) if reason else ('confirmed', GOOD)
     pen.text((4, 3 + BAR_PIXELS // 2), answer, fill=colour)

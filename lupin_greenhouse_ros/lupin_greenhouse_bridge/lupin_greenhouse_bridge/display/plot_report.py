@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 from lupin_greenhouse_bridge.display.drawing_command import (
+    MOST_EXTREME,
     Failures,
     NothingToDraw,
     colour_limits,
@@ -138,9 +139,9 @@ def _draw_ways(
     failed: dict[str, str],
 ) -> None:
     """Draw the path of the robot with its direction, and label the tags that were not read."""
-    title = ' and '.join(['route'] * bool(route) + ['tags not read'] * bool(failed))
-    length = f'the robot drove {sum(map(math.dist, route, route[1:])):.1f} m'
-    _write_title(axes, title, length if route else '')
+    more = [f'the robot drove {sum(map(math.dist, route, route[1:])):.1f} m'] if route else []
+    more += [f'not read: {named(list(failed), MOST_EXTREME)}'] if failed else []
+    _write_title(axes, 'route' if route else 'tags read or not', '\n'.join(more))
     tags = layout.tags
     _dot(axes, [tag for tag_id, tag in tags.items() if tag_id in readings], READ)
     _dot(axes, [tag for tag_id, tag in tags.items() if tag_id not in readings | failed], UNKNOWN)
@@ -278,11 +279,13 @@ def _headline(
     counts = {}
     for each in failures:
         counts[each.word] = counts.get(each.word, 0) + len(each.tag_ids)
-    times_of_day = [clock_time(row.sim_time_of_day_seconds) for row in (first, last)]
+    times_of_day = dict.fromkeys(clock_time(row.sim_time_of_day_seconds) for row in (first, last))
+    clocks = dict.fromkeys(map(_clock, (first, last)))
+    length = f' ({lasting(first.stamp_ns, last.stamp_ns)})' if len(clocks) > 1 else ''
     return [
         (f'{len(readings)} of {tag_count} tags read', 'black'),
         *((f'{count} {word}', BAD_COLOUR) for word, count in counts.items()),
-        (f'{_clock(first)} to {_clock(last)} ({lasting(first.stamp_ns, last.stamp_ns)})', 'black'),
+        (' to '.join(clocks) + length, 'black'),
         (f'greenhouse {" to ".join(times_of_day)}', 'black'),
     ]
 

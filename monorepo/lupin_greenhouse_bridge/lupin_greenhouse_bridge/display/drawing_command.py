@@ -32,6 +32,7 @@ BESIDE = {
     'sim_config_file': '-greenhouse_config.yaml',
 }
 LONGEST_REASON = 300  # characters
+LEAST_SPAN = 0.01  # of colours without a range in the config
 MOST_EXTREME = 4  # tags that a text about the lowest or the highest value names
 LONGEST_GAP_SECONDS = 5  # between two readings that tell the speed of the clock
 
@@ -171,14 +172,15 @@ def named(tag_ids: list[str], most: int) -> str:
 
 
 def extremes_of(sensor: str, values: Mapping[str, float]) -> list[tuple[str, list[str]]]:
-    """Return the lowest and the highest of values by tag id, each as a text and all its tags."""
-    found = []
+    """Return the lowest and the highest value as texts, with all their tags; one text if all are equal."""
+    found, is_one = [], len({value_text(sensor, value) for value in values.values()}) == 1
     for word, pick in (('lowest', min), ('highest', max)) if values else ():
         text = value_text(sensor, pick(values.values()))
         tag_ids = [tag_id for tag_id, value in values.items() if value_text(sensor, value) == text]
         value = f'{text} {unit_of(sensor)}'.rstrip()
-        found.append((f'{word} {value} at {named(tag_ids, MOST_EXTREME)}', tag_ids))
-    return found
+        text = f'{value} at {named(tag_ids, MOST_EXTREME)}'
+        found.append((text if is_one else f'{word} {text}', tag_ids))
+    return found[:1] if is_one else found
 
 
 def colour_limits(values: list[float], limits: tuple[float, float] | None) -> tuple[float, float]:
@@ -189,7 +191,7 @@ def colour_limits(values: list[float], limits: tuple[float, float] | None) -> tu
     """
     if not (values and limits and limits[0] < limits[1]):
         low, high = limits or (min(values), max(values))
-        return (low, high) if low < high else (low - 0.5, high + 0.5)
+        return (low, high) if high - low >= LEAST_SPAN else (low - 0.5, high + 0.5)
     fifth = (limits[1] - limits[0]) / 5
     low, high = (round((pick(values) - limits[0]) / fifth, 9) for pick in (min, max))
     first = min(max(math.floor(low), 0), 4)

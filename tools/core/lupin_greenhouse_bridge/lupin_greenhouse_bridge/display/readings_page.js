@@ -2,7 +2,7 @@
 // Draws the page of readings from the data in it. The chosen tag is the fragment of the address: #tag=28.
 const data = JSON.parse(document.getElementById('data').textContent);
 const VIRIDIS = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
-const PAPER = { map: [440, 740], tab: 96, chart: [222, 165] };  // pixels in print
+const PAPER = { map: [440, 740], tab: [104, 200], chart: [222, 165] };  // pixels in print
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const element = id => document.getElementById(id);
 const by_id = new Map(data.tags.map(tag => [tag.id, tag]));
@@ -25,6 +25,16 @@ const draw = (parent, name, attributes = {}, text = '') => {
 const drawing = (parent, width, height, more) => {
   parent.replaceChildren();
   return draw(parent, 'svg', { width, height, viewBox: `0 0 ${width} ${height}`, ...more });
+};
+// Writes texts with a dot between them: a line never ends with it.
+const pieces = (place, texts, is_bad = () => false) => {
+  place.replaceChildren();
+  place.classList.toggle('pieces', texts.length > 0);
+  texts.forEach((text, number) => {
+    const piece = add(place, 'span');
+    add(piece, 'i', number ? ' · ' : '');
+    add(piece, 'span', text, is_bad(number) ? 'bad' : '');
+  });
 };
 const grouped = number => number.toLocaleString('en');
 const pad = number => String(number).padStart(2, '0');
@@ -57,18 +67,13 @@ function write_head() {
   document.title = `Readings of ${data.title}`;
   const parts = [`${grouped(data.read_count)} of ${grouped(data.tag_count)} tags read`, ...data.counts.map(([word, count]) => `${grouped(count)} ${word}`)];
   if (data.span_ms.length) {
-    const [first, last] = data.span_ms;
-    parts.push(`${is_one_day ? '' : `${date(first)} `}${clock(first)} to ${is_one_day ? '' : `${date(last)} `}${clock(last)} (${data.lasting})`);
+    const times = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`);
+    parts.push(times[0] === times[1] ? times[0] : `${times.join(' to ')} (${data.lasting})`);
     const [from, to, midnights] = data.day_span;
-    parts.push(`greenhouse ${day_time(from)} to ${day_time(to)}${midnights > (to < from) ? ` over ${grouped(midnights + 1)} days` : ''}`);
+    parts.push(`greenhouse ${[...new Set([from, to].map(day_time))].join(' to ')}${midnights > (to < from) ? ` over ${grouped(midnights + 1)} days` : ''}`);
   }
-  parts.forEach((part, number) => {
-    if (number) document.querySelector('h1').append(' ');
-    const piece = add(document.querySelector('h1'), 'span');
-    add(piece, 'span', part, number && number <= data.counts.length && data.counts[number - 1][2] ? 'bad' : '');
-    if (number + 1 < parts.length) piece.append(' ·');
-  });
-  element('file').textContent = [data.title, ...data.span_ms.slice(0, 1).map(ms => is_one_day ? date(ms) : ''), `times in ${zone}`, data.speed].filter(Boolean).join(' · ');
+  pieces(document.querySelector('h1'), parts, number => data.counts[number - 1]?.[2]);
+  pieces(element('file'), [data.title, ...data.span_ms.slice(0, 1).map(ms => is_one_day ? date(ms) : ''), `times in ${zone}`, data.speed].filter(Boolean));
   for (const { word, reason, tags, count } of data.failures) {
     const line = add(element('failures'), 'li');
     line.append(count > 1 ? 'Tags ' : 'Tag ');
@@ -113,8 +118,8 @@ function frame_of(width, height, margin) {
 function draw_ground(svg, frame) {
   const box = ([x0, y0, x1, y1], name) => draw(svg, 'rect', {
     x: frame.x(x0), y: frame.y(y1), width: (x1 - x0) * frame.scale, height: (y1 - y0) * frame.scale, class: name });
-  data.tables.forEach(corners => box(corners, 'bench'));
   box(data.walls, 'wall');
+  data.tables.forEach(corners => box(corners, 'bench'));
 }
 
 // Returns the points of the route in pixels, one for each few pixels of its length.
@@ -182,7 +187,7 @@ function draw_map() {
   if (data.route.length > 1) {
     const [start, end] = [data.route[0], data.route.at(-1)].map(([x, y]) => [frame.x(x), frame.y(y)]);
     for (const [word, [x, y]] of Math.hypot(start[0] - end[0], start[1] - end[1]) < 8 ? [['start and end', start]] : [['start', start], ['end', end]]) {
-      const { box } = place_label(x, y, 5, pen.measureText(word).width + 2, 13, taken, way, room);
+      const { box } = place_label(x, y, 5, pen.measureText(word).width + 16, 13, taken, way, room);
       taken.push(around(x, y, 10, 10), box);
       draw(svg, 'text', { class: 'muted halo', x: (box[0] + box[2]) / 2, y: box[3] - 3, 'text-anchor': 'middle' }, word);
     }
@@ -263,18 +268,18 @@ function draw_tabs() {
     tab.setAttribute('aria-controls', 'panel');
     tab.addEventListener('click', () => pick(number));
     add(tab, 'b', sensor.name);
-    const width = state.is_printed ? PAPER.tab : Math.max(tab.clientWidth - 12, 20);
-    const frame = frame_of(width, Math.min(width * 1.9, innerWidth < 704 ? 110 : 170), { left: 2, right: 2, top: 2, bottom: 2 });
+    const frame = frame_of(...state.is_printed ? PAPER.tab : [Math.max(tab.clientWidth - 12, 20), 170], { left: 2, right: 2, top: 2, bottom: 2 });
     const svg = draw(tab, 'svg', { width: frame.width, height: frame.height, 'aria-hidden': true });
     draw_ground(svg, frame);
-    const limits = limits_of(number), radius = Math.max(Math.min(frame.scale * 0.13, 5), 1.5);
+    const limits = limits_of(number), radius = Math.max(Math.min(frame.scale * 0.18, 5), 1.5);
     for (const tag of data.tags.filter(each => each.x !== null)) {
       const value = value_of(tag, number), [cx, cy] = [frame.x(tag.x), frame.y(tag.y)], arm = radius * 0.8;
       if (value !== null) draw(svg, 'circle', { cx, cy, r: radius, stroke: 'currentColor', 'stroke-width': 0.5, fill: colour((value - limits[0]) / (limits[1] - limits[0])) });
       else if (tag.has_failed) draw(svg, 'path', { class: 'cross thin', d: `M${cx - arm} ${cy - arm}l${2 * arm} ${2 * arm}m${-2 * arm} 0l${2 * arm} ${-2 * arm}` });
     }
     const values = data.tags.map(tag => value_of(tag, number)).filter(value => value !== null);
-    add(tab, 'span', values.length ? `${written(sensor, Math.min(...values))} to ${with_unit(sensor, Math.max(...values))}` : 'no value');
+    const ends = new Set(values.length ? [Math.min(...values), Math.max(...values)].map(value => written(sensor, value)) : ['no value']);
+    add(tab, 'span', `${[...ends].join(' to ')} ${values.length ? sensor.unit : ''}`.trim());
   });
   mark_tab();
 }
@@ -287,7 +292,7 @@ function mark_tab() {
   const sensor = data.sensors[state.sensor];
   element('shown').textContent = sensor ? sensor.label : 'No tag was read';
   const words = sensor?.extremes.map(([text]) => text) ?? [];
-  element('extremes').textContent = words.length ? `ringed: ${words.join(' · ')}` : '';
+  pieces(element('extremes'), words.map((text, n) => n ? text : `ringed: ${text}`));
 }
 
 function pick(number) {
@@ -397,6 +402,7 @@ function draw_charts() {
     return [sensor, add(figure, 'div', '', 'charting'), add(caption, 'span')];  // all, before one is measured
   });
   figures.forEach(([sensor, place, readout]) => draw_chart(sensor, place, readout));
+  element('lines').textContent = [`Each ${data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1)) ? 'line' : 'point'} is a tag with its number${state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : ''}.`, data.is_binned ? 'Where many values share a place, the line is their median, and the band reaches from the lowest to the highest.' : ''].join(' ').trim();
   show_chosen();
 }
 
@@ -404,7 +410,7 @@ function draw_chart(sensor, place, readout) {
   const [width, height] = state.is_printed ? PAPER.chart : [Math.max(place.clientWidth, 120), 220];
   const all = [...sensor.lines.flatMap(line => [...line.wall, ...line.day])];  // both, so that the switch keeps the scale
   const least = all.reduce((most, [, value, low]) => Math.min(most, low ?? value), Infinity), greatest = all.reduce((most, [, value, , high]) => Math.max(most, high ?? value), -Infinity);
-  const step = nice_step(Math.max((greatest - least) / (height / 40), Math.abs(greatest) * 1e-6, 1e-9));
+  const step = nice_step(Math.max((greatest - least) / (height / 40), Math.abs(greatest) * 1e-6, 10 ** -sensor.decimals));
   const [bottom, top] = [Math.floor(least / step), Math.ceil(greatest / step)].map((each, n) => (least === greatest ? each + (n ? 1 : -1) : each) * step);
   const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   const ticks = Array.from({ length: Math.round((top - bottom) / step) + 1 }, (_, n) => bottom + n * step);
@@ -438,9 +444,10 @@ function draw_chart(sensor, place, readout) {
     if (places.length) ends.push([group, places.at(-1)]);
   }
   for (const [group, { tag, x: end, y: height_of_end }] of ends) {
-    const wide = pen.measureText(tag.id).width, near = [[5, 0], [-5 - wide, 0], [-wide / 2, -11], [-wide / 2, 11]].map(([dx, dy]) => [end + dx, height_of_end + dy - 6, end + dx + wide, height_of_end + dy + 6]);
-    const free = ends.length <= MOST_LABELLED && near.slice(0, group.matches('.line') ? 1 : 4).find(box => box[0] >= left && box[2] <= width && !taken.some(each => common(box, each) > 0) && !points.some(p => p.tag !== tag && common(box, around(p.x, p.y, 5, 5)) > 0));
+    const wide = pen.measureText(tag.id).width, near = [[5, 0], [-5 - wide, 0], [-wide / 2, -11], [-wide / 2, 11], ...[12, 24].flatMap(far => [[far, -far], [far, far], [-far - wide, -far], [-far - wide, far]])].map(([dx, dy]) => [end + dx, height_of_end + dy - 6, end + dx + wide, height_of_end + dy + 6]);
+    const free = ends.length <= MOST_LABELLED && near.slice(0, group.matches('.line') ? 1 : near.length).find(box => box[0] >= left && box[2] <= width && box[1] >= 0 && box[3] <= y(bottom) + 6 && !taken.some(each => common(box, each) > 0) && !points.some(p => p.tag !== tag && common(box, around(p.x, p.y, 5, 5)) > 0));
     if (free) taken.push(free);
+    if (near.indexOf(free) > 3) draw(group, 'line', { class: 'leader', x1: end, y1: height_of_end, x2: Math.min(Math.max(end, free[0]), free[2]), y2: Math.min(Math.max(height_of_end, free[1]), free[3]) });
     const box = free || near[end + 5 + wide > width ? 1 : 0];
     draw(group, 'text', { class: free ? 'halo' : 'halo spare', x: box[0], y: box[3] - 2 }, tag.id);
   }
@@ -469,8 +476,13 @@ function runs_of(points) {
 
 function show_chosen() {
   const tag = chosen_tag();
-  element('chosen').textContent = tag ? hover_of(tag) : '';
-  if (!tag) add(element('chosen'), 'span', 'Choose a tag in the map, the table or a chart, or with the arrow keys in the map.', 'muted').id = 'hint';
+  pieces(element('chosen'), tag ? hover_of(tag).split(' · ') : []);
+  if (!tag) {
+    const hint = add(element('chosen'), 'span', 'Choose a tag in the map, the table or a chart', 'muted');
+    hint.id = 'hint';
+    add(hint, 'span', ', or with the arrow keys in the map', 'keys');
+    hint.append('.');
+  }
   const dots = [...document.querySelectorAll('#map a')], focused = document.activeElement;
   for (const each of [...dots, ...document.querySelectorAll('.series')]) {
     const is_chosen = tag !== undefined && each.dataset.tag === tag.id;
@@ -516,7 +528,6 @@ function draw_all() {
 }
 
 element('zone').textContent = `wall time (${zone})`;
-element('lines').textContent = [data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1)) ? 'One line for each tag.' : 'One point for each tag.', data.is_binned ? 'Where many values share a place, the line is their median, and the band reaches from the lowest to the highest.' : ''].join(' ').trim();
 element('charts').hidden = !data.sensors.length;
 write_head();
 write_table();
