@@ -314,6 +314,7 @@ def test_two_sheets_of_paper_hold_the_page(report, open_page):
     texts = [sheet.get_textpage().get_text_range() for sheet in sheets]
     assert len(texts) == 2
     assert 'temperature (°C)' in texts[0]
+    assert texts[0].count('lowest') == 6  # above the large map, and below each small one
     assert 'Over time' in texts[1]
     assert all(tag_id in texts[1].split() for tag_id in find_layout('').tags)
 

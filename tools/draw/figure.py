@@ -191,7 +191,10 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
         axes.set_title(label_of(name) + ': no noise, so no band' * (low == high), loc='left', fontsize=9)
         axes.grid(alpha=0.3)
     all_axes[-1, 0].set(xlabel='greenhouse time of day (h)', xlim=(0, 24), xticks=range(0, 25, 3))
-    figure.suptitle(f'a day at tag {tag_id} in the simulator: the readings at each time', fontsize=11)
+    figure.suptitle(
+        f'a day at tag {tag_id} in the simulator\nnot measured: each formula has its peak at noon',
+        fontsize=11,
+    )
     figure.legend(handles=[line, band], loc='outside lower center', ncols=2, frameon=False, fontsize=9)
     return figure
 

@@ -295,10 +295,10 @@ def test_the_bridge_is_asked_only_after_the_camera_has_confirmed_the_tag():
 def test_a_tag_that_is_never_confirmed_is_never_read():
     world = World('a', require_visual_confirmation=True)
     while world.mission.state is not State.DONE:
-        world.mission.on_confirmation(world.sent[-1].number, False, 'other tags in view: 7')
+        world.mission.on_confirmation(world.sent[-1].number, False, 'other tags: 7')
         world.wait(0.25)
     assert world.asked == [(Service.CONFIRM, 'a')] * 3
-    assert world.recorded == [Observation('a', Outcome.NOT_CONFIRMED, 'other tags in view: 7', 3, seen=False)]
+    assert world.recorded == [Observation('a', Outcome.NOT_CONFIRMED, 'other tags: 7', 3, seen=False)]
 
 
 def test_a_scan_has_one_outcome_and_only_the_tag_at_hand_has_one():

@@ -293,7 +293,7 @@ def test_a_late_answer_is_not_taken_for_the_next_ones(start_mission, reader, clo
 def test_a_tag_is_read_once_it_is_confirmed(start_mission, reader, confirmer):
     mission = start_mission(**CAMERA, tag_sequence='7')
     assert confirmer.wait_for_request() == '7'
-    confirmer.answer(detected=False, error_message='other tags in view: 8')
+    confirmer.answer(detected=False, error_message='other tag ids in view: 8')
     assert confirmer.wait_for_request() == '7'
     assert reader.tag_ids == []
     confirmer.answer(detected=True, detection_confidence=1.0)

@@ -147,5 +147,5 @@ def test_two_robots_on_one_domain_do_not_hear_each_other(start_node):
             robots[tag_id] = Confirming(node, confirming.namespace)
         for tag_id, other in ('78', '87'):
             wait_until(lambda tag_id=tag_id: robots[tag_id].confirm(tag_id).detected)
-            reason = robots[tag_id].confirm_until('other tags in view', tag_id=other)
-            assert reason == f'tag {other}: other tags in view: {tag_id}'
+            reason = robots[tag_id].confirm_until('other tag ids in view', tag_id=other)
+            assert reason == f'tag {other}: other tag ids in view: {tag_id}'

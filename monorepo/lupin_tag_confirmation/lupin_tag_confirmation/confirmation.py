@@ -151,7 +151,7 @@ class Confirmer:
         if sightings:
             return sightings, f'seen in {sightings} of the {self._criteria.min_frames} images needed'
         if others:
-            return 0, f'other tags in view: {", ".join(map(str, sorted(others)))}'
+            return 0, f'other tag ids in view: {", ".join(map(str, sorted(others)))}'
         return 0, f'no tag in view in {pluralized(len(sights), "image")}'
 
 

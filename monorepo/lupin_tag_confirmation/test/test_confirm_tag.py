@@ -45,7 +45,7 @@ def test_a_tag_that_is_not_there_is_said_after_the_timeout(start, tag_7):
     perception = start(timeout_seconds=0.1)
     assert perception.confirm('7').error_message == 'tag 7: no image yet'
     reason = perception.confirm_until('other tags', image_of(tag_7), '8')
-    assert reason == 'tag 8: other tags in view: 7'
+    assert reason == 'tag 8: other tag ids in view: 7'
 
 
 def test_the_camera_is_watched_until_the_tag_appears(start, tag_7, tag_8):

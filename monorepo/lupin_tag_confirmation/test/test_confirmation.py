@@ -50,7 +50,7 @@ def test_a_tag_in_enough_frames_is_confirmed_whatever_the_others_show():
         ([], 'no image yet'),
         ([[], []], 'no tag in view in 2 images'),
         ([[GOOD], []], 'seen in 1 of the 2 images needed'),
-        ([[tag(9), tag(8)]] * 2, 'other tags in view: 8, 9'),
+        ([[tag(9), tag(8)]] * 2, 'other tag ids in view: 8, 9'),
         ([[tag(7, hamming=1)]] * 2, 'in view, but with 1 corrected bit, at most 0 allowed'),
         ([[tag(7, margin=19.9)]] * 2, 'in view, but unclear: decision margin 20, 20 needed'),
         ([frame_of([GOOD], NOW, NOW - 2.0)] * 2, 'the last image came 2.0 s ago: older than 1 s'),
@@ -173,7 +173,7 @@ def test_each_frame_is_looked_into_once_and_only_when_asked():
     assert looked == []
     for _ in range(3):
         assert answer(seen) == (1.0, '')
-        assert answer(seen, '8') == (0.0, 'tag 8: other tags in view: 7')
+        assert answer(seen, '8') == (0.0, 'tag 8: other tag ids in view: 7')
     assert sorted(looked) == [2, 3, 4, 5]
     seen.add(Frame(lambda: looked.append(6) or Sight([GOOD]), NOW, NOW))
     assert answer(seen) == (1.0, '')

@@ -78,7 +78,7 @@ def tag_with_a_wrong_bit():
         (detections((7, 1, 50.0)), 'in view, but with 1 corrected bit, at most 0 allowed'),
         (detections((7, 0, 5.0)), 'in view, but unclear: decision margin 5, 20 needed'),
         (detections((7, 0, 50.0), family='tag25h9'), 'no tag in view in 1 image'),
-        (detections((-7, 0, 50.0), (2**31 - 1, 0, 50.0)), 'other tags in view: -7, 2147483647'),
+        (detections((-7, 0, 50.0), (2**31 - 1, 0, 50.0)), 'other tag ids in view: -7, 2147483647'),
         (detections((7, -1, float('nan'))), 'in view, but unclear: decision margin nan, 20 needed'),
         (detections(), 'no tag in view in 1 image'),
     ],

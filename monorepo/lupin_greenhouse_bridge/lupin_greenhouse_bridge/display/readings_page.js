@@ -3,7 +3,7 @@
 // Draws the page of readings from the data in it. The chosen tag is the fragment of the address: #tag=28.
 const data = JSON.parse(document.getElementById('data').textContent);
 const VIRIDIS = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
-const PAPER = { map: [440, 740], tab: [104, 200], chart: [222, 165] };  // pixels in print
+const PAPER = { map: [440, 740], tab: [104, 158], chart: [222, 165] };  // pixels in print
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const element = id => document.getElementById(id);
 const by_id = new Map(data.tags.map(tag => [tag.id, tag]));
@@ -272,15 +272,16 @@ function draw_tabs() {
     const frame = frame_of(...state.is_printed ? PAPER.tab : [Math.max(tab.clientWidth - 12, 20), 170], { left: 2, right: 2, top: 2, bottom: 2 });
     const svg = draw(tab, 'svg', { width: frame.width, height: frame.height, 'aria-hidden': true });
     draw_ground(svg, frame);
-    const limits = limits_of(number), radius = Math.max(Math.min(frame.scale * 0.18, 5), 1.5);
+    const limits = limits_of(number), radius = Math.max(Math.min(frame.scale * 0.22, 6), 1.5);
     for (const tag of data.tags.filter(each => each.x !== null)) {
       const value = value_of(tag, number), [cx, cy] = [frame.x(tag.x), frame.y(tag.y)], arm = radius * 0.8;
-      if (value !== null) draw(svg, 'circle', { cx, cy, r: radius, stroke: 'currentColor', 'stroke-width': 0.5, fill: colour((value - limits[0]) / (limits[1] - limits[0])) });
+      if (value !== null) draw(svg, 'circle', { cx, cy, r: radius, stroke: 'currentColor', 'stroke-width': 0.7, fill: colour((value - limits[0]) / (limits[1] - limits[0])) });
       else if (tag.has_failed) draw(svg, 'path', { class: 'cross thin', d: `M${cx - arm} ${cy - arm}l${2 * arm} ${2 * arm}m${-2 * arm} 0l${2 * arm} ${-2 * arm}` });
     }
     const values = data.tags.map(tag => value_of(tag, number)).filter(value => value !== null);
     const ends = new Set(values.length ? [Math.min(...values), Math.max(...values)].map(value => written(sensor, value)) : ['no value']);
     add(tab, 'span', `${[...ends].join(' to ')} ${values.length ? sensor.unit : ''}`.trim());
+    for (const [text] of sensor.extremes) add(tab, 'span', text.replace(/ (?=\S+ at )/, '\u00a0'), 'extremes');  // on paper
   });
   mark_tab();
 }
@@ -403,7 +404,7 @@ function draw_charts() {
     return [sensor, add(figure, 'div', '', 'charting'), add(caption, 'span')];  // all, before one is measured
   });
   figures.forEach(([sensor, place, readout]) => draw_chart(sensor, place, readout));
-  element('lines').textContent = [`Each ${data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1)) ? 'line' : 'point'} is a tag with its number${state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : ''}.`, data.is_binned ? 'Where many values share a place, the line is their median, and the band reaches from the lowest to the highest.' : ''].join(' ').trim();
+  element('lines').textContent = [`Each ${data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1)) ? 'line' : 'point'} is a tag at its own place, with its number${state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : ''}.`, data.is_binned ? 'Where many values share a place, the line is their median, and the band reaches from the lowest to the highest.' : ''].join(' ').trim();
   show_chosen();
 }
 
