@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+import rclpy
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call
@@ -81,6 +82,14 @@ def test_the_test_of_the_page_about_tests_passes(start_bridge, run_nodes):
     page = example_of('tests.md')
     page['ReadingClient'] = PatientClient
     page['test_my_node'](start_bridge, run_nodes)
+
+
+def test_a_parameter_that_is_a_text_of_digits_stays_a_text(run_nodes):
+    def asking():
+        return rclpy.create_node('asking', automatically_declare_parameters_from_overrides=True)
+
+    node, _ = run_nodes(asking, tag_id='7', yes='true', seed=7)
+    assert [node.get_parameter(each).value for each in ('tag_id', 'yes', 'seed')] == ['7', 'true', 7]
 
 
 def test_json_keeps_the_keys_of_the_simulator(noon_bridge):

@@ -91,7 +91,9 @@ def executable(package: str, name: str) -> str:
 @contextlib.contextmanager
 def running(*node_types, arguments=(), **parameters):
     """Yield nodes of these types with these ROS arguments and parameters, spun by one thread."""
-    overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
+    # ROS reads values as YAML, in which an unquoted 7 is no text.
+    values = {name: json.dumps(each) if isinstance(each, str) else each for name, each in parameters.items()}
+    overrides = [word for name, value in values.items() for word in ('-p', f'{name}:={value}')]
     rclpy.init(args=['--ros-args', *arguments, *overrides], signal_handler_options=SignalHandlerOptions.NO)
     with contextlib.ExitStack() as stack:
         stack.callback(rclpy.try_shutdown)
