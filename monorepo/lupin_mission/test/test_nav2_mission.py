@@ -251,13 +251,14 @@ def test_state_and_estop_answer_while_the_mission_plans(
     start = node.create_client(StartMission, f'{mission.namespace}/mission/start')
     assert start.wait_for_service(PATIENCE_SECONDS)
     started = start.call_async(StartMission.Request())
+    begun, released = held_plans
+    assert begun.wait(PATIENCE_SECONDS)
     for _ in range(3):
         operator.wait_for(lifecycle_state='READY')
     wait_until(lambda: estop.get_subscription_count() == 1)
     estop.publish(Bool(data=True))
     operator.wait_for(estop_engaged=True, lifecycle_state='READY')
     assert not operator.trigger('abort')
-    _, released = held_plans
     released.set()
     wait_until(started.done)
     assert started.result().accepted

@@ -152,7 +152,7 @@ def start(monkeypatch, clock):  # noqa: ARG001 - the robot has its clock from th
 
 
 def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(start, clock, tmp_path):
-    client = start(route_file=f'"{tmp_path / "route.csv"}"', robot_radius_m=0.2)
+    client = start(route_file=str(tmp_path / 'route.csv'), robot_radius_m=0.2)
     assert client.arrives_at(FAR, clock)
     wait_until(lambda: pose_in_plane(client.estimates[-1].pose.pose) == pytest.approx(FAR))
     client.wait_until_robot(lambda pose: pose == pytest.approx(FAR))  # a topic of its own
@@ -171,7 +171,7 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
 def test_a_goal_behind_an_obstacle_is_aborted_with_the_reason_that_the_distro_can_tell(
     start, clock, action, reason
 ):
-    blocked = f'"{FAR.x - 0.1} {FAR.y - 0.1} {FAR.x + 0.1} {FAR.y + 0.1}"'
+    blocked = f'{FAR.x - 0.1} {FAR.y - 0.1} {FAR.x + 0.1} {FAR.y + 0.1}'
     client = start(action, blocked=blocked)
     status, result = client.end_of(client.send(FAR))
     assert status == GoalStatus.STATUS_ABORTED
@@ -229,7 +229,7 @@ def test_a_route_that_cannot_be_written_is_refused(start):
 @pytest.mark.parametrize('name', ['', '//', 'a b'])
 def test_an_action_name_that_ros_does_not_allow_is_refused(start, name):
     with pytest.raises(StartUpError, match='parameter nav_action_name: Invalid topic name'):
-        start(nav_action_name=f'"{name}"')
+        start(nav_action_name=name)
 
 
 def test_a_goal_on_its_way_tells_where_the_robot_is_and_how_far_it_has_to_go(start, clock):
@@ -285,7 +285,7 @@ def test_a_navigator_that_is_restarted_withdraws_its_action_and_does_not_know_th
 
 def test_a_robot_that_arrived_too_near_to_a_table_finds_no_path_away(start, clock):
     """It is sent to 2.5 cm from the obstacle, where the planner keeps 2 cm, and arrives nearer."""
-    client = start(blocked='"0.3 1.225 0.7 1.3"', padding_m=0.02, arrival_error_m=0.06)
+    client = start(blocked='0.3 1.225 0.7 1.3', padding_m=0.02, arrival_error_m=0.06)
     assert client.arrives_at(PoseInPlane(0.5, 1.0, 0.0), clock)
     status, result = client.end_of(client.send(NEAR))
     assert (status, told_by(result).get('error_code', 205)) == (GoalStatus.STATUS_ABORTED, 205)

@@ -44,7 +44,7 @@ def test_one_call_confirms_the_expected_tag(start, tag_7, source, message_of):
 def test_a_tag_that_is_not_there_is_said_after_the_timeout(start, tag_7):
     perception = start(timeout_seconds=0.1)
     assert perception.confirm('7').error_message == 'tag 7: no image yet'
-    reason = perception.confirm_until('other tags', image_of(tag_7), '8')
+    reason = perception.confirm_until('other tag ids', image_of(tag_7), '8')
     assert reason == 'tag 8: other tag ids in view: 7'
 
 

@@ -296,7 +296,7 @@ def test_a_tag_file_of_the_bridge_that_cannot_be_used_is_said(start_recorder, ca
 
 def test_positions_come_from_the_tag_file(start_recorder, robot, tmp_path):
     (tmp_path / 'tags.json').write_text('{"7": {"x": 9.0, "y": 9.5, "sensors": ["co2"]}}')
-    recorder = start_recorder(tag_file=tmp_path / 'tags.json', readings_topics=f'["{TOPIC}"]')
+    recorder = start_recorder(tag_file=tmp_path / 'tags.json', readings_topics=[TOPIC])
     readings = publisher_on(robot, LATCHED)
     for tag_id in ('7', 'nowhere'):
         readings.publish(reading(1, tag_id))
