@@ -280,6 +280,11 @@ function draw_tabs() {
     const values = data.tags.map(tag => value_of(tag, number)).filter(value => value !== null);
     const ends = new Set(values.length ? [Math.min(...values), Math.max(...values)].map(value => written(sensor, value)) : ['no value']);
     add(tab, 'span', `${[...ends].join(' to ')} ${values.length ? sensor.unit : ''}`.trim());
+    if (state.is_printed) {
+      const key = add(tab, 'span', `${+limits[0].toPrecision(3)} `, 'key');
+      add(key, 'i').style.background = `linear-gradient(to right, ${[0, 0.25, 0.5, 0.75, 1].map(colour)})`;
+      key.append(` ${+limits[1].toPrecision(3)}`);
+    }
     for (const [text] of sensor.extremes) add(tab, 'span', text.replace(/ (?=\S+ at )/, '\u00a0'), 'extremes');  // on paper
   });
   mark_tab();
@@ -403,7 +408,9 @@ function draw_charts() {
     return [sensor, add(figure, 'div', '', 'charting'), add(caption, 'span')];  // all, before one is measured
   });
   figures.forEach(([sensor, place, readout]) => draw_chart(sensor, place, readout));
-  element('lines').textContent = [`Each ${data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1)) ? 'line' : 'point'} is a tag at its own place, with its number${state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : ''}.`, data.is_binned ? 'Where many values share a place, the line is their median, and the band reaches from the lowest to the highest.' : ''].join(' ').trim();
+  const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
+  const what = is_line ? 'Each line is a tag with its number' : 'Each point is a reading of another tag, so values differ by place as well as by time';
+  element('lines').textContent = [`${what}${state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : ''}.`, data.is_binned ? 'Where many values share a place, the line is their median, and the band reaches from the lowest to the highest.' : ''].join(' ').trim();
   show_chosen();
 }
 
