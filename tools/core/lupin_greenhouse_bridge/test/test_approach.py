@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.approach import (
@@ -414,6 +414,9 @@ def test_a_camera_does_not_see_a_tag_that_another_table_covers(layout, tag_id):
 
 
 @settings(max_examples=60)
+@example(
+    layout=layout_of((0.69, 0.0), (1.31, 0.0), a=(0.2, 0.0, 0.69, 1.0)), radius_m=0.0, camera_offset_m=-0.1
+)
 @given(
     layout=layouts(),
     radius_m=st.sampled_from([0.0, 0.1, 0.2, 0.35]),

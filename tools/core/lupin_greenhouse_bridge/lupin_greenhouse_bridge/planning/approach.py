@@ -257,7 +257,8 @@ class _Search:
     def _try(self, tag_id: str, poses: np.ndarray, worst_rank: float = math.inf) -> _Trial:
         """Find the best of some poses, an array (poses, 5), with at most this rank."""
         limits, trial = self._limits, _Trial()
-        reach_m = float(poses[:, 3].max(initial=0.0)) + limits.robot_radius_m + limits.clearance_m
+        beyond_m = max(limits.robot_radius_m + limits.clearance_m, -limits.camera_offset_m)
+        reach_m = float(poses[:, 3].max(initial=0.0)) + beyond_m
         around = self._surroundings.of(tag_id, reach_m)
         rooms_m = around.gaps_m(poses[:, :2]) - limits.robot_radius_m
         for order in np.split(_best_first(poses, rooms_m, limits, worst_rank), [FIRST]):
