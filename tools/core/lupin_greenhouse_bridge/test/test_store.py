@@ -274,7 +274,12 @@ for number in range(0, 10**9, 50):
 
 @pytest.mark.parametrize('acknowledgements', [1, 7])
 def test_a_kill_at_any_moment_loses_no_row_that_was_acknowledged(opened, path, acknowledgements):
-    """The moment is wherever the writer is when the test has read so many acknowledgements."""
+    """
+    The moment is wherever the writer is when the test has read so many acknowledgements.
+
+    Of the rows that it was keeping then, a table has all or none, and a CSV file the first ones: a signal can
+    end a write to a file early.
+    """
     command = [sys.executable, '-c', WRITER, path, repr(tuple(row()))]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
         acknowledged = list(itertools.islice(writer.stdout, acknowledgements))
@@ -282,8 +287,9 @@ def test_a_kill_at_any_moment_loses_no_row_that_was_acknowledged(opened, path, a
         acknowledged += writer.stdout
     count = int(acknowledged[-1])
     kept = read_rows(path)
-    assert [each.stamp_ns for each in kept[:count]] == [STAMP_NS + number for number in range(count)]
-    assert len(kept) in (count, count + 50)
+    assert [each.stamp_ns for each in kept] == [STAMP_NS + number for number in range(len(kept))]
+    may_be_kept = range(count, count + 51) if path.suffix == '.csv' else (count, count + 50)
+    assert len(kept) in may_be_kept
     assert opened(path).keep(kept) == 0
 
 
