@@ -61,8 +61,10 @@ class Planner:
         """Return the newest map, if it is in the right frame, and log which one it is."""
         topic, message = self._maps.topic_name, self._newest_map
         if message is None or message.header.frame_id != self._settings.frame_id:
-            reason = 'no map yet' if message is None else f"a map in the frame '{message.header.frame_id}'"
-            self._logger.info(f'the approach poses are planned without a map: {topic} has {reason}')
+            found = 'no map' if message is None else f"a map in the frame '{message.header.frame_id}'"
+            self._logger.info(
+                f'the approach poses are planned around the tables of the layout alone: {topic} has {found}'
+            )
             return None
         info = message.info
         self._logger.info(

@@ -114,7 +114,7 @@ def test_the_map_that_is_there_at_the_start_moves_a_pose(
     assert math.dist(second, usual[:2]) > 0.2
     lines = [line.partition('approach poses are planned ')[2] for line in mission.log]
     assert [line for line in lines if line] == [
-        "without a map: /held/map has a map in the frame 'odom'",
+        "around the tables of the layout alone: /held/map has a map in the frame 'odom'",
         'with the map of /held/map: 60 x 100 cells of 0.1 m',
     ]
 

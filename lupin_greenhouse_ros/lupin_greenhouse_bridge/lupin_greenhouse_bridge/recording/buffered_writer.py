@@ -75,7 +75,7 @@ class BufferedWriter:
             self._bytes -= size
         self._kept += kept
         if kept:
-            self._logger.info(f'{self._kept} rows kept')
+            self._logger.info(f'{pluralized(self._kept, "row")} kept')
         if self._lost > self._lost_said:
             self._lost_said = self._lost
             dropped = pluralized(self._lost_said, 'row')

@@ -72,7 +72,7 @@ def test_rows_that_arrive_while_the_file_is_locked_wait_for_nobody_and_are_writt
     kept.disk.is_free.set()
     assert kept.writer.end() == 0
     assert kept.disk.rows == [row(number) for number in range(1000)]
-    assert kept.log.infos == ['1 rows kept', '1000 rows kept']
+    assert kept.log.infos == ['1 row kept', '1000 rows kept']
 
 
 def test_a_full_disk_is_one_error_every_ten_seconds_and_its_rows_are_written_afterwards(kept):
