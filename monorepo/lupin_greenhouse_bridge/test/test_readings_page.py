@@ -151,7 +151,7 @@ def test_without_the_simulator_a_recording_shows_its_own_places(recording, repor
     )
     assert [tag['id'] for tag in shown(path)['tags']] == ['a1']
     assert readings_page.main([str(report_path)]) == 2
-    assert 'mdp-greenhouse is not installed here: name the layout' in capsys.readouterr().err
+    assert 'mdp-greenhouse is not installed here: name' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('name', ['day.sqlite', 'day.csv'])

@@ -13,7 +13,7 @@ from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.registration import read_transform
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.runtime.run import run
-from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_msgs.msg import MissionState, Observation, TagReading
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -64,12 +64,7 @@ class Settings:
         if not self.layout_in_map:
             return {}
         transform = read_transform(self.layout_in_map, self.map_frame)
-        layout = find_layout(self.tag_file)
-        if layout is None:
-            raise StartUpError(
-                'layout_in_map needs the positions of the tags, but mdp-greenhouse is not installed:'
-                ' set tag_file'
-            )
+        layout = require_layout(self.tag_file, 'tag_file')
         return {tag_id: transform.point(tag.x, tag.y) for tag_id, tag in layout.tags.items()}
 
 

@@ -12,7 +12,7 @@ from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.walls import find_walls, parse_numbers, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
-from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_greenhouse_bridge.simulator.layout import require_layout
 
 TURN_RAD_PER_S = 1.5  # on the spot, at a speedup of 1
 
@@ -102,9 +102,7 @@ class Settings:
 
     def free_space(self, padding_m: float = 0.0) -> FreeSpace:
         """Return the free space, with the obstacles; raises StartUpError if it cannot start there."""
-        layout = find_layout(self.tag_file)
-        if layout is None:
-            raise StartUpError('mdp-greenhouse is not installed here: set tag_file')
+        layout = require_layout(self.tag_file, 'tag_file')
         obstacles = {f'blocked {number}': edges for number, edges in enumerate(self.obstacles, 1)}
         walls = find_walls(layout, self.sim_config_file, self.walls)
         layout = layout._replace(tables={**layout.tables, **obstacles})

@@ -12,14 +12,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from lupin_greenhouse_bridge.contract import latched
-from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses
 from lupin_greenhouse_bridge.planning.walls import find_walls, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.reading.detections import detection_messages
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane
 from lupin_greenhouse_bridge.runtime.run import run
-from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_tag_confirmation.confirmation import TAG_COUNT
 from lupin_tag_confirmation.settings import TOPICS, check_source
 from nav_msgs.msg import Odometry
@@ -138,9 +137,7 @@ def has_marker(tag_id: str) -> bool:
 
 def tag_poses_by_number(settings: Settings) -> dict[int, TagPose]:
     """Return the position and the direction of each tag of a layout by its number; raises StartUpError."""
-    layout = find_layout(settings.tag_file)
-    if layout is None:
-        raise StartUpError('mdp-greenhouse is not installed here: set tag_file')
+    layout = require_layout(settings.tag_file, 'tag_file')
     walls = find_walls(layout, settings.sim_config_file, settings.walls)
     tag_poses = find_tag_poses(layout, walls)
     return {int(tag_id): tag_pose for tag_id, tag_pose in tag_poses.items() if has_marker(tag_id)}

@@ -7,7 +7,7 @@ from pathlib import Path
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
 from lupin_greenhouse_bridge.runtime.output import print_line
-from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
+from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
 DONE, USAGE = 0, 2
 MANIFEST = '.generate_world'  # the files that this program writes
@@ -53,9 +53,7 @@ def make_world(
     if not SMALLEST_SIDE_M <= side_m <= LARGEST_SIDE_M:
         limits = f'{SMALLEST_SIDE_M:g} and {LARGEST_SIDE_M:g} m'
         raise StartUpError(f'--side is {side_m:g}: must be between {limits}')
-    layout = find_layout(tag_file)
-    if layout is None:
-        raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
+    layout = require_layout(tag_file)
     walls = find_walls(layout, sim_config_file, walls)
     try:
         from lupin_simulation.sdf import SDF_FILE, world_files  # late: a missing library is one line

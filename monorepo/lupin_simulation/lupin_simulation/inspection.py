@@ -23,6 +23,7 @@ from pathlib import Path
 import domain_coordinator
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from lupin_greenhouse_bridge import settings as bridge_settings
+from lupin_greenhouse_bridge.display.drawing_command import BESIDE
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.walls import parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
@@ -40,10 +41,8 @@ DRIVING_SPEEDUP = 20
 PATIENCE_SECONDS = 10.0
 SOURCES = ('image', 'compressed', 'detections')
 SET_HERE = {'report_file', 'wait_for_start', 'wait_for_subscriber', 'route_file'}
-# What belongs to a run is beside its report, and starts with the same name.
-ROUTE = '-route.csv'
-LAYOUT = ('tag_file', 'sim_config_file', 'walls')
-GREENHOUSE = {'tag_file': '-tag_locations.json', 'sim_config_file': '-greenhouse_config.yaml'}
+GREENHOUSE = ('tag_file', 'sim_config_file')
+LAYOUT = (*GREENHOUSE, 'walls')
 
 
 def executable(package: str, name: str) -> str:
@@ -137,7 +136,8 @@ def commands_of(options, report: Path) -> list[list[str]]:
         kept = [f'file:="{options.record}"', *([f'tag_file:="{tag_file}"'] if tag_file else [])]
         nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', *kept))
     if options.drive:
-        driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{beside(report, ROUTE)}"']
+        route = beside(report, BESIDE['route'])
+        driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{route}"']
         nodes.append(node('lupin_simulation', 'fake_navigator', *driving, *given['fake_navigator']))
         start_pose = value_of(options.arguments, 'start_pose') or disc_robot.Settings.start_pose
         own += ['drive:=nav2', 'order:=shortest', f'dock_pose:="{start_pose}"']
@@ -167,22 +167,20 @@ def commands_of(options, report: Path) -> list[list[str]]:
 def make_world(options) -> None:
     """Write the SDF world into the output; raises StartUpError."""
     command = [executable('lupin_simulation', 'generate_world'), '--side', '0.04']
-    command += ['--output', str(options.output / 'world'), *greenhouse_options(options)]
+    command += ['--output', str(options.output / 'world'), *walls_option(options)]
+    for name in GREENHOUSE:
+        if path := value_of(options.arguments, name):
+            command += [f'--{name.replace("_", "-")}', path]
     if not importlib.util.find_spec('pydrake'):
         raise StartUpError('Drake is missing, which renders the world: pip install drake')
     if run_to_end(command):
         raise StartUpError('the world cannot be made')
 
 
-def greenhouse_options(options, report: Path | None = None) -> list[str]:
-    """Return the options for your own greenhouse: its walls, and copies of its files beside the report."""
-    words = []
-    for name, ending in GREENHOUSE.items():
-        if path := value_of(options.arguments, name):
-            words += [f'--{name.replace("_", "-")}', str(beside(report, ending) if report else path)]
-    if walls := value_of(options.arguments, 'walls'):
-        words += ['--walls', *map(str, parse_numbers(walls))]
-    return words
+def walls_option(options) -> list[str]:
+    """Return the option for walls that are set."""
+    walls = value_of(options.arguments, 'walls')
+    return ['--walls', *map(str, parse_numbers(walls))] if walls else []
 
 
 def prepare(options, report: Path) -> None:
@@ -191,10 +189,10 @@ def prepare(options, report: Path) -> None:
         options.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StartUpError(f"--output '{options.output}': {error.strerror}: name a folder") from error
-    for name, ending in GREENHOUSE.items():
+    for name in GREENHOUSE:
         if path := value_of(options.arguments, name):
             try:
-                shutil.copyfile(path, beside(report, ending))
+                shutil.copyfile(path, beside(report, BESIDE[name]))
             except OSError as error:
                 reason = error.strerror or error
                 raise StartUpError(f"{name} '{path}': {reason}: name a file that can be read") from error
@@ -260,9 +258,7 @@ def run_mission(options) -> int:
     if exit_code == USAGE:
         return USAGE
     print_line('drawing the picture and the page ...')
-    drawing = [str(report), *greenhouse_options(options, report)]
-    if (route := beside(report, ROUTE)).exists():
-        drawing += ['--route', str(route)]
+    drawing = [str(report), *walls_option(options)]  # they find what is beside the report themselves
     plotted = run_to_end([executable('lupin_greenhouse_bridge', 'plot_report'), *drawing])
     run_to_end([executable('lupin_greenhouse_bridge', 'readings_page'), *drawing])
     print_line(f'report: {report}')

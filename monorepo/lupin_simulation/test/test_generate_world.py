@@ -135,7 +135,7 @@ def test_without_a_tag_file_and_a_simulator_the_fix_is_told(tmp_path, monkeypatc
     monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
     assert make(tmp_path / 'world') == 2
     assert capsys.readouterr().err == (
-        'generate_world: mdp-greenhouse is not installed here: name the layout with --tag-file\n'
+        "generate_world: mdp-greenhouse is not installed here: name the bridge's tag file with --tag-file\n"
     )
 
 

@@ -41,7 +41,7 @@ from lupin_greenhouse_bridge.runtime.parameters import (
 )
 from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.runtime.run import run
-from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
+from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 from lupin_greenhouse_bridge.units import label_of
 
 NODE_NAME = 'show_readings'
@@ -100,12 +100,7 @@ class ShowReadingsNode(Node):
         """Read the layout and subscribe; raises StartUpError."""
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
-        layout = find_layout(settings.tag_file)
-        if layout is None:
-            raise StartUpError(
-                'tag_file is empty, and mdp-greenhouse is not installed:'
-                " set tag_file to the bridge's tag_locations.json"
-            )
+        layout = require_layout(settings.tag_file, 'tag_file')
         walls = find_walls(layout, settings.sim_config_file, settings.walls)
         self._layout_in_map = (
             read_transform(settings.layout_in_map, settings.map_frame)

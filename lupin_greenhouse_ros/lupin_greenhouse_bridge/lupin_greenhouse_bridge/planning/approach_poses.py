@@ -28,7 +28,7 @@ from lupin_greenhouse_bridge.planning.route import ORDERS, plan_route
 from lupin_greenhouse_bridge.planning.walls import add_wall_options, find_walls
 from lupin_greenhouse_bridge.runtime.output import Progress, aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
-from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_greenhouse_bridge.simulator.layout import require_layout
 
 ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
 LIMITS = (  # option, field of ViewingLimits, unit, help
@@ -65,9 +65,7 @@ def main(args=None) -> int:
 
 def _compute(options) -> tuple[dict, str]:
     """Return what `--format json` prints, and the frame of the poses."""
-    layout = find_layout(options.tag_file)
-    if layout is None:
-        raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
+    layout = require_layout(options.tag_file)
     frame_id, transform = (
         read_registration(options.layout_in_map) if options.layout_in_map else (MAP_FRAME, Transform())
     )

@@ -20,7 +20,7 @@ from lupin_greenhouse_bridge.recording.report_line import Observation
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.files import mapping_of, number
-from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order, require_layout
 from lupin_greenhouse_bridge.units import unit_of, value_text
 
 DONE, NO_ROWS, USAGE = 0, 1, 2
@@ -81,10 +81,8 @@ def layout_of(file: ReadingFile, tag_file: str) -> Layout:
 
     Raises StartUpError for a bad tag_file, for a layout of another greenhouse, and if no position is known.
     """
-    layout = find_layout(tag_file) or Layout({}, {})
     placed = {row.tag_id: Tag(row.x_m, row.y_m, []) for row in file.rows if row.x_m is not None}
-    if not (layout.tags or placed):
-        raise StartUpError('mdp-greenhouse is not installed here: name the layout with --tag-file')
+    layout = (find_layout(tag_file) or Layout({}, {})) if placed else require_layout(tag_file)
     tag_ids = {each.tag_id for each in (*file.rows, *file.visits)}
     strangers = tag_ids - set(layout.tags)
     if tag_file and strangers:

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.simulator.files import read_tag_file, shipped_file
 
 
@@ -36,6 +37,13 @@ def find_layout(tag_file: str) -> Layout | None:
     """Return the layout of tag_file, or of the shipped file for ''; None if there is no shipped file."""
     path = tag_file or shipped_file('tag_locations.json')
     return read_layout(path) if path else None
+
+
+def require_layout(tag_file: str, setting: str = '--tag-file') -> Layout:
+    """Return what find_layout() finds; raises StartUpError, which names this setting, if that is None."""
+    if layout := find_layout(tag_file):
+        return layout
+    raise StartUpError(f"mdp-greenhouse is not installed here: name the bridge's tag file with {setting}")
 
 
 def find_places(tag_file: str) -> dict[str, tuple[float, float]]:

@@ -550,6 +550,6 @@ def test_a_layout_too_large_for_the_resolution_is_refused(run_here, tmp_path):
 
 
 def test_without_a_layout_it_is_refused_in_one_line(run_here, monkeypatch):
-    monkeypatch.setattr(show_readings, 'find_layout', lambda _path: None)
+    monkeypatch.setattr('lupin_greenhouse_bridge.simulator.layout.shipped_file', lambda _name: None)
     refusal = run_here(show_readings.main).refusal
-    assert "set tag_file to the bridge's tag_locations.json" in refusal
+    assert "mdp-greenhouse is not installed here: name the bridge's tag file with tag_file" in refusal

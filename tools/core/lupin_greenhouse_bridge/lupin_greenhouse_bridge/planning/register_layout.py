@@ -26,7 +26,7 @@ from lupin_greenhouse_bridge.planning.registration import (
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
-from lupin_greenhouse_bridge.simulator.layout import Layout, find_layout
+from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
 NAME = 'register_layout'
 WRITTEN, NO_FIT, USAGE, INTERRUPTED = 0, 1, 2, 130
@@ -91,9 +91,7 @@ def layout_of(options) -> Layout:
                 raise UsageError(f"--output '{output}' is the file of {name} itself: name another file")
     except OSError as error:
         raise UsageError(f"--output '{output}': {error.strerror}: name another file") from error
-    if layout := find_layout(options.tag_file):
-        return layout
-    raise UsageError('mdp-greenhouse is not installed: name the tag file of the bridge with --tag-file')
+    return require_layout(options.tag_file)
 
 
 def register(layout: Layout, places: dict, frame_id: str, options) -> None:
