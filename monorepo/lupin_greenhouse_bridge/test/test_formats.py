@@ -3,6 +3,7 @@
 
 import contextlib
 import importlib.util
+import json
 import re
 import sqlite3
 from pathlib import Path
@@ -25,6 +26,7 @@ from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.simulator.layout import read_layout
+from lupin_greenhouse_bridge.units import UNITS
 
 PAGE = Path(__file__).resolve().parent.parent / 'doc/formats.md'
 SECTIONS = dict(
@@ -56,6 +58,14 @@ def test_the_tag_file_has_three_tags_and_its_tables(example):
     tags, tables = read_layout(path)
     assert (list(tags), list(tables)) == (['1', '2', '3'], ['left', 'right', 'back'])
     assert simulation.load(Settings(), tag_file=path, sim_config_file=None).tag_ids == ['1', '2', '3']
+
+
+def test_the_schema_and_the_page_name_every_sensor():
+    schema = json.loads((PAGE.parents[1] / 'schema/tag_locations.schema.json').read_text(encoding='utf-8'))
+    named = schema['definitions']['tags']['additionalProperties']['properties']['sensors']['items']['anyOf']
+    assert named[0]['enum'] == list(UNITS)
+    on_page = next(meaning for key, meaning in table('greenhouse_config.yaml', 2) if key == 'sensors')
+    assert re.findall('`(.*?)`', on_page.partition(' a list')[0]) == list(UNITS)
 
 
 def test_the_config_serves_the_shipped_tags(example, shipped_tags):
