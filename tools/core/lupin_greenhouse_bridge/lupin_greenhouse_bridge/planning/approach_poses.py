@@ -32,7 +32,7 @@ from lupin_greenhouse_bridge.simulator.layout import require_layout
 ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
 LIMITS = (  # option, field of ViewingLimits, unit, help
     ('--radius', 'robot_radius_m', 'M', 'radius of the robot in metres'),
-    ('--clearance', 'clearance_m', 'M', 'room beyond the radius to tables, walls and plates'),
+    ('--clearance', 'clearance_m', 'M', 'room beyond the radius to tables, walls and tags'),
     ('--standoff', 'preferred_standoff_m', 'M', 'preferred distance to the tag'),
     ('--smallest-standoff', 'smallest_standoff_m', 'M', 'smallest distance to the tag'),
     ('--largest-standoff', 'largest_standoff_m', 'M', 'largest distance to the tag'),
