@@ -4,6 +4,7 @@ import contextlib
 import importlib.util
 import math
 import threading
+import time
 from functools import partial
 from types import SimpleNamespace
 
@@ -78,8 +79,19 @@ class Client:
         node.create_subscription(PoseWithCovarianceStamped, '/amcl_pose', self.estimates.append, latched())
 
     def wait_for_server(self) -> 'Client':
-        """Wait until the action is offered; return this client."""
+        """
+        Wait until the action has answered this client; return the client.
+
+        DDS drops its replies until it has discovered the client. A goal without a frame is rejected.
+        """
         assert self._client.wait_for_server(timeout_sec=PATIENCE_SECONDS)
+        answered = threading.Event()
+        deadline = time.monotonic() + PATIENCE_SECONDS
+        while not answered.is_set():
+            assert time.monotonic() < deadline, 'no reply'
+            task = self._node.executor.create_task(self._reply_to, self._type.Goal())
+            task.add_done_callback(lambda _task: answered.set())
+            answered.wait(1.0)
         return self
 
     def has_server(self) -> bool:

@@ -121,7 +121,7 @@ def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refus
                 with woken_by_signals(executor):
                     while not (process.is_asked_to_end() or (is_done and is_done(node))):
                         look_for_namesakes()
-                        _spin_once(executor, node)
+                        spin_once(executor, node)
                 return conclude(node) if conclude else 0
             except OneLineError as error:  # here, because it keeps alive a node that must go before ROS
                 return refuse(error)
@@ -145,7 +145,7 @@ def namesake_watch(node):
     return look
 
 
-def _spin_once(executor, node) -> None:
+def spin_once(executor, node) -> None:
     """Run one callback, if one comes soon. Humble raises if a reply cannot be sent: log and continue."""
     try:
         executor.spin_once(timeout_sec=LOOK_EVERY_SECONDS)

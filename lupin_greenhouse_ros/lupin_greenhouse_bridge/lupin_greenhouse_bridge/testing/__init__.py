@@ -45,6 +45,7 @@ from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.runtime.parameters import descriptor_of
+from lupin_greenhouse_bridge.runtime.run import spin_once
 from lupin_greenhouse_bridge.simulator import simulation
 
 PATIENCE_SECONDS = 30.0  # for a busy machine; a passing test never waits this long
@@ -122,7 +123,7 @@ def spinning_node(name: str, namespace: str = ''):
 
 @contextlib.contextmanager
 def _spun(*nodes, context=None):
-    """Spin nodes in a thread."""
+    """Spin nodes in a thread, which survives what a node survives."""
     executor = SingleThreadedExecutor(context=context)
     for node in nodes:
         executor.add_node(node)
@@ -130,7 +131,7 @@ def _spun(*nodes, context=None):
 
     def spin():
         while not ended.is_set():
-            executor.spin_once()
+            spin_once(executor, nodes[0])
 
     spinner = threading.Thread(target=spin, daemon=True)
     spinner.start()
