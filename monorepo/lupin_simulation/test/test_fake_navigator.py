@@ -4,7 +4,6 @@ import contextlib
 import importlib.util
 import math
 import threading
-import time
 from functools import partial
 from types import SimpleNamespace
 
@@ -22,7 +21,14 @@ from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from lupin_greenhouse_bridge.simulator.layout import find_layout
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, ManualClock, call, running, wait_until
+from lupin_greenhouse_bridge.testing import (
+    PATIENCE_SECONDS,
+    ManualClock,
+    call,
+    repeat_until_answered,
+    running,
+    wait_until,
+)
 from lupin_simulation import fake_navigator
 from lupin_simulation.fake_navigator import PROGRESS_SECONDS, FakeNavigator
 from nav_msgs.msg import Odometry
@@ -85,13 +91,8 @@ class Client:
         DDS drops its replies until it has discovered the client. A goal without a frame is rejected.
         """
         assert self._client.wait_for_server(timeout_sec=PATIENCE_SECONDS)
-        answered = threading.Event()
-        deadline = time.monotonic() + PATIENCE_SECONDS
-        while not answered.is_set():
-            assert time.monotonic() < deadline, 'no reply'
-            task = self._node.executor.create_task(self._reply_to, self._type.Goal())
-            task.add_done_callback(lambda _task: answered.set())
-            answered.wait(1.0)
+        goal = self._type.Goal()
+        repeat_until_answered(lambda: self._node.executor.create_task(self._reply_to, goal), 'the action')
         return self
 
     def has_server(self) -> bool:

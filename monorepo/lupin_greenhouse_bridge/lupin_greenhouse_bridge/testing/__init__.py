@@ -202,11 +202,16 @@ def call(client, request):
 
 def greet(client, request) -> None:
     """Call a service until it answers: DDS drops its replies until it has discovered the client."""
+    repeat_until_answered(lambda: client.call_async(request), client.srv_name)
+
+
+def repeat_until_answered(send, name: str) -> None:
+    """Call send() once a second until one of its futures is done; fail after PATIENCE_SECONDS."""
     answered = threading.Event()
     deadline = time.monotonic() + PATIENCE_SECONDS
     while not answered.is_set():
-        require(time.monotonic() < deadline, f'{client.srv_name} did not answer')
-        client.call_async(request).add_done_callback(lambda _future: answered.set())
+        require(time.monotonic() < deadline, f'{name} did not answer')
+        send().add_done_callback(lambda _future: answered.set())
         answered.wait(1.0)
 
 
