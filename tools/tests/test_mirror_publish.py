@@ -235,7 +235,7 @@ def test_an_imported_series_is_published_unchanged(repositories, remote, publish
     commit_in(contributor, ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One simulated', 'A simulated'))
     (contributor / 'lupin_greenhouse_bridge/test/test_more.py').write_text(f'# {HEADER}\n"""More."""\n')
     commit_in(contributor, NEW_TITLE)
-    line = next(line for line in (contributor / 'README.md').read_text().splitlines() if 'git clone' in line)
+    line = next(line for line in (contributor / 'README.md').read_text().splitlines() if line.startswith('git clone'))
     commit_in(contributor, ('README.md', line, f'{line}  # from {remote}'))
     series = git(contributor, 'format-patch', '--stdout', base)
     result = import_patch(repositories[0], series)
