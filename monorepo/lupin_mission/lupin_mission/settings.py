@@ -206,8 +206,9 @@ class Settings:
     )
     tag_poses_in_map: str = parameter(
         '',
-        'Publish the position of a tag in the tag file or world, moved by layout_in_map, as its pose in the'
-        ' map; empty: true with layout_in_map, otherwise the opposite of require_visual_confirmation.',
+        'Where the published position of a tag comes from. true: the tag file or world, converted into the'
+        ' map by layout_in_map; false: perception/discovered_tags, or else the position of the robot; empty:'
+        ' true if layout_in_map is set, otherwise the opposite of require_visual_confirmation.',
         of_any_type=True,
     )
 
