@@ -9,6 +9,7 @@ import time
 import hypothesis
 import pytest
 import rclpy
+from lupin_greenhouse_bridge.runtime.run import spin_once
 from lupin_msgs.msg import Observation
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 from rclpy.context import Context
@@ -93,13 +94,14 @@ def node():
 
     def spin():
         while not ended.is_set():
-            executor.spin_once(timeout_sec=0.1)
+            spin_once(executor, node)  # survives the end of an action server that a callback still takes from
 
     spinner = threading.Thread(target=spin, daemon=True)
     spinner.start()
     yield node
-    ended.set()  # rclpy raises in a thread that spins an executor while another closes it
-    spinner.join()
+    ended.set()
+    executor.create_task(int)  # wakes it up
+    spinner.join()  # rclpy raises in a thread that spins an executor while another closes it
     executor.shutdown(timeout_sec=0)
     node.destroy_node()
     rclpy.shutdown(context=context)
