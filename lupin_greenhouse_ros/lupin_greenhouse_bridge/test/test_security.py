@@ -65,6 +65,7 @@ def test_the_bridge_offers_one_service_and_may_do_nothing_more(noon_bridge):
 def test_the_client_may_do_what_it_does_and_nothing_more(
     noon_bridge, read_tag_here, monkeypatch, arguments, asks_for_parameters
 ):
+    noon_bridge.connect()
     graph, node = noon_bridge.node, 'read_tag'
     requests = {name.rpartition('/')[2] for name in allowed(node, 'services', 'request')}
     if not asks_for_parameters:

@@ -51,8 +51,9 @@ from lupin_greenhouse_bridge.simulator import simulation
 PATIENCE_SECONDS = 30.0  # for a busy machine; a passing test never waits this long
 # Fast DDS on this machine only, by UDP. All domains share its ports in shared memory: if a process is killed
 # while it creates one, every process that opens this port later waits for ever.
-# Fast DDS repeats a lost announcement of a participant only every 3 s. Not more often than once a second: the
-# timer of Fast DDS 3.2 can deadlock with the removal of another participant's endpoints.
+# Fast DDS repeats a lost announcement of a participant only every 3 s, for which a test would wait. Not more
+# often than once a second: in a process with two participants, a timer of one can deadlock with the removal
+# of the other's endpoints (Fast DDS 2.14 and 3.2).
 FAST_DDS = """<?xml version="1.0" encoding="UTF-8"?>
 <profiles xmlns="http://www.eprosima.com">
   <transport_descriptors>
@@ -316,12 +317,18 @@ class Bridge(NodeProcess):
     def close(self) -> None:
         """Kill the process, and close the client."""
         super().close()
+        self.disconnect()
+
+    def disconnect(self) -> None:
+        """Close the client, if there is one. The next call makes another."""
+        self._client = self.node = None
         self._stack.close()
 
     def connect(self, greeting: str = ''):
         """Return a client that the service has discovered: it has answered the greeting, which is no tag."""
         if self._client is None:
-            self.wait_for_log('ready:')
+            if not any('ready:' in line for line in self.log):
+                self.wait_for_log('ready:')
             self.node = self._stack.enter_context(spinning_node('bridge_test'))
             self._client = self.node.create_client(GetTagReading, self.service_name, qos_profile=SERVICE_QOS)
             has_service = self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)

@@ -62,13 +62,25 @@ def altered():
 
 
 @pytest.fixture(scope='session')
-def noon_bridge(own_domain):  # noqa: ARG001 (the domain comes first)
-    """Return a bridge with the shipped greenhouse, frozen at noon."""
+def noon_process(own_domain):  # noqa: ARG001 (the domain comes first)
+    """Return a bridge with the shipped greenhouse, frozen at noon, for the tests of a whole run."""
     from lupin_greenhouse_bridge.testing import Bridge  # here, so that pytest rewrites its assertions
 
     with contextlib.closing(Bridge(debug_time_of_day=12.0)) as bridge:
-        bridge.connect()
+        bridge.wait_for_log('ready:')
         yield bridge
+
+
+@pytest.fixture
+def noon_bridge(noon_process):
+    """
+    Return the bridge that is frozen at noon. Its client ends with the test.
+
+    In the tests after it, a main() that is refused would end soon after its discovery by this client, and the
+    timer of one participant in a process can then deadlock with the end of another (see testing.FAST_DDS).
+    """
+    yield noon_process
+    noon_process.disconnect()
 
 
 class Ended(NamedTuple):
