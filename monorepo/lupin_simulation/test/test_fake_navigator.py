@@ -158,7 +158,8 @@ def start(monkeypatch, clock):  # noqa: ARG001 - the robot has its clock from th
             # One participant for both: their endpoints find each other at once.
             beside = partial(rclpy.create_node, 'navigator_test')
             _, node = stack.enter_context(running(FakeNavigator, beside, **parameters))
-            client = Client(node, action_type)
+            # In the thread that spins: rclpy spins a client of an action before it is complete.
+            client = result_of(node.executor.create_task(Client, node, action_type))
             return client.wait_for_server() if parameters.get('autostart', True) else client
 
         yield start_navigator
