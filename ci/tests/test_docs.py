@@ -126,7 +126,7 @@ Shown by `test_it.py`, `test_it.py::test_this` and `test_this`.
 <!-- options of check_world -->
 | option | effect |
 |---|---|
-| `--tag-file FILE` | default: the simulator's own |
+| `--tag-file FILE` | the bridge's tag_file; default: the one of mdp-greenhouse |
 | `--sim-config-file FILE` | the bridge's sim_config_file, if you set one |
 | `--walls X0 Y0 X1 Y1` | the walls in metres, in the layout; default: those of the greenhouse config |
 
@@ -174,7 +174,7 @@ def test_a_good_document_has_no_findings(documents):
             'mark this table with `parameters of`',
         ),
         (
-            "| `--tag-file FILE` | default: the simulator's own |\n",
+            "| `--tag-file FILE` | the bridge's tag_file; default: the one of mdp-greenhouse |\n",
             '',
             'the options of check_world lack the row | `--tag-file FILE` |',
         ),

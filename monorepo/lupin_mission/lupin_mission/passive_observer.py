@@ -42,8 +42,8 @@ class Settings:
 
     layout_in_map: str = parameter(
         '',
-        'A file of register_layout: where the layout lies in the map; empty: the positions of tags come from'
-        ' perception, or from the robot.',
+        'The file that register_layout has written: where the layout lies in the map; empty: the position of'
+        ' a tag comes from perception/discovered_tags, or else is that of the robot.',
     )
     tag_file: str = parameter(
         '', "The bridge's tag_locations.json for layout_in_map; empty: the one of mdp-greenhouse."

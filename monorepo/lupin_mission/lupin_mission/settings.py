@@ -53,11 +53,15 @@ class Settings:
 
     tag_sequence: str = parameter(
         '',
-        'The tags to visit, in this order, as text ("6 21 29") or as an array; empty: all tags of world_file,'
-        ' of tag_locations_file, or else of the bridge, in natural order.',
+        'The tags to visit, in this order, as text ("6 21 29") or as an array; empty: all tags in natural'
+        ' order, from world_file, or else from tag_locations_file, or else from the bridge.',
         of_any_type=True,
     )
-    tag_locations_file: str = parameter('', "The bridge's tag_locations.json; empty: ask the bridge.")
+    tag_locations_file: str = parameter(
+        '',
+        "The bridge's tag_locations.json; empty: the tag ids come from the bridge, and the positions from the"
+        ' file that mdp-greenhouse ships.',
+    )
     world_file: str = parameter('', 'An SDF world: its models tag_<id> are the tags with their positions.')
     bridge_service_name: str = parameter('/greenhouse_bridge/get_tag_reading', 'The GetTagReading service.')
     visual_confirmation_service: str = parameter(
@@ -85,14 +89,15 @@ class Settings:
     nav_timeout_s: float = _seconds(60.0, 'Seconds for one drive with Nav2; 0.0: no limit.')
     nav_max_attempts: int = parameter(
         Limits.max_drives,
-        'Attempts to drive to a pose of a tag, or to the dock, before it counts as unreachable.',
+        'How often the robot tries to drive to one pose of a tag, or to the dock, before this goal counts as'
+        ' unreachable.',
         smallest=1,
         largest=1000,
     )
     max_poses: int = parameter(
         2,
-        'With drive nav2: poses from which the robot looks at a tag, one after the other, where the drive'
-        ' fails or the camera does not see the tag; 1: only the best.',
+        'With drive nav2: the most poses that the robot tries at a tag: it drives to the next one if the'
+        ' drive fails or the camera does not see the tag; 1: only the best.',
         smallest=1,
         largest=10,
     )
@@ -101,7 +106,8 @@ class Settings:
     )
     approach_standoff_m: float = parameter(
         0.5,
-        'Preferred distance from the robot to a tag in metres; it differs where there is no room.',
+        'Preferred distance from the robot to a tag in metres; where there is no room at this distance, the'
+        ' mission chooses another distance.',
         smallest=0.2,
         largest=1.5,
     )
@@ -114,8 +120,9 @@ class Settings:
     )
     arrival_tolerance_m: float = parameter(
         ViewingLimits.arrival_tolerance_m,
-        'How far from its pose the robot may arrive, in metres, as xy_goal_tolerance of Nav2: the view allows'
-        ' for it where there is room.',
+        "How far from its pose the robot may stop, in metres, like Nav2's xy_goal_tolerance: where there is"
+        ' room, the mission chooses a pose from which the camera still sees the tag if the robot stops this'
+        ' far away.',
         smallest=0.0,
         largest=1.0,
     )
@@ -133,22 +140,23 @@ class Settings:
     )
     approach_overrides_file: str = parameter(
         '',
-        'A YAML file of approach poses in the map that are set by hand, such as'
+        'A YAML file of approach poses that you set by hand, in the frame of the map, such as'
         ' overrides: {"7": {yaw: 1.57, standoff: 0.4}}.',
     )
     sim_config_file: str = parameter(
-        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the simulator's own."
+        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the one of mdp-greenhouse."
     )
     walls: str = walls_parameter()  # or an array
     map_topic: str = parameter(
         'map',
-        'The OccupancyGrid topic of the map, latched: with drive nav2, each approach pose has its clearance'
-        ' in the map that is there when a mission starts.',
+        "A latched OccupancyGrid topic with the robot's map. With drive nav2, each approach pose also keeps"
+        ' its clearance to the obstacles in this map; the mission uses the last map that it has received'
+        ' before it starts.',
     )
     dock_pose: str = parameter(
         '[0.0, 0.0, 0.0]',
-        'x and y in metres and yaw in radians of the dock in the map, where every mission ends; empty: the'
-        ' robot does not return.',
+        'The pose of the dock in the map: x and y in metres, and yaw in radians. The robot returns there at'
+        ' the end of every mission; empty: it does not return.',
         of_any_type=True,
     )
     flower_scan_dwell_s: float = _seconds(Limits.dwell_seconds, 'Minimum time at each tag in seconds.')
@@ -157,23 +165,26 @@ class Settings:
     )
     visual_confirmation_timeout_s: float = _seconds(
         Limits.confirm_timeout_seconds - REPLY_SECONDS,
-        'Seconds that the camera has to confirm a tag; the mission waits 3 more for its reply.',
+        'The mission waits this many seconds, plus 3, for each reply of the ConfirmTag service. How long the'
+        ' service looks for the tag is its own timeout_seconds.',
         smallest=0.001,
     )
     max_attempts: int = parameter(
         Limits.max_attempts,
-        'Requests to each service at a tag before its scan fails.',
+        'How many requests the mission sends to each of the two services from one pose before it gives up'
+        ' there.',
         smallest=1,
         largest=1000,
     )
     retry_delay_seconds: float = _seconds(
         Limits.retry_delay_seconds,
-        'Seconds before the second attempt; doubles with each further attempt, up to 10.',
+        'Seconds before the second attempt of a request or a drive; doubles with each further attempt, up to'
+        ' 10 s.',
     )
     report_file: str = parameter(
         '',
-        'The JSON Lines file to write or to continue; empty: mission-TIME.jsonl in this folder.'
-        ' With wait_for_start, each mission adds its id to the name.',
+        'The JSON Lines file to write or to continue; empty: mission-TIME.jsonl in the folder in which you'
+        ' start the node. With wait_for_start, each mission adds its id to the name.',
     )
     wait_for_start: bool = parameter(
         True,
@@ -181,13 +192,14 @@ class Settings:
     )
     wait_for_subscriber: bool = parameter(
         False,
-        'Without wait_for_start: start once mission/readings has a subscriber, so that a recorder misses no'
-        ' reading.',
+        'With wait_for_start false: before it starts, the mission waits up to dependency_timeout_s for a'
+        ' subscriber of mission/readings, so that a recorder misses no reading.',
     )
     dependency_timeout_s: float = _seconds(
         30.0,
-        'Seconds that a drive waits for its action server; without wait_for_start also the seconds that the'
-        ' mission waits for the tags of the bridge, and for a subscriber.',
+        'Seconds that a drive waits for its action server; with wait_for_start false, also the seconds that'
+        ' the mission waits for the bridge to list its tags, and, with wait_for_subscriber, for a'
+        ' subscriber.',
     )
     mission_id_prefix: str = parameter('lupin', 'The first word of each mission id.')
     frame_id: str = parameter('map', 'The frame of the poses, and of the headers of all messages.')
@@ -196,19 +208,21 @@ class Settings:
     )
     estop_topic: str = parameter('/e_stop_state', 'A std_msgs/Bool topic: true stops the robot.')
     amcl_pose_topic: str = parameter(
-        'amcl_pose', 'The PoseWithCovarianceStamped topic of the robot, for tags of unknown position.'
+        'amcl_pose',
+        "The PoseWithCovarianceStamped topic with the robot's pose, which the mission publishes for a tag"
+        ' whose position is unknown.',
     )
     observations_topic: str = parameter('/floranova/observations', 'The topic of the observations.')
     layout_in_map: str = parameter(
         '',
-        'A file of register_layout: where the layout of the tag file or world lies in the map; empty: the map'
-        ' has the frame of the layout.',
+        'The file that register_layout has written: where the layout of the tag file or world lies in the'
+        ' map; empty: the map has the same origin and axes as the layout.',
     )
     tag_poses_in_map: str = parameter(
         '',
         'Where the published position of a tag comes from. true: the tag file or world, converted into the'
         ' map by layout_in_map; false: perception/discovered_tags, or else the position of the robot; empty:'
-        ' true if layout_in_map is set, otherwise the opposite of require_visual_confirmation.',
+        ' true if layout_in_map is set or require_visual_confirmation is false, otherwise false.',
         of_any_type=True,
     )
 

@@ -142,7 +142,12 @@ def check(options: argparse.Namespace, side_m: float, folder: Path) -> bool:
 def main(arguments: list[str] | None = None) -> int:
     """Check the world with both sizes of tags."""
     parser = argparse.ArgumentParser(prog='check_world', description='Check the SDF world with Drake.')
-    parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
+    parser.add_argument(
+        '--tag-file',
+        default='',
+        metavar='FILE',
+        help="the bridge's tag_file; default: the one of mdp-greenhouse",
+    )
     add_wall_options(parser)
     options = parser.parse_args(arguments)
     try:

@@ -23,17 +23,17 @@ class Settings:
 
     nav_action_name: str = parameter('navigate_to_pose', 'The NavigateToPose action to serve.')
     tag_file: str = parameter(
-        '', "The bridge's tag_locations.json, for the tables; empty: the simulator's own."
+        '', "The bridge's tag_locations.json, for the tables; empty: the one of mdp-greenhouse."
     )
     sim_config_file: str = parameter(
-        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the simulator's own."
+        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the one of mdp-greenhouse."
     )
     walls: str = walls_parameter()  # or an array
     robot_radius_m: float = parameter(0.2, 'The radius of the robot in metres.', smallest=0.01, largest=10.0)
     padding_m: float = parameter(
         0.0,
-        'Metres that the planner adds to the radius, as footprint_padding of Nav2: a robot that stands nearer'
-        ' to a table finds no path away from it.',
+        "Metres that the planner adds to the radius, like Nav2's footprint_padding: the planner finds no path"
+        ' for a robot whose centre is closer to a table than the radius plus this padding.',
         smallest=0.0,
         largest=1.0,
     )
@@ -45,14 +45,16 @@ class Settings:
     )
     arrival_error_rad: float = parameter(
         0.0,
-        'The robot arrives up to this angle from its goal, in radians, as within yaw_goal_tolerance of Nav2.',
+        'When the robot stops, its direction differs by up to this angle from that of its goal, in radians,'
+        " as Nav2's yaw_goal_tolerance allows.",
         smallest=0.0,
         largest=math.pi,
     )
     arrival_seed: int = parameter(0, 'Seed of the arrival errors.', smallest=0, largest=2**31 - 1)
     wedged_after: int = parameter(
         -1,
-        'The robot cannot move any more after this many goals; -1: never. ~/set_wedged changes it.',
+        'After it has reached this many goals, the robot cannot move any more; -1: it always can. The service'
+        ' ~/set_wedged wedges or frees the robot at any time.',
         smallest=-1,
         largest=2**31 - 1,
     )
@@ -73,7 +75,9 @@ class Settings:
         'Obstacles that the mission does not know, x0 y0 x1 y1 in metres each, as text or as an array.',
         of_any_type=True,
     )
-    route_file: str = parameter('', 'A CSV file to write, of x and y in metres along the driven path.')
+    route_file: str = parameter(
+        '', 'A CSV file to write, with x and y in metres of the points of the driven path.'
+    )
 
     def __post_init__(self):
         check_parameters(self)

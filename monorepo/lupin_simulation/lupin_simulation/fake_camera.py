@@ -37,7 +37,9 @@ JPEG_QUALITY = 80
 def from_odometry_parameter():
     """Return the field of a settings dataclass that puts a camera on the robot."""
     return parameter(
-        False, 'Show what is in view from where `odom` says that the robot is; false: the tag of the mission.'
+        False,
+        'True: the camera shows what the robot sees from its pose in the topic `odom`; false: it shows the'
+        ' tag that `mission/at_tag` names.',
     )
 
 
@@ -46,14 +48,16 @@ class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     publishes: str = parameter(
-        'image', 'image, compressed (JPEG), or detections (of AprilTag 3 in the image).'
+        'image',
+        'What the camera publishes: image, compressed (JPEG), or detections (the tags that AprilTag 3 finds'
+        ' in the image).',
     )
     from_odometry: bool = from_odometry_parameter()
     tag_file: str = parameter(
-        '', "The bridge's tag_locations.json, for from_odometry; empty: the simulator's own."
+        '', "The bridge's tag_locations.json, for from_odometry; empty: the one of mdp-greenhouse."
     )
     sim_config_file: str = parameter(
-        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the simulator's own."
+        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the one of mdp-greenhouse."
     )
     walls: str = walls_parameter()  # or an array
 

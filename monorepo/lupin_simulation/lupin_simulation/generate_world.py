@@ -20,17 +20,26 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog='generate_world', description='Make an SDF world of the greenhouse, with its AprilTags.'
     )
-    parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
+    parser.add_argument(
+        '--tag-file',
+        default='',
+        metavar='FILE',
+        help="the bridge's tag_file; default: the one of mdp-greenhouse",
+    )
     add_wall_options(parser)
     parser.add_argument(
         '--side',
         type=float,
         default=SIDE_M,
         metavar='M',
-        help='side of the black square in metres (default: %(default)g)',
+        help='side of the black square of each tag in metres (default: %(default)g)',
     )
     parser.add_argument(
-        '--output', type=Path, default=Path('.world'), metavar='FOLDER', help='default: %(default)s'
+        '--output',
+        type=Path,
+        default=Path('.world'),
+        metavar='FOLDER',
+        help='folder for the SDF file and its models; default: %(default)s',
     )
     options = parser.parse_args(arguments)
     try:

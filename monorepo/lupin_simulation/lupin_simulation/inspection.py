@@ -270,21 +270,31 @@ def main(arguments: list[str] | None = None) -> int:
     """Run it and return the exit code."""
     parser = argparse.ArgumentParser(prog='inspection', description='Run a mission and all that it needs.')
     parser.add_argument(
-        '--camera', choices=SOURCES, help='confirm each tag, from images, compressed images or detections'
+        '--camera',
+        choices=SOURCES,
+        help='confirm each tag with the camera, which publishes images, compressed images or detections',
     )
     parser.add_argument(
         '--world',
         action='store_true',
-        help='confirm each tag, from images of the SDF world of lupin_simulation',
+        help='confirm each tag with the camera, which renders images of the SDF world of lupin_simulation',
     )
     parser.add_argument(
-        '--drive', action='store_true', help='drive to each tag with nav2, here a stand-in for it'
+        '--drive',
+        action='store_true',
+        help='drive a simulated robot to each tag, with fake_navigator in place of Nav2',
     )
     parser.add_argument(
-        '--record', metavar='FILE', help='keep the readings in a .sqlite, .db or .csv file, new or not'
+        '--record',
+        metavar='FILE',
+        help='add the readings to this .sqlite, .db or .csv file, which need not exist',
     )
     parser.add_argument(
-        '--output', type=Path, default=Path('.mission'), metavar='FOLDER', help='default: %(default)s'
+        '--output',
+        type=Path,
+        default=Path('.mission'),
+        metavar='FOLDER',
+        help='folder for the report, its picture and its page; default: %(default)s',
     )
     parser.add_argument('arguments', nargs='*', metavar='name:=value', help='parameters of the nodes')
     options = parser.parse_args(arguments)

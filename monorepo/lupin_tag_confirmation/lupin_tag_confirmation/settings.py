@@ -27,14 +27,16 @@ class Criteria:
     )
     min_decision_margin: float = parameter(
         20.0,
-        'Minimum contrast of the bits in grey levels. Some detectors always report 0; that is accepted.',
+        "Minimum contrast of the tag's bits in grey levels; a tag with a reported contrast of 0 counts too,"
+        ' because some detectors always report 0.',
         smallest=0.0,
         largest=255.0,
     )
     min_frames: int = parameter(2, 'Number of recent images that must show the tag.', smallest=1, largest=100)
     max_image_age_seconds: float = parameter(
         1.0,
-        'Maximum age of an image in seconds, checked against its stamp and its arrival.',
+        'Maximum age of an image in seconds when the service is called; neither its stamp nor its arrival'
+        ' may be older.',
         smallest=0.001,
         largest=3600.0,
     )

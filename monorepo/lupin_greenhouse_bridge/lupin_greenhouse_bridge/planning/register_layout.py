@@ -239,15 +239,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--tolerance',
         **metres,
         default=DEFAULT_TOLERANCE_M,
-        help='largest residual in metres of a tag that is not left out, and largest expected error;'
-        ' default: %(default)s',
+        help='largest residual in metres that a tag may have without being left out, and largest expected'
+        ' error in metres; default: %(default)s',
     )
     add(
         '--click-error',
         **metres,
         default=DEFAULT_CLICK_ERROR_M,
-        help='standard deviation in metres of a position along each axis, unless the residuals show more;'
-        ' default: %(default)s',
+        help='assumed standard deviation of a position along each axis in metres; if the residuals show a'
+        ' larger one, that one counts; default: %(default)s',
     )
 
 
