@@ -40,7 +40,7 @@ LIMITS = (  # option, field of ViewingLimits, unit, help
     ('--angle', 'largest_angle_rad', 'DEGREES', 'largest incidence angle'),
     (
         *('--steepest-angle', 'steepest_angle_rad', 'DEGREES'),
-        'largest incidence angle where there is hardly any room',
+        'largest incidence angle if no pose within --angle has 2 cm of room',
     ),
     ('--camera-offset', 'camera_offset_m', 'M', "how far the camera is ahead of the robot's centre"),
 )
@@ -225,18 +225,29 @@ def _parser() -> argparse.ArgumentParser:
         nargs=2,
         default=(default.arrival_tolerance_m, default.arrival_tolerance_rad),
         metavar=('M', 'RADIANS'),
-        help='how far from its pose the robot may arrive, as xy_goal_tolerance and yaw_goal_tolerance of Nav2'
-        ' (default: 0.06 0.15)',
+        help="how far from its pose the robot may stop, in position and in yaw, like Nav2's xy_goal_tolerance"
+        ' and yaw_goal_tolerance (default: 0.06 0.15)',
     )
-    add('--order', choices=ORDERS, default='shortest', help='order of the visits (default: %(default)s)')
-    add('--start', **place, help='where the robot starts, in the layout')
-    add('--end', **place, help='where the route ends, such as at a dock')
+    add(
+        '--order',
+        choices=ORDERS,
+        default='shortest',
+        help='order of the visits: given (as in the tag file), numeric (by tag id), or shortest (the shortest'
+        ' route found) (default: %(default)s)',
+    )
+    add('--start', **place, help='where the robot starts: x and y in metres, in the layout')
+    add('--end', **place, help='where the route ends, such as at a dock: x and y in metres, in the layout')
     add('--overrides', metavar='FILE', help='YAML file of poses that are set by hand')
-    add('--layout-in-map', metavar='FILE', help='file of register_layout: print the poses in the map')
+    add(
+        '--layout-in-map',
+        metavar='FILE',
+        help='file that register_layout has written: print the poses in the map',
+    )
     add(
         '--map',
         metavar='FILE',
-        help="YAML file of the robot's map, as of Nav2's map_server: each pose has its clearance there too",
+        help="YAML file of the robot's map, in the format of Nav2's map_server: each pose keeps its clearance"
+        ' from the obstacles in this map too',
     )
     add(
         '--unknown',
@@ -246,7 +257,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add('--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)')
     add('--picture', metavar='FILE', help='draw the layout, the poses and the route')
-    add('--publish', action='store_true', help='keep the poses on ~/poses until Ctrl-C, for RViz')
+    add('--publish', action='store_true', help='publish the poses on topic ~/poses for RViz, until Ctrl-C')
     return parser
 
 

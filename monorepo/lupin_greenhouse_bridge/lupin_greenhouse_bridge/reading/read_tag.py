@@ -212,21 +212,31 @@ def _parser(executor) -> argparse.ArgumentParser:
     ids.completer = lambda **_: _ids_to_complete(executor)
     parser.add_argument('--all', action='store_true', help='read every tag that the bridge has loaded')
     parser.add_argument(
-        '--watch', type=_seconds, metavar='SECONDS', help='start a round of readings every SECONDS'
+        '--watch',
+        type=_seconds,
+        metavar='SECONDS',
+        help='read each tag once per round, and start a round every SECONDS',
     )
     parser.add_argument('--count', type=_rounds, metavar='N', help='end --watch after N rounds')
     formats = parser.add_mutually_exclusive_group()
-    formats.add_argument('--json', action='store_true', help='print one JSON object per line and tag')
+    formats.add_argument(
+        '--json', action='store_true', help='print one JSON object for each tag, on a line of its own'
+    )
     formats.add_argument(
         '--csv', action='store_true', help='print one line per value, with the columns of record_readings'
     )
-    parser.add_argument('--service', default=DEFAULT_SERVICE, metavar='NAME', help='default: %(default)s')
+    parser.add_argument(
+        '--service',
+        default=DEFAULT_SERVICE,
+        metavar='NAME',
+        help='the service to call; default: %(default)s',
+    )
     parser.add_argument(
         '--timeout',
         type=_seconds,
         default=5.0,
         metavar='SECONDS',
-        help='timeout for the service and for each reply; default: %(default)s',
+        help='how long to wait for the service, and then for each reply; default: %(default)s',
     )
     with contextlib.suppress(ImportError):
         import argcomplete  # installed with ros2cli; without it only the shell completion is missing

@@ -55,7 +55,8 @@ def parser_of(prog: str, description: str, output_help: str) -> argparse.Argumen
         'file',
         metavar='FILE',
         type=Path,
-        help="a mission's report, or a file of record_readings or read_tag --csv",
+        help="a mission's report NAME.jsonl, or a file NAME.sqlite or NAME.csv of record_readings or"
+        ' read_tag --csv',
     )
     parser.add_argument(
         '--tag-file',

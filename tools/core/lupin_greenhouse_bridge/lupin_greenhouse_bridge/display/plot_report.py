@@ -62,7 +62,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = parser_of(
         'plot_report',
         'Draw readings into the greenhouse.',
-        'picture to write, also .svg or .pdf; default: FILE.png',
+        'picture to write, in the format of its ending, such as .svg or .pdf; default: NAME.png beside FILE',
     )
     return draw_file(parser, arguments, '.png', _draw)
 

@@ -50,7 +50,9 @@ SCRIPT = Path(__file__).with_suffix('.js')
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the page beside the file, or to --output; return the exit code."""
-    parser = parser_of('readings_page', 'Make a page of readings.', 'page to write; default: FILE.html')
+    parser = parser_of(
+        'readings_page', 'Make a page of readings.', 'page to write; default: NAME.html beside FILE'
+    )
     return draw_file(parser, arguments, '.html', _write_page)
 
 

@@ -222,8 +222,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     source = parser.add_mutually_exclusive_group(required=True)
     add = source.add_argument
-    add('--pairs', metavar='FILE', help='YAML or JSON: positions in the map, such as {"7": [1.5, 7.3]}')
-    add('--click', nargs='+', metavar='ID', help='take a click of RViz (Publish Point) for each tag in turn')
+    add(
+        '--pairs',
+        metavar='FILE',
+        help='YAML or JSON file with the positions of tags in the map, such as {"7": [1.5, 7.3]}',
+    )
+    add(
+        '--click',
+        nargs='+',
+        metavar='ID',
+        help='click these tags in RViz with Publish Point, one after the other in this order',
+    )
     add('--suggest', type=int, metavar='N', help='print the N tags that are best to click, and write nothing')
     add_arguments(parser)
     return parser
