@@ -103,7 +103,9 @@ def main(arguments: list[str] | None = None) -> int:
     """Write the PDF; exit code 2 if it cannot be written."""
     parser = argparse.ArgumentParser(prog='tags', description=__doc__.strip().splitlines()[0])
     parser.add_argument('--side', type=float, default=100.0, metavar='MM', help='default: %(default)g')
-    parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")
+    parser.add_argument(
+        '--tag-file', default='', metavar='FILE', help='default: the tag file that the simulator brings'
+    )
     parser.add_argument('--output', type=Path, default=Path('.tags'), metavar='FOLDER')
     options = parser.parse_args(arguments)
     largest = (PAGE_MM[0] - 2 * MARGIN_MM) * MODULES / (MODULES + 2)
