@@ -45,6 +45,9 @@ class Drive(ABC):
         """Return whether all stopped drives have ended."""
         return True
 
+    def close(self) -> None:  # noqa: B027
+        """Release what the drive has of its node. Nothing may spin the node then."""
+
 
 class SimulatedDrive(Drive):
     """Does not move a robot. A drive to any goal takes the same time; with 0 s, it ends immediately."""

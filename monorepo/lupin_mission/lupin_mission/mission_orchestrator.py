@@ -152,6 +152,9 @@ class MissionNode(Node):
             with contextlib.suppress(OneLineError):  # the first one has been logged
                 self._stop_robot(executor)
             executor.shutdown(timeout_sec=0)
+        if self._drive:
+            self._drive.close()
+            self._drive = None
         if self._planner:
             self._planner.close()
         if self.report:

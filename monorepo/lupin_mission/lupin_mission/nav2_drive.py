@@ -209,6 +209,10 @@ class Nav2Drive(Drive):
         self._not_over = [each for each in self._not_over if not each.is_over]
         return not (self._not_over and self._client.server_is_ready())
 
+    def close(self):
+        """Destroy the client: rclpy does not do it with the node, which then would stay on the graph."""
+        self._client.destroy()
+
 
 class _SentGoal:
     """A goal from its request to its end."""

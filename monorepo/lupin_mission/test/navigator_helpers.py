@@ -130,15 +130,15 @@ class Trip:
         self.now_seconds = 0.0
         self.notes = []
         self._node = node
-        self._executor = None
-        self.change_executor()
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
         settings = Settings(drive='nav2', nav_action_name=self.name, **options)
         self.drive = Nav2Drive(node, settings, lambda *note: self.notes.append(note))
         self.drive.goals.update(a=[PoseInPlane(1.0, 2.0, math.pi / 2)], b=[PoseInPlane(3.0, 4.0, 0.0)])
 
     def change_executor(self) -> None:
         """End the executor, and go on with another."""
-        self.close()
+        self._executor.shutdown()
         self._executor = SingleThreadedExecutor(context=self._node.context)
         self._executor.add_node(self._node)
 
@@ -174,6 +174,6 @@ class Trip:
         return arrivals[-1]
 
     def close(self) -> None:
-        """End the executor, which the thread of the test spins."""
-        if self._executor:
-            self._executor.shutdown()
+        """End the executor, which the thread of the test spins, and the drive."""
+        self._executor.shutdown()
+        self.drive.close()

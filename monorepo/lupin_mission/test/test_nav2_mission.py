@@ -1,5 +1,6 @@
 """The real mission node with Nav2's action: what ends it stops the robot, and what fails is reported."""
 
+import gc
 import importlib.util
 import json
 import math
@@ -404,6 +405,25 @@ def test_a_mission_that_is_done_awaits_the_end_of_its_last_goal(start_mission, n
     navigator.end(goal, 'canceled')
     assert mission.end() == 1
     assert mission.outcomes() == [('1', Outcome.SKIPPED)]
+
+
+@pytest.fixture
+def without_garbage_collection():
+    """Keep what nothing refers to but itself."""
+    gc.disable()
+    yield
+    gc.enable()
+
+
+@pytest.mark.usefixtures('without_garbage_collection')
+def test_a_mission_that_has_ended_is_off_the_graph(start_mission, navigator, node):
+    mission = start_mission(**NAV2, tag_sequence='1')
+    goal = navigator.accept()
+    mission.ask_to_end()
+    navigator.grant_cancel(goal)
+    assert mission.end() == 1
+    name = ('mission_orchestrator', mission.namespace)
+    wait_until(lambda: name not in node.get_node_names_and_namespaces())
 
 
 def test_sigterm_stops_the_robot(start_process, navigator):
