@@ -1,6 +1,7 @@
 """The fake navigator in the test's process, with a client of its action. The test moves its clock."""
 
 import contextlib
+import gc
 import importlib.util
 import math
 import threading
@@ -163,6 +164,9 @@ def start(monkeypatch, clock):  # noqa: ARG001 - the robot has its clock from th
             return client.wait_for_server() if parameters.get('autostart', True) else client
 
         yield start_navigator
+    # rclpy leaves the state machine of a life cycle and a client of an action, and with each its participant,
+    # to the garbage collector.
+    gc.collect()
 
 
 def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(start, clock, tmp_path):
