@@ -53,7 +53,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FENCED = re.compile(
     r'(?:^<!-- (?P<mark>[^\n]+?) -->\n)?^```(?P<language>\S*)\n(?P<text>.*?)^```$', re.MULTILINE | re.DOTALL
 )
-LINK = re.compile(r'\[[^\]]*\]\(([^)\s]+)\)')
+LINK = re.compile(r'\[[^\[\]]*\]\(([^)\s]+)\)')
 SOURCE = re.compile(r'\bsrc(?:set)?="([^"]+)"')  # of a <picture>
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
 LONGEST_RUN_SECONDS = 300
@@ -75,7 +75,7 @@ LINE_OF_HELP = re.compile(r'^  (\S.*?)(?:  +|\n +)(\S.*)$', re.MULTILINE)
 TERM = re.compile(r'^### (.+)\n+((?:.+\n)+)', re.MULTILINE)
 MOST_TERMS = 25
 NOT_PROSE = re.compile(r'^[#|].*$|^ *<.*>$|`[^`\n]*`', re.MULTILINE)
-LINK_TO_TERM = re.compile(r'\[[^\]]*\]\((?:\S*/)?glossary\.md#([^)]+)\)')
+LINK_TO_TERM = re.compile(r'\[[^\[\]]*\]\((?:\S*/)?glossary\.md#([^)]+)\)')
 
 
 def documents(root: Path) -> list[Path]:
