@@ -42,6 +42,18 @@ def change(folder, path=README, text='\nMore.\n', message='Change it'):
     git(folder, 'commit', '--quiet', '--message', message)
 
 
+def finish_release(folder):
+    """Give the entries since the last release, if there are any, this version."""
+    paths = [folder / each for each in git(folder, 'ls-files', '*CHANGELOG.rst').splitlines()]
+    heading = f'{VERSION} (2026-01-01)'
+    for path in paths:
+        path.write_text(
+            path.read_text().replace('Forthcoming\n-----------', f'{heading}\n{"-" * len(heading)}')
+        )
+    if git(folder, 'status', '--porcelain'):
+        change(folder)
+
+
 def refs(remote) -> dict[str, str]:
     lines = git(remote, 'for-each-ref', '--format=%(refname) %(objectname)').splitlines()
     return dict(line.split() for line in lines)
@@ -58,6 +70,7 @@ def entries(folder, name) -> dict[str, str]:
 
 
 def test_main_is_the_mirror_and_ready_is_main_without_colcon_ignore(repositories, remote, publish):
+    finish_release(repositories[0])
     code, printed = publish('--release', VERSION)
     assert code == 0, printed
     assert list(refs(remote)) == [*REFS, f'refs/tags/{VERSION}']
@@ -178,6 +191,7 @@ def leave_uncommitted(folder):
 
 
 def begin_next_release(folder):
+    finish_release(folder)
     path = folder / 'lupin_greenhouse_ros/lupin_greenhouse_msgs/CHANGELOG.rst'
     section = f'\n{VERSION} ('
     path.write_text(path.read_text().replace(section, f'\nForthcoming\n-----------\n* More.\n{section}', 1))
@@ -203,6 +217,7 @@ def test_a_spoiled_checkout_is_not_published(repositories, remote, publish, spoi
 
 
 def test_a_release_is_not_moved(repositories, remote, publish):
+    finish_release(repositories[0])
     publish('--release', VERSION)
     before = refs(remote)
     change(repositories[0])
