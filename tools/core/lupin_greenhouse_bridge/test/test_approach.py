@@ -59,12 +59,20 @@ def gap_m(layout: Layout, x: float, y: float, walls: Walls | None = None) -> flo
     walls = walls or walls_around(layout)
     gaps = [x - walls.x0, y - walls.y0, walls.x1 - x, walls.y1 - y]
     gaps += [each.distance_m(x, y) for each in tables_of(layout)]
-    for tag in find_tag_poses(layout, walls).values():
-        along = np.array([-math.sin(tag.facing), math.cos(tag.facing)]) * PLATE_WIDTH_M / 2
-        offset = np.array([x - tag.x, y - tag.y])
-        share = np.clip(offset @ along / (along @ along), -1.0, 1.0)
-        gaps.append(float(np.linalg.norm(offset - share * along)))
-    return min(gaps)
+    middles, along = plates_of(
+        tuple(tag[:2] for tag in layout.tags.values()), tuple(layout.tables.items()), walls
+    )
+    offsets = (x, y) - middles
+    shares = np.clip((offsets * along).sum(axis=1) / (along * along).sum(axis=1), -1.0, 1.0)
+    return min(*gaps, float(np.linalg.norm(offsets - shares[:, None] * along, axis=1).min()))
+
+
+@functools.lru_cache
+def plates_of(places, tables, walls: Walls) -> tuple[np.ndarray, np.ndarray]:
+    """Return the middles of the plates at these places, and the half of each, in arrays (plates, 2)."""
+    poses = find_tag_poses(layout_of(*places, **dict(tables)), walls).values()
+    half = [(-math.sin(each.facing), math.cos(each.facing)) for each in poses]
+    return np.array([each[:2] for each in poses]), np.array(half) * PLATE_WIDTH_M / 2
 
 
 def side_of(line, point) -> float:

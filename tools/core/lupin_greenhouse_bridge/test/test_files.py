@@ -458,7 +458,7 @@ def spoiled_greenhouses(draw):
 def load_generated(folder, greenhouse, chosen):
     tag_file, config_file = folder / 'tags.json', folder / 'config.yaml'
     tag_file.write_text(json.dumps({'tags': greenhouse['tags']}), encoding='utf-8')
-    config_file.write_text(yaml.safe_dump(greenhouse['config']), encoding='utf-8')
+    config_file.write_text(yaml.dump(greenhouse['config'], Dumper=yaml.CSafeDumper), encoding='utf-8')
     return simulation.load(chosen, tag_file, config_file)
 
 
