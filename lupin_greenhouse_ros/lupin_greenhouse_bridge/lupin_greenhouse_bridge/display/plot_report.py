@@ -3,7 +3,6 @@
 
 import argparse
 import math
-import sys
 import textwrap
 import time
 from pathlib import Path
@@ -16,11 +15,10 @@ from lupin_greenhouse_bridge.display.drawing_command import (
     draw_file,
     extremes_of,
     failures_of,
+    greenhouse_of,
     lasting,
-    layout_of,
     named,
     parser_of,
-    read_colour_ranges,
     read_route,
     speed_of,
 )
@@ -37,7 +35,7 @@ from lupin_greenhouse_bridge.planning.drawing import (
     place_labels,
     steps_of,
 )
-from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
+from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFile
 from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, natural_order
@@ -77,9 +75,7 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
     matplotlib.use('Agg')
     from matplotlib import pyplot
 
-    layout = layout_of(file, options.tag_file)
-    walls = find_walls(layout, options.sim_config_file, options.walls)
-    colour_ranges = read_colour_ranges(options.sim_config_file)
+    layout, walls, colour_ranges = greenhouse_of(options, file)
     route, failures = read_route(options.route), failures_of(file.visits)
     failed = {tag_id: each.word for each in failures for tag_id in each.tag_ids}
     readings = {tag_id: each for tag_id, each in last_of_each_tag(file.rows).items() if tag_id not in failed}
@@ -325,7 +321,3 @@ def _write_head(figure, headline: list[tuple[str, str]], failures: list[Failures
     figure.add_artist(
         AnnotationBbox(line, place, xycoords=figure.transFigure, box_alignment=(0.5, 0), frameon=False, pad=0)
     )
-
-
-if __name__ == '__main__':
-    sys.exit(main())

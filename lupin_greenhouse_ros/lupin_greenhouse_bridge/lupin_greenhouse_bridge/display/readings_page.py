@@ -10,7 +10,6 @@ import base64
 import hashlib
 import json
 import re
-import sys
 from collections import Counter, defaultdict
 from pathlib import Path
 
@@ -23,17 +22,16 @@ from lupin_greenhouse_bridge.display.drawing_command import (
     draw_file,
     extremes_of,
     failures_of,
+    greenhouse_of,
     lasting,
-    layout_of,
     parser_of,
-    read_colour_ranges,
     read_route,
     reason_of,
     speed_of,
     words_of,
 )
 from lupin_greenhouse_bridge.errors import escaped
-from lupin_greenhouse_bridge.planning.walls import Walls, find_walls
+from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFile
 from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
@@ -60,9 +58,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _write_page(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
     if not (file.rows or file.visits):
         raise NothingToDraw(f"'{options.file}': holds no readings: there is no page")
-    layout = layout_of(file, options.tag_file)
-    walls = find_walls(layout, options.sim_config_file, options.walls)
-    data = data_of(file, layout, walls, read_colour_ranges(options.sim_config_file))
+    data = data_of(file, *greenhouse_of(options, file))
     data |= {'title': escaped(options.file.name, LONGEST_NAME), 'route': read_route(options.route)}
     output.write_text(fill(data), encoding='utf-8')
 
@@ -244,7 +240,3 @@ def binned(times: np.ndarray, values: np.ndarray, width: float) -> list[list[flo
 def rounded(value: float) -> float:
     """Return a value with six digits, more than any pixel shows."""
     return float(f'{value:.6g}')
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
-from lupin_greenhouse_bridge.planning.walls import add_wall_options, read_visualization
+from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, read_visualization
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFile, read_file
 from lupin_greenhouse_bridge.recording.report_line import Observation
 from lupin_greenhouse_bridge.recording.rows import Row
@@ -52,6 +52,7 @@ class Failures(NamedTuple):
 def parser_of(prog: str, description: str, output_help: str) -> argparse.ArgumentParser:
     """Return the parser of a command that draws a file of readings."""
     parser = argparse.ArgumentParser(prog=prog, description=description)
+    parser.set_defaults(prog=prog)
     parser.add_argument(
         'file',
         metavar='FILE',
@@ -74,6 +75,21 @@ def parser_of(prog: str, description: str, output_help: str) -> argparse.Argumen
     )
     parser.add_argument('-o', '--output', type=Path, metavar='FILE', help=output_help)
     return parser
+
+
+def greenhouse_of(
+    options: argparse.Namespace, file: ReadingFile
+) -> tuple[Layout, Walls, dict[str, tuple[float, float]]]:
+    """Return the layout, the walls and the ranges of the colours; warn of tags outside the walls."""
+    layout = layout_of(file, options.tag_file)
+    walls = find_walls(layout, options.sim_config_file, options.walls)
+    if outside := [tag_id for tag_id, tag in layout.tags.items() if not walls.has_inside(tag.x, tag.y)]:
+        print(
+            f'{options.prog}: outside the walls ({walls}): {named(outside, MOST_EXTREME)}: set --walls or'
+            ' --sim-config-file',
+            file=sys.stderr,
+        )
+    return layout, walls, read_colour_ranges(options.sim_config_file)
 
 
 def layout_of(file: ReadingFile, tag_file: str) -> Layout:

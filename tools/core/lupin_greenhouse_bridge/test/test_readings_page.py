@@ -279,6 +279,15 @@ def test_the_greenhouse_beside_a_report_is_its_own(report, tmp_path, shipped_con
     assert data['walls'] == [0.0, 0.0, 3.0, 2.0]
 
 
+def test_tags_outside_the_walls_are_named(recording, capsys):
+    path = recording('readings.sqlite', [7.0], place_m=(5.5, 2.0))
+    shown(path, '--walls', '0', '0', '6', '10')
+    assert capsys.readouterr().err == ''
+    shown(path, '--walls', '0', '0', '5', '10')
+    problem = 'outside the walls (x 0 to 5 m, y 0 to 10 m): tag a1: set --walls or --sim-config-file'
+    assert problem in capsys.readouterr().err
+
+
 def test_positions_of_another_greenhouse_are_refused(tmp_path, recording, capsys):
     tags = {'a1': {'x': 1.0, 'y': 2.5, 'sensors': ['ph']}}
     tag_file = tmp_path / 'tags.json'
