@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from conftest import needs_drake
+from lupin_greenhouse_bridge.testing import executable
 
 ROOT = Path(__file__).resolve().parents[2]
 WRONG = """
@@ -55,11 +56,12 @@ def with_drake(*arguments: str) -> subprocess.CompletedProcess:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
-def check_world(folder, layout, command=('-m', 'lupin_simulation.check_world')):
+def check_world(folder, layout, command=()):
     """Run the check on a layout."""
     tag_file = folder / 'tags.json'
     tag_file.write_text(json.dumps(layout), encoding='utf-8')
     walls = ('--walls', '-2', '-2', '7', '5')
+    command = command or [executable('lupin_simulation', 'check_world')]
     return with_drake(*command, '--tag-file', str(tag_file), *walls)
 
 
@@ -145,9 +147,8 @@ def test_approach_poses_that_look_aside_are_noticed(tmp_path):
 def test_the_camera_refuses_a_file_that_is_no_world_in_one_line(tmp_path, name):
     (tmp_path / 'broken.sdf').write_text('<sdf version="1.6"><world>', encoding='utf-8')
     world_file = name and str(tmp_path / name)
-    result = with_drake(
-        '-m', 'lupin_simulation.world_camera', '--ros-args', '-p', f'world_file:="{world_file}"'
-    )
+    camera = executable('lupin_simulation', 'world_camera')
+    result = with_drake(camera, '--ros-args', '-p', f'world_file:="{world_file}"')
     assert result.returncode == 1
     (fatal,) = result.stderr.splitlines()
     assert '[FATAL]' in fatal

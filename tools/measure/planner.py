@@ -8,10 +8,10 @@ pip install ortools.
 import argparse
 import json
 import math
+import os
 import random
 import resource
 import subprocess
-import sys
 import tempfile
 import time
 
@@ -23,7 +23,7 @@ from lupin_greenhouse_bridge.planning.walls import find_walls, walls_around
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
 from shared import print_head, print_row
 
-COMMAND = (sys.executable, '-m', 'lupin_greenhouse_bridge.planning.approach_poses', '--tag-file')
+COMMAND = (f'{os.environ["LUPIN_EXECUTABLES"]}/approach_poses', '--tag-file')
 
 
 def random_layout(seed: int) -> Layout:

@@ -5,7 +5,6 @@ ROS 2 node `greenhouse_bridge`: returns the simulated climate at a tag, at the t
 ros2 run lupin_greenhouse_bridge bridge_node --ros-args -p debug_time_of_day:=12.0
 """
 
-import sys
 from pathlib import Path
 
 from lupin_greenhouse_msgs.msg import SensorReading
@@ -94,7 +93,3 @@ class GreenhouseBridgeNode(Node):
 def main(args=None):
     """Serve until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return run(NODE_NAME, GreenhouseBridgeNode, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -158,7 +158,3 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     print_line('the world is right' if all(results) else 'the world is WRONG')
     return 0 if all(results) else 1
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -8,7 +8,6 @@ image to image. With `from_odometry` it is on the robot instead: it subscribes t
 """
 
 import math
-import sys
 from dataclasses import dataclass
 
 import cv2
@@ -70,7 +69,3 @@ def view_of(tag: Tag | None, random) -> tuple[np.ndarray, np.ndarray]:
 def main(args=None) -> int:
     """Publish until Ctrl-C or SIGTERM."""
     return run(NODE_NAME, WorldCamera, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -8,7 +8,6 @@ It is a client of the bridge, for robots with a detector. It never waits in a ca
 """
 
 import re
-import sys
 import time
 from dataclasses import dataclass
 
@@ -182,7 +181,3 @@ def _fault_of(response: GetTagReading.Response, tag_id: str) -> str:
 def main(args=None) -> int:
     """Publish until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return run(NODE_NAME, ReadOnSightNode, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -10,7 +10,6 @@ them: it is not the model of the simulator, which no robot can see.
 
 import array
 import math
-import sys
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -251,7 +250,3 @@ def _grid_of(settings: Settings, layout: Layout, walls: Walls) -> Grid:
 def main(args=None) -> int:
     """Publish until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return run(NODE_NAME, ShowReadingsNode, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

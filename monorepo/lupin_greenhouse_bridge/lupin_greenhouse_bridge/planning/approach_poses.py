@@ -259,7 +259,3 @@ def _parser() -> argparse.ArgumentParser:
     add('--picture', metavar='FILE', help='draw the layout, the poses and the route')
     add('--publish', action='store_true', help='publish the poses on topic ~/poses for RViz, until Ctrl-C')
     return parser
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -256,7 +256,3 @@ def _rounds(text: str) -> int:
     if not text.isdecimal() or int(text) == 0:
         raise argparse.ArgumentTypeError(f'{text!r} is not a number of rounds above 0')
     return int(text)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -5,7 +5,6 @@ ROS 2 node `record_readings`: keeps each value that it receives as a row of a SQ
 ros2 run lupin_greenhouse_bridge record_readings --ros-args -p file:=readings.csv
 """
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -129,7 +128,3 @@ class RecordReadingsNode(Node):
 def main(args=None) -> int:
     """Record until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return run(NODE_NAME, RecordReadingsNode, args, conclude=RecordReadingsNode.end)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

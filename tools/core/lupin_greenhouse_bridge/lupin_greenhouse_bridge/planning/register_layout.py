@@ -257,7 +257,3 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='assumed standard deviation of a position along each axis in metres; if the residuals show a'
         ' larger one, that one counts; default: %(default)s',
     )
-
-
-if __name__ == '__main__':
-    sys.exit(main())
