@@ -187,6 +187,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix='publish-check-') as name:
         folder = Path(name)
         try:
+            print('publishing to a local repository', flush=True)
             repository = publish_mirror(folder)
             other = folder / 'other_team'
             for path, text in OTHER_PACKAGE.items():
@@ -195,6 +196,7 @@ def main() -> int:
             pages = [published_text(repository, path) for path in PAGES]
             setup = ros_setup(folder)
             for layout, script in layouts(pages, other).items():
+                print(f'{layout}: building, and running the tests (some minutes)', flush=True)
                 printed = follow(layout, folder, script, setup)
                 tested = re.search(r'^Summary: (\d+) tests, 0 errors, 0 failures', printed, re.MULTILINE)
                 written = modules_written(ROOT / MIRROR)
