@@ -9,7 +9,7 @@ from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.units import value_text
+from lupin_greenhouse_bridge.units import sensor_order, value_text
 from lupin_msgs.msg import MissionState, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
 from rclpy.duration import Duration
@@ -79,11 +79,12 @@ class Announcer:
         tag = f"tag '{escaped(observation.tag_id, 64)}'"
         if observation.outcome is Outcome.OK:
             self._readings.publish(message.tag_reading)
-            values = ', '.join(
-                f'{name} {value_text(name, value)}' for name, value in observation.reading.values.items()
+            values = observation.reading.values
+            shown = ', '.join(
+                f'{each} {value_text(each, values[each])}' for each in sorted(values, key=sensor_order)
             )
             pose = f' (pose {observation.pose})' if observation.pose > 1 else ''
-            self._inform(f'{tag}{pose}: {values}')
+            self._inform(f'{tag}{pose}: {shown}')
         elif observation.outcome is Outcome.SKIPPED:
             self._inform(f'{tag}: {observation.outcome.value}: {observation.detail}')
         else:
