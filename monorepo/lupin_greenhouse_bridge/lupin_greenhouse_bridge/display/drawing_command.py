@@ -232,6 +232,11 @@ def speed_of(rows: list[Row]) -> str:
     return f'greenhouse clock about {float(f"{speed:.2g}"):,.0f} times faster' if speed > 1.5 else ''
 
 
+def days_of(rows: list[Row]) -> int:
+    """Return on how many days of the greenhouse rows lie, at least: a pause can hide a midnight."""
+    return 1 + int((np.diff([row.sim_time_of_day_seconds for row in rows]) < 0.0).sum())
+
+
 def read_route(name: str | Path) -> list[tuple[float, float]]:
     """Return x and y in metres of each point of a CSV file, or none for ''; raises StartUpError."""
     if not name:

@@ -70,8 +70,8 @@ function write_head() {
   if (data.span_ms.length) {
     const times = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`);
     parts.push(times[0] === times[1] ? times[0] : `${times.join(' to ')} (${data.lasting})`);
-    const [from, to, midnights] = data.day_span;
-    parts.push(`greenhouse ${[...new Set([from, to].map(day_time))].join(' to ')}${midnights > (to < from) ? ` over ${grouped(midnights + 1)} days` : ''}`);
+    const [from, to] = data.day_span;
+    parts.push(`greenhouse ${[...new Set([from, to].map(day_time))].join(' to ')}${data.days - 1 > (to < from) ? ` over at least ${grouped(data.days)} days` : ''}`);
   }
   pieces(document.querySelector('h1'), parts, number => data.counts[number - 1]?.[2]);
   pieces(element('file'), [data.title, ...data.span_ms.slice(0, 1).map(ms => is_one_day ? date(ms) : ''), `times in ${zone}`, data.speed].filter(Boolean));

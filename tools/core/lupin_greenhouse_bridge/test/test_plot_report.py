@@ -144,6 +144,21 @@ def test_a_clock_of_the_greenhouse_that_is_faster_is_told(report, texts_of, tmp_
         assert ('greenhouse clock about 1,800 times faster' in drawn) is expected
 
 
+def test_a_picture_of_several_days_says_so(report, texts_of, tmp_path):
+    row = read_file(report).rows[0]._replace(x_m=None, y_m=None)
+    stamped = [(1, 64_800.0, '1'), (2, 3600.0, '5'), (3, 50_000.0, '5'), (4, 1800.0, '5'), (5, 79_200.0, '5')]
+    for count, over in ((2, False), (5, True)):
+        rows = [
+            row._replace(stamp_ns=row.stamp_ns + second * 10**9, sim_time_of_day_seconds=time, tag_id=tag_id)
+            for second, time, tag_id in stamped[:count]
+        ]
+        store = open_store(str(tmp_path / f'{count}.csv'))
+        store.keep(rows)
+        store.close()
+        drawn = ' '.join(texts_of(tmp_path / f'{count}.csv'))
+        assert ('over at least 3 days' in drawn, 'over at least' in drawn) == (over, over)
+
+
 @pytest.mark.parametrize(
     ('values', 'limits', 'expected'),
     [

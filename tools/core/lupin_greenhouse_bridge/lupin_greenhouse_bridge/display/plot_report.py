@@ -11,6 +11,7 @@ from lupin_greenhouse_bridge.display.drawing_command import (
     Failures,
     NothingToDraw,
     colour_limits,
+    days_of,
     draw_file,
     extremes_of,
     failures_of,
@@ -28,6 +29,7 @@ from lupin_greenhouse_bridge.planning.drawing import (
     ROUTE_COLOUR,
     TABLE_COLOUR,
     Box,
+    box_of,
     draw_greenhouse,
     draw_path,
     label_path,
@@ -110,14 +112,14 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
     for axes, sensor in zip(all_axes[has_ways:], sensors, strict=True):
         values = [row.value for row in file.rows if row.sensor == sensor]
         colours = colour_limits(values, colour_ranges.get(sensor))
-        _draw_readings(figure, axes, sensor, layout, readings, colours)
+        _draw_readings(axes, sensor, layout, walls, readings, colours)
         _cross(axes, layout, failed, 30)
     for axes in all_axes:
         axes.set_anchor('N')  # the panel of the route has no colour bar below it
     _draw_legend(figure, set(failed.values()), has_route=bool(route))
     _write_head(
         figure,
-        _headline(readings, failures, len(layout.tags)),
+        _headline(file.rows, readings, failures, len(layout.tags)),
         failures,
         _origin(options.file, readings, speed_of(file.rows)),
     )
@@ -152,8 +154,7 @@ def _draw_ways(
         draw_path(axes, route)
         _show_all_of(axes, route)
     labels = [(boxes[key], character_m * len(text) + gap_m, line_m) for key, text in texts.items()]
-    room = Box((walls.x0 + walls.x1) / 2, (walls.y0 + walls.y1) / 2, walls.x1 - walls.x0, walls.y1 - walls.y0)
-    places = place_labels([*dots.values(), *way], labels, room)
+    places = place_labels([*dots.values(), *way], labels, box_of(walls))
     for (key, text), place in zip(texts.items(), places, strict=True):
         _label(axes, place, text, BAD_COLOUR if key in failed else ROUTE_COLOUR)
     _cross(axes, layout, failed, 60)
@@ -167,7 +168,9 @@ def _show_all_of(axes, route: list[tuple[float, float]]) -> None:
     axes.set_ylim(min(y0, min(ys) - GAP_M), max(y1, max(ys) + GAP_M))
 
 
-def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None:
+def _draw_readings(axes, sensor: str, layout, walls, readings, colours) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     measured = {tag_id: each[sensor].value for tag_id, each in readings.items() if sensor in each}
     others = [tag for tag_id, tag in layout.tags.items() if tag_id not in measured]
     extremes = extremes_of(sensor, measured)
@@ -194,11 +197,14 @@ def _draw_readings(figure, axes, sensor: str, layout, readings, colours) -> None
         (dots[tag_id], character_m * len(text) + gap_m, line_m)
         for tag_id, text in zip(measured, texts, strict=True)
     ]
-    for place, text in zip(place_labels(list(dots.values()), labels), texts, strict=True):
+    for place, text in zip(place_labels(list(dots.values()), labels, box_of(walls)), texts, strict=True):
         _label(axes, place, text, 'black')
-    is_within = colours[0] <= min(measured.values()) and max(measured.values()) <= colours[1]
+    low, high = colours
+    is_within = low <= min(measured.values()) and max(measured.values()) <= high
     extend = 'neither' if is_within else 'both'
-    figure.colorbar(points, ax=axes, location='bottom', shrink=0.9, pad=0.02, extend=extend)
+    inner = [each for each in MaxNLocator(4).tick_values(*colours) if 0.1 < (each - low) / (high - low) < 0.9]
+    ticks = [low, *inner, high]
+    axes.figure.colorbar(points, ax=axes, location='bottom', shrink=0.9, pad=0.02, extend=extend, ticks=ticks)
 
 
 def _write_title(axes, title: str, more: str) -> None:
@@ -266,7 +272,7 @@ def _draw_legend(figure, words: set[str], *, has_route: bool) -> None:
 
 
 def _headline(
-    readings: dict[str, dict[str, Row]], failures: list[Failures], tag_count: int
+    all_rows: list[Row], readings: dict[str, dict[str, Row]], failures: list[Failures], tag_count: int
 ) -> list[tuple[str, str]]:
     """Return the parts of the first line and their colours."""
     rows = [row for each in readings.values() for row in each.values()]
@@ -275,13 +281,16 @@ def _headline(
     for each in failures:
         counts[each.word] = counts.get(each.word, 0) + len(each.tag_ids)
     times_of_day = dict.fromkeys(clock_time(row.sim_time_of_day_seconds) for row in (first, last))
+    days = days_of([row for row in all_rows if first.stamp_ns <= row.stamp_ns <= last.stamp_ns])
+    has_more_days = days - 1 > (last.sim_time_of_day_seconds < first.sim_time_of_day_seconds)
+    over = f' over at least {days} days' if has_more_days else ''
     clocks = dict.fromkeys(map(_clock, (first, last)))
     length = f' ({lasting(first.stamp_ns, last.stamp_ns)})' if len(clocks) > 1 else ''
     return [
         (f'{len(readings)} of {tag_count} tags read', 'black'),
         *((f'{count} {word}', BAD_COLOUR) for word, count in counts.items()),
         (' to '.join(clocks) + length, 'black'),
-        (f'greenhouse {" to ".join(times_of_day)}', 'black'),
+        (f'greenhouse {" to ".join(times_of_day)}{over}', 'black'),
     ]
 
 

@@ -18,6 +18,7 @@ from lupin_greenhouse_bridge.display.drawing_command import (
     Failures,
     NothingToDraw,
     colour_limits,
+    days_of,
     draw_file,
     extremes_of,
     failures_of,
@@ -119,7 +120,8 @@ def data_of(file: ReadingFile, layout: Layout, walls: Walls, colour_ranges: dict
             for word, reason, tag_ids in failures
         ],
         'span_ms': [row.stamp_ns // NS_PER_MS for row in (*file.rows[:1], *file.rows[-1:])],
-        'day_span': _day_span(file.rows),
+        'day_span': [row.sim_time_of_day_seconds for row in (*file.rows[:1], *file.rows[-1:])],
+        'days': days_of(file.rows),
         'speed': speed_of(file.rows),
         'lasting': lasting(file.rows[0].stamp_ns, file.rows[-1].stamp_ns) if file.rows else '',
         'is_binned': any('is_binned' in line for each in lines.values() for line in each),
@@ -184,14 +186,6 @@ def _counts(tags: dict[str, dict], failures: list[Failures]) -> list[tuple[str, 
         for counter in (failed, unread)
         for word, count in counter.most_common()
     ]
-
-
-def _day_span(rows: list[Row]) -> tuple[float, float, int] | None:
-    """Return the greenhouse's time of day at the first and the last row, and how often it was midnight."""
-    if not rows:
-        return None
-    times = np.array([row.sim_time_of_day_seconds for row in rows])
-    return rows[0].sim_time_of_day_seconds, rows[-1].sim_time_of_day_seconds, int((np.diff(times) < 0).sum())
 
 
 def lines_of(rows: list[Row], numbers: dict[str, int]) -> dict[str, list[dict]]:

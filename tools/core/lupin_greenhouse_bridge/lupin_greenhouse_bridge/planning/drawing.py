@@ -38,6 +38,12 @@ class Box(NamedTuple):
     height: float
 
 
+def box_of(walls: Walls) -> Box:
+    """Return the rectangle within the walls."""
+    x0, y0, x1, y1 = walls
+    return Box((x0 + x1) / 2, (y0 + y1) / 2, x1 - x0, y1 - y0)
+
+
 def _overlaps(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Return the common area of each box with each other one, from arrays (boxes, 4)."""
     middles, sizes = boxes[:, None, :2], boxes[:, None, 2:]
