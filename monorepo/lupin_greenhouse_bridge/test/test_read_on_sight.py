@@ -261,11 +261,9 @@ def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(
 ):
     """Every tag and some unknown ones at 30 Hz, without a bridge for a while."""
     in_view = [*map(int, shipped_tags), 400, 401, 402]
-    service = '/tested/get_tag_reading'
-    command = [executable('lupin_greenhouse_bridge', 'bridge_node')]
-    command += ['--ros-args', '-r', f'~/get_tag_reading:={service}']
-    first = start_bridge(command)
+    first = start_bridge()
     first.wait_for_log('ready:')
+    service = first.service_name
     reader = start_node(
         READ_ON_SIGHT,
         detections_topic=TOPIC,
@@ -281,7 +279,7 @@ def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(
     first.close()
     camera.look_at(*in_view)
     reader.wait_for_log('no reply from')
-    start_bridge(command)
+    start_bridge(namespace=first.namespace)
     wait_until(lambda: len(readings) >= len(shipped_tags))
     assert sorted((each.tag_id for each in readings), key=int) == sorted(shipped_tags, key=int)
     assert all(each.readings for each in readings)

@@ -238,9 +238,11 @@ def wait_until(is_so) -> None:
 class NodeProcess:
     """A node as a process with its own namespace, and its log."""
 
-    def __init__(self, command: list[str], *, environment: dict | None = None, **parameters):
-        """Start the command with these parameters of the node."""
-        self.namespace = f'/test_{uuid.uuid4().hex[:8]}'
+    def __init__(
+        self, command: list[str], *, environment: dict | None = None, namespace: str = '', **parameters
+    ):
+        """Start the command with these parameters of the node, by default in a random namespace."""
+        self.namespace = namespace or f'/test_{uuid.uuid4().hex[:8]}'
         overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
         self.process = subprocess.Popen(
             [*command, '--ros-args', '-r', f'__ns:={self.namespace}', *overrides],

@@ -203,7 +203,9 @@ def _draw_readings(axes, sensor: str, layout, walls, readings, colours) -> None:
     low, high = colours
     is_within = low <= min(measured.values()) and max(measured.values()) <= high
     extend = 'neither' if is_within else 'both'
-    inner = [each for each in MaxNLocator(4).tick_values(*colours) if 0.1 < (each - low) / (high - low) < 0.9]
+    inner = [
+        each for each in MaxNLocator(4).tick_values(*colours) if 0.15 < (each - low) / (high - low) < 0.85
+    ]
     ticks = [low, *inner, high]
     axes.figure.colorbar(points, ax=axes, location='bottom', shrink=0.9, pad=0.02, extend=extend, ticks=ticks)
 

@@ -172,7 +172,7 @@ function place_label(x, y, radius, width, height, taken, way, room) {
 function draw_map() {
   const place = element('map'), number = state.sensor, sensor = data.sensors[number];
   const size = state.is_printed ? PAPER.map : [place.clientWidth, innerWidth < 704 ? Infinity : Math.max(innerHeight - place.getBoundingClientRect().top - scrollY - 62, 460)];
-  const frame = frame_of(...size, { left: 34, right: 12, top: 6, bottom: 34 });
+  const frame = frame_of(...size, { left: 40, right: 12, top: 6, bottom: 34 });
   const svg = drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': 'Map of the greenhouse. The arrow keys choose the next tag.' });
   const room = [frame.x(view.x0), frame.y(view.y0 + view.height), frame.x(view.x0 + view.width), frame.y(view.y0)];
   draw_axes(svg, frame, room);
@@ -229,7 +229,7 @@ function draw_axes(svg, frame, room) {
   for (const x of ticks(view.x0, view.x0 + view.width)) draw(svg, 'text', { class: 'muted', x: frame.x(x), y: room[3] + 15, 'text-anchor': 'middle' }, String(Number(x.toPrecision(6))));
   for (const y of ticks(view.y0, view.y0 + view.height)) draw(svg, 'text', { class: 'muted', x: room[0] - 7, y: frame.y(y) + 4, 'text-anchor': 'end' }, String(Number(y.toPrecision(6))));
   draw(svg, 'text', { class: 'muted', x: (room[0] + room[2]) / 2, y: room[3] + 30, 'text-anchor': 'middle' }, 'x (m)');
-  draw(svg, 'text', { class: 'muted', transform: `translate(${room[0] - 24} ${(room[1] + room[3]) / 2}) rotate(-90)`, 'text-anchor': 'middle' }, 'y (m)');
+  draw(svg, 'text', { class: 'muted', transform: `translate(${room[0] - 30} ${(room[1] + room[3]) / 2}) rotate(-90)`, 'text-anchor': 'middle' }, 'y (m)');
 }
 
 function draw_scale(width, limits) {
