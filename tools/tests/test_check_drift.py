@@ -19,6 +19,10 @@ LAUNCH = f'{BRIDGE}/launch/greenhouse_bridge.launch.py'
 SRV, READING = 'MSGS/srv/GetTagReading.srv', 'MSGS/msg/TagReading.msg'
 SENSOR = 'MSGS/msg/SensorReading.msg'
 WRAP, PLAIN = 'return Path(value) if value else None', 'return value or None'
+IMPORT, LAST_LINE = (
+    'from pathlib import Path\n',
+    '    return run(NODE_NAME, GreenhouseBridgeNode, args)\n',
+)  # of the node
 NODE_DIFFERS, PACKAGE_DIFFERS, INTERFACE = 'bridge_node.py', 'package file', 'interface'
 DIVERGENCE, LEFT_OVER, ONE_SIDE = 'allowed divergence', 'left-over name', 'only one side'
 IGNORE, MODE, LINK, MISSING = 'COLCON_IGNORE', 'file mode', 'symlink', 'missing'
@@ -63,9 +67,9 @@ EDITS = [
     (NODE_DIFFERS, 'monorepo', NODE, 'STATUS_UNKNOWN_TAG\n', 'STATUS_OK\n'),
     (NODE_DIFFERS, 'mirror', NODE, "'~/get_tag_reading'", "'get_tag_reading'"),
     (NODE_DIFFERS, 'mirror', NODE, 'read_only=True', 'read_only=False'),
-    (NODE_DIFFERS, 'monorepo', NODE, 'import sys\n', ''),
+    (NODE_DIFFERS, 'monorepo', NODE, IMPORT, ''),
     (NODE_DIFFERS, 'mirror', NODE, 'def main(args=None):\n', '\ndef main(args=None):\n'),
-    (NODE_DIFFERS, 'mirror', NODE, 'sys.exit(main())\n', 'sys.exit(main())\nextra = 1\n'),
+    (NODE_DIFFERS, 'mirror', NODE, LAST_LINE, f'{LAST_LINE}extra = 1\n'),
     # the one line: missing, doubled, moved, swapped
     (DIVERGENCE, 'mirror', NODE, f'    {PLAIN}\n', f'    {WRAP}\n'),
     (DIVERGENCE, 'monorepo', NODE, f'    {WRAP}\n', f'    {PLAIN}\n'),
@@ -113,14 +117,14 @@ EDITS = [
     (LEFT_OVER, 'mirror', 'README.md', '# lupin_greenhouse_ros', '# lupin-msgs'),
     (LEFT_OVER, 'mirror', 'MSGS/package.xml', '<name>lupin_greenhouse_msgs', '<name>lupin_msgs'),
     # invisible differences
-    (NODE_DIFFERS, 'mirror', NODE, 'import sys\n', 'import sys \n'),
-    (NODE_DIFFERS, 'mirror', NODE, 'import sys\n', 'import sys\r\n'),
+    (NODE_DIFFERS, 'mirror', NODE, IMPORT, 'from pathlib import Path \n'),
+    (NODE_DIFFERS, 'mirror', NODE, IMPORT, 'from pathlib import Path\r\n'),
     (PACKAGE_DIFFERS, 'mirror', SIMULATION, '"""Load, v', '\ufeff"""Load, v'),
     (INTERFACE, 'monorepo', READING, 'string tag_id    ', 'string tag_id\t'),
     (INTERFACE, 'mirror', SENSOR, 'float64 value', 'float64 v\u0430lue'),
     (PACKAGE_DIFFERS, 'mirror', LAUNCH, "'screen'", "'scre\u0435n'"),
     (PACKAGE_DIFFERS, 'mirror', SIMULATION, 'without sensors', 'without\u200b sensors'),
-    (NODE_DIFFERS, 'monorepo', NODE, 'sys.exit(main())\n', 'sys.exit(main())'),
+    (NODE_DIFFERS, 'monorepo', NODE, LAST_LINE, LAST_LINE.rstrip()),
     (PACKAGE_DIFFERS, 'monorepo', f'{BRIDGE}/setup.cfg', 'lupin_greenhouse_bridge\n', 'lupin_greenhouse_bridge  \n'),
 ]  # fmt: skip
 
@@ -351,15 +355,15 @@ def test_text_has_place_message_diff_and_remedy(trees, capsys):
 @pytest.mark.parametrize(
     ('new', 'shown'),
     [
-        ('import sys \n', r"+'import sys \n'"),
-        ('import sys\r\n', r"+'import sys\r\n'"),
-        ('import\tsys\n', r"+'import\tsys\n'"),
+        ('from pathlib import Path \n', r"+'from pathlib import Path \n'"),
+        ('from pathlib import Path\r\n', r"+'from pathlib import Path\r\n'"),
+        ('from\tpathlib import Path\n', r"+'from\tpathlib import Path\n'"),
         ('import s\u0443s\n', r"+'import s\u0443s\n'"),
-        ('import sys  # \u200b\n', r"+'import sys  # \u200b\n'"),
+        ('from pathlib import Path  # \u200b\n', r"+'from pathlib import Path  # \u200b\n'"),
     ],
 )
 def test_the_diff_shows_what_is_invisible(trees, new, shown, capsys):
-    trees.edit('mirror', NODE, 'import sys\n', new)
+    trees.edit('mirror', NODE, IMPORT, new)
     assert trees.check() == 1
     assert shown in capsys.readouterr().out.splitlines()
 
