@@ -155,7 +155,7 @@ steady: env  ## repeat the contract tests of both trees RUNS=20 times beside LOA
 
 # publish
 
-mirror-publish: env  ## push the mirror: REMOTE=URL [RELEASE=2.0.0] [ARGS=--dry-run]
+mirror-publish: env  ## push the mirror: REMOTE=URL [RELEASE=2.1.0] [ARGS=--dry-run]
 	@$(IN_ENV) python tools/mirror_publish.py '$(REMOTE)' $(if $(RELEASE),--release $(RELEASE)) $(ARGS)
 
 mirror-publish-check: env  ## publish the mirror to a local repository, clone it and follow its README
