@@ -126,7 +126,7 @@ def _draw(path: str, layout, walls, approaches, route, occupancy) -> None:
         from lupin_greenhouse_bridge.planning.drawing import draw_route
 
         figure = draw_route(layout, walls, approaches.poses, approaches.unreachable, route, occupancy)
-        figure.savefig(path, dpi=130)
+        figure.savefig(path, dpi=130, bbox_inches='tight', pad_inches=0.15)
     except ImportError as error:
         raise StartUpError(f'{error}: sudo apt install python3-matplotlib') from error
     except (OSError, ValueError) as error:  # unknown to matplotlib, or not writable
