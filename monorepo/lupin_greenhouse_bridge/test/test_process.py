@@ -3,6 +3,7 @@
 
 import dataclasses
 import subprocess
+import sys
 
 import pytest
 from conftest import SPINS
@@ -22,6 +23,20 @@ STARTS = ('rclpy/__init__.py:init', 'rclpy/context.py:init', 'rclpy/node.py:__in
 ENDS = ('rclpy/executors.py:shutdown', 'rclpy/context.py:try_shutdown')
 EXITS = 'lupin_greenhouse_bridge/runtime/process.py:end'  # after main()
 BOTH = SIGNALS['SIGTERM and Ctrl-C']
+STUCK = """
+import ctypes
+import sys
+import types
+from lupin_greenhouse_bridge.runtime import process
+
+def main():
+    process.limit_the_end()
+    ctypes.PyDLL(None).sleep(3600)  # with Python's lock, like a Fast DDS that waits for itself
+
+process.LONGEST_END_SECONDS = 0.2
+sys.modules['stuck'] = types.SimpleNamespace(main=main)
+process.start('stuck')
+"""
 NOBODY = ('--service', '/nobody/get_tag_reading', '--timeout', str(PATIENCE_SECONDS))
 
 
@@ -56,6 +71,20 @@ def test_the_bridge_ends_with_exit_code_0_at_any_moment(run_here, moment, signal
     signals_at = {SPINS: SIGNALS['SIGTERM'], moment: signals}
     ended = run_here(bridge_node.main, signals_at=signals_at)
     assert (ended.code, f'signalled in {moment}' in ended.out) == (0, True)
+
+
+def test_a_process_that_cannot_end_is_ended_with_exit_code_1_and_without_a_traceback():
+    ended = subprocess.run(
+        [sys.executable, '-c', STUCK], capture_output=True, check=False, timeout=PATIENCE_SECONDS
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (1, b'', b'')
+
+
+def test_the_end_of_a_node_is_limited(run_here, monkeypatch):
+    limits = []
+    monkeypatch.setattr(process, 'limit_the_end', lambda: limits.append(1))
+    assert run_here(bridge_node.main, signals_at={SPINS: SIGNALS['SIGTERM']}).code == 0
+    assert limits == [1]
 
 
 @pytest.mark.parametrize('moment', [*STARTS, *ENDS])

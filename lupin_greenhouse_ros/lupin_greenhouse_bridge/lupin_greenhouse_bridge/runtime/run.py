@@ -48,6 +48,7 @@ def ros(args=None):
         finally:
             nodes = executor.get_nodes()
             executor.shutdown(timeout_sec=0)  # Humble would wait for callbacks that never end
+            process.limit_the_end()
             for node in nodes:
                 node.destroy_node()
             gc.collect()  # a node whose constructor raised must be destroyed before ROS shuts down

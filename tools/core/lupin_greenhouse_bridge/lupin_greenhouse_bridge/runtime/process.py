@@ -5,6 +5,7 @@ Imports only the standard library, so that an executable can handle signals befo
 """
 
 import contextlib
+import faulthandler
 import importlib
 import os
 import signal
@@ -13,11 +14,13 @@ import time
 from typing import NoReturn
 
 LONGEST_WAIT_SECONDS = 0.5  # rclpy waits in C, and Python handles a signal only after the wait
+LONGEST_END_SECONDS = 30.0  # for DDS to destroy the nodes of a process that ends
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 NO_OUTPUT = 4  # exit code of every command whose standard output cannot be written
 
 _is_asked_to_end = False
 _has_lost_output = False
+_is_started = False  # by start(): this process ends after its main()
 
 
 def install_signal_handlers() -> None:
@@ -55,6 +58,8 @@ def start(module: str, *, has_node: bool = True) -> NoReturn:
     With `has_node`, the process handles signals from the start. Without it, a signal kills the process
     immediately.
     """
+    global _is_started  # noqa: PLW0603 - it belongs to the process
+    _is_started = True
     if sys.stdout is None:  # closed by the shell: a descriptor that refuses what is printed
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), 'w')
     if has_node:
@@ -77,6 +82,18 @@ def end(exit_code: int) -> NoReturn:
     with contextlib.suppress(OSError):
         sys.stderr.flush()
     os._exit(NO_OUTPUT if _has_lost_output else exit_code)
+
+
+def limit_the_end() -> None:
+    """
+    End the process with exit code 1 if it still runs after LONGEST_END_SECONDS.
+
+    While Fast DDS destroys a participant, it can wait forever for its own callback, which another node that
+    ends has caused. It then holds Python's lock, so no signal is handled. Does nothing in a test's process.
+    """
+    if _is_started:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        faulthandler.dump_traceback_later(LONGEST_END_SECONDS, exit=True, file=nowhere)
 
 
 def lose_output(error: OSError) -> None:
