@@ -456,10 +456,13 @@ def spoiled_greenhouses(draw):
     return greenhouse
 
 
+QUICK_DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)  # PyYAML may be built without libyaml
+
+
 def load_generated(folder, greenhouse, chosen):
     tag_file, config_file = folder / 'tags.json', folder / 'config.yaml'
     tag_file.write_text(json.dumps({'tags': greenhouse['tags']}), encoding='utf-8')
-    config_file.write_text(yaml.dump(greenhouse['config'], Dumper=yaml.CSafeDumper), encoding='utf-8')
+    config_file.write_text(yaml.dump(greenhouse['config'], Dumper=QUICK_DUMPER), encoding='utf-8')
     return simulation.load(chosen, tag_file, config_file)
 
 
