@@ -88,12 +88,12 @@ class Tags:
         self._timer = node.create_timer(ASK_EVERY_SECONDS, self._ask_the_bridge, clock=clock)
 
     def is_waiting_for_tags(self) -> bool:
-        """Return whether the bridge is available, and may still reply that it has its own tag file."""
-        if self._is_settled or not self._client or not self._client.service_is_ready():
+        """Return whether the bridge was available, and may still reply that it has its own tag file."""
+        if self._is_settled or not self._client:
             return False
-        if self._reply_deadline is None:
+        if self._reply_deadline is None and self._client.service_is_ready():
             self._reply_deadline = time.monotonic() + self._settings.dependency_timeout_s
-        return time.monotonic() < self._reply_deadline
+        return self._reply_deadline is not None and time.monotonic() < self._reply_deadline
 
     def _ask_the_bridge(self) -> None:
         """Ask the bridge for its tags. Repeat the request, because DDS can drop an early one."""

@@ -14,6 +14,7 @@ from lupin_msgs.srv import GetTagReading
 from mission_helpers import CAMERA, READER, TWIN_QOS, WEB_QOS, Subscriber
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters
+from rclpy.client import Client
 from rclpy.duration import Duration
 
 TRANSFORM = Transform(10.0, 20.0, math.pi / 2)
@@ -101,6 +102,16 @@ def test_the_tags_of_a_file_are_moved_to_the_map(tmp_path, layout_file, paramete
     tags = Tags(Settings(drive='simulated', **{parameter: str(path)}, layout_in_map=layout_file))
     tags.find(None, None, lambda: None, lambda: None)
     assert tags.positions_m == {'7': pytest.approx((8.0, 21.0))}
+
+
+def test_a_bridge_that_was_there_is_awaited_though_it_is_gone_for_a_moment(held_service, node, monkeypatch):
+    bridge = held_service(GetParameters, '/held/get_parameters')
+    tags = Tags(Settings(drive='simulated', tag_sequence='1', **READER))
+    tags.find(node, lambda: False, lambda: None, lambda: None)
+    bridge.wait_for_request()
+    assert tags.is_waiting_for_tags()
+    monkeypatch.setattr(Client, 'service_is_ready', lambda _client: False)
+    assert tags.is_waiting_for_tags()
 
 
 def test_a_sequence_has_no_poses_if_the_bridge_has_its_own_tag_file(start_mission, held_service, twin, node):
