@@ -100,8 +100,9 @@ class Ended(NamedTuple):
     def refusal(self) -> str:
         """Return the one FATAL line of a node that refuses to start."""
         assert self.code == 1, self
-        (fatal,) = [line for line in self.err.splitlines() if '[FATAL]' in line]
-        return fatal
+        fatal = [line for line in self.err.splitlines() if '[FATAL]' in line]
+        assert len(fatal) == 1, self
+        return fatal[0]
 
 
 class Terminal:
@@ -147,6 +148,7 @@ def run_here(capfd, monkeypatch):
         monkeypatch.setattr(process, '_is_asked_to_end', False)
         monkeypatch.setattr(process, '_has_lost_output', False)
         monkeypatch.setattr(process, 'LONGEST_WAIT_SECONDS', 0.01)  # of a node that was just signalled
+        threads = threading.enumerate()
         capfd.readouterr()
         try:
             with raising(signals_at or {}):
@@ -155,6 +157,8 @@ def run_here(capfd, monkeypatch):
             code = end.code
         finally:
             get_default_context(shutting_down=True).try_shutdown()
+        # A thread that is left would log into the next test, and could overwrite what pytest reads then.
+        assert not (left := set(threading.enumerate()).difference(threads)), left
         ended = Ended(code, *capfd.readouterr())
         assert 'Traceback' not in ended.err, ended.err
         assert not not_taken

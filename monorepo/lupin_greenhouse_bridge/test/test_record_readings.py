@@ -352,7 +352,8 @@ def test_a_signal_writes_the_last_rows_and_ends_with_exit_code_0(recorded_here, 
 
 
 def test_rows_lost_at_the_end_are_exit_code_1(recorded_here, monkeypatch):
-    monkeypatch.setattr(BufferedWriter, 'end', lambda _writer: 1)
+    end = BufferedWriter.end
+    monkeypatch.setattr(BufferedWriter, 'end', lambda writer: end(writer) + 1)
     ended = recorded_here('SIGTERM')
     assert ended.code == 1
     assert '1 row lost' in ended.err
