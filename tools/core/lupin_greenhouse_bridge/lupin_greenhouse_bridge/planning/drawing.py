@@ -258,9 +258,7 @@ def _draw_key(axes: Any, *, has_unreachable: bool, has_map: bool) -> None:
         marks.append(('obstacle in the map', style))
     for label, style in marks:
         axes.plot([], [], linewidth=0.9, label=label, **style)
-    below = {
-        'loc': 'upper center',
-        'bbox_to_anchor': (0.5, 0.0),
-        'borderaxespad': 3.6,
-    }  # of the x axis' label
-    axes.legend(**below, ncol=2, frameon=False, fontsize=9)
+    # Below the label of the x axis, in whatever size the axes are.
+    axes.legend(
+        loc='upper center', bbox_to_anchor=(0.5, 0.0), borderaxespad=3.6, ncol=2, frameon=False, fontsize=9
+    )
