@@ -9,7 +9,7 @@ from pathlib import Path
 import docs_check
 import domain_coordinator
 import pytest
-from lupin_greenhouse_bridge.recording.reading_files import read_file
+from lupin_greenhouse_bridge.display.input_file import read_file
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS
 
 ROOT = docs_check.ROOT

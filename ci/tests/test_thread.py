@@ -8,7 +8,7 @@ from pathlib import Path
 
 import docs_check
 import pytest
-from lupin_greenhouse_bridge.recording.reading_files import read_file
+from lupin_greenhouse_bridge.display.input_file import read_file
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = 'make mission DRIVE=1 CAMERA=1 RECORD=readings.sqlite'

@@ -19,6 +19,7 @@ from pathlib import Path
 import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
+from lupin_greenhouse_bridge.display.drawings import COLOURS, Box, draw_greenhouse, place_labels
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
 from lupin_greenhouse_bridge.planning import (
     approach,
@@ -30,7 +31,6 @@ from lupin_greenhouse_bridge.planning import (
     tag_poses,
     walls,
 )
-from lupin_greenhouse_bridge.planning.drawing import COLOURS, Box, draw_greenhouse, place_labels
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import read_layout

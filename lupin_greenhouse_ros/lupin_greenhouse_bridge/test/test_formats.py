@@ -13,14 +13,14 @@ import pytest
 import yaml
 from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges, read_route
 from lupin_greenhouse_bridge.display.field import scaled
+from lupin_greenhouse_bridge.display.input_file import read_file
+from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.planning.approach import read_overrides
 from lupin_greenhouse_bridge.planning.registration import read_places, read_registration
 from lupin_greenhouse_bridge.reading.read_on_sight import ReadOnSightNode
-from lupin_greenhouse_bridge.recording.reading_files import read_file
 from lupin_greenhouse_bridge.recording.record_readings import RecordReadingsNode
-from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.settings import Settings

@@ -10,10 +10,10 @@ from xml.etree import ElementTree
 
 import pytest
 from lupin_greenhouse_bridge.display.drawing_command import colour_limits, read_colour_ranges
+from lupin_greenhouse_bridge.display.drawings import Box, place_labels
+from lupin_greenhouse_bridge.display.input_file import read_file
 from lupin_greenhouse_bridge.display.plot_report import main
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.drawing import Box, place_labels
-from lupin_greenhouse_bridge.recording.reading_files import read_file
 from lupin_greenhouse_bridge.recording.store import open_store
 from reading_helpers import visit, write_report
 

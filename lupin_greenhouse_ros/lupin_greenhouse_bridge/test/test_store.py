@@ -17,10 +17,11 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from lupin_greenhouse_bridge.display.input_file import read_file
+from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.recording import store as store_module
-from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, read_file, read_rows
-from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
+from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, read_rows
 from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, parse_csv, utc_of
 from lupin_greenhouse_bridge.recording.store import StoreError, open_store
 

@@ -6,8 +6,8 @@ from collections import deque
 
 from geometry_msgs.msg import Point
 from lupin_greenhouse_bridge.contract import latched
+from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.errors import escaped
-from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.units import sensor_order, value_text
 from lupin_msgs.msg import MissionState, TagReading

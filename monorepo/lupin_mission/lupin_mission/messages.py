@@ -3,7 +3,7 @@
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, Quaternion
 from lupin_greenhouse_bridge.contract import STATUS_NAMES
-from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
+from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
 from lupin_msgs.srv import GetTagReading

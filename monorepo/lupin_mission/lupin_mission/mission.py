@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Protocol
 
-from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
+from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 
 from lupin_mission.drive import Arrival, Drive
 

@@ -11,8 +11,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
-from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.process import NO_OUTPUT

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 from rclpy.exceptions import InvalidServiceNameException

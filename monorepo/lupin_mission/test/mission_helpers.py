@@ -14,7 +14,7 @@ from concurrent.futures import Future
 from pathlib import Path
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
-from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, parse_report
+from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, parse_report
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, has_found_a_client, wait_until
 from lupin_mission import mission_orchestrator

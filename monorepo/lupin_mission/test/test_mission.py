@@ -9,7 +9,7 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
-from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
+from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 from lupin_mission.drive import Arrival, SimulatedDrive
 from lupin_mission.mission import Limits, Mission, Service, Severity, State
 from lupin_mission.report import Report

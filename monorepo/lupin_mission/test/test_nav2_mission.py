@@ -10,9 +10,9 @@ import threading
 
 import pytest
 from lupin_greenhouse_bridge.contract import latched
+from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.registration import Transform
-from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import read_layout
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until

@@ -9,8 +9,8 @@ import time
 import pytest
 import rclpy
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.errors import pluralized
-from lupin_greenhouse_bridge.recording.report_line import Outcome
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, has_found_a_client, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
 from lupin_mission import mission_orchestrator, tags

@@ -8,7 +8,7 @@ import sys
 from dataclasses import replace
 
 import pytest
-from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome, Reading
+from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 from lupin_mission.report import Report, ReportError, last_of_each_tag, summary_table
 from mission_helpers import observations_in
 
@@ -103,7 +103,7 @@ def test_a_full_disk_leaves_whole_lines_only(tmp_path):
     path = tmp_path / 'report.jsonl'
     program = f"""
 import resource
-from lupin_greenhouse_bridge.recording.report_line import Observation, Outcome
+from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
 from lupin_mission.report import Report, ReportError
 report = Report({str(path)!r})
 report.record(Observation('1', Outcome.TIMEOUT, '', 1))

@@ -24,6 +24,7 @@ import domain_coordinator
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from lupin_greenhouse_bridge import settings as bridge_settings
 from lupin_greenhouse_bridge.display.drawing_command import BESIDE
+from lupin_greenhouse_bridge.display.input_file import read_file
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.walls import parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
@@ -202,7 +203,7 @@ def prepare(options, report: Path) -> None:
 
 def check_record(options, report: Path) -> int:
     """Print how many readings of the report were recorded; return 1 if one is missing, else 0."""
-    in_report = {key_of(row) for row in read_rows(report)} if report.stat().st_size else set()
+    in_report = {key_of(row) for row in read_file(report).rows} if report.stat().st_size else set()
     lost = len(in_report - {key_of(row) for row in read_rows(options.record)})
     print_line(f'{pluralized(len(in_report) - lost, "row")} kept in {options.record}')
     if lost:

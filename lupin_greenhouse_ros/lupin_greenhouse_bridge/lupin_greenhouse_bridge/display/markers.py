@@ -9,10 +9,10 @@ from geometry_msgs.msg import Point, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from lupin_greenhouse_bridge.display.drawings import Box, place_labels
 from lupin_greenhouse_bridge.display.field import Grid, colours_of
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.interfaces import TagReading
-from lupin_greenhouse_bridge.planning.drawing import Box, place_labels
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
 from lupin_greenhouse_bridge.planning.walls import Walls

@@ -23,8 +23,7 @@ from lupin_greenhouse_bridge.display.drawing_command import (
     read_route,
     speed_of,
 )
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.drawing import (
+from lupin_greenhouse_bridge.display.drawings import (
     BAD_COLOUR,
     COLOURS,
     ROUTE_COLOUR,
@@ -37,8 +36,9 @@ from lupin_greenhouse_bridge.planning.drawing import (
     place_labels,
     steps_of,
 )
+from lupin_greenhouse_bridge.display.input_file import ReadingFile
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
-from lupin_greenhouse_bridge.recording.reading_files import ReadingFile
 from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, sensor_order, value_text

@@ -31,9 +31,9 @@ from lupin_greenhouse_bridge.display.drawing_command import (
     speed_of,
     words_of,
 )
+from lupin_greenhouse_bridge.display.input_file import ReadingFile
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
-from lupin_greenhouse_bridge.recording.reading_files import ReadingFile
 from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import decimals_of, label_of, sensor_order, unit_of

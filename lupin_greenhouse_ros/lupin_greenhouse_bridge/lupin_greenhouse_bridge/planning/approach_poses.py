@@ -123,7 +123,7 @@ def _draw(path: str, layout, walls, approaches, route, occupancy) -> None:
         import matplotlib  # imported late: a missing library is a one-line error
 
         matplotlib.use('Agg')
-        from lupin_greenhouse_bridge.planning.drawing import draw_route
+        from lupin_greenhouse_bridge.display.drawings import draw_route
 
         figure = draw_route(layout, walls, approaches.poses, approaches.unreachable, route, occupancy)
         figure.savefig(path, dpi=130, bbox_inches='tight', pad_inches=0.15)

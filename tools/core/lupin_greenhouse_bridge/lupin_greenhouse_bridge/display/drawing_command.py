@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lupin_greenhouse_bridge.display.input_file import ReadingFile, read_file
+from lupin_greenhouse_bridge.display.report_line import Observation
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, read_visualization
-from lupin_greenhouse_bridge.recording.reading_files import ReadingFile, read_file
-from lupin_greenhouse_bridge.recording.report_line import Observation
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.files import mapping_of, number

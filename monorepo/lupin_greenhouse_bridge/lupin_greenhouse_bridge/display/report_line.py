@@ -1,8 +1,10 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """A line of a mission's report: the outcome at one tag, as JSON. Does not import ROS."""
 
 import json
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 
 from lupin_greenhouse_bridge.recording.rows import Row, fault_of, make_rows
 
@@ -101,6 +103,13 @@ class Observation:
         except _NO_OBSERVATION as error:
             raise ValueError(f'is not an observation ({type(error).__name__}: {error})') from error
         return cls(tag_id, outcome, detail, attempts, reading, seen, pose, drive)
+
+
+def has_report(path: Path) -> bool:
+    """Return whether a file starts as a report does; raises OSError."""
+    with path.open('rb') as file:
+        head = file.read(len(_START))
+    return bool(head) and is_start_of_report(head)
 
 
 def is_start_of_report(content: bytes) -> bool:
