@@ -10,8 +10,8 @@ from lupin_greenhouse_bridge.planning.register_layout import (
     layout_of,
     node_in,
     register,
-    run,
-    spin,
+    run_registration,
+    spin_until,
 )
 from lupin_msgs.msg import DiscoveredTags
 
@@ -36,7 +36,7 @@ def main(args=None) -> int:
         metavar='N',
         help='wait until perception has discovered this many tags of the layout; default: %(default)s',
     )
-    return run(parser, _register, args)
+    return run_registration(parser, _register, args)
 
 
 def _register(executor, options) -> None:
@@ -54,5 +54,5 @@ def _register(executor, options) -> None:
 
     tags = node.create_subscription(DiscoveredTags, 'perception/discovered_tags', messages.append, latched())
     node.get_logger().info(f'waiting for {options.tags} tags of the layout on {tags.topic_name}')
-    spin(executor, lambda: messages[-1].header.frame_id and len(places()) >= options.tags)
+    spin_until(executor, lambda: messages[-1].header.frame_id and len(places()) >= options.tags)
     register(layout, places(), messages[-1].header.frame_id, options)

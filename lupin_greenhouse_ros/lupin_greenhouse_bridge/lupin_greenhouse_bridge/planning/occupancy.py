@@ -3,7 +3,9 @@
 
 import copy
 import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +18,7 @@ from lupin_greenhouse_bridge.simulator.files import number, read_yaml
 FREE_PERCENT, OCCUPIED_PERCENT = 25, 65
 MODES = ('trinary', 'scale', 'raw')
 DEFAULTS = {'negate': False, 'occupied_thresh': 0.65, 'free_thresh': 0.25, 'mode': 'trinary'}
-NONE = 2**30  # the column of a cell that there is not
+NO_COLUMN = 2**30  # where no cell of a row is taken
 
 
 class OccupancyMap:
@@ -30,7 +32,7 @@ class OccupancyMap:
         height: int,
         resolution_m: float,
         origin: tuple[float, float, float],
-        data,
+        data: Sequence[int] | np.ndarray,
         *,
         unknown_is_free: bool = False,
     ):
@@ -56,14 +58,15 @@ class OccupancyMap:
         self.is_occupied = cells >= OCCUPIED_PERCENT
         self.is_unknown = ~self.is_occupied & ((cells < 0) | (cells > FREE_PERCENT))
         self._is_unknown_taken = not unknown_is_free
-        # With a ring of unknown cells around.
+        # A ring of unknown cells stands for all that is outside.
         self._is_unknown = np.pad(self.is_unknown, 1, constant_values=True)
         taken = np.pad(self.is_occupied, 1)
         if not unknown_is_free:
             taken |= self._is_unknown
+        # Of a row, only the nearest taken cell on either side of a point can be the nearest of all.
         columns = np.arange(width + 2, dtype=np.int32)
-        self._left = np.maximum.accumulate(np.where(taken, columns, -NONE), axis=1)
-        self._right = np.minimum.accumulate(np.where(taken, columns, NONE)[:, ::-1], axis=1)[:, ::-1]
+        self._left = np.maximum.accumulate(np.where(taken, columns, -NO_COLUMN), axis=1)
+        self._right = np.minimum.accumulate(np.where(taken, columns, NO_COLUMN)[:, ::-1], axis=1)[:, ::-1]
 
     def in_layout(self, layout_in_map: Transform) -> 'OccupancyMap':
         """Return the same map in the frame of the layout."""
@@ -84,7 +87,8 @@ class OccupancyMap:
     def have_inside(self, points: np.ndarray) -> np.ndarray:
         """Return for each point (points, 2) whether it is inside the grid."""
         cells = self._in_cells(points)
-        return ((cells >= 0.0) & (cells <= self.is_occupied.shape[::-1])).all(axis=1)
+        inside: np.ndarray = np.all((cells >= 0.0) & (cells <= self.is_occupied.shape[::-1]), axis=1)
+        return inside
 
     def gaps_m(self, points: np.ndarray, most_m: float) -> tuple[np.ndarray, np.ndarray]:
         """
@@ -93,7 +97,7 @@ class OccupancyMap:
         The distance is to the edge of the nearest cell that counts as occupied. The second array tells for
         each point whether this cell is unknown.
         """
-        at = self._in_cells(points) + 1.0  # with the ring
+        at = self._in_cells(points) + 1.0  # the ring comes first
         column, row = at[:, 0, None], at[:, 1, None]
         reach = math.ceil(most_m / self.resolution_m) + 1
         rows = np.floor(row).astype(int) + np.arange(-reach, reach + 1)
@@ -116,7 +120,9 @@ class OccupancyMap:
     def _in_cells(self, points: np.ndarray) -> np.ndarray:
         """Return points (points, 2) as columns and rows, counted from the origin."""
         cos, sin = math.cos(self.origin.yaw), math.sin(self.origin.yaw)
-        return (points - self.origin[:2]) @ np.array([(cos, -sin), (sin, cos)]) / self.resolution_m
+        turn = np.array([(cos, -sin), (sin, cos)])
+        cells: np.ndarray = (points - self.origin[:2]) @ turn / self.resolution_m
+        return cells
 
 
 def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap:
@@ -136,7 +142,7 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap
         raise StartUpError(f'{where}: origin is missing or not a list of three: must be [x, y, yaw]')
     origin = dict(zip(('x', 'y', 'yaw'), data['origin'], strict=True))
     units = {'x': 'metres', 'y': 'metres', 'yaw': 'radians'}
-    pose = [float(number(origin, key, f'{where}: origin', unit)) for key, unit in units.items()]
+    x, y, yaw = (float(number(origin, key, f'{where}: origin', unit)) for key, unit in units.items())
     for key in ('occupied_thresh', 'free_thresh'):
         number(data, key, where, 'share of 1', smallest=0.0, largest=1.0)
     if data['free_thresh'] >= data['occupied_thresh']:
@@ -145,7 +151,7 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap
     cells = _cells(*_read_image(image, where), data)
     height, width = cells.shape
     found = OccupancyMap(
-        width, height, float(resolution_m), tuple(pose), cells[::-1].ravel(), unknown_is_free=unknown_is_free
+        width, height, float(resolution_m), (x, y, yaw), cells[::-1].ravel(), unknown_is_free=unknown_is_free
     )
     found.files = Path(path), image
     return found
@@ -170,7 +176,7 @@ def _read_image(path: Path, where: str) -> tuple[np.ndarray, np.ndarray | None]:
     return shade, channels[..., 3] / 255.0 if has_alpha else None
 
 
-def _cells(shade: np.ndarray, opacity: np.ndarray | None, data: dict) -> np.ndarray:
+def _cells(shade: np.ndarray, opacity: np.ndarray | None, data: dict[str, Any]) -> np.ndarray:
     """Return -1 to 100 for each pixel, as nav2_map_server/src/map_io.cpp computes it."""
     if data['mode'] == 'raw':
         values = np.round(255.0 * shade)

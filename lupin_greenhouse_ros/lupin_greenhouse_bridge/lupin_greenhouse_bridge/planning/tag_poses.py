@@ -11,9 +11,9 @@ from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.walls import EAST, NORTH, SOUTH, WEST, Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
-SAME_M = 1e-9
+EQUAL_M = 1e-9  # distances that differ by less count as equal
 PLATE_WIDTH_M = 0.0625  # of a tag of 5 cm with its white border
-PLATE_M = 0.1  # a table that is farther aside is not ahead of a tag
+ASIDE_M = 0.1  # a table that is farther beside a tag is not ahead of it
 
 
 class Table(NamedTuple):
@@ -40,13 +40,13 @@ class Table(NamedTuple):
             EAST: math.hypot(x - self.x1, y - inside_y),
         }
         nearest = min(distances_m.values())
-        return [angle for angle, distance in distances_m.items() if distance <= nearest + SAME_M]
+        return [angle for angle, distance in distances_m.items() if distance <= nearest + EQUAL_M]
 
     def distance_ahead_m(self, x: float, y: float, angle: float) -> float:
         """Return the distance from a point to this table in one of four directions; infinite beside it."""
         ahead = {EAST: self.x0 - x, WEST: x - self.x1, NORTH: self.y0 - y, SOUTH: y - self.y1}[angle]
         aside = (self.y0 - y, y - self.y1) if angle in (EAST, WEST) else (self.x0 - x, x - self.x1)
-        return math.inf if max(aside) > PLATE_M or ahead < 0.0 else ahead
+        return math.inf if max(aside) > ASIDE_M or ahead < 0.0 else ahead
 
 
 class TagPose(NamedTuple):
@@ -84,7 +84,7 @@ def nearest_tables(tables: Sequence[Table], places: Sequence[tuple[float, float]
     for place in places:
         beside = np.maximum(np.maximum(edges[:, :2] - place, place - edges[:, 2:]), 0.0)
         distances_m = np.hypot(*beside.T)
-        numbers.append(int(np.argmax(distances_m <= distances_m.min() + SAME_M)))
+        numbers.append(int(np.argmax(distances_m <= distances_m.min() + EQUAL_M)))
     return numbers
 
 
@@ -98,21 +98,22 @@ def find_tag_poses(layout: Layout, walls: Walls) -> dict[str, TagPose]:
     face the middle of the layout. Raises StartUpError for a table without an area.
     """
     tables = tables_of(layout)
-    xs, ys = ([tag[axis] for tag in layout.tags.values()] for axis in (0, 1))
+    places = [(tag.x, tag.y) for tag in layout.tags.values()]
+    xs, ys = zip(*places, strict=True)
     middle = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
-    nearest = nearest_tables(tables, list(zip(xs, ys, strict=True)))
+    nearest = nearest_tables(tables, places)
     tag_poses = {}
     for number, (tag_id, (x, y, _)) in enumerate(layout.tags.items()):
         if tables:
             table = tables[nearest[number]]
             facing, *others = table.nearest_edges(x, y)
             if others:
-                around = [walls, *(each for each in tables if each is not table)]
+                around: list[Walls | Table] = [walls, *(each for each in tables if each is not table)]
                 room_m = {
                     angle: min(round(each.distance_ahead_m(x, y, angle), 9) for each in around)
                     for angle in (facing, *others)
                 }
-                facing = max(room_m, key=room_m.get)
+                facing = max(room_m, key=room_m.__getitem__)
         elif (x, y) == middle:
             facing = SOUTH
         else:

@@ -4,7 +4,7 @@
 import argparse
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.runtime.parameters import parameter
@@ -36,7 +36,7 @@ class Walls(NamedTuple):
         return f'x {self.x0:g} to {self.x1:g} m, y {self.y0:g} to {self.y1:g} m'
 
 
-def find_walls(layout: Layout, sim_config_file: str = '', walls=None) -> Walls:
+def find_walls(layout: Layout, sim_config_file: str = '', walls: object = None) -> Walls:
     """
     Return these walls if any, else those of the greenhouse config, with a corner at the origin.
 
@@ -61,7 +61,7 @@ def walls_around(layout: Layout) -> Walls:
     return Walls(min(xs) - MARGIN_M, min(ys) - MARGIN_M, max(xs) + MARGIN_M, max(ys) + MARGIN_M)
 
 
-def read_visualization(sim_config_file: str = '') -> tuple[dict, str] | None:
+def read_visualization(sim_config_file: str = '') -> tuple[dict[str, Any], str] | None:
     """
     Return the section `visualization` of the greenhouse config, and its place for error messages.
 
@@ -75,7 +75,7 @@ def read_visualization(sim_config_file: str = '') -> tuple[dict, str] | None:
     return mapping_of(config, 'visualization', where), f'{where}: visualization'
 
 
-def parse_walls(value) -> Walls | None:
+def parse_walls(value: object) -> Walls | None:
     """Return the walls x0 y0 x1 y1 of a text or an array; None if it is empty. Raises StartUpError."""
     if value is None or (isinstance(value, str) and not value.strip()):
         return None
@@ -88,7 +88,7 @@ def parse_walls(value) -> Walls | None:
     return Walls(*walls)
 
 
-def parse_numbers(value) -> list[float]:
+def parse_numbers(value: Any) -> list[float]:
     """Return the numbers of a text such as '0 1' or '[0, 1]', or of an array; [] if one is not finite."""
     words = value.strip(' []').replace(',', ' ').split() if isinstance(value, str) else value
     try:
@@ -98,7 +98,7 @@ def parse_numbers(value) -> list[float]:
     return numbers if all(map(math.isfinite, numbers)) else []
 
 
-def walls_parameter():
+def walls_parameter() -> Any:
     """Return the field of a node's settings for the walls, which parse_walls() takes."""
     return parameter(
         '',

@@ -11,25 +11,29 @@ import io
 import json
 import math
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import yaml
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.approach import (
+    Approaches,
     ApproachPose,
     ViewingLimits,
     find_approaches,
     read_overrides,
 )
-from lupin_greenhouse_bridge.planning.occupancy import read_map
+from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
-from lupin_greenhouse_bridge.planning.route import ORDERS, plan_route
-from lupin_greenhouse_bridge.planning.walls import add_wall_options, find_walls
+from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
+from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
 from lupin_greenhouse_bridge.runtime.output import Progress, aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
-from lupin_greenhouse_bridge.simulator.layout import require_layout
+from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
+Poses = dict[str, Any]  # what `--format json` prints
 ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
 LIMITS = (  # option, field of ViewingLimits, unit, help
     ('--radius', 'robot_radius_m', 'M', 'radius of the robot in metres'),
@@ -46,7 +50,7 @@ LIMITS = (  # option, field of ViewingLimits, unit, help
 )
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Print the poses as the command line asks; return the exit code."""
     words = (sys.argv if args is None else args)[1:]
     ros_words = words[words.index('--ros-args') :] if '--ros-args' in words else []
@@ -63,8 +67,8 @@ def main(args=None) -> int:
     return _publish(data['poses'], frame_id, ros_words, exit_code) if options.publish else exit_code
 
 
-def _compute(options) -> tuple[dict, str]:
-    """Return what `--format json` prints, and the frame of the poses."""
+def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
+    """Return the poses, and their frame."""
     layout = require_layout(options.tag_file)
     frame_id, transform = (
         read_registration(options.layout_in_map) if options.layout_in_map else (MAP_FRAME, Transform())
@@ -116,7 +120,14 @@ def _compute(options) -> tuple[dict, str]:
     return {'poses': poses, 'unreachable': unreachable, 'length_m': round(route.length_m, 6)}, frame_id
 
 
-def _draw(path: str, layout, walls, approaches, route, occupancy) -> None:
+def _draw(
+    path: str,
+    layout: Layout,
+    walls: Walls,
+    approaches: Approaches,
+    route: Route,
+    occupancy: OccupancyMap | None,
+) -> None:
     if occupancy and Path(path).exists() and any(Path(path).samefile(each) for each in occupancy.files):
         raise StartUpError(f"--picture '{path}' is a file of the map itself: name another file")
     try:
@@ -133,7 +144,7 @@ def _draw(path: str, layout, walls, approaches, route, occupancy) -> None:
         raise StartUpError(f"--picture '{path}': {error}") from error
 
 
-def _as_table(data: dict) -> str:
+def _as_table(data: Poses) -> str:
     rows = [
         (
             escaped(each['tag_id'], 40),
@@ -152,7 +163,7 @@ def _as_table(data: dict) -> str:
     return '\n'.join([*lines, ''])
 
 
-def _as_csv(data: dict) -> str:
+def _as_csv(data: Poses) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, ('tag_id', *ApproachPose._fields), lineterminator='\n')
     writer.writeheader()
@@ -160,7 +171,7 @@ def _as_csv(data: dict) -> str:
     return text.getvalue()
 
 
-def _as_nav2(data: dict) -> str:
+def _as_nav2(data: Poses) -> str:
     """Return the waypoints in the format of the nav2_rviz_plugins panel, whose quaternions begin with w."""
     waypoints = {}
     for number, each in enumerate(data['poses']):
@@ -169,10 +180,10 @@ def _as_nav2(data: dict) -> str:
             'pose': [each['x'], each['y'], 0.0],
             'orientation': [round(w, 9), x, y, round(z, 9)],
         }
-    return yaml.safe_dump({'waypoints': waypoints}, sort_keys=False)
+    return str(yaml.safe_dump({'waypoints': waypoints}, sort_keys=False))
 
 
-FORMATS = {
+FORMATS: dict[str, Callable[[Poses], str]] = {
     'table': _as_table,
     'yaml': lambda data: yaml.safe_dump(data, allow_unicode=True, sort_keys=False),
     'json': lambda data: json.dumps(data, ensure_ascii=False, indent=2) + '\n',
@@ -181,15 +192,16 @@ FORMATS = {
 }
 
 
-def _publish(poses: list[dict], frame_id: str, ros_words: list[str], exit_code: int) -> int:
+def _publish(poses: list[dict[str, Any]], frame_id: str, ros_words: list[str], exit_code: int) -> int:
     """Publish the poses on the latched topic `~/poses` until Ctrl-C or SIGTERM; return the exit code."""
     import rclpy
     from geometry_msgs.msg import PoseArray
+    from rclpy.node import Node
 
     from lupin_greenhouse_bridge.contract import latched
     from lupin_greenhouse_bridge.runtime.run import run
 
-    def node_with_poses():
+    def node_with_poses() -> Node:
         node = rclpy.create_node('approach_poses')
         message = PoseArray(poses=[pose_message(each['x'], each['y'], each['yaw']) for each in poses])
         message.header.frame_id = frame_id
@@ -210,7 +222,6 @@ def _parser() -> argparse.ArgumentParser:
         description='Print the pose from which a robot sees each tag, in the order of visits.',
     )
     add = parser.add_argument
-    place = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
     shipped = "the bridge's tag_file; default: the one of mdp-greenhouse"
     add('--tag-file', default='', metavar='FILE', help=shipped)
     add_wall_options(parser)
@@ -235,8 +246,9 @@ def _parser() -> argparse.ArgumentParser:
         help='order of the visits: given (as in the tag file), numeric (by tag id), or shortest (the shortest'
         ' route found) (default: %(default)s)',
     )
-    add('--start', **place, help='where the robot starts: x and y in metres, in the layout')
-    add('--end', **place, help='where the route ends, such as at a dock: x and y in metres, in the layout')
+    for option, what in (('--start', 'the robot starts'), ('--end', 'the route ends, such as at a dock')):
+        shown = f'where {what}: x and y in metres, in the layout'
+        add(option, type=float, nargs=2, metavar=('X', 'Y'), help=shown)
     add('--overrides', metavar='FILE', help='YAML file of poses that are set by hand')
     add(
         '--layout-in-map',

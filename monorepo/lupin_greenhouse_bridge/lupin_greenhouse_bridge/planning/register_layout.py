@@ -5,10 +5,13 @@ import argparse
 import math
 import shlex
 import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import rclpy
 from geometry_msgs.msg import PointStamped
+from rclpy.executors import Executor
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.utilities import remove_ros_args
 
@@ -41,12 +44,16 @@ DEFAULT_OUTPUT = 'layout_in_map.yaml'
 CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Fit and write as the command line asks; return the exit code."""
-    return run(_parser(), _register, args)
+    return run_registration(_parser(), _register, args)
 
 
-def run(parser, work, args=None) -> int:
+def run_registration(
+    parser: argparse.ArgumentParser,
+    work: Callable[[Executor, argparse.Namespace], None],
+    args: list[str] | None = None,
+) -> int:
     """Run work(executor, options), and print the error that it raises, if any; return the exit code."""
     try:
         with ros(args) as executor:
@@ -55,14 +62,14 @@ def run(parser, work, args=None) -> int:
     except Interrupted:
         problem, exit_code = 'interrupted: nothing is kept, and nothing is written', INTERRUPTED
     except CannotFit as error:
-        problem, exit_code = error, NO_FIT
+        problem, exit_code = str(error), NO_FIT
     except (UsageError, StartUpError) as error:
-        problem, exit_code = error, USAGE
+        problem, exit_code = str(error), USAGE
     print(f'{parser.prog}: {problem}', file=sys.stderr)
     return exit_code
 
 
-def _register(executor, options) -> None:
+def _register(executor: Executor, options: argparse.Namespace) -> None:
     layout = layout_of(options)
     if options.suggest is not None:
         _suggest(layout, options.suggest)
@@ -74,10 +81,10 @@ def _register(executor, options) -> None:
     register(layout, places, frame_id, options)
 
 
-def layout_of(options) -> Layout:
+def layout_of(options: argparse.Namespace) -> Layout:
     """Return the layout of the options. Raises UsageError or StartUpError before anybody clicks."""
     for name, value in (('--tolerance', options.tolerance), ('--click-error', options.click_error)):
-        if not 0.0 < value < math.inf:  # NaN neither
+        if not 0.0 < value < math.inf:
             raise UsageError(f'{name} is {value:g}: must be a number of metres above 0')
     output = Path(options.output)
     try:
@@ -95,7 +102,9 @@ def layout_of(options) -> Layout:
     return require_layout(options.tag_file)
 
 
-def register(layout: Layout, places: dict, frame_id: str, options) -> None:
+def register(
+    layout: Layout, places: Mapping[str, tuple[float, float]], frame_id: str, options: argparse.Namespace
+) -> None:
     """
     Fit the layout to positions in a frame, print the residual of each tag, and write the file.
 
@@ -105,7 +114,7 @@ def register(layout: Layout, places: dict, frame_id: str, options) -> None:
     _check_known(layout, places)
     fitted = fit(_places_m(layout), places, options.tolerance, options.click_error)
     shown = escaped(frame_id, 40)
-    rows = [('tag', f'x in {shown} (m)', f'y in {shown} (m)', 'residual (m)', '')]
+    rows: list[Sequence[str]] = [('tag', f'x in {shown} (m)', f'y in {shown} (m)', 'residual (m)', '')]
     for tag_id, place in places.items():
         numbers = (f'{each:.3f}' for each in (*place, fitted.residuals_m[tag_id]))
         rows.append((escaped(tag_id, 40), *numbers, 'left out' if tag_id in fitted.left_out else ''))
@@ -139,7 +148,7 @@ def _suggest(layout: Layout, count: int) -> None:
     if not 2 <= count <= len(layout.tags):
         raise UsageError(f'--suggest is {count}: must be from 2 to {len(layout.tags)}, the number of tags')
     tag_ids = best_to_click(_places_m(layout), count)
-    rows = [('tag', 'x in layout (m)', 'y in layout (m)')]
+    rows: list[Sequence[str]] = [('tag', 'x in layout (m)', 'y in layout (m)')]
     rows += [
         (escaped(tag_id, 40), *(f'{each:.2f}' for each in layout.tags[tag_id][:2])) for tag_id in tag_ids
     ]
@@ -151,7 +160,7 @@ def _places_m(layout: Layout) -> dict[str, tuple[float, float]]:
     return {tag_id: tag[:2] for tag_id, tag in layout.tags.items()}
 
 
-def _check_known(layout: Layout, tag_ids) -> None:
+def _check_known(layout: Layout, tag_ids: Iterable[str]) -> None:
     if unknown := [tag_id for tag_id in tag_ids if tag_id not in layout.tags]:
         raise UsageError(
             f"tag '{escaped(unknown[0], 64)}' is not one of the {len(layout.tags)} tags of the layout:"
@@ -159,7 +168,7 @@ def _check_known(layout: Layout, tag_ids) -> None:
         )
 
 
-def node_in(executor, name: str):
+def node_in(executor: Executor, name: str) -> Node:
     """Return a new node, which the executor spins."""
     with node_creation():
         node = rclpy.create_node(name, start_parameter_services=False)
@@ -167,12 +176,15 @@ def node_in(executor, name: str):
     return node
 
 
-def _take_clicks(executor, layout: Layout, tag_ids: list[str]) -> tuple[dict, str]:
+def _take_clicks(
+    executor: Executor, layout: Layout, tag_ids: list[str]
+) -> tuple[dict[str, tuple[float, float]], str]:
     """Return the clicked places by tag id, and the frame of all; raises Interrupted."""
     _check_known(layout, tag_ids)
     if len(tag_ids) < 2:
         raise UsageError('--click needs at least 2 tags')
-    places, left, first_frame_id = {}, list(tag_ids), ''
+    places: dict[str, tuple[float, float]] = {}
+    left, first_frame_id = list(tag_ids), ''
 
     def ask() -> None:
         x, y, *_ = layout.tags[left[0]]
@@ -181,7 +193,7 @@ def _take_clicks(executor, layout: Layout, tag_ids: list[str]) -> tuple[dict, st
             f' (in the layout it is at x {x:g} m, y {y:g} m)',
         )
 
-    def on_click(message) -> None:
+    def on_click(message: PointStamped) -> None:
         nonlocal first_frame_id
         frame_id, x, y = message.header.frame_id, message.point.x, message.point.y
         if not left:
@@ -203,11 +215,11 @@ def _take_clicks(executor, layout: Layout, tag_ids: list[str]) -> tuple[dict, st
 
     node_in(executor, NAME).create_subscription(PointStamped, CLICK_TOPIC, on_click, QoSProfile(depth=10))
     ask()
-    spin(executor, lambda: not left)
+    spin_until(executor, lambda: not left)
     return places, first_frame_id
 
 
-def spin(executor, is_done) -> None:
+def spin_until(executor: Executor, is_done: Callable[[], bool]) -> None:
     """Spin until is_done() is true; raises Interrupted after Ctrl-C or SIGTERM."""
     while not is_done():
         if process.is_asked_to_end():
@@ -222,38 +234,41 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
     )
     source = parser.add_mutually_exclusive_group(required=True)
-    add = source.add_argument
-    add(
+    source.add_argument(
         '--pairs',
         metavar='FILE',
         help='YAML or JSON file with the positions of tags in the map, such as {"7": [1.5, 7.3]}',
     )
-    add(
+    source.add_argument(
         '--click',
         nargs='+',
         metavar='ID',
         help='click these tags in RViz with Publish Point, one after the other in this order',
     )
-    add('--suggest', type=int, metavar='N', help='print the N tags that are best to click, and write nothing')
+    source.add_argument(
+        '--suggest', type=int, metavar='N', help='print the N tags that are best to click, and write nothing'
+    )
     add_arguments(parser)
     return parser
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of layout_of() and register()."""
-    add, metres = parser.add_argument, {'type': float, 'metavar': 'M'}
+    add = parser.add_argument
     add('-o', '--output', default=DEFAULT_OUTPUT, metavar='FILE', help='file to write; default: %(default)s')
     add('--tag-file', default='', metavar='FILE', help="the bridge's tag_file; default: the shipped one")
     add(
         '--tolerance',
-        **metres,
+        type=float,
+        metavar='M',
         default=DEFAULT_TOLERANCE_M,
         help='largest residual in metres that a tag may have without being left out, and largest expected'
         ' error in metres; default: %(default)s',
     )
     add(
         '--click-error',
-        **metres,
+        type=float,
+        metavar='M',
         default=DEFAULT_CLICK_ERROR_M,
         help='assumed standard deviation of a position along each axis in metres; if the residuals show a'
         ' larger one, that one counts; default: %(default)s',

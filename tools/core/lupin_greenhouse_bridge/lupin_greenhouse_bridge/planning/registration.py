@@ -2,9 +2,12 @@
 
 import cmath
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
 from lupin_greenhouse_bridge.simulator.files import number, read_yaml
@@ -14,6 +17,9 @@ DEFAULT_TOLERANCE_M = 0.1
 DEFAULT_CLICK_ERROR_M = 0.03
 FEWEST_THAT_OVERRULE = 3  # two tags can agree by chance
 _EXAMPLE = 'such as "frame_id: map", "x: 1.5", "y: -0.2" and "yaw: 0.3"'
+Positions = NDArray[np.complex128]  # x + y * 1j in metres
+Distances = NDArray[np.float64]
+Numbers = NDArray[np.intp]
 _UNITS = {'x': 'metres', 'y': 'metres', 'yaw': 'radians'}
 
 
@@ -66,127 +72,129 @@ def fit(
     Raises CannotFit if there are fewer than two tags, if the tags are in one spot, if the positions are a
     mirror image, or if a residual or the expected error is above the tolerance.
     """
-    pairs = {tag_id: (complex(*layout_m[tag_id]), complex(*place)) for tag_id, place in map_m.items()}
-    if len(pairs) < 2:
-        raise CannotFit(f'tags with a position in the map: {len(pairs)}: at least 2 are needed')
-    mirrored = {tag_id: (place.conjugate(), other) for tag_id, (place, other) in pairs.items()}
-    kept, mirrored_kept = _agreeing(pairs, tolerance_m), _agreeing(mirrored, tolerance_m)
-    if len(kept) != len(mirrored_kept):
-        is_mirror = len(mirrored_kept) > len(kept)
-    elif kept:
-        is_mirror = _squares(mirrored_kept) < _squares(kept) - click_error_m**2
-    else:
-        is_mirror = _squares(mirrored) < 0.25 * _squares(pairs)
-    if is_mirror:
+    tag_ids = list(map_m)
+    if len(tag_ids) < 2:
+        raise CannotFit(f'tags with a position in the map: {len(tag_ids)}: at least 2 are needed')
+    layout, in_map = _complex([layout_m[tag_id] for tag_id in tag_ids]), _complex(list(map_m.values()))
+    kept = _agreeing(layout, in_map, tolerance_m)
+    if _is_mirrored(layout, in_map, kept, tolerance_m, click_error_m):
         raise CannotFit(
             'the positions in the map are a mirror image of the layout: x and y are swapped, or an axis'
             ' points the wrong way'
         )
-    if not kept:
-        residuals_m = _residuals_m(pairs, *_rotation_and_shift(pairs))
-        worst = max(residuals_m, key=residuals_m.get)
+    if not len(kept):
+        residuals_m = _residuals_m(layout, in_map)
+        worst = int(residuals_m.argmax())
+        tag_id = escaped(tag_ids[worst], 64)
         raise CannotFit(
             f'the layout does not fit the map: the largest residual is {residuals_m[worst]:.2f} m, of tag'
-            f" '{escaped(worst, 64)}', and the tolerance is {tolerance_m:g} m: correct this position, add"
-            ' more tags, or raise the tolerance'
+            f" '{tag_id}', and the tolerance is {tolerance_m:g} m: correct this position,"
+            ' add more tags, or raise the tolerance'
         )
-    mean, _, centred = _centred(kept)
-    if max(abs(place) for place, _ in centred.values()) <= tolerance_m:
+    middle = layout[kept].mean()
+    spread_m = np.abs(layout[kept] - middle)
+    if spread_m.max() <= tolerance_m:
         raise CannotFit(
             f'the {len(kept)} tags that fit lie in one spot of the layout, within the tolerance of'
             f' {tolerance_m:g} m, and fit any rotation: use tags that are far apart'
         )
-    distances_m = {tag_id: abs(complex(*place) - mean) for tag_id, place in layout_m.items()}
-    farthest = max(distances_m, key=distances_m.get)
+    distances_m = dict(zip(layout_m, np.abs(_complex(list(layout_m.values())) - middle), strict=True))
+    farthest = max(distances_m, key=distances_m.__getitem__)
+    squares = _squared_error(layout[kept], in_map[kept])
     # A residual has two coordinates, and the fit takes three of them: the shift and the rotation.
-    deviation_m = max(click_error_m, math.sqrt(_squares(kept) / (2 * len(kept) - 3)))
-    turning = distances_m[farthest] ** 2 / sum(abs(place) ** 2 for place, _ in centred.values())
-    expected_error_m = deviation_m * math.sqrt(2 / len(kept) + turning)
+    deviation_m = max(click_error_m, math.sqrt(squares / (2 * len(kept) - 3)))
+    turning = distances_m[farthest] ** 2 / (spread_m**2).sum()
+    expected_error_m = float(deviation_m * math.sqrt(2 / len(kept) + turning))
     if expected_error_m > tolerance_m:
         raise CannotFit(
             f"the expected error is {expected_error_m:.2f} m at tag '{escaped(farthest, 64)}', which is"
             f' {distances_m[farthest]:.1f} m from the {len(kept)} tags that fit, and the tolerance is'
             f' {tolerance_m:g} m: use more tags, or tags that are farther apart'
         )
-    more_if_mirrored = _squares({tag_id: mirrored[tag_id] for tag_id in kept}) - _squares(kept)
-    rotation, shift = _rotation_and_shift(kept)
+    rotation, shift = _rotation_and_shift(layout[kept], in_map[kept])
+    residuals_m = np.abs(rotation * layout + shift - in_map)
     return Fit(
         Transform(shift.real, shift.imag, cmath.phase(rotation)),
-        _residuals_m(pairs, rotation, shift),
-        [tag_id for tag_id in pairs if tag_id not in kept],
+        dict(zip(tag_ids, residuals_m.tolist(), strict=True)),
+        [tag_id for number, tag_id in enumerate(tag_ids) if number not in kept],
         farthest,
         expected_error_m,
-        hides_mirror=more_if_mirrored < (4 * deviation_m) ** 2,
+        hides_mirror=_squared_error(layout[kept].conj(), in_map[kept]) < squares + (4 * deviation_m) ** 2,
     )
 
 
 def best_to_click(layout_m: Mapping[str, tuple[float, float]], count: int) -> list[str]:
     """Return `count` tags that are widely spread in both directions, from x and y in metres by tag id."""
-    places = {tag_id: complex(*place) for tag_id, place in layout_m.items()}
-    mean = sum(places.values()) / len(places)
-    chosen = [max(places, key=lambda tag_id: abs(places[tag_id] - mean))]
+    tag_ids, places = list(layout_m), np.array(list(layout_m.values()))
+    chosen = [int(np.linalg.norm(places - places.mean(axis=0), axis=1).argmax())]
+
+    def spread(number: int) -> tuple[float, float]:
+        """Return the determinant and the trace of the scatter matrix: the trace counts for tags on a line."""
+        scatter = np.cov(places[[*chosen, number]].T)
+        return round(float(np.linalg.det(scatter)), 6), float(np.trace(scatter))
+
     while len(chosen) < count:
-        left = [tag_id for tag_id in places if tag_id not in chosen]
-        chosen.append(max(left, key=lambda tag_id: _spread([places[each] for each in [*chosen, tag_id]])))
-    return chosen
+        chosen.append(max((each for each in range(len(tag_ids)) if each not in chosen), key=spread))
+    return [tag_ids[number] for number in chosen]
 
 
-def _spread(places: list[complex]) -> tuple[float, float]:
-    """Return the determinant and the trace of the scatter matrix: the trace counts for tags on a line."""
-    mean = sum(places) / len(places)
-    trace = sum(abs(place - mean) ** 2 for place in places)
-    squares = sum((place - mean) ** 2 for place in places)  # xx - yy + 2j * xy
-    return round((trace**2 - abs(squares) ** 2) / 4, 6), trace
+def _complex(places: Sequence[tuple[float, float]]) -> Positions:
+    """Return positions as complex numbers, which a factor of length 1 rotates."""
+    return np.array([complex(*place) for place in places])
 
 
-# Positions are complex numbers, in pairs (layout, map) by tag id: a rotation is a factor of length 1.
-
-
-def _centred(pairs: dict) -> tuple[complex, complex, dict]:
-    """Return the mean position in the layout and in the map, and the pairs relative to them."""
-    mean, other_mean = (sum(column) / len(pairs) for column in zip(*pairs.values(), strict=True))
-    return mean, other_mean, {tag_id: (p - mean, q - other_mean) for tag_id, (p, q) in pairs.items()}
-
-
-def _rotation_and_shift(pairs: dict) -> tuple[complex, complex]:
-    mean, other_mean, centred = _centred(pairs)
-    product = sum(p.conjugate() * q for p, q in centred.values())
+def _rotation_and_shift(layout: Positions, in_map: Positions) -> tuple[complex, complex]:
+    """Return the factor and the summand that bring the layout nearest to the map."""
+    middle, middle_in_map = layout.mean(), in_map.mean()
+    product = np.vdot(layout - middle, in_map - middle_in_map)
     rotation = cmath.rect(1.0, cmath.phase(product))
-    return rotation, other_mean - rotation * mean
+    return rotation, complex(middle_in_map - rotation * middle)
 
 
-def _residuals_m(pairs: dict, rotation: complex, shift: complex) -> dict[str, float]:
-    return {tag_id: abs(rotation * p + shift - q) for tag_id, (p, q) in pairs.items()}
+def _residuals_m(layout: Positions, in_map: Positions) -> Distances:
+    rotation, shift = _rotation_and_shift(layout, in_map)
+    residuals_m: Distances = np.abs(rotation * layout + shift - in_map)
+    return residuals_m
 
 
-def _squares(pairs: dict) -> float:
-    """Return the sum of the squared residuals of the best fit."""
-    return sum(each**2 for each in _residuals_m(pairs, *_rotation_and_shift(pairs)).values())
+def _squared_error(layout: Positions, in_map: Positions) -> float:
+    """Return the sum of the squared residuals of the best fit, in square metres."""
+    return float((_residuals_m(layout, in_map) ** 2).sum())
 
 
-def _agreeing(pairs: dict, tolerance_m: float) -> dict:
-    """Return the pairs that remain when those that do not fit are left out; {} if too few do."""
-    fewest = max(FEWEST_THAT_OVERRULE, len(pairs) // 2 + 1)
-    kept = dict(pairs)
-    while max(_residuals_m(kept, *_rotation_and_shift(kept)).values()) > tolerance_m:
+def _agreeing(layout: Positions, in_map: Positions, tolerance_m: float) -> Numbers:
+    """Return the numbers of the tags that fit when those that do not are left out; none if too few do."""
+    fewest = max(FEWEST_THAT_OVERRULE, len(layout) // 2 + 1)
+    kept = np.arange(len(layout))
+    while _residuals_m(layout[kept], in_map[kept]).max() > tolerance_m:
         if len(kept) <= fewest:
-            return {}
-        del kept[_worst(kept)]
+            return kept[:0]
+        kept = np.delete(kept, _errors_without_each(layout[kept], in_map[kept]).argmin())
     return kept
 
 
-def _worst(pairs: dict) -> str:
-    """Return the tag without which the sum of the squared residuals is smallest; the first of equal ones."""
-    _, _, centred = _centred(pairs)
-    product = sum(p.conjugate() * q for p, q in centred.values())
-    squares = sum(abs(p) ** 2 + abs(q) ** 2 for p, q in centred.values())
-    share = len(pairs) / (len(pairs) - 1)  # what a pair adds to the two sums, as the means move too
+def _errors_without_each(layout: Positions, in_map: Positions) -> Distances:
+    """Return the squared error of the best fit without each of the tags, in square metres."""
+    p, q = layout - layout.mean(), in_map - in_map.mean()
+    share = len(p) / (len(p) - 1)  # what a tag adds to each sum, as the means move too
+    squares = np.abs(p) ** 2 + np.abs(q) ** 2
+    products = p.conj() * q
+    errors: Distances = squares.sum() - share * squares - 2.0 * np.abs(products.sum() - share * products)
+    return errors
 
-    def rest(tag_id: str) -> float:
-        p, q = centred[tag_id]
-        return squares - share * (abs(p) ** 2 + abs(q) ** 2) - 2 * abs(product - share * p.conjugate() * q)
 
-    return min(centred, key=rest)
+def _is_mirrored(
+    layout: Positions, in_map: Positions, kept: Numbers, tolerance_m: float, click_error_m: float
+) -> bool:
+    """Return whether the mirror image of the layout fits the map better than the layout does."""
+    mirrored = layout.conj()
+    kept_mirrored = _agreeing(mirrored, in_map, tolerance_m)
+    if len(kept) != len(kept_mirrored):
+        return len(kept_mirrored) > len(kept)
+    if not len(kept):
+        return _squared_error(mirrored, in_map) < 0.25 * _squared_error(layout, in_map)
+    error = _squared_error(mirrored[kept_mirrored], in_map[kept_mirrored])
+    return error < _squared_error(layout[kept], in_map[kept]) - click_error_m**2
 
 
 def read_places(path: str | Path) -> dict[str, tuple[float, float]]:
@@ -202,7 +210,7 @@ def read_places(path: str | Path) -> dict[str, tuple[float, float]]:
         if not isinstance(place, list) or len(place) != 2:
             raise StartUpError(f'{here}: must be a list of x and y, {example}')
         at = dict(zip('xy', place, strict=True))
-        places[tag_id] = tuple(float(number(at, axis, here, 'metres')) for axis in at)
+        places[tag_id] = (float(number(at, 'x', here, 'metres')), float(number(at, 'y', here, 'metres')))
     return places
 
 
@@ -245,5 +253,5 @@ def write_transform(path: str | Path, transform: Transform, frame_id: str = MAP_
         raise StartUpError(f'{_where(path)} cannot be written ({reason}): name another file') from error
 
 
-def _where(path) -> str:
+def _where(path: str | Path) -> str:
     return f"registration '{escaped(str(path), 500)}'"
