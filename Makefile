@@ -7,8 +7,6 @@ VENV ?= .venv
 ARGS ?=
 TAG ?= 1
 SIDE ?= 40
-RUNS ?= 20
-LOAD ?= 3
 TREES := monorepo lupin_greenhouse_ros
 ifeq ($(filter $(TREE),$(TREES)),)
 $(error TREE=$(TREE) is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros)
@@ -32,9 +30,9 @@ QUICK_PYTHON := $(PYTHON) -ES
 BUILD := '$(VENV)/bin/python' -ES ci/build.py
 WITHIN := '$(VENV)/bin/python' -ES ci/within.py
 
-figure tags recall world world-check: override TREE := monorepo
+figure tags world world-check: override TREE := monorepo
 
-.PHONY: help bridge run smoke read mission page world world-check tags env build generate generate-check drift test test-tree lint docs-check figure clean lock bench soak steady test-network recall test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
+.PHONY: help bridge run smoke read mission page world world-check tags env build generate generate-check drift test test-tree lint docs-check figure clean lock bench soak test-network test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -117,7 +115,7 @@ figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-
 	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
 
 clean:  ## remove what was built (not the environment .venv, and not .mission, .tags and .world)
-	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .bench .steady
+	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .bench
 
 lock:  ## pin every wheel of ci/requirements/*.in, direct and transitive, for Python 3.10 and newer (needs uv)
 	@cd ci/requirements && for distro in kilted jazzy; do \
@@ -135,9 +133,6 @@ soak: build  ## check the promises under faults and load (SHORT=1, REFUSALS=1200
 test-network: bridge  ## call between two network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
 	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short)
 
-recall: build  ## measure how often the camera's detector finds a tag, by distance, angle, blur and noise
-	@$(IN_ENV) python tools/measure/recall.py $(ARGS)
-
 test-heavy: env  ## run the tests that take minutes, as CI does after make test
 	@$(RUN_TESTS) heavy
 
@@ -149,9 +144,6 @@ test-apriltag: env  ## run the detector's tests with apt's python3-apriltag (Deb
 
 test-22-04: env  ## run the tests of the bridge and of the monorepo's nodes with the versions of Ubuntu 22.04
 	@$(RUN_TESTS) ubuntu-22-04
-
-steady: env  ## repeat the contract tests of both trees RUNS=20 times beside LOAD=3 busy loops, and count failures
-	@$(IN_ENV) $(KILL_TREE) python tools/measure/steady.py --runs $(RUNS) --load $(LOAD)
 
 # publish
 

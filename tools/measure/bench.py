@@ -1,13 +1,12 @@
 """
 Compare the bridge with the plain wrapper of the simulator that teams used before it.
 
-    make bench              takes ten minutes; prints a table and writes bench.json into .bench/
+    make bench              takes five minutes; prints a table and writes bench.json into .bench/
     make bench SHORT=1      takes a minute, for a look
 
 Every ratio is measured within one run, in which the servers take turns. A ratio is the median of its rounds,
 with the middle half of them in brackets. --subject and --baseline replace the commands of the bridge and of
-the plain wrapper. If you swap them, the ratios invert. A second table shows how long a person waits for a
-command.
+the plain wrapper. If you swap them, the ratios invert.
 """
 
 import contextlib
@@ -25,7 +24,6 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-import user_latency
 from lupin_greenhouse_bridge.errors import pluralized
 from shared import (
     PATIENCE_SECONDS,
@@ -55,7 +53,6 @@ PARTS = (
     'growth',
     'alternatives',
     'shares',
-    'felt',
 )
 BURST = 200
 LOST_AFTER_SECONDS = 0.1  # short, because a client that waits longer for a lost reply makes fewer calls
@@ -475,8 +472,7 @@ def main() -> int:
         bench.subject = stack.enter_context(NodeServer(options.subject, 'subject'))
         bench.baseline = stack.enter_context(NodeServer(options.baseline, 'baseline'))
         for part in options.only:
-            if part != 'felt':
-                getattr(bench, part)()
+            getattr(bench, part)()
     conditions = {
         'python': platform.python_version(),
         'ros_distro': os.environ.get('ROS_DISTRO'),
@@ -491,9 +487,6 @@ def main() -> int:
     print('', took, *bench.lines, sep='\n')
     if missed := [row['figure'] for row in bench.rows if row.get('verdict') == 'MISSED']:
         print(f'missed: {", ".join(missed)}')
-    if 'felt' in options.only and not options.short:
-        print()
-        user_latency.print_table(short=False)
     return 0
 
 

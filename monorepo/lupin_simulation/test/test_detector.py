@@ -30,7 +30,7 @@ def found_in():
     ],
 )
 def test_4_cm_tags_are_found_where_the_robot_stands(found_in, distance_m, angles_degrees, conditions):
-    """Three ids; `make recall` shows 30, also with blur at 1 m."""
+    """Three ids; doc/detector.md of lupin_tag_confirmation has 30, also with blur at 1 m."""
     for tag_number in (1, 11, 21):
         for angle_degrees in angles_degrees:
             for condition in conditions:
@@ -72,7 +72,7 @@ def test_no_picture_of_an_allowed_size_crashes_the_library(height, width):
 
 
 def test_no_tag_is_confirmed_in_200_images_without_it():
-    """With the most lenient criteria; `make recall` shows 20,000 with the defaults."""
+    """With the most lenient criteria; doc/detector.md has 20,000 with the defaults."""
     detector = TagDetector(max_hamming=2)
     lenient = Criteria(min_frames=1, min_decision_margin=0.0, max_hamming=2)
     random = np.random.default_rng(0)
