@@ -102,7 +102,9 @@ def descriptor_of(field, *, read_only: bool):
 
 def warn_of_unknown_parameters(node, *, besides=()) -> None:
     """Log a warning for each parameter that was set, but that neither the node nor `besides` has."""
-    for name in getattr(node, '_parameter_overrides', ()):  # private to rclpy: it may disappear
+    from lupin_greenhouse_bridge.runtime.rclpy_internals import parameter_overrides
+
+    for name in parameter_overrides(node):
         if not node.has_parameter(name) and name not in besides:
             node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored')
 

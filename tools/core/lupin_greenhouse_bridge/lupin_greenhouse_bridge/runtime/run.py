@@ -12,7 +12,6 @@ import warnings
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
@@ -21,6 +20,7 @@ from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.command_line import answer_help
 from lupin_greenhouse_bridge.runtime.graph import namesake_warning
 from lupin_greenhouse_bridge.runtime.process import security_problem
+from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 
 LOOK_EVERY_SECONDS = 5.0  # for another node of the same name
 
@@ -88,7 +88,7 @@ def node_creation():
             yield
     except (NameValidationException, ParameterException) as error:
         raise StartUpError(f'the ROS arguments do not fit the node: {error}') from error
-    except rclpy_implementation.RCLError as error:
+    except RCLError as error:
         raise StartUpError(f'{security_problem() or "ROS cannot create the node"}: {error}') from error
     except OneLineError:
         raise
@@ -149,6 +149,6 @@ def spin_once(executor, node) -> None:
     """Run one callback, if one comes soon. Humble raises if a reply cannot be sent: log and continue."""
     try:
         executor.spin_once(timeout_sec=LOOK_EVERY_SECONDS)
-    except rclpy_implementation.RCLError as error:
+    except RCLError as error:
         reason = escaped(str(error), 300)
         node.get_logger().warning(f'continued after: {reason}', throttle_duration_sec=1.0)

@@ -1,0 +1,51 @@
+"""
+What the packages use of rclpy that is not public, or that is not the same in all four distros.
+
+Every other module uses only names that Humble, Jazzy, Kilted and Lyrical document.
+"""
+
+from collections.abc import Collection
+from typing import Any
+
+from rclpy.client import Client
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+try:
+    from rclpy.event_handler import SubscriptionEventCallbacks
+except ImportError:  # Humble has no event_handler, and Kilted warns of qos_event
+    from rclpy.qos_event import SubscriptionEventCallbacks
+
+__all__ = [
+    'RCLError',
+    'SubscriptionEventCallbacks',
+    'parameter_overrides',
+    'pending_requests',
+    'rclpy_implementation',
+    'take_message',
+]
+
+# The error of the C library, such as for a missing security key. No module of Humble exports it.
+RCLError: type[Exception] = rclpy_implementation.RCLError
+
+
+def parameter_overrides(node: Node) -> Collection[str]:
+    """Return the names of the parameters that were set for a node. No distro has a public list of them."""
+    return getattr(node, '_parameter_overrides', ())
+
+
+def pending_requests(client: 'Client[Any, Any]') -> Collection[Any]:
+    """Return the futures of the requests that wait for a reply. No distro has a public list; for tests."""
+    return client._pending_requests.values()
+
+
+def take_message(subscription: 'Subscription[Any]') -> Any:
+    """
+    Return the next message that waits in a subscription, without its callback; None if there is none.
+
+    In every distro, the public way is to spin, which takes one message for each callback.
+    """
+    with subscription.handle:
+        taken = subscription.handle.take_message(subscription.msg_type, False)
+    return taken[0] if taken else None
