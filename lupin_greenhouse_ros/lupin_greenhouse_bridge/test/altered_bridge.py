@@ -19,8 +19,8 @@ import rclpy.service
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 from lupin_greenhouse_bridge.simulator import simulation
-from rclpy.impl.implementation_singleton import rclpy_implementation
 
 
 class Clock:
@@ -49,7 +49,7 @@ def unsendable_reply():
 
     def fail_once(service, response, header):
         if getattr(response, 'reading', None) and response.reading.readings and next(replies) == 0:
-            raise rclpy_implementation.RCLError('failed to send response: client will not receive response')
+            raise RCLError('failed to send response: client will not receive response')
         return send_response(service, response, header)
 
     rclpy.service.Service.send_response = fail_once

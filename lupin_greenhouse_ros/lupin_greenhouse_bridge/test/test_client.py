@@ -9,6 +9,7 @@ from lupin_greenhouse_bridge.contract import has_tag_file, parameter_service_of,
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading import client
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
+from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, spinning_node, wait_until
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters
@@ -120,13 +121,13 @@ def test_a_call_ends_at_its_timeout_and_is_forgotten(service, caller, monkeypatc
     class Executor:
         def spin_once(self, timeout_sec):
             assert timeout_sec == pytest.approx(0.1)
-            pending.extend(found._pending_requests)
+            pending.extend(pending_requests(found))
 
     monkeypatch.setattr(client, 'time', Time(100.0, 101.9, 102.0))
     with pytest.raises(NoAnswer, match=f'^{SERVICE} did not answer within 2 s$'):
         Client(Executor(), caller[1], 2.0).call(found, GREETING)
     assert len(pending) == 1
-    assert not found._pending_requests
+    assert not pending_requests(found)
 
 
 def test_a_request_whose_reply_is_lost_is_sent_again(service, caller, monkeypatch):

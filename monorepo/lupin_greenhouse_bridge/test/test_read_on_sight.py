@@ -20,6 +20,7 @@ from lupin_greenhouse_bridge.reading import read_on_sight
 from lupin_greenhouse_bridge.reading.detections import Sightings
 from lupin_greenhouse_bridge.reading.read_on_sight import GetTagReading, ReadOnSightNode, Settings
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
+from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError, pending_requests
 from lupin_greenhouse_bridge.testing import (
     PATIENCE_SECONDS,
     ManualClock,
@@ -29,7 +30,6 @@ from lupin_greenhouse_bridge.testing import (
     spinning_node,
     wait_until,
 )
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import qos_profile_sensor_data
 
 needs_detections = pytest.mark.skipif(
@@ -422,7 +422,7 @@ def test_a_tag_without_any_reply_is_said_after_its_attempts(held_service, start_
     (last,) = reader.node._futures.values()
     reader.clock.pass_seconds(2.0)
     wait_until(lambda: said in log())
-    assert last not in reader.node._client._pending_requests.values()  # rclpy would keep it for ever
+    assert last not in pending_requests(reader.node._client)  # rclpy would keep it for ever
 
 
 @needs_detections
@@ -477,7 +477,7 @@ def test_a_request_that_ros_refuses_to_send_is_sent_again(run_here, held_service
     def refuse_the_first(client, request):
         if not refused:
             refused.append(request.tag_id)
-            raise rclpy_implementation.RCLError('failed to send request')
+            raise RCLError('failed to send request')
         return call_async(client, request)
 
     def wait_for_request():

@@ -11,6 +11,7 @@ import rclpy
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.errors import pluralized
+from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, has_found_a_client, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
 from lupin_mission import mission_orchestrator, tags
@@ -390,9 +391,9 @@ def test_a_request_that_is_given_up_is_not_kept(mission_and_executor):
     while not node._transport._future:
         executor.spin_once(timeout_sec=PATIENCE_SECONDS)
     given_up, client = node._transport._future, node._transport._clients[Service.READ]
-    assert given_up in client._pending_requests.values()
+    assert given_up in pending_requests(client)
     node.mission.step(time.monotonic() + HOUR)
-    assert given_up not in client._pending_requests.values()  # rclpy would keep it for ever
+    assert given_up not in pending_requests(client)  # rclpy would keep it for ever
 
 
 def test_an_error_in_the_middle_of_the_start_is_one_line(start_mission, monkeypatch):

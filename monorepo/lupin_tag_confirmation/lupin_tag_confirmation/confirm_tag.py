@@ -9,6 +9,7 @@ import time
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
+from lupin_greenhouse_bridge.runtime.rclpy_internals import take_message
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_msgs.srv import ConfirmTag
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -109,10 +110,8 @@ class ConfirmTagNode(Node):
 
     def _receive(self) -> None:
         """Take all messages that have arrived: rclpy takes one per callback, and searching takes longer."""
-        handle = self._camera.handle
-        with handle:
-            while taken := handle.take_message(self._source.message_type, False):
-                self._on_message(taken[0])
+        while (message := take_message(self._camera)) is not None:
+            self._on_message(message)
 
     def _now(self) -> Moment:
         return Moment(self.get_clock().now().nanoseconds * 1e-9, time.monotonic())

@@ -16,6 +16,7 @@ from ament_index_python.packages import get_package_share_directory
 from builtin_interfaces.msg import Time
 from conftest import PATIENCE_SECONDS, Perception
 from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime.rclpy_internals import rclpy_implementation
 from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
 from lupin_tag_confirmation import confirm_tag
@@ -23,7 +24,6 @@ from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.drawing import BAR_PIXELS
 from lupin_tag_confirmation.settings import TOPICS, Settings
 from messages import compressed, detections, image_of
-from rclpy.impl.implementation_singleton import rclpy_implementation
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CompressedImage, Image
 

@@ -13,11 +13,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.runtime.parameters import invalid, parameter
-
-try:
-    from rclpy.event_handler import SubscriptionEventCallbacks
-except ImportError:  # Humble
-    from rclpy.qos_event import SubscriptionEventCallbacks
+from lupin_greenhouse_bridge.runtime.rclpy_internals import SubscriptionEventCallbacks, take_message
 
 NO_PUBLISHER_SECONDS, LOOK_EVERY_SECONDS = 5.0, 1.0
 DEPTH = 2000  # readings that wait while a file is written: two seconds of a thousand each
@@ -109,8 +105,6 @@ def take_what_has_arrived(node) -> None:
     """Call on_reading for the readings that still wait in the subscriptions, after the node has stopped."""
     for subscription in node.subscriptions:
         for _ in range(DEPTH if subscription.msg_type is TagReading else 0):
-            with subscription.handle:
-                taken = subscription.handle.take_message(TagReading, False)
-            if not taken:
+            if (reading := take_message(subscription)) is None:
                 break
-            subscription.callback(taken[0])
+            subscription.callback(reading)

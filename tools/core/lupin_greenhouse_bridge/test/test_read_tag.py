@@ -23,6 +23,7 @@ from lupin_greenhouse_bridge.reading.table import Screen, terminal_size
 from lupin_greenhouse_bridge.recording.rows import HEADER, parse_csv, rows_of
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
+from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 from lupin_greenhouse_bridge.testing import (
     PATIENCE_SECONDS,
     ManualClock,
@@ -32,7 +33,6 @@ from lupin_greenhouse_bridge.testing import (
     wait_until,
 )
 from rcl_interfaces.srv import GetParameters
-from rclpy.impl.implementation_singleton import rclpy_implementation
 
 READ_TAG = executable('lupin_greenhouse_bridge', 'read_tag')
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER = 0, 1, 2, 3
@@ -205,7 +205,7 @@ def test_a_client_that_ros_refuses_is_exit_code_2_and_names_the_security(read, m
     """A node without the right to call a service cannot create its client."""
 
     def refuse(*_arguments, **_keywords):
-        raise rclpy_implementation.RCLError('error creating client')
+        raise RCLError('error creating client')
 
     monkeypatch.setattr(rclpy.node.Node, 'create_client', refuse)
     ended = read('1')

@@ -3,11 +3,11 @@
 import time
 
 from rclpy.exceptions import InvalidServiceNameException
-from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.errors import Interrupted, OneLineError, UsageError
 from lupin_greenhouse_bridge.runtime.process import LONGEST_WAIT_SECONDS, is_asked_to_end, security_problem
+from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 
 REPEAT_AFTER_SECONDS = 1.0
 
@@ -35,7 +35,7 @@ class Client:
             client = self._node.create_client(service_type, service_name, qos_profile=SERVICE_QOS)
         except InvalidServiceNameException as error:
             raise UsageError(f'{service_name!r} is not a service name: {error}') from error
-        except rclpy_implementation.RCLError as error:
+        except RCLError as error:
             problem = security_problem() or 'ROS cannot create the client'
             raise UsageError(f'{problem}: {error}') from error
         self.wait_for(client, show)
