@@ -17,7 +17,7 @@ from lupin_greenhouse_bridge.display.input_file import read_file
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.planning import approach_poses
-from lupin_greenhouse_bridge.planning.approach import read_overrides
+from lupin_greenhouse_bridge.planning.overrides import read_overrides
 from lupin_greenhouse_bridge.planning.registration import read_places, read_registration
 from lupin_greenhouse_bridge.reading.read_on_sight import ReadOnSightNode
 from lupin_greenhouse_bridge.recording.record_readings import RecordReadingsNode

@@ -3,8 +3,9 @@
 import math
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.approach import Override, find_approaches, read_overrides
+from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
+from lupin_greenhouse_bridge.planning.overrides import Override, read_overrides
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.planning.route import plan_route
 from lupin_greenhouse_bridge.planning.walls import find_walls

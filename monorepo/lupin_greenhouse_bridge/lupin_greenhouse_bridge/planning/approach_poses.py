@@ -23,9 +23,9 @@ from lupin_greenhouse_bridge.planning.approach import (
     ApproachPose,
     ViewingLimits,
     find_approaches,
-    read_overrides,
 )
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
+from lupin_greenhouse_bridge.planning.overrides import read_overrides
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
