@@ -14,6 +14,7 @@ ROOT = generate.ROOT
 TREES = {'monorepo': 'monorepo', 'mirror': 'lupin_greenhouse_ros'}
 BRIDGE = 'lupin_greenhouse_bridge'
 NODE = f'{BRIDGE}/{BRIDGE}/bridge_node.py'
+MESSAGES = f'{BRIDGE}/{BRIDGE}/interfaces.py'
 SIMULATION = f'{BRIDGE}/{BRIDGE}/simulator/simulation.py'
 LAUNCH = f'{BRIDGE}/launch/greenhouse_bridge.launch.py'
 SRV, READING = 'MSGS/srv/GetTagReading.srv', 'MSGS/msg/TagReading.msg'
@@ -68,7 +69,7 @@ EDITS = [
     (NODE_DIFFERS, 'mirror', NODE, "'~/get_tag_reading'", "'get_tag_reading'"),
     (NODE_DIFFERS, 'mirror', NODE, 'read_only=True', 'read_only=False'),
     (NODE_DIFFERS, 'monorepo', NODE, IMPORT, ''),
-    (NODE_DIFFERS, 'mirror', NODE, 'def main(args=None):\n', '\ndef main(args=None):\n'),
+    (NODE_DIFFERS, 'mirror', NODE, 'def main(', '\ndef main('),
     (NODE_DIFFERS, 'mirror', NODE, LAST_LINE, f'{LAST_LINE}extra = 1\n'),
     # the one line: missing, doubled, moved, swapped
     (DIVERGENCE, 'mirror', NODE, f'    {PLAIN}\n', f'    {WRAP}\n'),
@@ -110,9 +111,9 @@ EDITS = [
     (PACKAGE_DIFFERS, 'monorepo', SIMULATION, "OLDEST_SIMULATOR = '1.0.7'", "OLDEST_SIMULATOR = '1.0.8'"),
     (PACKAGE_DIFFERS, 'mirror', f'{BRIDGE}/CHANGELOG.rst', '* Add', '* Remove'),
     # the other tree's name
-    (LEFT_OVER, 'mirror', NODE, 'from lupin_greenhouse_msgs.msg', 'from lupin_msgs.msg'),
+    (LEFT_OVER, 'mirror', MESSAGES, 'from lupin_greenhouse_msgs.msg', 'from lupin_msgs.msg'),
     (LEFT_OVER, 'mirror', NODE, 'ROS 2 node `', '(lupin_msgs) ROS 2 node `'),
-    (LEFT_OVER, 'monorepo', NODE, 'from lupin_msgs.msg', 'from lupin_greenhouse_msgs.msg'),
+    (LEFT_OVER, 'monorepo', MESSAGES, 'from lupin_msgs.msg', 'from lupin_greenhouse_msgs.msg'),
     (LEFT_OVER, 'monorepo', SIMULATION, 'import math\n', 'import math  # not LUPIN_GREENHOUSE_MSGS\n'),
     (LEFT_OVER, 'mirror', 'README.md', '# lupin_greenhouse_ros', '# lupin-msgs'),
     (LEFT_OVER, 'mirror', 'MSGS/package.xml', '<name>lupin_greenhouse_msgs', '<name>lupin_msgs'),

@@ -342,7 +342,7 @@ def test_another_interface_of_the_team_is_left_alone(checkout):
 
 
 def use_the_old_name_once_more(checkout):
-    path = checkout / 'tools/core' / BRIDGE / 'bridge_node.py'
+    path = checkout / 'tools/core' / BRIDGE / 'interfaces.py'
     path.write_text(path.read_text() + '# lupin_msgs\n')
 
 
@@ -370,7 +370,7 @@ def double_the_divergent_line(checkout):
 
 
 def expect_one_match_too_many(checkout):
-    replace(checkout / 'tools/twins.toml', 'bridge_node.py" = 2', 'bridge_node.py" = 3')
+    replace(checkout / 'tools/twins.toml', 'interfaces.py" = 2', 'interfaces.py" = 3')
 
 
 def list_a_file_without_a_match(checkout):

@@ -60,7 +60,7 @@ def test_a_patch_changes_the_core_and_both_trees(repositories):
         mirror,
         LOG_MORE,
         (f'{BRIDGE}/bridge_node.py', 'Turn a path parameter', 'Turn the path parameter'),
-        (f'{BRIDGE}/bridge_node.py', 'from lupin_greenhouse_msgs.msg', '# a\nfrom lupin_greenhouse_msgs.msg'),
+        (f'{BRIDGE}/interfaces.py', 'from lupin_greenhouse_msgs.msg', '# a\nfrom lupin_greenhouse_msgs.msg'),
         ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One simulated', 'A simulated'),
         NEW_TITLE,
     )
@@ -69,11 +69,14 @@ def test_a_patch_changes_the_core_and_both_trees(repositories):
     assert 'Another Team: Mend it' in result.stdout
     assert git(monorepo, 'status', '--porcelain') == ''
     changed = set(git(monorepo, 'show', '--name-only', '--format=').split())
-    node, message = f'{BRIDGE}/bridge_node.py', 'msg/SensorReading.msg'
+    node, imports, message = f'{BRIDGE}/bridge_node.py', f'{BRIDGE}/interfaces.py', 'msg/SensorReading.msg'
     assert changed == {
         f'tools/core/{node}',
         f'monorepo/{node}',
         f'lupin_greenhouse_ros/{node}',
+        f'tools/core/{imports}',
+        f'monorepo/{imports}',
+        f'lupin_greenhouse_ros/{imports}',
         f'tools/core/lupin_msgs/{message}',
         f'monorepo/lupin_msgs/{message}',
         f'lupin_greenhouse_ros/lupin_greenhouse_msgs/{message}',

@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""The messages of the bridge. All modules except bridge_node.py import them from here."""
+"""The messages of the bridge. All modules import them from here."""
 
 from lupin_greenhouse_msgs.msg import SensorReading, TagReading
 from lupin_greenhouse_msgs.srv import GetTagReading

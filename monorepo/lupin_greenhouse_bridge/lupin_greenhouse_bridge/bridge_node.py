@@ -7,8 +7,6 @@ ros2 run lupin_greenhouse_bridge bridge_node --ros-args -p debug_time_of_day:=12
 
 from pathlib import Path
 
-from lupin_msgs.msg import SensorReading
-from lupin_msgs.srv import GetTagReading
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
@@ -16,6 +14,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from lupin_greenhouse_bridge.contract import NODE_NAME, SERVICE_QOS, TAG_IDS_PARAMETER
 from lupin_greenhouse_bridge.errors import escaped, pluralized
+from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading, TagReading
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.settings import Settings
@@ -32,7 +31,7 @@ def _config_path(value: str) -> Path | str | None:
 class GreenhouseBridgeNode(Node):
     """Serves `~/get_tag_reading` from one simulator, and nothing else."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         """Load and validate the greenhouse, then offer the service; raises StartUpError."""
         super().__init__(NODE_NAME)
         settings = declare_parameters(self, Settings)
@@ -45,28 +44,28 @@ class GreenhouseBridgeNode(Node):
             self.get_logger().warning(warning)
         self._sim = greenhouse.sim
         self._tag_set = frozenset(greenhouse.tag_ids)
-        read_only = ParameterDescriptor(
+        descriptor = ParameterDescriptor(
             description='The ids of the tags that the bridge serves.', read_only=True
         )
-        self.declare_parameter(TAG_IDS_PARAMETER, greenhouse.tag_ids, read_only, ignore_override=True)
-
-        # The simulator is not thread-safe: only one handler runs at a time, in any executor.
-        self._cb_group = MutuallyExclusiveCallbackGroup()
-        self._service = self.create_service(
+        self.declare_parameter(TAG_IDS_PARAMETER, greenhouse.tag_ids, descriptor, ignore_override=True)
+        self.create_service(
             GetTagReading,
             '~/get_tag_reading',
             self._handle_get_tag_reading,
             qos_profile=SERVICE_QOS,
-            callback_group=self._cb_group,
+            # The simulator is not thread-safe: only one handler runs at a time, in any executor.
+            callback_group=MutuallyExclusiveCallbackGroup(),
         )
         rmw = get_rmw_implementation_identifier()
         self.get_logger().info(f'ready: {greenhouse.summary}; {rmw}')
 
-    def _handle_get_tag_reading(self, request, response):
+    def _handle_get_tag_reading(
+        self, request: GetTagReading.Request, response: GetTagReading.Response
+    ) -> GetTagReading.Response:
         tag_id = request.tag_id
         if tag_id not in self._tag_set:
             # For an unknown tag the simulator returns {}, which would become STATUS_OK without readings.
-            response.status = GetTagReading.Response.STATUS_UNKNOWN_TAG
+            response.status = response.STATUS_UNKNOWN_TAG
             response.error_message = (
                 f"Tag '{escaped(tag_id, 64)}' is not in the loaded greenhouse"
                 f' ({pluralized(len(self._tag_set), "tag")} known).'
@@ -74,22 +73,23 @@ class GreenhouseBridgeNode(Node):
             self.get_logger().warning(response.error_message, throttle_duration_sec=LOG_EVERY_SECONDS)
             return response
         try:
-            now = self.get_clock().now()
+            stamp = self.get_clock().now().to_msg()
             sim_time, values = simulation.read(self._sim, tag_id)
         except simulation.ReadingError as error:
-            response.status = GetTagReading.Response.STATUS_SIMULATOR_ERROR
+            response.status = response.STATUS_SIMULATOR_ERROR
             response.error_message = str(error)
             self.get_logger().error(response.error_message, throttle_duration_sec=LOG_EVERY_SECONDS)
             return response
-        response.status = GetTagReading.Response.STATUS_OK
-        reading = response.reading
-        reading.tag_id = tag_id
-        reading.stamp.sec, reading.stamp.nanosec = now.seconds_nanoseconds()
-        reading.sim_time_of_day_seconds = sim_time
-        reading.readings = [SensorReading(name=name, value=value) for name, value in values.items()]
+        response.status = response.STATUS_OK
+        response.reading = TagReading(
+            tag_id=tag_id,
+            stamp=stamp,
+            sim_time_of_day_seconds=sim_time,
+            readings=[SensorReading(name=name, value=value) for name, value in values.items()],
+        )
         return response
 
 
-def main(args=None):
+def main(args: list[str] | None = None) -> int:
     """Serve until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return run(NODE_NAME, GreenhouseBridgeNode, args)

@@ -1,4 +1,4 @@
-"""The messages of the bridge. All modules except bridge_node.py import them from here."""
+"""The messages of the bridge. All modules import them from here."""
 
 from lupin_msgs.msg import SensorReading, TagReading
 from lupin_msgs.srv import GetTagReading
