@@ -22,13 +22,14 @@ sys.exit(check_world.main(sys.argv[1:]))
 """
 TURNED = """
 import sys
+import dataclasses
 import math
 from lupin_simulation import check_world
 find = check_world.find_approaches
 def find_turned(*arguments):
     found = find(*arguments)
     poses = {tag_id: each._replace(yaw=each.yaw + math.pi / 2) for tag_id, each in found.poses.items()}
-    return found._replace(poses=poses)
+    return dataclasses.replace(found, poses=poses)
 check_world.find_approaches = find_turned
 sys.exit(check_world.main(sys.argv[1:]))
 """

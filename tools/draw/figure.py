@@ -202,9 +202,9 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
 def draw_route(greenhouse: Greenhouse):
     """Return the figure of the approach poses and the shortest route of a robot of the default size."""
     layout, found = greenhouse.layout, greenhouse.walls
-    poses, unreachable, free, *_ = approach.find_approaches(layout, found, approach.ViewingLimits())
-    planned = route.plan_route(free, poses, None, 'shortest')
-    return drawing.draw_route(layout, found, poses, unreachable, planned)
+    approaches = approach.find_approaches(layout, found, approach.ViewingLimits())
+    planned = route.plan_route(approaches.free_space, approaches.poses, None, 'shortest')
+    return drawing.draw_route(layout, found, approaches.poses, approaches.unreachable, planned)
 
 
 def save(figure, path: Path, fingerprint: str) -> None:

@@ -32,7 +32,7 @@ class Plan:
             in_map, self.warnings = read_overrides(path, layout.tags)
             overrides = {tag_id: self._in_layout(tag_id, each, path) for tag_id, each in in_map.items()}
         walls = find_walls(layout, settings.sim_config_file, settings.walls)
-        self._poses, self.unreachable, self._free_space, self.room_warnings, others = find_approaches(
+        found = find_approaches(
             layout,
             walls,
             settings.viewing_limits,
@@ -40,12 +40,14 @@ class Plan:
             most_per_tag=settings.max_poses,
             occupancy=occupancy and occupancy.in_layout(layout_in_map),
         )
+        self._free_space, self._poses = found.free_space, found.poses
+        self.unreachable, self.room_warnings = found.unreachable, found.room_warnings
         self.goals = {
             tag_id: [
                 PoseInPlane(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))
-                for pose in (best, *others[tag_id])
+                for pose in (best, *found.alternatives[tag_id])
             ]
-            for tag_id, best in self._poses.items()
+            for tag_id, best in found.poses.items()
         }
 
     def shortest(

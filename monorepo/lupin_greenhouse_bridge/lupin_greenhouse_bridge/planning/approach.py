@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -92,14 +92,15 @@ class ViewingLimits:
         return min(SMALLEST_ROOM_M, self.clearance_m)
 
 
-class Approaches(NamedTuple):
+@dataclass(frozen=True)
+class Approaches:
     """The approach poses and the reasons of the other tags, by tag id in the order of the layout."""
 
-    poses: dict[str, ApproachPose]
-    unreachable: dict[str, str]
     free_space: FreeSpace
-    warnings: dict[str, str]  # of poses with less room than the clearance
-    alternatives: dict[str, list[ApproachPose]]  # to each pose, the best first
+    poses: dict[str, ApproachPose] = field(default_factory=dict)
+    alternatives: dict[str, list[ApproachPose]] = field(default_factory=dict)  # to each pose, the best first
+    room_warnings: dict[str, str] = field(default_factory=dict)  # of poses with less room than the clearance
+    unreachable: dict[str, str] = field(default_factory=dict)
 
 
 def find_approaches(  # noqa: PLR0913 - the options are passed by name
@@ -142,7 +143,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
         _check_place_of(occupancy, before_tags, walls)
     region = _Region(free_space, start_m, before_tags)
     search = _Search(layout, walls, limits, free_space, region, occupancy)
-    found = Approaches({}, {}, free_space, {}, {})
+    found = Approaches(free_space)
     for count, (tag_id, tag) in enumerate(free_space.tag_poses.items()):
         progress('tags with a pose', count, len(free_space.tag_poses))
         if not walls.has_inside(tag.x, tag.y):
@@ -158,7 +159,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
             search.others(tag_id, tag, override, trial.pose, most_per_tag) if most_per_tag > 1 else []
         )
         if trial.room_m < limits.clearance_m - SAME_M:
-            found.warnings[tag_id] = (
+            found.room_warnings[tag_id] = (
                 f"tag '{escaped(tag_id, 64)}': its pose has {trial.room_m:.3f} m of room beyond the robot's"
                 f' radius, less than the clearance of {limits.clearance_m:g} m'
             )

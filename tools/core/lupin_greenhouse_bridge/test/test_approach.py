@@ -145,13 +145,13 @@ OUTSIDE_M, INSIDE_M = (-0.8, -0.8), (1.5, 1.75)
 @pytest.mark.parametrize('radius_m', COUNTS[29])
 def test_so_many_shipped_tags_have_a_pose_and_all_of_the_route_is_within_the_walls(shipped, radius_m):
     walls = find_walls(shipped)
-    poses, _, free_space, *_ = find_approaches(shipped, walls, ViewingLimits(radius_m))
+    approaches = find_approaches(shipped, walls, ViewingLimits(radius_m))
     head_on = find_approaches(shipped, walls, ViewingLimits(radius_m, **HEAD_ON))
-    assert (len(poses), len(head_on.poses)) == COUNTS[len(shipped.tags)][radius_m]
+    assert (len(approaches.poses), len(head_on.poses)) == COUNTS[len(shipped.tags)][radius_m]
     width_m, height_m = {29: (4.0, 8.0), 22: (5.0, 10.0)}[len(shipped.tags)]
     gap = radius_m + SMALLEST_ROOM_M - SAME_M
-    route = plan_route(free_space, poses, None, 'shortest')
-    assert {pose[:2] for pose in poses.values()} <= set(route.points_m)
+    route = plan_route(approaches.free_space, approaches.poses, None, 'shortest')
+    assert {pose[:2] for pose in approaches.poses.values()} <= set(route.points_m)
     for x, y in route.points_m:  # straight between these points, so within a rectangle
         assert gap <= x <= width_m - gap
         assert gap <= y <= height_m - gap
@@ -159,9 +159,11 @@ def test_so_many_shipped_tags_have_a_pose_and_all_of_the_route_is_within_the_wal
 
 def test_a_tag_outside_the_walls_is_unreachable_and_the_others_are_not():
     layout = layout_of((2.0, 1.0), (9.0, 1.0), table=(1.0, 1.0, 3.0, 1.5))
-    poses, unreachable, *_ = find_approaches(layout, Walls(0.0, 0.0, 4.0, 8.0), ViewingLimits())
-    assert set(poses) == {'0'}
-    assert unreachable == {'1': 'outside the walls (x 0 to 4 m, y 0 to 8 m): set walls, or sim_config_file'}
+    approaches = find_approaches(layout, Walls(0.0, 0.0, 4.0, 8.0), ViewingLimits())
+    assert set(approaches.poses) == {'0'}
+    assert approaches.unreachable == {
+        '1': 'outside the walls (x 0 to 4 m, y 0 to 8 m): set walls, or sim_config_file'
+    }
 
 
 def test_without_a_start_the_poses_are_in_the_largest_part_of_the_free_space():
@@ -248,7 +250,7 @@ def test_the_roomiest_pose_is_taken_where_there_is_less_than_the_clearance(width
     room = gap_m(layout, pose.x, pose.y) - 0.2
     assert room_m - 0.006 <= room
     assert math.degrees(pose.angle_rad) <= largest_angle + SAME_M
-    assert len(approaches.warnings) == (room_m < 0.05)
+    assert len(approaches.room_warnings) == (room_m < 0.05)
 
 
 def test_an_aisle_without_the_smallest_room_has_no_pose():
@@ -290,11 +292,9 @@ def allows_arrival(tag, pose: ApproachPose, camera_offset_m: float) -> bool:
 @pytest.mark.parametrize('camera_offset_m', [0.0, 0.2])
 def test_a_pose_allows_for_an_arrival_beside_it_where_there_is_room(shipped, camera_offset_m):
     walls, limits = find_walls(shipped), ViewingLimits(camera_offset_m=camera_offset_m)
-    poses, _, free_space, *_ = find_approaches(shipped, walls, limits)
+    poses, tags = find_approaches(shipped, walls, limits).poses, find_tag_poses(shipped, walls)
     tight = {
-        tag_id
-        for tag_id, pose in poses.items()
-        if not allows_arrival(free_space.tag_poses[tag_id], pose, camera_offset_m)
+        tag_id for tag_id, pose in poses.items() if not allows_arrival(tags[tag_id], pose, camera_offset_m)
     }
     assert tight <= {'21', '25', '26'}, tight
     assert {
@@ -314,15 +314,15 @@ def test_each_shipped_pose_has_2_cm_of_room_and_the_clearance_wherever_there_is_
     shipped, radius_m
 ):
     walls = find_walls(shipped)
-    poses, _, free_space, warnings, _ = find_approaches(shipped, walls, ViewingLimits(radius_m))
+    approaches = find_approaches(shipped, walls, ViewingLimits(radius_m))
     generator = np.random.default_rng(2)
-    for tag_id, pose in poses.items():
+    for tag_id, pose in approaches.poses.items():
         room_m = gap_m(shipped, pose.x, pose.y, walls) - radius_m
         assert room_m >= TIGHT_M
-        assert (room_m < 0.05 - SAME_M) == (tag_id in warnings)
+        assert (room_m < 0.05 - SAME_M) == (tag_id in approaches.room_warnings)
         if room_m >= 0.05 - SAME_M:
             continue
-        tag = free_space.tag_poses[tag_id]
+        tag = approaches.free_space.tag_poses[tag_id]
         for standoff_m, angle in generator.uniform((0.3, -math.pi / 4), (1.0, math.pi / 4), (500, 2)):
             x, y = (
                 tag[axis] + standoff_m * turn(tag.facing + angle)
@@ -440,8 +440,8 @@ def test_every_pose_is_free_sees_its_tag_and_can_be_driven_to(layout, radius_m, 
         room_m = gap_m(layout, pose.x, pose.y) - radius_m
         assert room_m >= SMALLEST_ROOM_M - SAME_M
         warning = f"tag '{tag_id}': its pose has {room_m:.3f} m of room beyond the robot's radius, less than"
-        assert (tag_id in approaches.warnings) == (room_m < limits.clearance_m - SAME_M)
-        assert approaches.warnings.get(tag_id, warning).startswith(warning)
+        assert (tag_id in approaches.room_warnings) == (room_m < limits.clearance_m - SAME_M)
+        assert approaches.room_warnings.get(tag_id, warning).startswith(warning)
         assert not is_hidden(layout, tag_id, pose, camera_offset_m)
         assert math.dist(pose[:2], tag[:2]) == pytest.approx(pose.distance_m)
         assert pose.x + pose.distance_m * math.cos(pose.yaw) == pytest.approx(tag.x)
@@ -570,13 +570,15 @@ def test_the_route_of_many_stops_is_hardly_longer_than_the_shortest():
 def test_the_same_layout_gives_the_same_poses_and_route(shipped):
     results = []
     for _ in range(2):
-        poses, unreachable, free_space, warnings, _ = approaches_of(shipped)
-        results.append((poses, unreachable, warnings, plan_route(free_space, poses, None, 'shortest')))
+        found = approaches_of(shipped)
+        route = plan_route(found.free_space, found.poses, None, 'shortest')
+        results.append((found.poses, found.unreachable, found.room_warnings, route))
     assert results[0] == results[1]
 
 
 def test_the_shortest_route_of_the_shipped_layout_is_much_shorter_than_by_number(shipped):
-    poses, _, free_space, *_ = find_approaches(shipped, find_walls(shipped), ViewingLimits())
+    approaches = find_approaches(shipped, find_walls(shipped), ViewingLimits())
+    free_space, poses = approaches.free_space, approaches.poses
     routes = {
         order: plan_route(free_space, poses, (0.5, 0.5), order) for order in ('given', 'numeric', 'shortest')
     }
@@ -596,7 +598,8 @@ def test_the_shortest_route_of_the_shipped_layout_is_much_shorter_than_by_number
 @pytest.mark.parametrize('end_m', [None, (0.5, 0.5), 'the far corner'])
 def test_the_shortest_route_is_that_of_all_orders_from_the_start_to_the_end(shipped, start_m, end_m):
     walls = find_walls(shipped)
-    poses, _, free_space, *_ = find_approaches(shipped, walls, ViewingLimits())
+    approaches = find_approaches(shipped, walls, ViewingLimits())
+    free_space, poses = approaches.free_space, approaches.poses
     tag_ids = list(poses)[::5]
     if end_m == 'the far corner':
         end_m = walls.x1 - 0.5, walls.y1 - 0.5
