@@ -98,8 +98,9 @@ test: lint generate-check drift  ## run all that CI checks of every change
 test-tree: env  ## run the tests of the packages of TREE: make test-tree PACKAGES=monorepo/lupin_mission WORKERS=4
 	@$(RUN_TESTS) tree
 
-lint: env  ## check the code with ruff, the spelling, and the workflows against their schema
+lint: env  ## check the code with ruff and mypy, the spelling, and the workflows against their schema
 	@$(IN_ENV) ruff check . && ruff format --check .
+	@$(IN_ENV) mypy
 	@$(IN_ENV) git ls-files -z ':!*.png' ':!ci/requirements' | xargs -0 codespell
 	@$(IN_ENV) check-jsonschema --builtin-schema vendor.github-workflows $(wildcard .github/workflows/*.yml lupin_greenhouse_ros/.github/workflows/*.yml)
 	@$(IN_ENV) check-jsonschema --builtin-schema vendor.gitlab-ci .gitlab-ci.yml lupin_greenhouse_ros/.gitlab-ci.yml
@@ -115,7 +116,7 @@ figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-
 	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
 
 clean:  ## remove what was built (not the environment .venv, and not .mission, .tags and .world)
-	rm -rf '$(VENV)'*/workspace .pytest_cache .ruff_cache .hypothesis .bench
+	rm -rf '$(VENV)'*/workspace .mypy_cache .pytest_cache .ruff_cache .hypothesis .bench
 
 lock:  ## pin every wheel of ci/requirements/*.in, direct and transitive, for Python 3.10 and newer (needs uv)
 	@cd ci/requirements && for distro in kilted jazzy; do \

@@ -17,7 +17,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from jobs import Build, locked, run
+from jobs import Build, Word, locked, run
 
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN = re.compile(r'^--- stderr:(?s:.*?)^---$|^.*WARNING.*$|^Summary.*$', re.MULTILINE)
@@ -38,7 +38,9 @@ class Workspace(NamedTuple):
         """Return the folders of the tree's packages."""
         return sorted(ROOT.glob(f'{self.tree}/{pattern}'))
 
-    def inside(self, *command: str, is_overlaid: bool = True, above: tuple[Workspace, ...] = ()) -> list[str]:
+    def inside(
+        self, *command: Word, is_overlaid: bool = True, above: tuple[Workspace, ...] = ()
+    ) -> list[str]:
         """Return what runs a command in this environment, with its packages and those of other workspaces."""
         script = 'source ci/ros_env.bash' if is_overlaid else 'source ci/ros_env.bash without-overlay'
         for each in above:
@@ -93,7 +95,7 @@ def run_colcon(workspace: Workspace, packages: list[Path], names: list[str]) -> 
     """Build the packages of these names; show warnings and the summary, or everything if it fails."""
     print('build:', *names, file=sys.stderr)
     folder, log = workspace.folder, workspace.folder / 'build.log'
-    command = ['python', '-m', 'colcon', '--log-base', folder / 'log', 'build']
+    command: list[Word] = ['python', '-m', 'colcon', '--log-base', folder / 'log', 'build']
     command += ['--build-base', folder / 'build', '--install-base', folder / 'install']
     command += ['--paths', *packages, '--packages-select', *names]
     # Only Python uses what is built here, so the messages leave out C++, which takes most of the time.

@@ -179,7 +179,7 @@ def sensor_ranges() -> list[str]:
         noises[name] = max(component['noise_sigma'] for component in components)
         for component in components:
             component['noise_sigma'] = 0.0
-    values = {name: [] for name in noises}
+    values: dict[str, list[float]] = {name: [] for name in noises}
     for half_hours in range(48):
         config['time']['debug_time_of_day'] = half_hours / 2
         for tag_id in greenhouse.tag_ids:

@@ -166,7 +166,7 @@ def repair_cmake(venv: Path) -> list[Path]:
     for path in sorted(venv.glob('share/*/cmake/**/*.cmake')):
         before = after = path.read_text(encoding='utf-8')
         for build_folder, here in folders:
-            after = build_folder.sub(lambda _match, here=here: here, after)
+            after = here.join(build_folder.split(after))
         if after != before:
             # A new file: the old one may be a hard link into the cache of uv, which other environments share.
             path.unlink()

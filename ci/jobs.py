@@ -11,9 +11,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TextIO, TypeAlias
 
+Word: TypeAlias = 'str | Path'  # of a command
 ROOT = Path(__file__).resolve().parents[1]
 TICK_SECONDS = 0.2
 LINE_SECONDS = 15.0  # where no terminal can rewrite a line
@@ -37,7 +39,7 @@ def locked(path: str | Path, name: str) -> Iterator[None]:
 class Job:
     """A command whose output is shown line by line."""
 
-    def __init__(self, name: str, command: list, log: Path):
+    def __init__(self, name: str, command: Sequence[Word], log: Path):
         self.name = name
         self.command = [str(part) for part in command]
         self.log = log
@@ -67,7 +69,7 @@ class Build(Job):
     STEP = re.compile(r'^\[ *(\d+)%\] (.*)')
     SOURCE = re.compile(r'/(\w+)/((?:msg|srv|action)/)(?:detail/|_)?(\w+?)(?:__|_s\.c|\.)')
 
-    def __init__(self, command: list, log: Path, packages: list[Path]):
+    def __init__(self, command: Sequence[Word], log: Path, packages: list[Path]):
         super().__init__('build', command, log)
         self._counts = {
             path.name: len([*path.glob('msg/*'), *path.glob('srv/*'), *path.glob('action/*')])
@@ -121,7 +123,7 @@ class Tests(Job):
     REPORT = re.compile(r'^_+ .+ _+$|^=+ (?:FAILURES|ERRORS|short test summary info) =+$')
     SUMMARY = re.compile(r'^=+ .*(?:passed|failed|skipped|errors?|no tests ran).* in [\d.]+s.* =+$')
 
-    def __init__(self, name: str, command: list, log: Path):
+    def __init__(self, name: str, command: Sequence[Word], log: Path):
         super().__init__(name, command, log)
         self.total, self.done = 0, 0
         self._is_report = False
@@ -158,10 +160,13 @@ class Tests(Job):
         return '\n'.join(lines[-END_OF_LOG_LINES:])
 
 
+Events: TypeAlias = 'queue.SimpleQueue[tuple[Job, str | None]]'  # each line of a job, and None at its end
+
+
 class Status:
     """A line on a stream: rewritten on a terminal, written every 15 s elsewhere."""
 
-    def __init__(self, stream=sys.stderr):
+    def __init__(self, stream: TextIO = sys.stderr):
         self._stream = stream
         self._is_terminal = stream.isatty()
         self._next_s = time.monotonic() + (0 if self._is_terminal else FIRST_SECONDS)
@@ -181,13 +186,13 @@ class Status:
             print('\r\033[K', end='', file=self._stream, flush=True)
 
 
-def follow(job: Job, events: queue.SimpleQueue) -> None:
+def follow(job: Job, events: Events) -> None:
     """Run a job; put each line of its output, and None at its end."""
     job.log.parent.mkdir(parents=True, exist_ok=True)
     with job.log.open('w', encoding='utf-8') as log, subprocess.Popen(
         job.command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors='replace'
     ) as process:  # fmt: skip
-        for line in process.stdout:
+        for line in process.stdout or ():
             log.write(line)
             log.flush()
             events.put((job, line.rstrip('\n')))
@@ -206,9 +211,11 @@ def take(job: Job, line: str | None, status: Status) -> None:
         print(shown, flush=True)
 
 
-def run(jobs: list[Job], at_once: int = 1) -> bool:
+def run(jobs: Sequence[Job], at_once: int = 1) -> bool:
     """Run jobs, some of them in parallel; return whether all ended with exit code 0."""
-    waiting, running, events, status = list(jobs), [], queue.SimpleQueue(), Status()
+    waiting, status = list(jobs), Status()
+    running: list[Job] = []
+    events: Events = queue.SimpleQueue()
     started_s = time.monotonic()
     while waiting or running:
         while waiting and len(running) < at_once:

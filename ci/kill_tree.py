@@ -18,16 +18,22 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import FrameType
+from typing import NoReturn
 
 PR_SET_CHILD_SUBREAPER = 36  # linux/prctl.h
 SECONDS_TO_END = 2.0  # from SIGTERM to SIGKILL
 
 
 class Interrupted(Exception):
-    """A signal asked this process to end; its argument is the number."""
+    """A signal asked this process to end."""
+
+    def __init__(self, number: int):
+        super().__init__(number)
+        self.number = number
 
 
-def interrupt(number, _frame):
+def interrupt(number: int, _frame: FrameType | None) -> NoReturn:
     """Raise Interrupted, once."""
     for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(each, signal.SIG_IGN)
@@ -85,7 +91,7 @@ def main() -> int:
         command = subprocess.Popen(sys.argv[1:], start_new_session=True)
         return wait_for(command.pid)
     except Interrupted as error:
-        return 128 + error.args[0]
+        return 128 + error.number
     finally:
         end_descendants()
 

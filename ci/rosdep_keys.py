@@ -10,6 +10,7 @@ for their Ubuntu release. The table comes from rosdistro's commit 8468e88ccd of 
 
 import sys
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import yaml
@@ -22,7 +23,7 @@ def dependencies(manifest: Path) -> dict[str, set[str]]:
     """Return the kinds of dependency (depend, exec_depend, ...) of each key in a package.xml."""
     found: dict[str, set[str]] = {}
     for element in ElementTree.parse(manifest).getroot():  # noqa: S314 - our own
-        if element.tag.endswith('depend'):
+        if element.tag.endswith('depend') and element.text:
             found.setdefault(element.text, set()).add(element.tag)
     return found
 
@@ -44,8 +45,10 @@ def foreign_keys() -> set[str]:
 def resolvable(rosdistro: Path) -> dict[str, set[str]]:
     """Return the distros in which rosdep resolves each of our keys."""
 
-    def load(name: str) -> dict:
-        return yaml.load((rosdistro / name).read_text(encoding='utf-8'), Loader=yaml.CSafeLoader)
+    def load(name: str) -> dict[str, Any]:
+        text = (rosdistro / name).read_text(encoding='utf-8')
+        content: dict[str, Any] = yaml.load(text, Loader=yaml.CSafeLoader)
+        return content
 
     rules = load('rosdep/base.yaml') | load('rosdep/python.yaml')
     found: dict[str, set[str]] = {key: set() for key in foreign_keys()}

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import environment
 from build import ROOT, Workspace, build, here
-from jobs import Job, Tests, run
+from jobs import Job, Tests, Word, run
 from within import within
 
 TREES = ('monorepo', 'lupin_greenhouse_ros')
@@ -61,7 +61,7 @@ def checked(code: int) -> None:
 
 def pip(venv: Path, *arguments: str) -> None:
     """Run the pip of an environment; end with its output if it fails."""
-    command = [venv / 'bin/python', '-m', 'pip', '--disable-pip-version-check', *arguments]
+    command = [str(venv / 'bin/python'), '-m', 'pip', '--disable-pip-version-check', *arguments]
     result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
     if result.returncode:
         sys.exit(result.stdout)
@@ -74,7 +74,7 @@ def starts(python: str) -> bool:
 
 def make_environment(python: str, venv: Path, distro: str) -> None:
     """Make an environment of another Python; end if it fails."""
-    command = [python, 'ci/environment.py', '--venv', venv, '--distro', distro]
+    command = [python, 'ci/environment.py', '--venv', str(venv), '--distro', distro]
     checked(subprocess.run(command, cwd=ROOT, check=False).returncode)
 
 
@@ -101,7 +101,7 @@ def mirror_environment(venv: Path) -> Path:
     return mirror_venv
 
 
-def tests_of_tree(workspace: Workspace, packages: list[Path]) -> list[Job]:
+def tests_of_tree(workspace: Workspace, packages: list[Path]) -> list[Tests]:
     """Build packages; return a job for the tests of each that has some, by colcon."""
     checked(build(workspace, packages))
     folder = workspace.folder
@@ -110,7 +110,8 @@ def tests_of_tree(workspace: Workspace, packages: list[Path]) -> list[Job]:
         if not (package / 'test').is_dir():
             continue
         name = f'{workspace.tree}/{package.name}'
-        colcon = ['python', '-m', 'colcon', '--log-base', folder / 'log/test' / package.name, 'test']
+        log = folder / 'log/test' / package.name
+        colcon: list[Word] = ['python', '-m', 'colcon', '--log-base', log, 'test']
         colcon += ['--paths', *packages, '--packages-select', package.name, '--return-code-on-test-failure']
         colcon += ['--build-base', folder / 'build', '--install-base', folder / 'install']
         colcon += ['--event-handlers', 'console_direct+', 'console_cohesion-', 'console_stderr-']
@@ -154,7 +155,7 @@ def test_all() -> bool:
 def install_axe(venv: Path) -> None:
     """Install axe-core, which checks the accessibility of the page, if npm is available."""
     if shutil.which('npm'):
-        options = ['--silent', '--no-audit', '--no-fund', '--prefix', venv / 'axe']
+        options = ['--silent', '--no-audit', '--no-fund', '--prefix', str(venv / 'axe')]
         subprocess.run(['npm', 'install', *options, AXE], check=False)
 
 
@@ -199,9 +200,10 @@ def test_apriltag() -> bool:
         shutil.rmtree(venv, ignore_errors=True)
         subprocess.run([python, '-m', 'venv', '--system-site-packages', venv], check=True)
         pip(venv, 'install', '--quiet', *APRILTAG_PACKAGES)
-    packages = ('lupin_greenhouse_bridge', 'lupin_tag_confirmation', 'lupin_simulation')
-    os.environ['PYTHONPATH'] = os.pathsep.join(str(ROOT / 'monorepo' / each) for each in packages)  # no ROS
-    command = ['env', '--chdir=monorepo', venv / 'bin/python', *PYTEST[1:], '--noconftest', *APRILTAG_TESTS]
+    imported = ('lupin_greenhouse_bridge', 'lupin_tag_confirmation', 'lupin_simulation')
+    os.environ['PYTHONPATH'] = os.pathsep.join(str(ROOT / 'monorepo' / each) for each in imported)  # no ROS
+    python_here = str(venv / 'bin/python')
+    command = ['env', '--chdir=monorepo', python_here, *PYTEST[1:], '--noconftest', *APRILTAG_TESTS]
     return run([Tests("apt's python3-apriltag", command, venv / 'test.log')])
 
 
@@ -210,7 +212,7 @@ def python_3_10() -> str | None:
     pyenv = Path(os.environ.get('PYENV_ROOT') or Path.home() / '.pyenv')
     found = [shutil.which('python3.10'), '/usr/bin/python3.10', *pyenv.glob('versions/3.10.*/bin/python3.10')]
     for each in found:
-        if each and Path(each).exists() and starts(each):
+        if each and Path(each).exists() and starts(str(each)):
             return str(each)
     return None
 

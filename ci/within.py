@@ -17,6 +17,7 @@ import sys
 from pathlib import Path
 
 from build import ROOT, Workspace, build, here
+from jobs import Word
 
 MESSAGES = ('apriltag_msgs', 'nav2_msgs')
 DRAKE = ROOT / 'ci/requirements/world.txt'
@@ -48,7 +49,8 @@ def drake(workspace: Workspace) -> Path:
         return packages
     print(f'world: installing Drake into {packages} (about 420 MB, once)', file=sys.stderr)
     shutil.rmtree(packages, ignore_errors=True)
-    pip = [workspace.venv / 'bin/python', '-m', 'pip', '--disable-pip-version-check', 'install', '--quiet']
+    python = str(workspace.venv / 'bin/python')
+    pip = [python, '-m', 'pip', '--disable-pip-version-check', 'install', '--quiet']
     result = subprocess.run(
         [*pip, '--no-deps', '--target', packages, '--requirement', DRAKE],
         capture_output=True, text=True, check=False,
@@ -64,7 +66,7 @@ def drake(workspace: Workspace) -> Path:
 
 
 def within(
-    workspace: Workspace, *command: str, has_stand_ins: bool = False, has_drake: bool = False
+    workspace: Workspace, *command: Word, has_stand_ins: bool = False, has_drake: bool = False
 ) -> list[str]:
     """Return what runs a command with the packages of a workspace and the stand-ins or Drake."""
     if has_drake:
