@@ -34,7 +34,7 @@ from lupin_greenhouse_bridge.display.drawing_command import (
 from lupin_greenhouse_bridge.display.input_file import ReadingFile
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
-from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
+from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import decimals_of, label_of, sensor_order, unit_of
 
@@ -143,7 +143,7 @@ def _extremes(sensor: str, tags: dict[str, dict], place: int) -> list[tuple[str,
 def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, dict]:
     """Return the last reading and the last visit of each tag: failures first, then tags without a reading."""
     tags = {tag_id: _tag(tag_id, tag.x, tag.y) for tag_id, tag in layout.tags.items()}
-    last = last_of_each_tag(file.rows)
+    last = last_reading_of_each_tag(file.rows)
     for tag_id, reading in last.items():
         tag = tags.setdefault(tag_id, _tag(tag_id, None, None))
         row = next(iter(reading.values()))

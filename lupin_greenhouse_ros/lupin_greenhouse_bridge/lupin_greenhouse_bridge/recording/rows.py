@@ -67,7 +67,7 @@ def utc_of(stamp_ns: int) -> str:
     return f'{moment:%Y-%m-%dT%H:%M:%S}.{nanoseconds:09}Z'
 
 
-def last_of_each_tag(rows: Iterable[Row]) -> dict[str, dict[str, Row]]:
+def last_reading_of_each_tag(rows: Iterable[Row]) -> dict[str, dict[str, Row]]:
     """Return the last reading of each tag as its rows by sensor; rows come in the order of their stamps."""
     last: dict[str, dict[str, Row]] = {}
     for row in rows:

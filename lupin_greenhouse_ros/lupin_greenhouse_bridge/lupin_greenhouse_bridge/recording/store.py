@@ -72,10 +72,12 @@ def open_store(path: str) -> 'Store':
     try:
         return kind(path)
     except _ERRORS as error:
-        raise StartUpError(f"file '{path}': {reason_of(error)}: name another file, or a new one") from error
+        raise StartUpError(
+            f"file '{path}': {file_error_text(error)}: name another file, or a new one"
+        ) from error
 
 
-def reason_of(error: Exception) -> str:
+def file_error_text(error: Exception) -> str:
     """Return why a file cannot be read or written, without the number and the path of an OSError."""
     return getattr(error, 'strerror', None) or str(error)
 
@@ -106,7 +108,7 @@ class Store:
                 if self._is_in_place():  # otherwise nobody may find these rows
                     return kept
         except _ERRORS as error:
-            raise StoreError(f"file '{self._path}': {reason_of(error)}") from error
+            raise StoreError(f"file '{self._path}': {file_error_text(error)}") from error
 
     def _is_in_place(self) -> bool:
         try:

@@ -13,7 +13,7 @@ from lupin_greenhouse_bridge.recording.reading_files import (
     with_places,
 )
 from lupin_greenhouse_bridge.recording.rows import Row
-from lupin_greenhouse_bridge.recording.store import reason_of
+from lupin_greenhouse_bridge.recording.store import file_error_text
 
 
 class ReadingFile(NamedTuple):
@@ -37,5 +37,5 @@ def read_file(path: Path | str, tag_file: str = '') -> ReadingFile:
         else:
             rows, visits = parse_rows(path), []
     except (OSError, sqlite3.Error, ValueError) as error:
-        raise ReadingFileError(f"'{path}': {reason_of(error)}: {WANTED}") from error
+        raise ReadingFileError(f"'{path}': {file_error_text(error)}: {WANTED}") from error
     return ReadingFile(with_places(rows, tag_file), visits)

@@ -39,7 +39,7 @@ from lupin_greenhouse_bridge.display.drawings import (
 from lupin_greenhouse_bridge.display.input_file import ReadingFile
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
-from lupin_greenhouse_bridge.recording.rows import Row, last_of_each_tag
+from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, sensor_order, value_text
 
@@ -80,7 +80,9 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
     layout, walls, colour_ranges = greenhouse_of(options, file)
     route, failures = read_route(options.route), failures_of(file.visits)
     failed = {tag_id: each.word for each in failures for tag_id in each.tag_ids}
-    readings = {tag_id: each for tag_id, each in last_of_each_tag(file.rows).items() if tag_id not in failed}
+    readings = {
+        tag_id: each for tag_id, each in last_reading_of_each_tag(file.rows).items() if tag_id not in failed
+    }
     if strangers := sorted(set(readings) - set(layout.tags), key=natural_order):
         raise StartUpError(
             f"'{options.file}': tag '{escaped(strangers[0], 64)}' has no position in the tag file:"

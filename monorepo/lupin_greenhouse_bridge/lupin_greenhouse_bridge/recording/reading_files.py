@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, escaped
 from lupin_greenhouse_bridge.recording.rows import HEADER, Row, fault_of, has_header, parse_csv
-from lupin_greenhouse_bridge.recording.store import HEAD_BYTES, is_sqlite_of_readings, reason_of
+from lupin_greenhouse_bridge.recording.store import HEAD_BYTES, file_error_text, is_sqlite_of_readings
 from lupin_greenhouse_bridge.simulator.layout import find_places
 
 WANTED = "name a file of record_readings or read_tag --csv, or a mission's report"
@@ -29,7 +29,7 @@ def read_rows(path: Path | str, tag_file: str = '') -> list[Row]:
     try:
         rows = parse_rows(Path(path))
     except (OSError, sqlite3.Error, ValueError) as error:  # of values: also what is not UTF-8
-        raise ReadingFileError(f"'{path}': {reason_of(error)}: {WANTED}") from error
+        raise ReadingFileError(f"'{path}': {file_error_text(error)}: {WANTED}") from error
     return with_places(rows, tag_file)
 
 

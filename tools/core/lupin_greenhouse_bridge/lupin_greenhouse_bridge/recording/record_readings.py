@@ -28,7 +28,7 @@ from lupin_greenhouse_bridge.simulator.layout import find_places
 
 NODE_NAME = 'record_readings'
 ASK_EVERY_SECONDS = 1.0
-UNTOLD = 'the bridge has not told its tag_file'
+TAG_FILE_UNKNOWN = 'the bridge has not told its tag_file'
 SHIPPED_PLACES = 'positions are those of mdp-greenhouse: set tag_file for others'
 ENDED, LOST_ROWS = 0, 1
 
@@ -77,7 +77,7 @@ class RecordReadingsNode(Node):
     def _on_reading(self, reading, topic: str) -> None:
         if not self._has_places:
             self._has_places = True  # say it once
-            self.get_logger().warning(f'{UNTOLD}: {SHIPPED_PLACES}')
+            self.get_logger().warning(f'{TAG_FILE_UNKNOWN}: {SHIPPED_PLACES}')
         rows = rows_of(reading, topic, self._places_m.get(reading.tag_id))
         good = [row for row in rows if not fault_of([row])]  # others would make the file unreadable
         self._writer.add(good)
@@ -101,7 +101,7 @@ class RecordReadingsNode(Node):
         self._has_places = True
         try:
             if not (values := asked.result().values):
-                raise StartUpError(UNTOLD)
+                raise StartUpError(TAG_FILE_UNKNOWN)
             if tag_file := values[-1].string_value:
                 self._places_m = find_places(tag_file)
                 self.get_logger().info(f"positions: those of the bridge's tag_file {escaped(tag_file, 500)}")
