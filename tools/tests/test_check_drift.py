@@ -9,6 +9,7 @@ import sys
 import check_drift
 import generate
 import pytest
+from commits import git
 
 ROOT = generate.ROOT
 TREES = {'monorepo': 'monorepo', 'mirror': 'lupin_greenhouse_ros'}
@@ -130,6 +131,26 @@ EDITS = [
 ]  # fmt: skip
 
 
+MEANINGS = [
+    (
+        SENSOR,
+        'float64 value',
+        'float32 value',
+        'the monorepo has float64 value; the mirror has float32 value',
+    ),
+    (SRV, '---\n', '---\nbool extra\n', 'the mirror has bool extra'),
+    (SRV, 'STATUS_UNKNOWN_TAG=1', 'STATUS_UNKNOWN_TAG=7', 'the monorepo has uint8 STATUS_UNKNOWN_TAG = 1'),
+    (SENSOR, '# One', '# A', 'differs beyond the rename\n'),
+]
+
+
+@pytest.mark.parametrize(('name', 'old', 'new', 'meaning'), MEANINGS)
+def test_an_interface_differs_by_its_fields(trees, name, old, new, meaning, capsys):
+    trees.edit('mirror', name, old, new)
+    assert trees.check() == 1
+    assert meaning in capsys.readouterr().out
+
+
 def swap_two_fields(trees):
     trees.edit('mirror', SENSOR, 'string name', 'float64 moved')
     trees.edit('mirror', SENSOR, 'float64 value', 'string name')
@@ -186,6 +207,28 @@ def link(side, name, target):
     return mutate
 
 
+def link_to_a_copy(side, name):
+    """Replace a folder of a tree by a symlink to the same content."""
+
+    def mutate(trees):
+        path = trees.path(side, name)
+        path.rename(trees.base / 'elsewhere')
+        path.symlink_to(trees.base / 'elsewhere')
+
+    return mutate
+
+
+def track(side, name):
+    """Commit a file in a clone, where git knows it."""
+
+    def mutate(trees):
+        touch(side, name)(trees)
+        git(trees.base, 'init', '--quiet')
+        git(trees.base, 'add', '--force', str(trees.path(side, name)))
+
+    return mutate
+
+
 def crlf(side, name):
     def mutate(trees):
         path = trees.path(side, name)
@@ -218,11 +261,18 @@ CHANGES = [
     (IGNORE, 'COLCON_IGNORE not empty', touch('mirror', 'COLCON_IGNORE', '\n')),
     (IGNORE, 'COLCON_IGNORE in the monorepo', touch('monorepo', 'COLCON_IGNORE')),
     (IGNORE, 'COLCON_IGNORE in a package', touch('mirror', f'{BRIDGE}/COLCON_IGNORE')),
+    (IGNORE, 'AMENT_IGNORE in both packages', lambda t: [touch(side, f'{BRIDGE}/AMENT_IGNORE')(t) for side in TREES]),
+    (IGNORE, 'CATKIN_IGNORE in the messages', touch('monorepo', 'MSGS/CATKIN_IGNORE')),
     (MODE, 'executable in the mirror', chmod('mirror', NODE, 0o755)),
     (MODE, 'executable in the monorepo', chmod('monorepo', READING, 0o755)),
     (LINK, 'a symlink out of the tree', link('mirror', SIMULATION, '/etc/hostname')),
     (LINK, 'a symlink to the other tree', link('mirror', NODE.replace('bridge_node', 'errors'), '../../../monorepo/x')),
     (LINK, 'a new symlink', link('monorepo', f'{BRIDGE}/extra', '/')),
+    (LINK, 'a package that is a symlink', link_to_a_copy('monorepo', BRIDGE)),
+    (LINK, 'a package of the mirror that is a symlink', link_to_a_copy('mirror', BRIDGE)),
+    (LINK, 'a folder of messages that is a symlink', link_to_a_copy('monorepo', 'MSGS/msg')),
+    (LINK, 'a folder of a package that is a symlink', link_to_a_copy('mirror', f'{BRIDGE}/doc')),
+    *((ONE_SIDE, f'{name} that git tracks', track('mirror', name)) for name in (f'{BRIDGE}/build/a.py', 'MSGS/log/a', '.vscode/a', 'a~')),
     (PACKAGE_DIFFERS, 'CRLF in a whole file', crlf('mirror', LAUNCH)),
     (INTERFACE, 'CRLF in a message', crlf('monorepo', SENSOR)),
     (PACKAGE_DIFFERS, 'a binary resource marker', lambda t: t.path('mirror', f'{BRIDGE}/resource/{BRIDGE}').write_bytes(b'\xff')),
@@ -268,17 +318,22 @@ def same_new_file(trees):
         touch(side, f'{BRIDGE}/test/test_new.py', 'import lupin\n')(trees)
 
 
+# What tools leave in a clone of the mirror, or in a folder of it.
+LEFT_BY_TOOLS = [
+    '.DS_Store', '.hypothesis/x', '.idea/x', '.mypy_cache/x', '.pixi/x', '.pytest_cache/x', '.ruff_cache/x',
+    '.venv/x', '.vscode/x', '__pycache__/x.pyc', 'build/lupin_msgs/x', f'{BRIDGE}.egg-info/x', 'install/x', 'log/x',
+    'pixi.lock', 'x.py.swp', 'x.py~', 'x.pyc',
+]  # fmt: skip
 HARMLESS = [
     ('nothing', lambda _trees: None),
-    ('byte code', touch('mirror', f'{BRIDGE}/{BRIDGE}/__pycache__/settings.pyc', 'lupin_msgs')),
-    ('stray byte code', touch('mirror', f'{BRIDGE}/{BRIDGE}/old.pyc', 'x')),
     ('the git folder of a clone', touch('mirror', '.git/config', 'lupin_msgs')),
-    ('build output in the mirror', touch('mirror', 'build/lupin_msgs/x', 'lupin_msgs')),
-    ('install output in the mirror', touch('mirror', 'install/setup.bash', 'x')),
-    ('log output in a package', touch('monorepo', f'{BRIDGE}/log/latest', 'x')),
-    ('test caches', touch('monorepo', f'{BRIDGE}/.pytest_cache/README.md', 'x')),
-    ('hypothesis examples', touch('mirror', f'{BRIDGE}/.hypothesis/x', 'x')),
-    ('setuptools output', touch('mirror', f'{BRIDGE}/{BRIDGE}.egg-info/PKG-INFO', 'x')),
+    ('the git file of a submodule', touch('mirror', '.git', 'gitdir: lupin_msgs')),
+    (
+        'untracked output in a clone',
+        lambda t: [track('mirror', 'README.md')(t), touch('mirror', 'build/x')(t)],
+    ),
+    *((name, touch('mirror', name, 'lupin_msgs')) for name in LEFT_BY_TOOLS),
+    *((f'{name} in a package', touch('monorepo', f'{BRIDGE}/{name}', 'x')) for name in LEFT_BY_TOOLS),
     ('another interface of the team', touch('monorepo', 'MSGS/msg/Extra.msg', 'bool extra\n')),
     (
         'a file of the messages kept by hand',
@@ -303,6 +358,13 @@ def test_harmless(trees, change, capsys):
     assert 'only the allowed divergence' in capsys.readouterr().out
 
 
+def test_git_ignores_in_the_mirror_what_tools_leave_there(trees):
+    mirror = trees.path('mirror', '.')
+    git(mirror, 'init', '--quiet')
+    names = [*LEFT_BY_TOOLS, *(f'{BRIDGE}/{name}' for name in LEFT_BY_TOOLS)]
+    assert git(mirror, 'check-ignore', '--no-index', *names).splitlines() == names
+
+
 def no_mirror(trees):
     shutil.rmtree(trees.base / TREES['mirror'])
 
@@ -321,8 +383,6 @@ def empty_mirror(trees):
         (delete('mirror', NODE), 'bridge_node.py'),
         (touch('mirror', NODE, f'def broken(:\n    {PLAIN}\n'), 'is not Python'),
         (touch('monorepo', NODE, f'\0\n    {WRAP}\n'), 'is not Python'),
-        (touch('mirror', SRV, 'string tag_id\n'), 'lines ---'),
-        (edit('both', SRV, 'string tag_id ', '?'), 'is not a field, constant or ---'),
     ],
 )
 def test_trees_that_cannot_be_compared_are_exit_code_2(trees, mutate, reason, capsys):
@@ -350,6 +410,7 @@ def test_text_has_place_message_diff_and_remedy(trees, capsys):
     assert any(re.match(r"-.*output='screen'", line) for line in rest)
     assert any(re.match(r"\+.*output='log'", line) for line in rest)
     assert any('make generate' in line for line in rest)
+    assert any('tools/twins.toml' in line for line in rest)
     assert any(re.match(r'1 finding in \d+ files compared\.', line) for line in rest)
 
 
