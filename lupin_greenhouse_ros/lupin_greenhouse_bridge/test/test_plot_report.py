@@ -239,8 +239,8 @@ def test_the_colours_of_a_sensor_are_those_of_the_config(config):
 @pytest.mark.parametrize(
     ('ranges', 'fault'),
     [
-        ('[co2]', 'colorbar_ranges is a list, not a mapping'),
-        ('{co2: 5}', 'co2 is 5, not a mapping'),
+        ('[co2]', 'colorbar_ranges is a list: must be a mapping, such as {co2: '),
+        ('{co2: 5}', 'co2 is 5: must be a mapping, such as {min: '),
         ('{1: {min: 0}}', 'max is missing'),
         ('{co2: {min: .inf}}', 'min is inf'),
     ],

@@ -71,9 +71,9 @@ HOURS = 'must be a number from 0 to 24 (hours)'
 KNOWN = 'known are co2, humidity, light, soil_moisture, temperature'
 # Changes to the shipped config by path, and the expected message.
 BAD_CONFIGS = [
-    ({'': None}, 'time is missing, not a mapping'),
+    ({'': None}, 'time is missing: must be a mapping, such as {debug_mode: false'),
     ({'': []}, 'holds a list at its top level, not a mapping with time and sensors'),
-    ({'time': MISSING}, 'time is missing, not a mapping'),
+    ({'time': MISSING}, 'time is missing: must be a mapping, such as {debug_mode: false'),
     ({'time/debug_mode': MISSING}, 'time: debug_mode is missing: must be true or false'),
     ({'time/debug_mode': 'false'}, "time: debug_mode is 'false': must be true or false"),
     ({'time/debug_seed': True}, 'time: debug_seed is True: must be a whole number'),
@@ -128,12 +128,12 @@ BAD_CONFIG_BYTES = [
         b'time:\n  debug_mode: false\n  debug_mode: true',
         "'debug_mode' appears twice in the mapping of line 2",
     ),
-    (b'', 'time is missing, not a mapping'),
+    (b'', 'time is missing: must be a mapping, such as {debug_mode: false'),
     (b'time: {}\n---\ntime: {}\n', 'is not YAML:'),
     (b'time:\n\tdebug_mode: true\n', 'is not YAML:'),
     (b'time: !!int ""\n', 'is not YAML:'),
     (b'time: 2026-99-99\n', 'is not YAML:'),
-    (b'time: 2026-11-21\n', 'time is a date, not a mapping'),
+    (b'time: 2026-11-21\n', 'time is a date: must be a mapping, such as {'),
     (b'2026-11-21 06:00:00\n', 'holds a date at its top level'),
     (b'!!set {time, sensors}\n', 'holds a set at its top level'),
     (b'!!python/object/apply:os.system ["touch was_run"]\n', 'is not YAML: ConstructorError'),

@@ -144,17 +144,18 @@ def test_walls_that_are_no_rectangle_are_refused(walls):
 
 
 @pytest.mark.parametrize(
-    ('section', 'fault'),
+    ('text', 'fault'),
     [
-        ('5', 'visualization is 5, not a mapping'),
-        ('{greenhouse_height_m: 8}', 'greenhouse_width_m is missing'),
-        ('{greenhouse_width_m: .nan, greenhouse_height_m: 8}', 'greenhouse_width_m is nan'),
-        ('{greenhouse_width_m: 4, greenhouse_height_m: 0}', 'greenhouse_height_m is 0'),
+        ('visualization: 5', 'visualization is 5: must be a mapping, such as {greenhouse_width_m: '),
+        ('time: {}', 'visualization is missing: must be a mapping, such as {greenhouse_width_m: '),
+        ('visualization: {greenhouse_height_m: 8}', 'greenhouse_width_m is missing'),
+        ('visualization: {greenhouse_width_m: .nan, greenhouse_height_m: 8}', 'greenhouse_width_m is nan'),
+        ('visualization: {greenhouse_width_m: 4, greenhouse_height_m: 0}', 'greenhouse_height_m is 0'),
     ],
 )
-def test_a_config_without_walls_is_refused(tmp_path, section, fault):
+def test_a_config_without_walls_is_refused(tmp_path, text, fault):
     config = tmp_path / 'config.yaml'
-    config.write_text(f'visualization: {section}')
+    config.write_text(text)
     with pytest.raises(StartUpError) as refusal:
         find_walls(LAYOUT, str(config))
     assert f"sim_config_file '{config}': visualization" in str(refusal.value)

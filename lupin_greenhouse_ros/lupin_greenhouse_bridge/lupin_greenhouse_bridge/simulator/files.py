@@ -75,8 +75,8 @@ def read_config(path, settings: Settings, sensor_types, dynamics_types) -> dict:
     """
     where = f"sim_config_file '{path}'"
     config = read_yaml(path, where, 'a mapping with time and sensors')
-    _check_time(mapping_of(config, 'time', where), settings, f'{where}: time')
-    sensors = mapping_of(config, 'sensors', where)
+    _check_time(mapping_of(config, 'time', where, _TIME_EXAMPLE), settings, f'{where}: time')
+    sensors = mapping_of(config, 'sensors', where, _SENSORS_EXAMPLE)
     if not sensors:
         raise StartUpError(f'{where}: sensors is empty: name at least one of {_listed(sensor_types)}')
     for name, components in sensors.items():
@@ -106,6 +106,8 @@ def read_yaml(path, where: str, wanted: str) -> dict:
     return data or {}
 
 
+_TIME_EXAMPLE = '{debug_mode: false, speedup_factor: 1800}'
+_SENSORS_EXAMPLE = '{co2: [{value_at_midnight: 600, value_at_noon: 400, ...}]}'
 _TABLE_EXAMPLE = 'such as {"bench": {"x0": 0, "y0": 0, "x1": 2, "y1": 1}}'
 _TAG_EXAMPLE = 'such as {"1": {"x": 1.5, "y": 7.3, "sensors": ["co2"]}}'
 
@@ -183,10 +185,14 @@ def number(
     return value
 
 
-def mapping_of(config: dict, key: str, where: str) -> dict:
-    """Return the value of a key, which must be a mapping; raises a StartUpError that begins with `where`."""
+def mapping_of(config: dict, key: str, where: str, example: str) -> dict:
+    """
+    Return the value of a key, which must be a mapping.
+
+    Raises a StartUpError that begins with `where` and shows the example of a good value.
+    """
     if not isinstance(config.get(key), dict):
-        raise StartUpError(f'{where}: {key} is {_shown(config, key)}, not a mapping')
+        raise StartUpError(f'{where}: {key} is {_shown(config, key)}: must be a mapping, such as {example}')
     return config[key]
 
 

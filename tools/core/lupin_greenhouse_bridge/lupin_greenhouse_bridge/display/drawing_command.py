@@ -265,12 +265,12 @@ def read_colour_ranges(sim_config_file: str = '') -> dict[str, tuple[float, floa
     if not found or not found[0].get('colorbar_ranges'):
         return {}
     section, where = found
-    ranges = mapping_of(section, 'colorbar_ranges', where)
+    ranges = mapping_of(section, 'colorbar_ranges', where, '{co2: {min: 400, max: 600}}')
     return {str(sensor): _range(ranges, sensor, f'{where}: colorbar_ranges') for sensor in ranges}
 
 
 def _range(ranges: dict, sensor, where: str) -> tuple[float, float]:
-    limits = mapping_of(ranges, sensor, where)
+    limits = mapping_of(ranges, sensor, where, '{min: 400, max: 600}')
     here = f'{where}: {escaped(str(sensor), 64)}'
     lowest, highest = (number(limits, key, here, 'the unit of the sensor') for key in ('min', 'max'))
     return float(lowest), float(highest)

@@ -13,6 +13,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout
 SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0
 MARGIN_M = 1.6  # without a config, the robot can stand 1.5 m in front of every tag
 SMALLEST_SIDE_M = 0.01
+SIDES_EXAMPLE = '{greenhouse_width_m: 4.0, greenhouse_height_m: 8.0}'
 
 
 class Walls(NamedTuple):
@@ -71,7 +72,7 @@ def read_visualization(sim_config_file: str = '') -> tuple[dict[str, Any], str] 
         return None
     where = f"sim_config_file '{path}'"
     config = read_yaml(path, where, 'a mapping with visualization')
-    return mapping_of(config, 'visualization', where), f'{where}: visualization'
+    return mapping_of(config, 'visualization', where, SIDES_EXAMPLE), f'{where}: visualization'
 
 
 def parse_walls(value: object) -> Walls | None:
