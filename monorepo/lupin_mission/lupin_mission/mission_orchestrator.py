@@ -7,6 +7,7 @@ ros2 run lupin_mission mission_orchestrator --ros-args -p tag_sequence:="6 21 29
 import contextlib
 import time
 import uuid
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -34,7 +35,7 @@ from lupin_mission.messages import MISSION_TYPE, accept_response
 from lupin_mission.mission import Mission, Request, Service, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.planner import Drives, Planner
-from lupin_mission.report import Report, ReportError, last_of_each_tag, summary_table
+from lupin_mission.report import Report, ReportError, last_observation_of_each_tag, summary_table
 from lupin_mission.settings import WITHOUT_EFFECT, Settings
 from lupin_mission.tag_positions import TagPositions
 from lupin_mission.tags import Tags
@@ -102,9 +103,13 @@ class MissionNode(Node):
         else:
             self.get_logger().info('the drive is simulated, so no robot moves: set drive:=nav2 on a robot')
         self._first_plan: Future | None = None  # tells early what is wrong, once the tags are known
-        for name in ('pause', 'resume', 'skip_current', 'abort'):
-            verb = name.removesuffix('_current')
-            self.create_service(Trigger, f'mission/{name}', partial(self._trigger, verb))
+        for name, verb, operate in (
+            ('pause', 'pause', Mission.pause),
+            ('resume', 'resume', Mission.resume),
+            ('skip_current', 'skip', Mission.skip),
+            ('abort', 'abort', Mission.abort),
+        ):
+            self.create_service(Trigger, f'mission/{name}', partial(self._trigger, verb, operate))
         self.create_service(Trigger, 'mission/dock', self._dock)
         # A group of its own: it waits for the plan, and nothing waits for it.
         alone = MutuallyExclusiveCallbackGroup()
@@ -210,7 +215,7 @@ class MissionNode(Node):
 
     async def _plan_and_begin(self, mission_id: str, tag_ids: list[str], report: Report | None) -> None:
         """Visit the tags that have no reading in the report; raises StartUpError and ReportError."""
-        found = last_of_each_tag(report.observations if report else ())
+        found = last_observation_of_each_tag(report.observations if report else ())
         to_visit = [tag for tag in tag_ids if tag not in found or found[tag].outcome is not Outcome.OK]
         if self._planner:
             robot = self._positions.robot_position
@@ -316,10 +321,10 @@ class MissionNode(Node):
         event = 'engaged' if message.data else 'released: call mission/resume to go on'
         self.note(f'e-stop {event}', Severity.WARN)  # after the pause, which is an event too
 
-    def _trigger(self, name: str, _request, response):
-        response.success = bool(self.mission and getattr(self.mission, name)())
-        response.message = f'{name}: done' if response.success else f'there is nothing to {name}'
-        if name == 'resume' and self._is_estop_engaged:
+    def _trigger(self, verb: str, operate: Callable[[Mission], bool], _request, response):
+        response.success = bool(self.mission and operate(self.mission))
+        response.message = f'{verb}: done' if response.success else f'there is nothing to {verb}'
+        if operate is Mission.resume and self._is_estop_engaged:
             response.message = RELEASE_ESTOP
         self._step()
         return response
@@ -395,6 +400,6 @@ def _conclude(node: MissionNode) -> int:
     print_line(summary_table(observations, node.tag_ids))
     if is_lost:
         return NOT_WRITTEN
-    found = last_of_each_tag(observations)
+    found = last_observation_of_each_tag(observations)
     all_read = all(tag in found and found[tag].outcome is Outcome.OK for tag in node.tag_ids)
     return ALL_READ if node.tag_ids and all_read else SOME_NOT_READ

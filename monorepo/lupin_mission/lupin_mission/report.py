@@ -80,14 +80,14 @@ class Report:
         os.close(self._file)
 
 
-def last_of_each_tag(observations: Iterable[Observation]) -> dict[str, Observation]:
+def last_observation_of_each_tag(observations: Iterable[Observation]) -> dict[str, Observation]:
     """Return the last observation of each tag. It counts, because a failed tag is tried again later."""
     return {each.tag_id: each for each in observations}
 
 
 def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -> str:
     """Return a table, one row for each of `tag_ids`, and a last line such as `29/29 tags read`."""
-    found = last_of_each_tag(observations)
+    found = last_observation_of_each_tag(observations)
     tag_ids = list(tag_ids)
     names = {name for each in found.values() if each.reading for name in each.reading.values}
     sensors = sorted(names, key=sensor_order)

@@ -1,6 +1,7 @@
 """Find the tags of the greenhouse and their positions: from the settings, or from the bridge."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from lupin_mission.transport import create_client
 from lupin_mission.world import read_world
 
 ASK_EVERY_SECONDS = 0.1
+MOST_PENDING_REQUESTS = 50  # A busy bridge may reply late, and DDS may have dropped any of them.
 LONGEST_WITHOUT_PARAMETERS_SECONDS = 5.0  # while the service itself is there
 
 
@@ -37,6 +39,7 @@ class Tags:
         if settings.layout_in_map:
             self.layout_in_map = read_transform(settings.layout_in_map, settings.frame_id)
         self._client = None  # of the bridge's parameters
+        self._requests: deque = deque()  # to the bridge, that wait for a reply
         self._is_settled = False  # the bridge has replied, or has no parameters
         self._reply_deadline: float | None = None  # once the bridge is there
         self._parameters_deadline: float | None = None  # once the service is there without them
@@ -106,7 +109,10 @@ class Tags:
                 ' start the bridge, or set tag_sequence or tag_locations_file'
             )
         elif self._client.service_is_ready():
-            self._client.call_async(tag_ids_request()).add_done_callback(self._on_reply)
+            if len(self._requests) == MOST_PENDING_REQUESTS:
+                self._client.remove_pending_request(self._requests.popleft())
+            self._requests.append(self._client.call_async(tag_ids_request()))
+            self._requests[-1].add_done_callback(self._on_reply)
         elif self._has_no_parameters():
             self._take_shipped(f'no node offers {service}', self._node.get_logger().warning)
 
@@ -127,6 +133,8 @@ class Tags:
             self._settle(list(read_layout(shipped, has_tables=False).tags), is_custom_file=False)
 
     def _settle(self, tag_ids: list[str], *, is_custom_file: bool) -> None:
+        while self._requests:
+            self._client.remove_pending_request(self._requests.popleft())
         is_given = self.has_tags_to_visit()
         self.ids, self._is_settled = tag_ids, True
         if is_custom_file or not is_given:

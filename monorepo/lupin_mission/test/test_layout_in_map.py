@@ -2,11 +2,14 @@
 
 import json
 import math
+import threading
 
 import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
+from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
 from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, has_found_a_client, wait_until
+from lupin_mission import tags as tags_of_bridge
 from lupin_mission.settings import Settings
 from lupin_mission.tags import Tags
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState
@@ -112,6 +115,22 @@ def test_a_bridge_that_was_there_is_awaited_though_it_is_gone_for_a_moment(held_
     assert tags.is_waiting_for_tags()
     monkeypatch.setattr(Client, 'service_is_ready', lambda _client: False)
     assert tags.is_waiting_for_tags()
+
+
+def test_requests_without_a_reply_are_given_up(held_service, node, monkeypatch):
+    """ROS would keep each of them for ever."""
+    monkeypatch.setattr(tags_of_bridge, 'MOST_PENDING_REQUESTS', 3)
+    bridge = held_service(GetParameters, '/held/get_parameters')
+    tags = Tags(Settings(drive='simulated', **READER))
+    found = threading.Event()
+    tags.find(node, lambda: False, found.set, lambda: None)
+    for _ in range(6):
+        bridge.wait_for_request()
+        assert len(pending_requests(tags._client)) <= 3
+    for _ in range(6):
+        bridge.answer(values=[ParameterValue(string_array_value=['7']), ParameterValue()])
+    assert found.wait(PATIENCE_SECONDS)
+    assert not pending_requests(tags._client)
 
 
 def test_a_sequence_has_no_poses_if_the_bridge_has_its_own_tag_file(start_mission, held_service, twin, node):

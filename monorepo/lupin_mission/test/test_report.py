@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
-from lupin_mission.report import Report, ReportError, last_of_each_tag, summary_table
+from lupin_mission.report import Report, ReportError, last_observation_of_each_tag, summary_table
 from mission_helpers import observations_in
 
 OK = Observation('7', Outcome.OK, '', 1, Reading('7', (12, 34), 43200.0, {'temperature': 21.5, 'co2': 600.0}))
@@ -160,7 +160,7 @@ def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():
     assert table[3].split() == ['8', 'TIMEOUT', *['no', 'reply', 'before', 'the', 'timeout']]
     assert table[4].split() == ['9', 'not', 'visited']
     assert table[5] == '1/3 tags read'
-    assert last_of_each_tag([OK, FAILED, again]) == {'7': OK, '8': again}
+    assert last_observation_of_each_tag([OK, FAILED, again]) == {'7': OK, '8': again}
     assert summary_table([OK, FAILED, again], ['7', '8']).endswith('2/2 tags read')
 
 
