@@ -383,3 +383,12 @@ def test_a_value_outside_the_scale_is_marked(report, open_page):
     assert sorted(text.partition(':')[0] for text in labels if '▲' in text) == sorted(hot)
     assert not any('▼' in text for text in labels)
     assert f'scale: {len(hot)}' in page.evaluate("document.getElementById('scale').textContent")
+
+
+def test_equal_values_of_any_size_have_a_colour(tmp_path, open_page):
+    """A sensor without a range in the config, and values beside which 0.5 is nothing."""
+    path = tmp_path / 'report.jsonl'
+    path.write_text(visit(0, '1', ['ph']).replace('20.0', '1e17') + '\n', encoding='utf-8')
+    page = open_page(path)
+    assert page.complaints == []
+    assert page.evaluate(COLOURS).startswith('rgb(33,145,140)')  # the middle of viridis

@@ -19,11 +19,11 @@ from pathlib import Path
 import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
+from lupin_greenhouse_bridge.display import drawings
 from lupin_greenhouse_bridge.display.drawings import COLOURS, Box, draw_greenhouse, place_labels
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
 from lupin_greenhouse_bridge.planning import (
     approach,
-    drawing,
     free_space,
     grid,
     route,
@@ -48,7 +48,7 @@ TAG_RADIUS_M = 0.085
 CHARACTER_M, LINE_M = 0.085, 0.17  # of a label in the picture
 STUB_M = 1.0  # a shorter contour line is not drawn
 
-DRAWN_BY = (approach, drawing, free_space, grid, route, surroundings, tag_poses, units, walls)
+DRAWN_BY = (approach, drawings, free_space, grid, route, surroundings, tag_poses, units, walls)
 
 
 class Greenhouse:
@@ -119,7 +119,7 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
         count = sum(name in tag.sensors for tag in layout.tags.values())
         text = f'{LETTERS[name]}  {name.replace("_", " ")}: {pluralized(count, "tag")}'
         axes.plot([], [], ' ', label=text)
-    axes.plot([], [], 's', color=drawing.TABLE_COLOUR, markersize=9, label='table')
+    axes.plot([], [], 's', color=drawings.TABLE_COLOUR, markersize=9, label='table')
     figure.legend(loc='outside lower center', ncols=3, frameon=False, fontsize=8)
     axes.set_ylabel('y (m)')
     name = sensor.replace('_', ' ')
@@ -184,7 +184,7 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
         (line,) = axes.plot(
             hours,
             middle,
-            color=drawing.ROUTE_COLOUR,
+            color=drawings.ROUTE_COLOUR,
             linewidth=1.6,
             label=f'median of {SAMPLES:,} readings at each time',
         )
@@ -204,7 +204,7 @@ def draw_route(greenhouse: Greenhouse):
     layout, found = greenhouse.layout, greenhouse.walls
     approaches = approach.find_approaches(layout, found, approach.ViewingLimits())
     planned = route.plan_route(approaches.free_space, approaches.poses, None, 'shortest')
-    return drawing.draw_route(layout, found, approaches.poses, approaches.unreachable, planned)
+    return drawings.draw_route(layout, found, approaches.poses, approaches.unreachable, planned)
 
 
 def save(figure, path: Path, fingerprint: str) -> None:

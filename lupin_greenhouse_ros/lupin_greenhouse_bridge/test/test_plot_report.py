@@ -5,6 +5,7 @@ import importlib.util
 import itertools
 import json
 import os
+import re
 import sys
 from xml.etree import ElementTree
 
@@ -130,19 +131,43 @@ def test_the_failed_tags_come_first_and_a_code_last(tmp_path, texts_of):
     assert f'Tag 10 unreachable: pose 1: {reason}; pose 2: no path' in drawn
 
 
-def test_a_clock_of_the_greenhouse_that_is_faster_is_told(report, texts_of, tmp_path):
-    assert not any('times faster' in text for text in texts_of(report))
+def test_a_text_with_dollars_is_no_formula(tmp_path, texts_of):
+    tag_id, detail = '$\\lost$', '$\\frac$ of the path'
+    visits = visit('1', co2=1.0), visit(tag_id, 'TIMEOUT', detail)
+    drawn = texts_of(write_report(tmp_path / 'report.jsonl', *visits))
+    assert 'Tag $\\lost$ timeout: $\\frac$ of the path'.replace('$', '\\$') in drawn
+
+
+@pytest.mark.parametrize(
+    ('speed', 'gap_seconds', 'told'),
+    [(1, 1, ''), (1800, 1, '1,800'), (1800, 6, ''), (20_000, 2, '20,000'), (20_000, 5, '2,700')],
+)
+def test_a_clock_of_the_greenhouse_that_is_faster_is_told(
+    report, texts_of, tmp_path, speed, gap_seconds, told
+):
+    """The clock wraps each day, so it can have passed more days than it shows."""
     row = read_file(report).rows[0]
-    rows = [
-        row._replace(stamp_ns=row.stamp_ns + second * 10**9, sim_time_of_day_seconds=second * 1800.0 % 86_400)
-        for second in range(47)
-    ]
-    for name, shown, expected in (('steady', rows, True), ('gap', rows[:2] + rows[-2:], False)):
-        store = open_store(str(tmp_path / f'{name}.csv'))
-        store.keep(shown)
-        store.close()
-        drawn = ' '.join(texts_of(tmp_path / f'{name}.csv'))
-        assert ('greenhouse clock about 1,800 times faster' in drawn) is expected
+    store = open_store(str(tmp_path / 'readings.csv'))
+    store.keep(
+        row._replace(
+            stamp_ns=row.stamp_ns + second * 10**9,
+            sim_time_of_day_seconds=float(second * speed % 86_400),
+        )
+        for second in range(0, 50, gap_seconds)
+    )
+    store.close()
+    drawn = ' '.join(texts_of(tmp_path / 'readings.csv'))
+    assert re.findall(r'greenhouse clock (.*) faster', drawn) == (
+        [f'at least about {told} times'] if told else []
+    )
+
+
+def test_a_last_visit_that_failed_leaves_no_picture(tmp_path, capsys):
+    visits = visit('1', co2=1.0), visit('1', 'TIMEOUT', 'no reply')
+    path = write_report(tmp_path / 'report.jsonl', *visits)
+    assert main([str(path)]) == 1
+    reason = 'the last visit of every tag failed: there is no picture'
+    assert capsys.readouterr().err == f"plot_report: '{path}': {reason}\n"
 
 
 def test_a_picture_of_several_days_says_so(report, texts_of, tmp_path):
@@ -174,6 +199,7 @@ def test_a_picture_of_several_days_says_so(report, texts_of, tmp_path):
         ([3.0, 4.0], None, (3.0, 4.0)),
         ([3.0], None, (2.5, 3.5)),
         ([3.0, 3.001], None, (2.5, 3.501)),
+        ([1e16], None, (1e16 - 5e11, 1e16 + 5e11)),
     ],
 )
 def test_the_colours_reach_over_the_fifths_of_the_config_in_which_the_values_lie(values, limits, expected):

@@ -120,29 +120,31 @@ def layout_of(file: ReadingFile, tag_file: str) -> Layout:
 
 
 def draw_file(
-    parser: argparse.ArgumentParser, arguments: list[str] | None, suffix: str, draw: Callable
+    parser: argparse.ArgumentParser,
+    arguments: list[str] | None,
+    suffix: str,
+    draw: Callable[[argparse.Namespace, ReadingFile], bytes],
 ) -> int:
-    """Run a command of parser_of(): call draw(options, file, output), and return the exit code."""
+    """Run a command of parser_of(): write what draw() returns to --output, and return the exit code."""
     options, exit_code = parser.parse_args(arguments), USAGE
     for name, end in BESIDE.items():
         kept = options.file.with_name(f'{options.file.stem}{end}') if options.file.name else options.file
         if not getattr(options, name) and kept.is_file() and kept != options.file:
             setattr(options, name, str(kept))
-    output = options.output or beside(options.file, suffix)
+    options.output = options.output or beside(options.file, suffix)
     try:
-        check_output(output, options.file)
-        draw(options, read_file(options.file, options.tag_file), output)
+        check_output(options.output, options.file)
+        drawing = draw(options, read_file(options.file, options.tag_file))
+        write_output(options.output, drawing)
     except NothingToDraw as error:
         problem, exit_code = str(error), NO_ROWS
     except ImportError as error:
         problem = f'{error}: sudo apt install python3-matplotlib'
     except OneLineError as error:
         problem = str(error)
-    except (OSError, ValueError) as error:  # unknown to matplotlib, or not writable
-        problem = f"--output '{output}': {getattr(error, 'strerror', None) or error}"
     else:
         kind = 'page' if suffix == '.html' else 'picture'
-        print_line(f'{kind}: {escaped(str(output), 500)}')
+        print_line(f'{kind}: {escaped(str(options.output), 500)}')
         return DONE
     print(f'{parser.prog}: {problem}', file=sys.stderr)
     return exit_code
@@ -162,6 +164,14 @@ def check_output(output: Path, file: Path) -> None:
     """Raise StartUpError for a drawing that would replace the file that it shows."""
     if output.exists() and file.exists() and output.samefile(file):
         raise StartUpError(f"--output '{output}' is the file of readings itself: name another")
+
+
+def write_output(output: Path, drawing: bytes) -> None:
+    """Write a drawing; raises StartUpError if the file cannot be written."""
+    try:
+        output.write_bytes(drawing)
+    except OSError as error:
+        raise StartUpError(f"--output '{output}': {error.strerror}: name another file") from error
 
 
 def failures_of(visits: Iterable[Observation]) -> list[Failures]:
@@ -206,7 +216,9 @@ def colour_limits(values: list[float], limits: tuple[float, float] | None) -> tu
     """
     if not (values and limits and limits[0] < limits[1]):
         low, high = limits or (min(values), max(values))
-        return (low, high) if high - low >= LEAST_SPAN else (low - 0.5, high + 0.5)
+        least_span = max(LEAST_SPAN, 1e-6 * abs(low))  # beside 1e16, a fixed one makes no difference
+        margin = 0.0 if high - low >= least_span else 50 * least_span
+        return low - margin, high + margin
     fifth = (limits[1] - limits[0]) / 5
     low, high = (round((pick(values) - limits[0]) / fifth, 9) for pick in (min, max))
     first = min(max(math.floor(low), 0), 4)
@@ -223,13 +235,17 @@ def lasting(first_ns: int, last_ns: int) -> str:
 
 
 def speed_of(rows: list[Row]) -> str:
-    """Return a text about a clock of the greenhouse that ran faster than ours; '' if the rows have none."""
+    """
+    Return a text about a clock of the greenhouse that ran faster than ours; '' if the rows have none.
+
+    The clock can have passed more than a day between two rows, so this is the least speed that fits.
+    """
     seconds = np.array([row.stamp_ns // 10**9 for row in rows])
     if len(rows) < 2 or not 0 <= np.diff(seconds).min() <= np.diff(seconds).max() <= LONGEST_GAP_SECONDS:
         return ''
     passed = np.unwrap([row.sim_time_of_day_seconds for row in rows], period=86_400)
     speed = (passed[-1] - passed[0]) / max(seconds[-1] - seconds[0], 1)
-    return f'greenhouse clock about {float(f"{speed:.2g}"):,.0f} times faster' if speed > 1.5 else ''
+    return f'greenhouse clock at least about {float(f"{speed:.2g}"):,.0f} times faster' if speed > 1.5 else ''
 
 
 def days_of(rows: list[Row]) -> int:

@@ -5,13 +5,16 @@ Draw the greenhouse, its approach poses and a route, and find places for labels.
 Imports matplotlib only to draw, because the markers need the labels alone.
 """
 
+import io
 import itertools
 import math
 from collections.abc import Collection, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.approach import ApproachPose
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.route import Route
@@ -82,6 +85,28 @@ def place_labels(
         taken[count] = best
         places.append((float(best[0]), float(best[1])))
     return places
+
+
+def picture_of(figure: Any, path: Path, option: str = '--output') -> bytes:
+    """
+    Return a figure in the format of the path's ending, PNG if it has none.
+
+    Raises StartUpError, which names the option of the path, for a format that matplotlib cannot write, and
+    for a figure that it cannot draw, such as one that is too large.
+    """
+    from matplotlib.text import Text
+
+    ending = path.suffix[1:].lower() or 'png'
+    if ending not in (endings := sorted(figure.canvas.get_supported_filetypes())):
+        raise StartUpError(f"{option} '{path}': the ending must be one of {', '.join(endings)}")
+    for text in figure.findobj(Text):  # what a file holds is text and no formula
+        text.set_text(text.get_text().replace('$', r'\$'))
+    picture = io.BytesIO()
+    try:
+        figure.savefig(picture, format=ending, dpi=130, bbox_inches='tight', pad_inches=0.15)
+    except ValueError as error:
+        raise StartUpError(f'the picture cannot be drawn: {error}') from error
+    return picture.getvalue()
 
 
 def draw_greenhouse(axes: Any, layout: Layout, walls: Walls) -> None:

@@ -32,6 +32,7 @@ from lupin_greenhouse_bridge.display.drawings import (
     draw_greenhouse,
     draw_path,
     label_path,
+    picture_of,
     place_labels,
     steps_of,
 )
@@ -64,10 +65,10 @@ def main(arguments: list[str] | None = None) -> int:
         'Draw readings into the greenhouse.',
         'picture to write, in the format of its ending, such as .svg or .pdf; default: NAME.png beside FILE',
     )
-    return draw_file(parser, arguments, '.png', _draw)
+    return draw_file(parser, arguments, '.png', _picture_of)
 
 
-def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
+def _picture_of(options: argparse.Namespace, file: ReadingFile) -> bytes:
     if not file.rows:
         reason = 'no tag was read' if file.visits else 'holds no readings'
         raise NothingToDraw(f"'{options.file}': {reason}: there is no picture")
@@ -82,6 +83,8 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
     readings = {
         tag_id: each for tag_id, each in last_reading_of_each_tag(file.rows).items() if tag_id not in failed
     }
+    if not readings:
+        raise NothingToDraw(f"'{options.file}': the last visit of every tag failed: there is no picture")
     if strangers := sorted(set(readings) - set(layout.tags), key=natural_order):
         raise StartUpError(
             f"'{options.file}': tag '{escaped(strangers[0], 64)}' has no position in the tag file:"
@@ -125,8 +128,10 @@ def _draw(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
         failures,
         _origin(options.file, readings, speed_of(file.rows)),
     )
-    figure.savefig(output, dpi=130, bbox_inches='tight', pad_inches=0.15)
-    pyplot.close(figure)
+    try:
+        return picture_of(figure, options.output)
+    finally:
+        pyplot.close(figure)
 
 
 def _draw_ways(

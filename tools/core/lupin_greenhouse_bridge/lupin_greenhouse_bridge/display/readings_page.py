@@ -52,15 +52,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser = parser_of(
         'readings_page', 'Make a page of readings.', 'page to write; default: NAME.html beside FILE'
     )
-    return draw_file(parser, arguments, '.html', _write_page)
+    return draw_file(parser, arguments, '.html', _page_of)
 
 
-def _write_page(options: argparse.Namespace, file: ReadingFile, output: Path) -> None:
+def _page_of(options: argparse.Namespace, file: ReadingFile) -> bytes:
     if not (file.rows or file.visits):
         raise NothingToDraw(f"'{options.file}': holds no readings: there is no page")
     data = data_of(file, *greenhouse_of(options, file))
     data |= {'title': escaped(options.file.name, LONGEST_NAME), 'route': read_route(options.route)}
-    output.write_text(fill(data), encoding='utf-8')
+    return fill(data).encode()
 
 
 def fill(data: dict) -> str:

@@ -133,13 +133,13 @@ def _draw(
         import matplotlib  # imported late: a missing library is a one-line error
 
         matplotlib.use('Agg')
-        from lupin_greenhouse_bridge.display.drawings import draw_route
+        from lupin_greenhouse_bridge.display.drawings import draw_route, picture_of
 
         figure = draw_route(layout, walls, approaches.poses, approaches.unreachable, route, occupancy)
-        figure.savefig(path, dpi=130, bbox_inches='tight', pad_inches=0.15)
+        Path(path).write_bytes(picture_of(figure, Path(path), '--picture'))
     except ImportError as error:
         raise StartUpError(f'{error}: sudo apt install python3-matplotlib') from error
-    except (OSError, ValueError) as error:  # unknown to matplotlib, or not writable
+    except OSError as error:
         raise StartUpError(f"--picture '{path}': {error}") from error
 
 
