@@ -10,7 +10,7 @@ import docs_check
 import domain_coordinator
 import pytest
 from lupin_greenhouse_bridge.display.input_file import read_file
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS
 
 ROOT = docs_check.ROOT
 PAGES = Path('tools/core/lupin_greenhouse_bridge/doc')

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from conftest import needs_drake
-from lupin_greenhouse_bridge.testing import executable
+from lupin_greenhouse_bridge.testing._helpers import executable
 
 ROOT = Path(__file__).resolve().parents[2]
 WRONG = """

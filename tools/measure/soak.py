@@ -34,7 +34,7 @@ from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import make_rows
 from lupin_greenhouse_bridge.recording.store import key_of, open_store
-from lupin_greenhouse_bridge.testing import executable
+from lupin_greenhouse_bridge.testing._helpers import executable
 from lupin_msgs.msg import SensorReading, TagReading
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
@@ -169,7 +169,8 @@ def two_bridges(scale: int) -> Iterator[tuple[str, bool]]:
 def tags_in_view(_scale: int) -> Iterator[tuple[str, bool]]:
     """Show 32 tags at 30 Hz, three of which do not exist, and restart the bridge; each one is read."""
     from apriltag_msgs.msg import AprilTagDetection, AprilTagDetectionArray
-    from lupin_greenhouse_bridge.testing import NodeProcess, spinning_node
+    from lupin_greenhouse_bridge.testing import NodeProcess
+    from lupin_greenhouse_bridge.testing._helpers import spinning_node
 
     tags = [*map(int, TAG_IDS), 400, 401, 402]
     bridge = Bridge()
@@ -202,7 +203,8 @@ def tags_in_view(_scale: int) -> Iterator[tuple[str, bool]]:
 
 def recorder_killed(scale: int) -> Iterator[tuple[str, bool]]:
     """Kill recorders at any moment under 200 values a second; no row that they have acknowledged is lost."""
-    from lupin_greenhouse_bridge.testing import NodeProcess, spinning_node
+    from lupin_greenhouse_bridge.testing import NodeProcess
+    from lupin_greenhouse_bridge.testing._helpers import spinning_node
 
     topic = '/soak/readings'
     acknowledged = lost = twice = 0
@@ -236,7 +238,7 @@ def recorder_killed(scale: int) -> Iterator[tuple[str, bool]]:
 
 def recorder_locked(scale: int) -> Iterator[tuple[str, bool]]:
     """Lock the databases of recorders under 300 values a second, and end them; no value is lost silently."""
-    from lupin_greenhouse_bridge.testing import spinning_node
+    from lupin_greenhouse_bridge.testing._helpers import spinning_node
 
     longest_seconds, runs = 6.0 * scale, 2 * scale
     with (

@@ -11,7 +11,7 @@ from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, tag_ids_of, tag_ids_request
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.settings import Settings
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, greet, spinning_node, wait_until
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rclpy.executors import MultiThreadedExecutor

@@ -12,15 +12,16 @@ from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
 from lupin_greenhouse_bridge.runtime.parameters import launch_arguments, parameter
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, spinning_node, wait_until
-from lupin_greenhouse_bridge.testing.signals import MOMENTS, SIGNALS, command
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from rclpy.executors import SingleThreadedExecutor
 
 NO_ANSWER, INTERRUPTED = 3, 130
 PACKAGE = 'lupin_greenhouse_bridge'
-IMPORTS = MOMENTS[:2]  # before main()
+IMPORTS = ('rclpy/__init__.py:<module>', 'rclpy/executors.py:<module>')  # before main()
 STARTS = ('rclpy/__init__.py:init', 'rclpy/context.py:init', 'rclpy/node.py:__init__')
 ENDS = ('rclpy/executors.py:shutdown', 'rclpy/context.py:try_shutdown')
+RUN = (*STARTS, 'rclpy/executors.py:add_node', SPINS, 'rclpy/node.py:destroy_node', *ENDS)
 EXITS = 'lupin_greenhouse_bridge/runtime/process.py:end'  # after main()
 BOTH = SIGNALS['SIGTERM and Ctrl-C']
 STUCK = """
@@ -65,7 +66,7 @@ def test_the_process_of_a_refused_bridge_keeps_its_exit_code_and_its_line(start_
 
 @pytest.mark.parametrize(
     ('moment', 'signals'),
-    [*((moment, BOTH) for moment in MOMENTS[2:]), *((SPINS, signals) for signals in SIGNALS.values())],
+    [*((moment, BOTH) for moment in RUN), *((SPINS, signals) for signals in SIGNALS.values())],
 )
 def test_the_bridge_ends_with_exit_code_0_at_any_moment(run_here, moment, signals):
     signals_at = {SPINS: SIGNALS['SIGTERM'], moment: signals}

@@ -25,7 +25,7 @@ from lupin_greenhouse_bridge.recording.rows import HEADER, parse_csv, rows_of
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
-from lupin_greenhouse_bridge.testing import (
+from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
     ManualClock,
     executable,

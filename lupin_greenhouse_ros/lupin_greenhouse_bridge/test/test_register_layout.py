@@ -171,7 +171,7 @@ def test_wrong_usage_is_refused_in_one_line(run_here, tmp_path, monkeypatch, arg
 @contextlib.contextmanager
 def person(act):
     """Act in a thread, on a node, while the test runs a main() in its own."""
-    from lupin_greenhouse_bridge.testing import spinning_node
+    from lupin_greenhouse_bridge.testing._helpers import spinning_node
 
     with spinning_node('person') as node:
         thread = threading.Thread(target=act, args=[node])
@@ -182,7 +182,7 @@ def person(act):
 
 def clicks(*points):
     """Return a function that clicks at these (frame, x, y)."""
-    from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
+    from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
 
     def act(node):
         publisher = node.create_publisher(PointStamped, '/clicked_point', QoSProfile(depth=10))

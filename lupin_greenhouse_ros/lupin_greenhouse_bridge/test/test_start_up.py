@@ -18,7 +18,7 @@ from lupin_greenhouse_bridge.reading import read_on_sight
 from lupin_greenhouse_bridge.recording import record_readings
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
-from lupin_greenhouse_bridge.testing import check_settings
+from lupin_greenhouse_bridge.testing._helpers import check_settings
 
 PARAMETER_FILE = get_package_share_path('lupin_greenhouse_bridge') / 'config/greenhouse_bridge.yaml'
 

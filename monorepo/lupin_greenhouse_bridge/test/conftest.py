@@ -77,8 +77,8 @@ def noon_bridge(noon_process):
     """
     Return the bridge that is frozen at noon. Its client ends with the test.
 
-    In the tests after it, a main() that is refused would end soon after its discovery by this client, and the
-    timer of one participant in a process can then deadlock with the end of another (see testing.FAST_DDS).
+    In the tests after it, a main() that is refused would end soon after its discovery by this client. The
+    timer of one participant can then deadlock with the end of another (see testing/fast_dds.xml).
     """
     yield noon_process
     noon_process.disconnect()
@@ -137,7 +137,7 @@ def run_here(capfd, monkeypatch):
 
     A main() takes the process for its own: it leaves signals ignored, and ROS's default context used up.
     """
-    from lupin_greenhouse_bridge.testing.signals import raising  # as above
+    from lupin_greenhouse_bridge.testing._signals import raising  # as above
 
     not_taken = []
     before = {number: signal.getsignal(number) for number in process.SIGNALS}
@@ -184,7 +184,7 @@ def bridge_here(run_here):
 @pytest.fixture
 def read_tag_here(run_here):
     """Return a function that runs read_tag with these arguments in the test's process."""
-    from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS  # as above
+    from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS  # as above
 
     patience = ('--timeout', str(PATIENCE_SECONDS))
     return lambda *arguments, **keywords: run_here(read_tag.main, *patience, *arguments, **keywords)

@@ -21,7 +21,7 @@ from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.runtime.output import Progress
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
-from lupin_greenhouse_bridge.testing import spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._helpers import spinning_node, wait_until
 
 LAYOUT = {
     'tags': {

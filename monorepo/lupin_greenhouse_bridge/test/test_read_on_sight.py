@@ -21,7 +21,7 @@ from lupin_greenhouse_bridge.reading.detections import Sightings
 from lupin_greenhouse_bridge.reading.read_on_sight import GetTagReading, ReadOnSightNode, Settings
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError, pending_requests
-from lupin_greenhouse_bridge.testing import (
+from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
     ManualClock,
     executable,

@@ -61,7 +61,7 @@ def start_mission(settings, tmp_path, monkeypatch, capfd):
 @pytest.fixture
 def clock(monkeypatch):
     """Return the monotonic clock of this process, which stands still but for what the test adds."""
-    from lupin_greenhouse_bridge.testing import ManualClock
+    from lupin_greenhouse_bridge.testing._helpers import ManualClock
 
     clock = ManualClock()
     monkeypatch.setattr(time, 'monotonic', clock)
@@ -71,7 +71,7 @@ def clock(monkeypatch):
 @pytest.fixture
 def start_process(settings, start_node, tmp_path):
     """Return a function that starts a mission as a process; it ends with the test."""
-    from lupin_greenhouse_bridge.testing import executable
+    from lupin_greenhouse_bridge.testing._helpers import executable
     from mission_helpers import RunningMission
 
     def start(command=None, environment=None, **parameters):

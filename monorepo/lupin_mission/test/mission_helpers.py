@@ -16,7 +16,13 @@ from pathlib import Path
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, parse_report
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, has_found_a_client, wait_until
+from lupin_greenhouse_bridge.testing._helpers import (
+    PATIENCE_SECONDS,
+    call,
+    greet,
+    has_found_a_client,
+    wait_until,
+)
 from lupin_mission import mission_orchestrator
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.srv import StartMission

@@ -7,7 +7,7 @@ import time
 import uuid
 
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, has_found_a_client, wait_until
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, has_found_a_client, wait_until
 from lupin_mission.drive import Arrival
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.settings import Settings

@@ -8,7 +8,7 @@ import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, has_found_a_client, wait_until
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, has_found_a_client, wait_until
 from lupin_mission import tags as tags_of_bridge
 from lupin_mission.settings import Settings
 from lupin_mission.tags import Tags

@@ -8,7 +8,7 @@ from unittest.mock import Mock
 import pytest
 import rclpy
 from action_msgs.srv import CancelGoal
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
 from lupin_mission.drive import Arrival
 from lupin_mission.mission import Limits, Mission, MissionPorts, Severity, State
 from navigator_helpers import Trip

@@ -15,8 +15,8 @@ from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import read_layout
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, wait_until
-from lupin_greenhouse_bridge.testing.signals import SIGNALS
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
+from lupin_greenhouse_bridge.testing._signals import SIGNALS
 from lupin_mission import planner
 from lupin_mission.announcer import Announcer
 from lupin_mission.plan import Plan

@@ -12,8 +12,13 @@ from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, executable, has_found_a_client, wait_until
-from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
+from lupin_greenhouse_bridge.testing._helpers import (
+    PATIENCE_SECONDS,
+    executable,
+    has_found_a_client,
+    wait_until,
+)
+from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from lupin_mission import mission_orchestrator, tags
 from lupin_mission.mission import Service, State
 from lupin_msgs.msg import MissionState

@@ -9,7 +9,7 @@ from geometry_msgs.msg import Pose, PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, spinning_node, wait_until
 from lupin_mission.passive_observer import PassiveObserver, Settings
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState, Observation, SensorReading, TagReading
 from rclpy.duration import Duration

@@ -1,7 +1,7 @@
 """The readings that a mission publishes, and what the bridge's recorder keeps of them."""
 
 from lupin_greenhouse_bridge.display.input_file import read_file
-from lupin_greenhouse_bridge.testing import executable, wait_until
+from lupin_greenhouse_bridge.testing._helpers import executable, wait_until
 from lupin_msgs.msg import MissionState, TagReading
 from mission_helpers import READER, REAL, TWIN_QOS, Subscriber
 from rclpy.qos import QoSProfile

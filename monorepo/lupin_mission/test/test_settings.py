@@ -8,7 +8,7 @@ import pytest
 import yaml
 from ament_index_python.packages import get_package_share_path
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.testing import check_settings
+from lupin_greenhouse_bridge.testing._helpers import check_settings
 from lupin_mission import announcer, mission, passive_observer, settings
 from lupin_mission.mission import Limits
 from lupin_mission.settings import Settings

@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Time
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
-from lupin_greenhouse_bridge.testing import spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._helpers import spinning_node, wait_until
 from lupin_mission import mission_orchestrator, transport
 from lupin_mission.announcer import Announcer
 from lupin_mission.mission import Severity

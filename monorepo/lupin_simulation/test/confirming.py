@@ -1,7 +1,7 @@
 """A client of confirm_tag, for tests."""
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call, greet, wait_until
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, greet, wait_until
 from lupin_msgs.srv import ConfirmTag
 
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from lupin_greenhouse_bridge.planning.tag_poses import Table
-from lupin_greenhouse_bridge.testing import executable
+from lupin_greenhouse_bridge.testing._helpers import executable
 from lupin_simulation import check_world
 from lupin_simulation.rendered_world import Tag, viewpoint
 from lupin_simulation.scene import Camera, marker

@@ -6,7 +6,7 @@ import math
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
-from lupin_greenhouse_bridge.testing import check_settings
+from lupin_greenhouse_bridge.testing._helpers import check_settings
 from lupin_simulation import disc_robot, fake_camera, world_camera
 from lupin_simulation.disc_robot import TURN_RAD_PER_S, ArrivalError, DiscRobot, Settings
 

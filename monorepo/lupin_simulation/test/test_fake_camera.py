@@ -11,7 +11,7 @@ from geometry_msgs.msg import Pose
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane, pose_message
-from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
 from lupin_simulation.fake_camera import (
     FakeCamera,
     Settings,

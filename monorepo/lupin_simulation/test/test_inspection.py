@@ -17,7 +17,7 @@ from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.simulator.layout import find_layout
-from lupin_greenhouse_bridge.testing import executable
+from lupin_greenhouse_bridge.testing._helpers import executable
 from lupin_mission.settings import Settings as MissionSettings
 from lupin_simulation import inspection
 from lupin_tag_confirmation.settings import Settings as CameraSettings

@@ -10,7 +10,7 @@ import pytest
 import rclpy
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.runtime.poses import pose_message
-from lupin_greenhouse_bridge.testing import executable, running, wait_until
+from lupin_greenhouse_bridge.testing._helpers import executable, running, wait_until
 from lupin_simulation import world_camera
 from lupin_simulation.rendered_world import Tag
 from lupin_simulation.world_camera import WorldCamera, view_of

@@ -27,7 +27,7 @@ class Perception:
     """A camera and a client of a confirm_tag that runs."""
 
     def __init__(self, node, message_type=Image, topic=TOPIC, namespace=''):
-        from lupin_greenhouse_bridge.testing import greet, wait_until
+        from lupin_greenhouse_bridge.testing._helpers import greet, wait_until
 
         self.node = node
         self._images = node.create_publisher(message_type, topic, qos_profile_sensor_data)

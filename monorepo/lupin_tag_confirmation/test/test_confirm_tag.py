@@ -17,8 +17,8 @@ from builtin_interfaces.msg import Time
 from conftest import PATIENCE_SECONDS, Perception
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.rclpy_internals import rclpy_implementation
-from lupin_greenhouse_bridge.testing import executable, spinning_node, wait_until
-from lupin_greenhouse_bridge.testing.signals import SIGNALS, command
+from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from lupin_tag_confirmation import confirm_tag
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.drawing import BAR_PIXELS

@@ -2,7 +2,7 @@
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.testing import check_settings
+from lupin_greenhouse_bridge.testing._helpers import check_settings
 from lupin_tag_confirmation.settings import Settings
 
 

@@ -3,11 +3,12 @@
 
 import contextlib
 import os
+from collections.abc import Callable
 
-from rclpy.node import NodeNameNonExistentError
+from rclpy.node import Node, NodeNameNonExistentError
 
 
-def namesake_warning(node) -> str:
+def namesake_warning(node: Node) -> str:
     """Return a warning if another node has the full name of this one; '' otherwise."""
     own = node.get_name(), node.get_namespace()
     if node.get_node_names_and_namespaces().count(own) < 2:
@@ -19,18 +20,29 @@ def namesake_warning(node) -> str:
     )
 
 
-def servers_of(node, service_name: str) -> list[str]:
-    """Return the sorted full names of the nodes that offer a service; two nodes can have the same name."""
-    service_name = node.resolve_service_name(service_name)  # the graph has full names
-    servers = []
+def nodes_with(
+    full_name: str, node: Node, names_and_types_of: Callable[[str, str], list[tuple[str, list[str]]]]
+) -> list[str]:
+    """
+    Return the sorted full names of the nodes that have this service, client or topic; a name can come twice.
+
+    `names_and_types_of` is the method of `node` that lists what a node has.
+    """
+    found = []
     for name, namespace in node.get_node_names_and_namespaces():
-        with contextlib.suppress(NodeNameNonExistentError):  # of a node that has just ended
-            if service_name in dict(node.get_service_names_and_types_by_node(name, namespace)):
-                servers.append(f'{namespace.rstrip("/")}/{name}')
-    return sorted(servers)
+        with contextlib.suppress(NodeNameNonExistentError):  # the node has just ended
+            if full_name in dict(names_and_types_of(name, namespace)):
+                found.append(f'{namespace.rstrip("/")}/{name}')
+    return sorted(found)
 
 
-def duplicate_server_warning(node, service_name: str, *, has_namesakes: bool = False) -> str:
+def servers_of(node: Node, service_name: str) -> list[str]:
+    """Return the sorted full names of the nodes that offer a service; two nodes can have the same name."""
+    full_name = node.resolve_service_name(service_name)
+    return nodes_with(full_name, node, node.get_service_names_and_types_by_node)
+
+
+def duplicate_server_warning(node: Node, service_name: str, *, has_namesakes: bool = False) -> str:
     """
     Return a warning if several nodes offer a service; '' otherwise.
 

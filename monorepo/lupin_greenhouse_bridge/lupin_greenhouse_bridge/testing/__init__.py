@@ -18,269 +18,91 @@ pytest and domain_coordinator (ros-DISTRO-domain-coordinator): name both, and th
 """
 
 import contextlib
-import dataclasses
 import json
-import math
 import os
-import queue
 import signal
 import subprocess
 import threading
-import time
 import uuid
+from collections.abc import Callable, Iterator
 from contextlib import closing
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import domain_coordinator
 import pytest
 import rclpy
-from ament_index_python.packages import get_package_prefix
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import NodeNameNonExistentError
-from rclpy.signals import SignalHandlerOptions
+from rclpy.client import Client
+from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading
-from lupin_greenhouse_bridge.runtime.parameters import descriptor_of
-from lupin_greenhouse_bridge.runtime.run import spin_once
-from lupin_greenhouse_bridge.simulator import simulation
+from lupin_greenhouse_bridge.simulator.files import shipped_file
+from lupin_greenhouse_bridge.testing._helpers import (
+    PATIENCE_SECONDS,
+    call,
+    executable,
+    greet,
+    overrides,
+    require,
+    running,
+    spinning_node,
+    wait_until,
+)
 
-PATIENCE_SECONDS = 30.0  # for a busy machine; a passing test never waits this long
-# Fast DDS on this machine only, by UDP. All domains share its ports in shared memory: if a process is killed
-# while it creates one, every process that opens this port later waits for ever.
-# Fast DDS repeats a lost announcement of a participant only every 3 s, for which a test would wait. Not more
-# often than once a second: in a process with two participants, a timer of one can deadlock with the removal
-# of the other's endpoints (Fast DDS 2.14 and 3.2).
-FAST_DDS = """<?xml version="1.0" encoding="UTF-8"?>
-<profiles xmlns="http://www.eprosima.com">
-  <transport_descriptors>
-    <transport_descriptor>
-      <transport_id>loopback</transport_id>
-      <type>UDPv4</type>
-      <maxInitialPeersRange>32</maxInitialPeersRange>
-      <interfaceWhiteList><address>127.0.0.1</address></interfaceWhiteList>
-    </transport_descriptor>
-  </transport_descriptors>
-  <participant profile_name="for_tests" is_default_profile="true">
-    <rtps>
-      <useBuiltinTransports>false</useBuiltinTransports>
-      <userTransports><transport_id>loopback</transport_id></userTransports>
-      <builtin>
-        <discovery_config><leaseAnnouncement><sec>1</sec></leaseAnnouncement></discovery_config>
-        <initialPeersList>
-          <locator><udpv4><address>127.0.0.1</address></udpv4></locator>
-        </initialPeersList>
-      </builtin>
-    </rtps>
-  </participant>
-</profiles>
-"""
-
-
-def require(is_so: bool, problem) -> None:
-    """Fail the test with this problem unless it is so. Unlike assert, this also works with python -O."""
-    if not is_so:
-        raise AssertionError(problem)
-
-
-def executable(package: str, name: str) -> str:
-    """Return the path of the executable that `ros2 run PACKAGE NAME` starts."""
-    return str(Path(get_package_prefix(package), 'lib', package, name))
-
-
-@contextlib.contextmanager
-def running(*node_types, arguments=(), **parameters):
-    """Yield nodes of these types with these ROS arguments and parameters, spun by one thread."""
-    # ROS reads values as YAML, in which an unquoted 7 is no text.
-    values = {name: json.dumps(each) if isinstance(each, str) else each for name, each in parameters.items()}
-    overrides = [word for name, value in values.items() for word in ('-p', f'{name}:={value}')]
-    rclpy.init(args=['--ros-args', *arguments, *overrides], signal_handler_options=SignalHandlerOptions.NO)
-    with contextlib.ExitStack() as stack:
-        stack.callback(rclpy.try_shutdown)
-        nodes = []
-        for node_type in node_types:
-            nodes.append(node_type())
-            stack.callback(nodes[-1].destroy_node)
-        with _spun(*nodes):
-            yield nodes
-
-
-@contextlib.contextmanager
-def spinning_node(name: str, namespace: str = ''):
-    """Yield a node with its own context, spun by a thread."""
-    context = Context()
-    rclpy.init(args=[], context=context)
-    node = rclpy.create_node(name, namespace=namespace, context=context)
-    try:
-        with _spun(node, context=context):
-            yield node
-    finally:
-        node.destroy_node()
-        rclpy.shutdown(context=context)
-
-
-@contextlib.contextmanager
-def _spun(*nodes, context=None):
-    """Spin nodes in a thread, which survives what a node survives."""
-    executor = SingleThreadedExecutor(context=context)
-    for node in nodes:
-        executor.add_node(node)
-    ended = threading.Event()
-
-    def spin():
-        while not ended.is_set():
-            spin_once(executor, nodes[0])
-
-    spinner = threading.Thread(target=spin, daemon=True)
-    spinner.start()
-    try:
-        yield
-    finally:
-        # rclpy raises in a thread that spins an executor while another closes it.
-        executor.create_task(ended.set)
-        spinner.join(PATIENCE_SECONDS)
-        executor.shutdown(timeout_sec=0)  # nothing spins; Humble would wait for the task
-
-
-def check_settings(settings_type) -> None:
-    """
-    Fail unless each parameter of a settings dataclass takes its default and its limits, and nothing else.
-
-    A value of another type or beyond a limit has to be refused with an error that names the parameter.
-    """
-    settings_type()
-    wrong_types = {str: (5, True), bool: (1, 'true'), int: (1.5, True, '1'), float: (True, '1')}
-    for each in dataclasses.fields(settings_type):
-        refused = [] if each.metadata['of_any_type'] else [*wrong_types[each.type], None]
-        smallest, largest = limits = each.metadata['limits']
-        if each.type in (int, float):
-            refused += [*beyond(smallest, largest), math.nan, math.inf]
-            for value in limits:
-                require(getattr(settings_type(**{each.name: value}), each.name) == value, each.name)
-            descriptor = descriptor_of(each, read_only=True)
-            (found,) = (*descriptor.integer_range, *descriptor.floating_point_range)
-            require((found.from_value, found.to_value) == limits, each.name)
-        for value in refused:
-            with pytest.raises(StartUpError) as refusal:
-                settings_type(**{each.name: value})
-            start = f'parameter {each.name} is {escaped(repr(value), 100)}: must be '
-            require(str(refusal.value).startswith(start), refusal.value)
-
-
-def beyond(smallest: float, largest: float) -> tuple[float, float]:
-    """Return the nearest numbers outside two limits."""
-    if isinstance(smallest, int):
-        return smallest - 1, largest + 1
-    return math.nextafter(smallest, -math.inf), math.nextafter(largest, math.inf)
-
-
-class ManualClock:
-    """A clock in seconds that only the test advances, as a substitute for time.monotonic."""
-
-    def __init__(self):
-        self._seconds = 1000.0
-
-    def __call__(self) -> float:
-        """Return the time in seconds."""
-        return self._seconds
-
-    def pass_seconds(self, seconds: float) -> None:
-        """Advance the clock by this time."""
-        self._seconds += seconds
-
-
-def call(client, request):
-    """Call a service whose node another thread spins, and return the response; fail if none arrives."""
-    answered = threading.Event()
-    future = client.call_async(request)
-    future.add_done_callback(lambda _future: answered.set())
-    require(answered.wait(PATIENCE_SECONDS), f'{client.srv_name} did not answer')
-    return future.result()
-
-
-def greet(client, request) -> None:
-    """Call a service until it answers: DDS drops its replies until it has discovered the client."""
-    repeat_until_answered(lambda: client.call_async(request), client.srv_name)
-
-
-def repeat_until_answered(send, name: str) -> None:
-    """Call send() once a second until one of its futures is done; fail after PATIENCE_SECONDS."""
-    answered = threading.Event()
-    deadline = time.monotonic() + PATIENCE_SECONDS
-    while not answered.is_set():
-        require(time.monotonic() < deadline, f'{name} did not answer')
-        send().add_done_callback(lambda _future: answered.set())
-        answered.wait(1.0)
-
-
-def has_found_a_client(node, service_name: str) -> bool:
-    """Return whether a service of this node has discovered a client; until then, DDS drops its replies."""
-    with contextlib.suppress(NodeNameNonExistentError):  # of a node that has just ended
-        return any(
-            service_name in dict(node.get_client_names_and_types_by_node(*name))
-            for name in node.get_node_names_and_namespaces()
-        )
-    return False
-
-
-def wait_until(is_so) -> None:
-    """Poll until is_so() is true; fail after PATIENCE_SECONDS."""
-    pause = threading.Event()
-    deadline = time.monotonic() + PATIENCE_SECONDS
-    while not is_so():
-        require(time.monotonic() < deadline, 'the condition did not become true')
-        pause.wait(0.002)
+__all__ = ['Bridge', 'NodeProcess', 'wait_until']
 
 
 class NodeProcess:
     """A node as a process with its own namespace, and its log."""
 
     def __init__(
-        self, command: list[str], *, environment: dict | None = None, namespace: str = '', **parameters
-    ):
+        self,
+        command: list[str],
+        *,
+        environment: dict[str, str] | None = None,
+        namespace: str = '',
+        **parameters: Any,
+    ) -> None:
         """Start the command with these parameters of the node, by default in a random namespace."""
         self.namespace = namespace or f'/test_{uuid.uuid4().hex[:8]}'
-        overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
         self.process = subprocess.Popen(
-            [*command, '--ros-args', '-r', f'__ns:={self.namespace}', *overrides],
+            [*command, '--ros-args', '-r', f'__ns:={self.namespace}', *overrides(parameters)],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             env={**os.environ, **(environment or {})},
             text=True,
         )
         self.log: list[str] = []
-        self._lines = queue.SimpleQueue()
-        threading.Thread(target=self._read_log, daemon=True).start()
+        self._searched_lines = 0
+        self._reader = threading.Thread(target=self._read_log, daemon=True)
+        self._reader.start()
 
-    def _read_log(self):
-        for line in self.process.stdout:
-            self._lines.put(line.rstrip('\n'))
-        self._lines.put(None)
+    def _read_log(self) -> None:
+        for line in self.process.stdout or ():
+            self.log.append(line.rstrip('\n'))
 
     def close(self) -> None:
         """Kill the process."""
         self.process.kill()
         self.process.wait()
 
-    def _next_lines(self):
-        while (line := self._lines.get(timeout=PATIENCE_SECONDS)) is not None:
-            self.log.append(line)
-            yield line
-        self._lines.put(None)
-
     def wait_for_log(self, fragment: str) -> str:
         """Return the next log line that contains the fragment; fail if the process ends without it."""
-        for line in self._next_lines():
+        while True:
+            wait_until(lambda: self._searched_lines < len(self.log) or not self._reader.is_alive())
+            require(self._searched_lines < len(self.log), f'no {fragment!r} in the log: {self.log}')
+            line = self.log[self._searched_lines]
+            self._searched_lines += 1
             if fragment in line:
                 return line
-        raise AssertionError(f'no {fragment!r} in the log:\n' + '\n'.join(self.log))
 
     def rest_of_log(self) -> list[str]:
         """Return the whole log of a process that ends."""
-        list(self._next_lines())
+        self._reader.join(PATIENCE_SECONDS)
+        require(not self._reader.is_alive(), f'the process did not end: {self.log}')
         return self.log
 
     def send(self, *numbers: signal.Signals) -> None:
@@ -309,12 +131,12 @@ class NodeProcess:
 class Bridge(NodeProcess):
     """A bridge as a process and, after connect(), a client of its service."""
 
-    def __init__(self, command: list[str] | None = None, **keywords):
+    def __init__(self, command: list[str] | None = None, **keywords: Any) -> None:
         super().__init__(command or [executable('lupin_greenhouse_bridge', 'bridge_node')], **keywords)
         self.service_name = f'{self.namespace}/greenhouse_bridge/get_tag_reading'
+        self.node: Node | None = None  # of the client
+        self._client: Client[Any, Any] | None = None
         self._stack = contextlib.ExitStack()
-        self.node = None  # of the client
-        self._client = None
 
     def close(self) -> None:
         """Kill the process, and close the client."""
@@ -326,7 +148,7 @@ class Bridge(NodeProcess):
         self._client = self.node = None
         self._stack.close()
 
-    def connect(self, greeting: str = ''):
+    def connect(self, greeting: str = '') -> 'Client[Any, Any]':
         """Return a client that the service has discovered: it has answered the greeting, which is no tag."""
         if self._client is None:
             if not any('ready:' in line for line in self.log):
@@ -351,54 +173,53 @@ class Bridge(NodeProcess):
 
 
 @pytest.fixture(scope='session', autouse=True)
-def own_domain(tmp_path_factory):
+def own_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Give this test run its own domain, visible on this machine only."""
+    distro = os.environ.get('ROS_DISTRO')
+    # With Fast DDS, the profile is what hides it. LOCALHOST would add shared memory to its transports.
+    is_fast_dds = get_rmw_implementation_identifier().startswith('rmw_fastrtps')
+    profiles_file = 'FASTRTPS' if distro in ('humble', 'jazzy') else 'FASTDDS'
     with domain_coordinator.domain_id() as domain_id, pytest.MonkeyPatch.context() as patch:
         patch.setenv('ROS_DOMAIN_ID', str(domain_id))
-        # With Fast DDS the profile does this. LOCALHOST would add shared memory to its transports.
-        is_fast_dds = get_rmw_implementation_identifier().startswith('rmw_fastrtps')
         patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SYSTEM_DEFAULT' if is_fast_dds else 'LOCALHOST')
-        if os.environ.get('ROS_DISTRO') == 'humble':
+        if distro == 'humble':
             patch.setenv('ROS_LOCALHOST_ONLY', '0' if is_fast_dds else '1')
-        profiles = tmp_path_factory.mktemp('dds') / 'profiles.xml'
-        profiles.write_text(FAST_DDS, encoding='utf-8')
-        is_fast_dds_2 = os.environ.get('ROS_DISTRO') in ('humble', 'jazzy')
-        patch.setenv(f'FAST{"RTPS" if is_fast_dds_2 else "DDS"}_DEFAULT_PROFILES_FILE', str(profiles))
+        patch.setenv(f'{profiles_file}_DEFAULT_PROFILES_FILE', str(Path(__file__).with_name('fast_dds.xml')))
         patch.setenv('ROS_LOG_DIR', str(tmp_path_factory.mktemp('log')))
         yield
 
 
 @pytest.fixture(scope='session')
-def shipped_tags() -> dict[str, dict]:
+def shipped_tags() -> Any:
     """Return the tags of the installed simulator: id -> x, y, sensors."""
-    return json.loads(simulation.shipped_file('tag_locations.json').read_text(encoding='utf-8'))['tags']
+    return json.loads(Path(shipped_file('tag_locations.json') or '').read_text(encoding='utf-8'))['tags']
 
 
 @pytest.fixture
-def run_nodes():
+def run_nodes() -> Iterator[Callable[..., list[Any]]]:
     """
-    Return a function that runs nodes like running(), until the test ends.
+    Return a function that runs nodes of these types with these parameters, until the test ends.
 
     It returns them, and a node of the test. They share a participant, so all nodes discover each other
     immediately.
     """
 
-    def beside():
-        return rclpy.create_node('test')
+    def run(*node_types: Callable[[], Node], **keywords: Any) -> list[Any]:
+        return stack.enter_context(running(*node_types, partial(rclpy.create_node, 'test'), **keywords))
 
     with contextlib.ExitStack() as stack:
-        yield lambda *node_types, **keywords: stack.enter_context(running(*node_types, beside, **keywords))
+        yield run
 
 
 @pytest.fixture
-def start_node():
+def start_node() -> Iterator[Callable[..., NodeProcess]]:
     """Return a function that starts a NodeProcess; each one ends with the test."""
     with contextlib.ExitStack() as stack:
         yield lambda *words, **keywords: stack.enter_context(closing(NodeProcess(*words, **keywords)))
 
 
 @pytest.fixture
-def start_bridge():
+def start_bridge() -> Iterator[Callable[..., Bridge]]:
     """Return a function that starts a Bridge with these parameters; each one ends with the test."""
     with contextlib.ExitStack() as stack:
         yield lambda *words, **keywords: stack.enter_context(closing(Bridge(*words, **keywords)))

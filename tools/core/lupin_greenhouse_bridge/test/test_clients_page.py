@@ -8,7 +8,7 @@ import pytest
 import rclpy
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.interfaces import GetTagReading
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, call
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
 from std_srvs.srv import Trigger

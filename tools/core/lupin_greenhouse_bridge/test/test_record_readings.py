@@ -16,14 +16,14 @@ from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import HEADER, rows_of
 from lupin_greenhouse_bridge.recording.store import StoreError, open_store
 from lupin_greenhouse_bridge.recording.subscription import subscribe_to_readings, topics_of
-from lupin_greenhouse_bridge.testing import (
+from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
     ManualClock,
     executable,
     spinning_node,
     wait_until,
 )
-from lupin_greenhouse_bridge.testing.signals import SIGNALS
+from lupin_greenhouse_bridge.testing._signals import SIGNALS
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions

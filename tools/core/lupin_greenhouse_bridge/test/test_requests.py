@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
-from lupin_greenhouse_bridge.testing import PATIENCE_SECONDS, Bridge, call, greet
+from lupin_greenhouse_bridge.testing import Bridge
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, greet
 
 OK = GetTagReading.Response.STATUS_OK
 UNKNOWN_TAG = GetTagReading.Response.STATUS_UNKNOWN_TAG

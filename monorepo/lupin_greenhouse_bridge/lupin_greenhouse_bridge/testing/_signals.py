@@ -2,7 +2,7 @@
 """
 Run an executable that sends itself signals at a chosen moment, for tests.
 
-    python signals.py PACKAGE EXECUTABLE MOMENT SIGNAL[,SIGNAL] [ARGUMENT...]
+    python _signals.py PACKAGE EXECUTABLE MOMENT SIGNAL[,SIGNAL] [ARGUMENT...]
 
 MOMENT is the end of a file's path and a function in it, such as rclpy/node.py:create_service. The signals
 arrive at the first call of the function. The function <module> is the import of the file. This module runs as
@@ -13,19 +13,9 @@ import contextlib
 import importlib
 import signal
 import sys
+from collections.abc import Iterator, Sequence
+from types import FrameType
 
-MOMENTS = (
-    'rclpy/__init__.py:<module>',
-    'rclpy/executors.py:<module>',
-    'rclpy/__init__.py:init',
-    'rclpy/context.py:init',
-    'rclpy/node.py:__init__',
-    'rclpy/executors.py:add_node',
-    'rclpy/executors.py:spin_once',
-    'rclpy/executors.py:shutdown',
-    'rclpy/node.py:destroy_node',
-    'rclpy/context.py:try_shutdown',
-)
 SIGNALS = {
     'Ctrl-C': (signal.SIGINT,),
     'Ctrl-C twice': (signal.SIGINT, signal.SIGINT),
@@ -34,29 +24,28 @@ SIGNALS = {
 }
 
 
-def command(package: str, executable: str, moment: str, signals) -> list[str]:
+def command(package: str, executable: str, moment: str, signals: Sequence[signal.Signals]) -> list[str]:
     """Return the command line."""
     numbers = ','.join(str(int(number)) for number in signals)
     return [sys.executable, __file__, package, executable, moment, numbers]
 
 
 @contextlib.contextmanager
-def raising(signals_at: dict[str, tuple[signal.Signals, ...]]):
+def raising(signals_at: dict[str, Sequence[signal.Signals]]) -> Iterator[None]:
     """Raise signals in this thread at the first call of each of these functions, by moment."""
     left = dict(signals_at)
+    functions = {moment.rpartition(':')[2] for moment in left}
 
-    def watch(frame, event, _argument):
+    def watch(frame: FrameType, event: str, _argument: object) -> None:
         code = frame.f_code
         if event != 'call' or code.co_name not in functions:
             return
-        for moment in list(left):
-            file, _, function = moment.rpartition(':')
-            if code.co_name == function and code.co_filename.endswith(file):
-                print(f'signalled in {moment}', flush=True)
-                for number in left.pop(moment):
-                    signal.raise_signal(number)
+        called = f'{code.co_filename}:{code.co_name}'
+        for moment in [each for each in left if called.endswith(each)]:
+            print(f'signalled in {moment}', flush=True)
+            for number in left.pop(moment):
+                signal.raise_signal(number)
 
-    functions = {moment.rpartition(':')[2] for moment in left}
     sys.setprofile(watch if left else None)
     try:
         yield
@@ -69,7 +58,7 @@ def main() -> None:
     package, executable, moment, numbers = sys.argv[1:5]
     del sys.argv[1:5]
     run = getattr(importlib.import_module(f'{package}.executables'), executable)
-    with raising({moment: tuple(signal.Signals(int(number)) for number in numbers.split(','))}):
+    with raising({moment: [signal.Signals(int(number)) for number in numbers.split(',')]}):
         run()
 
 
