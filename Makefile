@@ -30,7 +30,8 @@ QUICK_PYTHON := $(PYTHON) -ES
 BUILD := '$(VENV)/bin/python' -ES ci/build.py
 WITHIN := '$(VENV)/bin/python' -ES ci/within.py
 
-figure tags world world-check: override TREE := monorepo
+# Their programs use packages that only the monorepo has, whatever TREE says.
+bench docs-check figure soak tags test-network world world-check: override TREE := monorepo
 
 .PHONY: help bridge run smoke read mission page world world-check tags env build generate generate-check drift test test-tree lint docs-check figure clean lock bench soak test-network test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
 
@@ -132,7 +133,7 @@ soak: build  ## check the promises under faults and load (SHORT=1, REFUSALS=1200
 	@$(IN_ENV) $(KILL_TREE) python ci/within.py --stand-ins python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
 
 test-network: bridge  ## call between two network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
-	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short)
+	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short) $(ARGS)
 
 test-heavy: env  ## run the tests that take minutes, as CI does after make test
 	@$(RUN_TESTS) heavy

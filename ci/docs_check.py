@@ -5,7 +5,6 @@ Check the documents: links, shell blocks, parameters, options, ranges of sensors
 
 Every link and anchor must exist. A block of bash or console is preceded by one of these lines:
 
-    <!-- run -->                             this script runs it, and it must end with exit code 0
     <!-- tested by PATH::NAME -->            a test runs it: the file has a function of that name
     <!-- needs WHAT -->                      it cannot run here, and why
     <!-- followed by make WHAT -->           that target runs it
@@ -41,6 +40,7 @@ import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 from urllib.parse import unquote
 
 from lupin_greenhouse_bridge.errors import pluralized
@@ -50,123 +50,118 @@ from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.units import unit_of
 
 ROOT = Path(__file__).resolve().parent.parent
-FENCED = re.compile(
-    r'(?:^<!-- (?P<mark>[^\n]+?) -->\n)?^```(?P<language>\S*)\n(?P<text>.*?)^```$', re.MULTILINE | re.DOTALL
-)
+FENCED = re.compile(r'(?:^<!-- ([^\n]+?) -->\n)?^```(\S*)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+TABLE = re.compile(r'(?:^<!-- (.+?) -->\n)?^(\|.*)\n^\|[-|]+\n((?:^\|.*\n)+)', re.MULTILINE)
 LINK = re.compile(r'\[[^\[\]]*\]\(([^)\s]+)\)')
 SOURCE = re.compile(r'\bsrc(?:set)?="([^"]+)"')  # of a <picture>
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
-LONGEST_RUN_SECONDS = 300
 NAMED_TEST = re.compile(r'`(test_\w+\.py)?(?:::)?(test_\w+)?`')
-PARAMETERS = re.compile(
-    r'(?:^<!-- parameters of (?P<settings>\S+) -->\n)?^\| \w+ \| default \|.*\n'
-    r'^\|[-|]+\n(?P<rows>(?:^\|.*\n)+)',
-    re.MULTILINE,
-)
-RANGES = re.compile(
-    r'(?:^<!-- ranges of mdp-greenhouse (?P<version>\S+) -->\n)?^\| sensor \| lowest \|.*\n'
-    r'^\|[-|]+\n(?P<rows>(?:^\|.*\n)+)',
-    re.MULTILINE,
-)
-OPTIONS = re.compile(
-    r'^<!-- options of (?P<command>\w+) -->\n^\| option \|.*\n^\|[-|]+\n(?P<rows>(?:^\|.*\n)+)', re.MULTILINE
-)
 LINE_OF_HELP = re.compile(r'^  (\S.*?)(?:  +|\n +)(\S.*)$', re.MULTILINE)
 TERM = re.compile(r'^### (.+)\n+((?:.+\n)+)', re.MULTILINE)
 MOST_TERMS = 25
+PARAMETERS, OPTIONS, RANGES = r'\| \w+ \| default \|', r'\| option \|', r'\| sensor \| lowest \|'
 NOT_PROSE = re.compile(r'^[#|].*$|^ *<.*>$|`[^`\n]*`', re.MULTILINE)
 LINK_TO_TERM = re.compile(r'\[[^\[\]]*\]\((?:\S*/)?glossary\.md#([^)]+)\)')
 
 
-def documents(root: Path) -> list[Path]:
-    """Return every Markdown file in git below the root."""
-    listed = subprocess.run(['git', 'ls-files', '*.md'], cwd=root, capture_output=True, text=True, check=True)
+class Block(NamedTuple):
+    """A fenced block; `mark` is the text of the comment above it, or ''."""
+
+    mark: str
+    language: str
+    text: str
+
+
+class Table(NamedTuple):
+    """A table; `mark` is the text of the comment above it, or ''."""
+
+    mark: str
+    rows: list[str]
+
+
+class Document:
+    """A Markdown file; `path` is relative to `root`, the folder of the repository."""
+
+    def __init__(self, root: Path, path: Path):
+        self.root, self.path = root, path
+        self.text = (root / path).read_text(encoding='utf-8')
+        self.unfenced = FENCED.sub('', self.text)
+
+    def shell_blocks(self) -> list[Block]:
+        """Return each block of commands."""
+        blocks = [Block(*found) for found in FENCED.findall(self.text)]
+        return [block for block in blocks if block.language in ('bash', 'console', 'sh')]
+
+    def tables(self, head: str) -> list[Table]:
+        """Return each table whose first line matches a pattern."""
+        found = TABLE.findall(self.text)
+        return [Table(mark, rows.splitlines()) for mark, first, rows in found if re.match(head, first)]
+
+    def anchors(self) -> set[str]:
+        """Return the anchors that GitHub gives to the headings."""
+        headings = re.findall(r'^#+ (.+)$', self.unfenced, re.MULTILINE)
+        return {re.sub(r'[^\w\- ]', '', heading.lower()).replace(' ', '-') for heading in headings}
+
+
+def cells_of(row: str) -> list[str]:
+    """Return the cells of a row, without the code marks around them."""
+    return [cell.strip(' `') for cell in row.strip('|').split('|')]
+
+
+def files_in_git(root: Path, pattern: str) -> list[Path]:
+    """Return the files in git whose paths match a pattern, relative to the root."""
+    listed = subprocess.run(
+        ['git', 'ls-files', pattern], cwd=root, capture_output=True, text=True, check=True
+    )
     return [Path(line) for line in listed.stdout.splitlines()]
 
 
-def anchors(text: str) -> set[str]:
-    """Return the anchors that GitHub gives to the headings of a document."""
-    headings = re.findall(r'^#+ (.+)$', FENCED.sub('', text), re.MULTILINE)
-    return {re.sub(r'[^\w\- ]', '', heading.lower()).replace(' ', '-') for heading in headings}
-
-
-def broken_links(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each link to a missing file or anchor."""
-    text = (root / path).read_text(encoding='utf-8')
-    text = FENCED.sub('', text)
-    for link in LINK.findall(text) + SOURCE.findall(text):
+def broken_links(document: Document) -> Iterator[str]:
+    """Yield a finding for each link to a missing file or anchor."""
+    for link in LINK.findall(document.unfenced) + SOURCE.findall(document.unfenced):
         if re.match(r'[a-z]+:', link):
             continue
         name, _, anchor = unquote(link).partition('#')
-        target = (root / path).parent / name if name else root / path
-        if not target.exists():
-            yield f'{path}: the link {link} leads nowhere'
-        elif anchor and anchor not in anchors(target.read_text(encoding='utf-8')):
-            yield f'{path}: the link {link} names no heading of {target.relative_to(root) if name else path}'
+        target = document.path.parent / name if name else document.path
+        if not (document.root / target).exists():
+            yield f'the link {link} leads nowhere'
+        elif anchor and anchor not in Document(document.root, target).anchors():
+            yield f'the link {link} names no heading of {os.path.normpath(target)}'
 
 
-def shell_blocks(root: Path, path: Path) -> list[tuple[str, str, str]]:
-    """Return (mark, language, commands) of each shell block."""
-    text = (root / path).read_text(encoding='utf-8')
-    blocks = [(match['mark'] or '', match['language'], match['text']) for match in FENCED.finditer(text)]
-    return [block for block in blocks if block[1] in ('bash', 'console', 'sh')]
-
-
-def unproved_blocks(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each block that nothing runs and that gives no reason."""
-    text = FENCED.sub('', (root / path).read_text(encoding='utf-8'))
-    for indented in INDENTED.findall(text):
-        yield f'{path}: fence this block and set its language: {indented.strip()[:60]}'
-    for mark, _, commands in shell_blocks(root, path):
+def unproved_blocks(document: Document) -> Iterator[str]:
+    """Yield a finding for each block that nothing runs and that gives no reason."""
+    for indented in INDENTED.findall(document.unfenced):
+        yield f'fence this block and set its language: {indented.strip()[:60]}'
+    for mark, _, commands in document.shell_blocks():
         shown = commands.strip().splitlines()[0][:60]
         if mark.startswith('tested by '):
             file, _, name = mark.removeprefix('tested by ').partition('::')
-            if not (root / file).is_file() or f'def {name}(' not in (root / file).read_text(encoding='utf-8'):
-                yield f'{path}: there is no test {file}::{name} for: {shown}'
-        elif mark != 'run' and not mark.startswith(('needs ', 'followed by make ')):
-            yield f'{path}: mark this block with run, tested by, needs or followed by: {shown}'
+            path = document.root / file
+            if not path.is_file() or f'def {name}(' not in path.read_text(encoding='utf-8'):
+                yield f'there is no test {file}::{name} for: {shown}'
+        elif not mark.startswith(('needs ', 'followed by make ')):
+            yield f'mark this block with tested by, needs or followed by: {shown}'
 
 
-def failing_blocks(root: Path, path: Path) -> Iterator[str]:
-    """Run the marked blocks; yield a line for each that fails."""
-    for mark, _, commands in shell_blocks(root, path):
-        if mark != 'run':
+def wrong_parameters(document: Document) -> Iterator[str]:
+    """Yield a finding for each parameter that a table lacks, invents, or gives another default."""
+    for table in document.tables(PARAMETERS):
+        kind, _, settings = table.mark.rpartition(' ')
+        if kind != 'parameters of':
+            yield f'mark this table with `parameters of`: {table.rows[0][:60]}'
             continue
-        try:
-            result = subprocess.run(
-                ['bash', '-eo', 'pipefail', '-c', commands],
-                cwd=root,
-                capture_output=True,
-                text=True,
-                timeout=LONGEST_RUN_SECONDS,
-                check=False,
-            )
-        except subprocess.TimeoutExpired as error:
-            yield f'{path}: {error}'
-            continue
-        if result.returncode:
-            last = (result.stderr or result.stdout).strip().splitlines()[-1:]
-            yield f'{path}: exit code {result.returncode} of: {commands.strip()}: {"".join(last)}'
-
-
-def wrong_defaults(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each parameter that a table lacks, invents, or gives another default."""
-    text = (root / path).read_text(encoding='utf-8')
-    for table in PARAMETERS.finditer(text):
-        if not table['settings']:
-            yield f'{path}: mark this table with `parameters of`: {table["rows"].splitlines()[0][:60]}'
-            continue
-        module, _, name = table['settings'].rpartition('.')
-        settings = getattr(importlib.import_module(module), name)
-        real = {name: default for name, default, *_ in launch_arguments(settings)}
-        cells = [[cell.strip(' `') for cell in row.split('|')[1:3]] for row in table['rows'].splitlines()]
-        written = {name: '' if default in ("''", 'empty') else default for name, default in cells}
-        for name in sorted(real.keys() | written.keys()):
-            if real.get(name) != written.get(name):
-                yield (
-                    f'{path}: parameter {name} of {table["settings"]}: the table has {written.get(name)!r},'
-                    f' the code has {real.get(name)!r}'
-                )
+        module, _, name = settings.rpartition('.')
+        arguments = launch_arguments(getattr(importlib.import_module(module), name))
+        real = {name: default or "''" for name, default, *_ in arguments}
+        written = dict(cells_of(row)[:2] for row in table.rows)
+        for name in sorted(real.keys() - written.keys()):
+            yield f'the table of {settings} lacks {name}: add a row with the default {real[name]}'
+        for name in sorted(written.keys() - real.keys()):
+            yield f'{settings} has no parameter {name}: remove its row'
+        for name in sorted(written.keys() & real.keys()):
+            if written[name].replace('empty', "''") != real[name]:
+                yield f'the default of {name} is {written[name]}: {settings} has {real[name]}'
 
 
 @functools.cache
@@ -191,33 +186,28 @@ def sensor_ranges() -> list[str]:
     ]
 
 
-def wrong_ranges(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each row that differs from the installed simulator, and for another version of it."""
-    for table in RANGES.finditer((root / path).read_text(encoding='utf-8')):
-        installed = importlib.metadata.version('mdp-greenhouse')
-        if table['version'] != installed:
-            yield f'{path}: mark the ranges with `ranges of mdp-greenhouse {installed}`, which is installed'
-        written = table['rows'].splitlines()
-        for row in sensor_ranges():
-            if row not in written:
-                yield f'{path}: the ranges lack the row {row}'
-        for row in written:
-            if row not in sensor_ranges():
-                yield f'{path}: the simulator does not have the range {row}'
+def wrong_ranges(document: Document) -> Iterator[str]:
+    """Yield a finding for each row that the installed simulator does not have, and for another version."""
+    mark = f'ranges of mdp-greenhouse {importlib.metadata.version("mdp-greenhouse")}'
+    for table in document.tables(RANGES):
+        if table.mark != mark:
+            yield f'mark the ranges with `{mark}`, which is installed'
+        yield from (f'the ranges lack the row {row}' for row in sensor_ranges() if row not in table.rows)
+        wrong = [row for row in table.rows if row not in sensor_ranges()]
+        yield from (f'the simulator does not have the range {row}' for row in wrong)
 
 
-def missing_tests(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each test that the document names and that does not exist."""
-    listed = subprocess.run(
-        ['git', 'ls-files', '*test_*'], cwd=root, capture_output=True, text=True, check=True
-    )
-    tests = [root / line for line in listed.stdout.splitlines()]
-    for file, function in NAMED_TEST.findall((root / path).read_text(encoding='utf-8')):
+def missing_tests(document: Document) -> Iterator[str]:
+    """Yield a finding for each test that the document names and that does not exist."""
+    tests = [document.root / path for path in files_in_git(document.root, '*test_*')]
+    for file, function in NAMED_TEST.findall(document.text):
         of_file = [test for test in tests if file in ('', test.name)]
-        defined = any(f'def {function}(' in test.read_text(encoding='utf-8') for test in of_file if function)
         is_script = not file and function in {test.name for test in tests}
-        if not (of_file if not function else defined or is_script):
-            yield f'{path}: there is no test {file}::{function}'.replace('test ::', 'test ').rstrip(':')
+        is_defined = any(
+            f'def {function}(' in test.read_text(encoding='utf-8') for test in of_file if function
+        )
+        if not (is_script or is_defined or (of_file and not function)):
+            yield f'there is no test {"::".join(filter(None, (file, function)))}'
 
 
 def commands() -> dict[str, Path]:
@@ -227,94 +217,119 @@ def commands() -> dict[str, Path]:
 
 
 @functools.cache
-def help_of(command: Path) -> tuple[bool, list[tuple[str, str]]]:
-    """Return whether a command has options, and the name and the text of each, or of each parameter."""
+def help_of(command: Path) -> tuple[bool, dict[str, str]]:
+    """Return whether a command has options, and the text of each option, or of each parameter."""
     wide = {**os.environ, 'COLUMNS': '1000'}
     text = subprocess.run([command, '--help'], env=wide, capture_output=True, text=True, check=True).stdout
-    rows = [
-        (re.sub(r'^(-\w) \S+,', r'\1,', name), what.replace('|', r'\|'))  # -o FILE, --output FILE
+    rows = {
+        re.sub(r'^(-\w) \S+,', r'\1,', name): what.replace('|', r'\|')  # -o FILE, --output FILE
         for name, what in LINE_OF_HELP.findall(text)
         if not name.startswith('-h')
-    ]
+    }
     return text.startswith('usage: '), rows
 
 
-def wrong_options(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each row that only the table or only the --help of the command has."""
-    for table in OPTIONS.finditer((root / path).read_text(encoding='utf-8')):
-        name = table['command']
-        if name not in commands():
-            yield f'{path}: there is no command {name}: options of {name}'
+def wrong_options(document: Document) -> Iterator[str]:
+    """Yield a finding for each row that only the table or only the --help of the command has."""
+    for table in document.tables(OPTIONS):
+        kind, _, name = table.mark.rpartition(' ')
+        if kind != 'options of':
             continue
-        written = table['rows'].splitlines()
-        rows = [f'| `{option}` | {what} |' for option, what in help_of(commands()[name])[1]]
-        yield from (f'{path}: the options of {name} lack the row {row}' for row in rows if row not in written)
-        yield from (f'{path}: {name} --help does not have {row}' for row in written if row not in rows)
+        if name not in commands():
+            yield f'there is no command {name}: options of {name}'
+            continue
+        rows = [f'| `{option}` | {what} |' for option, what in help_of(commands()[name])[1].items()]
+        yield from (f'the options of {name} lack the row {row}' for row in rows if row not in table.rows)
+        yield from (f'{name} --help does not have {row}' for row in table.rows if row not in rows)
 
 
-def undocumented_commands(root: Path, paths: list[Path]) -> Iterator[str]:
-    """Yield a line for each command of the packages without a table of its options or parameters."""
-    texts = [(root / path).read_text(encoding='utf-8') for path in paths]
-    options = {table['command'] for text in texts for table in OPTIONS.finditer(text)}
-    tables = [table['rows'] for text in texts for table in PARAMETERS.finditer(text) if table['settings']]
-    parameters = [set(re.findall(r'^\| `(\w+)`', rows, re.MULTILINE)) for rows in tables]
+def undocumented_commands(documents: list[Document]) -> Iterator[str]:
+    """Yield a finding for each command of the packages without a table of its options or parameters."""
+    marks = {table.mark for document in documents for table in document.tables(OPTIONS)}
+    tables = [table for document in documents for table in document.tables(PARAMETERS)]
+    documented = [{cells_of(row)[0] for row in table.rows} for table in tables]
     with ThreadPoolExecutor() as threads:
-        helps = zip(commands(), threads.map(help_of, commands().values()), strict=True)
-        for name, (has_options, rows) in helps:
-            if has_options and name not in options:
-                yield f'no document has a table with the mark `options of {name}`'
-            if not has_options and {parameter.split()[0] for parameter, _ in rows} not in parameters:
-                yield f'no document has a table of the parameters of {name}'
+        helps = list(threads.map(help_of, commands().values()))
+    for command, (has_options, rows) in zip(commands(), helps, strict=True):
+        if has_options and f'options of {command}' not in marks:
+            yield f'no document has a table with the mark `options of {command}`'
+        if has_options:
+            continue
+        parameters = {name.split()[0] for name in rows}
+        closest = max(documented, key=lambda names: len(names & parameters), default=set())
+        if 2 * len(closest & parameters) <= len(parameters):
+            yield f'no document has a table of the parameters of {command}'
+        elif lacking := sorted(parameters - closest):
+            yield f'the table of the parameters of {command} lacks {", ".join(lacking)}: add a row for each'
 
 
-def unlinked_terms(root: Path, path: Path) -> Iterator[str]:
-    """Yield a line for each term of the tree's glossary that a page uses before it links to the term."""
-    places = [path.parent, *(each / 'lupin_greenhouse_bridge/doc' for each in path.parents[1:])]
-    glossary = next(
-        (root / each / 'glossary.md' for each in places if (root / each / 'glossary.md').exists()), None
-    )
-    if not glossary or path.parts[1:2] == ('.github',):
+def glossary_of(document: Document) -> Document | None:
+    """Return the glossary that a page links to: in its folder, or that of the bridge in its tree."""
+    folders = [document.path.parent]
+    folders += [each / 'lupin_greenhouse_bridge/doc' for each in document.path.parents[1:]]
+    for folder in folders:
+        if (document.root / folder / 'glossary.md').exists():
+            return Document(document.root, folder / 'glossary.md')
+    return None
+
+
+def long_explanations(document: Document) -> Iterator[str]:
+    """Yield a finding for a glossary of too many terms, and for each term with more than one sentence."""
+    if document.path.name != 'glossary.md':
         return
-    terms = dict(TERM.findall(glossary.read_text(encoding='utf-8')))
-    if path.name == glossary.name:
-        if len(terms) > MOST_TERMS:
-            yield f'{path}: has {len(terms)} terms: keep {MOST_TERMS}'
-        for term, text in terms.items():
-            if len(re.findall(r'\.(?:\s|$)', text)) != 1:
-                yield f'{path}: explain {term} in one sentence'
+    terms = TERM.findall(document.text)
+    if len(terms) > MOST_TERMS:
+        yield f'has {len(terms)} terms: keep {MOST_TERMS}'
+    for term, text in terms:
+        if len(re.findall(r'\.(?:\s|$)', text)) != 1:
+            yield f'explain {term} in one sentence'
+
+
+def unlinked_terms(document: Document) -> Iterator[str]:
+    """Yield a finding for each term of the tree's glossary that a page uses before it links to the term."""
+    glossary = glossary_of(document)
+    is_exempt = document.path.name == 'glossary.md' or document.path.parts[1:2] == ('.github',)
+    if not glossary or is_exempt:
         return
-    text = NOT_PROSE.sub(' ', FENCED.sub('', (root / path).read_text(encoding='utf-8')))
-    text = LINK.sub(' ', LINK_TO_TERM.sub('\0\\1\0', text))
+    prose = LINK_TO_TERM.sub(r'\0\1\0', NOT_PROSE.sub(' ', document.unfenced))  # \0term\0 is a link to it
+    prose = LINK.sub(' ', prose)
+    terms = [term for term, _ in TERM.findall(glossary.text)]
     for term in sorted(terms, key=len, reverse=True):  # an approach pose is also a pose
-        words = term.replace(' ', r'\s+')
-        use = re.compile(rf'(\0{term.replace(" ", "-")}\0)|\b{words}s?\b', re.IGNORECASE)
-        first = use.search(text)
-        if first and not first[1]:
-            where = ' '.join(text[max(first.start() - 20, 0) : first.end() + 20].split())
-            yield f'{path}: link the first use of {term} to glossary.md: {where}'
-        text = use.sub(' ', text)
+        link, words = term.replace(' ', '-'), term.replace(' ', r'\s+')
+        use = re.compile(rf'\0{link}\0|\b{words}s?\b', re.IGNORECASE)
+        first = use.search(prose)
+        if first and '\0' not in first[0]:
+            where = ' '.join(prose[max(first.start() - 20, 0) : first.end() + 20].split())
+            yield f'link the first use of {term} to glossary.md: {where}'
+        prose = use.sub(' ', prose)
 
 
 CHECKS = (
     broken_links,
     unproved_blocks,
-    wrong_defaults,
+    wrong_parameters,
     wrong_options,
     wrong_ranges,
     missing_tests,
+    long_explanations,
     unlinked_terms,
-    failing_blocks,
 )
+
+
+def findings_of(document: Document) -> list[str]:
+    """Return what is wrong in one document, a line each."""
+    return [f'{document.path}: {finding}' for check in CHECKS for finding in check(document)]
 
 
 def main(root: Path = ROOT) -> int:
     """Check every document; return the exit code."""
-    paths = documents(root)
-    findings = [finding for path in paths for check in CHECKS for finding in check(root, path)]
-    findings += undocumented_commands(root, paths)
-    print(*(f'docs: {finding}' for finding in findings), sep='\n', end='\n' if findings else '')
-    blocks = [block for path in paths for block in shell_blocks(root, path)]
-    print(f'{len(paths)} documents, {len(blocks)} shell blocks:', pluralized(len(findings), 'finding'))
+    documents = [Document(root, path) for path in files_in_git(root, '*.md')]
+    findings = [finding for document in documents for finding in findings_of(document)]
+    findings += undocumented_commands(documents)
+    for finding in findings:
+        print(f'docs: {finding}')
+    blocks = sum(len(document.shell_blocks()) for document in documents)
+    print(f'{len(documents)} documents, {blocks} shell blocks: {pluralized(len(findings), "finding")}')
     return int(bool(findings))
 
 

@@ -1,4 +1,4 @@
-"""The environments of both trees, a copy of the checkout, and the mark of the tests that need Drake."""
+"""The environments of both trees, make as a user runs it, and a copy of the checkout."""
 
 import os
 import platform
@@ -17,6 +17,24 @@ ENVIRONMENTS = {
 needs_drake = pytest.mark.skipif(
     platform.machine() != 'x86_64', reason='Drake has no wheel for this processor'
 )
+
+
+def of_a_user(**variables: str) -> dict[str, str]:
+    """Return the variables of a shell that is not started by make, with the environment of the monorepo."""
+    own = {name: value for name, value in os.environ.items() if not name.startswith('MAKE')}
+    return own | {'VENV': os.environ['VIRTUAL_ENV'], 'TREE': 'monorepo'} | variables
+
+
+def make(*words: str, cwd: Path = ROOT, **variables: str) -> subprocess.CompletedProcess:
+    """Run make with what is built already."""
+    return subprocess.run(
+        ['make', '-f', ROOT / 'Makefile', '-o', 'bridge', '-o', 'build', *words],
+        cwd=cwd,
+        env=of_a_user(**variables),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from pathlib import Path
 import docs_check
 import domain_coordinator
 import pytest
+from conftest import make, of_a_user
 
 ROOT = docs_check.ROOT
 
@@ -19,18 +20,12 @@ def without_numbers(text: str) -> list[str]:
 
 def test_the_two_commands_of_the_readme():
     """Each `$ command` of its first console block prints what is shown below it."""
-    marks = docs_check.shell_blocks(ROOT, Path('README.md'))
-    shown = next(text for _, language, text in marks if language == 'console')
+    blocks = docs_check.Document(ROOT, Path('README.md')).shell_blocks()
+    shown = next(block.text for block in blocks if block.language == 'console')
     serving, *asking = [each.partition('\n') for each in shown.removeprefix('$ ').split('\n$ ')]
     assert [each[0] for each in asking] == ['make read TAG=1', 'make read TAG=99']
     with domain_coordinator.domain_id() as domain_id:
-        of_a_user = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
-        environment = of_a_user | {
-            'ROS_DOMAIN_ID': str(domain_id),
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-            'TREE': 'monorepo',
-            'VENV': os.environ['VIRTUAL_ENV'],
-        }
+        environment = of_a_user(ROS_DOMAIN_ID=str(domain_id), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
         server = subprocess.Popen(
             ['bash', '-c', f'exec {serving[0]}'],
             cwd=ROOT,
@@ -69,13 +64,16 @@ def test_the_mirror_shows_the_table_of_the_readme():
     assert mirror == readme
 
 
-def test_the_documents_are_true(capsys):
-    assert docs_check.main() == 0, capsys.readouterr().out
+def test_the_documents_are_true():
+    """Whatever TREE a reader works with."""
+    result = make('docs-check', TREE='lupin_greenhouse_ros')
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert re.search(r'^\d+ documents, \d+ shell blocks: 0 findings$', result.stdout)
 
 
 @pytest.fixture
 def documents(tmp_path):
-    """Return a function that makes a repository of one document, and one that returns the findings."""
+    """Return a function that makes a repository of one document, and returns the findings."""
     subprocess.run(['git', 'init', '--quiet', str(tmp_path)], check=True)
 
     def findings(text: str) -> str:
@@ -83,8 +81,7 @@ def documents(tmp_path):
         (tmp_path / 'glossary.md').write_text(GLOSSARY, encoding='utf-8')
         (tmp_path / 'test_it.py').write_text('def test_this():\n    pass\n', encoding='utf-8')
         subprocess.run(['git', '-C', str(tmp_path), 'add', '.'], check=True)
-        checks = docs_check.CHECKS
-        return '\n'.join(line for check in checks for line in check(tmp_path, Path('README.md')))
+        return '\n'.join(docs_check.findings_of(docs_check.Document(tmp_path, Path('README.md'))))
 
     return findings
 
@@ -101,9 +98,9 @@ GOOD = """# A title: with `code`
 [here](#a-title-with-code) [there](test_it.py) [away](https://example.org)
 <img alt="a round" src="test_it.py">
 
-<!-- run -->
+<!-- needs a robot -->
 ```bash
-test 1 = 1
+drive
 ```
 
 <!-- tested by test_it.py::test_this -->
@@ -151,23 +148,18 @@ def test_a_good_document_has_no_findings(documents):
         ('(test_it.py)', '(test_them.py)', 'the link test_them.py leads nowhere'),
         ('src="test_it.py"', 'srcset="it.png"', 'the link it.png leads nowhere'),
         ('(#a-title-with-code)', '(#another)', 'the link #another names no heading'),
-        ('test 1 = 1', 'test 1 = 2', 'exit code 1 of: test 1 = 2'),
         ('::test_this', '::test_that', 'there is no test test_it.py::test_that'),
         ('`test_it.py`', '`test_them.py`', 'there is no test test_them.py'),
         ('`test_it.py::test_this`', '`test_it.py::test_that`', 'there is no test test_it.py::test_that'),
         ('and `test_this`', 'and `test_that`', 'there is no test test_that'),
-        ('<!-- run -->\n', '', 'mark this block with run, tested by, needs or followed by'),
+        ('<!-- needs a robot -->\n', '', 'mark this block with tested by, needs or followed by: drive'),
         (
             '`0.0`',
             '`1.0`',
-            "parameter speedup_factor of lupin_greenhouse_bridge.settings.Settings: the table has '1.0'",
+            'the default of speedup_factor is 1.0: lupin_greenhouse_bridge.settings.Settings has',
         ),
-        ('| `debug_seed` | `-1` | a seed |\n', '', "the table has None, the code has '-1'"),
-        (
-            'debug_seed',
-            'debug_sed',
-            "parameter debug_sed of lupin_greenhouse_bridge.settings.Settings: the table has '-1'",
-        ),
+        ('| `debug_seed` | `-1` | a seed |\n', '', 'lacks debug_seed: add a row with the default -1'),
+        ('debug_seed', 'debug_sed', 'Settings has no parameter debug_sed: remove its row'),
         (
             '<!-- parameters of lupin_greenhouse_bridge.settings.Settings -->\n',
             '',
@@ -204,14 +196,22 @@ def test_each_fault_of_a_document_is_found(documents, old, new, finding):
 )
 def test_a_glossary_is_short(tmp_path, terms, finding):
     (tmp_path / 'glossary.md').write_text(terms, encoding='utf-8')
-    (found,) = docs_check.unlinked_terms(tmp_path, Path('glossary.md'))
+    (found,) = docs_check.long_explanations(docs_check.Document(tmp_path, Path('glossary.md')))
     assert finding in found
 
 
-def test_a_command_without_a_table_is_found(tmp_path):
-    (tmp_path / 'page.md').write_text(GOOD, encoding='utf-8')
-    found = '\n'.join(docs_check.undocumented_commands(tmp_path, [Path('page.md')]))
-    assert 'options of read_tag' in found
-    assert 'parameters of read_on_sight' in found
-    assert 'check_world' not in found
-    assert 'bridge_node' not in found
+@pytest.mark.parametrize(
+    ('row', 'of_the_bridge'),
+    [
+        ('| `debug_seed` | `-1` | a seed |\n', None),
+        ('', 'the table of the parameters of bridge_node lacks debug_seed: add a row for each'),
+    ],
+)
+def test_a_command_without_a_table_or_a_row_is_found(tmp_path, row, of_the_bridge):
+    text = GOOD.replace('| `debug_seed` | `-1` | a seed |\n', row)
+    (tmp_path / 'page.md').write_text(text, encoding='utf-8')
+    found = list(docs_check.undocumented_commands([docs_check.Document(tmp_path, Path('page.md'))]))
+    assert 'no document has a table with the mark `options of read_tag`' in found
+    assert 'no document has a table of the parameters of read_on_sight' in found
+    assert [each for each in found if 'check_world' in each] == []
+    assert next((each for each in found if 'bridge_node' in each), None) == of_the_bridge

@@ -97,7 +97,7 @@ def run_console(shell: Shell, block: str) -> None:
 def test_the_tutorial(copy, open_shell):
     """Its `make run` goes to the first shell, in place of the last one, and all the rest to the second."""
     first, second = open_shell(), open_shell()
-    for mark, language, block in docs_check.shell_blocks(ROOT, PAGES / 'tutorial.md'):
+    for mark, language, block in docs_check.Document(ROOT, PAGES / 'tutorial.md').shell_blocks():
         assert mark.endswith('::test_the_tutorial')
         if block.startswith('make run'):
             first.close()
@@ -118,7 +118,7 @@ def test_the_tutorial(copy, open_shell):
 def test_the_course(open_shell):
     """Three teams and a lecturer on one machine, in one shell."""
     shell = open_shell()
-    blocks = docs_check.shell_blocks(ROOT, PAGES / 'course.md')
+    blocks = docs_check.Document(ROOT, PAGES / 'course.md').shell_blocks()
     assert {mark for mark, *_ in blocks} == {'tested by ci/tests/test_pages.py::test_the_course'}
     start, ask, compare, end = [block for *_, block in blocks]
     shell.run(start)

@@ -4,12 +4,11 @@ import json
 import os
 import signal
 import subprocess
-from pathlib import Path
 
 import domain_coordinator
 import pytest
+from conftest import ROOT, make
 
-ROOT = Path(__file__).resolve().parents[2]
 REPORT = {
     'tag_id': '7',
     'outcome': 'OK',
@@ -19,19 +18,6 @@ REPORT = {
     'sim_time_of_day_seconds': 43200.0,
     'readings': {'co2': 400.0},
 }
-
-
-def make(*words: str, cwd: Path = ROOT, **variables: str) -> subprocess.CompletedProcess:
-    """Run make with what is built already; its bridge is older than nothing."""
-    of_a_user = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
-    return subprocess.run(
-        ['make', '-f', ROOT / 'Makefile', '-o', 'bridge', *words],
-        cwd=cwd,
-        env=of_a_user | variables,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 def test_clean_leaves_what_a_person_may_want_to_keep(tmp_path):
@@ -63,7 +49,7 @@ def reports(tmp_path):
 
 
 def test_a_page_shows_the_newest_report_with_the_route_and_the_greenhouse_beside_it(reports):
-    result = make('page', f'VENV={os.environ["VIRTUAL_ENV"]}', cwd=reports)
+    result = make('page', cwd=reports)
     assert result.returncode == 0, result.stderr
     newest = '.mission/2026-11-20-130000-simulation'
     assert result.stdout.splitlines() == [
@@ -77,15 +63,24 @@ def test_a_page_shows_the_newest_report_with_the_route_and_the_greenhouse_beside
 
 def test_a_page_of_another_file_has_what_lies_beside_that_file_and_names_it_once(reports):
     older = '.mission/2026-11-21-120000-simulation'
-    result = make('page', f'FILE={older}.jsonl', f'VENV={os.environ["VIRTUAL_ENV"]}', cwd=reports)
+    result = make('page', f'FILE={older}.jsonl', cwd=reports)
     assert (result.returncode, result.stdout) == (0, f'page: {older}.html\n'), result.stderr
     assert '"route":[]' in (reports / f'{older}.html').read_text(encoding='utf-8')
 
 
 def test_without_a_report_make_page_names_the_command_that_makes_one(tmp_path):
-    result = make('page', f'VENV={os.environ["VIRTUAL_ENV"]}', cwd=tmp_path)
+    result = make('page', cwd=tmp_path)
     assert result.returncode == 2
     assert result.stderr.startswith('page: .mission holds no report: make mission, or make page FILE=')
+
+
+@pytest.mark.parametrize(
+    'target', ['bench', 'figure', 'soak', 'tags', 'test-network', 'world', 'world-check']
+)
+def test_a_target_of_the_monorepo_runs_whatever_tree_a_shell_has_set(target):
+    result = make(target, 'ARGS=--help', TREE='lupin_greenhouse_ros')
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.startswith('usage: ')
 
 
 @pytest.mark.parametrize('namespace', ['/team7', 'team7/'])
@@ -101,7 +96,6 @@ def test_a_bridge_in_a_namespace_is_read_there(namespace):
                 'TAG=1',
                 f'NAMESPACE={namespace}',
                 'ARGS=--json --timeout 60',
-                f'VENV={os.environ["VIRTUAL_ENV"]}',
                 **alone,
             )
         finally:

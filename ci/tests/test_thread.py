@@ -17,7 +17,9 @@ BLOCK = 'make mission DRIVE=1 CAMERA=1 RECORD=readings.sqlite'
 @pytest.mark.heavy
 def test_the_thread_of_the_readme(copy):
     """What a mission reports, what is recorded beside it, and what the page shows are the same values."""
-    (block,) = [text for _, _, text in docs_check.shell_blocks(ROOT, Path('README.md')) if BLOCK in text]
+    (block,) = [
+        text for _, _, text in docs_check.Document(ROOT, Path('README.md')).shell_blocks() if BLOCK in text
+    ]
     of_a_user = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
     ended = subprocess.run(
         ['bash', '-c', f'set -e\n{block}'],
