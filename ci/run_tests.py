@@ -40,7 +40,7 @@ APRILTAG_TESTS = (
 VERSIONS_OF_22_04 = (
     'argcomplete==1.8.1', 'attrs<22', 'hypothesis==6.36.0', 'matplotlib==3.5.1', 'numpy==1.21.5',
     'opencv-contrib-python-headless==4.5.4.60', 'packaging==21.3', 'pillow==9.0.1', 'pytest==6.2.5',
-    'setuptools==59.6.0',
+    'scipy==1.8.0', 'setuptools==59.6.0',
 )  # fmt: skip
 NOT_IN_22_04 = (
     'opencv-python-headless',

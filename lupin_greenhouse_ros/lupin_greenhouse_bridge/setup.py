@@ -20,7 +20,7 @@ setup(
     ],
     python_requires='>=3.10',
     # mdp-greenhouse is not in rosdistro: pip brings it. Before 1.0.7 its clock is wrong.
-    install_requires=['setuptools', 'mdp-greenhouse>=1.0.7', 'numpy', 'packaging', 'PyYAML'],
+    install_requires=['setuptools', 'mdp-greenhouse>=1.0.7', 'numpy', 'packaging', 'PyYAML', 'scipy'],
     extras_require={
         'test': ['argcomplete', 'hypothesis', 'matplotlib', 'pillow', 'pytest'],
     },

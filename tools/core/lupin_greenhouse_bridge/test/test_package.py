@@ -28,7 +28,7 @@ DRAWS = {('planning',): {'approach_poses.py': {'display'}}}
 ROOMS = ('runtime', 'simulator', 'planning', 'recording', 'reading', 'display', 'testing')
 KEYS = {
     name: f'python3-{name}'
-    for name in ('argcomplete', 'hypothesis', 'matplotlib', 'numpy', 'packaging', 'pytest', 'yaml')
+    for name in ('argcomplete', 'hypothesis', 'matplotlib', 'numpy', 'packaging', 'pytest', 'scipy', 'yaml')
 } | {'PIL': 'python3-pil'}  # of rosdep, for each module with another name
 NOT_IN_ROSDEP = {'greenhouse_sim'}
 OPTIONAL = {'argcomplete'}  # of the shell; the fixtures of testing/ need what their users name
