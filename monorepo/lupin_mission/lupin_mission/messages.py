@@ -8,10 +8,19 @@ from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
 from lupin_msgs.srv import GetTagReading
 
-from lupin_mission.mission import Mission, Request, Service, State
+from lupin_mission.mission import Mission, State
+from lupin_mission.visit import Request, Service
 
 MISSION_TYPE = 'InspectionMission'
-LIFECYCLE_STATES = {State.READY: 'READY', State.RETURNING: 'RETURNING', State.DONE: 'DONE'}
+LIFECYCLE_STATES = {
+    State.READY: 'READY',
+    State.DRIVING: 'INSPECTING',
+    State.INSPECTING: 'INSPECTING',
+    State.DOCKING: 'RETURNING',
+    State.DOCKED: 'RETURNING',
+    State.RETURNING: 'RETURNING',
+    State.DONE: 'DONE',
+}
 LARGEST_COUNT = 2**16 - 1  # of a uint16
 STATUSES = {
     Outcome.SKIPPED: ObservationMessage.STATUS_SKIPPED,
@@ -90,7 +99,7 @@ def state_message(mission: Mission | None, mission_id: str, lifecycle_if_none: s
     if mission:
         message.mission_id = mission_id
         message.mission_type = MISSION_TYPE
-        message.lifecycle_state = LIFECYCLE_STATES.get(mission.state, 'INSPECTING')
+        message.lifecycle_state = LIFECYCLE_STATES[mission.state]
         message.mission_phase = mission.phase
         message.current_target = mission.target or ''
         message.targets_total = min(len(mission.tag_ids), LARGEST_COUNT)

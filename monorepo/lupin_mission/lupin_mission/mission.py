@@ -5,25 +5,31 @@ The caller passes the time to step(), in seconds of a monotonic clock. doc/state
 """
 
 import itertools
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
 from enum import Enum, IntEnum
+from functools import partial
 from typing import Protocol
 
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 
 from lupin_mission.drive import Arrival, Drive
+from lupin_mission.visit import NO_REPLY, SERVICES, Attempts, Limits, Phase, Request, Visit
 
-LONGEST_RETRY_DELAY_SECONDS = 10.0
-STUCK_DRIVES = 2  # in a row, after which the robot needs a person
+STUCK_DRIVES = 2  # After so many in a row, the robot needs a person.
 
 
 class State(Enum):
-    """The state of a mission. A pause does not change it."""
+    """
+    The state of a mission. A pause does not change it.
+
+    DOCKING and DOCKED interrupt a mission that has tags left; RETURNING ends it.
+    """
 
     READY = 'ready'
     DRIVING = 'driving'
     INSPECTING = 'inspecting'
+    DOCKING = 'docking'
+    DOCKED = 'docked'
     RETURNING = 'returning'
     DONE = 'done'
 
@@ -34,34 +40,6 @@ class Severity(IntEnum):
     INFO = 0
     WARN = 1
     ERROR = 2
-
-
-class Service(Enum):
-    """The service that a request goes to."""
-
-    CONFIRM = 'confirm'  # does the camera see this tag?
-    READ = 'read'  # what is the climate at it?
-
-
-@dataclass(frozen=True)
-class Request:
-    """One request to one service. Its unique number distinguishes a late reply from a current one."""
-
-    number: int
-    service: Service
-    tag_id: str
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Times, in seconds, and the number of attempts."""
-
-    dwell_seconds: float = 0.0  # the robot stays at a tag for at least this time
-    confirm_timeout_seconds: float = 6.0  # of one attempt
-    read_timeout_seconds: float = 5.0  # of one attempt
-    max_attempts: int = 3  # of each service, per tag
-    retry_delay_seconds: float = 0.5  # before the second attempt, or drive; doubles each time, up to 10
-    max_drives: int = 2  # to each tag, and to the dock
 
 
 class MissionPorts(Protocol):
@@ -104,40 +82,24 @@ class Mission:
         self._ports = ports
         self._drive = drive
         self._limits = limits
-        self._timeouts = {
-            Service.CONFIRM: limits.confirm_timeout_seconds,
-            Service.READ: limits.read_timeout_seconds,
-        }
         self._returns_to_dock = returns_to_dock
-        self._first_service = Service.CONFIRM if require_visual_confirmation else Service.READ
-        self._to_visit = iter(self.tag_ids)
-        self._tag_id: str | None = None
-        self._drives = 0  # to this pose, or to the dock
-        self._pose = 1  # of this tag, from 1
-        self._failures: list[str] = []  # from the poses before
-        self._seen: bool | None = None  # this tag, by the camera
-        self._departure: float | None = None  # of the next of them, until the robot sets off
-        self._stuck_drives = 0  # in a row
-        self._stuck_tag_id: str | None = None  # at the last pause for them
-        self._is_docking = self._is_docked = False  # with tags left
+        self._first_phase = Phase.CONFIRMING if require_visual_confirmation else Phase.SCANNING
         self._now = 0.0
-        self._active_seconds = 0.0  # stops during a pause; drive, dwell and back-off use it
+        self._active_seconds = 0.0  # This clock stops during a pause. All but the timeouts use it.
+        self._to_visit = iter(self.tag_ids)
+        self._visit = Visit('')
         self._dwell_end = 0.0
-        self._is_publishing = False
-        self._scan_reading_done = False  # the latch: this visit has its outcome and sends no more requests
-        self._requests = 0
-        self._requests_before = 0  # of this visit
-        self._request: Request | None = None  # the pending one
-        self._deadline = 0.0  # of that request, on the clock that continues during a pause
-        self._service = self._first_service
-        self._attempts = 0  # of that service, at this tag
-        self._next_attempt = 0.0
-        self._retry_delay = 0.0
+        self._attempts = Attempts(0.0, 0.0)
+        self._is_under_way = False
+        self._stuck_drives = 0
+        self._tag_held_for_stuck_drives: str | None = None
+        self._numbers = itertools.count(1)
+        self._request: Request | None = None
 
     @property
     def target(self) -> str | None:
         """The tag that the robot drives to or stands at; None before the first and after the last tag."""
-        return self._tag_id if self.state in (State.DRIVING, State.INSPECTING) else None
+        return self._visit.tag_id if self.state in (State.DRIVING, State.INSPECTING) else None
 
     @property
     def phase(self) -> str:
@@ -148,17 +110,19 @@ class Mission:
         """
         if not self.target:
             return ''
-        if self._is_publishing:
-            return 'PUBLISHING'
-        if self.state is State.DRIVING:
-            return 'NAVIGATING'
-        is_confirming = self._service is Service.CONFIRM and not self._scan_reading_done
-        return 'CONFIRMING' if is_confirming else 'SCANNING'
+        if self._scan_reading_done:
+            return 'SCANNING' if self.state is State.INSPECTING else 'NAVIGATING'
+        return self._visit.phase.value
 
     @property
     def tag_at_hand(self) -> str | None:
         """The tag that the robot stands at; None while it drives, before the first and after the last tag."""
-        return self._tag_id if self.state is State.INSPECTING else None
+        return self._visit.tag_id if self.state is State.INSPECTING else None
+
+    @property
+    def _scan_reading_done(self) -> bool:
+        """The latch: this visit has its outcome and sends no more requests, even after a pause."""
+        return self._visit.phase is Phase.LATCHED
 
     def start(self, now_seconds: float) -> None:
         """Drive to the first tag, unless the e-stop is engaged."""
@@ -170,80 +134,92 @@ class Mission:
         if not self.is_paused:
             self._active_seconds += now_seconds - self._now
         self._now = now_seconds
-        if self._request and now_seconds >= self._deadline:
+        if self._request and now_seconds >= self._request.deadline_seconds:
             request, self._request = self._request, None
             outcome = self._ports.abandon(request)
-            self._attempt_failed(outcome, f'{request.service.value}: {_NO_REPLY[outcome]}')
-        while not self.is_paused and self._take_transition():
-            pass
+            self._attempt_failed(outcome, f'{request.service.value}: {NO_REPLY[outcome]}')
+        while not self.is_paused and (act := self._due_action()):
+            act()
 
-    def _take_transition(self) -> bool:
-        """Take the transition that is due; return whether there was one."""
-        if self.state is State.READY or self._is_docked:
-            self._is_docked = False
-            self._drive_on()
-        elif self.target and self._scan_reading_done:
-            if self._active_seconds < self._dwell_end:
-                return False
-            self._drive_on()
-        elif self._departure is not None:
-            if self._active_seconds < self._departure:
-                return False
-            self._set_off()
-        elif self.state in (State.DRIVING, State.RETURNING):
+    def _due_action(self) -> Callable[[], None] | None:
+        """Return what is to be done now; None if the mission waits for the time, the robot or a reply."""
+        if self.state is State.DONE or self._request:
+            return None
+        if self.state in (State.READY, State.DOCKED):
+            return self._drive_on
+        if self.target and self._scan_reading_done:
+            return self._drive_on if self._active_seconds >= self._dwell_end else None
+        if self._is_under_way:
             arrival = self._drive.arrival(self._active_seconds)
-            if not arrival:
-                return False
-            self._end_drive(arrival)
-        elif self.state is State.DONE or self._request or self._active_seconds < self._next_attempt:
-            return False
-        else:
-            self._ask()
-        return True
+            return partial(self._end_drive, arrival) if arrival else None
+        if self._active_seconds < self._attempts.due_seconds:
+            return None
+        return self._ask if self.state is State.INSPECTING else self._set_off
+
+    def _begin_attempts(self) -> None:
+        self._attempts = Attempts(self._active_seconds, self._limits.retry_delay_seconds)
+
+    # The drives
 
     def _drive_on(self) -> None:
-        self._take_up(next(self._to_visit, None))
-        if self._tag_id is not None:
+        tag_id = next(self._to_visit, None)
+        if tag_id is not None:
+            self._visit = Visit(tag_id)
             self._depart(State.DRIVING)
         elif self._returns_to_dock:
             self._depart(State.RETURNING)
         else:
             self._end()
 
-    def _take_up(self, tag_id: str | None) -> None:
-        self._tag_id = tag_id
-        self._requests_before = self._requests
-        self._pose, self._failures, self._seen = 1, [], None
-
     def _depart(self, state: State) -> None:
         """Set off now, or after the pause."""
         self.state = state
-        self._scan_reading_done = False
-        self._drives = 0
-        self._departure = self._active_seconds
-        self._retry_delay = self._limits.retry_delay_seconds
+        self._visit.phase = Phase.NAVIGATING
+        self._is_under_way = False
+        self._begin_attempts()
         if not self.is_paused:
             self._set_off()
 
     @property
     def _goal(self) -> str:
-        return 'the dock' if self.state is State.RETURNING else f'tag {self._tag_id!r}'
+        return f'tag {self._visit.tag_id!r}' if self.state is State.DRIVING else 'the dock'
 
     def _set_off(self) -> None:
-        self._departure = None
-        self._drives += 1
-        if self._drives == 1:
+        self._is_under_way = True
+        self._attempts.count += 1
+        if self._attempts.count == 1:
             self._ports.note(f'driving to {self._goal}', Severity.INFO)
-        if self.state is State.RETURNING:
-            self._drive.start_return(self._active_seconds)
+        if self.state is State.DRIVING:
+            self._drive.start(self._visit.tag_id, self._active_seconds, self._visit.pose)
         else:
-            self._drive.start(self._tag_id, self._active_seconds, self._pose)
+            self._drive.start_return(self._active_seconds)
 
-    def _end(self) -> None:
-        self.state = State.DONE
-        self.is_paused = self._is_docking = self._is_docked = False
-        self._departure = None
-        self._ports.note(f'done: {self.count(Outcome.OK)} tags read', Severity.INFO)
+    def _end_drive(self, arrival: Arrival) -> None:
+        self._is_under_way = False
+        self._stuck_drives = self._stuck_drives + 1 if arrival.is_stuck else 0
+        if arrival.needs_person:
+            self._hold(arrival.failure)
+        elif self._is_stuck_at_new_tag():
+            self._tag_held_for_stuck_drives = self._visit.tag_id
+            self._hold(f'the robot is stuck: it did not move in {STUCK_DRIVES} drives: {arrival.failure}')
+        elif arrival.failure and not arrival.is_final and self._attempts.count < self._limits.max_drives:
+            event = f'the drive to {self._goal} failed: {arrival.failure}: trying again'
+            self._ports.note(event, Severity.WARN)
+            self._attempts.try_again(self._active_seconds)
+        elif self.state is not State.DRIVING:
+            self._end_return(arrival.failure)
+        elif not arrival.failure:
+            self.state = State.INSPECTING
+            self._dwell_end = self._active_seconds + self._limits.dwell_seconds
+            self._turn_to(self._first_phase)
+        elif not self._looks_again(Outcome.UNREACHABLE, arrival.failure):
+            self._close(Outcome.UNREACHABLE, arrival.failure)
+            self._dwell_end = self._active_seconds
+
+    def _is_stuck_at_new_tag(self) -> bool:
+        """Return whether to hold for stuck drives. The second time at a tag, the goal is at fault."""
+        is_new = self._visit.tag_id != self._tag_held_for_stuck_drives
+        return self.state is State.DRIVING and is_new and self._stuck_drives >= STUCK_DRIVES
 
     def _hold(self, reason: str) -> None:
         """Pause with an error; resume() sets off to the same goal again, with all its attempts."""
@@ -253,60 +229,35 @@ class Mission:
         self._stuck_drives = 0
         self._ports.note(f'{reason}: resume to go on', Severity.ERROR)
 
-    def _end_drive(self, arrival: Arrival) -> None:
-        self._stuck_drives = self._stuck_drives + 1 if arrival.is_stuck else 0
-        # A second time at the same tag, the goal is at fault.
-        can_hold = self.state is State.DRIVING and self._tag_id != self._stuck_tag_id
-        if arrival.needs_person:
-            self._hold(arrival.failure)
-        elif can_hold and self._stuck_drives >= STUCK_DRIVES:
-            self._stuck_tag_id = self._tag_id
-            self._hold(f'the robot is stuck: it did not move in {STUCK_DRIVES} drives: {arrival.failure}')
-        elif arrival.failure and not arrival.is_final and self._drives < self._limits.max_drives:
-            event = f'the drive to {self._goal} failed: {arrival.failure}: trying again'
-            self._ports.note(event, Severity.WARN)
-            self._departure = self._next_try()
-        elif self.state is State.RETURNING:
-            if arrival.failure:
-                self._ports.note(f'the robot is not at the dock: {arrival.failure}', Severity.WARN)
-            if not self._is_docking:
-                self._end()
-                return
-            self._is_docking, self._is_docked, self.is_paused = False, True, True
-            self._ports.note('paused after the return: resume to go on with the tags left', Severity.INFO)
-        elif arrival.failure:
-            if not self._looks_again(Outcome.UNREACHABLE, arrival.failure):
-                self._close(Outcome.UNREACHABLE, arrival.failure)
-                self._dwell_end = self._active_seconds
-        else:
-            self.state = State.INSPECTING
-            self._dwell_end = self._active_seconds + self._limits.dwell_seconds
-            self._turn_to(self._first_service)
+    def _end_return(self, failure: str) -> None:
+        if failure:
+            self._ports.note(f'the robot is not at the dock: {failure}', Severity.WARN)
+        if self.state is State.RETURNING:
+            self._end()
+            return
+        self.state = State.DOCKED
+        self.is_paused = True
+        self._ports.note('paused after the return: resume to go on with the tags left', Severity.INFO)
 
     def _looks_again(self, outcome: Outcome, detail: str) -> bool:
         """Set off to the next pose of the tag, because this one has failed; return False if there is none."""
-        count = self._drive.count_poses(self._tag_id)
-        if self._pose >= count:
+        visit = self._visit
+        count = self._drive.count_poses(visit.tag_id)
+        if visit.pose >= count:
             return False
-        event = f'tag {self._tag_id!r}: {outcome.value} {detail}: trying pose {self._pose + 1} of {count}'
+        event = f'tag {visit.tag_id!r}: {outcome.value} {detail}: trying pose {visit.pose + 1} of {count}'
         self._ports.note(event, Severity.WARN)
-        self._failures.append(detail)
-        self._pose += 1
+        visit.failures.append(detail)
+        visit.pose += 1
         self._depart(State.DRIVING)
         return True
 
-    def _turn_to(self, service: Service) -> None:
-        self._service = service
-        self._attempts = 0
-        self._next_attempt = self._active_seconds
-        self._retry_delay = self._limits.retry_delay_seconds
+    def _end(self) -> None:
+        self.state = State.DONE
+        self.is_paused = False
+        self._ports.note(f'done: {self.count(Outcome.OK)} tags read', Severity.INFO)
 
-    def _ask(self) -> None:
-        self._requests += 1
-        self._attempts += 1
-        self._request = Request(self._requests, self._service, self._tag_id)
-        self._deadline = self._now + self._timeouts[self._service]
-        self._ports.send(self._request)
+    # What people ask of the mission
 
     def pause(self) -> bool:
         """Stop driving, sending requests and dwelling; return False if already paused, or not started."""
@@ -349,10 +300,9 @@ class Mission:
         self._ports.note('heading to dock', Severity.INFO)
         self._stop_work()
         if not self._scan_reading_done:
-            self._to_visit = itertools.chain([self._tag_id], self._to_visit)
-        self._is_docking = True
+            self._to_visit = itertools.chain([self._visit.tag_id], self._to_visit)
         self.is_paused = self.is_estop_engaged
-        self._depart(State.RETURNING)
+        self._depart(State.DOCKING)
         return True
 
     def skip(self) -> bool:
@@ -379,13 +329,13 @@ class Mission:
         if self.state is State.DONE or (has_not_set_off and not self.is_paused):
             return False
         self._ports.note('aborted', Severity.WARN)
-        is_returning = self.state is State.RETURNING
+        is_returning = self.state in (State.RETURNING, State.DOCKING, State.DOCKED)
         if is_returning:
             self._drive.stop()
         elif not has_not_set_off:
             self._leave('aborted')
         for tag_id in self._to_visit:
-            self._take_up(tag_id)
+            self._visit = Visit(tag_id)
             self._close(Outcome.SKIPPED, 'aborted')
         if has_not_set_off or is_returning:
             self._end()
@@ -412,13 +362,27 @@ class Mission:
         """Return the number of tags with one of these outcomes."""
         return sum(outcome in outcomes for outcome in self.outcomes.values())
 
+    # The requests and their replies
+
+    def _turn_to(self, phase: Phase) -> None:
+        self._visit.phase = phase
+        self._begin_attempts()
+
+    def _ask(self) -> None:
+        self._visit.requests += 1
+        self._attempts.count += 1
+        service = SERVICES[self._visit.phase]
+        deadline_seconds = self._now + self._limits.timeout_seconds(service)
+        self._request = Request(next(self._numbers), service, self._visit.tag_id, deadline_seconds)
+        self._ports.send(self._request)
+
     def on_confirmation(self, number: int, confirmed: bool, message: str) -> bool:
         """Accept the reply to a CONFIRM request; return False if it is no longer pending."""
         if not self._is_awaited(number):
             return False
-        self._seen = confirmed
+        self._visit.seen = confirmed
         if confirmed:
-            self._turn_to(Service.READ)
+            self._turn_to(Phase.SCANNING)
         else:
             self._attempt_failed(Outcome.NOT_CONFIRMED, message)
         return True
@@ -427,12 +391,13 @@ class Mission:
         """Accept an OK reply to a READ request; return False if it is no longer pending."""
         if not self._is_awaited(number):
             return False
-        if reading.tag_id != self._tag_id:
-            self._attempt_failed(Outcome.WRONG_TAG, f'asked for {self._tag_id!r}, got {reading.tag_id!r}')
+        tag_id = self._visit.tag_id
+        if reading.tag_id != tag_id:
+            self._attempt_failed(Outcome.WRONG_TAG, f'asked for {tag_id!r}, got {reading.tag_id!r}')
         elif reading.fault:
             self._attempt_failed(Outcome.BAD_READING, reading.fault)
         else:
-            self.mark_scan_ok(self._tag_id, reading)
+            self.mark_scan_ok(tag_id, reading)
         return True
 
     def on_refusal(self, number: int, outcome: Outcome, message: str) -> bool:
@@ -449,19 +414,13 @@ class Mission:
         return True
 
     def _attempt_failed(self, outcome: Outcome, detail: str) -> None:
-        is_last = outcome is Outcome.UNKNOWN_TAG or self._attempts >= self._limits.max_attempts
+        tag_id = self._visit.tag_id
+        is_last = outcome is Outcome.UNKNOWN_TAG or self._attempts.count >= self._limits.max_attempts
         if not is_last:
-            event = f'tag {self._tag_id!r}: {outcome.value} {detail}: trying again'
-            self._ports.note(event, Severity.WARN)
-            self._next_attempt = self._next_try()
+            self._ports.note(f'tag {tag_id!r}: {outcome.value} {detail}: trying again', Severity.WARN)
+            self._attempts.try_again(self._active_seconds)
         elif outcome is not Outcome.NOT_CONFIRMED or not self._looks_again(outcome, detail):
-            self.mark_scan_failed(self._tag_id, outcome, detail)
-
-    def _next_try(self) -> float:
-        """Return the time of another attempt, and double the delay of the one after it."""
-        delay_seconds = self._retry_delay
-        self._retry_delay = min(2 * delay_seconds, LONGEST_RETRY_DELAY_SECONDS)
-        return self._active_seconds + delay_seconds
+            self.mark_scan_failed(tag_id, outcome, detail)
 
     def mark_scan_ok(self, tag_id: str, reading: Reading) -> None:
         """Record the reading of the tag at hand; raises ValueError for another tag or a second outcome."""
@@ -478,23 +437,10 @@ class Mission:
             raise ValueError(f'tag {tag_id!r} is not being scanned')
 
     def _close(self, outcome: Outcome, detail: str, reading: Reading | None = None) -> None:
-        attempts = self._requests - self._requests_before
-        if self._failures and outcome is not Outcome.OK:
-            # That the camera did not see the tag tells more than a failed drive.
-            if outcome is Outcome.UNREACHABLE and self._seen is not None:
-                outcome = Outcome.NOT_CONFIRMED
-            details = [*self._failures, detail]
-            detail = '; '.join(f'pose {number}: {each}' for number, each in enumerate(details, start=1))
-        self.outcomes[self._tag_id] = outcome
-        self._is_publishing = True
-        observation = Observation(self._tag_id, outcome, detail, attempts, reading, self._seen, self._pose)
+        """Record the outcome of the visit, and latch it."""
+        observation = self._visit.observation(outcome, detail, reading)
+        self.outcomes[observation.tag_id] = observation.outcome
+        self._visit.phase = Phase.PUBLISHING
         self._ports.record(observation)
-        self._is_publishing = False
         self._request = None
-        self._scan_reading_done = True
-
-
-_NO_REPLY = {
-    Outcome.TIMEOUT: 'no reply before the timeout',
-    Outcome.NO_SERVICE: 'the service is not available',
-}
+        self._visit.phase = Phase.LATCHED

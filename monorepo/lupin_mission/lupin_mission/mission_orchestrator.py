@@ -32,7 +32,7 @@ from std_srvs.srv import Trigger
 from lupin_mission.announcer import Announcer
 from lupin_mission.drive import Drive, SimulatedDrive
 from lupin_mission.messages import MISSION_TYPE, accept_response
-from lupin_mission.mission import Mission, Request, Service, Severity, State
+from lupin_mission.mission import Mission, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.planner import Drives, Planner
 from lupin_mission.report import Report, ReportError, last_observation_of_each_tag, summary_table
@@ -40,6 +40,7 @@ from lupin_mission.settings import WITHOUT_EFFECT, Settings
 from lupin_mission.tag_positions import TagPositions
 from lupin_mission.tags import Tags
 from lupin_mission.transport import Transport
+from lupin_mission.visit import Request, Service
 
 ALL_READ, SOME_NOT_READ, REFUSED, NOT_WRITTEN = 0, 1, 2, NO_OUTPUT
 NODE_NAME = 'mission_orchestrator'
@@ -48,11 +49,14 @@ LONGEST_STOP_SECONDS = 2.0
 SIMULATED = 'simulated drive'  # what observations and events say where no robot moves
 NOT_KNOWN_YET = 'the tags are not known yet: start the bridge'
 OTHER_MISSION = 'another mission publishes mission/state: end it, or give one of them a namespace'
-NOT_DOCKING = {
+ALREADY_RETURNING = (True, 'already returning to dock')
+REPLIES_WITHOUT_DOCKING = {
     State.READY: (True, 'no mission runs: nothing moves'),
-    State.RETURNING: (True, 'already returning to dock'),
+    State.DOCKING: ALREADY_RETURNING,
+    State.DOCKED: ALREADY_RETURNING,
+    State.RETURNING: ALREADY_RETURNING,
     State.DONE: (False, 'cannot dock in state DONE'),
-}  # what mission/dock replies where it does nothing
+}
 RELEASE_ESTOP = 'the e-stop is engaged: release it first'
 
 
@@ -331,8 +335,8 @@ class MissionNode(Node):
 
     def _dock(self, _request, response):
         state = self.mission.state if self.mission else State.READY
-        if state in NOT_DOCKING:
-            response.success, response.message = NOT_DOCKING[state]
+        if state in REPLIES_WITHOUT_DOCKING:
+            response.success, response.message = REPLIES_WITHOUT_DOCKING[state]
         else:
             response.success = self.mission.dock()
             response.message = 'heading to dock' if response.success else 'there is no dock: set dock_pose'

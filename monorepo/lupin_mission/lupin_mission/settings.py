@@ -10,7 +10,7 @@ from lupin_greenhouse_bridge.planning.approach import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import parse_numbers, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 
-from lupin_mission.mission import Limits
+from lupin_mission.visit import Limits
 
 LONGEST_SECONDS = 86400.0
 CHOICES = {

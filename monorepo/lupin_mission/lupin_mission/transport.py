@@ -9,7 +9,7 @@ from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 from rclpy.exceptions import InvalidServiceNameException
 
-from lupin_mission.mission import Request, Service
+from lupin_mission.visit import Request, Service
 
 
 def create_client(node, service_type, name: str):

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 from lupin_mission.drive import Arrival, SimulatedDrive
-from lupin_mission.mission import Limits, Mission, Service, Severity, State
+from lupin_mission.mission import Mission, Severity, State
 from lupin_mission.report import Report
+from lupin_mission.visit import Limits, Service
 
 LIMITS = Limits(
     dwell_seconds=1.0,
@@ -503,10 +504,10 @@ def to_the_dock(world):
     assert world.mission.dock()
     assert not world.mission.dock()
     world.wait(0.0)
-    assert (world.mission.state, world.mission.target) == (State.RETURNING, None)
+    assert (world.mission.state, world.mission.target) == (State.DOCKING, None)
     assert not world.mission.is_paused
     world.wait(1.0)
-    assert (world.mission.state, world.mission.is_paused) == (State.RETURNING, True)
+    assert (world.mission.state, world.mission.is_paused) == (State.DOCKED, True)
 
 
 def test_a_mission_that_docked_goes_on_with_the_tags_left():
@@ -558,7 +559,7 @@ def test_a_dock_that_is_not_reached_pauses_the_mission_too():
     assert world.mission.dock()
     for seconds in (1.0, 0.5, 1.0):
         world.wait(seconds)
-    assert (world.mission.state, world.mission.is_paused) == (State.RETURNING, True)
+    assert (world.mission.state, world.mission.is_paused) == (State.DOCKED, True)
     assert ('the robot is not at the dock: the door is shut', Severity.WARN) in world.events
 
 
@@ -974,7 +975,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @invariant()
     def the_robot_moves_only_on_its_way(self):
-        is_on_its_way = self.mission.state in (State.DRIVING, State.RETURNING)
+        is_on_its_way = self.mission.state in (State.DRIVING, State.DOCKING, State.RETURNING)
         assert not self.robot.is_moving or (is_on_its_way and not self.mission.is_paused)
 
     @precondition(lambda self: self.requests)

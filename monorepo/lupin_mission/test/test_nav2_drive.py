@@ -10,7 +10,8 @@ import rclpy
 from action_msgs.srv import CancelGoal
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
 from lupin_mission.drive import Arrival
-from lupin_mission.mission import Limits, Mission, MissionPorts, Severity, State
+from lupin_mission.mission import Mission, MissionPorts, Severity, State
+from lupin_mission.visit import Limits
 from navigator_helpers import Trip
 from rclpy.action import ActionClient
 from rclpy.context import Context

@@ -20,7 +20,8 @@ from lupin_greenhouse_bridge.testing._helpers import (
 )
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from lupin_mission import mission_orchestrator, tags
-from lupin_mission.mission import Service, State
+from lupin_mission.mission import State
+from lupin_mission.visit import Service
 from lupin_msgs.msg import MissionState
 from lupin_msgs.srv import GetTagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, WEB_QOS, Subscriber, observations_in

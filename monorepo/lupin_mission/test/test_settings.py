@@ -9,16 +9,16 @@ import yaml
 from ament_index_python.packages import get_package_share_path
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.testing._helpers import check_settings
-from lupin_mission import announcer, mission, passive_observer, settings
-from lupin_mission.mission import Limits
+from lupin_mission import announcer, passive_observer, settings, visit
 from lupin_mission.settings import Settings
+from lupin_mission.visit import Limits
 
 DOCUMENTS = Path(__file__).resolve().parent.parent / 'doc'
 
 
 def test_the_times_that_are_no_parameters_are_those_of_the_documents():
     words = ' '.join(' '.join(page.read_text(encoding='utf-8') for page in DOCUMENTS.glob('*.md')).split())
-    assert mission.LONGEST_RETRY_DELAY_SECONDS == 10.0
+    assert visit.LONGEST_RETRY_DELAY_SECONDS == 10.0
     assert 'doubles with each further attempt, up to 10' in words
     assert announcer.LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS == 5.0
     assert 'a mission waits up to 5 s until its subscribers' in words

@@ -1,0 +1,104 @@
+"""One visit of a mission to a tag: its phase, its requests and its attempts. Does not import ROS."""
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
+
+LONGEST_RETRY_DELAY_SECONDS = 10.0
+
+
+class Phase(Enum):
+    """
+    The phase of a visit, with the names of MissionState.
+
+    A LATCHED visit has its outcome, and sends no more requests. MissionState does not have this phase.
+    """
+
+    NAVIGATING = 'NAVIGATING'
+    CONFIRMING = 'CONFIRMING'
+    SCANNING = 'SCANNING'
+    PUBLISHING = 'PUBLISHING'
+    LATCHED = 'LATCHED'
+
+
+class Service(Enum):
+    """The service that a request goes to: the camera's confirmation, or the reading of the bridge."""
+
+    CONFIRM = 'confirm'
+    READ = 'read'
+
+
+SERVICES = {Phase.CONFIRMING: Service.CONFIRM, Phase.SCANNING: Service.READ}
+NO_REPLY = {
+    Outcome.TIMEOUT: 'no reply before the timeout',
+    Outcome.NO_SERVICE: 'the service is not available',
+}
+
+
+@dataclass(frozen=True)
+class Request:
+    """One request to one service. Its unique number distinguishes a late reply from a current one."""
+
+    number: int
+    service: Service
+    tag_id: str
+    deadline_seconds: float
+
+
+@dataclass(frozen=True)
+class Limits:
+    """
+    Times, in seconds, and numbers of attempts.
+
+    The timeouts are those of one attempt. The delay before the second attempt of a request or a drive doubles
+    with each further attempt, up to LONGEST_RETRY_DELAY_SECONDS. `max_attempts` counts the requests to each
+    service from one pose, and `max_drives` the drives to each pose of a tag and to the dock.
+    """
+
+    dwell_seconds: float = 0.0
+    confirm_timeout_seconds: float = 6.0
+    read_timeout_seconds: float = 5.0
+    max_attempts: int = 3
+    retry_delay_seconds: float = 0.5
+    max_drives: int = 2
+
+    def timeout_seconds(self, service: Service) -> float:
+        """Return the timeout of a request to this service."""
+        return self.confirm_timeout_seconds if service is Service.CONFIRM else self.read_timeout_seconds
+
+
+@dataclass
+class Visit:
+    """What the mission knows of the tag that it visits."""
+
+    tag_id: str
+    phase: Phase = Phase.NAVIGATING
+    pose: int = 1
+    failures: list[str] = field(default_factory=list)  # The reason why each earlier pose has failed.
+    seen: bool | None = None  # What the camera has replied last.
+    requests: int = 0
+
+    def observation(self, outcome: Outcome, detail: str, reading: Reading | None) -> Observation:
+        """Return the observation that closes this visit, with the reasons of all poses."""
+        if self.failures and outcome is not Outcome.OK:
+            # That the camera did not see the tag tells more than a failed drive.
+            if outcome is Outcome.UNREACHABLE and self.seen is not None:
+                outcome = Outcome.NOT_CONFIRMED
+            details = [*self.failures, detail]
+            detail = '; '.join(f'pose {number}: {each}' for number, each in enumerate(details, start=1))
+        return Observation(self.tag_id, outcome, detail, self.requests, reading, self.seen, self.pose)
+
+
+@dataclass
+class Attempts:
+    """The attempts to drive to one goal, or to get a reply from one service."""
+
+    due_seconds: float
+    delay_seconds: float
+    count: int = 0
+
+    def try_again(self, now_seconds: float) -> None:
+        """Plan another attempt, and double the delay of the one after it."""
+        self.due_seconds = now_seconds + self.delay_seconds
+        self.delay_seconds = min(2 * self.delay_seconds, LONGEST_RETRY_DELAY_SECONDS)
