@@ -16,8 +16,8 @@ WRONG = """
 import sys
 import math
 from lupin_simulation import check_world, sdf
-found = sdf.tag_poses_by_number
-sdf.tag_poses_by_number = lambda *given: {n: each._replace({change}) for n, each in found(*given).items()}
+found = sdf.find_tag_poses
+sdf.find_tag_poses = lambda *given: {n: each._replace({change}) for n, each in found(*given).items()}
 sys.exit(check_world.main(sys.argv[1:]))
 """
 TURNED = """

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from figure import fingerprint_of, hash_of
-from lupin_simulation import scene
+from lupin_simulation import pinhole_camera
+from lupin_simulation.tag36h11 import marker
 from lupin_tag_confirmation import drawing
 from lupin_tag_confirmation.confirmation import Confirmer, Frame, Sight
 from lupin_tag_confirmation.detector import TagDetector
@@ -23,8 +24,8 @@ TAG, EXPECTED_TAG = 7, 8
 
 def draw() -> Image.Image:
     """Return the picture."""
-    picture = scene.Camera(width=480, height=300).look_at(
-        scene.marker(TAG, module_pixels=30),
+    picture = pinhole_camera.PinholeCamera(width=480, height=300).look_at(
+        marker(TAG, module_pixels=30),
         np.random.default_rng(TAG),
         distance_m=0.2,
         angle_degrees=35.0,
@@ -41,7 +42,9 @@ def draw() -> Image.Image:
 
 def fingerprint() -> str:
     """Return a hash of everything that the picture is drawn from."""
-    return hash_of(*(Path(file).read_bytes() for file in (__file__, drawing.__file__, scene.__file__)))
+    return hash_of(
+        *(Path(file).read_bytes() for file in (__file__, drawing.__file__, pinhole_camera.__file__))
+    )
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -16,7 +16,7 @@ import matplotlib
 import numpy as np
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
 from lupin_greenhouse_bridge.simulator.simulation import served_tag_ids
-from lupin_simulation import scene
+from lupin_simulation.tag36h11 import printed_marker
 from matplotlib import pyplot
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.patches import PathPatch, Rectangle
@@ -33,7 +33,7 @@ RULER_MM = 100
 
 def modules_of(tag_number: int) -> np.ndarray:
     """Return the tag as the AprilTag project draws it: True for black, row 0 on top."""
-    return scene.printed_marker(tag_number) == 0
+    return printed_marker(tag_number) == 0
 
 
 def cells(side_mm: float) -> list[tuple[float, float]]:

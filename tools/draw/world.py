@@ -9,6 +9,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from lupin_greenhouse_bridge.planning.walls import find_walls
+from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_simulation.generate_world import LARGEST_SIDE_M, make_world
 from lupin_simulation.rendered_world import RenderedWorld, viewpoint
 from PIL import Image
@@ -26,9 +28,11 @@ def without_margin(picture: np.ndarray) -> np.ndarray:
 def main() -> int:
     """Write both pictures."""
     COMMITTED.mkdir(exist_ok=True)
+    layout = require_layout('')
+    walls = find_walls(layout)
     with tempfile.TemporaryDirectory() as folder:
-        large, _, _ = make_world(Path(folder, 'large'), side_m=LARGEST_SIDE_M)
-        sdf_file, _, _ = make_world(Path(folder, 'usual'))
+        large = make_world(Path(folder, 'large'), layout, walls, LARGEST_SIDE_M)
+        sdf_file = make_world(Path(folder, 'usual'), layout, walls)
         above = RenderedWorld(large, width=1600, height=1100, focal_length_pixels=1250.0, nearest_m=2.0)
         eye = RenderedWorld(sdf_file, width=640, height=360)
         centres = np.array([tag.centre for tag in above.tags.values()])

@@ -7,40 +7,28 @@ Subscribes to `mission/at_tag`. Between two tags, and for an id outside tag36h11
     ros2 run lupin_simulation fake_camera --ros-args -p publishes:=compressed
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
-from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses
 from lupin_greenhouse_bridge.planning.walls import find_walls, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.reading.detections import detection_messages
-from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane
+from lupin_greenhouse_bridge.runtime.parameters import check_parameters, parameter
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import require_layout
-from lupin_tag_confirmation.confirmation import TAG_COUNT
+from lupin_tag_confirmation.confirmation import TAG_NUMBERS
 from lupin_tag_confirmation.settings import TOPICS, check_source
-from nav_msgs.msg import Odometry
-from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, Image
-from std_msgs.msg import String
 
-from lupin_simulation import scene
+from lupin_simulation.camera_node import NODE_NAME, CameraNode, from_odometry_parameter, image_of
+from lupin_simulation.pinhole_camera import MODULE_PIXELS, PinholeCamera
+from lupin_simulation.tag36h11 import marker
 
-NODE_NAME = 'camera'
 FRAMES_PER_SECOND = 8
 JPEG_QUALITY = 80
-
-
-def from_odometry_parameter():
-    """Return the field of a settings dataclass that puts a camera on the robot."""
-    return parameter(
-        False,
-        'True: the camera shows what the robot sees from its pose in the topic `odom`; false: it shows the'
-        ' tag that `mission/at_tag` names.',
-    )
 
 
 @dataclass(frozen=True)
@@ -61,96 +49,57 @@ class Settings:
     )
     walls: str = walls_parameter()  # or an array
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_parameters(self)
         parse_walls(self.walls)
         check_source('publishes', self.publishes)
 
 
-class CameraNode(Node):
-    """A camera that knows the tag of the mission, or the pose of the robot. _look() returns its message."""
-
-    def __init__(self, settings_type):
-        super().__init__(NODE_NAME)
-        self._settings = declare_parameters(self, settings_type)
-        self._random = np.random.default_rng(0)
-        self._tag_id = ''  # of the mission; it stays empty on the robot
-        self._eye: PoseInPlane | None = None  # on the robot, after its first message
-
-    def _publish(self, message_type, topic: str, frames_per_second: int) -> None:
-        """Publish from now on."""
-        self._publisher = self.create_publisher(message_type, topic, qos_profile_sensor_data)
-        if self._settings.from_odometry:
-            newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # fits every publisher
-            self.create_subscription(Odometry, 'odom', self._on_odometry, newest)
-        else:
-            self.create_subscription(String, 'mission/at_tag', self._on_tag, latched())
-        self.create_timer(1.0 / frames_per_second, self._on_timer)
-
-    def _on_tag(self, message) -> None:
-        self._tag_id = message.data
-
-    def _on_odometry(self, message) -> None:
-        """Take the pose, whose frame is that of the layout, because a simulated robot does not slip."""
-        self._eye = pose_in_plane(message.pose.pose)
-
-    def _on_timer(self) -> None:
-        message = self._look()
-        message.header.stamp = self.get_clock().now().to_msg()
-        message.header.frame_id = NODE_NAME
-        self._publisher.publish(message)
-
-
 class FakeCamera(CameraNode):
     """Publishes images that vary in distance, angle, blur and noise."""
 
-    def __init__(self):
+    def __init__(self) -> None:
+        """Read the layout for a camera on the robot; raises StartUpError."""
         super().__init__(Settings)
-        publishes = self._settings.publishes
-        self._camera = scene.Camera()
-        message_type, self._message_of = {
-            'image': lambda: (Image, image_of),
-            'compressed': lambda: (CompressedImage, compressed_image_of),
-            'detections': detections,
-        }[publishes]()
-        self._tags = tag_poses_by_number(self._settings) if self._settings.from_odometry else {}
-        self._publish(message_type, TOPICS[publishes], FRAMES_PER_SECOND)
+        self._camera = PinholeCamera()
+        self._tag_poses = tag_poses_by_number(self._settings) if self._settings.from_odometry else {}
+        message_type, self._message_of = message_maker(self._settings.publishes)
+        self._start(message_type, TOPICS[self._settings.publishes], FRAMES_PER_SECOND)
 
-    def _look(self):
-        conditions = {
-            'blur_pixels': self._random.uniform(0.3, 1.2),
-            'noise_levels': self._random.uniform(2.0, 8.0),
-        }
+    def _picture_message(self) -> Any:
+        random = self._random
+        conditions = {'blur_pixels': random.uniform(0.3, 1.2), 'noise_levels': random.uniform(2.0, 8.0)}
         if self._eye:
-            picture = self._camera.look_around(self._tags, self._eye, self._random, **conditions)
+            picture = self._camera.look_around(self._tag_poses, self._eye, random, **conditions)
             return self._message_of(picture)
+        number = TAG_NUMBERS.get(self._tag_id)
         picture = self._camera.look_at(
-            scene.marker(int(self._tag_id), scene.MODULE_PIXELS) if has_marker(self._tag_id) else None,
-            self._random,
-            distance_m=self._random.uniform(0.3, 1.0),
-            angle_degrees=self._random.uniform(0.0, 40.0),
+            None if number is None else marker(number, MODULE_PIXELS),
+            random,
+            distance_m=random.uniform(0.3, 1.0),
+            angle_degrees=random.uniform(0.0, 40.0),
             **conditions,
         )
         return self._message_of(picture)
 
 
-def has_marker(tag_id: str) -> bool:
-    """Return whether this is an id of tag36h11."""
-    return tag_id.isdecimal() and int(tag_id) < TAG_COUNT
-
-
 def tag_poses_by_number(settings: Settings) -> dict[int, TagPose]:
-    """Return the position and the direction of each tag of a layout by its number; raises StartUpError."""
+    """Return the pose of each tag of tag36h11 in a layout by its number; raises StartUpError."""
     layout = require_layout(settings.tag_file, 'tag_file')
     walls = find_walls(layout, settings.sim_config_file, settings.walls)
     tag_poses = find_tag_poses(layout, walls)
-    return {int(tag_id): tag_pose for tag_id, tag_pose in tag_poses.items() if has_marker(tag_id)}
+    return {TAG_NUMBERS[tag_id]: each for tag_id, each in tag_poses.items() if tag_id in TAG_NUMBERS}
 
 
-def image_of(picture: np.ndarray) -> Image:
-    """Return the message of a grey picture."""
-    height, width = picture.shape
-    return Image(height=height, width=width, encoding='mono8', step=width, data=picture.tobytes())
+def message_maker(publishes: str) -> tuple[type, Callable[[np.ndarray], Any]]:
+    """
+    Return the type of the messages, and the function that makes one from a grey picture.
+
+    Raises StartUpError if apriltag_msgs is missing, which detections need.
+    """
+    if publishes == 'detections':
+        return detection_messages().AprilTagDetectionArray, detections_maker()
+    return {'image': (Image, image_of), 'compressed': (CompressedImage, compressed_image_of)}[publishes]
 
 
 def compressed_image_of(picture: np.ndarray) -> CompressedImage:
@@ -159,32 +108,30 @@ def compressed_image_of(picture: np.ndarray) -> CompressedImage:
     return CompressedImage(format='mono8; jpeg compressed ', data=data.tobytes())
 
 
-def detections():
-    """Return the message type, and the function that makes a message of the tags in a grey picture."""
-    messages = detection_messages()
-    from lupin_tag_confirmation.detector import FAMILY, TagDetector
+def detections_maker() -> Callable[[np.ndarray], Any]:
+    """Return the function that makes the message of the tags in a grey picture."""
+    from lupin_tag_confirmation.detector import FAMILY, TagDetector  # late: only detections need AprilTag 3
 
-    detect = TagDetector().detect
+    messages, detector = detection_messages(), TagDetector()
 
-    def detections_of(picture):
+    def detections_of(picture: np.ndarray) -> Any:
         array = messages.AprilTagDetectionArray()
-        for tag in detect(picture):
+        for tag in detector.detect(picture):
             x, y = np.mean(tag.corners, axis=0)
-            array.detections.append(
-                messages.AprilTagDetection(
-                    family=FAMILY,
-                    id=tag.tag_number,
-                    hamming=tag.hamming,
-                    decision_margin=tag.decision_margin,
-                    centre=messages.Point(x=x, y=y),
-                    corners=[messages.Point(x=float(x), y=float(y)) for x, y in tag.corners],
-                )
+            detection = messages.AprilTagDetection(
+                family=FAMILY,
+                id=tag.tag_number,
+                hamming=tag.hamming,
+                decision_margin=tag.decision_margin,
+                centre=messages.Point(x=x, y=y),
+                corners=[messages.Point(x=float(x), y=float(y)) for x, y in tag.corners],
             )
+            array.detections.append(detection)
         return array
 
-    return messages.AprilTagDetectionArray, detections_of
+    return detections_of
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Publish until Ctrl-C or SIGTERM."""
     return run(NODE_NAME, FakeCamera, args)

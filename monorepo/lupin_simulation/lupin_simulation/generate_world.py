@@ -20,32 +20,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog='generate_world', description='Make an SDF world of the greenhouse, with its AprilTags.'
     )
-    parser.add_argument(
-        '--tag-file',
-        default='',
-        metavar='FILE',
-        help="the bridge's tag_file; default: the one of mdp-greenhouse",
-    )
-    add_wall_options(parser)
-    parser.add_argument(
-        '--side',
-        type=float,
-        default=SIDE_M,
-        metavar='M',
-        help='side of the black square of each tag in metres (default: %(default)g)',
-    )
-    parser.add_argument(
-        '--output',
-        type=Path,
-        default=Path('.world'),
-        metavar='FOLDER',
-        help='folder for the SDF file and its models; default: %(default)s',
-    )
+    add_layout_options(parser)
+    side = 'side of the black square of each tag in metres (default: %(default)g)'
+    parser.add_argument('--side', type=float, default=SIDE_M, metavar='M', help=side)
+    output = 'folder for the SDF file and its models; default: %(default)s'
+    parser.add_argument('--output', type=Path, default=Path('.world'), metavar='FOLDER', help=output)
     options = parser.parse_args(arguments)
     try:
-        sdf_file, layout, _ = make_world(
-            options.output, options.tag_file, options.side, options.sim_config_file, options.walls
-        )
+        layout, walls = read_layout(options)
+        sdf_file = make_world(options.output, layout, walls, options.side)
     except OneLineError as error:
         print(f'generate_world: {error}', file=sys.stderr)
         return USAGE
@@ -55,27 +38,40 @@ def main(arguments: list[str] | None = None) -> int:
     return DONE
 
 
-def make_world(
-    folder: Path, tag_file: str = '', side_m: float = SIDE_M, sim_config_file: str = '', walls=None
-) -> tuple[Path, Layout, Walls]:
-    """Write the world of a tag file; return its SDF file, its layout and walls; raises StartUpError."""
+def add_layout_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that read_layout() takes."""
+    tag_file = "the bridge's tag_file; default: the one of mdp-greenhouse"
+    parser.add_argument('--tag-file', default='', metavar='FILE', help=tag_file)
+    add_wall_options(parser)
+
+
+def read_layout(options: argparse.Namespace) -> tuple[Layout, Walls]:
+    """Return the layout and its walls; raises StartUpError for a malformed file."""
+    layout = require_layout(options.tag_file)
+    return layout, find_walls(layout, options.sim_config_file, options.walls)
+
+
+def make_world(folder: Path, layout: Layout, walls: Walls, side_m: float = SIDE_M) -> Path:
+    """
+    Write the world of a layout; return its SDF file.
+
+    `side_m` is the length of the black square of each tag. Raises OneLineError if the world cannot be made.
+    """
     if not SMALLEST_SIDE_M <= side_m <= LARGEST_SIDE_M:
         limits = f'{SMALLEST_SIDE_M:g} and {LARGEST_SIDE_M:g} m'
         raise StartUpError(f'--side is {side_m:g}: must be between {limits}')
-    layout = require_layout(tag_file)
-    walls = find_walls(layout, sim_config_file, walls)
     try:
         from lupin_simulation.sdf import SDF_FILE, world_files  # late: a missing library is one line
 
-        write(folder, world_files(layout, walls, side_m))
+        write_files(folder, world_files(layout, walls, side_m))
     except ImportError as error:
         raise StartUpError(f'{error}: sudo apt install python3-opencv python3-pil python3-numpy') from error
     except OSError as error:
         raise StartUpError(f"--output '{folder}': {error.strerror}") from error
-    return folder / SDF_FILE, layout, walls
+    return folder / SDF_FILE
 
 
-def write(folder: Path, files: dict[str, bytes]) -> None:
+def write_files(folder: Path, files: dict[str, bytes]) -> None:
     """Replace the files of an earlier world; raises StartUpError before it would overwrite another file."""
     manifest = folder / MANIFEST
     own = set(manifest.read_text(encoding='utf-8').splitlines()) if manifest.is_file() else set()

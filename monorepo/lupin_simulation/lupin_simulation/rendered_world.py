@@ -2,8 +2,8 @@
 
 import logging
 import math
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -12,35 +12,41 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_simulation.sdf import TAG_HEIGHT_M
 
 # Drake ignores the lights of the SDF.
-LIGHTS = ((1, 0, -0.15), (-1, 0, -0.15), (0, 1, -0.15), (0, -1, -0.15))
+LIGHT_DIRECTIONS = ((1, 0, -0.15), (-1, 0, -0.15), (0, 1, -0.15), (0, -1, -0.15))
 NEAREST_M, FARTHEST_M = 0.01, 50.0
 SUPERSAMPLING = 2  # a camera's pixel averages the light of its area
 
 
-@dataclass(frozen=True)
-class Tag:
-    """A tag of the world: its centre in metres, and the axes of its model's frame."""
+class TagModel(NamedTuple):
+    """The centre of a tag in the world, in metres, and the axes of its model's frame."""
 
     centre: np.ndarray
-    to_right: np.ndarray  # of the viewer
+    to_right: np.ndarray  # of a viewer in front of the tag
     up: np.ndarray
-    out: np.ndarray  # of its face
+    out: np.ndarray  # of the tag's face
 
 
-def viewpoint(tag: Tag, distance_m: float, angle_degrees: float) -> np.ndarray:
+class View(NamedTuple):
+    """Where a camera is, and a point that it looks at, both as x, y and z in metres."""
+
+    eye: np.ndarray
+    at: np.ndarray
+
+
+def viewpoint(tag: TagModel, distance_m: float, angle_degrees: float) -> np.ndarray:
     """Return a point at the height and at this distance of a tag, turned from its normal to its right."""
     angle = math.radians(angle_degrees)
     return tag.centre + distance_m * (math.cos(angle) * tag.out + math.sin(angle) * tag.to_right)
 
 
-def view_ahead(x: float, y: float, yaw: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the position of the camera of a robot with this pose, and a point ahead, as high as the tags."""
+def view_ahead(x: float, y: float, yaw: float) -> View:
+    """Return the view of the camera of a robot with this pose. The camera is as high as the tags."""
     eye = np.array([x, y, TAG_HEIGHT_M])
-    return eye, eye + np.array([math.cos(yaw), math.sin(yaw), 0.0])
+    return View(eye, eye + np.array([math.cos(yaw), math.sin(yaw), 0.0]))
 
 
 class RenderedWorld:
-    """The world of an SDF file."""
+    """The world of an SDF file: its tags by number, its tables as (x0, y0, x1, y1), and pictures of it."""
 
     def __init__(
         self,
@@ -49,22 +55,25 @@ class RenderedWorld:
         height: int = 480,
         focal_length_pixels: float = 600.0,
         nearest_m: float = NEAREST_M,
-    ):
+    ) -> None:
         """
         Read the world; raises StartUpError if Drake is missing, or if the file is not a world.
 
-        For images from far away, set a large `nearest_m`: otherwise the plate of a tag can hide the tag.
+        For pictures from far away, set a large `nearest_m`: otherwise the plate of a tag can hide the tag.
         """
+        self.tags: dict[int, TagModel] = {}
+        self.tables: list[tuple[float, float, float, float]] = []
         try:
-            self._load(sdf_file, nearest_m, width, height, focal_length_pixels)
+            self._load(str(sdf_file), width, height, focal_length_pixels, nearest_m)
         except ImportError as error:
             raise StartUpError(f'Drake is missing ({error}): pip install drake') from error
         except RuntimeError as error:
-            raise StartUpError(
-                f"'{sdf_file}' is not an SDF world: use a world made by generate_world: {error}"
-            ) from error
+            problem = f"'{sdf_file}' is not an SDF world: use a world made by generate_world"
+            raise StartUpError(f'{problem}: {error}') from error
 
-    def _load(self, sdf_file, nearest_m: float, *size: float) -> None:
+    def _load(
+        self, sdf_file: str, width: int, height: int, focal_length_pixels: float, nearest_m: float
+    ) -> None:
         from pydrake import geometry
         from pydrake.math import RigidTransform
         from pydrake.multibody.parsing import Parser
@@ -75,9 +84,10 @@ class RenderedWorld:
         logging.getLogger('drake').setLevel(logging.ERROR)  # it warns of the lights
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
-        models = Parser(plant).AddModels(str(sdf_file))
+        models = Parser(plant).AddModels(sdf_file)
         lights = [
-            geometry.LightParameter(type='directional', frame='world', direction=each) for each in LIGHTS
+            geometry.LightParameter(type='directional', frame='world', direction=each)
+            for each in LIGHT_DIRECTIONS
         ]
         engine = geometry.MakeRenderEngineVtk(geometry.RenderEngineVtkParams(lights=lights))
         scene_graph.AddRenderer('vtk', engine)
@@ -88,23 +98,22 @@ class RenderedWorld:
             scene_graph.GetMyContextFromRoot(self._context)
         )
         self._frame = scene_graph.world_frame_id()
-        width, height, focal = (SUPERSAMPLING * each for each in size)
-        core = geometry.RenderCameraCore(
-            'vtk',
-            CameraInfo(width, height, focal, focal, width / 2, height / 2),
-            geometry.ClippingRange(nearest_m, FARTHEST_M),
-            RigidTransform(),
+        width, height, focal = (
+            SUPERSAMPLING * width,
+            SUPERSAMPLING * height,
+            SUPERSAMPLING * focal_length_pixels,
         )
+        info = CameraInfo(width, height, focal, focal, width / 2, height / 2)
+        clipping = geometry.ClippingRange(nearest_m, FARTHEST_M)
+        core = geometry.RenderCameraCore('vtk', info, clipping, RigidTransform())
         self._camera = geometry.ColorRenderCamera(core)
-        self.tags: dict[int, Tag] = {}
-        self.tables: list[tuple[float, float, float, float]] = []  # x0, y0, x1, y1
         for model in models:
             name = plant.GetModelInstanceName(model)
             body = plant.get_body(plant.GetBodyIndices(model)[0])
             pose = plant.EvalBodyPoseInWorld(plant.GetMyContextFromRoot(self._context), body)
             if name.startswith('tag_'):
                 axes = pose.rotation().matrix().T
-                self.tags[int(name.removeprefix('tag_'))] = Tag(pose.translation(), *axes)
+                self.tags[int(name.removeprefix('tag_'))] = TagModel(pose.translation(), *axes)
             elif name.startswith('table_'):
                 (shape,) = plant.GetCollisionGeometriesForBody(body)
                 centre, size = pose.translation(), scene_graph.model_inspector().GetShape(shape).size()
@@ -119,5 +128,6 @@ class RenderedWorld:
         right /= np.linalg.norm(right)
         pose = RigidTransform(RotationMatrix(np.column_stack([right, np.cross(ahead, right), ahead])), eye)
         picture = self._query.RenderColorImage(self._camera, self._frame, pose).data
-        smaller = 1 / SUPERSAMPLING
-        return cv2.resize(picture[..., :3], None, fx=smaller, fy=smaller, interpolation=cv2.INTER_AREA)
+        height, width, _ = picture.shape
+        size = (width // SUPERSAMPLING, height // SUPERSAMPLING)
+        return cv2.resize(picture[..., :3], size, interpolation=cv2.INTER_AREA)

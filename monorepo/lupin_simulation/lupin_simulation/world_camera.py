@@ -14,14 +14,14 @@ import cv2
 import numpy as np
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, parameter
 from lupin_greenhouse_bridge.runtime.run import run
+from lupin_tag_confirmation.settings import TOPICS
 from sensor_msgs.msg import Image
 
-from lupin_simulation.fake_camera import NODE_NAME, CameraNode, from_odometry_parameter, image_of
-from lupin_simulation.rendered_world import RenderedWorld, Tag, view_ahead, viewpoint
+from lupin_simulation.camera_node import NODE_NAME, CameraNode, from_odometry_parameter, image_of
+from lupin_simulation.rendered_world import RenderedWorld, TagModel, View, view_ahead, viewpoint
 
-IMAGE_TOPIC = 'camera/color/image_raw'  # relative: a namespace moves it
 FRAMES_PER_SECOND = 5
-STANDOFF_M = (0.3, 1.0)  # from, to
+NEAREST_M, FARTHEST_M = 0.3, 1.0
 LARGEST_ANGLE_DEGREES = 30.0
 LARGEST_OFFSET_M = 0.03
 LARGEST_YAW = math.radians(4.0)
@@ -34,38 +34,39 @@ class Settings:
     world_file: str = parameter('', 'The SDF world.')
     from_odometry: bool = from_odometry_parameter()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_parameters(self)
 
 
 class WorldCamera(CameraNode):
     """Publishes rendered images."""
 
-    def __init__(self):
+    def __init__(self) -> None:
+        """Open the world; raises StartUpError."""
         super().__init__(Settings)
         self._world = RenderedWorld(self._settings.world_file)
         self._tags = {str(number): tag for number, tag in self._world.tags.items()}
-        self._publish(Image, IMAGE_TOPIC, FRAMES_PER_SECOND)
+        self._start(Image, TOPICS['image'], FRAMES_PER_SECOND)
         self.get_logger().info(f'ready: {len(self._tags)} tags in the world')
 
-    def _look(self) -> Image:
+    def _picture_message(self) -> Image:
         tag = self._tags.get(self._tag_id)
         view = view_ahead(*self._eye) if self._eye else view_of(tag, self._random)
         # Grey: on a busy machine, best effort loses images of 900 kB.
         return image_of(cv2.cvtColor(self._world.look(*view), cv2.COLOR_RGB2GRAY))
 
 
-def view_of(tag: Tag | None, random) -> tuple[np.ndarray, np.ndarray]:
-    """Return the position of the camera, and the point that it looks at, in the sky if there is no tag."""
+def view_of(tag: TagModel | None, random: np.random.Generator) -> View:
+    """Return a random view of a tag, or one of the sky if there is no tag."""
     if tag is None:
-        return np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 2.0])
-    distance_m = random.uniform(*STANDOFF_M)
+        return View(np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 2.0]))
+    distance_m = random.uniform(NEAREST_M, FARTHEST_M)
     angle = random.uniform(-LARGEST_ANGLE_DEGREES, LARGEST_ANGLE_DEGREES)
     offset = random.uniform(-LARGEST_OFFSET_M, LARGEST_OFFSET_M) * tag.to_right
     yaw = math.tan(random.uniform(-LARGEST_YAW, LARGEST_YAW)) * distance_m * tag.to_right
-    return viewpoint(tag, distance_m, angle) + offset, tag.centre + offset + yaw
+    return View(viewpoint(tag, distance_m, angle) + offset, tag.centre + offset + yaw)
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Publish until Ctrl-C or SIGTERM."""
     return run(NODE_NAME, WorldCamera, args)

@@ -8,18 +8,19 @@ import pytest
 from lupin_greenhouse_bridge.planning.tag_poses import Table
 from lupin_greenhouse_bridge.testing._helpers import executable
 from lupin_simulation import check_world
-from lupin_simulation.rendered_world import Tag, viewpoint
-from lupin_simulation.scene import Camera, marker
+from lupin_simulation.pinhole_camera import PinholeCamera
+from lupin_simulation.rendered_world import TagModel, View, viewpoint
+from lupin_simulation.tag36h11 import marker
 
 BLANK = np.full((480, 640), 255, np.uint8)
 TABLES = [Table(1.0, 1.0, 3.0, 1.5), Table(1.0, 4.0, 3.0, 4.5)]
 
 
-def tag(x: float, y: float, out) -> Tag:
+def tag(x: float, y: float, out) -> TagModel:
     """Return a tag 0.3 m above the floor that faces this way."""
     out = np.array([*out, 0.0], dtype=float)
     up = np.array([0.0, 0.0, 1.0])
-    return Tag(np.array([x, y, 0.3]), np.cross(up, out), up, out)
+    return TagModel(np.array([x, y, 0.3]), np.cross(up, out), up, out)
 
 
 @pytest.mark.parametrize(
@@ -51,14 +52,17 @@ def test_a_tag_must_face_away_from_its_table_or_else_to_the_middle(x, y, out, ta
 def test_a_tag_is_read_in_all_or_in_any_of_its_views_which_are_counted(monkeypatch, capsys):
     for name in ('FIRST_SECONDS', 'NEXT_SECONDS'):
         monkeypatch.setattr(check_world.Progress, name, 0.0)
-    pictures = {'front': Camera().look_at(marker(7, 30), np.random.default_rng(0)), 'back': BLANK}
-    world = SimpleNamespace(look=lambda eye, _at: np.stack([pictures[eye]] * 3, axis=-1))
-    looks = check_world.Looks(world, 2)
-    both = [('back', None), ('front', None)]
-    assert looks.read({7: (any, both), 8: (any, both)}) == {7}
-    shown = [f'check_world: rendered views of tags: {number} of 2' for number in (1, 2)]
-    assert capsys.readouterr().err.splitlines() == shown
-    assert looks.read({7: (all, both)}) == set()
+    front = PinholeCamera().look_at(marker(7, 30), np.random.default_rng(0))
+    world = SimpleNamespace(look=lambda eye, _at: np.stack([eye] * 3, axis=-1))
+    both = [View(BLANK, BLANK), View(front, BLANK)]
+
+    def tags_read(in_all: bool) -> set[int]:
+        setting = check_world.Setting('here', {n: check_world.TagViews(both, in_all) for n in (7, 8)})
+        return check_world.tags_read(world, setting, check_world.Progress('check_world'))
+
+    assert tags_read(in_all=False) == {7}
+    assert capsys.readouterr().err.splitlines() == ['check_world: here: 0 of 2', 'check_world: here: 1 of 2']
+    assert tags_read(in_all=True) == set()
 
 
 def refusal(*arguments: str) -> str:

@@ -1,10 +1,10 @@
 """The detector on rendered pictures: it finds the tag, and never one that is not there."""
 
-from collections import Counter
-
+import cv2
 import numpy as np
 import pytest
-from lupin_simulation.scene import DECOYS, Camera, decoy, marker
+from lupin_simulation.pinhole_camera import PinholeCamera
+from lupin_simulation.tag36h11 import marker
 from lupin_tag_confirmation.confirmation import Confirmer, Frame, Sight
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.images import SMALLEST_SIDE_PIXELS
@@ -34,7 +34,7 @@ def test_4_cm_tags_are_found_where_the_robot_stands(found_in, distance_m, angles
     for tag_number in (1, 11, 21):
         for angle_degrees in angles_degrees:
             for condition in conditions:
-                picture = Camera().look_at(
+                picture = PinholeCamera().look_at(
                     marker(tag_number, 30),
                     np.random.default_rng(tag_number),
                     distance_m=distance_m,
@@ -71,19 +71,27 @@ def test_no_picture_of_an_allowed_size_crashes_the_library(height, width):
     TagDetector().detect(np.zeros((height, width), np.uint8))
 
 
-def test_no_tag_is_confirmed_in_200_images_without_it():
-    """With the most lenient criteria; doc/detector.md has 20,000 with the defaults."""
+def picture_without_tag_7(number: int, random: np.random.Generator) -> np.ndarray:
+    """Return a picture of another tag if `number` is even, else one of black and white squares."""
+    if number % 2 == 0:
+        other = random.choice(np.delete(np.arange(587), 7))
+        return PinholeCamera().look_at(marker(int(other), 20), random, distance_m=random.uniform(0.1, 0.6))
+    cells = int(random.integers(20, 120))
+    squares = random.integers(0, 2, (cells, cells), dtype=np.uint8) * 255
+    return cv2.resize(squares, (320, 240), interpolation=cv2.INTER_NEAREST)
+
+
+def test_no_tag_is_confirmed_in_100_images_without_it():
+    """With the most lenient criteria; doc/detector.md of lupin_tag_confirmation has 20,000 images."""
     detector = TagDetector(max_hamming=2)
     lenient = Criteria(min_frames=1, min_decision_margin=0.0, max_hamming=2)
     random = np.random.default_rng(0)
-    read = Counter()  # pictures with another tag, by their kind
-    for number in range(200):
-        picture = decoy(number, 7, random)
+    others_read = 0
+    for number in range(100):
+        picture = picture_without_tag_7(number, random)
         confirmer = Confirmer(lenient)
         confirmer.add(Frame(lambda picture=picture: Sight(detector.detect(picture)), 0.0, 0.0))
         confidence, message, _ = confirmer.confirm('7', 0.0, 0.0)
         assert confidence == 0.0, f'image {number}'
-        read[DECOYS[number % len(DECOYS)]] += 'other tag ids' in message
-    of_the_family = read.pop('other ids')
-    assert of_the_family > 200 / len(DECOYS) - 4  # the decoys are not blank: the detector read them
-    assert sum(read.values()) < 4
+        others_read += 'other tag ids' in message
+    assert others_read >= 50 - 2  # the detector has read the other tags

@@ -12,23 +12,18 @@ from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane, pose_message
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
-from lupin_simulation.fake_camera import (
-    FakeCamera,
-    Settings,
-    compressed_image_of,
-    detections,
-    image_of,
-    tag_poses_by_number,
-)
-from lupin_simulation.scene import Camera, marker
+from lupin_simulation.fake_camera import FakeCamera, Settings, message_maker, tag_poses_by_number
+from lupin_simulation.pinhole_camera import PinholeCamera
+from lupin_simulation.tag36h11 import marker
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
+from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.settings import Settings as ConfirmTagSettings
 from lupin_tag_confirmation.sources import open_source
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
 AT_TAG = '/mission/at_tag'
-CAMERA = Camera(width=320, height=240, focal_length_pixels=300.0)
+CAMERA = PinholeCamera(width=320, height=240, focal_length_pixels=300.0)
 WALL = CAMERA.look_at(None, np.random.default_rng(0))
 
 
@@ -51,10 +46,12 @@ def test_another_kind_is_refused(publishes):
 
 
 def test_an_image_has_the_pixels_of_the_picture(tag_7):
+    _, image_of = message_maker('image')
     assert (sight_of('image', image_of(tag_7)).picture == tag_7).all()
 
 
 def test_a_compressed_image_has_the_tag_of_the_picture(tag_7):
+    _, compressed_image_of = message_maker('compressed')
     message = compressed_image_of(tag_7)
     assert message.format == 'mono8; jpeg compressed '
     assert len(message.data) < tag_7.size / 2
@@ -64,8 +61,8 @@ def test_a_compressed_image_has_the_tag_of_the_picture(tag_7):
 
 
 def test_detections_are_those_of_the_picture(tag_7):
-    message_type, detections_of = detections()
-    (expected,) = sight_of('image', image_of(tag_7)).detections
+    message_type, detections_of = message_maker('detections')
+    (expected,) = TagDetector().detect(tag_7)
     message = detections_of(tag_7)
     assert type(message) is message_type
     (found,) = sight_of('detections', message).detections

@@ -120,7 +120,7 @@ def test_the_smallest_and_the_largest_side_are_accepted(tmp_path, tag_file, side
 def test_a_missing_library_is_exit_code_2_and_one_line_with_its_packages(
     tmp_path, tag_file, monkeypatch, capsys
 ):
-    for module in ('lupin_simulation.sdf', 'lupin_simulation.scene'):
+    for module in ('lupin_simulation.sdf', 'lupin_simulation.tag36h11'):
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, 'cv2', None)  # as if it was not installed
     assert make(tmp_path / 'world', '--tag-file', tag_file) == 2

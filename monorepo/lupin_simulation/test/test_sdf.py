@@ -6,11 +6,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.tag_poses import TagPose
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
-from lupin_simulation.scene import printed_marker
-from lupin_simulation.sdf import SDF_FILE, roll_pitch_yaw, tag_poses_by_number, world_files
+from lupin_simulation.sdf import SDF_FILE, roll_pitch_yaw, world_files
+from lupin_simulation.tag36h11 import printed_marker
+from lupin_tag_confirmation.confirmation import UnknownTagId
 from lupin_tag_confirmation.detector import TagDetector
 from PIL import Image
 
@@ -131,29 +132,30 @@ def test_light_comes_from_above_and_from_each_side_without_shadows(world):
     assert {light.findtext('cast_shadows') for light in world.iter('light')} == {'false'}
 
 
-def test_the_tags_frame_has_z_out_of_the_face_x_to_the_viewers_right_and_y_up():
-    for x, y, out in ((2.0, 1.0, (0, -1, 0)), (3.0, 1.2, (1, 0, 0))):
-        layout = Layout({'7': Tag(x, y, ['co2'])}, {'long': (1.0, 1.0, 3.0, 1.5)})
-        tag_pose = tag_poses_by_number(layout, WALLS)[7]
-        roll, _, yaw = roll_pitch_yaw(tag_pose)
-        about_x = [[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]]
-        about_z = [[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]
-        to_right, up, towards = (np.array(about_z) @ about_x).T
-        assert np.allclose(towards, out)
-        assert np.allclose(up, (0, 0, 1))
-        assert np.allclose(to_right, np.cross(-towards, up))
+@pytest.mark.parametrize('facing', [-math.pi / 2, 0.0, 2.0])
+def test_the_tags_frame_has_z_out_of_the_face_x_to_the_viewers_right_and_y_up(facing):
+    roll, _, yaw = roll_pitch_yaw(TagPose(2.0, 1.0, facing))
+    about_x = [[1, 0, 0], [0, math.cos(roll), -math.sin(roll)], [0, math.sin(roll), math.cos(roll)]]
+    about_z = [[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]
+    to_right, up, out = (np.array(about_z) @ about_x).T
+    assert np.allclose(out, (math.cos(facing), math.sin(facing), 0))
+    assert np.allclose(up, (0, 0, 1))
+    assert np.allclose(to_right, np.cross(-out, up))
 
 
 def test_the_tags_come_in_numeric_order_at_exactly_their_places():
     layout = find_layout('')
-    tag_poses = tag_poses_by_number(layout, WALLS)
-    assert list(tag_poses) == sorted(map(int, layout.tags))
-    assert {str(number): each[:2] for number, each in tag_poses.items()} == {
-        tag_id: tag[:2] for tag_id, tag in layout.tags.items()
+    world = ElementTree.fromstring(world_files(layout, WALLS, SIDE_M)[SDF_FILE])
+    poses = {
+        model.get('name').removeprefix('tag_'): tuple(map(float, model.findtext('pose').split()[:2]))
+        for model in world.iter('model')
+        if model.get('name').startswith('tag_')
     }
+    assert list(poses) == sorted(layout.tags, key=int)
+    assert poses == {tag_id: tag[:2] for tag_id, tag in layout.tags.items()}
 
 
 @pytest.mark.parametrize('tag_id', ['A7', '587', '07', '-1'])
 def test_an_id_that_is_no_tag36h11_is_refused(tag_id):
-    with pytest.raises(StartUpError, match='is not an id of tag36h11: must be 0 to 586'):
-        tag_poses_by_number(Layout({tag_id: Tag(0.0, 0.0, ['co2'])}, {}), WALLS)
+    with pytest.raises(UnknownTagId, match='is not an id of tag36h11: must be 0 to 586'):
+        world_files(Layout({tag_id: Tag(0.0, 0.0, ['co2'])}, {}), WALLS, SIDE_M)

@@ -12,14 +12,14 @@ from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.testing._helpers import executable, running, wait_until
 from lupin_simulation import world_camera
-from lupin_simulation.rendered_world import Tag
+from lupin_simulation.rendered_world import TagModel
 from lupin_simulation.world_camera import WorldCamera, view_of
 from nav_msgs.msg import Odometry
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-TAG = Tag(np.array([2.0, 1.0, 0.3]), *np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
+TAG = TagModel(np.array([2.0, 1.0, 0.3]), *np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
 WHITE, BLACK = 255, 0
 
 

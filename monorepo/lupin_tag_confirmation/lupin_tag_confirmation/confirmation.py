@@ -1,7 +1,6 @@
 """Decide from the last frames whether the expected tag is in view. Does not import ROS."""
 
 import itertools
-import re
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 from lupin_tag_confirmation.images import UnusableImage
 from lupin_tag_confirmation.settings import Criteria
 
-TAG_COUNT = 587  # tag36h11 has the ids 0 to 586
+TAG_NUMBERS = {str(number): number for number in range(587)}  # the ids of tag36h11
 
 
 class UnknownTagId(OneLineError):
@@ -23,10 +22,10 @@ class UnknownTagId(OneLineError):
 
 def tag_number(tag_id: str) -> int:
     """Return the number of a decimal tag36h11 id; raises UnknownTagId."""
-    if not re.fullmatch(r'0|[1-9][0-9]{0,2}', tag_id) or int(tag_id) >= TAG_COUNT:
-        shown = escaped(tag_id, 40)
-        raise UnknownTagId(f"tag '{shown}' is not an id of tag36h11: must be 0 to {TAG_COUNT - 1} in decimal")
-    return int(tag_id)
+    if tag_id not in TAG_NUMBERS:
+        shown, largest = escaped(tag_id, 40), len(TAG_NUMBERS) - 1
+        raise UnknownTagId(f"tag '{shown}' is not an id of tag36h11: must be 0 to {largest} in decimal")
+    return TAG_NUMBERS[tag_id]
 
 
 class Detection(NamedTuple):

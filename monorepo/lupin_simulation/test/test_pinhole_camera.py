@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose
-from lupin_simulation.scene import Camera
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
+from lupin_simulation.pinhole_camera import TAG_SIDE_M, PinholeCamera
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.settings import Criteria
 
-CAMERA = Camera()
+CAMERA = PinholeCamera()
 DETECTOR = TagDetector()
 SOUTHWARDS = TagPose(2.0, 3.0, -math.pi / 2)
 CENTRE_X, CENTRE_Y = CAMERA.width / 2, CAMERA.height / 2
@@ -18,16 +19,18 @@ CENTRE_X, CENTRE_Y = CAMERA.width / 2, CAMERA.height / 2
 def seen_from(x: float, y: float, yaw: float, **tags: TagPose) -> dict[int, np.ndarray]:
     """Return the corners of the tags that confirm_tag would accept, by number; t7 is the tag of number 7."""
     by_number = {int(name.removeprefix('t')): tag for name, tag in tags.items()}
-    picture = CAMERA.look_around(by_number, (x, y, yaw), np.random.default_rng(0), blur_pixels=0.7)
+    picture = CAMERA.look_around(by_number, PoseInPlane(x, y, yaw), np.random.default_rng(0), blur_pixels=0.7)
     criteria = Criteria()
     return {tag.tag_number: tag.corners for tag in DETECTOR.detect(picture) if not criteria.flaw_of(tag)}
 
 
-def before(tag: TagPose, distance_m: float, angle_degrees: float, yaw_off_degrees: float = 0.0):
+def before(
+    tag: TagPose, distance_m: float, angle_degrees: float, yaw_off_degrees: float = 0.0
+) -> PoseInPlane:
     """Return a pose at this distance and angle to the normal of a tag, which looks at it but for yaw_off."""
     direction = tag.facing + math.radians(angle_degrees)
     x, y = tag.x + distance_m * math.cos(direction), tag.y + distance_m * math.sin(direction)
-    return x, y, direction + math.pi + math.radians(yaw_off_degrees)
+    return PoseInPlane(x, y, direction + math.pi + math.radians(yaw_off_degrees))
 
 
 @pytest.mark.parametrize('facing', [-math.pi / 2, math.pi / 2, math.pi, 0.0, 2.5])
@@ -43,7 +46,7 @@ def test_a_tag_is_read_in_the_middle_of_a_picture_that_is_taken_towards_it(facin
 
 def test_a_tag_is_as_large_as_its_distance_says():
     (corners,) = seen_from(*before(SOUTHWARDS, 0.5, 0.0), t7=SOUTHWARDS).values()
-    assert np.ptp(corners, axis=0) == pytest.approx(CAMERA.side_pixels(0.5), abs=1.5)
+    assert np.ptp(corners, axis=0) == pytest.approx(CAMERA.focal_length_pixels * TAG_SIDE_M / 0.5, abs=1.5)
 
 
 @pytest.mark.parametrize('yaw_off_degrees', [-15.0, 10.0])
