@@ -391,4 +391,4 @@ def test_equal_values_of_any_size_have_a_colour(tmp_path, open_page):
     path.write_text(visit(0, '1', ['ph']).replace('20.0', '1e17') + '\n', encoding='utf-8')
     page = open_page(path)
     assert page.complaints == []
-    assert page.evaluate(COLOURS).startswith('rgb(33,145,140)')  # the middle of viridis
+    assert page.evaluate(COLOURS).startswith('#21918c')  # the middle of viridis

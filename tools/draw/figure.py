@@ -19,8 +19,8 @@ from pathlib import Path
 import matplotlib
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
-from lupin_greenhouse_bridge.display import drawings
-from lupin_greenhouse_bridge.display.drawings import COLOURS, Box, draw_greenhouse, place_labels
+from lupin_greenhouse_bridge.display import colours, drawings, placing
+from lupin_greenhouse_bridge.display.placing import Box, box_of
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
 from lupin_greenhouse_bridge.planning import (
     approach,
@@ -48,7 +48,19 @@ TAG_RADIUS_M = 0.085
 CHARACTER_M, LINE_M = 0.085, 0.17  # of a label in the picture
 STUB_M = 1.0  # a shorter contour line is not drawn
 
-DRAWN_BY = (approach, drawings, free_space, grid, route, surroundings, tag_poses, units, walls)
+DRAWN_BY = (
+    approach,
+    colours,
+    drawings,
+    free_space,
+    grid,
+    placing,
+    route,
+    surroundings,
+    tag_poses,
+    units,
+    walls,
+)
 
 
 class Greenhouse:
@@ -96,13 +108,13 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
     )
     field = [[greenhouse.value(sensor, (x, y), hour) for x in xs] for y in ys]
     extent = (xs[0], xs[-1], ys[0], ys[-1])
-    shades = axes.imshow(field, COLOURS, alpha=0.55, origin='lower', extent=extent, interpolation='bilinear')
+    shades = axes.imshow(
+        field, colours.COLOUR_MAP, alpha=0.55, origin='lower', extent=extent, interpolation='bilinear'
+    )
     lines = axes.contour(xs, ys, field, colors='0.3', linewidths=0.6)
     lines.set_visible(False)  # each is drawn below, but for short stubs at the walls
     dots = [(tag.x, tag.y) for tag in layout.tags.values()]
-    draw_greenhouse(axes, layout, greenhouse.walls)
-    axes.spines[:].set_visible(False)  # the walls are the frame
-    axes.tick_params(length=0)
+    drawings.draw_greenhouse(axes, layout, greenhouse.walls)
     marks = {
         'color': 'white',
         'markeredgecolor': 'black',
@@ -110,7 +122,7 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
         'label': 'tag: its id, and letters for its sensors',
     }
     axes.plot(*zip(*dots, strict=True), 'o', **marks, zorder=3)
-    places = _draw_labels(axes, layout, Box((x0 + x1) / 2, (y0 + y1) / 2, width, length))
+    places = _draw_labels(axes, layout, box_of(greenhouse.walls))
     _draw_contours(axes, lines, [*dots, *places], greenhouse.walls)
     scale = {'location': 'right', 'shrink': 0.7, 'ticks': lines.levels}
     when = clock_time(hour * 3600)
@@ -119,7 +131,7 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float):
         count = sum(name in tag.sensors for tag in layout.tags.values())
         text = f'{LETTERS[name]}  {name.replace("_", " ")}: {pluralized(count, "tag")}'
         axes.plot([], [], ' ', label=text)
-    axes.plot([], [], 's', color=drawings.TABLE_COLOUR, markersize=9, label='table')
+    axes.plot([], [], 's', color=colours.TABLE, markersize=9, label='table')
     figure.legend(loc='outside lower center', ncols=3, frameon=False, fontsize=8)
     axes.set_ylabel('y (m)')
     name = sensor.replace('_', ' ')
@@ -157,7 +169,7 @@ def _draw_labels(axes, layout, bounds: Box) -> list[tuple[float, float]]:
     labels = [(dot, CHARACTER_M * len(text), LINE_M) for dot, text in zip(dots, texts, strict=True)]
     box = {'boxstyle': 'round,pad=0.12', 'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.9}
     style = {'ha': 'center', 'va': 'center', 'fontsize': 7.5, 'fontweight': 'bold', 'bbox': box, 'zorder': 4}
-    places = place_labels(dots, labels, bounds)
+    places = placing.place_labels(dots, labels, bounds)
     for place, text in zip(places, texts, strict=True):
         axes.text(*place, text, **style)
     return places
@@ -184,7 +196,7 @@ def draw_day(greenhouse: Greenhouse, tag_id: str):
         (line,) = axes.plot(
             hours,
             middle,
-            color=drawings.ROUTE_COLOUR,
+            color=colours.ROUTE,
             linewidth=1.6,
             label=f'median of {SAMPLES:,} readings at each time',
         )

@@ -16,8 +16,8 @@ from geometry_msgs.msg import PoseArray
 from hypothesis import given
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.display import show_readings
-from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges
-from lupin_greenhouse_bridge.display.field import VIRIDIS, Grid, colours_of, grid_over, interpolate, scaled
+from lupin_greenhouse_bridge.display.colours import STOPS, colours_of, read_colour_ranges
+from lupin_greenhouse_bridge.display.field import FieldGrid, grid_over, interpolate, scaled
 from lupin_greenhouse_bridge.display.markers import (
     FIELD_NAMESPACE,
     STALE_ALPHA,
@@ -95,7 +95,7 @@ def cell(field, x, y) -> int:
 
 
 def test_a_cell_at_a_tag_has_its_value_and_one_far_away_has_none():
-    grid = Grid(0.0, 0.0, 0.1, 40, 20)
+    grid = FieldGrid(0.0, 0.0, 0.1, 40, 20)
     values = interpolate(grid, [(1.0, 1.0, 20.0), (1.32, 1.0, 10.0), (3.0, 1.0, 5.0)], radius_m=0.5)
     assert values[10, 10] == pytest.approx(20.0, abs=1e-3)
     assert values[10, 13] == pytest.approx(10.0, abs=1e-3)
@@ -105,7 +105,7 @@ def test_a_cell_at_a_tag_has_its_value_and_one_far_away_has_none():
 
 
 def test_the_field_has_no_step_where_the_reach_of_a_reading_ends():
-    grid = Grid(0.0, 0.0, 0.01, 300, 1)
+    grid = FieldGrid(0.0, 0.0, 0.01, 300, 1)
     values = interpolate(grid, [(0.0, 0.005, 0.0), (2.0, 0.005, 100.0)], radius_m=1.5)[0]
     assert np.nanmax(np.abs(np.diff(values))) < 3.0
 
@@ -168,13 +168,10 @@ def test_a_stale_reading_is_faded_and_an_unread_tag_is_not():
     assert read.color.r != unread.color.r
 
 
-def test_a_tag_has_the_colour_of_its_value_on_the_page_and_is_white_without_this_sensor():
-    script = Path(show_readings.__file__).with_name('readings_page.js').read_text(encoding='utf-8')
-    stops = re.search(r'VIRIDIS = \[(.*)\]', script)[1]
-    assert re.findall(r'[0-9a-f]{6}', stops) == VIRIDIS.split()
+def test_a_tag_has_the_colour_of_its_value_and_is_white_without_this_sensor():
     readings = reading_of('7', co2=550.0), reading_of('8', light=900.0)
     colours = [each.color for each in of_namespace(markers_of(BENCH, *readings, at_seconds=100), 'tags')]
-    middle = [int(VIRIDIS.split()[5][at : at + 2], 16) / 255 for at in (0, 2, 4)]
+    middle = [int(STOPS[5][at : at + 2], 16) / 255 for at in (1, 3, 5)]
     assert [(each.r, each.g, each.b) for each in colours] == [pytest.approx(middle), WHITE]
     beyond = colours_of([-1e9, 1e9, math.nan], 300.0, 800.0)
     assert beyond[:2] == pytest.approx(colours_of([300.0, 800.0], 300.0, 800.0))

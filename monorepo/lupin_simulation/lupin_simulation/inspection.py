@@ -23,7 +23,7 @@ from pathlib import Path
 import domain_coordinator
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from lupin_greenhouse_bridge import settings as bridge_settings
-from lupin_greenhouse_bridge.display.drawing_command import BESIDE
+from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS
 from lupin_greenhouse_bridge.display.input_file import read_file
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.walls import parse_numbers
@@ -137,7 +137,7 @@ def commands_of(options, report: Path) -> list[list[str]]:
         kept = [f'file:="{options.record}"', *([f'tag_file:="{tag_file}"'] if tag_file else [])]
         nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', *kept))
     if options.drive:
-        route = beside(report, BESIDE['route'])
+        route = beside(report, COMPANION_ENDINGS['route'])
         driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{route}"']
         nodes.append(node('lupin_simulation', 'fake_navigator', *driving, *given['fake_navigator']))
         start_pose = value_of(options.arguments, 'start_pose') or disc_robot.Settings.start_pose
@@ -193,7 +193,7 @@ def prepare(options, report: Path) -> None:
     for name in GREENHOUSE:
         if path := value_of(options.arguments, name):
             try:
-                shutil.copyfile(path, beside(report, BESIDE[name]))
+                shutil.copyfile(path, beside(report, COMPANION_ENDINGS[name]))
             except OSError as error:
                 reason = error.strerror or error
                 raise StartUpError(f"{name} '{path}': {reason}: name a file that can be read") from error

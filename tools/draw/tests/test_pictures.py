@@ -121,7 +121,11 @@ def shipped() -> dict:
 
 def test_the_figure_reads_in_black_and_white():
     """The brightness of its field is monotonic."""
-    levels = figure.matplotlib.colormaps[figure.COLOURS](np.linspace(0, 1, 64))[:, :3] @ [0.299, 0.587, 0.114]
+    levels = figure.matplotlib.colormaps[figure.colours.COLOUR_MAP](np.linspace(0, 1, 64))[:, :3] @ [
+        0.299,
+        0.587,
+        0.114,
+    ]
     assert (np.diff(levels) > 0).all()
 
 

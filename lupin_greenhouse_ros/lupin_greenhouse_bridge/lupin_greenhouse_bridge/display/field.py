@@ -9,13 +9,10 @@ import numpy as np
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
-VIRIDIS = (  # as on the page of readings
-    '440154 482475 414487 355f8d 2a788e 21918c 22a884 44bf70 7ad151 bddf26 fde725'
-)
 NEAREST_M = 1e-6  # a value that is nearer counts as if it were at this distance
 
 
-class Grid(NamedTuple):
+class FieldGrid(NamedTuple):
     """The square cells of a field, in the layout's frame."""
 
     x: float  # of the corner with the lowest coordinates, in metres
@@ -25,16 +22,16 @@ class Grid(NamedTuple):
     rows: int  # along y
 
 
-def grid_over(layout: Layout, walls: Walls, resolution_m: float) -> Grid:
+def grid_over(layout: Layout, walls: Walls, resolution_m: float) -> FieldGrid:
     """Return the grid that covers the walls, the tables and the tags."""
     places = [tag[:2] for tag in layout.tags.values()]
     corners = [corner for each in (walls, *layout.tables.values()) for corner in (each[:2], each[2:])]
     xs, ys = zip(*places, *corners, strict=True)
     columns, rows = (max(math.ceil((max(each) - min(each)) / resolution_m), 1) for each in (xs, ys))
-    return Grid(min(xs), min(ys), resolution_m, columns, rows)
+    return FieldGrid(min(xs), min(ys), resolution_m, columns, rows)
 
 
-def interpolate(grid: Grid, samples: list[tuple[float, float, float]], radius_m: float) -> np.ndarray:
+def interpolate(grid: FieldGrid, samples: list[tuple[float, float, float]], radius_m: float) -> np.ndarray:
     """
     Return a value for each cell, by row and column; NaN where no sample lies within the radius.
 
@@ -59,10 +56,3 @@ def scaled(values: np.ndarray, lowest: float, highest: float) -> np.ndarray:
     with np.errstate(invalid='ignore'):
         shares = np.clip(np.rint(100.0 * (values - lowest) / (highest - lowest)), 0.0, 100.0)
     return np.where(np.isnan(shares), -1.0, shares).astype(np.int8)
-
-
-def colours_of(values: np.ndarray, lowest: float, highest: float) -> np.ndarray:
-    """Return red, green and blue, from 0 to 1, of each value; one beyond an end has the colour of the end."""
-    stops = np.array([[int(each[at : at + 2], 16) / 255 for at in (0, 2, 4)] for each in VIRIDIS.split()])
-    places = (np.asarray(values, float) - lowest) / (highest - lowest) * (len(stops) - 1)
-    return np.stack([np.interp(places, np.arange(len(stops)), each) for each in stops.T], axis=-1)

@@ -2,12 +2,15 @@
 'use strict';
 // Draws the page of readings from the data in it. The chosen tag is the fragment of the address: #tag=28.
 const data = JSON.parse(document.getElementById('data').textContent);
-const VIRIDIS = ['440154', '482475', '414487', '355f8d', '2a788e', '21918c', '22a884', '44bf70', '7ad151', 'bddf26', 'fde725'];
 const PAPER = { map: [440, 740], tab: [104, 158], chart: [222, 165] };  // pixels in print
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
+const TEXT_HEIGHT = 13;
+const DAY_SECONDS = 86400;
+const ARROW = 'M5 0L-4 -3.5L-4 3.5Z';
 const element = id => document.getElementById(id);
-const by_id = new Map(data.tags.map(tag => [tag.id, tag]));
-const state = { sensor: 0, clock: 'wall', sort: null, is_down: false, is_printed: false };
+const tags_by_id = new Map(data.tags.map(tag => [tag.id, tag]));
+const placed_tags = data.tags.filter(tag => tag.x !== null);
+const state = { sensor: 0, clock: 'wall', sort: null, is_descending: false, is_printed: false };
 const pen = document.createElement('canvas').getContext('2d');
 pen.font = '11px system-ui, sans-serif';
 
@@ -37,21 +40,30 @@ const pieces = (place, texts, is_bad = () => false) => {
     add(piece, 'span', text, is_bad(number) ? 'bad' : '');
   });
 };
+const write = (svg, x, y, text, anchor = 'start') =>
+  draw(svg, 'text', { class: 'muted', x, y, 'text-anchor': anchor }, text);
+const width_of = text => pen.measureText(text).width;
+const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const grouped = number => number.toLocaleString('en');
+const short = (number, digits) => String(Number(number.toPrecision(digits)));
 const pad = number => String(number).padStart(2, '0');
-const clock = ms => { const there = new Date(ms); return [there.getHours(), there.getMinutes(), there.getSeconds()].map(pad).join(':'); };
+const clock = ms => {
+  const there = new Date(ms);
+  return [there.getHours(), there.getMinutes(), there.getSeconds()].map(pad).join(':');
+};
 const date = ms => new Date(ms).toLocaleDateString('en-GB', { day: 'numeric', month: 'short', year: 'numeric' });
 const day_time = seconds => `${pad(Math.floor(seconds / 3600))}:${pad(Math.floor(seconds / 60) % 60)}`;
 const written = (sensor, value) => value.toFixed(sensor.decimals);
 const with_unit = (sensor, value) => `${written(sensor, value)} ${sensor.unit}`.trim();
 const address = tag => `#tag=${encodeURIComponent(tag.id)}`;
 const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
-const failed_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(tag => tag.outcome))];  // one of them is said in the key alone
-const is_one_day = !data.span_ms.length || date(data.span_ms[0]) === date(data.span_ms[1]);
+// If all failures have the same word, it stands in the key and not beside each tag.
+const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(tag => tag.outcome))];
+const is_one_day = new Set(data.span_ms.map(date)).size <= 1;
 
 function chosen_tag() {
   try {
-    return by_id.get(decodeURIComponent(location.hash.replace(/^#tag=/, '')));
+    return tags_by_id.get(decodeURIComponent(location.hash.replace(/^#tag=/, '')));
   } catch {
     return undefined;  // not an address of ours
   }
@@ -59,236 +71,277 @@ function chosen_tag() {
 
 function choose(tag) {
   if (tag) location.hash = address(tag);
-  else { history.replaceState(null, '', location.pathname + location.search); show_chosen(); }
+  else {
+    history.replaceState(null, '', location.pathname + location.search);
+    show_chosen();
+  }
 }
 
 // The head
 
 function write_head() {
   document.title = `Readings of ${data.title}`;
-  const parts = [`${grouped(data.read_count)} of ${grouped(data.tag_count)} tags read`, ...data.counts.map(([word, count]) => `${grouped(count)} ${word}`)];
+  const parts = [`${grouped(data.read_count)} of ${grouped(data.tag_count)} tags read`];
+  parts.push(...data.counts.map(([word, count]) => `${grouped(count)} ${word}`));
   if (data.span_ms.length) {
-    const times = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`);
-    parts.push(times[0] === times[1] ? times[0] : `${times.join(' to ')} (${data.lasting})`);
-    const [from, to] = data.day_span;
-    parts.push(`greenhouse ${[...new Set([from, to].map(day_time))].join(' to ')}${data.days - 1 > (to < from) ? ` over at least ${grouped(data.days)} days` : ''}`);
+    const [from, to] = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`);
+    parts.push(from === to ? from : `${from} to ${to} (${data.duration})`, data.greenhouse_times);
   }
   pieces(document.querySelector('h1'), parts, number => data.counts[number - 1]?.[2]);
-  pieces(element('file'), [data.title, ...data.span_ms.slice(0, 1).map(ms => is_one_day ? date(ms) : ''), `times in ${zone}`, data.speed].filter(Boolean));
-  for (const { word, reason, tags, count } of data.failures) {
-    const line = add(element('failures'), 'li');
-    line.append(count > 1 ? 'Tags ' : 'Tag ');
-    tags.forEach((number, place) => {
-      if (place) line.append(place + 1 < count ? ', ' : ' and ');
-      add(line, 'a', data.tags[number].id).href = address(data.tags[number]);
-    });
-    if (count > tags.length) line.append(` and ${grouped(count - tags.length)} more`);
-    line.append(' ');
-    add(line, 'span', word, 'bad');
-    if (reason) line.append(`: ${reason}`);
-  }
+  const day = is_one_day && data.span_ms.length ? date(data.span_ms[0]) : '';
+  pieces(element('file'), [data.title, day, `times in ${zone}`, data.speed].filter(Boolean));
+  data.failures.forEach(write_failure);
   data.notes.forEach(note => add(element('notes'), 'p', note));
 }
 
-// The map
-
-const limits_of = number => data.sensors[number].range;
-const colour = share => {
-  const place = Math.min(Math.max(share, 0), 1) * (VIRIDIS.length - 1), left = Math.min(Math.floor(place), VIRIDIS.length - 2);
-  const parts = [0, 2, 4].map(at => [left, left + 1].map(n => parseInt(VIRIDIS[n].slice(at, at + 2), 16)));
-  return `rgb(${parts.map(([a, b]) => Math.round(a + (b - a) * (place - left))).join()})`;
-};
-const value_of = (tag, number) => tag.has_failed || !data.sensors.length ? null : tag.values[number];
-const view = (() => {
-  const corners = [data.walls.slice(0, 2), data.walls.slice(2), ...data.route, ...data.tables.flatMap(each => [each.slice(0, 2), each.slice(2)]),
-    ...data.tags.filter(tag => tag.x !== null).map(tag => [tag.x, tag.y])];
-  const side = (axis, sign) => sign * corners.reduce((most, corner) => Math.max(most, sign * corner[axis]), -Infinity);
-  return { x0: side(0, -1), y0: side(1, -1), width: side(0, 1) - side(0, -1), height: side(1, 1) - side(1, -1) };
-})();
-
-function frame_of(width, height, margin) {
-  const scale = Math.max(Math.min((width - margin.left - margin.right) / view.width, (height - margin.top - margin.bottom) / view.height), 1e-6);
-  const wide = view.width * scale, high = view.height * scale;
-  return {
-    scale, width: Math.max(width, 1), height: high + margin.top + margin.bottom,
-    x: x => margin.left + (width - margin.left - margin.right - wide) / 2 + (x - view.x0) * scale,
-    y: y => margin.top + high - (y - view.y0) * scale,
-  };
-}
-
-function draw_ground(svg, frame) {
-  const box = ([x0, y0, x1, y1], name) => draw(svg, 'rect', {
-    x: frame.x(x0), y: frame.y(y1), width: (x1 - x0) * frame.scale, height: (y1 - y0) * frame.scale, class: name });
-  box(data.walls, 'wall');
-  data.tables.forEach(corners => box(corners, 'bench'));
-}
-
-// Returns the points of the route in pixels, one for each few pixels of its length.
-function draw_route(svg, frame) {
-  const way = data.route.map(([x, y]) => [frame.x(x), frame.y(y)]);
-  const steps = [];
-  if (way.length < 2) return steps;
-  draw(svg, 'path', { class: 'route', d: `M${way.map(point => point.map(each => each.toFixed(1)).join()).join('L')}` });
-  const arrows = [];
-  let travelled = 0, last = 0;
-  way.slice(1).forEach(([x, y], number) => {
-    const [from_x, from_y] = way[number], length = Math.hypot(x - from_x, y - from_y), turn = Math.atan2(y - from_y, x - from_x) * 180 / Math.PI;
-    for (let at = 8 - travelled % 8; at < length; at += 8) {
-      steps.push([from_x + (x - from_x) * at / length, from_y + (y - from_y) * at / length]);
-      const [here_x, here_y] = steps.at(-1);
-      if (steps.length - last < 9 || arrows.some(([a, b]) => Math.hypot(a - here_x, b - here_y) < 16)) continue;
-      last = steps.length;
-      arrows.push(steps.at(-1));
-      draw(svg, 'path', { class: 'arrow', d: 'M5 0L-4 -3.5L-4 3.5Z', transform: `translate(${steps.at(-1)}) rotate(${turn})` });
-    }
-    travelled += length;
+function write_failure({ word, reason, tags, count }) {
+  const line = add(element('failures'), 'li');
+  line.append(count > 1 ? 'Tags ' : 'Tag ');
+  tags.forEach((number, place) => {
+    if (place) line.append(place + 1 < count ? ', ' : ' and ');
+    add(line, 'a', data.tags[number].id).href = address(data.tags[number]);
   });
-  const [[start_x, start_y], [end_x, end_y]] = [way[0], way.at(-1)];
-  draw(svg, 'circle', { class: 'end', cx: start_x, cy: start_y, r: 4.5 });
-  draw(svg, 'rect', { class: 'end', x: end_x - 4, y: end_y - 4, width: 8, height: 8 });
-  return steps;
+  if (count > tags.length) line.append(` and ${grouped(count - tags.length)} more`);
+  line.append(' ');
+  add(line, 'span', word, 'bad');
+  if (reason) line.append(`: ${reason}`);
 }
 
-const common = (a, b) => Math.max(Math.min(a[2], b[2]) - Math.max(a[0], b[0]), 0) * Math.max(Math.min(a[3], b[3]) - Math.max(a[1], b[1]), 0);
-const around = (x, y, width, height) => [x - width / 2, y - height / 2, x + width / 2, y + height / 2];
+// Boxes [left, top, right, bottom] and the places of labels
 
-// Returns the box in which a label covers least, and whether it lies too far from its dot to need no line.
-function place_label(x, y, radius, width, height, taken, way, room) {
-  const aside = radius + width / 2 + 4, above = radius + height / 2 + 1;
-  const near = [[aside, 0], [-aside, 0], [0, -above], [0, above], ...[-above, above].flatMap(dy => [[aside / 2, dy], [-aside / 2, dy]]), ...[0.75, -0.75].flatMap(up => [[aside, up * above], [-aside, up * above]])];
-  const far = [[aside + 14, 0], [-aside - 14, 0], ...[1, -1].flatMap(up => [[aside + 6, up * above * 1.7], [-aside - 6, up * above * 1.7], [0, up * above * 2.2]])];
-  const reach = around(x, y, 4 * aside + width, 6 * above + height);
-  const [boxes, points] = [taken, way].map(each => each.filter(box => common(reach, box) > 0));
-  let best = null;
-  [...near, ...far].forEach(([dx, dy], number) => {
-    const box = around(x + dx, y + dy, width, height), area = width * height;
-    const covered = boxes.reduce((sum, each) => sum + common(box, each), 0);
-    const cost = covered + 5 * points.reduce((sum, each) => sum + common(box, each), 0) + 2 * (area - common(box, room)) + number * 0.01 * area;
-    if (!best || cost < best.cost) best = { box, cost, covered, is_far: number >= near.length };
+const around = (x, y, width, height) => [x - width / 2, y - height / 2, x + width / 2, y + height / 2];
+const common = (a, b) => Math.max(Math.min(a[2], b[2]) - Math.max(a[0], b[0]), 0)
+  * Math.max(Math.min(a[3], b[3]) - Math.max(a[1], b[1]), 0);
+
+// Returns the box beside a dot in which a label covers least, how much it covers there, and whether it
+// is so far from the dot that it needs a line. A label may cross the `route`, if it must.
+function place_label(x, y, radius, width, { taken, room, route = [], most_places = Infinity }) {
+  const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1;
+  const mirrored = (dx, dy) => [[dx, dy], [-dx, dy], [dx, -dy], [-dx, -dy]];
+  const near = [
+    [aside, 0], [-aside, 0], [0, -above], [0, above],
+    ...mirrored(aside / 2, -above), ...mirrored(aside, 0.75 * above),
+  ];
+  const far = [
+    [aside + 14, 0], [-aside - 14, 0], ...mirrored(aside + 6, 1.7 * above), [0, 2.2 * above], [0, -2.2 * above],
+  ];
+  const reach = around(x, y, 4 * aside + width, 6 * above + TEXT_HEIGHT);
+  const [boxes, steps] = [taken, route].map(each => each.filter(box => common(reach, box) > 0));
+  const shared_with = (box, others) => others.reduce((sum, other) => sum + common(box, other), 0);
+  let best = { cost: Infinity };
+  [...near, ...far].slice(0, most_places).forEach(([dx, dy], number) => {
+    const box = around(x + dx, y + dy, width, TEXT_HEIGHT), area = width * TEXT_HEIGHT;
+    const covered = shared_with(box, boxes), outside = area - common(box, room);
+    const cost = covered + 5 * shared_with(box, steps) + 2 * outside + number * 0.01 * area;
+    if (cost < best.cost) best = { box, cost, covered, outside, is_far: number >= near.length };
   });
   return best;
 }
 
+const write_label = (parent, box, className, text = '') =>
+  draw(parent, 'text', { class: className, x: (box[0] + box[2]) / 2, y: box[3] - 3, 'text-anchor': 'middle' }, text);
+const draw_leader = (parent, x, y, [left, top, right, bottom]) =>
+  draw(parent, 'line', { class: 'leader', x1: x, y1: y, x2: clamp(x, left, right), y2: clamp(y, top, bottom) });
+
+// The map
+
+const view = (() => {
+  const boxes = [data.walls, ...data.tables];
+  const points = [...boxes.flatMap(each => [each.slice(0, 2), each.slice(2)]), ...data.route,
+    ...placed_tags.map(tag => [tag.x, tag.y])];
+  const [x0, y0] = [0, 1].map(axis => points.reduce((least, point) => Math.min(least, point[axis]), Infinity));
+  const [x1, y1] = [0, 1].map(axis => points.reduce((most, point) => Math.max(most, point[axis]), -Infinity));
+  return { x0, y0, x1, y1, width: x1 - x0, height: y1 - y0 };
+})();
+
+function frame_of(width, height, margin) {
+  const inner_width = width - margin.left - margin.right;
+  const fitting = Math.min(inner_width / view.width, (height - margin.top - margin.bottom) / view.height);
+  const scale = Math.max(fitting, 1e-6), high = view.height * scale;
+  return {
+    scale, width: Math.max(width, 1), height: high + margin.top + margin.bottom,
+    x: x => margin.left + (inner_width - view.width * scale) / 2 + (x - view.x0) * scale,
+    y: y => margin.top + high - (y - view.y0) * scale,
+  };
+}
+
+function draw_ground(svg, { x, y, scale }) {
+  const box = ([x0, y0, x1, y1], name) => draw(svg, 'rect', {
+    class: name, x: x(x0), y: y(y1), width: (x1 - x0) * scale, height: (y1 - y0) * scale,
+  });
+  box(data.walls, 'wall');
+  data.tables.forEach(corners => box(corners, 'bench'));
+}
+
+function draw_route(svg, { x, y }) {
+  if (data.route.length < 2) return;
+  draw(svg, 'path', { class: 'route', d: path_of(data.route.map(point => [x(point[0]), y(point[1])])) });
+  for (const [at_x, at_y, heading] of data.arrows) {
+    const turn = `translate(${x(at_x)} ${y(at_y)}) rotate(${-heading * 180 / Math.PI})`;
+    draw(svg, 'path', { class: 'arrow', d: ARROW, transform: turn });
+  }
+  const [start, end] = [data.route[0], data.route.at(-1)].map(point => [x(point[0]), y(point[1])]);
+  draw(svg, 'circle', { class: 'end', cx: start[0], cy: start[1], r: 4.5 });
+  draw(svg, 'rect', { class: 'end', x: end[0] - 4, y: end[1] - 4, width: 8, height: 8 });
+}
+
 function draw_map() {
   const place = element('map'), number = state.sensor, sensor = data.sensors[number];
-  const size = state.is_printed ? PAPER.map : [place.clientWidth, innerWidth < 704 ? Infinity : Math.max(innerHeight - place.getBoundingClientRect().top - scrollY - 62, 460)];
-  const frame = frame_of(...size, { left: 40, right: 12, top: 6, bottom: 34 });
-  const svg = drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': 'Map of the greenhouse. The arrow keys choose the next tag.' });
-  const room = [frame.x(view.x0), frame.y(view.y0 + view.height), frame.x(view.x0 + view.width), frame.y(view.y0)];
+  const free_height = innerHeight - place.getBoundingClientRect().top - scrollY - 62;
+  const on_screen = [place.clientWidth, innerWidth < 704 ? Infinity : Math.max(free_height, 460)];
+  const frame = frame_of(...state.is_printed ? PAPER.map : on_screen, { left: 40, right: 12, top: 6, bottom: 34 });
+  const svg = drawing(place, frame.width, frame.height, {
+    role: 'group', 'aria-label': 'Map of the greenhouse. The arrow keys choose the next tag.',
+  });
+  const room = [frame.x(view.x0), frame.y(view.y1), frame.x(view.x1), frame.y(view.y0)];
   draw_axes(svg, frame, room);
   draw_ground(svg, frame);
-  const way = draw_route(svg, frame).map(point => around(...point, 4, 4));
-  const tags = data.tags.filter(tag => tag.x !== null).map(tag => ({ tag, x: frame.x(tag.x), y: frame.y(tag.y) }));
-  const gap = tags.slice(0, 400).reduce((least, one, n) => tags.slice(n + 1, 400).reduce(
-    (low, other) => Math.hypot(one.x - other.x, one.y - other.y) > 1 ? Math.min(low, Math.hypot(one.x - other.x, one.y - other.y)) : low, least), Infinity);
-  const radius = Math.min(Math.max(gap / 2 - 1, 2.5), 9);
-  const radius_of = tag => tag.has_failed || value_of(tag, number) !== null ? radius : Math.min(radius, 4.5);
-  const extremes = (sensor?.extremes ?? []).flatMap(([, numbers]) => numbers.map(each => data.tags[each])), ring_of = tag => radius_of(tag) + (extremes.includes(tag) ? 3 : 0);
-  const taken = tags.map(({ tag, x, y }) => around(x, y, 2 * ring_of(tag), 2 * ring_of(tag)));
-  if (data.route.length > 1) {
-    const [start, end] = [data.route[0], data.route.at(-1)].map(([x, y]) => [frame.x(x), frame.y(y)]);
-    for (const [word, [x, y]] of Math.hypot(start[0] - end[0], start[1] - end[1]) < 8 ? [['start and end', start]] : [['start', start], ['end', end]]) {
-      const { box } = place_label(x, y, 5, pen.measureText(word).width + 16, 13, taken, way, room);
-      taken.push(around(x, y, 10, 10), box);
-      draw(svg, 'text', { class: 'muted halo', x: (box[0] + box[2]) / 2, y: box[3] - 3, 'text-anchor': 'middle' }, word);
-    }
+  draw_route(svg, frame);
+  const value_of = tag => tag.values[number] ?? null;
+  const extremes = new Set(sensor?.extremes.flatMap(([, numbers]) => numbers.map(each => data.tags[each])));
+  const largest = radius_between(placed_tags.map(tag => [frame.x(tag.x), frame.y(tag.y)]));
+  const dots = placed_tags.map(tag => {
+    const is_large = tag.has_failed || value_of(tag) !== null;
+    const radius = is_large ? largest : Math.min(largest, 4.5), ringed = radius + (extremes.has(tag) ? 3 : 0);
+    return { tag, x: frame.x(tag.x), y: frame.y(tag.y), radius, ringed, urgency: is_large + tag.has_failed };
+  });
+  const boxes = {
+    taken: dots.map(({ x, y, ringed }) => around(x, y, 2 * ringed, 2 * ringed)), room,
+    route: data.route_steps.map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)),
+  };
+  for (const [word, [x, y]] of Object.entries(data.route_ends)) {
+    const { box } = place_label(frame.x(x), frame.y(y), 5, width_of(word) + 16, boxes);
+    boxes.taken.push(around(frame.x(x), frame.y(y), 10, 10), box);
+    write_label(svg, box, 'muted halo', word);
   }
-  const limits = sensor ? limits_of(number) : [0, 1];
-  const urgent = ({ tag }) => tag.has_failed ? 0 : value_of(tag, number) !== null ? 1 : 2;
   const leaders = draw(svg, 'g');
-  for (const { tag, x, y } of [...tags].sort((one, other) => urgent(one) - urgent(other))) {
-    const value = value_of(tag, number), mine = radius_of(tag);
-    const group = draw(svg, 'a', { href: address(tag), 'data-tag': tag.id, tabindex: -1, class: tag.has_failed ? 'failed' : '' });
-    draw(group, 'title', {}, hover_of(tag));  // its name for a screen reader, too
-    if (extremes.includes(tag)) draw(group, 'circle', { class: 'extreme', cx: x, cy: y, r: mine + 3 });
-    draw(group, 'circle', { class: 'ring', cx: x, cy: y, r: mine + 3 });
-    if (tag.has_failed) {
-      draw(group, 'circle', { class: 'dot empty', cx: x, cy: y, r: mine });
-      const arm = mine * 0.5;
-      draw(group, 'path', { class: 'cross', d: `M${x - arm} ${y - arm}L${x + arm} ${y + arm}M${x - arm} ${y + arm}L${x + arm} ${y - arm}` });
-    } else if (value === null) draw(group, 'circle', { class: 'dot empty', cx: x, cy: y, r: mine });
-    else draw(group, 'circle', { class: 'dot', cx: x, cy: y, r: mine, fill: colour((value - limits[0]) / (limits[1] - limits[0])) });
-    const mark = value === null ? '' : value > limits[1] ? ' ▲' : value < limits[0] ? ' ▼' : '';
-    const text = value === null ? tag.has_failed ? failed_words.length > 1 ? ` ${tag.outcome}` : '' : '' : `: ${written(sensor, value)}${mark}`;
-    const width = pen.measureText(tag.id + text).width + Math.min(tag.id.length, 12) + 6;
-    const { box, covered, is_far } = place_label(x, y, ring_of(tag), width, 13, taken, way, room);
-    if (covered > 0.12 * width * 13) continue;
-    taken.push(box);
-    if (is_far) draw(leaders, 'line', { class: 'leader', x1: x, y1: y, x2: Math.min(Math.max(x, box[0]), box[2]), y2: Math.min(Math.max(y, box[1]), box[3]) });
-    const label = draw(group, 'text', { class: urgent({ tag }) === 2 ? 'muted halo' : 'halo', x: (box[0] + box[2]) / 2, y: box[3] - 3, 'text-anchor': 'middle' });
-    draw(label, 'tspan', { class: urgent({ tag }) === 2 ? '' : 'id' }, tag.id);
-    if (text) draw(label, 'tspan', {}, text);
-  }
-  draw_scale(frame.width, limits);
+  dots.sort((one, other) => other.urgency - one.urgency);
+  for (const dot of dots) draw_tag(svg, leaders, dot, value_of(dot.tag), boxes);
+  draw_scale(frame.width);
   show_chosen();
 }
 
-function draw_axes(svg, frame, room) {
-  const step = nice_step(60 / frame.scale);
-  const ticks = (from, to) => Array.from({ length: Math.floor(to / step) - Math.ceil(from / step) + 1 }, (_, n) => (Math.ceil(from / step) + n) * step);
-  for (const x of ticks(view.x0, view.x0 + view.width)) draw(svg, 'text', { class: 'muted', x: frame.x(x), y: room[3] + 15, 'text-anchor': 'middle' }, String(Number(x.toPrecision(6))));
-  for (const y of ticks(view.y0, view.y0 + view.height)) draw(svg, 'text', { class: 'muted', x: room[0] - 7, y: frame.y(y) + 4, 'text-anchor': 'end' }, String(Number(y.toPrecision(6))));
-  draw(svg, 'text', { class: 'muted', x: (room[0] + room[2]) / 2, y: room[3] + 30, 'text-anchor': 'middle' }, 'x (m)');
-  draw(svg, 'text', { class: 'muted', transform: `translate(${room[0] - 30} ${(room[1] + room[3]) / 2}) rotate(-90)`, 'text-anchor': 'middle' }, 'y (m)');
+// Returns the radius of dots at these points: those that are closest just do not touch each other.
+function radius_between(points) {
+  let gap = Infinity;
+  points.slice(0, 400).forEach(([x, y], n) => {
+    for (const [other_x, other_y] of points.slice(n + 1, 400)) {
+      const distance = Math.hypot(x - other_x, y - other_y);
+      if (distance > 1) gap = Math.min(gap, distance);
+    }
+  });
+  return clamp(gap / 2 - 1, 2.5, 9);
 }
 
-function draw_scale(width, limits) {
-  const sensor = data.sensors[state.sensor], svg = drawing(element('scale'), width, 46, { role: 'img', 'aria-label': sensor ? `Colours from ${limits.map(each => with_unit(sensor, each)).join(' to ')}` : 'Key of the map' });
-  let x = 12;
-  const key = (shape, text) => {
-    shape(x, 38);
-    draw(svg, 'text', { class: 'muted', x: x + 12, y: 42 }, text);
-    x += pen.measureText(text).width + 30;
-  };
-  if (sensor) {
-    const fill = draw(draw(svg, 'defs'), 'linearGradient', { id: 'viridis' });
-    VIRIDIS.forEach((each, n) => draw(fill, 'stop', { offset: n / (VIRIDIS.length - 1), 'stop-color': `#${each}` }));
-    const wide = Math.max(Math.min(width - 130, 260), 40);
-    const label = (at, text, anchor) => draw(svg, 'text', { class: 'muted', x: at, y: 14, 'text-anchor': anchor }, text);
-    const low = String(Number(limits[0].toPrecision(4)));
-    const from = 40 + pen.measureText(low).width;
-    label(from - 6, low, 'end');
-    draw(svg, 'rect', { x: from, y: 4, width: wide, height: 12, fill: 'url(#viridis)' });
-    label(from + wide + 6, `${Number(limits[1].toPrecision(4))} ${sensor.unit}`, 'start');
-    const outside = data.tags.map(tag => value_of(tag, state.sensor)).filter(value => value !== null && (value < limits[0] || value > limits[1])).length;
-    if (outside) key(() => {}, `▲ above, ▼ below the scale: ${outside}`);
-  }
-  if (failed_words.length) key((at, y) => draw(svg, 'path', { class: 'cross', d: `M${at - 4} ${y - 4}l8 8m-8 0l8 -8` }), failed_words.length > 1 ? 'not read' : failed_words[0]);
-  key((at, y) => draw(svg, 'circle', { class: 'dot empty', cx: at, cy: y, r: 4.5 }), sensor ? `no ${sensor.name}` : 'tag');
-  if (data.tables.length) key((at, y) => draw(svg, 'rect', { class: 'bench', x: at - 5, y: y - 5, width: 10, height: 10 }), 'table');
-  if (data.route.length > 1) key((at, y) => { draw(svg, 'path', { class: 'route', d: `M${at - 7} ${y}h14` }); draw(svg, 'path', { class: 'arrow', d: 'M5 0L-4 -3.5L-4 3.5Z', transform: `translate(${at} ${y})` }); }, 'route');
+function draw_tag(svg, leaders, { tag, x, y, radius, ringed, urgency }, value, boxes) {
+  const group = draw(svg, 'a', {
+    class: tag.has_failed ? 'failed' : '', href: address(tag), 'data-tag': tag.id, tabindex: -1,
+  });
+  const circle = (className, r, more) => draw(group, 'circle', { class: className, cx: x, cy: y, r, ...more });
+  draw(group, 'title', {}, hover_of(tag));  // its name for a screen reader, too
+  if (ringed > radius) circle('extreme', ringed);
+  circle('ring', radius + 3);
+  if (value === null) circle('dot empty', radius);
+  else circle('dot', radius, { fill: tag.colours[state.sensor] });
+  if (tag.has_failed) draw(group, 'path', { class: 'cross', d: cross_at(x, y, radius / 2) });
+  const text = label_of(tag, value), width = width_of(tag.id + text) + Math.min(tag.id.length, 12) + 6;
+  const { box, covered, is_far } = place_label(x, y, ringed, width, boxes);
+  if (covered > 0.12 * width * TEXT_HEIGHT) return;
+  boxes.taken.push(box);
+  if (is_far) draw_leader(leaders, x, y, box);
+  const label = write_label(group, box, urgency ? 'halo' : 'muted halo');
+  draw(label, 'tspan', { class: urgency ? 'id' : '' }, tag.id);
+  if (text) draw(label, 'tspan', {}, text);
 }
+
+function label_of(tag, value) {
+  if (tag.has_failed) return failure_words.length > 1 ? ` ${tag.outcome}` : '';
+  if (value === null) return '';
+  const sensor = data.sensors[state.sensor], [low, high] = sensor.limits;
+  return `: ${written(sensor, value)}${value > high ? ' ▲' : value < low ? ' ▼' : ''}`;
+}
+
+const cross_at = (x, y, arm) => `M${x - arm} ${y - arm}l${2 * arm} ${2 * arm}m${-2 * arm} 0l${2 * arm} ${-2 * arm}`;
+
+function draw_axes(svg, frame, [left, top, right, bottom]) {
+  const step = nice_step(60 / frame.scale);
+  for (const x of ticks_of(view.x0, view.x1, step)) write(svg, frame.x(x), bottom + 15, short(x, 6), 'middle');
+  for (const y of ticks_of(view.y0, view.y1, step)) write(svg, left - 7, frame.y(y) + 4, short(y, 6), 'end');
+  write(svg, (left + right) / 2, bottom + 30, 'x (m)', 'middle');
+  const turned = draw(svg, 'g', { transform: `translate(${left - 30} ${(top + bottom) / 2}) rotate(-90)` });
+  write(turned, 0, 0, 'y (m)', 'middle');
+}
+
+function draw_scale(width) {
+  const sensor = data.sensors[state.sensor];
+  const limits = sensor?.limits.map(each => with_unit(sensor, each)).join(' to ');
+  const name = sensor ? `Colours from ${limits}` : 'Key of the map';
+  const svg = drawing(element('scale'), width, 46, { role: 'img', 'aria-label': name });
+  if (sensor) draw_colours(svg, width, sensor);
+  let x = 12;
+  const key = (text, shape, attributes) => {
+    if (shape) draw(svg, shape, { transform: `translate(${x} 38)`, ...attributes });
+    write(svg, x + 12, 42, text);
+    x += width_of(text) + 30;
+  };
+  const values = sensor ? data.tags.map(tag => tag.values[state.sensor]).filter(value => value !== null) : [];
+  const outside = values.filter(value => value < sensor.limits[0] || value > sensor.limits[1]).length;
+  if (outside) key(`▲ above, ▼ below the scale: ${outside}`);
+  const failed = failure_words.length > 1 ? 'not read' : failure_words[0];
+  if (failed) key(failed, 'path', { class: 'cross', d: cross_at(0, 0, 4) });
+  key(sensor ? `no ${sensor.name}` : 'tag', 'circle', { class: 'dot empty', r: 4.5 });
+  if (data.tables.length) key('table', 'rect', { class: 'bench', x: -5, y: -5, width: 10, height: 10 });
+  if (data.route.length > 1) {
+    draw(svg, 'path', { class: 'route', d: `M${x - 7} 38h14` });
+    key('route', 'path', { class: 'arrow', d: ARROW });
+  }
+}
+
+function draw_colours(svg, width, sensor) {
+  const gradient = draw(draw(svg, 'defs'), 'linearGradient', { id: 'colours' });
+  data.colours.forEach((colour, n) => {
+    draw(gradient, 'stop', { offset: n / (data.colours.length - 1), 'stop-color': colour });
+  });
+  const [low, high] = sensor.limits.map(each => short(each, 4));
+  const bar = clamp(width - 130, 40, 260), left = 40 + width_of(low);
+  write(svg, left - 6, 14, low, 'end');
+  draw(svg, 'rect', { x: left, y: 4, width: bar, height: 12, fill: 'url(#colours)' });
+  write(svg, left + bar + 6, 14, `${high} ${sensor.unit}`);
+}
+
+// The tabs: a small map of each sensor
 
 function draw_tabs() {
   element('tabs').replaceChildren();
   const tabs = data.sensors.map(() => add(element('tabs'), 'button'));  // all, before one is measured
-  tabs.forEach((tab, number) => {
-    const sensor = data.sensors[number];
-    tab.type = 'button';
-    tab.setAttribute('role', 'tab');
-    tab.setAttribute('aria-controls', 'panel');
-    tab.addEventListener('click', () => pick(number));
-    add(tab, 'b', sensor.name);
-    const frame = frame_of(...state.is_printed ? PAPER.tab : [Math.max(tab.clientWidth - 12, 20), 170], { left: 2, right: 2, top: 2, bottom: 2 });
-    const svg = draw(tab, 'svg', { width: frame.width, height: frame.height, 'aria-hidden': true });
-    draw_ground(svg, frame);
-    const limits = limits_of(number), radius = Math.max(Math.min(frame.scale * 0.22, 6), 1.5);
-    for (const tag of data.tags.filter(each => each.x !== null)) {
-      const value = value_of(tag, number), [cx, cy] = [frame.x(tag.x), frame.y(tag.y)], arm = radius * 0.8;
-      if (value !== null) draw(svg, 'circle', { cx, cy, r: radius, stroke: 'currentColor', 'stroke-width': 0.7, fill: colour((value - limits[0]) / (limits[1] - limits[0])) });
-      else if (tag.has_failed) draw(svg, 'path', { class: 'cross thin', d: `M${cx - arm} ${cy - arm}l${2 * arm} ${2 * arm}m${-2 * arm} 0l${2 * arm} ${-2 * arm}` });
-    }
-    const values = data.tags.map(tag => value_of(tag, number)).filter(value => value !== null);
-    const ends = new Set(values.length ? [Math.min(...values), Math.max(...values)].map(value => written(sensor, value)) : ['no value']);
-    add(tab, 'span', `${[...ends].join(' to ')} ${values.length ? sensor.unit : ''}`.trim());
-    if (state.is_printed) {
-      const key = add(tab, 'span', `${+limits[0].toPrecision(3)} `, 'key');
-      add(key, 'i').style.background = `linear-gradient(to right, ${[0, 0.25, 0.5, 0.75, 1].map(colour)})`;
-      key.append(` ${+limits[1].toPrecision(3)}`);
-    }
-    for (const [text] of sensor.extremes) add(tab, 'span', text.replace(/ (?=\S+ at )/, '\u00a0'), 'extremes');  // on paper
-  });
+  tabs.forEach((tab, number) => draw_tab(tab, data.sensors[number], number));
   mark_tab();
+}
+
+function draw_tab(tab, sensor, number) {
+  tab.type = 'button';
+  tab.setAttribute('role', 'tab');
+  tab.setAttribute('aria-controls', 'panel');
+  tab.addEventListener('click', () => pick(number));
+  add(tab, 'b', sensor.name);
+  const size = state.is_printed ? PAPER.tab : [Math.max(tab.clientWidth - 12, 20), 170];
+  const frame = frame_of(...size, { left: 2, right: 2, top: 2, bottom: 2 });
+  const svg = draw(tab, 'svg', { width: frame.width, height: frame.height, 'aria-hidden': true });
+  draw_ground(svg, frame);
+  const r = clamp(frame.scale * 0.22, 1.5, 6);
+  for (const tag of placed_tags) {
+    const [cx, cy] = [frame.x(tag.x), frame.y(tag.y)], fill = tag.colours[number];
+    if (tag.has_failed) draw(svg, 'path', { class: 'cross thin', d: cross_at(cx, cy, r * 0.8) });
+    else if (fill) draw(svg, 'circle', { cx, cy, r, fill, stroke: 'currentColor', 'stroke-width': 0.7 });
+  }
+  add(tab, 'span', sensor.value_range);
+  if (state.is_printed) {
+    const [low, high] = sensor.limits.map(each => short(each, 3)), key = add(tab, 'span', `${low} `, 'key');
+    add(key, 'i').style.background = `linear-gradient(to right, ${data.colours})`;
+    key.append(` ${high}`);
+  }
+  const unbroken = text => text.replace(/ (?=\S+ at )/, '\u00a0');
+  for (const [text] of sensor.extremes) add(tab, 'span', unbroken(text), 'extremes');  // on paper
 }
 
 function mark_tab() {
@@ -298,8 +351,7 @@ function mark_tab() {
   });
   const sensor = data.sensors[state.sensor];
   element('shown').textContent = sensor ? sensor.label : 'No tag was read';
-  const words = sensor?.extremes.map(([text]) => text) ?? [];
-  pieces(element('extremes'), words.map((text, n) => n ? text : `ringed: ${text}`));
+  pieces(element('extremes'), (sensor?.extremes ?? []).map(([text], n) => n ? text : `ringed: ${text}`));
 }
 
 function pick(number) {
@@ -310,71 +362,82 @@ function pick(number) {
 
 // The table
 
-const hover_of = tag => [`tag ${tag.id}: ${tag.outcome}${tag.reason ? ` (${tag.reason})` : ''}`,
-  ...data.sensors.flatMap((sensor, n) => tag.values[n] === null || tag.has_failed ? [] : [`${sensor.name} ${with_unit(sensor, tag.values[n])}`]),
-  ...tag.stamp_ms === null ? [] : [`${clock(tag.stamp_ms)} (greenhouse ${day_time(tag.time_of_day)})`],
-  ...tag.attempts > 1 ? [`${tag.attempts} attempts`] : []].join(' · ');
+const facts_of = tag => [
+  `tag ${tag.id}: ${tag.outcome}${tag.reason ? ` (${tag.reason})` : ''}`,
+  ...data.sensors.map((sensor, n) => tag.values[n] === null ? '' : `${sensor.name} ${with_unit(sensor, tag.values[n])}`),
+  tag.stamp_ms === null ? '' : `${clock(tag.stamp_ms)} (greenhouse ${day_time(tag.time_of_day)})`,
+  tag.attempts > 1 ? `${tag.attempts} attempts` : '',
+].filter(Boolean);
+const hover_of = tag => facts_of(tag).join(' · ');
 
 const dates = new Set(data.tags.filter(tag => tag.stamp_ms !== null).map(tag => date(tag.stamp_ms)));
 const has_attempts = data.tags.some(tag => tag.attempts > 1);
+// What a column shows, and by what it sorts. A failed tag has its reason in place of the numbers.
 const columns = [
-  { name: 'tag', of: (tag, n) => n },
-  { name: 'outcome', of: tag => tag.outcome },
-  ...data.sensors.map((sensor, n) => ({ name: sensor.name, unit: sensor.unit, of: tag => value_of(tag, n), is_number: true })),
-  { name: 'time', unit: dates.size === 1 ? [...dates][0] : '', of: tag => tag.stamp_ms, is_number: true },
-  { name: 'greenhouse', unit: 'time of day', of: tag => tag.time_of_day, is_number: true },
-  ...has_attempts ? [{ name: 'attempts', of: tag => tag.attempts, is_number: true }] : [],
+  { name: 'tag', key: tag => tag.number },
+  { name: 'outcome', key: tag => tag.outcome },
+  ...data.sensors.map((sensor, n) => ({
+    name: sensor.name, unit: sensor.unit, key: tag => tag.values[n], text: value => written(sensor, value),
+  })),
+  {
+    name: 'time', unit: dates.size === 1 ? [...dates][0] : '', key: tag => tag.stamp_ms,
+    text: ms => `${dates.size > 1 ? `${date(ms)} ` : ''}${clock(ms)}`,
+  },
+  { name: 'greenhouse', unit: 'time of day', key: tag => tag.time_of_day, text: day_time },
+  ...has_attempts ? [{ name: 'attempts', key: tag => tag.attempts, text: String }] : [],
 ];
 
 function write_table() {
-  const head = add(add(document.querySelector('table'), 'thead'), 'tr');
+  const table = document.querySelector('table'), head = add(add(table, 'thead'), 'tr');
   columns.forEach((column, number) => {
-    const cell = add(head, 'th', '', column.is_number ? 'number' : '');
+    const cell = add(head, 'th', '', column.text ? 'number' : '');
     cell.scope = 'col';
     const button = add(cell, 'button', column.name);
     button.type = 'button';
     if (column.unit) add(cell, 'small', column.unit);
     button.addEventListener('click', () => {
-      state.is_down = state.sort === number && !state.is_down;
+      state.is_descending = state.sort === number && !state.is_descending;
       state.sort = number;
       [...head.children].forEach(each => each.removeAttribute('aria-sort'));
-      cell.setAttribute('aria-sort', state.is_down ? 'descending' : 'ascending');
+      cell.setAttribute('aria-sort', state.is_descending ? 'descending' : 'ascending');
       sort_table();
     });
   });
-  const body = add(document.querySelector('table'), 'tbody');
-  data.tags.forEach((tag, number) => {
-    tag.number = number;
-    tag.row = add(body, 'tr', '', tag.has_failed ? 'failed' : '');
-    const first = add(tag.row, 'th');
-    first.scope = 'row';
-    first.title = tag.id;
-    add(first, 'a', tag.id).href = address(tag);
-    add(tag.row, 'td', tag.outcome);
-    if (tag.has_failed) {
-      const cell = add(tag.row, 'td', '', 'reason');
-      cell.colSpan = data.sensors.length + 2;
-      add(cell, 'div', tag.reason);
-    } else {
-      const times = tag.stamp_ms === null ? ['', ''] : [`${dates.size > 1 ? `${date(tag.stamp_ms)} ` : ''}${clock(tag.stamp_ms)}`, day_time(tag.time_of_day)];
-      const values = data.sensors.map((sensor, n) => tag.values[n] === null ? '' : written(sensor, tag.values[n]));
-      [...values, ...times].forEach(text => add(tag.row, 'td', text, 'number'));
-    }
-    if (has_attempts) add(tag.row, 'td', tag.attempts ?? '', 'number');
-    tag.row.addEventListener('click', () => choose(tag));
-  });
+  const body = add(table, 'tbody');
+  data.tags.forEach((tag, number) => write_row(body, tag, number));
   const search = document.querySelector('input[type=search]');
   search.hidden = data.tags.length <= 50;
-  search.addEventListener('input', () => data.tags.forEach(tag => { tag.row.hidden = !tag.id.toLowerCase().includes(search.value.toLowerCase()); }));
+  search.addEventListener('input', () => {
+    for (const tag of data.tags) tag.row.hidden = !tag.id.toLowerCase().includes(search.value.toLowerCase());
+  });
+}
+
+function write_row(body, tag, number) {
+  tag.number = number;
+  tag.row = add(body, 'tr', '', tag.has_failed ? 'failed' : '');
+  const first = add(tag.row, 'th');
+  first.scope = 'row';
+  first.title = tag.id;
+  add(first, 'a', tag.id).href = address(tag);
+  add(tag.row, 'td', tag.outcome);
+  if (tag.has_failed) {
+    const cell = add(tag.row, 'td', '', 'reason');
+    cell.colSpan = data.sensors.length + 2;
+    add(cell, 'div', tag.reason);
+  }
+  for (const { key, text } of columns.slice(tag.has_failed ? data.sensors.length + 4 : 2)) {
+    add(tag.row, 'td', key(tag) === null ? '' : text(key(tag)), 'number');
+  }
+  tag.row.addEventListener('click', () => choose(tag));
 }
 
 function sort_table() {
-  const { of } = columns[state.sort], sign = state.is_down ? -1 : 1;
+  const { key } = columns[state.sort], sign = state.is_descending ? -1 : 1;
   const compare = (one, other) => {
     if (one.has_failed !== other.has_failed) return one.has_failed ? -1 : 1;
-    const [a, b] = [one, other].map(tag => of(tag, tag.number) ?? null);
-    if (a === null || b === null) return (a === null) - (b === null) || one.number - other.number;
-    return sign * (a < b ? -1 : a > b ? 1 : 0) || one.number - other.number;
+    const [a, b] = [one, other].map(key);
+    if (a === b || a === null || b === null) return (a === null) - (b === null) || one.number - other.number;
+    return a < b ? -sign : sign;
   };
   document.querySelector('tbody').append(...[...data.tags].sort(compare).map(tag => tag.row));
 }
@@ -385,99 +448,145 @@ const nice_step = least => {
   const power = 10 ** Math.floor(Math.log10(least));
   return [1, 2, 5, 10].map(each => each * power).find(each => each >= least * 0.999);
 };
-const WALL_STEPS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400].map(each => each * 1000);
+const ticks_of = (low, high, step) => {
+  const first = Math.ceil(low / step - 1e-9), count = Math.floor(high / step + 1e-9) - first + 1;
+  return Array.from({ length: Math.max(count, 0) }, (_, n) => (first + n) * step);
+};
+const WALL_STEPS_MS = [
+  1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, DAY_SECONDS,
+].map(seconds => seconds * 1000);
+const DAY_MS = DAY_SECONDS * 1000;
 
 function wall_axis(width) {
   const [first, last] = data.span_ms, slack = Math.max((last - first) * 0.01, 250);
   const [low, high] = [first - slack, last + slack], least = (high - low) / Math.max(width / 64, 1);
-  const step = WALL_STEPS.find(each => each >= least) ?? Math.ceil(least / 86400000) * 86400000;
-  const offset = new Date(first).getTimezoneOffset() * 60000, ticks = [];
-  for (let at = Math.ceil((low - offset) / step) * step + offset; at <= high; at += step) ticks.push(at);
-  if (ticks.length < 2) ticks.splice(0, 1, first, last);
-  const text = ms => step >= 86400000 ? date(ms).slice(0, -5) : step < 60000 ? clock(ms) : clock(ms).slice(0, 5);
-  return { low, high, ticks, text, start: first };
+  const step = WALL_STEPS_MS.find(each => each >= least) ?? Math.ceil(least / DAY_MS) * DAY_MS;
+  const offset = new Date(first).getTimezoneOffset() * 60000;
+  const ticks = ticks_of(low - offset, high - offset, step).map(at => at + offset);
+  const text = ms => step >= DAY_MS ? date(ms).slice(0, -5) : clock(ms).slice(0, step < 60000 ? 8 : 5);
+  return { low, high, ticks: ticks.length < 2 ? [first, last] : ticks, text, start: first };
 }
 
-const day_axis = width => ({ low: 0, high: 86400, start: 0, text: day_time, ticks: Array.from({ length: width < 330 ? 5 : 9 }, (_, n) => n * (width < 330 ? 21600 : 10800)) });
+function day_axis(width) {
+  const ticks = ticks_of(0, DAY_SECONDS, width < 330 ? 21600 : 10800);
+  return { low: 0, high: DAY_SECONDS, ticks, text: day_time, start: 0 };
+}
+
+// Returns the ticks of the values, and with how many decimals they are written.
+function value_axis(sensor, height) {
+  let least = Infinity, greatest = -Infinity;
+  for (const line of sensor.lines) {
+    for (const [, value, low, high] of [...line.wall, ...line.day]) {  // both, so that the switch keeps the scale
+      least = Math.min(least, low ?? value);
+      greatest = Math.max(greatest, high ?? value);
+    }
+  }
+  const least_step = Math.max((greatest - least) / (height / 40), Math.abs(greatest) * 1e-6, 10 ** -sensor.decimals);
+  const step = nice_step(least_step), spare = least === greatest ? 1 : 0;
+  const bottom = (Math.floor(least / step) - spare) * step, top = (Math.ceil(greatest / step) + spare) * step;
+  const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  return { bottom, top, ticks: ticks_of(bottom, top, step), text: value => value.toFixed(decimals) };
+}
 
 function draw_charts() {
-  const grid = element('figures');
-  grid.replaceChildren();
+  element('figures').replaceChildren();
   const figures = data.sensors.filter(sensor => sensor.lines.length).map(sensor => {
-    const figure = add(grid, 'figure'), caption = add(figure, 'figcaption');
+    const figure = add(element('figures'), 'figure'), caption = add(figure, 'figcaption');
     add(caption, 'b', sensor.label);
     return [sensor, add(figure, 'div', '', 'charting'), add(caption, 'span')];  // all, before one is measured
   });
   figures.forEach(([sensor, place, readout]) => draw_chart(sensor, place, readout));
   const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
-  const what = is_line ? 'Each line is a tag with its number' : 'Each point is a reading of another tag, so values differ by place as well as by time';
-  element('lines').textContent = [`${what}${state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : ''}.`, data.is_binned ? 'Where many values share a place, the line is their median, and the band reaches from the lowest to the highest.' : ''].join(' ').trim();
+  const what = is_line ? 'Each line is a tag with its number'
+    : 'Each point is a reading of another tag, so values differ by place as well as by time';
+  const axis = state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : '';
+  const bins = ' Where many values share a place, the line is their median, and the band reaches from the lowest'
+    + ' to the highest.';
+  element('lines').textContent = `${what}${axis}.${data.is_binned ? bins : ''}`;
   show_chosen();
 }
 
 function draw_chart(sensor, place, readout) {
   const [width, height] = state.is_printed ? PAPER.chart : [Math.max(place.clientWidth, 120), 220];
-  const all = [...sensor.lines.flatMap(line => [...line.wall, ...line.day])];  // both, so that the switch keeps the scale
-  const least = all.reduce((most, [, value, low]) => Math.min(most, low ?? value), Infinity), greatest = all.reduce((most, [, value, , high]) => Math.max(most, high ?? value), -Infinity);
-  const step = nice_step(Math.max((greatest - least) / (height / 40), Math.abs(greatest) * 1e-6, 10 ** -sensor.decimals));
-  const [bottom, top] = [Math.floor(least / step), Math.ceil(greatest / step)].map((each, n) => (least === greatest ? each + (n ? 1 : -1) : each) * step);
-  const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-  const ticks = Array.from({ length: Math.round((top - bottom) / step) + 1 }, (_, n) => bottom + n * step);
-  const left = 10 + Math.max(...ticks.map(each => pen.measureText(each.toFixed(decimals)).width)), right = 34;
-  const axis = (state.clock === 'wall' ? wall_axis : day_axis)(width - left - right);
-  const x = at => left + (axis.start + at - axis.low) / (axis.high - axis.low) * (width - left - right);
-  const y = value => 8 + (top - value) / (top - bottom) * (height - 34);
-  const svg = drawing(place, width, height, { role: 'img', 'aria-label': `${sensor.label} of ${sensor.lines.length} tags against ${state.clock === 'wall' ? 'wall time' : 'time of day in the greenhouse'}` });
-  for (const value of ticks) {
-    draw(svg, 'path', { class: 'grid', d: `M${left} ${y(value)}H${width - right}` });
-    draw(svg, 'text', { class: 'muted', x: left - 6, y: y(value) + 4, 'text-anchor': 'end' }, value.toFixed(decimals));
+  const values = value_axis(sensor, height);
+  const left = 10 + Math.max(...values.ticks.map(each => width_of(values.text(each)))), right = width - 34;
+  const times = (state.clock === 'wall' ? wall_axis : day_axis)(right - left);
+  const x = at => left + (at - times.low) / (times.high - times.low) * (right - left);
+  const y = value => 8 + (values.top - value) / (values.top - values.bottom) * (height - 34);
+  const axis_name = state.clock === 'wall' ? 'wall time' : 'time of day in the greenhouse';
+  const svg = drawing(place, width, height, {
+    role: 'img', 'aria-label': `${sensor.label} of ${sensor.lines.length} tags against ${axis_name}`,
+  });
+  for (const value of values.ticks) {
+    draw(svg, 'path', { class: 'grid', d: `M${left} ${y(value)}H${right}` });
+    write(svg, left - 6, y(value) + 4, values.text(value), 'end');
   }
-  for (const at of axis.ticks) {
-    draw(svg, 'path', { class: 'grid', d: `M${x(at - axis.start)} ${y(bottom)}v4` });
-    draw(svg, 'text', { class: 'muted', x: x(at - axis.start), y: height - 8, 'text-anchor': 'middle' }, axis.text(at));
+  for (const at of times.ticks) {
+    draw(svg, 'path', { class: 'grid', d: `M${x(at)} ${y(values.bottom)}v4` });
+    write(svg, x(at), height - 8, times.text(at), 'middle');
   }
-  const points = [], ends = [], taken = [];
-  for (const line of sensor.lines) {
-    const tag = data.tags[line.tag], group = draw(svg, 'g', { class: line[state.clock].length > 1 ? 'series line' : 'series', 'data-tag': tag.id });
-    const places = line[state.clock].map(([at, value, low, high]) => ({ tag, at: axis.start + at, x: x(at), y: y(value), value, low, high }));
-    points.push(...places);
-    const runs = runs_of(places);
-    for (const run of runs) {
-      const up = run.map(p => [p.x, y(p.high ?? p.value)]), down = run.map(p => [p.x, y(p.low ?? p.value)]).reverse();
-      if (run.length > 1 && run.some(p => p.low !== undefined)) draw(group, 'path', { class: 'band', d: path_of([...up, ...down]) });
-    }
-    for (const run of runs) {
-      if (run.length > 1) draw(group, 'path', { d: path_of(run.map(p => [p.x, p.y])) });
-      if (places.length < 30) run.forEach(p => draw(group, 'circle', { cx: p.x, cy: p.y, r: 2.5 }));
-    }
-    if (places.length) ends.push([group, places.at(-1)]);
-  }
-  for (const [group, { tag, x: end, y: height_of_end }] of ends) {
-    const wide = pen.measureText(tag.id).width, near = [[5, 0], [-5 - wide, 0], [-wide / 2, -11], [-wide / 2, 11], ...[12, 24].flatMap(far => [[far, -far], [far, far], [-far - wide, -far], [-far - wide, far]])].map(([dx, dy]) => [end + dx, height_of_end + dy - 6, end + dx + wide, height_of_end + dy + 6]);
-    const free = ends.length <= MOST_LABELLED && near.slice(0, group.matches('.line') ? 1 : near.length).find(box => box[0] >= left && box[2] <= width && box[1] >= 0 && box[3] <= y(bottom) + 6 && !taken.some(each => common(box, each) > 0) && !points.some(p => p.tag !== tag && common(box, around(p.x, p.y, 5, 5)) > 0));
-    if (free) taken.push(free);
-    if (near.indexOf(free) > 3) draw(group, 'line', { class: 'leader', x1: end, y1: height_of_end, x2: Math.min(Math.max(end, free[0]), free[2]), y2: Math.min(Math.max(height_of_end, free[1]), free[3]) });
-    const box = free || near[end + 5 + wide > width ? 1 : 0];
-    draw(group, 'text', { class: free ? 'halo' : 'halo spare', x: box[0], y: box[3] - 2 }, tag.id);
-  }
+  const lines = sensor.lines.map(line => {
+    const tag = data.tags[line.tag], points = line[state.clock].map(([offset, value, low, high]) => {
+      const at = times.start + offset;
+      return { tag, at, value, low, high, x: x(at), y: y(value), y_low: y(low ?? value), y_high: y(high ?? value) };
+    });
+    return { points, group: draw_line(svg, tag, points) };
+  });
+  const points = lines.flatMap(line => line.points);
+  label_lines(lines, points, [left, 0, width, y(values.bottom) + 8]);
   const nearest = event => {
-    const at = svg.getBoundingClientRect(), [px, py] = [event.clientX - at.left, event.clientY - at.top];
-    return points.reduce((best, p) => Math.hypot(p.x - px, p.y - py) < best[0] ? [Math.hypot(p.x - px, p.y - py), p] : best, [40, null])[1];
+    const corner = svg.getBoundingClientRect();
+    const distance = p => Math.hypot(p.x - event.clientX + corner.left, p.y - event.clientY + corner.top);
+    return points.reduce((best, p) => distance(p) < (best ? distance(best) : 40) ? p : best, null);
   };
-  place.addEventListener('pointermove', event => { const near = nearest(event); readout.textContent = near ? said_of(sensor, near) : ''; });
+  place.addEventListener('pointermove', event => { readout.textContent = readout_of(sensor, nearest(event)); });
   place.addEventListener('pointerleave', () => { readout.textContent = ''; });
   place.addEventListener('click', event => choose(nearest(event)?.tag));
 }
 
+function draw_line(svg, tag, points) {
+  const group = draw(svg, 'g', { class: points.length > 1 ? 'series line' : 'series', 'data-tag': tag.id });
+  const runs = runs_of(points).filter(run => run.length > 1);
+  for (const run of runs.filter(each => each.some(p => p.low !== undefined))) {
+    const band = [...run.map(p => [p.x, p.y_high]), ...run.map(p => [p.x, p.y_low]).reverse()];
+    draw(group, 'path', { class: 'band', d: path_of(band) });
+  }
+  for (const run of runs) draw(group, 'path', { d: path_of(run.map(p => [p.x, p.y])) });
+  if (points.length < 30) points.forEach(p => draw(group, 'circle', { cx: p.x, cy: p.y, r: 2.5 }));
+  return group;
+}
+
+// Labels the last point of each line. A label without a free place is shown if its tag is chosen.
+function label_lines(lines, points, room) {
+  const taken = points.map(p => around(p.x, p.y, 5, 5)), shown = lines.filter(line => line.points.length);
+  for (const { group, points } of shown) {
+    const { tag, x, y } = points.at(-1), most_places = points.length > 1 ? 1 : Infinity;
+    const { box, covered, outside, is_far } = place_label(x, y, 1, width_of(tag.id), { taken, room, most_places });
+    const is_free = shown.length <= MOST_LABELLED && covered + outside < 1;
+    if (is_free) taken.push(box);
+    if (is_free && is_far) draw_leader(group, x, y, box);
+    const aside = (5 + width_of(tag.id) / 2) * (x + 5 + width_of(tag.id) > room[2] ? -1 : 1);
+    write_label(group, is_free ? box : around(x + aside, y, 0, TEXT_HEIGHT), is_free ? 'halo' : 'halo spare', tag.id);
+  }
+}
+
 const path_of = points => `M${points.map(point => point.map(each => each.toFixed(1)).join()).join('L')}`;
-const said_of = (sensor, { tag, at, value, low, high }) => `tag ${tag.id}, ${state.clock === 'wall' ? clock(at) : day_time(at)}: ${with_unit(sensor, value)}`
-  + (low === undefined ? '' : ` (${written(sensor, low)} to ${written(sensor, high)})`);
+
+function readout_of(sensor, point) {
+  if (!point) return '';
+  const { tag, at, value, low, high } = point, time = state.clock === 'wall' ? clock(at) : day_time(at);
+  const range = low === undefined ? '' : ` (${written(sensor, low)} to ${written(sensor, high)})`;
+  return `tag ${tag.id}, ${time}: ${with_unit(sensor, value)}${range}`;
+}
 
 // Returns the points of a line in pieces: a gap of many times the usual distance has no line.
 function runs_of(points) {
   const gaps = points.slice(1).map((p, n) => p.at - points[n].at).sort((a, b) => a - b);
   const longest = 8 * (gaps[Math.floor(gaps.length / 2)] ?? 0), runs = [];
-  points.forEach((p, n) => (n && p.at - points[n - 1].at <= longest ? runs.at(-1) : runs[runs.push([]) - 1]).push(p));
+  points.forEach((point, n) => {
+    if (n && point.at - points[n - 1].at <= longest) runs.at(-1).push(point);
+    else runs.push([point]);
+  });
   return runs;
 }
 
@@ -485,7 +594,7 @@ function runs_of(points) {
 
 function show_chosen() {
   const tag = chosen_tag();
-  pieces(element('chosen'), tag ? hover_of(tag).split(' · ') : []);
+  pieces(element('chosen'), tag ? facts_of(tag) : []);
   if (!tag) {
     const hint = add(element('chosen'), 'span', 'Choose a tag in the map, the table or a chart', 'muted');
     hint.id = 'hint';
@@ -498,39 +607,45 @@ function show_chosen() {
     each.classList.toggle('chosen', is_chosen);
     if (is_chosen && each.nextSibling) each.parentNode.append(each);  // above the others
   }
-  for (const each of document.querySelectorAll('.series .spare')) each.style.display = each.parentNode.classList.contains('chosen') ? '' : 'none';
-  dots.forEach(dot => { dot.setAttribute('tabindex', -1); dot.removeAttribute('aria-current'); });
   const current = dots.find(dot => dot.dataset.tag === tag?.id) ?? dots[0];
-  current?.setAttribute('tabindex', 0);
+  for (const dot of dots) {
+    dot.setAttribute('tabindex', dot === current ? 0 : -1);
+    dot.removeAttribute('aria-current');
+  }
   if (dots.includes(focused)) focused.focus({ preventScroll: true });  // it was moved
   if (tag) current?.setAttribute('aria-current', 'true');
   for (const each of data.tags) {
+    const link = each.row.querySelector('a');
     each.row.classList.toggle('chosen', each === tag);
-    if (each === tag) each.row.querySelector('a').setAttribute('aria-current', 'true');
-    else each.row.querySelector('a').removeAttribute('aria-current');
+    if (each === tag) link.setAttribute('aria-current', 'true');
+    else link.removeAttribute('aria-current');
   }
 }
 
-const STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
+const KEY_STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
 element('map').addEventListener('keydown', event => {
-  const step = STEPS[event.key], tags = data.tags.filter(tag => tag.x !== null);
-  if (!step || !tags.length) return;
+  const step = KEY_STEPS[event.key];
+  if (!step || !placed_tags.length) return;
   event.preventDefault();
-  const here = tags.findIndex(tag => tag.id === document.activeElement.dataset.tag);
-  choose(tags[(here + step + tags.length) % tags.length]);
+  const here = placed_tags.findIndex(tag => tag.id === document.activeElement.dataset.tag);
+  choose(placed_tags[(here + step + placed_tags.length) % placed_tags.length]);
   show_chosen();
   document.querySelector('#map a.chosen')?.focus();
 });
 element('tabs').addEventListener('keydown', event => {
-  if (!STEPS[event.key]) return;
+  if (!KEY_STEPS[event.key]) return;
   event.preventDefault();
-  pick(state.sensor + STEPS[event.key]);
+  pick(state.sensor + KEY_STEPS[event.key]);
   element('tabs').children[state.sensor].focus();
 });
 document.addEventListener('keydown', event => { if (event.key === 'Escape') choose(); });
-document.querySelectorAll('[name=clock]').forEach(each => each.addEventListener('change', () => { state.clock = each.value; draw_charts(); }));
+document.querySelectorAll('[name=clock]').forEach(each => each.addEventListener('change', () => {
+  state.clock = each.value;
+  draw_charts();
+}));
 
-function draw_all() {
+function draw_all(is_printed = state.is_printed) {
+  state.is_printed = is_printed;
   draw_tabs();
   draw_map();
   draw_charts();
@@ -542,7 +657,11 @@ write_head();
 write_table();
 draw_all();
 addEventListener('hashchange', show_chosen);
-let width = innerWidth;
-addEventListener('resize', () => { if (!state.is_printed && width !== innerWidth) { width = innerWidth; draw_all(); } });
-addEventListener('beforeprint', () => { state.is_printed = true; draw_all(); });
-addEventListener('afterprint', () => { state.is_printed = false; draw_all(); });
+let drawn_width = innerWidth;
+addEventListener('resize', () => {
+  if (state.is_printed || drawn_width === innerWidth) return;
+  drawn_width = innerWidth;
+  draw_all();
+});
+addEventListener('beforeprint', () => draw_all(true));
+addEventListener('afterprint', () => draw_all(false));

@@ -11,37 +11,41 @@ import hashlib
 import json
 import re
 from collections import Counter, defaultdict
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from lupin_greenhouse_bridge.display import summary
+from lupin_greenhouse_bridge.display.colours import STOPS, colour_limits, hex_colours_of
 from lupin_greenhouse_bridge.display.drawing_command import (
-    Failures,
     NothingToDraw,
-    colour_limits,
-    days_of,
     draw_file,
-    extremes_of,
-    failures_of,
     greenhouse_of,
-    lasting,
     parser_of,
     read_route,
-    reason_of,
-    speed_of,
-    words_of,
 )
 from lupin_greenhouse_bridge.display.input_file import ReadingFile
+from lupin_greenhouse_bridge.display.placing import (
+    ARROW_EVERY_M,
+    arrows_along,
+    ends_of_path,
+    length_m,
+    steps_of,
+)
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
-from lupin_greenhouse_bridge.units import decimals_of, label_of, sensor_order, unit_of
+from lupin_greenhouse_bridge.units import decimals_of, label_of, sensor_order, unit_of, value_text
 
 MOST_TAGS, MOST_NAMED = 1000, 50  # in the table, and in a line of failures
 WALL_BINS, DAY_BINS = 150, 48  # of a line: one for two pixels of a chart, and the half hours of a day
 MOST_BINS = 60_000  # in all lines of one clock, so that the page stays below 5 MB
 DAY_SECONDS = 86_400
+MOST_ARROWS_ACROSS = 10  # of a route, along the greenhouse
+LABEL_STEP_M, MOST_STEPS = 0.1, 1000  # between the points of a route that labels avoid
 LONGEST_NAME = 64  # characters
 NS_PER_MS = 1_000_000
 TEMPLATE = Path(__file__).with_suffix('.html')
@@ -59,12 +63,13 @@ def main(arguments: list[str] | None = None) -> int:
 def _page_of(options: argparse.Namespace, file: ReadingFile) -> bytes:
     if not (file.rows or file.visits):
         raise NothingToDraw(f"'{options.file}': holds no readings: there is no page")
-    data = data_of(file, *greenhouse_of(options, file))
-    data |= {'title': escaped(options.file.name, LONGEST_NAME), 'route': read_route(options.route)}
+    layout, walls, colour_ranges = greenhouse_of(options, file)
+    data = data_of(file, layout, walls, colour_ranges) | route_data(read_route(options.route), walls)
+    data['title'] = escaped(options.file.name, LONGEST_NAME)
     return fill(data).encode()
 
 
-def fill(data: dict) -> str:
+def fill(data: dict[str, Any]) -> str:
     """Return the page. No text in a file can close the element with the data, or run as a script."""
     script = SCRIPT.read_text(encoding='utf-8')
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
@@ -77,14 +82,15 @@ def fill(data: dict) -> str:
     )
 
 
-def data_of(file: ReadingFile, layout: Layout, walls: Walls, colour_ranges: dict) -> dict:
+def data_of(
+    file: ReadingFile, layout: Layout, walls: Walls, colour_ranges: Mapping[str, tuple[float, float]]
+) -> dict[str, Any]:
     """Return what the page shows. Stamps are in milliseconds, everything else is as in Row."""
     sensors = sorted({row.sensor for row in file.rows}, key=sensor_order)
     tags = tags_of(file, layout, sensors)
     shown = dict(list(tags.items())[:MOST_TAGS])
     numbers = {tag_id: number for number, tag_id in enumerate(shown)}
     lines = lines_of(file.rows, numbers)
-    failures = failures_of(file.visits)
     notes = []
     if len(tags) > MOST_TAGS:
         notes.append(f'The map, the table and the charts show {MOST_TAGS:,} of {len(tags):,} tags.')
@@ -92,25 +98,46 @@ def data_of(file: ReadingFile, layout: Layout, walls: Walls, colour_ranges: dict
         notes.append(
             f'Tags without a position: {len(lost):,}, such as {lost[0]}. Name the layout with --tag-file.'
         )
-    return {
-        'sensors': [
+    shown_sensors = []
+    for place, sensor in enumerate(sensors):
+        limits = colour_limits(
+            [row.value for row in file.rows if row.sensor == sensor], colour_ranges.get(sensor)
+        )
+        values = {tag_id: tag['values'][place] for tag_id, tag in shown.items()}
+        known = {tag_id: value for tag_id, value in values.items() if value is not None}
+        colours = dict(zip(known, hex_colours_of(list(known.values()), *limits), strict=True))
+        for tag_id, tag in shown.items():
+            tag['colours'].append(colours.get(tag_id))
+        extremes = summary.extremes_of(sensor, known)
+        ends = dict.fromkeys(value_text(sensor, pick(known.values())) for pick in (min, max) if known)
+        shown_sensors.append(
             {
                 'name': escaped(sensor.replace('_', ' '), LONGEST_NAME),
                 'label': escaped(label_of(sensor), LONGEST_NAME),
                 'unit': unit_of(sensor),
                 'decimals': decimals_of(sensor),
-                'range': colour_limits(
-                    [row.value for row in file.rows if row.sensor == sensor], colour_ranges.get(sensor)
-                ),
-                'extremes': _extremes(sensor, shown, place),
+                'limits': limits,
+                'value_range': f'{" to ".join(ends)} {unit_of(sensor)}'.strip() if known else 'no value',
+                'extremes': [(text, [numbers[tag_id] for tag_id in tag_ids]) for text, tag_ids in extremes],
                 'lines': lines[sensor],
             }
-            for place, sensor in enumerate(sensors)
-        ],
+        )
+    is_unread = {tag_id: tag['has_failed'] or tag['stamp_ms'] is None for tag_id, tag in tags.items()}
+    counts = Counter(
+        (tags[tag_id]['has_failed'], tags[tag_id]['outcome']) for tag_id in tags if is_unread[tag_id]
+    )
+    return {
+        'colours': STOPS,
+        'sensors': shown_sensors,
         'tags': list(shown.values()),
-        'read_count': sum(tag['stamp_ms'] is not None and not tag['has_failed'] for tag in tags.values()),
+        'read_count': len(tags) - sum(is_unread.values()),
         'tag_count': len(tags),
-        'counts': _counts(tags, failures),
+        'counts': [
+            (outcome, count, has_failed)
+            for (has_failed, outcome), count in sorted(
+                counts.items(), key=lambda item: (not item[0][0], -item[1])
+            )
+        ],
         'failures': [
             {
                 'word': word,
@@ -118,13 +145,12 @@ def data_of(file: ReadingFile, layout: Layout, walls: Walls, colour_ranges: dict
                 'count': len(tag_ids),
                 'tags': [numbers[tag_id] for tag_id in tag_ids if tag_id in numbers][:MOST_NAMED],
             }
-            for word, reason, tag_ids in failures
+            for word, reason, tag_ids in summary.failures_of(file.visits)
         ],
         'span_ms': [row.stamp_ns // NS_PER_MS for row in (*file.rows[:1], *file.rows[-1:])],
-        'day_span': [row.sim_time_of_day_seconds for row in (*file.rows[:1], *file.rows[-1:])],
-        'days': days_of(file.rows),
-        'speed': speed_of(file.rows),
-        'lasting': lasting(file.rows[0].stamp_ns, file.rows[-1].stamp_ns) if file.rows else '',
+        'duration': summary.duration_text(file.rows[0].stamp_ns, file.rows[-1].stamp_ns) if file.rows else '',
+        'greenhouse_times': summary.greenhouse_times(file.rows) if file.rows else '',
+        'speed': summary.speed_text(file.rows),
         'is_binned': any('is_binned' in line for each in lines.values() for line in each),
         'walls': walls,
         'tables': list(layout.tables.values()),
@@ -132,61 +158,53 @@ def data_of(file: ReadingFile, layout: Layout, walls: Walls, colour_ranges: dict
     }
 
 
-def _extremes(sensor: str, tags: dict[str, dict], place: int) -> list[tuple[str, list[int]]]:
-    """Return the texts of extremes_of() and the numbers of the tags."""
-    values = {tag_id: tag['values'][place] for tag_id, tag in tags.items() if not tag['has_failed']}
-    known = {tag_id: value for tag_id, value in values.items() if value is not None}
-    numbers = {tag_id: number for number, tag_id in enumerate(tags)}
-    return [(text, [numbers[tag_id] for tag_id in tag_ids]) for text, tag_ids in extremes_of(sensor, known)]
+def route_data(route: list[tuple[float, float]], walls: Walls) -> dict[str, Any]:
+    """Return the route of a robot in metres, with its arrows, and with points that labels avoid."""
+    arrow_m = max(ARROW_EVERY_M, (walls.y1 - walls.y0) / MOST_ARROWS_ACROSS, length_m(route) / MOST_STEPS)
+    step_m = max(LABEL_STEP_M, length_m(route) / MOST_STEPS)
+    return {
+        'route': route,
+        'arrows': arrows_along(route, arrow_m),
+        'route_steps': [(x, y) for x, y, _ in steps_of(route, step_m)],
+        'route_ends': {word: (box.x, box.y) for word, box in ends_of_path(route).items()}
+        if len(route) > 1
+        else {},
+    }
 
 
-def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, dict]:
+def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, dict[str, Any]]:
     """Return the last reading and the last visit of each tag: failures first, then tags without a reading."""
-    tags = {tag_id: _tag(tag_id, tag.x, tag.y) for tag_id, tag in layout.tags.items()}
-    last = last_reading_of_each_tag(file.rows)
-    for tag_id, reading in last.items():
-        tag = tags.setdefault(tag_id, _tag(tag_id, None, None))
-        row = next(iter(reading.values()))
-        tag |= {
-            'outcome': words_of('OK'),
-            'stamp_ms': row.stamp_ns // NS_PER_MS,
-            'time_of_day': row.sim_time_of_day_seconds,
+    readings, visits = last_reading_of_each_tag(file.rows), {each.tag_id: each for each in file.visits}
+    tags = {}
+    for tag_id in dict.fromkeys([*layout.tags, *readings, *visits]):
+        place, visit, reading = layout.tags.get(tag_id), visits.get(tag_id), readings.get(tag_id, {})
+        row = next(iter(reading.values()), None)
+        has_failed = visit is not None and visit.outcome != 'OK'
+        values = [reading[sensor].value if sensor in reading else None for sensor in sensors]
+        if visit or row:
+            outcome = summary.outcome_text(visit.outcome if visit else 'OK')
+        else:
+            outcome = 'not visited' if file.visits else 'not in the file'
+        tags[tag_id] = {
+            'id': escaped(tag_id, LONGEST_NAME),
+            'x': place and place.x,
+            'y': place and place.y,
+            'has_failed': has_failed,
+            'outcome': outcome,
+            'reason': summary.failure_reason(visit.detail) if visit else '',
+            'attempts': visit and visit.attempts,
+            'stamp_ms': row and row.stamp_ns // NS_PER_MS,
+            'time_of_day': row and row.sim_time_of_day_seconds,
+            'values': [None] * len(sensors) if has_failed else values,  # of an earlier visit
+            'colours': [],
         }
-    for visit in file.visits:
-        tag = tags.setdefault(visit.tag_id, _tag(visit.tag_id, None, None))
-        tag |= {'outcome': words_of(visit.outcome), 'attempts': visit.attempts}
-        tag |= {'reason': reason_of(visit.detail), 'has_failed': visit.outcome != 'OK'}
-    for tag_id, tag in tags.items():
-        reading = last.get(tag_id, {})
-        tag['values'] = [reading[sensor].value if sensor in reading else None for sensor in sensors]
-        tag['outcome'] = tag['outcome'] or ('not visited' if file.visits else 'not in the file')
     return dict(sorted(tags.items(), key=_urgency))
 
 
-def _tag(tag_id: str, x_m: float | None, y_m: float | None) -> dict:
-    nothing = {'stamp_ms': None, 'time_of_day': None, 'outcome': '', 'reason': '', 'attempts': None}
-    return {'id': escaped(tag_id, LONGEST_NAME), 'x': x_m, 'y': y_m, 'has_failed': False, **nothing}
-
-
-def _urgency(item: tuple[str, dict]) -> tuple:
+def _urgency(item: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
     """Return what sorts tags: failures first, then those without a reading, then by number."""
     tag_id, tag = item
     return not tag['has_failed'], tag['stamp_ms'] is not None, natural_order(tag_id)
-
-
-def _counts(tags: dict[str, dict], failures: list[Failures]) -> list[tuple[str, int, bool]]:
-    """Return each outcome but a reading, its number of tags, and if it is a failure: the largest first."""
-    failed, unread = Counter(), Counter()
-    for each in failures:
-        failed[each.word] += len(each.tag_ids)
-    unread.update(
-        tag['outcome'] for tag in tags.values() if not tag['has_failed'] and tag['stamp_ms'] is None
-    )
-    return [
-        (word, count, counter is failed)
-        for counter in (failed, unread)
-        for word, count in counter.most_common()
-    ]
 
 
 def lines_of(rows: list[Row], numbers: dict[str, int]) -> dict[str, list[dict]]:

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from lupin_greenhouse_bridge.display.drawing_command import read_colour_ranges, read_route
+from lupin_greenhouse_bridge.display.colours import read_colour_ranges
+from lupin_greenhouse_bridge.display.drawing_command import read_route
 from lupin_greenhouse_bridge.display.field import scaled
 from lupin_greenhouse_bridge.display.input_file import read_file
 from lupin_greenhouse_bridge.display.report_line import Outcome

@@ -9,9 +9,9 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
-from lupin_greenhouse_bridge.display.drawing_command import colour_limits, read_colour_ranges
-from lupin_greenhouse_bridge.display.drawings import Box, place_labels
+from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_ranges
 from lupin_greenhouse_bridge.display.input_file import read_file
+from lupin_greenhouse_bridge.display.placing import Box, place_labels
 from lupin_greenhouse_bridge.display.plot_report import main
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.recording.store import open_store
@@ -92,15 +92,11 @@ def test_one_word_for_all_failures_is_in_the_key_and_not_at_each_tag(tmp_path, t
     assert {'7', '9', 'tag that was not read: timeout'} <= set(drawn)
 
 
-def test_tags_with_the_same_value_are_all_named_and_ringed(tmp_path, monkeypatch):
-    save, drawn = Figure.savefig, []
-    monkeypatch.setattr(
-        Figure, 'savefig', lambda *args, **options: drawn.append(args[0]) or save(*args, **options)
-    )
+def test_tags_with_the_same_value_are_all_named_and_ringed(tmp_path, figures):
     values = {'1': 600.2, '3': 599.9, '5': 700.0, '12': 650.0}
     visits = [visit(tag_id, co2=value) for tag_id, value in values.items()]
     assert main([str(write_report(tmp_path / 'report.jsonl', *visits))]) == 0
-    axes = drawn[0].axes[0]
+    axes = figures[0].axes[0]
     texts = [each.get_text() for each in axes.texts]
     assert 'lowest 600 ppm at tags 1 and 3\nhighest 700 ppm at tag 5' in texts
     (rings,) = [each for each in axes.lines if each.get_markerfacecolor() == 'none']
@@ -228,12 +224,11 @@ def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report,
     assert drawn_in[0].get_ylim()[0] < -3.5
 
 
-def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, figures, monkeypatch):
+def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, figures):
     """In the shipped greenhouse, with a value of every sensor of every tag."""
     widest = 1234.5
     visits = [visit(tag_id, **dict.fromkeys(tag['sensors'], widest)) for tag_id, tag in shipped_tags.items()]
     report = write_report(tmp_path / 'report.jsonl', *visits)
-    monkeypatch.setattr('matplotlib.pyplot.close', lambda _figure: None)
     assert main([str(report)]) == 0
     (figure,) = figures
     figure.canvas.draw()

@@ -121,7 +121,7 @@ def test_the_lowest_and_the_highest_values_are_those_of_read_tags_and_all_tags_w
         ('lowest 600 ppm at tag 5', ['5']),
         ('highest 700 ppm at tags 1 and 3', ['1', '3']),
     ]
-    assert sensor['range'] == [600.0, 800.0]
+    assert sensor['limits'] == [600.0, 800.0]
 
 
 def test_more_tags_than_are_shown_are_counted(report):
@@ -159,7 +159,7 @@ def test_a_recording_shows_its_own_places_and_no_unit_for_an_unknown_sensor(reco
     (tag,) = [tag for tag in data['tags'] if tag['id'] == 'a1']
     assert (tag['x'], tag['y'], tag['values'], tag['outcome']) == (1.0, 2.0, [6.5], 'read')
     (sensor,) = data['sensors']
-    assert (sensor['name'], sensor['unit'], sensor['range']) == ('ph', '', [6.5, 7.0])
+    assert (sensor['name'], sensor['unit'], sensor['limits']) == ('ph', '', [6.5, 7.0])
     assert [line['wall'] for line in sensor['lines']] == [[[0, 7.0], [1000, 6.5]]]
     assert [line['day'] for line in sensor['lines']] == [[[60, 6.75, 6.5, 7.0]]]
 

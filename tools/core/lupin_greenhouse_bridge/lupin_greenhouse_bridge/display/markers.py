@@ -8,8 +8,9 @@ from geometry_msgs.msg import Point, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from lupin_greenhouse_bridge.display.drawings import Box, place_labels
-from lupin_greenhouse_bridge.display.field import Grid, colours_of
+from lupin_greenhouse_bridge.display.colours import colours_of
+from lupin_greenhouse_bridge.display.field import FieldGrid
+from lupin_greenhouse_bridge.display.placing import Box, place_labels
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.planning.registration import Transform
@@ -151,7 +152,9 @@ class Scene:
         return _cells('key', pose_message(*self._key_place, 0.0), (step_m, LINE_M), places, colours, 1.0)
 
 
-def field_marker(grid: Grid, values: np.ndarray, scale: Scale, layout_in_map: Transform) -> Marker | None:
+def field_marker(
+    grid: FieldGrid, values: np.ndarray, scale: Scale, layout_in_map: Transform
+) -> Marker | None:
     """Return the cells that have a value, in their colours; None if there are none."""
     rows, columns = np.nonzero(~np.isnan(values))
     if not len(rows):

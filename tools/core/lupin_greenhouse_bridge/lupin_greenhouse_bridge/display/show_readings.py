@@ -19,13 +19,10 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from lupin_greenhouse_bridge.contract import latched
-from lupin_greenhouse_bridge.display.drawing_command import (
-    colour_limits,
-    extremes_of,
-    read_colour_ranges,
-)
-from lupin_greenhouse_bridge.display.field import Grid, grid_over, interpolate, scaled
+from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_ranges
+from lupin_greenhouse_bridge.display.field import FieldGrid, grid_over, interpolate, scaled
 from lupin_greenhouse_bridge.display.markers import Scale, Scene, field_marker
+from lupin_greenhouse_bridge.display.summary import extremes_of
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_transform
@@ -81,7 +78,7 @@ class Settings:
             raise invalid('map_frame', self.map_frame, 'the name of a frame, such as map')
 
 
-class Heard(NamedTuple):
+class ReceivedReading(NamedTuple):
     """A received reading and its time of arrival; times are in seconds."""
 
     reading: TagReading
@@ -105,11 +102,11 @@ class ShowReadingsNode(Node):
             if settings.layout_in_map
             else Transform()
         )
-        self._scale = Scale(settings.sensor, *_range_of(settings))
+        self._scale = Scale(settings.sensor, *_colour_range_of(settings))
         self._grid = _grid_of(settings, layout, walls)
         self._tags = layout.tags
         self._scene = Scene(layout, walls, self._layout_in_map, self._scale)
-        self._heard: dict[str, Heard] = {}  # the newest reading of each tag
+        self._received: dict[str, ReceivedReading] = {}  # the newest reading of each tag
         self._ends: list[float] = []  # the lowest and the highest value so far: the colours do not flicker
         self._has_warned = False
         self._cells = self._field_marker = None  # of the field; None if a reading has arrived since
@@ -131,12 +128,12 @@ class ShowReadingsNode(Node):
                     f"tag '{escaped(tag_id, 64)}' is not in the layout: its readings are not shown"
                 )
             return
-        new, last = self._hear(reading, topic), self._heard.get(tag_id)
+        new, last = self._timed(reading, topic), self._received.get(tag_id)
         if last is None or self._is_newer(new, last):
-            self._heard[tag_id] = new
+            self._received[tag_id] = new
             self._cells = None
 
-    def _hear(self, reading: TagReading, topic: str) -> Heard:
+    def _timed(self, reading: TagReading, topic: str) -> ReceivedReading:
         """Compare the stamp with the nearest clock, which can be the system clock even with use_sim_time."""
         here = self.get_clock()
         lags = {clock: _now(clock) - _seconds(reading) for clock in (here, SYSTEM)}
@@ -144,9 +141,11 @@ class ShowReadingsNode(Node):
         if lags[here] < -MOST_APART_SECONDS:
             self._warn(reading)
         is_simulated = here.ros_time_is_active and nearest is here
-        return Heard(reading, topic, lags[nearest], _now(STEADY), _now(here) if is_simulated else None)
+        return ReceivedReading(
+            reading, topic, lags[nearest], _now(STEADY), _now(here) if is_simulated else None
+        )
 
-    def _is_newer(self, new: Heard, last: Heard) -> bool:
+    def _is_newer(self, new: ReceivedReading, last: ReceivedReading) -> bool:
         """Compare the stamps, as latched readings can arrive late; compare the arrivals if these disagree."""
         disagrees = max(abs(new.lag), abs(last.lag)) > MOST_APART_SECONDS
         is_after = new.topic == last.topic or new.steady - last.steady > MOST_APART_SECONDS
@@ -155,10 +154,10 @@ class ShowReadingsNode(Node):
             self._warn(new.reading)
         return is_newer
 
-    def _age_of(self, heard: Heard) -> float:
+    def _age_of(self, received: ReceivedReading) -> float:
         """Return the current age in seconds. The monotonic clock replaces a simulated one that went back."""
-        passed = -1.0 if heard.simulated is None else _now(self.get_clock()) - heard.simulated
-        return max(heard.lag, 0.0) + (passed if passed >= 0.0 else _now(STEADY) - heard.steady)
+        passed = -1.0 if received.simulated is None else _now(self.get_clock()) - received.simulated
+        return max(received.lag, 0.0) + (passed if passed >= 0.0 else _now(STEADY) - received.steady)
 
     def _warn(self, reading: TagReading) -> None:
         if not self._has_warned:
@@ -189,7 +188,7 @@ class ShowReadingsNode(Node):
             origin=pose_message(x, y, self._layout_in_map.yaw),
         )
         self._field.publish(OccupancyGrid(header=header, info=info, data=self._cells))
-        readings = {tag_id: (each.reading, self._age_of(each)) for tag_id, each in self._heard.items()}
+        readings = {tag_id: (each.reading, self._age_of(each)) for tag_id, each in self._received.items()}
         stale_seconds, caption = self._settings.stale_seconds, self._caption(samples)
         self._markers.publish(
             self._scene.markers(header, readings, stale_seconds, caption, self._field_marker)
@@ -199,8 +198,8 @@ class ShowReadingsNode(Node):
         """Return x and y in the layout and the value of each reading of the sensor, by tag id."""
         return {
             tag_id: (*self._tags[tag_id][:2], each.value)
-            for tag_id, heard in self._heard.items()
-            for each in heard.reading.readings
+            for tag_id, received in self._received.items()
+            for each in received.reading.readings
             if each.name == self._scale.sensor and math.isfinite(each.value)
         }
 
@@ -222,7 +221,7 @@ def _now(clock: Clock) -> float:
     return clock.now().nanoseconds / 1e9
 
 
-def _range_of(settings: Settings) -> tuple[float, float]:
+def _colour_range_of(settings: Settings) -> tuple[float, float]:
     """Return the lowest and highest value of the sensor's scale; raises StartUpError if it has none."""
     ranges = read_colour_ranges(settings.sim_config_file)
     lowest, highest = ranges.get(settings.sensor, (0.0, 0.0))
@@ -236,7 +235,7 @@ def _range_of(settings: Settings) -> tuple[float, float]:
     return lowest, highest
 
 
-def _grid_of(settings: Settings, layout: Layout, walls: Walls) -> Grid:
+def _grid_of(settings: Settings, layout: Layout, walls: Walls) -> FieldGrid:
     grid = grid_over(layout, walls, settings.resolution_m)
     if grid.columns * grid.rows > MOST_CELLS:
         raise StartUpError(

@@ -1,0 +1,111 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
+"""Find places for labels and arrows in metres. Does not import ROS."""
+
+import itertools
+import math
+from collections.abc import Collection, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lupin_greenhouse_bridge.planning.walls import Walls
+
+ARROW_EVERY_M, ARROW_M = 0.8, 0.22
+PATH_WIDTH_M = 0.1  # that a label leaves to a path
+END_M = 0.24  # the mark at an end of a path
+
+
+class Box(NamedTuple):
+    """A rectangle in metres: its centre and its size."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+def box_of(walls: Walls) -> Box:
+    """Return the rectangle within the walls."""
+    x0, y0, x1, y1 = walls
+    return Box((x0 + x1) / 2, (y0 + y1) / 2, x1 - x0, y1 - y0)
+
+
+def _overlaps(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return the common area of each box with each other one, from arrays (boxes, 4)."""
+    middles, sizes = boxes[:, None, :2], boxes[:, None, 2:]
+    lows = np.maximum(middles - sizes / 2, others[:, :2] - others[:, 2:] / 2)
+    highs = np.minimum(middles + sizes / 2, others[:, :2] + others[:, 2:] / 2)
+    return np.maximum(highs - lows, 0.0).prod(axis=2)
+
+
+def place_labels(
+    dots: Sequence[Box], labels: Sequence[tuple[Box, float, float]], bounds: Box | None = None
+) -> list[tuple[float, float]]:
+    """
+    Return the centre of each label: beside its dot, off the other dots and labels, and within the bounds.
+
+    Each label is given as its dot, its width and its height. A label may lie on its own dot if this dot has
+    no size, or else beside it with a gap.
+    """
+    taken = np.zeros((len(dots) + len(labels), 4))  # the dots, and then the labels
+    taken[: len(dots)] = np.reshape(dots, (-1, 4))
+    places = []
+    for count, (dot, width, height) in enumerate(labels, start=len(dots)):
+        gap = 0.5 * height if dot.width == 0 else 0.0
+        aside, above = (dot.width + gap + width) / 2, (dot.height + gap + height) / 2
+        tries = [(aside, 0), (-aside, 0), (0, above), (0, -above)]
+        tries += [(x * aside, y * above) for y in (0.7, -0.7, 1.0, -1.0) for x in (1, -1)]
+        tries += [(2 * x, 2 * y) for x, y in tries]
+        tries = [(0, 0)] * (dot.width == 0) + tries
+        boxes = np.array([Box(dot.x + dx, dot.y + dy, width, height) for dx, dy in tries])
+        around = np.array([Box(dot.x, dot.y, 4 * aside + width, 4 * above + height)])
+        near = taken[:count][_overlaps(around, taken[:count])[0] > 0.0]
+        costs = _overlaps(boxes, near).sum(axis=1)
+        if bounds:
+            costs += width * height - _overlaps(boxes, np.array([bounds]))[:, 0]
+        best = boxes[np.argmin(costs.round(4))]  # the nearest of equals
+        taken[count] = best
+        places.append((float(best[0]), float(best[1])))
+    return places
+
+
+def steps_of(points: Sequence[tuple[float, float]], every_m: float) -> Iterator[tuple[float, float, float]]:
+    """Yield x, y and heading of points along a path, this far from each other."""
+    rest = 0.0
+    for (x, y), (to_x, to_y) in itertools.pairwise(points):
+        leg_m, at = math.dist((x, y), (to_x, to_y)), rest
+        while at < leg_m:
+            share = at / leg_m
+            yield x + (to_x - x) * share, y + (to_y - y) * share, math.atan2(to_y - y, to_x - x)
+            at += every_m
+        rest = at - leg_m
+
+
+def arrows_along(
+    points: Sequence[tuple[float, float]], every_m: float = ARROW_EVERY_M, taken: Collection[Box] = ()
+) -> list[tuple[float, float, float]]:
+    """Return x, y and heading of arrows along a path, where none of these boxes and no other arrow is."""
+    arrows, last = [], points[0] if points else None  # a mark is at the start
+    taken = list(taken)
+    for x, y, heading in steps_of(points, every_m / 8):
+        is_free = not any(
+            math.hypot(x - each.x, y - each.y) < (each.width + PATH_WIDTH_M) / 2 for each in taken
+        )
+        if is_free and math.dist((x, y), last) > every_m:
+            arrows.append((x, y, heading))
+            last = x, y
+            taken.append(Box(x, y, ARROW_M, ARROW_M))
+    return arrows
+
+
+def ends_of_path(points: Sequence[tuple[float, float]]) -> dict[str, Box]:
+    """Return the words at the start and the end of a path, and the marks beside which they lie."""
+    marks = [Box(*point, END_M, END_M) for point in (*points[:1], *points[-1:])]
+    if marks and math.dist(points[0], points[-1]) < PATH_WIDTH_M:
+        return {'start and end': marks[0]}
+    return dict(zip(('start', 'end'), marks, strict=False))
+
+
+def length_m(points: Sequence[tuple[float, float]]) -> float:
+    """Return the length of a path."""
+    return sum(itertools.starmap(math.dist, itertools.pairwise(points)))

@@ -1,0 +1,101 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
+"""What a file of readings tells, in words: the head of every page and picture. Does not import ROS."""
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from lupin_greenhouse_bridge.display.report_line import Observation
+from lupin_greenhouse_bridge.errors import escaped
+from lupin_greenhouse_bridge.recording.rows import Row
+from lupin_greenhouse_bridge.simulator.layout import natural_order
+from lupin_greenhouse_bridge.units import clock_time, unit_of, value_text
+
+LONGEST_REASON = 300  # characters
+MOST_EXTREME = 4  # tags that a text about the lowest or the highest value names
+LONGEST_GAP_SECONDS = 5  # between two readings that tell the speed of the clock
+
+
+class Failures(NamedTuple):
+    """The tags that were not read, all for the same reason."""
+
+    word: str  # the outcome, such as `not confirmed`
+    reason: str
+    tag_ids: list[str]
+
+
+def failures_of(visits: Iterable[Observation]) -> list[Failures]:
+    """Return the tags whose last visit failed, by reason: the largest group first."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for visit in {each.tag_id: each for each in visits}.values():
+        if visit.outcome != 'OK':
+            key = outcome_text(visit.outcome), failure_reason(visit.detail)
+            groups.setdefault(key, []).append(visit.tag_id)
+    largest_first = sorted(groups.items(), key=lambda item: -len(item[1]))
+    return [Failures(*key, sorted(tag_ids, key=natural_order)) for key, tag_ids in largest_first]
+
+
+def outcome_text(outcome: str) -> str:
+    """Return the outcome of a visit in words, such as `not confirmed`."""
+    return 'read' if outcome == 'OK' else escaped(outcome.lower().replace('_', ' '), 64)
+
+
+def failure_reason(detail: str) -> str:
+    """Return why a visit failed: what happened, and then who says so with which code."""
+    return re.sub(r'([^\s:;][^:;]*\bcode \d+): ([^;]+)', r'\2 (\1)', escaped(detail, LONGEST_REASON))
+
+
+def tags_text(tag_ids: list[str], most: int) -> str:
+    """Return `tag 7`, `tags 7 and 8` or, with more tags than `most`, `tags 7, 8 and 3 more`."""
+    more = [f'{len(tag_ids) - most:,} more'] if len(tag_ids) > most else []
+    *first, last = [*(escaped(tag_id, 64) for tag_id in tag_ids[:most]), *more]
+    return f'tags {", ".join(first)} and {last}' if first else f'tag {last}'
+
+
+def extremes_of(sensor: str, values: Mapping[str, float]) -> list[tuple[str, list[str]]]:
+    """Return the lowest and the highest value as texts, with all their tags; one text if all are equal."""
+    tags_by_text: dict[str, list[str]] = {}
+    for tag_id, value in values.items():
+        tags_by_text.setdefault(value_text(sensor, value), []).append(tag_id)
+    found = []
+    for word, extreme in (('lowest ', min), ('highest ', max)) if values else ():
+        text = value_text(sensor, extreme(values.values()))
+        shown = f'{text} {unit_of(sensor)}'.rstrip()
+        prefix = word if len(tags_by_text) > 1 else ''
+        found.append(
+            (f'{prefix}{shown} at {tags_text(tags_by_text[text], MOST_EXTREME)}', tags_by_text[text])
+        )
+    return found[: len(tags_by_text)]
+
+
+def duration_text(first_ns: int, last_ns: int) -> str:
+    """Return the time between two stamps, as both are shown in whole seconds, such as `7 s`."""
+    seconds = last_ns // 10**9 - first_ns // 10**9
+    if seconds < 120:
+        return f'{seconds} s'
+    return f'{seconds / 60:.0f} min' if seconds < 7200 else f'{seconds / 3600:.1f} h'
+
+
+def speed_text(rows: list[Row]) -> str:
+    """
+    Return a text about a clock of the greenhouse that ran faster than ours; '' if the rows have none.
+
+    The clock can have passed more than a day between two rows, so this is the least speed that fits.
+    """
+    seconds = np.array([row.stamp_ns // 10**9 for row in rows])
+    if len(rows) < 2 or not 0 <= np.diff(seconds).min() <= np.diff(seconds).max() <= LONGEST_GAP_SECONDS:
+        return ''
+    passed = np.unwrap([row.sim_time_of_day_seconds for row in rows], period=86_400)
+    speed = (passed[-1] - passed[0]) / max(seconds[-1] - seconds[0], 1)
+    return f'greenhouse clock at least about {float(f"{speed:.2g}"):,.0f} times faster' if speed > 1.5 else ''
+
+
+def greenhouse_times(rows: list[Row]) -> str:
+    """Return from when to when rows reach in the greenhouse, and over how many days if over several."""
+    times = [row.sim_time_of_day_seconds for row in rows]
+    span = ' to '.join(dict.fromkeys(map(clock_time, (times[0], times[-1]))))
+    midnights = int((np.diff(times) < 0.0).sum())  # at least: a pause can hide one
+    has_more_days = midnights > (times[-1] < times[0])
+    return f'greenhouse {span}' + (f' over at least {midnights + 1:,} days' if has_more_days else '')
