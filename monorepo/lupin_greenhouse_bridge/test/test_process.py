@@ -6,13 +6,14 @@ import subprocess
 import sys
 
 import pytest
+import rclpy
 from conftest import SPINS
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
 from lupin_greenhouse_bridge.runtime.parameters import launch_arguments, parameter
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, spinning_node
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from rclpy.executors import SingleThreadedExecutor
 
@@ -220,16 +221,19 @@ def test_a_bridge_warns_of_another_node_of_its_name(start_bridge):
     assert 'stop one of them, or give one a namespace or a ROS_DOMAIN_ID of its own' in warning
 
 
-def test_it_warns_once_and_not_of_another_namespace(monkeypatch, capfd):
+@pytest.mark.parametrize(('namespace', 'warnings'), [('/', 1), ('/other', 0)])
+def test_a_node_warns_once_of_another_with_its_full_name(run_here, monkeypatch, namespace, warnings):
     monkeypatch.setattr(run, 'LOOK_EVERY_SECONDS', 0.0)
-    with spinning_node('bridge', namespace='/one') as node:
-        look = run.namesake_watch(node)
-        with spinning_node('bridge', namespace='/two'):
-            wait_until(lambda: ('bridge', '/two') in node.get_node_names_and_namespaces())
-            look()
-            assert capfd.readouterr().err == ''
-        with spinning_node('bridge', namespace='/one'):
-            wait_until(lambda: node.get_node_names_and_namespaces().count(('bridge', '/one')) == 2)
-            for _ in range(3):
-                look()
-            assert capfd.readouterr().err.count('another node named /one/bridge is on domain') == 1
+    looks = []
+
+    def has_looked_often(node):
+        looks.append(node.get_node_names_and_namespaces().count(('named', namespace)))
+        return looks.count(1 + warnings) > 3
+
+    def main(arguments):
+        return run.run('named', lambda: rclpy.create_node('named'), arguments, is_done=has_looked_often)
+
+    with spinning_node('named', namespace=namespace):
+        ended = run_here(main)
+    assert ended.code == 0
+    assert ended.err.count('another node named /named is on domain') == warnings

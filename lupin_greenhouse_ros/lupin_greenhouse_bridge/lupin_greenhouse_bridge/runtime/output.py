@@ -4,6 +4,7 @@
 import sys
 import time
 from collections.abc import Collection, Sequence
+from typing import TextIO
 
 from lupin_greenhouse_bridge.runtime.process import lose_output
 
@@ -28,7 +29,7 @@ def aligned_table(
     ]
 
 
-def print_line(text: str, stream=None, end: str = '\n') -> None:
+def print_line(text: str, stream: TextIO | None = None, end: str = '\n') -> None:
     """Print a text, by default to standard output. If the output is full or closed, the command continues."""
     try:
         print(text, end=end, file=stream, flush=True)
@@ -42,9 +43,9 @@ class Progress:
 
     FIRST_SECONDS, REWRITTEN_SECONDS, NEXT_SECONDS = 3.0, 0.2, 15.0
 
-    def __init__(self, name: str):
+    def __init__(self, command: str) -> None:
         """Take the name of the command."""
-        self._name, self._width, self._due = name, 0, time.monotonic() + self.FIRST_SECONDS
+        self._command, self._width, self._due = command, 0, time.monotonic() + self.FIRST_SECONDS
 
     def __call__(self, what: str, done: int, total: int) -> None:
         """Show how much of what is done, if it is time to."""
@@ -53,7 +54,7 @@ class Progress:
             return
         is_terminal = sys.stderr.isatty()
         self._due = now + (self.REWRITTEN_SECONDS if is_terminal else self.NEXT_SECONDS)
-        text = f'{self._name}: {what}: {done} of {total}'
+        text = f'{self._command}: {what}: {done} of {total}'
         if is_terminal:
             text, self._width = '\r' + text.ljust(self._width), len(text)
         print_line(text, sys.stderr, end='' if is_terminal else '\n')

@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import time
+from types import FrameType
 from typing import NoReturn
 
 LONGEST_WAIT_SECONDS = 0.5  # rclpy waits in C, and Python handles a signal only after the wait
@@ -32,7 +33,7 @@ def install_signal_handlers() -> None:
     anywhere. Either can turn a signal into a traceback.
     """
 
-    def note(_number, _frame):
+    def note(_number: int, _frame: FrameType | None) -> None:
         global _is_asked_to_end  # noqa: PLW0603 - a signal belongs to the process
         _is_asked_to_end = True
 
@@ -71,7 +72,7 @@ def start(module: str, *, has_node: bool = True) -> NoReturn:
     try:
         end(importlib.import_module(module).main())
     except SystemExit as error:  # of argparse
-        end(error.code or 0)
+        end(int(error.code or 0))
 
 
 def end(exit_code: int) -> NoReturn:

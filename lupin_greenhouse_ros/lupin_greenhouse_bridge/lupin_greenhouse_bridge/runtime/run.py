@@ -9,11 +9,14 @@ import signal
 import threading
 import time
 import warnings
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.logging import get_logger
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
@@ -26,8 +29,42 @@ from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 LOOK_EVERY_SECONDS = 5.0  # for another node of the same name
 
 
+def run(
+    name: str,
+    create_node: Callable[[], Any],
+    args: list[str] | None = None,
+    *,
+    is_done: Callable[[Any], bool] = lambda _node: False,
+    conclude: Callable[[Any], int] = lambda _node: 0,
+    refused: int = 1,
+) -> int:
+    """
+    Run one node until it is done, or until Ctrl-C or SIGTERM; return the exit code.
+
+    `create_node` is the node's class. With --help, this prints the help of its module and starts nothing.
+    `is_done(node)` is called after every callback. `conclude(node)` returns the exit code. A OneLineError
+    becomes one FATAL line of the logger `name` and the exit code `refused`.
+    """
+    logger = get_logger(name)
+    try:
+        if answer_help(create_node, args):
+            return 0
+        with ros(args) as executor:
+            try:
+                with node_creation():
+                    node = create_node()
+                executor.add_node(node)
+                _spin(executor, node, is_done)
+                return conclude(node)
+            except OneLineError as error:  # here, because it keeps alive a node that must go before ROS
+                logger.fatal(str(error))
+    except StartUpError as error:
+        logger.fatal(str(error))
+    return refused
+
+
 @contextlib.contextmanager
-def ros(args=None):
+def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
     """
     Start ROS and yield an executor; at the end, close the executor, its nodes and ROS, in that order.
 
@@ -59,13 +96,43 @@ def ros(args=None):
 
 
 @contextlib.contextmanager
-def woken_by_signals(executor):
+def node_creation() -> Iterator[None]:
+    """Turn any error during the creation of a node, except a OneLineError, into a StartUpError."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', RuntimeWarning)  # rclpy's, of a node that it could not create
+            yield
+    except OneLineError:
+        raise
+    except (NameValidationException, ParameterException) as error:
+        raise StartUpError(f'the ROS arguments do not fit the node: {error}') from error
+    except RCLError as error:
+        raise StartUpError(f'{security_problem() or "ROS cannot create the node"}: {error}') from error
+    except Exception as error:
+        raise StartUpError(f'the node cannot start ({type(error).__name__}: {error})') from error
+
+
+def _spin(executor: Executor, node: Node, is_done: Callable[[Any], bool]) -> None:
+    """Run callbacks until the node is done, or a signal arrives. Warn once of another node of its name."""
+    next_look = -math.inf
+    with _woken_by_signals(executor):
+        while not (process.is_asked_to_end() or is_done(node)):
+            if time.monotonic() >= next_look:
+                next_look = time.monotonic() + LOOK_EVERY_SECONDS
+                if warning := namesake_warning(node):
+                    next_look = math.inf
+                    node.get_logger().warning(warning)
+            spin_once(executor, node)
+
+
+@contextlib.contextmanager
+def _woken_by_signals(executor: Executor) -> Iterator[None]:
     """Let every signal wake up an executor, which waits in C code, where Python cannot handle the signal."""
     read_end, write_end = os.pipe()
     os.set_blocking(write_end, False)
     before = signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
 
-    def wake():
+    def wake() -> None:
         while os.read(read_end, 1):
             executor.create_task(int)
 
@@ -80,73 +147,7 @@ def woken_by_signals(executor):
         os.close(read_end)
 
 
-@contextlib.contextmanager
-def node_creation():
-    """Turn any error during the creation of a node, except a OneLineError, into a StartUpError."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter('ignore', RuntimeWarning)  # rclpy's, of a node that it could not create
-            yield
-    except (NameValidationException, ParameterException) as error:
-        raise StartUpError(f'the ROS arguments do not fit the node: {error}') from error
-    except RCLError as error:
-        raise StartUpError(f'{security_problem() or "ROS cannot create the node"}: {error}') from error
-    except OneLineError:
-        raise
-    except Exception as error:
-        raise StartUpError(f'the node cannot start ({type(error).__name__}: {error})') from error
-
-
-def run(name: str, create_node, args=None, *, is_done=None, conclude=None, refused: int = 1) -> int:
-    """
-    Run one node until it is done, or until Ctrl-C or SIGTERM; return the exit code.
-
-    `create_node` is the node's class. With --help, this prints the help of its module and starts nothing.
-    `is_done(node)` is called after every callback. `conclude(node)` returns the exit code, 0 by default. A
-    OneLineError becomes one FATAL line of the logger `name` and the exit code `refused`.
-    """
-
-    def refuse(error: OneLineError) -> int:
-        get_logger(name).fatal(str(error))
-        return refused
-
-    try:
-        if answer_help(create_node, args):
-            return 0
-        with ros(args) as executor:
-            try:
-                with node_creation():
-                    node = create_node()
-                executor.add_node(node)
-                look_for_namesakes = namesake_watch(node)
-                with woken_by_signals(executor):
-                    while not (process.is_asked_to_end() or (is_done and is_done(node))):
-                        look_for_namesakes()
-                        spin_once(executor, node)
-                return conclude(node) if conclude else 0
-            except OneLineError as error:  # here, because it keeps alive a node that must go before ROS
-                return refuse(error)
-    except StartUpError as error:
-        return refuse(error)
-
-
-def namesake_watch(node):
-    """Return a function that logs a warning, once, if another node has the name of this one."""
-    next_look = -math.inf
-
-    def look() -> None:
-        nonlocal next_look
-        if time.monotonic() < next_look:
-            return
-        warning = namesake_warning(node)
-        next_look = math.inf if warning else time.monotonic() + LOOK_EVERY_SECONDS
-        if warning:
-            node.get_logger().warning(warning)
-
-    return look
-
-
-def spin_once(executor, node) -> None:
+def spin_once(executor: Executor, node: Node) -> None:
     """Run one callback, if one comes soon. Humble raises if a reply cannot be sent: log and continue."""
     try:
         executor.spin_once(timeout_sec=LOOK_EVERY_SECONDS)

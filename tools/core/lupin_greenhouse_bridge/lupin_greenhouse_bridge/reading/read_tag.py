@@ -28,7 +28,7 @@ from lupin_greenhouse_bridge.reading.table import Screen, Sheet, json_line, term
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.output import print_line
-from lupin_greenhouse_bridge.runtime.parameters import warn_of_unknown_parameters
+from lupin_greenhouse_bridge.runtime.parameters import log_ignored_parameters
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.simulator.layout import find_places, natural_order
@@ -66,7 +66,7 @@ def main(args=None):
             if options.count is not None and options.watch is None:
                 raise client.UsageError('--count needs --watch SECONDS')
             node = _node_in(executor)
-            warn_of_unknown_parameters(node)
+            log_ignored_parameters(node)
             return _read(node, client.Client(executor, node, options.timeout), options)
     except client.Interrupted:
         return INTERRUPTED

@@ -3,14 +3,16 @@
 import inspect
 import itertools
 import sys
+from collections.abc import Callable
 from types import ModuleType
+from typing import Any
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.runtime.output import print_line
+from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.parameters import launch_arguments
 
 
-def answer_help(node_type, args: list[str] | None) -> bool:
+def answer_help(create_node: Callable[[], Any], args: list[str] | None) -> bool:
     """
     Print what a node does, its parameters and an example if the command line asks for --help.
 
@@ -20,7 +22,7 @@ def answer_help(node_type, args: list[str] | None) -> bool:
     command_line = sys.argv if args is None else args
     own = list(itertools.takewhile(lambda word: word != '--ros-args', command_line))[1:]
     if '--help' in own or '-h' in own:
-        print_line(help_text(sys.modules[node_type.__module__]))
+        print_line(help_text(sys.modules[create_node.__module__]))
         return True
     if own:
         raise StartUpError(
@@ -36,6 +38,5 @@ def help_text(module: ModuleType) -> str:
         (name, repr(default) if kind is str else default, description)
         for name, default, kind, description in launch_arguments(module.Settings)
     ]
-    widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
-    lines = [f'  {row[0]:<{widths[0]}}  {row[1]:<{widths[1]}}  {row[2]}' for row in rows]
-    return '\n'.join([inspect.cleandoc(module.__doc__), '', 'Parameters and their defaults:', *lines])
+    table = [f'  {line}' for line in aligned_table(rows, numeric_columns=())]
+    return '\n'.join([inspect.getdoc(module) or '', '', 'Parameters and their defaults:', *table])
