@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits
@@ -18,7 +19,8 @@ CHOICES = {
     'order': (('numeric', 'shortest'), 'numeric or shortest'),
     'tag_poses_in_map': (('', True, False, 'true', 'false'), 'true, false or empty'),
 }
-REPLY_SECONDS = 3.0  # a camera on a busy machine replies this long after its time is over
+REPLY_SECONDS = 3.0  # A camera on a busy machine replies this long after its time is over.
+LARGEST_CAMERA_OFFSET_M = 0.29  # Less than the smallest standoff.
 # Arguments of the team's orchestrator for what this mission does not do: it does not explore, localize, or
 # move an arm.
 WITHOUT_EFFECT = (
@@ -43,121 +45,95 @@ WITHOUT_EFFECT = (
 )
 
 
-def _seconds(default: float, description: str, smallest: float = 0.0):
+def _seconds(default: float, description: str, smallest: float = 0.0) -> Any:
     return parameter(default, description, smallest=smallest, largest=LONGEST_SECONDS)
+
+
+def _text_or_array(default: str, description: str) -> Any:
+    """Return the field of a parameter that the dataclass splits into words itself."""
+    return parameter(default, description, of_any_type=True)
 
 
 @dataclass(frozen=True)
 class Settings:
-    """The validated parameters of one run. Raises StartUpError for an invalid value."""
+    """
+    The validated parameters of one run; raises StartUpError for an invalid value.
 
-    tag_sequence: str = parameter(
-        '',
-        'The tags to visit, in this order, as text ("6 21 29") or as an array; empty: all tags in natural'
-        ' order, from world_file, or else from tag_locations_file, or else from the bridge.',
-        of_any_type=True,
+    doc/interface.md describes each parameter in detail.
+    """
+
+    tag_sequence: str = _text_or_array(
+        '', 'The tags to visit, in this order: "6 21 29", or an array; empty: all tags in natural order.'
     )
     tag_locations_file: str = parameter(
-        '',
-        "The bridge's tag_locations.json; empty: the tag ids come from the bridge, and the positions from the"
-        ' file that mdp-greenhouse ships.',
+        '', "The bridge's tag_locations.json; empty: ids from the bridge, positions from mdp-greenhouse."
     )
     world_file: str = parameter('', 'An SDF world: its models tag_<id> are the tags with their positions.')
     bridge_service_name: str = parameter('/greenhouse_bridge/get_tag_reading', 'The GetTagReading service.')
-    visual_confirmation_service: str = parameter(
-        'perception/confirm_tag', 'The ConfirmTag service; a relative name is in the namespace of the node.'
-    )
+    visual_confirmation_service: str = parameter('perception/confirm_tag', 'The ConfirmTag service.')
     require_visual_confirmation: bool = parameter(
-        False, 'Read a tag only if the camera confirms it (hardware); false: trust the ids (simulation).'
+        False, 'Read a tag only if the camera confirms it (hardware); false: no camera (simulation).'
     )
     order: str = parameter(
-        'numeric',
-        'Order of visits: numeric (a tag_sequence keeps its own order), or shortest: the shortest route from'
-        ' where the robot is; shortest needs drive nav2.',
+        'numeric', 'numeric (tag_sequence keeps its own order), or shortest: the shortest route, with nav2.'
     )
-    drive: str = parameter(
-        'nav2',
-        'How the robot gets to a tag: nav2 (it calls NavigateToPose), or simulated (no robot moves; a drive'
-        ' takes drive_seconds).',
-    )
-    drive_seconds: float = _seconds(
-        0.0, 'With drive simulated: seconds for the drive to a tag; 0.0: the drive ends at once.'
-    )
-    nav_action_name: str = parameter(
-        'navigate_to_pose', 'The NavigateToPose action; a relative name is in the namespace of the node.'
-    )
+    drive: str = parameter('nav2', 'How the robot gets to a tag: nav2, or simulated (no robot moves).')
+    drive_seconds: float = _seconds(0.0, 'With drive simulated: seconds for the drive to a tag.')
+    nav_action_name: str = parameter('navigate_to_pose', 'The NavigateToPose action.')
     nav_timeout_s: float = _seconds(60.0, 'Seconds for one drive with Nav2; 0.0: no limit.')
     nav_max_attempts: int = parameter(
         Limits.max_drives,
-        'How often the robot tries to drive to one pose of a tag, or to the dock, before this goal counts as'
-        ' unreachable.',
+        'How often the robot tries to drive to one pose, or to the dock.',
         smallest=1,
         largest=1000,
     )
     max_poses: int = parameter(
-        2,
-        'With drive nav2: the most poses that the robot tries at a tag: it drives to the next one if the'
-        ' drive fails or the camera does not see the tag; 1: only the best.',
-        smallest=1,
-        largest=10,
+        2, 'With nav2: the most poses that the robot tries at a tag.', smallest=1, largest=10
     )
     robot_radius_m: float = parameter(
         0.2, 'Radius of the robot in metres, for its approach poses.', smallest=0.0, largest=0.75
     )
     approach_standoff_m: float = parameter(
-        0.5,
-        'Preferred distance from the robot to a tag in metres; where there is no room at this distance, the'
-        ' mission chooses another distance.',
-        smallest=0.2,
-        largest=1.5,
+        0.5, 'Preferred distance from the robot to a tag in metres.', smallest=0.2, largest=1.5
     )
     approach_clearance_m: float = parameter(
         ViewingLimits.clearance_m,
-        "Room at each approach pose beyond the robot's radius, in metres; where there is less, the roomiest"
-        ' pose counts, with a warning.',
+        "Room at each approach pose beyond the robot's radius, in metres, where there is as much.",
         smallest=0.0,
         largest=1.0,
     )
     arrival_tolerance_m: float = parameter(
         ViewingLimits.arrival_tolerance_m,
-        "How far from its pose the robot may stop, in metres, like Nav2's xy_goal_tolerance: where there is"
-        ' room, the mission chooses a pose from which the camera still sees the tag if the robot stops this'
-        ' far away.',
+        "How far from its pose the robot may stop, in metres, like Nav2's xy_goal_tolerance.",
         smallest=0.0,
         largest=1.0,
     )
     arrival_tolerance_rad: float = parameter(
         ViewingLimits.arrival_tolerance_rad,
-        'How far it may be turned from its pose, in radians, as yaw_goal_tolerance of Nav2.',
+        "How far the robot may be turned from its pose, in radians, like Nav2's yaw_goal_tolerance.",
         smallest=0.0,
         largest=math.pi,
     )
     camera_offset_m: float = parameter(
         ViewingLimits.camera_offset_m,
-        "How far the camera is ahead of the robot's centre, in metres.",
-        smallest=-0.29,  # less than the smallest standoff
-        largest=0.29,
+        "How far the camera is in front of the robot's centre, in metres.",
+        smallest=-LARGEST_CAMERA_OFFSET_M,
+        largest=LARGEST_CAMERA_OFFSET_M,
     )
     approach_overrides_file: str = parameter(
-        '',
-        'A YAML file of approach poses that you set by hand, in the frame of the map, such as'
-        ' overrides: {"7": {yaw: 1.57, standoff: 0.4}}.',
+        '', 'A YAML file of poses in the map, such as overrides: {"7": {yaw: 1.57, standoff: 0.4}}.'
     )
     sim_config_file: str = parameter(
         '', "The bridge's greenhouse_config.yaml, for the walls; empty: the one of mdp-greenhouse."
     )
-    walls: str = walls_parameter()  # or an array
+    walls: str = walls_parameter()
     map_topic: str = parameter(
         'map',
-        "A latched OccupancyGrid topic with the robot's map. With drive nav2, each approach pose also keeps"
-        ' its clearance to the obstacles in this map; the mission uses the last map that it has received'
-        ' before it starts.',
+        "A latched OccupancyGrid with the robot's map: with nav2, the poses keep clear of its obstacles.",
     )
-    dock_pose: str = parameter(
+    dock_pose: str = _text_or_array(
         '[0.0, 0.0, 0.0]',
-        'The pose of the dock in the map: x and y in metres, and yaw in radians. The robot returns there at'
-        ' the end of every mission; empty: it does not return.',
-        of_any_type=True,
+        'Where the robot returns at the end: x and y in metres in the map, yaw in radians; empty: nowhere.',
     )
     flower_scan_dwell_s: float = _seconds(Limits.dwell_seconds, 'Minimum time at each tag in seconds.')
     scan_timeout_s: float = _seconds(
@@ -165,41 +141,31 @@ class Settings:
     )
     visual_confirmation_timeout_s: float = _seconds(
         Limits.confirm_timeout_seconds - REPLY_SECONDS,
-        'The mission waits this many seconds, plus 3, for each reply of the ConfirmTag service. How long the'
-        ' service looks for the tag is its own timeout_seconds.',
+        'The mission waits this many seconds, plus 3, for each reply of ConfirmTag.',
         smallest=0.001,
     )
     max_attempts: int = parameter(
         Limits.max_attempts,
-        'How many requests the mission sends to each of the two services from one pose before it gives up'
-        ' there.',
+        'How many requests the mission sends to each service from one pose.',
         smallest=1,
         largest=1000,
     )
     retry_delay_seconds: float = _seconds(
         Limits.retry_delay_seconds,
-        'Seconds before the second attempt of a request or a drive; doubles with each further attempt, up to'
-        ' 10 s.',
+        'Seconds before the second request or drive; doubles with each further attempt, up to 10 s.',
     )
     report_file: str = parameter(
-        '',
-        'The JSON Lines file to write or to continue; empty: mission-TIME.jsonl in the folder in which you'
-        ' start the node. With wait_for_start, each mission adds its id to the name.',
+        '', 'The JSON Lines file to write or to continue; empty: mission-TIME.jsonl in the current folder.'
     )
     wait_for_start: bool = parameter(
-        True,
-        'Start each mission when mission/start is called; false: start one at once, and exit after it.',
+        True, 'Start each mission when mission/start is called; false: start one immediately, then exit.'
     )
     wait_for_subscriber: bool = parameter(
-        False,
-        'With wait_for_start false: before it starts, the mission waits up to dependency_timeout_s for a'
-        ' subscriber of mission/readings, so that a recorder misses no reading.',
+        False, 'With wait_for_start false: wait for a subscriber of mission/readings, such as a recorder.'
     )
     dependency_timeout_s: float = _seconds(
         30.0,
-        'Seconds that a drive waits for its action server; with wait_for_start false, also the seconds that'
-        ' the mission waits for the bridge to list its tags, and, with wait_for_subscriber, for a'
-        ' subscriber.',
+        "Seconds to wait for Nav2; with wait_for_start false, also for the bridge's tags and a subscriber.",
     )
     mission_id_prefix: str = parameter('lupin', 'The first word of each mission id.')
     frame_id: str = parameter('map', 'The frame of the poses, and of the headers of all messages.')
@@ -208,25 +174,19 @@ class Settings:
     )
     estop_topic: str = parameter('/e_stop_state', 'A std_msgs/Bool topic: true stops the robot.')
     amcl_pose_topic: str = parameter(
-        'amcl_pose',
-        "The PoseWithCovarianceStamped topic with the robot's pose, which the mission publishes for a tag"
-        ' whose position is unknown.',
+        'amcl_pose', "The robot's pose, which is published for a tag whose position is unknown."
     )
     observations_topic: str = parameter('/floranova/observations', 'The topic of the observations.')
     layout_in_map: str = parameter(
-        '',
-        'The file that register_layout has written: where the layout of the tag file or world lies in the'
-        ' map; empty: the map has the same origin and axes as the layout.',
+        '', 'The file of register_layout: where the layout lies in the map; empty: at the origin of the map.'
     )
-    tag_poses_in_map: str = parameter(
+    tag_poses_in_map: str = _text_or_array(
         '',
-        'Where the published position of a tag comes from. true: the tag file or world, converted into the'
-        ' map by layout_in_map; false: perception/discovered_tags, or else the position of the robot; empty:'
-        ' true if layout_in_map is set or require_visual_confirmation is false, otherwise false.',
-        of_any_type=True,
+        'true: publish the positions of the layout; false: those of perception or of the robot; empty: true'
+        ' with layout_in_map or without a camera.',
     )
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_parameters(self)
         parse_walls(self.walls)
         for name, (choices, accepted) in CHOICES.items():
@@ -298,7 +258,7 @@ class Settings:
         )
 
 
-def _words(value) -> list[str]:
+def _words(value: object) -> list[str]:
     """Return the words of a text, or the items of an array, which a launch argument is as text: "[6, 21]"."""
     if isinstance(value, str):
         text = value.strip()
