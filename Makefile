@@ -101,6 +101,8 @@ test-tree: env  ## run the tests of the packages of TREE: make test-tree PACKAGE
 
 lint: env  ## check the code with ruff and mypy, the spelling, and the workflows against their schema
 	@$(IN_ENV) ruff check . && ruff format --check .
+	@$(IN_ENV) deno lint --quiet --rules-include=eqeqeq $$(git ls-files 'tools/*.js')
+	@! git grep -nE '.{121}' -- 'tools/*.js' || { echo 'lint: a line of a script is longer than 120 characters: wrap it' >&2; exit 1; }
 	@$(IN_ENV) mypy
 	@$(IN_ENV) git ls-files -z ':!*.png' ':!ci/requirements' | xargs -0 codespell
 	@$(IN_ENV) check-jsonschema --builtin-schema vendor.github-workflows $(wildcard .github/workflows/*.yml lupin_greenhouse_ros/.github/workflows/*.yml)

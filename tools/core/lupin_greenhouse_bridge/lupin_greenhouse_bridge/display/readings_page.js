@@ -361,9 +361,10 @@ function pick(number) {
 
 // The table
 
+const named_value = (sensor, value) => `${sensor.name} ${with_unit(sensor, value)}`;
 const facts_of = tag => [
   `tag ${tag.id}: ${tag.outcome}${tag.reason ? ` (${tag.reason})` : ''}`,
-  ...data.sensors.map((sensor, n) => tag.values[n] === null ? '' : `${sensor.name} ${with_unit(sensor, tag.values[n])}`),
+  ...tag.values.map((value, n) => value === null ? '' : named_value(data.sensors[n], value)),
   tag.stamp_ms === null ? '' : `${clock(tag.stamp_ms)} (greenhouse ${day_time(tag.time_of_day)})`,
   tag.attempts > 1 ? `${tag.attempts} attempts` : '',
 ].filter(Boolean);
