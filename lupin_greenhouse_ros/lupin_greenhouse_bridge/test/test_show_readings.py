@@ -47,7 +47,7 @@ BENCH = Layout(
     {'7': Tag(1.0, 1.0, ['co2']), '8': Tag(3.0, 1.0, ['co2', 'light'])}, {'bench': (1.0, 1.0, 3.0, 1.5)}
 )
 WALLS = Walls(0.0, 0.0, 4.0, 8.0)
-CO2 = Scale('co2', 300.0, 800.0)
+CO2 = Scale('co2', (300.0, 800.0))
 
 
 def reading_of(tag_id, seconds=100, **values):

@@ -17,7 +17,7 @@ from nav_msgs.msg import MapMetaData, OccupancyGrid
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from std_msgs.msg import Header
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_ranges
@@ -71,7 +71,7 @@ class Settings:
     sim_config_file: str = parameter('', "The bridge's greenhouse_config.yaml; empty: the simulator's.")
     walls: str = walls_parameter()  # or an array
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_parameters(self)
         parse_walls(self.walls)
         topics_of(self.readings_topics)
@@ -92,7 +92,7 @@ class ReceivedReading(NamedTuple):
 class ShowReadingsNode(Node):
     """Publishes `~/markers` and `~/field`, latched and once a second."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         """Read the layout and subscribe; raises StartUpError."""
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
@@ -103,15 +103,16 @@ class ShowReadingsNode(Node):
             if settings.layout_in_map
             else Transform()
         )
-        self._scale = Scale(settings.sensor, *_colour_range_of(settings))
+        self._range = Scale(settings.sensor, _colour_range_of(settings))
         self._grid = _grid_of(settings, layout, walls)
         self._tags = layout.tags
-        self._scene = Scene(layout, walls, self._layout_in_map, self._scale)
+        self._scene = Scene(layout, walls, self._layout_in_map, self._range)
         self._received: dict[str, ReceivedReading] = {}  # the newest reading of each tag
-        self._ends: list[float] = []  # the lowest and the highest value so far: the colours do not flicker
+        self._extremes: list[float] = []  # of all readings so far: the colours do not flicker
         self._has_warned = False
-        self._cells = self._field_marker = None  # of the field; None if a reading has arrived since
-        self._unknown_ids = set()
+        self._cells: array.array[int] | None = None  # of the field; None if a reading has arrived since
+        self._field_marker: Marker | None = None
+        self._unknown_ids: set[str] = set()
         self._markers = self.create_publisher(MarkerArray, '~/markers', latched())
         self._field = self.create_publisher(OccupancyGrid, '~/field', latched())
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
@@ -173,13 +174,14 @@ class ShowReadingsNode(Node):
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.map_frame)
         samples = self._samples()
         if self._cells is None:
-            values = [*self._ends, *(value for *_, value in samples.values())]
-            self._ends = [min(values), max(values)] if values else []
-            self._scene.scale = Scale(self._scale.sensor, *colour_limits(self._ends, self._scale[1:]))
-            values = interpolate(self._grid, list(samples.values()), self._settings.radius_m)
-            self._cells = array.array('b', scaled(values, *self._scale[1:]).tobytes())
-            if values.size <= MOST_CELLS_MARKED:
-                self._field_marker = field_marker(self._grid, values, self._scene.scale, self._layout_in_map)
+            shown = [*self._extremes, *(value for *_, value in samples.values())]
+            self._extremes = [min(shown), max(shown)] if shown else []
+            limits = colour_limits(self._extremes, self._range.limits)
+            self._scene.scale = self._range._replace(limits=limits)
+            field = interpolate(self._grid, list(samples.values()), self._settings.radius_m)
+            self._cells = array.array('b', scaled(field, *self._range.limits).tobytes())
+            if field.size <= MOST_CELLS_MARKED:
+                self._field_marker = field_marker(self._grid, field, self._scene.scale, self._layout_in_map)
         x, y = self._layout_in_map.point(self._grid.x, self._grid.y)
         info = MapMetaData(
             map_load_time=header.stamp,
@@ -201,12 +203,12 @@ class ShowReadingsNode(Node):
             tag_id: (*self._tags[tag_id][:2], each.value)
             for tag_id, received in self._received.items()
             for each in received.reading.readings
-            if each.name == self._scale.sensor and math.isfinite(each.value)
+            if each.name == self._range.sensor and math.isfinite(each.value)
         }
 
     def _caption(self, samples: dict[str, tuple[float, float, float]]) -> str:
         """Return what the colours show, in the words of the page of readings."""
-        sensor, lowest, highest = self._scene.scale
+        sensor, (lowest, highest) = self._scene.scale
         lines = [f'{label_of(sensor)}: colours from {lowest:g} to {highest:g}']
         values = {tag_id: value for tag_id, (*_, value) in samples.items()}
         lines += [text for text, _ in extremes_of(sensor, values)]
@@ -215,7 +217,7 @@ class ShowReadingsNode(Node):
 
 
 def _seconds(reading: TagReading) -> float:
-    return reading.stamp.sec + reading.stamp.nanosec / 1e9
+    return float(reading.stamp.sec + reading.stamp.nanosec / 1e9)
 
 
 def _now(clock: Clock) -> float:
@@ -246,6 +248,6 @@ def _grid_of(settings: Settings, layout: Layout, walls: Walls) -> FieldGrid:
     return grid
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Publish until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return run(NODE_NAME, ShowReadingsNode, args)

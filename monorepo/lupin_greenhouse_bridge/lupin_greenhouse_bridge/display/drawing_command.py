@@ -81,9 +81,13 @@ def layout_of(file: ReadingFile, tag_file: str) -> Layout:
 
     Raises StartUpError for a bad tag_file, for a layout of another greenhouse, and if no position is known.
     """
-    placed = {row.tag_id: Tag(row.x_m, row.y_m, []) for row in file.rows if row.x_m is not None}
+    placed = {
+        row.tag_id: Tag(row.x_m, row.y_m, [])
+        for row in file.rows
+        if row.x_m is not None and row.y_m is not None
+    }
     layout = (find_layout(tag_file) or Layout({}, {})) if placed else require_layout(tag_file)
-    tag_ids = {each.tag_id for each in (*file.rows, *file.visits)}
+    tag_ids = {row.tag_id for row in file.rows} | {visit.tag_id for visit in file.visits}
     strangers = tag_ids - set(layout.tags)
     if tag_file and strangers:
         raise StartUpError(

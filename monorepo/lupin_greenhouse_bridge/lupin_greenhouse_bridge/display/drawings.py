@@ -13,6 +13,7 @@ from lupin_greenhouse_bridge.display import colours
 from lupin_greenhouse_bridge.display.placing import (
     PATH_WIDTH_M,
     Box,
+    Point,
     arrows_along,
     ends_of_path,
     place_labels,
@@ -27,11 +28,12 @@ from lupin_greenhouse_bridge.simulator.layout import Layout
 
 STOP_HEIGHT_M, JOINED_M = 0.22, 0.25  # stops that are closer share a mark
 VIEW_MARGIN_M = 0.15
-CENTRED = {'ha': 'center', 'va': 'center'}
+Style = dict[str, Any]  # of what matplotlib draws
+CENTRED: Style = {'ha': 'center', 'va': 'center'}
 DASHED = (0, (4, 2))
-TAG = {'color': 'black', 'linestyle': '', 'marker': 's', 'markersize': 5}
+TAG: Style = {'color': 'black', 'linestyle': '', 'marker': 's', 'markersize': 5}
 TAG_M, UNREACHABLE_M = 0.14, 0.24
-UNREACHABLE = {'color': colours.FAILED, 'linestyle': '', 'marker': 'X', 'markersize': 8}
+UNREACHABLE: Style = {'color': colours.FAILED, 'linestyle': '', 'marker': 'X', 'markersize': 8}
 
 
 class LabelSize(NamedTuple):
@@ -88,7 +90,7 @@ def draw_greenhouse(axes: Any, layout: Layout, walls: Walls) -> None:
     axes.tick_params(length=0)
 
 
-def show_all(axes: Any, layout: Layout, walls: Walls, route: Sequence[tuple[float, float]] = ()) -> None:
+def show_all(axes: Any, layout: Layout, walls: Walls, route: Sequence[Point] = ()) -> None:
     """Set the view to the walls, the tags and the route, with a margin around them."""
     points = [walls[:2], walls[2:], *(tag[:2] for tag in layout.tags.values()), *route]
     for set_limits, places in zip((axes.set_xlim, axes.set_ylim), zip(*points, strict=True), strict=True):
@@ -109,7 +111,7 @@ def write_labels(
         axes.text(*place, text, color=colour, fontsize=8, **CENTRED, **style)
 
 
-def write_key(owner: Any, marks: Sequence[tuple[str, Mapping[str, Any]]], columns: int, **style: Any) -> None:
+def write_key(owner: Any, marks: Sequence[tuple[str, Style]], columns: int, **style: Any) -> None:
     """Write below the axes or the figure what each mark means; Matplotlib 3.5 has no `outside` for it."""
     from matplotlib.lines import Line2D
 
@@ -118,7 +120,7 @@ def write_key(owner: Any, marks: Sequence[tuple[str, Mapping[str, Any]]], column
     owner.legend(handles=handles, ncol=columns, **place, **style)
 
 
-def draw_path(axes: Any, points: Sequence[tuple[float, float]], taken: Collection[Box] = ()) -> None:
+def draw_path(axes: Any, points: Sequence[Point], taken: Collection[Box] = ()) -> None:
     """Draw a thin path from a circle to a square, with arrows where none of these boxes is."""
     axes.plot(*zip(*points, strict=True), color=colours.ROUTE, linewidth=0.9, zorder=1.5)
     style = {'arrowstyle': '-|>', 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 11}
@@ -153,16 +155,20 @@ def draw_route(
     counts = f'{len(poses)} of {len(layout.tags)} tags have a pose; the route is {route.length_m:.1f} m long'
     axes.set_title(f'where a robot stands to read each tag\n{counts}', fontsize=11)
     sights = [((pose.x, pose.y), layout.tags[tag_id][:2]) for tag_id, pose in poses.items()]
-    sight = {'color': colours.SIGHT, 'linestyle': DASHED}
+    sight: Style = {'color': colours.SIGHT, 'linestyle': DASHED}
     for line in sights:
         axes.plot(*zip(*line, strict=True), **sight, linewidth=0.7, zorder=1.4)
     stops = join_stops([poses[tag_id][:2] for tag_id in route.tag_ids])
     if route.points_m:
         draw_path(axes, route.points_m, stops.values())
-    frame = {'boxstyle': 'round,pad=0.25,rounding_size=0.7', 'facecolor': 'white', 'edgecolor': colours.ROUTE}
+    frame: Style = {
+        'boxstyle': 'round,pad=0.25,rounding_size=0.7',
+        'facecolor': 'white',
+        'edgecolor': colours.ROUTE,
+    }
     for text, stop in stops.items():
-        style = {'fontsize': 8, 'color': colours.ROUTE, 'zorder': 5, 'bbox': frame}
-        axes.text(*stop[:2], text if len(text) > 1 else f' {text} ', **CENTRED, **style)
+        style: Style = {'fontsize': 8, 'color': colours.ROUTE, 'zorder': 5, 'bbox': frame}
+        axes.text(stop.x, stop.y, text if len(text) > 1 else f' {text} ', **CENTRED, **style)
     points = [(x, y) for path in (*sights, route.points_m) for x, y, _ in steps_of(path, PATH_WIDTH_M)]
     lines = [Box(*point, PATH_WIDTH_M, PATH_WIDTH_M) for point in points]
     _draw_tags(axes, layout, unreachable, route, [*stops.values(), *lines])
@@ -173,7 +179,7 @@ def draw_route(
         'markersize': 10,
         'markerfacecolor': 'white',
     }
-    marks = [
+    marks: list[tuple[str, Style]] = [
         ('route, in the direction of its arrows', {'color': colours.ROUTE, 'marker': '>', 'markersize': 5}),
         ('stop of the robot, in order; close ones share a mark', stop_mark),
         ('from a stop to its tag', sight),
@@ -192,9 +198,9 @@ def draw_route(
     return figure
 
 
-def join_stops(stops: list[tuple[float, float]]) -> dict[str, Box]:
+def join_stops(stops: list[Point]) -> dict[str, Box]:
     """Return the marks of the stops along a route: their numbers, such as `4, 5` or `19-21`, and a place."""
-    groups: list[list[tuple[int, tuple[float, float]]]] = []
+    groups: list[list[tuple[int, Point]]] = []
     for number, stop in enumerate(stops, start=1):
         group = next((each for each in groups if math.dist(each[0][1], stop) < JOINED_M), [])
         groups += [] if group else [group]
@@ -204,7 +210,8 @@ def join_stops(stops: list[tuple[float, float]]) -> dict[str, Box]:
         numbers, places = zip(*group, strict=True)
         is_run = len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1
         text = f'{numbers[0]}-{numbers[-1]}' if is_run else ', '.join(map(str, numbers))
-        marks[text] = Box(*np.mean(places, axis=0).tolist(), LABELS.width_m(text) + 0.04, STOP_HEIGHT_M)
+        x, y = np.mean(places, axis=0).tolist()
+        marks[text] = Box(x, y, LABELS.width_m(text) + 0.04, STOP_HEIGHT_M)
     return marks
 
 

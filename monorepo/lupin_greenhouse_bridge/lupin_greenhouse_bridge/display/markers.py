@@ -2,10 +2,10 @@
 """The markers that show the greenhouse and the last reading of each tag."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from geometry_msgs.msg import Point, Vector3
+from geometry_msgs.msg import Point, Pose, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -28,6 +28,7 @@ TEXT_HEIGHT_M = 0.45  # above everything else
 LETTER_M, LETTER_WIDTH_M, LINE_M = 0.08, 0.045, 0.09
 STALE_ALPHA, FIELD_ALPHA = 0.5, 0.35
 KEY_M, KEY_STEPS = 1.5, 30  # length of the key of the colours
+Colour = tuple[float, ...]  # red, green, blue and, if it is not opaque, alpha, from 0 to 1
 # As on the page of readings in its dark scheme; a read tag without the shown sensor is white.
 TABLE, GREY, WHITE, BLACK = (0.26, 0.3, 0.34), (0.45, 0.5, 0.55), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 BRIGHTEST, LUMA = 0.45, (0.299, 0.587, 0.114)  # on which a text is white
@@ -37,15 +38,15 @@ class Scale(NamedTuple):
     """The sensor that is shown by colours, and the values at the ends of the colours, in its unit."""
 
     sensor: str
-    lowest: float
-    highest: float
+    limits: tuple[float, float]
 
-    def colour_of(self, reading: TagReading) -> tuple[float, float, float]:
+    def colour_of(self, reading: TagReading) -> Colour:
         """Return the colour of a tag with this reading."""
         values = [each.value for each in reading.readings if each.name == self.sensor]
         if not values or math.isnan(values[0]):
             return WHITE
-        return tuple(colours_of(values[0], self.lowest, self.highest).tolist())
+        red, green, blue = colours_of(values[:1], *self.limits)[0].tolist()
+        return red, green, blue
 
 
 class Plate(NamedTuple):
@@ -55,10 +56,10 @@ class Plate(NamedTuple):
     facing: float
     label: Box
 
-    def marker(self, number: int, colour) -> Marker:
+    def marker(self, number: int, colour: Colour) -> Marker:
         """Return the marker of the tag."""
         size = (TILE_M, TILE_M, TILE_THICKNESS_M)
-        at = pose_message(*self.dot[:2], self.facing, TAG_HEIGHT_M)
+        at = pose_message(self.dot.x, self.dot.y, self.facing, TAG_HEIGHT_M)
         return _marker('tags', number, Marker.CUBE, colour, size, pose=at)
 
 
@@ -116,7 +117,8 @@ class Scene:
         markers = [self._table(number) for number in range(len(self._tables))]
         markers += [self._key()] + [field] * (field is not None)
         for number, (tag_id, plate) in enumerate(self._plates.items()):
-            colour, alpha = GREY, 1.0
+            colour: Colour = GREY
+            alpha = 1.0
             if tag_id in readings:
                 reading, age = readings[tag_id]
                 colour = self.scale.colour_of(reading)
@@ -124,13 +126,11 @@ class Scene:
                 values = sorted(reading.readings, key=lambda each: sensor_order(each.name))
                 lines = [_value_line(each.name, each.value) for each in values]
                 text = '\n'.join([*lines, age_text(age)])
-                markers.append(_text('readings', number, plate.label[:2], text, alpha))
+                markers.append(_text('readings', number, plate.label, text, alpha))
             is_bright = np.dot(colour, LUMA) > BRIGHTEST and plate.dot.width <= TILE_M
             markers += [
                 plate.marker(number, (*colour, alpha)),
-                _text(
-                    'ids', number, plate.dot[:2], escaped(tag_id, 40), colour=BLACK if is_bright else WHITE
-                ),
+                _text('ids', number, plate.dot, escaped(tag_id, 40), colour=BLACK if is_bright else WHITE),
             ]
         markers.append(_text(FIELD_NAMESPACE, 0, self._caption_place, caption))
         for each in markers:
@@ -150,7 +150,7 @@ class Scene:
         steps = np.arange(KEY_STEPS) + 0.5
         colours = colours_of(steps, 0, KEY_STEPS)
         places = np.stack([steps * step_m, 0 * steps], axis=-1)
-        return _cells('key', pose_message(*self._key_place, 0.0), (step_m, LINE_M), places, colours, 1.0)
+        return _rectangles('key', pose_message(*self._key_place, 0.0), (step_m, LINE_M), places, colours, 1.0)
 
 
 def field_marker(
@@ -161,9 +161,9 @@ def field_marker(
     if not len(rows):
         return None
     places = (np.stack([columns, rows], axis=-1) + 0.5) * grid.resolution_m
-    colours = colours_of(values[rows, columns], scale.lowest, scale.highest)
+    colours = colours_of(values[rows, columns], *scale.limits)
     origin = pose_message(*layout_in_map.point(grid.x, grid.y), layout_in_map.yaw)
-    return _cells('field', origin, (grid.resolution_m,) * 2, places, colours, FIELD_ALPHA)
+    return _rectangles('field', origin, (grid.resolution_m,) * 2, places, colours, FIELD_ALPHA)
 
 
 def age_text(seconds: float) -> str:
@@ -186,7 +186,14 @@ def _value_line(sensor: str, value: float) -> str:
     )
 
 
-def _cells(namespace: str, origin, size, places: np.ndarray, colours: np.ndarray, alpha: float) -> Marker:
+def _rectangles(
+    namespace: str,
+    origin: Pose,
+    size: tuple[float, float],
+    places: np.ndarray,
+    colours: np.ndarray,
+    alpha: float,
+) -> Marker:
     """Return one flat marker of rectangles around these places from its origin."""
     return _marker(
         namespace,
@@ -200,20 +207,28 @@ def _cells(namespace: str, origin, size, places: np.ndarray, colours: np.ndarray
     )
 
 
-def _text(namespace: str, number: int, place, text: str, alpha: float = 1.0, colour=WHITE) -> Marker:
+def _text(
+    namespace: str,
+    number: int,
+    place: Box | tuple[float, float],
+    text: str,
+    alpha: float = 1.0,
+    colour: Colour = WHITE,
+) -> Marker:
     return _marker(
         namespace,
         number,
         Marker.TEXT_VIEW_FACING,
         (*colour, alpha),
         (LETTER_WIDTH_M / 2, 0.0, LETTER_M),  # RViz takes the width of a space from x
-        pose=pose_message(*place, 0.0, TEXT_HEIGHT_M),
+        pose=pose_message(place[0], place[1], 0.0, TEXT_HEIGHT_M),
         text=plain(text),
     )
 
 
-def _marker(namespace: str, number: int, kind: int, colour, size, **fields) -> Marker:
-    """Return a marker; the colour is red, green, blue and, if it is not opaque, alpha."""
+def _marker(
+    namespace: str, number: int, kind: int, colour: Colour, size: tuple[float, float, float], **fields: Any
+) -> Marker:
     return Marker(
         ns=namespace,
         id=number,

@@ -18,6 +18,7 @@ from lupin_greenhouse_bridge.display.drawing_command import (
 )
 from lupin_greenhouse_bridge.display.drawings import (
     LabelSize,
+    Style,
     draw_greenhouse,
     draw_path,
     picture_of,
@@ -26,7 +27,7 @@ from lupin_greenhouse_bridge.display.drawings import (
     write_labels,
 )
 from lupin_greenhouse_bridge.display.input_file import ReadingFile
-from lupin_greenhouse_bridge.display.placing import Box, box_of, ends_of_path, length_m, steps_of
+from lupin_greenhouse_bridge.display.placing import Box, Point, box_of, ends_of_path, length_m, steps_of
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
@@ -119,7 +120,7 @@ def _draw_ways(
     axes: Any,
     layout: Layout,
     walls: Walls,
-    route: Sequence[tuple[float, float]],
+    route: Sequence[Point],
     readings: Mapping[str, Mapping[str, Row]],
     failed: Mapping[str, str],
 ) -> None:
@@ -210,7 +211,7 @@ def _write_labels(axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box
     write_labels(axes, labels, size, taken, box_of(walls), path_effects=outline, zorder=4)
 
 
-def _draw_dots(axes: Any, tags: Collection[Tag], style: Mapping[str, Any]) -> None:
+def _draw_dots(axes: Any, tags: Collection[Tag], style: Style) -> None:
     axes.plot([tag.x for tag in tags], [tag.y for tag in tags], **style, zorder=2)
 
 
@@ -228,7 +229,7 @@ def _write_key(figure: Any, failure_words: set[str], *, has_route: bool) -> None
         'markersize': 9,
         'markeredgecolor': 'black',
     }
-    marks = [
+    marks: list[tuple[str, Style]] = [
         ('wall', {'color': 'black', 'linewidth': 1.5}),
         ('table', {'color': colours.TABLE, 'marker': 's', 'linestyle': '', 'markersize': 11}),
         ('tag: value', point),
@@ -273,6 +274,7 @@ def _write_head(
     figure: Any, headline: list[tuple[str, str]], failures: list[summary.Failures], origin: str
 ) -> None:
     """Write above the panels whether it worked, what failed and why, and where the readings are from."""
+    from matplotlib.artist import Artist
     from matplotlib.offsetbox import AnnotationBbox, HPacker, TextArea
 
     lines = []
@@ -286,9 +288,9 @@ def _write_head(
         figure.text(0.5, 1.0 + points / 72 / figure.get_figheight(), text, **style)
         points += 1.5 * size
     parts = [part for each in headline for part in (each, ('·', 'black'))][:-1]
-    bold = {'fontsize': 14, 'fontweight': 'bold'}
-    texts = [TextArea(text, textprops={'color': colour, **bold}) for text, colour in parts]
+    bold: Style = {'fontsize': 14, 'fontweight': 'bold'}
+    texts: list[Artist] = [TextArea(text, textprops={'color': colour, **bold}) for text, colour in parts]
     line = HPacker(children=texts, align='baseline', pad=0, sep=5)
     place = (0.5, 1.0 + points / 72 / figure.get_figheight())
-    style = {'xycoords': figure.transFigure, 'box_alignment': (0.5, 0), 'frameon': False, 'pad': 0}
-    figure.add_artist(AnnotationBbox(line, place, **style))
+    at: Style = {'xycoords': figure.transFigure, 'box_alignment': (0.5, 0), 'frameon': False, 'pad': 0}
+    figure.add_artist(AnnotationBbox(line, place, **at))

@@ -29,6 +29,7 @@ from lupin_greenhouse_bridge.display.drawing_command import (
 from lupin_greenhouse_bridge.display.input_file import ReadingFile
 from lupin_greenhouse_bridge.display.placing import (
     ARROW_EVERY_M,
+    Point,
     arrows_along,
     ends_of_path,
     length_m,
@@ -158,7 +159,7 @@ def data_of(
     }
 
 
-def route_data(route: list[tuple[float, float]], walls: Walls) -> dict[str, Any]:
+def route_data(route: list[Point], walls: Walls) -> dict[str, Any]:
     """Return the route of a robot in metres, with its arrows, and with points that labels avoid."""
     arrow_m = max(ARROW_EVERY_M, (walls.y1 - walls.y0) / MOST_ARROWS_ACROSS, length_m(route) / MOST_STEPS)
     step_m = max(LABEL_STEP_M, length_m(route) / MOST_STEPS)
@@ -207,7 +208,7 @@ def _urgency(item: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
     return not tag['has_failed'], tag['stamp_ms'] is not None, natural_order(tag_id)
 
 
-def lines_of(rows: list[Row], numbers: dict[str, int]) -> dict[str, list[dict]]:
+def lines_of(rows: list[Row], numbers: dict[str, int]) -> dict[str, list[dict[str, Any]]]:
     """
     Return the lines of the charts by sensor, one for each tag: over wall time and over the time of day.
 
@@ -223,7 +224,7 @@ def lines_of(rows: list[Row], numbers: dict[str, int]) -> dict[str, list[dict]]:
     for (sensor, tag_id), group in sorted(groups.items(), key=lambda item: numbers[item[0][1]]):
         stamps_ns, times_of_day, values = (np.array(each) for each in zip(*group, strict=True))
         stamps_ms = (stamps_ns - rows[0].stamp_ns) // NS_PER_MS
-        line = {'tag': numbers[tag_id]}
+        line: dict[str, Any] = {'tag': numbers[tag_id]}
         if len(values) > (wall_bins := min(WALL_BINS, most_bins)):
             span_ms = int(stamps_ms[-1]) + 1
             line |= {'wall': binned(stamps_ms, values, span_ms / wall_bins), 'is_binned': True}

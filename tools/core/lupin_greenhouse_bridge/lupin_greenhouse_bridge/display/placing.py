@@ -12,6 +12,7 @@ from lupin_greenhouse_bridge.planning.walls import Walls
 ARROW_EVERY_M, ARROW_M = 0.8, 0.22
 PATH_WIDTH_M = 0.1  # that a label leaves to a path
 END_M = 0.24  # the mark at an end of a path
+Point = tuple[float, float]
 
 
 class Box(NamedTuple):
@@ -34,12 +35,13 @@ def _overlaps(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
     middles, sizes = boxes[:, None, :2], boxes[:, None, 2:]
     lows = np.maximum(middles - sizes / 2, others[:, :2] - others[:, 2:] / 2)
     highs = np.minimum(middles + sizes / 2, others[:, :2] + others[:, 2:] / 2)
-    return np.maximum(highs - lows, 0.0).prod(axis=2)
+    areas: np.ndarray = np.maximum(highs - lows, 0.0).prod(axis=2)
+    return areas
 
 
 def place_labels(
     dots: Sequence[Box], labels: Sequence[tuple[Box, float, float]], bounds: Box | None = None
-) -> list[tuple[float, float]]:
+) -> list[Point]:
     """
     Return the centre of each label: beside its dot, off the other dots and labels, and within the bounds.
 
@@ -68,7 +70,7 @@ def place_labels(
     return places
 
 
-def steps_of(points: Sequence[tuple[float, float]], every_m: float) -> Iterator[tuple[float, float, float]]:
+def steps_of(points: Sequence[Point], every_m: float) -> Iterator[tuple[float, float, float]]:
     """Yield x, y and heading of points along a path, this far from each other."""
     rest = 0.0
     for (x, y), (to_x, to_y) in itertools.pairwise(points):
@@ -81,10 +83,11 @@ def steps_of(points: Sequence[tuple[float, float]], every_m: float) -> Iterator[
 
 
 def arrows_along(
-    points: Sequence[tuple[float, float]], every_m: float = ARROW_EVERY_M, taken: Collection[Box] = ()
+    points: Sequence[Point], every_m: float = ARROW_EVERY_M, taken: Collection[Box] = ()
 ) -> list[tuple[float, float, float]]:
     """Return x, y and heading of arrows along a path, where none of these boxes and no other arrow is."""
-    arrows, last = [], points[0] if points else None  # a mark is at the start
+    arrows: list[tuple[float, float, float]] = []
+    last = points[0] if points else (0.0, 0.0)  # a mark is at the start
     taken = list(taken)
     for x, y, heading in steps_of(points, every_m / 8):
         is_free = not any(
@@ -97,7 +100,7 @@ def arrows_along(
     return arrows
 
 
-def ends_of_path(points: Sequence[tuple[float, float]]) -> dict[str, Box]:
+def ends_of_path(points: Sequence[Point]) -> dict[str, Box]:
     """Return the words at the start and the end of a path, and the marks beside which they lie."""
     marks = [Box(*point, END_M, END_M) for point in (*points[:1], *points[-1:])]
     if marks and math.dist(points[0], points[-1]) < PATH_WIDTH_M:
@@ -105,6 +108,6 @@ def ends_of_path(points: Sequence[tuple[float, float]]) -> dict[str, Box]:
     return dict(zip(('start', 'end'), marks, strict=False))
 
 
-def length_m(points: Sequence[tuple[float, float]]) -> float:
+def length_m(points: Sequence[Point]) -> float:
     """Return the length of a path."""
     return sum(itertools.starmap(math.dist, itertools.pairwise(points)))
