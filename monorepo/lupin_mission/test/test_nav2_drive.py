@@ -11,6 +11,7 @@ from action_msgs.srv import CancelGoal
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
 from lupin_mission.drive import Arrival
 from lupin_mission.mission import Mission, MissionPorts, Severity, State
+from lupin_mission.sent_goal import GoalState
 from lupin_mission.visit import Limits
 from navigator_helpers import Trip
 from rclpy.action import ActionClient
@@ -62,7 +63,7 @@ def accepted(trip, navigator):
     trip.drive_until(navigator.has_goal)
     navigator.wait_for_goal()
     goal = navigator.accept()
-    trip.drive_until(lambda: trip.drive._sent.is_accepted)
+    trip.drive_until(lambda: trip.drive._sent.state is GoalState.ACCEPTED)
     return goal
 
 
@@ -127,7 +128,7 @@ def rejected(trip, navigator):
     trip.drive_until(navigator.has_goal)
     navigator.wait_for_goal()
     navigator.reject()
-    trip.drive_until(lambda: trip.drive._sent.is_rejected)
+    trip.drive_until(lambda: trip.drive._sent.state is GoalState.REJECTED)
 
 
 def test_a_server_that_rejects_goals_is_not_ready_and_gets_the_goal_again(trip, navigator):
@@ -193,7 +194,7 @@ def test_a_drive_that_fails_where_it_began_is_stuck(trip, navigator, positions, 
     moved_m = max((math.dist(positions[0], each) for each in positions), default=0.0)
     for position in positions:
         navigator.tell_position(goal, *position)
-    trip.drive_until(lambda: bool(sent._start) == bool(positions) and sent._moved_m >= moved_m)
+    trip.drive_until(lambda: bool(sent._start) == bool(positions) and sent._farthest_m >= moved_m)
     if how == 'abort':
         navigator.end(goal, how)
     else:
@@ -368,7 +369,7 @@ def test_a_reply_whose_executor_has_ended_is_taken_under_the_next(trip, navigato
     trip.start('a')
     trip.drive_until(navigator.has_goal)
     goal = navigator.accept()
-    trip.spin_until(trip.drive._sent._reply.done)
+    trip.spin_until(trip.drive._sent._awaited[0][0].done)
     trip.change_executor()
     trip.drive.stop()
     trip.spin_until(lambda: trip.drive.is_over() or navigator.has_cancel())
@@ -386,7 +387,7 @@ def test_after_a_pause_of_an_hour_the_goal_is_sent_again_with_all_its_time(trip,
 
     step_until(navigator.has_goal)
     goal = navigator.accept()
-    step_until(lambda: trip.drive._sent.is_accepted)
+    step_until(lambda: trip.drive._sent.state is GoalState.ACCEPTED)
     now_seconds += 50.0
     mission.step(now_seconds)
     assert mission.pause()
@@ -397,7 +398,7 @@ def test_after_a_pause_of_an_hour_the_goal_is_sent_again_with_all_its_time(trip,
     assert mission.resume()
     step_until(lambda: len(navigator.goals) == 2)
     goal = navigator.accept()
-    step_until(lambda: trip.drive._sent.is_accepted)
+    step_until(lambda: trip.drive._sent.state is GoalState.ACCEPTED)
     now_seconds += 59.0
     mission.step(now_seconds)
     assert mission.state is State.DRIVING
