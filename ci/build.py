@@ -48,6 +48,12 @@ class Workspace(NamedTuple):
         settings = [f'VENV={self.venv}', f'TREE={self.tree}']
         return ['env', *settings, 'bash', '-ec', f'{script} && exec "$@"', 'bash', *map(str, command)]
 
+    def colcon(self, verb: str, log: str, *arguments: Word) -> list[Word]:
+        """Return a command of colcon with the folders of this workspace, and its log in one of them."""
+        colcon: list[Word] = ['python', '-m', 'colcon', '--log-base', self.folder / log, verb]
+        colcon += ['--build-base', self.folder / 'build', '--install-base', self.folder / 'install']
+        return [*colcon, *arguments]
+
 
 def here() -> Workspace:
     """Return the workspace that VENV and TREE select."""
@@ -94,21 +100,18 @@ def build(workspace: Workspace, packages: list[Path]) -> int:
 def run_colcon(workspace: Workspace, packages: list[Path], names: list[str]) -> int:
     """Build the packages of these names; show warnings and the summary, or everything if it fails."""
     print('build:', *names, file=sys.stderr)
-    folder, log = workspace.folder, workspace.folder / 'build.log'
-    command: list[Word] = ['python', '-m', 'colcon', '--log-base', folder / 'log', 'build']
-    command += ['--build-base', folder / 'build', '--install-base', folder / 'install']
-    command += ['--paths', *packages, '--packages-select', *names]
+    folder = workspace.folder
+    command = workspace.colcon('build', 'log', '--paths', *packages, '--packages-select', *names)
     # Only Python uses what is built here, so the messages leave out C++, which takes most of the time.
     command += ['--cmake-args', f'-DPython3_EXECUTABLE={workspace.venv}/bin/python']
     command += ['-DBUILD_TESTING=OFF', '-DWITH_CPP=OFF', '--no-warn-unused-cli']
     command += ['--event-handlers', 'console_direct+']
     # colcon's own -l would leave cores unused beside other work.
     os.environ['MAKEFLAGS'] = f'-j{os.cpu_count()}'
-    changed = [path for path in packages if path.name in names]
-    job = Build(workspace.inside(*command, is_overlaid=False), log, changed)
+    job = Build(workspace.inside(*command, is_overlaid=False), folder / 'build.log', len(names))
     if not run([job]):
         return 1
-    print('\n'.join(SHOWN.findall(log.read_text(encoding='utf-8', errors='replace'))), file=sys.stderr)
+    print('\n'.join(SHOWN.findall(job.output())), file=sys.stderr)
     return 0
 
 

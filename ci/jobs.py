@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TextIO, TypeAlias
 
 Word: TypeAlias = 'str | Path'  # of a command
+Events: TypeAlias = 'queue.SimpleQueue[tuple[Job, str | None]]'  # each line of a job, and None at its end
 ROOT = Path(__file__).resolve().parents[1]
 TICK_SECONDS = 0.2
 LINE_SECONDS = 15.0  # where no terminal can rewrite a line
@@ -41,16 +42,16 @@ class Job:
 
     def __init__(self, name: str, command: Sequence[Word], log: Path):
         self.name = name
-        self.command = [str(part) for part in command]
+        self.command = [str(word) for word in command]
         self.log = log
         self.exit_code: int | None = None
-        self.failures: list[str] = []  # what failed in it, as far as it says
+        self.failures: list[str] = []  # the names of what failed, if the output tells them
         self.summary = ''
 
     def read(self, line: str) -> str | None:
         """Process a line of the output; return the text to show immediately."""
         if line.startswith(FAILED):
-            self.failures.append(line[len(FAILED) :])
+            self.failures.append(line.removeprefix(FAILED))
         return f'{self.name}: {line}'
 
     def state(self) -> str:
@@ -61,55 +62,40 @@ class Job:
         """Return the part of the output that has not been shown yet."""
         return ''
 
+    def output(self) -> str:
+        """Return the whole output so far."""
+        return self.log.read_text(encoding='utf-8', errors='replace')
+
 
 class Build(Job):
-    """A build by colcon: reads the packages that colcon reports, and the files that make reports in them."""
+    """A build by colcon: reads the packages that colcon reports, and the share of each that make reports."""
 
     PACKAGE = re.compile(r'^Starting >>> (\S+)')
-    STEP = re.compile(r'^\[ *(\d+)%\] (.*)')
-    SOURCE = re.compile(r'/(\w+)/((?:msg|srv|action)/)(?:detail/|_)?(\w+?)(?:__|_s\.c|\.)')
+    SHARE = re.compile(r'^\[ *(\d+)%\] ')
 
-    def __init__(self, command: Sequence[Word], log: Path, packages: list[Path]):
+    def __init__(self, command: Sequence[Word], log: Path, count: int):
         super().__init__('build', command, log)
-        self._counts = {
-            path.name: len([*path.glob('msg/*'), *path.glob('srv/*'), *path.glob('action/*')])
-            for path in packages
-        }
+        self._count = count  # of packages
         self._started: list[str] = []
-        self._interfaces: dict[str, list[str]] = {}
-        self._step = ''
+        self._share = ''
 
     def read(self, line: str) -> None:
-        """Note the package, the share of its steps and the interface."""
+        """Note the package, or the share of it that is built."""
         if package := self.PACKAGE.match(line):
             self._started.append(package[1])
-            self._step = ''
-        elif step := self.STEP.match(line):
-            self._step = f', {step[1]} %'
-            if source := self.SOURCE.search(line):
-                self._step += self.place_of(source[1], source[2] + source[3])
-            elif step[2].startswith('Generating '):
-                self._step += f': {step[2]}'
-
-    def place_of(self, package: str, interface: str) -> str:
-        """Return the place of an interface in its package: every target builds them in the same order."""
-        interfaces = self._interfaces.setdefault(package, [])
-        if interface not in interfaces:
-            interfaces.append(interface)
-        number = interfaces.index(interface) + 1
-        count = max(number, self._counts.get(package, 0))  # CMake can make more of them
-        return f': interface {number} of {count}, {package}/{interface}'
+            self._share = ''
+        elif share := self.SHARE.match(line):
+            self._share = f', {share[1]} %'
 
     def state(self) -> str:
         """Return the package, its place among the packages, and how far it is."""
         if not self._started:
             return 'build'
-        count = f'{len(self._started)} of {len(self._counts)}'
-        return f'build: package {count}, {self._started[-1]}{self._step}'
+        return f'build: package {len(self._started)} of {self._count}, {self._started[-1]}{self._share}'
 
     def explain_failure(self) -> str:
         """Return the whole output."""
-        return self.log.read_text(encoding='utf-8', errors='replace')
+        return self.output()
 
 
 class Tests(Job):
@@ -154,13 +140,7 @@ class Tests(Job):
 
     def explain_failure(self) -> str:
         """Return the end of the output, if no test has failed."""
-        if self.failures:
-            return ''
-        lines = self.log.read_text(encoding='utf-8', errors='replace').splitlines()
-        return '\n'.join(lines[-END_OF_LOG_LINES:])
-
-
-Events: TypeAlias = 'queue.SimpleQueue[tuple[Job, str | None]]'  # each line of a job, and None at its end
+        return '' if self.failures else '\n'.join(self.output().splitlines()[-END_OF_LOG_LINES:])
 
 
 class Status:
@@ -200,40 +180,37 @@ def follow(job: Job, events: Events) -> None:
     events.put((job, None))
 
 
-def take(job: Job, line: str | None, status: Status) -> None:
-    """Show what is new in a line of a job's output, or, at its end, why it failed."""
-    if line is not None:
-        shown = job.read(line)
-    else:
-        shown = f'== {job.name}\n{job.explain_failure()}' if job.exit_code and job.explain_failure() else None
-    if shown is not None:
-        status.clear()
-        print(shown, flush=True)
-
-
 def run(jobs: Sequence[Job], at_once: int = 1) -> bool:
     """Run jobs, some of them in parallel; return whether all ended with exit code 0."""
-    waiting, status = list(jobs), Status()
+    waiting, status, started_s = list(jobs), Status(), time.monotonic()
     running: list[Job] = []
     events: Events = queue.SimpleQueue()
-    started_s = time.monotonic()
     while waiting or running:
         while waiting and len(running) < at_once:
             running.append(waiting.pop(0))
             threading.Thread(target=follow, args=(running[-1], events), daemon=True).start()
         with contextlib.suppress(queue.Empty):
             job, line = events.get(timeout=TICK_SECONDS)
-            take(job, line, status)
+            shown = job.read(line) if line is not None else None
             if line is None:
                 running.remove(job)
+                if job.exit_code and (why := job.explain_failure()):
+                    shown = f'== {job.name}\n{why}'
+            if shown is not None:
+                status.clear()
+                print(shown, flush=True)
         states = ' | '.join(each.state() for each in running)
         status.show(f'{states} ({time.monotonic() - started_s:.0f} s)')
     status.clear()
-    failed = [job for job in jobs if job.exit_code]
-    for job in failed:
-        for failure in job.failures or ['']:
+    print_outcome(jobs)
+    return not any(job.exit_code for job in jobs)
+
+
+def print_outcome(jobs: Sequence[Job]) -> None:
+    """Print a line for each failure, and then the summary of each run of pytest."""
+    for job in jobs:
+        for failure in (job.failures or ['']) if job.exit_code else []:
             print(f'{FAILED}{job.name}: {failure}'.removesuffix(': '), flush=True)
     for job in jobs:
         if job.summary:
             print(f'== {job.name}', job.summary, sep='\n', flush=True)
-    return not failed

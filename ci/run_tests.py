@@ -2,8 +2,7 @@
 Run the tests.
 
     python ci/run_tests.py tree          build TREE and run its packages' tests; PACKAGES selects some of them
-    python ci/run_tests.py trees         both trees, each in its environment
-    python ci/run_tests.py all           both trees, then tools/ and ci/
+    python ci/run_tests.py all           both trees, each in its environment, and tools/ and ci/
     python ci/run_tests.py heavy         what takes minutes: other environments, the world, measurements
     python ci/run_tests.py ubuntu-22-04  with Python 3.10 and the versions of Ubuntu 22.04's apt
     python ci/run_tests.py apriltag      the detector with apt's python3-apriltag and the system's Python
@@ -18,11 +17,11 @@ import platform
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
-import environment
 from build import ROOT, Workspace, build, here
-from jobs import Job, Tests, Word, run
+from jobs import Job, Tests, run
 from within import within
 
 TREES = ('monorepo', 'lupin_greenhouse_ros')
@@ -43,12 +42,8 @@ VERSIONS_OF_22_04 = (
     'scipy==1.8.0', 'setuptools==59.6.0',
 )  # fmt: skip
 NOT_IN_22_04 = (
-    'opencv-python-headless',
-    'pytest-cov',
-    'pytest-repeat',
-    'pytest-rerunfailures',
-    'pytest-xdist',
-)
+    'opencv-python-headless', 'pytest-cov', 'pytest-repeat', 'pytest-rerunfailures', 'pytest-xdist'
+)  # fmt: skip
 OLDEST_SIMULATOR = '1.0.7'
 AXE = 'axe-core@4.14.1'
 
@@ -96,7 +91,7 @@ def mirror_environment(venv: Path) -> Path:
         return venv
     other = 'jazzy' if os.environ['ROS_DISTRO'] == 'kilted' else 'kilted'
     mirror_venv = Path(f'{venv}-{other}')
-    checked(environment.main(['--venv', str(mirror_venv), '--distro', other]))
+    make_environment(sys.executable, mirror_venv, other)
     use_simulator(mirror_venv, OLDEST_SIMULATOR)
     return mirror_venv
 
@@ -104,20 +99,17 @@ def mirror_environment(venv: Path) -> Path:
 def tests_of_tree(workspace: Workspace, packages: list[Path]) -> list[Tests]:
     """Build packages; return a job for the tests of each that has some, by colcon."""
     checked(build(workspace, packages))
-    folder = workspace.folder
     jobs = []
     for package in packages:
         if not (package / 'test').is_dir():
             continue
-        name = f'{workspace.tree}/{package.name}'
-        log = folder / 'log/test' / package.name
-        colcon: list[Word] = ['python', '-m', 'colcon', '--log-base', log, 'test']
-        colcon += ['--paths', *packages, '--packages-select', package.name, '--return-code-on-test-failure']
-        colcon += ['--build-base', folder / 'build', '--install-base', folder / 'install']
+        colcon = workspace.colcon('test', f'log/test/{package.name}', '--paths', *packages)
+        colcon += ['--packages-select', package.name, '--return-code-on-test-failure']
         colcon += ['--event-handlers', 'console_direct+', 'console_cohesion-', 'console_stderr-']
         colcon += ['--pytest-args', ' -n', WORKERS, ' --verbose', ' --instafail', ' -rs']  # not colcon's own
         command = [*BOUNDED, *within(workspace, *colcon, has_stand_ins=True)]
-        jobs.append(Tests(name, command, folder / f'{package.name}.test.log'))
+        log = workspace.folder / f'{package.name}.test.log'
+        jobs.append(Tests(f'{workspace.tree}/{package.name}', command, log))
     return jobs
 
 
@@ -132,24 +124,21 @@ def test_tree() -> bool:
     return run(tests_of_tree(here(), named or here().packages()), AT_ONCE)
 
 
-def test_trees() -> bool:
-    """Run the tests of both trees, each in its environment."""
+def test_all() -> bool:
+    """Run the tests of both trees and of tools/, then those of ci/, which read the results of the trees."""
     monorepo = Workspace(here().venv, TREES[0])
     mirror = Workspace(mirror_environment(here().venv), TREES[1])
-    return run([job for each in (mirror, monorepo) for job in tests_of_tree(each, each.packages())], AT_ONCE)
-
-
-def test_all() -> bool:
-    """Run the tests of both trees, then those of tools/ and ci/."""
-    if not test_trees():
-        return False
-    monorepo = Workspace(here().venv, TREES[0])
+    os.environ['MIRROR_VENV'] = str(mirror.venv)
     both = monorepo._replace(tree='both')  # what compares the two on the wire needs the messages of both
+    jobs: list[Job] = [job for each in (mirror, monorepo) for job in tests_of_tree(each, each.packages())]
     checked(build(both, [ROOT / 'lupin_greenhouse_ros/lupin_greenhouse_msgs']))
-    os.environ['MIRROR_VENV'] = str(mirror_environment(here().venv))
-    tests = ['-n', '2', '-m', 'not heavy', 'tools/tests', 'tools/draw/tests', 'ci/tests']
-    command = [*BOUNDED, *monorepo.inside(*PYTEST, *tests, above=(both,))]
-    return run([Tests('tools and ci', command, both.folder / 'test.log')])
+
+    def tests(name: str, *folders: str) -> Tests:
+        pytest = [*PYTEST, '-n', WORKERS, '-m', 'not heavy', *folders]
+        return Tests(name, [*BOUNDED, *monorepo.inside(*pytest, above=(both,))], both.folder / f'{name}.log')
+
+    jobs.append(tests('tools', 'tools/tests', 'tools/draw/tests'))
+    return run(jobs, AT_ONCE) and run([tests('ci', 'ci/tests')])
 
 
 def install_axe(venv: Path) -> None:
@@ -164,23 +153,20 @@ def test_heavy() -> bool:
     for tree in TREES:
         workspace = Workspace(here().venv, tree)
         checked(build(workspace, workspace.packages()))
+    install_axe(here().venv)
     monorepo = Workspace(here().venv, TREES[0])
     logs = monorepo.folder / 'heavy'
-    executable = monorepo.folder / 'install/lupin_simulation/lib/lupin_simulation/check_world'
     itself = (sys.executable, 'ci/run_tests.py')
+    measurements = within(monorepo, *PYTEST, 'tools/measure/tests', has_stand_ins=True)
     jobs = [
         Job('Ubuntu 22.04', [*itself, 'ubuntu-22-04'], logs / 'ubuntu_22_04.log'),
-        Tests(
-            'measurements',
-            [*BOUNDED, *within(monorepo, *PYTEST, 'tools/measure/tests', has_stand_ins=True)],
-            logs / 'measurements.log',
-        ),
+        Tests('measurements', [*BOUNDED, *measurements], logs / 'measurements.log'),
+        Job('apriltag', [*itself, 'apriltag'], logs / 'apriltag.log'),
     ]
     if platform.machine() == 'x86_64':  # Drake has no wheel for other processors
-        world = [*BOUNDED, *within(monorepo, executable, has_drake=True)]
-        jobs.append(Job('world', world, logs / 'world.log'))
-    jobs.append(Job('apriltag', [*itself, 'apriltag'], logs / 'apriltag.log'))
-    install_axe(monorepo.venv)
+        check_world = monorepo.folder / 'install/lupin_simulation/lib/lupin_simulation/check_world'
+        world = [*BOUNDED, *within(monorepo, check_world, has_drake=True)]
+        jobs.insert(2, Job('world', world, logs / 'world.log'))
     heavy = [*BOUNDED, *monorepo.inside(*PYTEST, '-m', 'heavy', 'ci/tests')]
     jobs.append(Tests('environments', heavy, logs / 'environments.log'))
     return run(jobs, AT_ONCE)
@@ -211,10 +197,23 @@ def python_3_10() -> str | None:
     """Return a Python 3.10 that works: the shim of a version manager may not start."""
     pyenv = Path(os.environ.get('PYENV_ROOT') or Path.home() / '.pyenv')
     found = [shutil.which('python3.10'), '/usr/bin/python3.10', *pyenv.glob('versions/3.10.*/bin/python3.10')]
-    for each in found:
-        if each and Path(each).exists() and starts(str(each)):
-            return str(each)
-    return None
+    return next((str(each) for each in found if each and Path(each).exists() and starts(str(each))), None)
+
+
+def make_22_04(python: str, trees: Sequence[Workspace]) -> None:
+    """Make the environment with the versions of Ubuntu 22.04, unless these trees have it already."""
+    venv, versions = trees[0].venv, ' '.join(VERSIONS_OF_22_04)
+    mark = venv / 'workspace/versions-22.04'
+    if mark.exists() and mark.read_text(encoding='utf-8') == versions:
+        return
+    shutil.rmtree(venv, ignore_errors=True)
+    make_environment(python, venv, 'kilted')
+    within(trees[0], 'true', has_stand_ins=True)
+    for tree in trees:  # first, because messages do not build with the NumPy of 22.04
+        checked(build(tree, tree.packages()))
+    pip(venv, 'uninstall', '--quiet', '--yes', *NOT_IN_22_04)
+    pip(venv, 'install', '--quiet', *VERSIONS_OF_22_04)
+    mark.write_text(versions, encoding='utf-8')
 
 
 def test_ubuntu_22_04() -> bool:
@@ -223,32 +222,17 @@ def test_ubuntu_22_04() -> bool:
     if not python:
         print('test-22-04: skipped, there is no working Python 3.10: sudo apt install python3.10-venv')
         return True
-    venv = Path(f'{here().venv}-22.04')
-    mark, versions = venv / 'workspace/versions-22.04', ' '.join(VERSIONS_OF_22_04)
-    monorepo, mirror = (Workspace(venv, tree) for tree in TREES)
-    if not mark.exists() or mark.read_text(encoding='utf-8') != versions:
-        shutil.rmtree(venv, ignore_errors=True)
-        checked(
-            subprocess.run(
-                [python, 'ci/environment.py', '--venv', venv, '--distro', 'kilted'], cwd=ROOT, check=False
-            ).returncode
-        )
-        within(mirror, 'true', has_stand_ins=True)
-        for each in (mirror, monorepo):  # first, because messages do not build with the NumPy of 22.04
-            checked(build(each, each.packages()))
-        pip(venv, 'uninstall', '--quiet', '--yes', *NOT_IN_22_04)
-        pip(venv, 'install', '--quiet', *VERSIONS_OF_22_04)
-        mark.write_text(versions, encoding='utf-8')
+    mirror, monorepo = (Workspace(Path(f'{here().venv}-22.04'), tree) for tree in reversed(TREES))
+    make_22_04(python, (mirror, monorepo))
     for each in (mirror, monorepo):
         checked(build(each, [package for package in each.packages() if not package.name.endswith('_msgs')]))
-    nodes = [package for package in monorepo.packages() if package not in bridge_of(monorepo)]
+    tested = [(mirror, mirror.packages('lupin_greenhouse_bridge')[0])]
+    tested += [(monorepo, each) for each in monorepo.packages() if each not in bridge_of(monorepo)]
     jobs = []
-    for workspace, package in [(mirror, mirror.packages()[0]), *((monorepo, node) for node in nodes)]:
-        tests = ['env', f'--chdir={package}', *PYTEST]
-        command = [*BOUNDED, *within(workspace, *tests, has_stand_ins=True)]
-        jobs.append(
-            Tests(f'{workspace.tree}/{package.name}', command, workspace.folder / f'{package.name}.log')
-        )
+    for tree, package in tested:
+        command = within(tree, 'env', f'--chdir={package}', *PYTEST, has_stand_ins=True)
+        log = tree.folder / f'{package.name}.log'
+        jobs.append(Tests(f'{tree.tree}/{package.name}', [*BOUNDED, *command], log))
     return run(jobs, at_once=2)
 
 
@@ -263,11 +247,7 @@ def test_matrix() -> bool:
             continue
         for distro in os.environ.get('DISTROS', 'kilted jazzy').split():
             venv = ROOT / f'.venv-matrix/{distro}-{version}'
-            checked(
-                subprocess.run(
-                    [python, 'ci/environment.py', '--venv', venv, '--distro', distro], cwd=ROOT, check=False
-                ).returncode
-            )
+            make_environment(python, venv, distro)
             for simulator in os.environ.get('SIMULATORS', '1.0.7 1.0.8').split():
                 use_simulator(venv, simulator)
                 workspaces = [Workspace(venv, tree) for tree in TREES]
@@ -280,7 +260,6 @@ def test_matrix() -> bool:
 
 STEPS = {
     'tree': test_tree,
-    'trees': test_trees,
     'all': test_all,
     'heavy': test_heavy,
     'ubuntu-22-04': test_ubuntu_22_04,

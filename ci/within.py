@@ -9,6 +9,7 @@ Run a command in the project's environment, with what it needs beside the packag
 
 import argparse
 import filecmp
+import functools
 import os
 import platform
 import shutil
@@ -24,19 +25,16 @@ DRAKE = ROOT / 'ci/requirements/world.txt'
 NO_DRAKE = 3
 
 
-def can_import(workspace: Workspace, module: str) -> bool:
-    """Return whether Python finds a module in the environment of a workspace."""
-    command = workspace.inside('python', '-c', f'import {module}')
-    return subprocess.run(command, cwd=ROOT, capture_output=True, check=False).returncode == 0
-
-
+@functools.cache
 def stand_ins(workspace: Workspace) -> tuple[Workspace, ...]:
     """Build the stand-ins that this environment needs; return their workspace, or none."""
-    missing = [ROOT / 'ci/stand_ins' / name for name in MESSAGES if not can_import(workspace, name)]
+    find = f'import importlib.util as i; print(*(each for each in {MESSAGES} if not i.find_spec(each)))'
+    command = workspace.inside('python', '-c', find)
+    missing = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True).stdout.split()
     if not missing:
         return ()
     built = workspace._replace(tree='stand_ins')
-    if code := build(built, missing):
+    if code := build(built, [ROOT / 'ci/stand_ins' / name for name in missing]):
         sys.exit(code)
     return (built,)
 
@@ -51,10 +49,8 @@ def drake(workspace: Workspace) -> Path:
     shutil.rmtree(packages, ignore_errors=True)
     python = str(workspace.venv / 'bin/python')
     pip = [python, '-m', 'pip', '--disable-pip-version-check', 'install', '--quiet']
-    result = subprocess.run(
-        [*pip, '--no-deps', '--target', packages, '--requirement', DRAKE],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    pip += ['--no-deps', '--target', str(packages), '--requirement', str(DRAKE)]
+    result = subprocess.run(pip, capture_output=True, text=True, check=False)
     if 'No matching distribution' in result.stderr:
         machine = f'Python {platform.python_version()} on {platform.machine()}'
         print(f'world: Drake has no wheel for {machine}: the world cannot be rendered here', file=sys.stderr)
