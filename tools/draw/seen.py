@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from figure import fingerprint_of, hash_of
 from lupin_simulation import pinhole_camera
-from lupin_simulation.tag36h11 import marker
 from lupin_tag_confirmation import drawing
 from lupin_tag_confirmation.confirmation import Confirmer, Frame, Sight
 from lupin_tag_confirmation.detector import TagDetector
@@ -24,14 +23,9 @@ TAG, EXPECTED_TAG = 7, 8
 
 def draw() -> Image.Image:
     """Return the picture."""
-    picture = pinhole_camera.PinholeCamera(width=480, height=300).look_at(
-        marker(TAG, module_pixels=30),
-        np.random.default_rng(TAG),
-        distance_m=0.2,
-        angle_degrees=35.0,
-        blur_pixels=0.5,
-        noise_levels=5.0,
-    )
+    camera, random = pinhole_camera.PinholeCamera(width=480, height=300), np.random.default_rng(TAG)
+    scene = camera.scene_of_tag(TAG, random, distance_m=0.2, angle_degrees=35.0)
+    picture = camera.expose(scene, random, blur_pixels=0.5, noise_levels=5.0)
     confirmer = Confirmer(Criteria())
     for stamp in range(Criteria().min_frames):
         sight = Sight(TagDetector().detect(picture), picture)

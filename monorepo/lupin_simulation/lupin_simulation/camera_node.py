@@ -19,9 +19,7 @@ NODE_NAME = 'camera'
 def from_odometry_parameter() -> Any:
     """Return the field of a settings dataclass that puts a camera on the robot."""
     return parameter(
-        False,
-        'True: the camera shows what the robot sees from its pose in the topic `odom`; false: it shows the'
-        ' tag that `mission/at_tag` names.',
+        False, 'Show the view from the pose in `odom`; false: the tag that `mission/at_tag` names.'
     )
 
 
@@ -30,7 +28,7 @@ class CameraNode(Node):
 
     def __init__(self, settings_type: type) -> None:
         super().__init__(NODE_NAME)
-        self._settings = declare_parameters(self, settings_type)
+        self._settings: Any = declare_parameters(self, settings_type)
         self._random = np.random.default_rng(0)
         self._tag_id = ''  # of the mission; on the robot it stays empty
         self._eye: PoseInPlane | None = None  # of the robot, once its odometry has arrived
@@ -41,7 +39,7 @@ class CameraNode(Node):
 
     def _start(self, message_type: type, topic: str, frames_per_second: int) -> None:
         """Publish from now on."""
-        self._publisher = self.create_publisher(message_type, topic, qos_profile_sensor_data)
+        self._publisher: Any = self.create_publisher(message_type, topic, qos_profile_sensor_data)
         if self._settings.from_odometry:
             newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # fits every publisher
             self.create_subscription(Odometry, 'odom', self._on_odometry, newest)

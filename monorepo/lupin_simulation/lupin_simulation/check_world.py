@@ -6,6 +6,7 @@ Exit code: 0 the world is right, 1 it is wrong, 2 it cannot be checked.
 
 import argparse
 import itertools
+import math
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -16,7 +17,7 @@ import cv2
 import numpy as np
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
-from lupin_greenhouse_bridge.planning.tag_poses import Table, tables_of
+from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.runtime.output import Progress, print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout
@@ -24,7 +25,7 @@ from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.settings import Criteria
 
 from lupin_simulation.generate_world import add_layout_options, make_world, read_layout
-from lupin_simulation.rendered_world import RenderedWorld, TagModel, View, view_ahead, viewpoint
+from lupin_simulation.rendered_world import RenderedWorld, View, view_ahead, viewpoint
 
 SIDES_M = (0.04, 0.05)
 DISTANCES_M = (0.3, 0.5, 1.0)
@@ -32,7 +33,6 @@ ANGLES_DEGREES = (0, 30, 45)
 ROBOT_RADIUS_M = 0.15
 RADII_M = (0.15, 0.20, 0.30)  # of the robots whose approach poses are checked
 SAME_M = 1e-9
-STEP_M = 0.02
 
 
 class TagViews(NamedTuple):
@@ -68,29 +68,20 @@ def tags_read(world: RenderedWorld, setting: Setting, progress: Progress) -> set
     return read
 
 
-def matches_layout(world: RenderedWorld, layout: Layout) -> bool:
-    """Return whether the tags and tables are where the layout has them, and the tags face outwards."""
+def matches_layout(world: RenderedWorld, layout: Layout, walls: Walls) -> bool:
+    """Return whether the tags and tables are where the layout has them, and each tag faces the right way."""
+    expected = {
+        int(tag_id): (pose.x, pose.y, math.cos(pose.facing), math.sin(pose.facing))
+        for tag_id, pose in find_tag_poses(layout, walls).items()
+    }
+    found = {number: (*tag.centre[:2], *tag.out[:2]) for number, tag in world.tags.items()}
     tables = tables_of(layout)
-    points = [tag.centre[:2] for tag in world.tags.values()]
-    points += [corner for x0, y0, x1, y1 in world.tables for corner in ((x0, y0), (x1, y1))]
-    middle = (np.min(points, axis=0) + np.max(points, axis=0)) / 2
     return (
-        {str(number): tuple(tag.centre[:2]) for number, tag in world.tags.items()}
-        == {tag_id: tag[:2] for tag_id, tag in layout.tags.items()}
+        found.keys() == expected.keys()
+        and all(np.allclose(found[number], expected[number], rtol=0, atol=SAME_M) for number in found)
         and len(tables) == len(world.tables)
-        and np.allclose(tables, world.tables, rtol=0, atol=SAME_M)
-        and all(faces_outwards(tag, tables, middle) for tag in world.tags.values())
+        and bool(np.allclose(tables, world.tables, rtol=0, atol=SAME_M))
     )
-
-
-def faces_outwards(tag: TagModel, tables: list[Table], middle: np.ndarray) -> bool:
-    """Return whether a tag faces away from its nearest table, or, without tables, towards the middle."""
-    front, back = (tag.centre[:2] + turn * STEP_M * tag.out[:2] for turn in (1, -1))
-    if not tables:
-        return bool(np.linalg.norm(front - middle) <= np.linalg.norm(back - middle))
-    nearest = min(tables, key=lambda table: table.distance_m(*tag.centre[:2]))
-    before, behind = nearest.distance_m(*front), nearest.distance_m(*back)
-    return before > behind or before == behind == 0.0  # the latter in the middle of a table
 
 
 def settings_of(world: RenderedWorld, layout: Layout, walls: Walls, side: str) -> Iterator[Setting]:
@@ -125,7 +116,7 @@ def settings_of(world: RenderedWorld, layout: Layout, walls: Walls, side: str) -
 def check(layout: Layout, walls: Walls, side_m: float, folder: Path) -> bool:
     """Make a world and check it; print a line for each setting; return whether it is right."""
     world, side = RenderedWorld(make_world(folder, layout, walls, side_m)), f'{100 * side_m:g} cm'
-    is_right = matches_layout(world, layout)
+    is_right = matches_layout(world, layout, walls)
     counts = f'{len(world.tags)} tags and {len(world.tables)} tables'
     print_line(f'{side}: {counts}, {"where" if is_right else "NOT where"} the layout has them')
     progress = Progress('check_world')

@@ -19,13 +19,12 @@ from lupin_greenhouse_bridge.reading.detections import detection_messages
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, parameter
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import require_layout
-from lupin_tag_confirmation.confirmation import TAG_NUMBERS
+from lupin_tag_confirmation.confirmation import TAG_NUMBERS, Detection
 from lupin_tag_confirmation.settings import TOPICS, check_source
 from sensor_msgs.msg import CompressedImage, Image
 
 from lupin_simulation.camera_node import NODE_NAME, CameraNode, from_odometry_parameter, image_of
-from lupin_simulation.pinhole_camera import MODULE_PIXELS, PinholeCamera
-from lupin_simulation.tag36h11 import marker
+from lupin_simulation.pinhole_camera import PinholeCamera
 
 FRAMES_PER_SECOND = 8
 JPEG_QUALITY = 80
@@ -35,19 +34,11 @@ JPEG_QUALITY = 80
 class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
-    publishes: str = parameter(
-        'image',
-        'What the camera publishes: image, compressed (JPEG), or detections (the tags that AprilTag 3 finds'
-        ' in the image).',
-    )
+    publishes: str = parameter('image', 'What the camera publishes: image, compressed, or detections.')
     from_odometry: bool = from_odometry_parameter()
-    tag_file: str = parameter(
-        '', "The bridge's tag_locations.json, for from_odometry; empty: the one of mdp-greenhouse."
-    )
-    sim_config_file: str = parameter(
-        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the one of mdp-greenhouse."
-    )
-    walls: str = walls_parameter()  # or an array
+    tag_file: str = parameter('', "The bridge's tag_locations.json; empty: the simulator's.")
+    sim_config_file: str = parameter('', "The bridge's greenhouse_config.yaml; empty: the simulator's.")
+    walls: str = walls_parameter()
 
     def __post_init__(self) -> None:
         check_parameters(self)
@@ -68,19 +59,16 @@ class FakeCamera(CameraNode):
 
     def _picture_message(self) -> Any:
         random = self._random
-        conditions = {'blur_pixels': random.uniform(0.3, 1.2), 'noise_levels': random.uniform(2.0, 8.0)}
+        blur_pixels, noise_levels = random.uniform(0.3, 1.2), random.uniform(2.0, 8.0)
         if self._eye:
-            picture = self._camera.look_around(self._tag_poses, self._eye, random, **conditions)
-            return self._message_of(picture)
-        number = TAG_NUMBERS.get(self._tag_id)
-        picture = self._camera.look_at(
-            None if number is None else marker(number, MODULE_PIXELS),
-            random,
-            distance_m=random.uniform(0.3, 1.0),
-            angle_degrees=random.uniform(0.0, 40.0),
-            **conditions,
-        )
-        return self._message_of(picture)
+            scene = self._camera.scene_from(self._eye, self._tag_poses, random)
+        elif self._tag_id in TAG_NUMBERS:
+            distance_m, angle_degrees = random.uniform(0.3, 1.0), random.uniform(0.0, 40.0)
+            number = TAG_NUMBERS[self._tag_id]
+            scene = self._camera.scene_of_tag(number, random, distance_m, angle_degrees)
+        else:
+            scene = self._camera.wall(random)
+        return self._message_of(self._camera.expose(scene, random, blur_pixels, noise_levels))
 
 
 def tag_poses_by_number(settings: Settings) -> dict[int, TagPose]:
@@ -98,7 +86,10 @@ def message_maker(publishes: str) -> tuple[type, Callable[[np.ndarray], Any]]:
     Raises StartUpError if apriltag_msgs is missing, which detections need.
     """
     if publishes == 'detections':
-        return detection_messages().AprilTagDetectionArray, detections_maker()
+        from lupin_tag_confirmation.detector import TagDetector  # late: only detections need AprilTag 3
+
+        detector = TagDetector()
+        return detection_messages().AprilTagDetectionArray, lambda each: detections_of(detector.detect(each))
     return {'image': (Image, image_of), 'compressed': (CompressedImage, compressed_image_of)}[publishes]
 
 
@@ -108,28 +99,22 @@ def compressed_image_of(picture: np.ndarray) -> CompressedImage:
     return CompressedImage(format='mono8; jpeg compressed ', data=data.tobytes())
 
 
-def detections_maker() -> Callable[[np.ndarray], Any]:
-    """Return the function that makes the message of the tags in a grey picture."""
-    from lupin_tag_confirmation.detector import FAMILY, TagDetector  # late: only detections need AprilTag 3
-
-    messages, detector = detection_messages(), TagDetector()
-
-    def detections_of(picture: np.ndarray) -> Any:
-        array = messages.AprilTagDetectionArray()
-        for tag in detector.detect(picture):
-            x, y = np.mean(tag.corners, axis=0)
-            detection = messages.AprilTagDetection(
-                family=FAMILY,
-                id=tag.tag_number,
-                hamming=tag.hamming,
-                decision_margin=tag.decision_margin,
-                centre=messages.Point(x=x, y=y),
-                corners=[messages.Point(x=float(x), y=float(y)) for x, y in tag.corners],
-            )
-            array.detections.append(detection)
-        return array
-
-    return detections_of
+def detections_of(tags: list[Detection]) -> Any:
+    """Return the message of detected tags."""
+    messages = detection_messages()
+    array = messages.AprilTagDetectionArray()
+    for tag in tags:
+        x, y = np.mean(tag.corners, axis=0)
+        detection = messages.AprilTagDetection(
+            family='tag36h11',
+            id=tag.tag_number,
+            hamming=tag.hamming,
+            decision_margin=tag.decision_margin,
+            centre=messages.Point(x=x, y=y),
+            corners=[messages.Point(x=float(x), y=float(y)) for x, y in tag.corners],
+        )
+        array.detections.append(detection)
+    return array
 
 
 def main(args: list[str] | None = None) -> int:

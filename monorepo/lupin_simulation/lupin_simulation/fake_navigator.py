@@ -14,8 +14,9 @@ import math
 import time
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeAlias
 
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseWithCovariance, PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
@@ -24,14 +25,19 @@ from lupin_greenhouse_bridge.runtime.run import run
 from lupin_mission.nav2_drive import navigate_to_pose
 from nav_msgs.msg import Odometry
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
-from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 from rclpy.validate_topic_name import validate_topic_name
+from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
-from lupin_simulation.disc_robot import ArrivalError, DiscRobot, Settings
+from lupin_simulation.disc_robot import ArrivalError, DiscRobot
+from lupin_simulation.navigator_settings import Settings
+
+GoalHandle: TypeAlias = 'ServerGoalHandle[Any, Any, Any]'
 
 NODE_NAME = 'navigator'
 MAP_FRAME, ODOMETRY_FRAME, ROBOT_FRAME = 'map', 'odom', 'base_link'
@@ -44,23 +50,27 @@ FAILED_TO_MAKE_PROGRESS, START_OCCUPIED, NO_VALID_PATH = 105, 205, 208
 class FakeNavigator(LifecycleNode):
     """Serves one goal at a time. No callback blocks, because a timer moves the robot."""
 
-    _server: ActionServer | None = None  # not yet configured, or cleaned up
-
-    def __init__(self):
+    def __init__(self) -> None:
         """Read the layout, and serve the action; raises StartUpError."""
+        self._server: ActionServer[Any, Any, Any] | None = None  # from on_configure() to on_cleanup()
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
         self._free_space = settings.free_space(settings.padding_m)
-        self._arrival_error = ArrivalError(settings)
+        self._arrival_error = ArrivalError(
+            settings.arrival_error_m,
+            settings.arrival_error_rad,
+            settings.arrival_seed,
+            settings.free_space(),  # without the padding: only a table stops the robot
+        )
         self._action = navigate_to_pose()
         try:
             validate_topic_name(settings.nav_action_name)
         except InvalidTopicNameException as error:
             raise StartUpError(f'parameter nav_action_name: {error}') from error
         self._robot = DiscRobot(settings.start, settings.speed_m_per_s)
-        self._goal = None  # the handle of the goal that the robot drives to
-        self._ending = 0  # goals whose result is due
-        self._reached = 0  # goals
+        self._goal: GoalHandle | None = None  # of the drive that the robot is on
+        self._results_due = 0
+        self._goals_reached = 0
         self._is_wedged = settings.wedged_after == 0
         self._stuck_seconds = 0.0
         self._is_active = False
@@ -76,7 +86,7 @@ class FakeNavigator(LifecycleNode):
         self._write_route()
         self.get_logger().info(f'ready: a robot of radius {settings.robot_radius_m:g} m')
 
-    def on_configure(self, _state) -> TransitionCallbackReturn:
+    def on_configure(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Offer the action."""
         self._server = ActionServer(
             self,
@@ -89,97 +99,104 @@ class FakeNavigator(LifecycleNode):
         )
         return TransitionCallbackReturn.SUCCESS
 
-    def on_activate(self, _state) -> TransitionCallbackReturn:
+    def on_activate(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Accept goals."""
         self._is_active = True
         return TransitionCallbackReturn.SUCCESS
 
-    def on_deactivate(self, _state) -> TransitionCallbackReturn:
+    def on_deactivate(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Abort the goal, and accept none."""
         self._is_active = False
         if self._goal:
-            self._end('the navigator was deactivated')
+            self._end(self._goal, 'the navigator was deactivated')
         return TransitionCallbackReturn.SUCCESS
 
-    def on_cleanup(self, _state) -> TransitionCallbackReturn:
+    def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
         """Withdraw the action."""
-        self._server.destroy()
-        self._server = None
+        self._destroy_server()
         return TransitionCallbackReturn.SUCCESS
 
     def destroy_node(self) -> None:
         """Destroy the action server too."""
-        if self._server:
-            self._server.destroy()
+        self._destroy_server()
         super().destroy_node()
 
-    def farewell(self) -> int:
+    def _destroy_server(self) -> None:
+        if self._server:
+            self._server.destroy()
+        self._server = None
+
+    def send_results(self) -> int:
         """Send the results that are due, because rclpy warns of missing ones; return the exit code."""
-        while self._ending:
+        while self._results_due and self.executor:
             self.executor.spin_once(timeout_sec=0)
         return 0
 
-    def _on_set_wedged(self, request, response):
+    def _on_set_wedged(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._is_wedged, response.success = request.data, True
         return response
 
-    def _on_goal(self, request) -> GoalResponse:
+    def _on_goal(self, request: Any) -> GoalResponse:
         if not self._is_active:
             self.get_logger().warning('goal rejected: the navigator is inactive')
             return GoalResponse.REJECT
-        goal = request.pose
-        is_finite = all(map(math.isfinite, pose_in_plane(goal.pose)))
-        if goal.header.frame_id == MAP_FRAME and is_finite:
+        is_finite = all(map(math.isfinite, pose_in_plane(request.pose.pose)))
+        if request.pose.header.frame_id == MAP_FRAME and is_finite:
             return GoalResponse.ACCEPT
         self.get_logger().warning(f'goal rejected: must be finite and in the frame {MAP_FRAME}')
         return GoalResponse.REJECT
 
-    def _on_accepted(self, goal) -> None:
+    def _on_accepted(self, goal: GoalHandle) -> None:
         if self._goal:
-            self._end('a newer goal has come')
+            self._end(self._goal, 'a newer goal has come')
         self._goal, self._stuck_seconds = goal, 0.0
         start, target = self._robot.pose, pose_in_plane(goal.request.pose.pose)
         path = self._free_space.path(start[:2], target[:2])
         if path is None:
             failure = f'no path from {start.x:.2f}, {start.y:.2f} to {target.x:.2f}, {target.y:.2f}'
-            self._end(failure, NO_VALID_PATH if self._free_space.is_free(*start[:2]) else START_OCCUPIED)
+            is_free = self._free_space.is_free(*start[:2])
+            self._end(goal, failure, NO_VALID_PATH if is_free else START_OCCUPIED)
         else:
             arrival = self._arrival_error.applied_to(target)
             self._robot.follow([*path, arrival[:2]], arrival.yaw)
 
     def _step(self) -> None:
-        if self._goal and self._goal.is_cancel_requested:
+        """Move the robot for the time that has passed, and end its goal if it is done or stuck."""
+        goal, now = self._goal, time.monotonic()
+        if goal and goal.is_cancel_requested:
             self._robot.stop()
-        now = time.monotonic()
         seconds, self._moved_at = (now - self._moved_at) * self._settings.speedup, now
         if self._is_wedged:
             self._stuck_seconds += seconds
         else:
             self._robot.advance(seconds)
         self._publish()
-        if not self._goal:
+        if not goal:
             return
         if not self._robot.is_moving:
-            self._reached += not self._goal.is_cancel_requested
-            self._is_wedged = self._is_wedged or self._reached == self._settings.wedged_after
-            self._end()
+            self._goals_reached += not goal.is_cancel_requested
+            self._is_wedged = self._is_wedged or self._goals_reached == self._settings.wedged_after
+            self._end(goal)
         elif self._stuck_seconds >= PROGRESS_SECONDS:
-            self._end('the robot does not move', FAILED_TO_MAKE_PROGRESS)
+            self._end(goal, 'the robot does not move', FAILED_TO_MAKE_PROGRESS)
         else:
-            self._publish_feedback()
+            feedback = self._action.Feedback(distance_remaining=self._robot.left_m)
+            feedback.current_pose.header = self._header(MAP_FRAME)
+            feedback.current_pose.pose = pose_message(*self._robot.pose)
+            goal.publish_feedback(feedback)
 
-    def _end(self, failure: str = '', error_code: int = 0) -> None:
+    def _end(self, goal: GoalHandle, failure: str = '', error_code: int = 0) -> None:
         """Stand still, and end the goal."""
         self._robot.stop()
         self._write_route()
-        goal, self._goal = self._goal, None
-        self._ending += 1
+        self._goal = None
+        self._results_due += 1
         # Not earlier: a goal that executes waits for its result.
         goal.execute(partial(self._result, failure=failure, error_code=error_code))
 
-    def _result(self, goal, failure: str = '', error_code: int = 0):
+    def _result(self, goal: GoalHandle, failure: str = '', error_code: int = 0) -> Any:
         """Set the status of a goal that has ended; return its result, with the reason if it has a field."""
-        self._ending -= 1
+        self._results_due -= 1
         result = self._action.Result()
         if failure:
             self.get_logger().warning(f'goal aborted: {failure}')
@@ -194,37 +211,27 @@ class FakeNavigator(LifecycleNode):
             goal.succeed()
         return result
 
-    def _publish(self) -> None:
-        pose = pose_message(*self._robot.pose)
-        odometry = Odometry(child_frame_id=ROBOT_FRAME)
-        odometry.pose.pose = pose
-        estimate = PoseWithCovarianceStamped()
-        estimate.pose.pose = pose
-        for message, frame_id, publisher in (
-            (odometry, ODOMETRY_FRAME, self._odometry),
-            (estimate, MAP_FRAME, self._poses),
-        ):
-            message.header.stamp = self.get_clock().now().to_msg()
-            message.header.frame_id = frame_id
-            publisher.publish(message)
+    def _header(self, frame_id: str) -> Header:
+        return Header(stamp=self.get_clock().now().to_msg(), frame_id=frame_id)
 
-    def _publish_feedback(self) -> None:
-        feedback = self._action.Feedback(distance_remaining=self._robot.left_m)
-        feedback.current_pose.header.stamp = self.get_clock().now().to_msg()
-        feedback.current_pose.header.frame_id = MAP_FRAME
-        feedback.current_pose.pose = pose_message(*self._robot.pose)
-        self._goal.publish_feedback(feedback)
+    def _publish(self) -> None:
+        """Publish where the robot is."""
+        pose = PoseWithCovariance(pose=pose_message(*self._robot.pose))
+        odometry = Odometry(header=self._header(ODOMETRY_FRAME), child_frame_id=ROBOT_FRAME, pose=pose)
+        self._odometry.publish(odometry)
+        self._poses.publish(PoseWithCovarianceStamped(header=self._header(MAP_FRAME), pose=pose))
 
     def _write_route(self) -> None:
-        if not (path := self._settings.route_file):
+        if not self._settings.route_file:
             return
+        path = Path(self._settings.route_file)
         lines = ['x,y', *(f'{x:.3f},{y:.3f}' for x, y in self._robot.route), '']
         try:
-            Path(path).write_text('\n'.join(lines), encoding='utf-8')
+            path.write_text('\n'.join(lines), encoding='utf-8')
         except OSError as error:
             raise StartUpError(f"route_file '{path}': {error.strerror}: name another file") from error
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Navigate until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
-    return run(NODE_NAME, FakeNavigator, args, conclude=FakeNavigator.farewell)
+    return run(NODE_NAME, FakeNavigator, args, conclude=FakeNavigator.send_results)

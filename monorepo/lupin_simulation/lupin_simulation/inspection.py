@@ -15,89 +15,36 @@ import re
 import shutil
 import subprocess
 import sys
-import textwrap
 import time
-from dataclasses import fields
 from pathlib import Path
 
 import domain_coordinator
-from ament_index_python.packages import PackageNotFoundError, get_package_prefix
-from lupin_greenhouse_bridge import settings as bridge_settings
-from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS
 from lupin_greenhouse_bridge.display.input_file import read_file
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
-from lupin_greenhouse_bridge.planning.walls import parse_numbers
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
+from lupin_greenhouse_bridge.planning.walls import find_walls, parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.store import key_of, open_store
 from lupin_greenhouse_bridge.runtime.output import print_line
-from lupin_greenhouse_bridge.runtime.process import install_signal_handlers, is_asked_to_end
-from lupin_mission import settings as mission_settings
-from lupin_tag_confirmation import settings as confirm_tag_settings
+from lupin_greenhouse_bridge.runtime.process import install_signal_handlers, is_asked_to_end, sleep
+from lupin_greenhouse_bridge.simulator.layout import require_layout
 
-from lupin_simulation import disc_robot
+from lupin_simulation.generate_world import make_world
+from lupin_simulation.inspection_nodes import (
+    LAYOUT,
+    UnknownArgument,
+    commands_of,
+    companion,
+    executable,
+    value_of,
+)
 
 USAGE = 2
-LOOK_EVERY_SECONDS = 0.2  # at the nodes
-DRIVING_SPEEDUP = 20
-PATIENCE_SECONDS = 10.0
-SOURCES = ('image', 'compressed', 'detections')
-SET_HERE = {'report_file', 'wait_for_start', 'wait_for_subscriber', 'route_file'}
-GREENHOUSE = ('tag_file', 'sim_config_file')
-LAYOUT = (*GREENHOUSE, 'walls')
-
-
-def executable(package: str, name: str) -> str:
-    """Return the path of the executable that `ros2 run` starts; raises StartUpError without the package."""
-    try:
-        return str(Path(get_package_prefix(package), 'lib', package, name))
-    except PackageNotFoundError as error:
-        raise StartUpError(f'the package {package} is not found: build it and source its setup') from error
-
-
-def node(package: str, name: str, *assignments: str) -> list[str]:
-    """Return the command of a node with these parameters, each as name:=value."""
-    words = (word for each in assignments for word in ('-p', each))
-    return [executable(package, name), '--ros-args', *words]
+LOOK_EVERY_SECONDS = 0.2
+WORLD_SIDE_M = 0.04  # of the tags
 
 
 class NodeEnded(OneLineError):
     """A node ended before the mission."""
-
-
-class UnknownArgument(Exception):
-    """No node of the run has such a parameter. The text lists all parameters, on more than one line."""
-
-    def __init__(self, argument: str, names: set[str]):
-        error = f"'{escaped(argument, 64)}' sets no parameter of this run: write name:=value, with one of"
-        listed = textwrap.fill(', '.join(sorted(names)), 100, initial_indent='  ', subsequent_indent='  ')
-        super().__init__(f'{error}\n{listed}')
-
-
-def arguments_by_node(options) -> dict[str, list[str]]:
-    """Return the arguments of each node: its parameters. Raises UnknownArgument for one that no node has."""
-    types = {
-        'bridge_node': bridge_settings.Settings,
-        'mission_orchestrator': mission_settings.Settings,
-        **({'confirm_tag': confirm_tag_settings.Settings} if options.camera else {}),
-        **({'fake_navigator': disc_robot.Settings} if options.drive else {}),
-    }
-    names = {node: {each.name for each in fields(settings_type)} for node, settings_type in types.items()}
-    settable = set().union(*names.values()) - SET_HERE
-    names['mission_orchestrator'] |= set(mission_settings.WITHOUT_EFFECT)
-    for each in options.arguments:
-        name, is_assigned, _ = each.partition(':=')
-        if not is_assigned or name not in settable | set(mission_settings.WITHOUT_EFFECT):
-            raise UnknownArgument(each, settable)
-    return {
-        node: [each for each in options.arguments if each.partition(':=')[0] in own]
-        for node, own in names.items()
-    }
-
-
-def value_of(arguments: list[str], name: str) -> str:
-    """Return the last value of an argument, without quotes; '' if it is not set."""
-    values = [each.partition(':=')[2] for each in arguments if each.startswith(f'{name}:=')]
-    return values[-1].strip('"\'') if values else ''
 
 
 def raise_if_asked_to_end() -> None:
@@ -106,114 +53,86 @@ def raise_if_asked_to_end() -> None:
         raise KeyboardInterrupt
 
 
-def run_to_end(command: list[str]) -> int:
-    """Run a command and return its exit code; raises KeyboardInterrupt after Ctrl-C or SIGTERM."""
-    exit_code = subprocess.run(command, check=False).returncode
-    raise_if_asked_to_end()
-    return exit_code
-
-
-def report_of(options) -> Path:
+def new_report(options: argparse.Namespace) -> Path:
     """Return the path of this run's report, whose name has the time and the kind of the inspection."""
     kind = 'world' if options.world else 'camera' if options.camera else 'simulation'
-    report = options.output / f'{time.strftime("%Y-%m-%d-%H%M%S")}-{kind}.jsonl'
-    return beside(report, f'-{os.getpid()}.jsonl') if report.exists() else report
+    report: Path = options.output / f'{time.strftime("%Y-%m-%d-%H%M%S")}-{kind}.jsonl'
+    return report.with_stem(f'{report.stem}-{os.getpid()}') if report.exists() else report
 
 
-def beside(report: Path, ending: str) -> Path:
-    """Return the path of another file of the same run."""
-    return report.with_name(report.stem + ending)
-
-
-def commands_of(options, report: Path) -> list[list[str]]:
-    """Return the commands of the nodes. The last one is the mission; the first one ends last."""
-    given = arguments_by_node(options)
-    tag_file = value_of(options.arguments, 'tag_file')
-    world = [f'world_file:="{options.output / "world/greenhouse.sdf"}"'] if options.world else []
-    nodes = [node('lupin_greenhouse_bridge', 'bridge_node', *given['bridge_node'])]
-    own = [f'report_file:="{report}"', 'wait_for_start:=false']
-    if options.record:
-        own.append('wait_for_subscriber:=true')
-        kept = [f'file:="{options.record}"', *([f'tag_file:="{tag_file}"'] if tag_file else [])]
-        nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', *kept))
-    if options.drive:
-        route = beside(report, COMPANION_ENDINGS['route'])
-        driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{route}"']
-        nodes.append(node('lupin_simulation', 'fake_navigator', *driving, *given['fake_navigator']))
-        start_pose = value_of(options.arguments, 'start_pose') or disc_robot.Settings.start_pose
-        own += ['drive:=nav2', 'order:=shortest', f'dock_pose:="{start_pose}"']
-    else:
-        own.append('drive:=simulated')
-    if world and not options.drive:  # it does not name the tables to drive around
-        own += world
-    elif tag_file:
-        own.append(f'tag_locations_file:="{tag_file}"')
-    if options.camera:
-        own += ['require_visual_confirmation:=true', 'drive_seconds:=0.2']
-        showing = ['from_odometry:=true'] if options.drive else []
-        if world:
-            # Rendering an image takes a while.
-            own.append(f'visual_confirmation_timeout_s:={PATIENCE_SECONDS}')
-            listening = [f'timeout_seconds:={PATIENCE_SECONDS}', 'max_image_age_seconds:=5.0']
-            camera = node('lupin_simulation', 'world_camera', *world, *showing)
-        else:
-            listening = [f'source:={options.camera}']
-            layout = {name: value_of(options.arguments, name) for name in LAYOUT}
-            showing += [f'{name}:="{value}"' for name, value in layout.items() if value]
-            camera = node('lupin_simulation', 'fake_camera', f'publishes:={options.camera}', *showing)
-        nodes += [node('lupin_tag_confirmation', 'confirm_tag', *listening, *given['confirm_tag']), camera]
-    return [*nodes, node('lupin_mission', 'mission_orchestrator', *own, *given['mission_orchestrator'])]
-
-
-def make_world(options) -> None:
-    """Write the SDF world into the output; raises StartUpError."""
-    command = [executable('lupin_simulation', 'generate_world'), '--side', '0.04']
-    command += ['--output', str(options.output / 'world'), *walls_option(options)]
-    for name in GREENHOUSE:
-        if path := value_of(options.arguments, name):
-            command += [f'--{name.replace("_", "-")}', path]
-    if not importlib.util.find_spec('pydrake'):
-        raise StartUpError('Drake is missing, which renders the world: pip install drake')
-    if run_to_end(command):
-        raise StartUpError('the world cannot be made')
-
-
-def walls_option(options) -> list[str]:
-    """Return the option for walls that are set."""
-    walls = value_of(options.arguments, 'walls')
-    return ['--walls', *map(str, parse_numbers(walls))] if walls else []
-
-
-def prepare(options, report: Path) -> None:
-    """Make the folder, and copy the files of your own greenhouse beside the report; raises StartUpError."""
+def prepare(options: argparse.Namespace, report: Path) -> None:
+    """Make the folder, the recorder's file, and the copies beside the report; raises StartUpError."""
     try:
         options.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise StartUpError(f"--output '{options.output}': {error.strerror}: name a folder") from error
-    for name in GREENHOUSE:
+    for name in ('tag_file', 'sim_config_file'):
         if path := value_of(options.arguments, name):
             try:
-                shutil.copyfile(path, beside(report, COMPANION_ENDINGS[name]))
+                shutil.copyfile(path, companion(report, name))
             except OSError as error:
                 reason = error.strerror or error
                 raise StartUpError(f"{name} '{path}': {reason}: name a file that can be read") from error
-    if options.record:  # here, because nothing shall start if it cannot be written
+    if options.record:  # here, because no node shall start if it cannot be written
         open_store(options.record).close()
 
 
-def check_record(options, report: Path) -> int:
-    """Print how many readings of the report were recorded; return 1 if one is missing, else 0."""
-    in_report = {key_of(row) for row in read_file(report).rows} if report.stat().st_size else set()
-    lost = len(in_report - {key_of(row) for row in read_rows(options.record)})
-    print_line(f'{pluralized(len(in_report) - lost, "row")} kept in {options.record}')
-    if lost:
-        verb = 'was' if lost == 1 else 'were'
-        rows = pluralized(lost, 'row')
-        print(f'mission: {rows} of {report} {verb} not recorded: see the log above', file=sys.stderr)
-    return 1 if lost else 0
+def make_own_world(options: argparse.Namespace) -> None:
+    """Write the SDF world of the run into the output; raises OneLineError."""
+    if not importlib.util.find_spec('pydrake'):
+        raise StartUpError('Drake is missing, which renders the world: pip install drake')
+    tag_file, sim_config_file, walls = (value_of(options.arguments, name) for name in LAYOUT)
+    layout = require_layout(tag_file, 'tag_file')
+    found_walls = find_walls(layout, sim_config_file, walls)
+    sdf_file = make_world(options.output / 'world', layout, found_walls, WORLD_SIDE_M)
+    print_line(f'{sdf_file}: {len(layout.tags)} tags, {len(layout.tables)} tables')
 
 
-def stop(process: subprocess.Popen) -> None:
+def run_mission(options: argparse.Namespace) -> int:
+    """Run the nodes and the mission, and draw its report; return the exit code. Raises OneLineError."""
+    if options.world and options.camera != 'image':
+        raise StartUpError('--world publishes images only: leave --camera out, or name image')
+    report = new_report(options)
+    commands = commands_of(options, report)
+    prepare(options, report)
+    if options.world:
+        make_own_world(options)
+    exit_code = run_nodes(commands)
+    if exit_code == USAGE:
+        return USAGE
+    drawn = draw(report, value_of(options.arguments, 'walls'))
+    recorded = check_record(options.record, report) if options.record else 0
+    return exit_code or drawn or recorded
+
+
+def run_nodes(commands: list[list[str]]) -> int:
+    """
+    Run these commands on a ROS domain of their own until the last one, the mission, ends.
+
+    Returns the exit code of the mission. Raises NodeEnded if another node ends before, and KeyboardInterrupt
+    after Ctrl-C or SIGTERM.
+    """
+    with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
+        domain = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+        processes = []
+        for command in commands:
+            processes.append(subprocess.Popen(command, env=os.environ | domain))
+            stack.callback(stop, processes[-1])
+        *others, mission = processes
+        while mission.poll() is None:
+            raise_if_asked_to_end()
+            for each, (path, *_) in zip(others, commands, strict=False):
+                if each.poll() is not None:
+                    raise NodeEnded(
+                        f'{Path(path).name} ended before the mission, with exit code {each.returncode}:'
+                        ' its log is above'
+                    )
+            sleep(LOOK_EVERY_SECONDS)
+        raise_if_asked_to_end()
+        return mission.returncode
+
+
+def stop(process: subprocess.Popen[bytes]) -> None:
     """End a node."""
     process.terminate()
     try:
@@ -223,94 +142,62 @@ def stop(process: subprocess.Popen) -> None:
         process.wait()
 
 
-def exit_code_of(mission: subprocess.Popen, others: list[subprocess.Popen]) -> int:
-    """Return the mission's exit code; raises NodeEnded for another node, KeyboardInterrupt for a signal."""
-    while True:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            mission.wait(LOOK_EVERY_SECONDS)
-        raise_if_asked_to_end()
-        if mission.returncode is not None:
-            return mission.returncode
-        for each in others:
-            if each.poll() is not None:
-                name = Path(each.args[0]).name
-                raise NodeEnded(
-                    f'{name} ended before the mission, with exit code {each.returncode}: its log is above'
-                )
-
-
-def run_mission(options) -> int:
-    """Run the nodes and the mission, and draw its report; return the exit code. Raises OneLineError."""
-    if options.world and options.camera != 'image':
-        raise StartUpError('--world publishes images only: leave --camera out, or name image')
-    report = report_of(options)
-    commands = commands_of(options, report)
-    prepare(options, report)
-    if options.world:
-        make_world(options)
-    with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
-        alone = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-        processes = []
-        for command in commands:
-            processes.append(subprocess.Popen(command, env=os.environ | alone))
-            stack.callback(stop, processes[-1])
-        *others, mission = processes
-        exit_code = exit_code_of(mission, others)
-    if exit_code == USAGE:
-        return USAGE
+def draw(report: Path, walls: str) -> int:
+    """Draw the picture and the page of a report; return the exit code of the picture's command."""
     print_line('drawing the picture and the page ...')
-    drawing = [str(report), *walls_option(options)]  # they find what is beside the report themselves
-    plotted = run_to_end([executable('lupin_greenhouse_bridge', 'plot_report'), *drawing])
-    run_to_end([executable('lupin_greenhouse_bridge', 'readings_page'), *drawing])
+    # The commands themselves find the files beside the report.
+    arguments = [str(report), *(['--walls', *map(str, parse_numbers(walls))] if walls else [])]
+    exit_codes = []
+    for name in ('plot_report', 'readings_page'):
+        command = [executable('lupin_greenhouse_bridge', name), *arguments]
+        exit_codes.append(subprocess.run(command, check=False).returncode)
+        raise_if_asked_to_end()
     print_line(f'report: {report}')
-    recorded = check_record(options, report) if options.record else 0
-    return exit_code or plotted or recorded
+    return exit_codes[0]
+
+
+def check_record(file: str, report: Path) -> int:
+    """Print how many readings of the report were recorded; return 1 if one is missing, else 0."""
+    in_report = {key_of(row) for row in read_file(report).rows} if report.stat().st_size else set()
+    lost = len(in_report - {key_of(row) for row in read_rows(file)})
+    print_line(f'{pluralized(len(in_report) - lost, "row")} kept in {file}')
+    if lost:
+        rows, verb = pluralized(lost, 'row'), 'was' if lost == 1 else 'were'
+        print(f'mission: {rows} of {report} {verb} not recorded: see the log above', file=sys.stderr)
+    return 1 if lost else 0
+
+
+def parse(arguments: list[str] | None) -> argparse.Namespace:
+    """Return the options of the command line."""
+    parser = argparse.ArgumentParser(prog='inspection', description='Run a mission and all that it needs.')
+    add = parser.add_argument
+    camera = 'confirm each tag with the camera, which publishes images, compressed images or detections'
+    add('--camera', choices=('image', 'compressed', 'detections'), help=camera)
+    world = 'confirm each tag with the camera, which renders images of the SDF world of lupin_simulation'
+    add('--world', action='store_true', help=world)
+    drive = 'drive a simulated robot to each tag, with fake_navigator in place of Nav2'
+    add('--drive', action='store_true', help=drive)
+    record = 'add the readings to this .sqlite, .db or .csv file, which need not exist'
+    add('--record', metavar='FILE', help=record)
+    output = 'folder for the report, its picture and its page; default: %(default)s'
+    add('--output', type=Path, default=Path('.mission'), metavar='FOLDER', help=output)
+    add('arguments', nargs='*', metavar='name:=value', help='parameters of the nodes')
+    options = parser.parse_args(arguments)
+    # The mission has another name for the tag file, but a run has one greenhouse.
+    options.arguments = [re.sub('^tag_locations_file:=', 'tag_file:=', each) for each in options.arguments]
+    if options.world and options.camera is None:
+        options.camera = 'image'
+    return options
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run it and return the exit code."""
-    parser = argparse.ArgumentParser(prog='inspection', description='Run a mission and all that it needs.')
-    parser.add_argument(
-        '--camera',
-        choices=SOURCES,
-        help='confirm each tag with the camera, which publishes images, compressed images or detections',
-    )
-    parser.add_argument(
-        '--world',
-        action='store_true',
-        help='confirm each tag with the camera, which renders images of the SDF world of lupin_simulation',
-    )
-    parser.add_argument(
-        '--drive',
-        action='store_true',
-        help='drive a simulated robot to each tag, with fake_navigator in place of Nav2',
-    )
-    parser.add_argument(
-        '--record',
-        metavar='FILE',
-        help='add the readings to this .sqlite, .db or .csv file, which need not exist',
-    )
-    parser.add_argument(
-        '--output',
-        type=Path,
-        default=Path('.mission'),
-        metavar='FOLDER',
-        help='folder for the report, its picture and its page; default: %(default)s',
-    )
-    parser.add_argument('arguments', nargs='*', metavar='name:=value', help='parameters of the nodes')
-    options = parser.parse_args(arguments)
-    # The mission's name for the tag file: a run has one greenhouse.
-    options.arguments = [re.sub('^tag_locations_file:=', 'tag_file:=', each) for each in options.arguments]
-    if options.world and options.camera is None:
-        options.camera = 'image'
+    options = parse(arguments)
     install_signal_handlers()
     try:
         return run_mission(options)
-    except NodeEnded as error:
-        print(f'mission: {error}', file=sys.stderr)
-        return 1
     except (OneLineError, UnknownArgument) as error:
         print(f'mission: {error}', file=sys.stderr)
-        return USAGE
+        return 1 if isinstance(error, NodeEnded) else USAGE
     except KeyboardInterrupt:
         return 130

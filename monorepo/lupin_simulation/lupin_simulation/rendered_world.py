@@ -130,4 +130,5 @@ class RenderedWorld:
         picture = self._query.RenderColorImage(self._camera, self._frame, pose).data
         height, width, _ = picture.shape
         size = (width // SUPERSAMPLING, height // SUPERSAMPLING)
-        return cv2.resize(picture[..., :3], size, interpolation=cv2.INTER_AREA)
+        smaller: np.ndarray = cv2.resize(picture[..., :3], size, interpolation=cv2.INTER_AREA)
+        return smaller

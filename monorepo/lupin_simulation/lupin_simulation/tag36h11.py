@@ -1,5 +1,7 @@
 """The tags of the family tag36h11 as images, which OpenCV draws."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 
@@ -12,12 +14,13 @@ def marker(tag_number: int, module_pixels: int = 1) -> np.ndarray:
 
     Each of the MODULES x MODULES modules is a square of `module_pixels`, uint8, 0 or 255.
     """
-    side_pixels = MODULES * module_pixels
-    if hasattr(cv2.aruco, 'generateImageMarker'):
-        dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-        return cv2.aruco.generateImageMarker(dictionary, tag_number, side_pixels)
-    dictionary = cv2.aruco.Dictionary_get(cv2.aruco.DICT_APRILTAG_36h11)  # before OpenCV 4.7
-    return cv2.aruco.drawMarker(dictionary, tag_number, side_pixels)
+    aruco: Any = cv2.aruco
+    if hasattr(aruco, 'generateImageMarker'):
+        dictionary, draw = aruco.getPredefinedDictionary(aruco.DICT_APRILTAG_36h11), aruco.generateImageMarker
+    else:  # before OpenCV 4.7
+        dictionary, draw = aruco.Dictionary_get(aruco.DICT_APRILTAG_36h11), aruco.drawMarker
+    image: np.ndarray = draw(dictionary, tag_number, MODULES * module_pixels)
+    return image
 
 
 def printed_marker(tag_number: int) -> np.ndarray:

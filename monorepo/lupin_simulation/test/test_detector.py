@@ -10,6 +10,7 @@ from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.images import SMALLEST_SIDE_PIXELS
 from lupin_tag_confirmation.settings import Criteria
 
+CAMERA = PinholeCamera()
 SHARP, NOISY, BLURRED = {}, {'noise_levels': 15.0}, {'blur_pixels': 1.0}
 
 
@@ -34,13 +35,9 @@ def test_4_cm_tags_are_found_where_the_robot_stands(found_in, distance_m, angles
     for tag_number in (1, 11, 21):
         for angle_degrees in angles_degrees:
             for condition in conditions:
-                picture = PinholeCamera().look_at(
-                    marker(tag_number, 30),
-                    np.random.default_rng(tag_number),
-                    distance_m=distance_m,
-                    angle_degrees=angle_degrees,
-                    **condition,
-                )
+                random = np.random.default_rng(tag_number)
+                scene = CAMERA.scene_of_tag(tag_number, random, distance_m, angle_degrees)
+                picture = CAMERA.expose(scene, random, **condition)
                 assert found_in(picture) == {tag_number}, (angle_degrees, condition)
 
 
@@ -75,7 +72,7 @@ def picture_without_tag_7(number: int, random: np.random.Generator) -> np.ndarra
     """Return a picture of another tag if `number` is even, else one of black and white squares."""
     if number % 2 == 0:
         other = random.choice(np.delete(np.arange(587), 7))
-        return PinholeCamera().look_at(marker(int(other), 20), random, distance_m=random.uniform(0.1, 0.6))
+        return CAMERA.expose(CAMERA.scene_of_tag(int(other), random, random.uniform(0.1, 0.6)), random)
     cells = int(random.integers(20, 120))
     squares = random.integers(0, 2, (cells, cells), dtype=np.uint8) * 255
     return cv2.resize(squares, (320, 240), interpolation=cv2.INTER_NEAREST)

@@ -7,8 +7,9 @@ import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.testing._helpers import check_settings
-from lupin_simulation import disc_robot, fake_camera, world_camera
-from lupin_simulation.disc_robot import TURN_RAD_PER_S, ArrivalError, DiscRobot, Settings
+from lupin_simulation import fake_camera, navigator_settings, world_camera
+from lupin_simulation.disc_robot import TURN_RAD_PER_S, ArrivalError, DiscRobot
+from lupin_simulation.navigator_settings import Settings
 
 START = PoseInPlane(0.0, 0.0, 0.0)
 NORTH = math.pi / 2
@@ -58,6 +59,7 @@ def test_it_ends_at_the_end_of_its_path_however_the_time_is_cut(steps):
     assert isinstance(robot.left_m, float)  # a message takes no int
     assert robot.left_m == 0.0
     assert robot.pose == (1.0, 2.0, 0.0)
+    robot.stop()
     assert robot.route == PATH
 
 
@@ -70,6 +72,7 @@ def test_a_robot_that_is_stopped_stays_and_its_route_ends_there():
     assert robot.pose == pytest.approx((0.5, 0.0, 0.0))
     robot.follow([robot.pose[:2], (0.5, 1.0)], NORTH)
     robot.advance(100.0)
+    robot.stop()
     assert robot.route == [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0)]
 
 
@@ -139,14 +142,14 @@ def test_a_start_that_is_no_pose_is_refused(start_pose):
     )
 
 
-@pytest.mark.parametrize('node', [disc_robot, fake_camera, world_camera])
+@pytest.mark.parametrize('node', [navigator_settings, fake_camera, world_camera])
 def test_each_parameter_has_its_type_and_its_limits(node):
     check_settings(node.Settings)
 
 
-def arrivals(goal: PoseInPlane, **parameters) -> list[PoseInPlane]:
+def arrivals(goal: PoseInPlane, seed: int = 0, **parameters) -> list[PoseInPlane]:
     """Return where a robot arrives that is sent to one goal a hundred times."""
-    error = ArrivalError(Settings(arrival_error_m=0.06, arrival_error_rad=0.15, **parameters))
+    error = ArrivalError(0.06, 0.15, seed, Settings(**parameters).free_space())
     return [error.applied_to(goal) for _ in range(100)]
 
 
@@ -157,8 +160,8 @@ def test_a_robot_arrives_beside_its_goal_within_the_errors_and_each_seed_repeats
     assert 0.14 < max(abs(each.yaw - goal.yaw) for each in found) <= 0.15
     assert len(set(found)) == 100
     assert arrivals(goal) == found
-    assert arrivals(goal, arrival_seed=1) != found
-    assert ArrivalError(Settings()).applied_to(goal) == goal
+    assert arrivals(goal, seed=1) != found
+    assert ArrivalError(0.0, 0.0, 0, Settings().free_space()).applied_to(goal) == goal
 
 
 def test_a_table_stops_a_robot_that_arrives_beside_its_goal():

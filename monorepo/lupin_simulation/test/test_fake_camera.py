@@ -14,7 +14,6 @@ from lupin_greenhouse_bridge.runtime.poses import pose_in_plane, pose_message
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
 from lupin_simulation.fake_camera import FakeCamera, Settings, message_maker, tag_poses_by_number
 from lupin_simulation.pinhole_camera import PinholeCamera
-from lupin_simulation.tag36h11 import marker
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.settings import Settings as ConfirmTagSettings
@@ -24,12 +23,13 @@ from std_msgs.msg import String
 
 AT_TAG = '/mission/at_tag'
 CAMERA = PinholeCamera(width=320, height=240, focal_length_pixels=300.0)
-WALL = CAMERA.look_at(None, np.random.default_rng(0))
+RANDOM = np.random.default_rng(0)
+WALL = CAMERA.expose(CAMERA.wall(RANDOM), RANDOM)
 
 
 @pytest.fixture(scope='session')
 def tag_7():
-    return CAMERA.look_at(marker(7, 30), np.random.default_rng(0), distance_m=0.3, angle_degrees=30)
+    return CAMERA.expose(CAMERA.scene_of_tag(7, RANDOM, distance_m=0.3, angle_degrees=30), RANDOM)
 
 
 def sight_of(source: str, message):

@@ -19,7 +19,7 @@ from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing._helpers import executable
 from lupin_mission.settings import Settings as MissionSettings
-from lupin_simulation import inspection
+from lupin_simulation import inspection, inspection_nodes
 from lupin_tag_confirmation.settings import Settings as CameraSettings
 
 
@@ -40,7 +40,7 @@ def commands(*arguments: str, **options) -> dict[str, list[str]]:
     """Return the command of each node of a run, by its executable."""
     defaults = {'camera': None, 'world': False, 'drive': False, 'record': None, 'output': Path('out')}
     options = Namespace(**{**defaults, 'arguments': list(arguments), **options})
-    found = inspection.commands_of(options, Path('out/2026-11-22-camera.jsonl'))
+    found = inspection_nodes.commands_of(options, Path('out/2026-11-22-camera.jsonl'))
     return {Path(command[0]).name: command[1:] for command in found}
 
 
@@ -57,7 +57,8 @@ def signals(monkeypatch):
 @pytest.fixture
 def stand_in(tmp_path, monkeypatch):
     """Return a function that puts a shell script in the place of an executable."""
-    monkeypatch.setattr(inspection, 'executable', lambda _package, name: str(tmp_path / name))
+    for module in (inspection, inspection_nodes):
+        monkeypatch.setattr(module, 'executable', lambda _package, name: str(tmp_path / name))
 
     def write(name: str, script: str) -> None:
         (tmp_path / name).write_text(f'#!/bin/sh\n{script}\n', encoding='utf-8')
@@ -129,9 +130,9 @@ def test_an_output_that_is_no_folder_is_refused_in_one_line(tmp_path, capsys):
     assert capsys.readouterr().err == f"mission: --output '{tmp_path}/file': File exists: name a folder\n"
 
 
+@pytest.mark.usefixtures('stand_in')
 @pytest.mark.parametrize('camera', [(), ('--camera', 'image')])
 def test_a_world_without_drake_is_refused_before_anything_starts(tmp_path, monkeypatch, capsys, camera):
-    monkeypatch.setattr(inspection, 'executable', lambda *names: str(tmp_path.joinpath(*names)))
     monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
     assert inspection.main([*camera, '--world', '--output', str(tmp_path)]) == 2
     assert capsys.readouterr().err == (
@@ -185,16 +186,14 @@ def test_a_signal_ends_a_node_that_has_just_been_started(tmp_path, monkeypatch, 
 
 
 @pytest.mark.parametrize('script', ['kill -TERM $PPID', 'kill -INT $PPID; exit 1'])
-@pytest.mark.parametrize('name', ['generate_world', 'plot_report', 'readings_page'])
-def test_a_signal_ends_what_comes_before_or_after_a_mission(tmp_path, monkeypatch, stand_in, name, script):
-    """Ctrl-C in a terminal ends the command too, which is no fault of the world."""
-    monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: True)
-    for node in ('bridge_node', 'confirm_tag', 'world_camera'):
-        stand_in(node, 'exec sleep 600')
-    for command in ('generate_world', 'mission_orchestrator', 'plot_report', 'readings_page'):
+@pytest.mark.parametrize('name', ['plot_report', 'readings_page'])
+def test_a_signal_ends_what_comes_after_a_mission(tmp_path, stand_in, name, script):
+    """Ctrl-C in a terminal ends the command too."""
+    stand_in('bridge_node', 'exec sleep 600')
+    for command in ('mission_orchestrator', 'plot_report', 'readings_page'):
         stand_in(command, '')
     stand_in(name, script)
-    assert inspection.main(['--world', '--output', str(tmp_path / 'output')]) == 130
+    assert inspection.main(['--output', str(tmp_path / 'output')]) == 130
 
 
 def test_each_argument_reaches_each_node_that_has_such_a_parameter():
@@ -302,7 +301,7 @@ def test_a_recorder_that_cannot_start_ends_the_run_before_anything_else(
 def test_a_reading_of_the_report_that_was_not_recorded_is_said(tmp_path, capfd, monkeypatch, stand_in):
     """The recorder of this run keeps nothing."""
     report = tmp_path / 'output/now.jsonl'
-    monkeypatch.setattr(inspection, 'report_of', lambda _options: report)
+    monkeypatch.setattr(inspection, 'new_report', lambda _options: report)
     observation = {
         'tag_id': '7',
         'outcome': 'OK',
@@ -333,9 +332,9 @@ def test_a_tag_file_that_cannot_be_read_is_refused_in_one_line(tmp_path, capsys,
 
 def test_two_runs_in_one_second_have_a_report_each(tmp_path):
     options = Namespace(output=tmp_path, world=False, camera=None)
-    first = inspection.report_of(options)
+    first = inspection.new_report(options)
     first.touch()
-    assert inspection.report_of(options) != first
+    assert inspection.new_report(options) != first
 
 
 def test_a_camera_of_a_drive_is_on_the_robot():

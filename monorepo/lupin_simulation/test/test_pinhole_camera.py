@@ -19,7 +19,9 @@ CENTRE_X, CENTRE_Y = CAMERA.width / 2, CAMERA.height / 2
 def seen_from(x: float, y: float, yaw: float, **tags: TagPose) -> dict[int, np.ndarray]:
     """Return the corners of the tags that confirm_tag would accept, by number; t7 is the tag of number 7."""
     by_number = {int(name.removeprefix('t')): tag for name, tag in tags.items()}
-    picture = CAMERA.look_around(by_number, PoseInPlane(x, y, yaw), np.random.default_rng(0), blur_pixels=0.7)
+    random = np.random.default_rng(0)
+    scene = CAMERA.scene_from(PoseInPlane(x, y, yaw), by_number, random)
+    picture = CAMERA.expose(scene, random, blur_pixels=0.7)
     criteria = Criteria()
     return {tag.tag_number: tag.corners for tag in DETECTOR.detect(picture) if not criteria.flaw_of(tag)}
 
@@ -81,12 +83,10 @@ def test_the_nearer_edge_of_a_tag_is_the_longer_one(angle_degrees):
 
 
 def test_the_back_of_a_tag_is_blank():
-    pictures = [
-        CAMERA.look_around(
-            {7: SOUTHWARDS}, before(SOUTHWARDS, 0.5, side), np.random.default_rng(0), noise_levels=0.0
-        )
-        for side in (0.0, 180.0)
-    ]
+    random = np.random.default_rng(0)
+    eyes = (before(SOUTHWARDS, 0.5, side) for side in (0.0, 180.0))
+    scenes = (CAMERA.scene_from(eye, {7: SOUTHWARDS}, random) for eye in eyes)
+    pictures = [CAMERA.expose(scene, random, noise_levels=0.0) for scene in scenes]
     front, back = (each[230:250, 310:330].astype(int) for each in pictures)
     assert np.ptp(front) > 100
     assert np.ptp(back) == 0

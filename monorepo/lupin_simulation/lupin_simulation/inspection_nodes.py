@@ -1,0 +1,108 @@
+"""The nodes of an inspection as commands, with the parameters that each of them gets. Does not import ROS."""
+
+import argparse
+import textwrap
+from dataclasses import fields
+from pathlib import Path
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from lupin_greenhouse_bridge import settings as bridge_settings
+from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_mission import settings as mission_settings
+from lupin_tag_confirmation import settings as confirm_tag_settings
+
+from lupin_simulation import navigator_settings
+
+DRIVING_SPEEDUP = 20
+RENDERING_SECONDS = 10.0  # for enough images of the SDF world, on a busy machine
+# The inspection itself sets these parameters of the nodes.
+SET_HERE = {'report_file', 'wait_for_start', 'wait_for_subscriber', 'route_file'}
+LAYOUT = ('tag_file', 'sim_config_file', 'walls')
+
+
+class UnknownArgument(Exception):
+    """No node of the run has such a parameter. The text lists all parameters, on more than one line."""
+
+
+def executable(package: str, name: str) -> str:
+    """Return the path of the executable that `ros2 run` starts; raises StartUpError without the package."""
+    try:
+        return str(Path(get_package_prefix(package), 'lib', package, name))
+    except PackageNotFoundError as error:
+        raise StartUpError(f'the package {package} is not found: build it and source its setup') from error
+
+
+def companion(report: Path, name: str) -> Path:
+    """Return the path of a file that a run keeps beside its report: the route, or a copy of an input."""
+    return report.with_name(report.stem + COMPANION_ENDINGS[name])
+
+
+def value_of(arguments: list[str], name: str) -> str:
+    """Return the last value of an argument, without quotes; '' if it is not set."""
+    values = [each.partition(':=')[2] for each in arguments if each.startswith(f'{name}:=')]
+    return values[-1].strip('"\'') if values else ''
+
+
+def arguments_by_node(options: argparse.Namespace) -> dict[str, list[str]]:
+    """Return the arguments of each node: its parameters. Raises UnknownArgument for one that no node has."""
+    types = {'bridge_node': bridge_settings.Settings, 'mission_orchestrator': mission_settings.Settings}
+    if options.camera:
+        types['confirm_tag'] = confirm_tag_settings.Settings
+    if options.drive:
+        types['fake_navigator'] = navigator_settings.Settings
+    names = {node: {each.name for each in fields(settings_type)} for node, settings_type in types.items()}
+    settable = set().union(*names.values()) - SET_HERE
+    names['mission_orchestrator'] |= set(mission_settings.WITHOUT_EFFECT)
+    names |= {'record_readings': {'tag_file'}, 'fake_camera': set(LAYOUT), 'world_camera': set()}
+    for each in options.arguments:
+        name, is_assigned, _ = each.partition(':=')
+        if not is_assigned or name not in settable | set(mission_settings.WITHOUT_EFFECT):
+            error = f"'{escaped(each, 64)}' sets no parameter of this run: write name:=value, with one of"
+            raise UnknownArgument('\n  '.join([error, *textwrap.wrap(', '.join(sorted(settable)), 98)]))
+    return {
+        node: [each for each in options.arguments if each.partition(':=')[0] in own]
+        for node, own in names.items()
+    }
+
+
+def commands_of(options: argparse.Namespace, report: Path) -> list[list[str]]:
+    """Return the commands of the nodes. The last one is the mission; the first one ends last."""
+    arguments = arguments_by_node(options)
+
+    def node(package: str, name: str, *assignments: str) -> list[str]:
+        """Return the command of a node with these parameters, before those of the user, which count."""
+        words = [word for each in (*assignments, *arguments[name]) for word in ('-p', each)]
+        return [executable(package, name), '--ros-args', *words]
+
+    nodes = [node('lupin_greenhouse_bridge', 'bridge_node')]
+    mission = [f'report_file:="{report}"', 'wait_for_start:=false']
+    if options.record:
+        nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', f'file:="{options.record}"'))
+        mission.append('wait_for_subscriber:=true')
+    if options.drive:
+        route = companion(report, 'route')
+        driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{route}"']
+        nodes.append(node('lupin_simulation', 'fake_navigator', *driving))
+        dock = value_of(options.arguments, 'start_pose') or navigator_settings.Settings.start_pose
+        mission += ['drive:=nav2', 'order:=shortest', f'dock_pose:="{dock}"']
+    else:
+        mission.append('drive:=simulated')
+    world = f'world_file:="{options.output / "world/greenhouse.sdf"}"'
+    tag_file = value_of(options.arguments, 'tag_file')
+    if options.world and not options.drive:  # a world file does not name the tables to drive around
+        mission.append(world)
+    elif tag_file:
+        mission.append(f'tag_locations_file:="{tag_file}"')
+    if options.camera:
+        mission += ['require_visual_confirmation:=true', 'drive_seconds:=0.2']
+        on_robot = f'from_odometry:={str(options.drive).lower()}'
+        if options.world:
+            mission.append(f'visual_confirmation_timeout_s:={RENDERING_SECONDS}')
+            confirming = [f'timeout_seconds:={RENDERING_SECONDS}', 'max_image_age_seconds:=5.0']
+            camera = node('lupin_simulation', 'world_camera', world, on_robot)
+        else:
+            confirming = [f'source:={options.camera}']
+            camera = node('lupin_simulation', 'fake_camera', f'publishes:={options.camera}', on_robot)
+        nodes += [node('lupin_tag_confirmation', 'confirm_tag', *confirming), camera]
+    return [*nodes, node('lupin_mission', 'mission_orchestrator', *mission)]

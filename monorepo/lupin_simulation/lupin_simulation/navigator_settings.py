@@ -1,0 +1,89 @@
+"""The parameters of the fake navigator. Does not import ROS."""
+
+import math
+from dataclasses import dataclass
+
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.walls import find_walls, parse_numbers, parse_walls, walls_parameter
+from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
+from lupin_greenhouse_bridge.simulator.layout import require_layout
+
+LARGEST_INT = 2**31 - 1
+
+
+@dataclass(frozen=True)
+class Settings:
+    """
+    The validated parameters of one run; raises StartUpError for an invalid value.
+
+    doc/commands.md describes each parameter in detail.
+    """
+
+    nav_action_name: str = parameter('navigate_to_pose', 'The NavigateToPose action to serve.')
+    tag_file: str = parameter('', "The bridge's tag_locations.json, for the tables; empty: the simulator's.")
+    sim_config_file: str = parameter(
+        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the simulator's."
+    )
+    walls: str = walls_parameter()
+    robot_radius_m: float = parameter(0.2, 'The radius of the robot in metres.', smallest=0.01, largest=10.0)
+    padding_m: float = parameter(
+        0.0, "Metres that the planner adds to the robot's radius.", smallest=0.0, largest=1.0
+    )
+    arrival_error_m: float = parameter(
+        0.0, 'The robot stops up to this far from its goal, in metres.', smallest=0.0, largest=1.0
+    )
+    arrival_error_rad: float = parameter(
+        0.0, 'The robot stops up to this angle from its direction, in radians.', smallest=0.0, largest=math.pi
+    )
+    arrival_seed: int = parameter(0, 'Seed of the arrival errors.', smallest=0, largest=LARGEST_INT)
+    wedged_after: int = parameter(
+        -1, 'After this many goals, the robot is stuck; -1: never.', smallest=-1, largest=LARGEST_INT
+    )
+    autostart: bool = parameter(True, 'Activate the node when it starts; false: wait for ~/change_state.')
+    speed_m_per_s: float = parameter(0.5, 'The speed in metres per second.', smallest=0.001, largest=10.0)
+    speedup: float = parameter(1.0, 'Simulated seconds per second.', smallest=0.001, largest=1000.0)
+    start_pose: str = parameter(
+        '0.5 0.5 0.0', 'Where the robot starts: x and y in metres, yaw in radians.', of_any_type=True
+    )
+    blocked: str = parameter(
+        '', 'Obstacles that the mission does not know: x0 y0 x1 y1 of each in metres.', of_any_type=True
+    )
+    route_file: str = parameter('', 'A CSV file to write, with x and y of the driven path in metres.')
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        parse_walls(self.walls)
+        if len(parse_numbers(self.start_pose)) != 3:
+            raise invalid('start_pose', self.start_pose, 'x, y and yaw: "0.5 0.5 0.0", or an array')
+        are_rectangles = all(x0 < x1 and y0 < y1 for x0, y0, x1, y1 in self.obstacles)
+        numbers = parse_numbers(self.blocked)
+        if not are_rectangles or len(numbers) % 4 or (self.blocked and not numbers):
+            accepted = 'empty, or x0 y0 x1 y1 of each rectangle: "0.0 2.0 1.0 2.5", with x0 < x1 and y0 < y1'
+            raise invalid('blocked', self.blocked, accepted)
+
+    @property
+    def start(self) -> PoseInPlane:
+        """Where the robot starts."""
+        return PoseInPlane(*parse_numbers(self.start_pose))
+
+    @property
+    def obstacles(self) -> list[tuple[float, float, float, float]]:
+        """x0, y0, x1 and y1 of each obstacle."""
+        edges = iter(parse_numbers(self.blocked))
+        return list(zip(edges, edges, edges, edges, strict=False))
+
+    def free_space(self, padding_m: float = 0.0) -> FreeSpace:
+        """Return the free space, with the obstacles; raises StartUpError if the robot cannot start there."""
+        layout = require_layout(self.tag_file, 'tag_file')
+        walls = find_walls(layout, self.sim_config_file, self.walls)
+        obstacles = {f'blocked {number}': edges for number, edges in enumerate(self.obstacles, 1)}
+        layout = layout._replace(tables={**layout.tables, **obstacles})
+        free_space = FreeSpace(layout, walls, self.robot_radius_m + padding_m)
+        if not free_space.is_free(*self.start[:2]):
+            raise StartUpError(
+                f'parameter start_pose is {self.start_pose}: a robot of radius {self.robot_radius_m:g} m'
+                ' does not fit there: choose another, or change blocked'
+            )
+        return free_space
