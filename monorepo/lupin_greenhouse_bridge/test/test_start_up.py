@@ -187,6 +187,12 @@ def test_no_simulator_at_all_is_refused(monkeypatch):
         simulation.require_simulator()
 
 
+def test_a_simulator_without_its_files_is_refused(monkeypatch):
+    monkeypatch.setattr(simulation, 'shipped_file', lambda _name: None)
+    with pytest.raises(StartUpError, match=r'lacks its file tag_locations\.json: pip install'):
+        simulation.load(Settings(), None, None)
+
+
 def test_a_tag_file_that_the_simulator_reads_otherwise_is_refused(monkeypatch):
     """The simulator opens the file with the encoding of the locale."""
     monkeypatch.setattr(GreenhouseSimulator, 'tags', lambda _self: ['Ã©'])

@@ -8,7 +8,7 @@ import numpy as np
 
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.planning.walls import read_visualization
-from lupin_greenhouse_bridge.simulator.files import mapping_of, number
+from lupin_greenhouse_bridge.simulator.json_yaml import mapping_of, number
 
 COLOUR_MAP = 'viridis'  # readable in black and white, and for colour-blind people
 STOPS = (  # of this map

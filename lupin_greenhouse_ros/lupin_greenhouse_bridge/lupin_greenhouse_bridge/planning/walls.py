@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.runtime.parameters import parameter
-from lupin_greenhouse_bridge.simulator.files import mapping_of, number, read_yaml, shipped_file
+from lupin_greenhouse_bridge.simulator.files import shipped_file
+from lupin_greenhouse_bridge.simulator.json_yaml import mapping_of, number, read_yaml
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
 SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0

@@ -34,7 +34,7 @@ def read_layout(tag_file: str | Path, *, has_tables: bool = True) -> Layout:
 
 
 def find_layout(tag_file: str) -> Layout | None:
-    """Return the layout of tag_file, or of the shipped file for ''; None if there is no shipped file."""
+    """Return the layout of tag_file, or of the shipped file for ''; None without it. Raises StartUpError."""
     path = tag_file or shipped_file('tag_locations.json')
     return read_layout(path) if path else None
 
@@ -52,7 +52,7 @@ def find_places(tag_file: str) -> dict[str, tuple[float, float]]:
     return {tag_id: (tag.x, tag.y) for tag_id, tag in layout.tags.items()} if layout else {}
 
 
-def natural_order(tag_id: str) -> tuple:
+def natural_order(tag_id: str) -> tuple[list[tuple[bool, int, str]], str]:
     """Return a sort key for tag ids, such that tag_2 comes before tag_10, and numbers come before words."""
     parts = []
     for digits, text in re.findall('([0-9]+)|([^0-9]+)', tag_id):

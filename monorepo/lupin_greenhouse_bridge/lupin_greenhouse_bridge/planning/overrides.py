@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.simulator.files import number, read_yaml
+from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml
 
 _EXAMPLE = 'such as {overrides: {"7": {yaw: 1.57, standoff: 0.4}}}'
 _LIMITS = {

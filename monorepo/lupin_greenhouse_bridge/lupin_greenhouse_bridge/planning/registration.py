@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
-from lupin_greenhouse_bridge.simulator.files import number, read_yaml
+from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml
 
 MAP_FRAME, LAYOUT_FRAME = 'map', 'greenhouse'
 DEFAULT_TOLERANCE_M = 0.1

@@ -11,7 +11,7 @@ import numpy as np
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.planning.walls import Walls
-from lupin_greenhouse_bridge.simulator.files import number, read_yaml
+from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml
 
 # Cells from 0 to 100 %, as map_saver of Nav2 takes them; what is between is unknown.
 FREE_PERCENT, OCCUPIED_PERCENT = 25, 65

@@ -5,6 +5,7 @@ import importlib.metadata
 import math
 import numbers
 import random
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from packaging.version import InvalidVersion, Version
@@ -31,22 +32,24 @@ class LoadedGreenhouse(NamedTuple):
     summary: str  # one line: tags, sensors, clock
 
 
-def load(settings: Settings, tag_file, sim_config_file) -> LoadedGreenhouse:
+def load(
+    settings: Settings, tag_file: Path | str | None, sim_config_file: Path | str | None
+) -> LoadedGreenhouse:
     """
     Return a simulator that can be read at every tag of `tag_ids` at any hour.
 
     `tag_file` and `sim_config_file` are passed on to the simulator; None selects its shipped files.
-    Raises StartUpError with one line that says what to fix.
+    Raises StartUpError if the simulator or a file is missing, invalid, or cannot be served at every tag.
     """
     version = require_simulator()
     from greenhouse_sim.dynamics import AVAILABLE_DYNAMICS
     from greenhouse_sim.sensors import AVAILABLE_SENSORS
     from greenhouse_sim.simulator import GreenhouseSimulator
 
-    tag_path = tag_file or shipped_file('tag_locations.json')
+    tag_path = tag_file or _require_shipped_file('tag_locations.json')
     tags, _ = read_tag_file(tag_path, has_tables=False)
     tag_ids = [tag_id for tag_id, tag in tags.items() if tag['sensors']]
-    config_path = sim_config_file or shipped_file('greenhouse_config.yaml')
+    config_path = sim_config_file or _require_shipped_file('greenhouse_config.yaml')
     config = read_config(config_path, settings, AVAILABLE_SENSORS, AVAILABLE_DYNAMICS)
     for tag_id, tag in tags.items():
         for name in tag['sensors']:
@@ -81,7 +84,14 @@ def load(settings: Settings, tag_file, sim_config_file) -> LoadedGreenhouse:
 def served_tag_ids(tag_file: str) -> list[str]:
     """Return the ids that a bridge serves with this tag_file, '' for the shipped one; raises StartUpError."""
     require_simulator()
-    return list(read_layout(tag_file or shipped_file('tag_locations.json'), has_tables=False).tags)
+    path = tag_file or _require_shipped_file('tag_locations.json')
+    return list(read_layout(path, has_tables=False).tags)
+
+
+def _require_shipped_file(name: str) -> Path:
+    if path := shipped_file(name):
+        return path
+    raise StartUpError(f'mdp-greenhouse lacks its file {name}: pip install --force-reinstall mdp-greenhouse')
 
 
 def require_simulator() -> str:
@@ -112,12 +122,12 @@ def require_simulator() -> str:
     return version
 
 
-def read(sim, tag_id: str) -> tuple[float, dict[str, float]]:
+def read(sim: Any, tag_id: str) -> tuple[float, dict[str, float]]:
     """
     Return the simulated time of day in seconds, in [0, 86400), and the value of each sensor at the tag.
 
     The values belong to exactly this time. A second call of the simulator's clock could return a later tick.
-    Raises ReadingError if a value is missing or not finite.
+    Raises ReadingError if the simulator fails, returns no value, or one that is not finite or in this range.
     """
     try:
         values = {str(name): _finite(value, name) for name, value in sim.get_sensor_data(tag_id).items()}
@@ -138,7 +148,7 @@ def read(sim, tag_id: str) -> tuple[float, dict[str, float]]:
     return sim_time, values
 
 
-def _finite(value, name: str) -> float:
+def _finite(value: Any, name: str) -> float:
     # The simulator has floats, and an int for its clock; the look at an abstract class takes longer.
     is_number = isinstance(value, (float, int, numbers.Real)) and not isinstance(value, bool)
     if not is_number or not math.isfinite(value):
@@ -146,7 +156,7 @@ def _finite(value, name: str) -> float:
     return float(value)
 
 
-def _apply_overrides(sim, settings: Settings) -> None:
+def _apply_overrides(sim: Any, settings: Settings) -> None:
     """Override the loaded config with every setting that is not a sentinel, and seed the noise."""
     time = sim.sim_config['time']
     if settings.debug_time_of_day >= 0.0:
@@ -161,7 +171,7 @@ def _apply_overrides(sim, settings: Settings) -> None:
         random.seed(settings.debug_seed)
 
 
-def _prove_readable(sim, tag_ids) -> None:
+def _prove_readable(sim: Any, tag_ids: list[str]) -> None:
     """Read every tag once, then restore the noise: a seeded sequence starts with the first request."""
     state = random.getstate()
     for tag_id in tag_ids:
@@ -174,7 +184,7 @@ def _prove_readable(sim, tag_ids) -> None:
     random.setstate(state)
 
 
-def _warnings(sim, tags: dict, settings: Settings) -> list[str]:
+def _warnings(sim: Any, tags: dict[str, dict[str, Any]], settings: Settings) -> list[str]:
     warnings = []
     if bare := [escaped(tag_id, 64) for tag_id, tag in tags.items() if not tag['sensors']]:
         some = ', '.join(f"'{tag_id}'" for tag_id in bare[:5])
@@ -184,7 +194,7 @@ def _warnings(sim, tags: dict, settings: Settings) -> list[str]:
     return warnings
 
 
-def _summary(sim, tag_ids: list[str], version: str) -> str:
+def _summary(sim: Any, tag_ids: list[str], version: str) -> str:
     time = sim.sim_config['time']
     if time['debug_mode']:
         clock = f'clock frozen at {time["debug_time_of_day"]} h'

@@ -1,0 +1,181 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
+"""Read JSON and YAML files, and check their values. Each StartUpError names the file and the place in it."""
+
+import datetime
+import json
+import math
+import os
+import reprlib
+import stat
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
+
+LARGEST_YAML_BYTES = 2**20  # PyYAML takes seconds for a megabyte
+LARGEST_YAML_VALUES = 100_000  # after its aliases are expanded
+# No product of two such numbers overflows, so a finite config cannot give an infinite reading.
+LARGEST_NUMBER = 1e12
+KINDS = {
+    dict: 'an object',
+    str: 'text',
+    bool: 'true or false',
+    int: 'a number',
+    float: 'a number',
+    type(None): 'null',
+    datetime.datetime: 'a date',
+}
+
+
+def read_json(path: str | Path, where: str, largest_bytes: int) -> Any:
+    """Return the value in a JSON file; raises a StartUpError that begins with `where`."""
+    return _parse_json(_read_text(path, where, largest_bytes), where)
+
+
+def read_yaml(path: str | Path, where: str, wanted: str) -> dict[str, Any]:
+    """
+    Return the mapping in a YAML file, or in a JSON file whose name ends in .json; {} for an empty file.
+
+    Raises a StartUpError that begins with `where` if the file is unreadable, malformed or not `wanted`.
+    """
+    text = _read_text(path, where, LARGEST_YAML_BYTES)
+    # 1e3 is a number in JSON, and text in YAML 1.1.
+    data = _parse_json(text, where) if str(path).endswith('.json') else _parse_yaml(text, where)
+    if data is not None and not isinstance(data, dict):
+        raise StartUpError(f'{where}: holds {kind_of(data)} at its top level, not {wanted}')
+    return data or {}
+
+
+def number(
+    mapping: Mapping[str, Any],
+    key: str,
+    where: str,
+    unit: str,
+    smallest: float = -LARGEST_NUMBER,
+    largest: float = LARGEST_NUMBER,
+) -> float:
+    """Return the value of a key, which must be a number; raises a StartUpError that begins with `where`."""
+    value = mapping.get(key)
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and smallest <= value <= largest:
+        return value
+    raise StartUpError(
+        f'{where}: {key} is {shown(mapping, key)}: must be a number from {smallest:g} to {largest:g} ({unit})'
+    )
+
+
+def mapping_of(config: Mapping[str, Any], key: str, where: str, example: str) -> dict[str, Any]:
+    """Return the value of a key, which must be a mapping; raises a StartUpError that shows the example."""
+    value = config.get(key)
+    if not isinstance(value, dict):
+        raise StartUpError(f'{where}: {key} is {shown(config, key)}: must be a mapping, such as {example}')
+    return value
+
+
+def shown(mapping: Mapping[str, Any], key: str) -> str:
+    """Return the value of a key as an error message shows it: a number or a text, or its kind."""
+    value = mapping.get(key)
+    if key not in mapping:
+        return 'missing'
+    return start_of(value) if isinstance(value, (str, int, float, type(None))) else kind_of(value)
+
+
+def start_of(value: object) -> str:
+    """Return the start of a value. The whole of it could be gigabytes, after aliases are expanded."""
+    try:
+        return escaped(reprlib.repr(value), 60)
+    except ValueError:  # Python refuses to print thousands of digits
+        return kind_of(value)
+
+
+def kind_of(value: object) -> str:
+    """Return what kind of value a JSON or YAML file has, such as `a list`."""
+    return KINDS.get(type(value), f'a {type(value).__name__}')
+
+
+def _read_text(path: str | Path, where: str, largest_bytes: int) -> str:
+    try:
+        mode = os.stat(path).st_mode
+        if stat.S_ISDIR(mode):
+            raise StartUpError(f'{where}: is a folder: set the path of a file')
+        if not stat.S_ISREG(mode):
+            raise StartUpError(f'{where}: is not a regular file: set the path of a file')
+        with open(path, 'rb') as file:
+            content = file.read(largest_bytes + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, 'strerror', None) or error
+        raise StartUpError(
+            f'{where}: cannot be read ({reason}) in the folder {os.getcwd()}: set an absolute path'
+            ' (~ is not expanded)'
+        ) from error
+    if len(content) > largest_bytes:
+        raise StartUpError(f'{where}: is larger than {largest_bytes // 2**20} MiB: use a smaller file')
+    try:
+        return content.decode('utf-8')
+    except UnicodeDecodeError as error:
+        raise StartUpError(f'{where}: is not UTF-8 text ({error}): save it as UTF-8') from error
+
+
+def _parse_json(text: str, where: str) -> Any:
+    if text.startswith('\ufeff'):
+        raise StartUpError(f'{where}: starts with a UTF-8 byte order mark: save it as UTF-8 without BOM')
+
+    def without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        unique = dict(pairs)
+        if len(unique) < len(pairs):
+            twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
+            raise StartUpError(f'{where}: {twice!r} appears twice in one object: keep one of them')
+        return unique
+
+    try:
+        return json.loads(text, object_pairs_hook=without_duplicates)
+    except RecursionError as error:
+        raise StartUpError(f'{where}: is too deeply nested: use at most 4 levels') from error
+    except ValueError as error:
+        raise StartUpError(f'{where}: is not JSON: {error}') from error
+
+
+def _parse_yaml(text: str, where: str) -> Any:
+    import yaml  # mdp-greenhouse brings it; start-up reports a missing mdp-greenhouse first
+
+    try:
+        loader = yaml.SafeLoader(text)
+        document = loader.get_single_node()
+        if document is None:
+            return None
+        if _count_values(document, {}, where) > LARGEST_YAML_VALUES:
+            raise StartUpError(
+                f'{where}: holds more than {LARGEST_YAML_VALUES} values after its aliases are expanded:'
+                ' use fewer aliases, and none inside its own anchor'
+            )
+        return loader.construct_document(document)
+    except StartUpError:
+        raise
+    except RecursionError as error:
+        raise StartUpError(f'{where}: is too deeply nested: use at most 4 levels') from error
+    except Exception as error:  # PyYAML's constructors leak KeyError, IndexError and others on bad scalars
+        raise StartUpError(f'{where}: is not YAML: {type(error).__name__}: {error}') from error
+
+
+def _count_values(node: Any, counts: dict[int, float], where: str) -> float:
+    """
+    Return how many values a node has with its aliases expanded: infinite if it holds itself.
+
+    `counts` has the nodes that are counted already, by id. Raises StartUpError for a key that appears twice.
+    """
+    if id(node) not in counts:
+        counts[id(node)] = math.inf
+        children = node.value if isinstance(node.value, list) else []  # a scalar holds a string
+        if node.id == 'mapping':
+            keys = Counter(key.value for key, _ in children if key.id == 'scalar' and key.value != '<<')
+            for key, count in keys.items():
+                if count > 1:
+                    line = node.start_mark.line + 1
+                    raise StartUpError(
+                        f'{where}: {escaped(repr(key), 60)} appears twice in the mapping of line {line}:'
+                        ' keep one of them'
+                    )
+            children = [part for pair in children for part in pair]
+        counts[id(node)] = 1 + sum(_count_values(child, counts, where) for child in children)
+    return counts[id(node)]
