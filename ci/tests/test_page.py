@@ -352,7 +352,6 @@ def test_a_hundred_thousand_rows_open(tmp_path, open_page):
             for n, ns in enumerate(stamps)
         ]
     )
-    store.close()
     page = open_page(path)
     assert page.complaints == []
     assert 'the line is their median' in page.evaluate("document.getElementById('lines').textContent")

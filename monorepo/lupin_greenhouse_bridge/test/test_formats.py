@@ -83,7 +83,7 @@ def test_the_table_of_readings_has_these_columns(example, tmp_path):
         ('1', 'co2', 615.168),
     ]
     path = tmp_path / 'readings.sqlite'
-    open_store(str(path)).close()
+    open_store(str(path))
     with contextlib.closing(sqlite3.connect(path)) as connection:
         columns = [(each[1], each[2]) for each in connection.execute('PRAGMA table_info(readings)')]
     assert [(name, kind) for name, kind, _ in table('readings.csv', 3)] == columns

@@ -145,13 +145,14 @@ def test_a_clock_of_the_greenhouse_that_is_faster_is_told(
     row = read_file(report).rows[0]
     store = open_store(str(tmp_path / 'readings.csv'))
     store.keep(
-        row._replace(
-            stamp_ns=row.stamp_ns + second * 10**9,
-            sim_time_of_day_seconds=float(second * speed % 86_400),
-        )
-        for second in range(0, 50, gap_seconds)
+        [
+            row._replace(
+                stamp_ns=row.stamp_ns + second * 10**9,
+                sim_time_of_day_seconds=float(second * speed % 86_400),
+            )
+            for second in range(0, 50, gap_seconds)
+        ]
     )
-    store.close()
     drawn = ' '.join(texts_of(tmp_path / 'readings.csv'))
     assert re.findall(r'greenhouse clock (.*) faster', drawn) == (
         [f'at least about {told} times'] if told else []
@@ -176,7 +177,6 @@ def test_a_picture_of_several_days_says_so(report, texts_of, tmp_path):
         ]
         store = open_store(str(tmp_path / f'{count}.csv'))
         store.keep(rows)
-        store.close()
         drawn = ' '.join(texts_of(tmp_path / f'{count}.csv'))
         assert ('over at least 3 days' in drawn, 'over at least' in drawn) == (over, over)
 
@@ -206,7 +206,6 @@ def test_the_colours_reach_over_the_fifths_of_the_config_in_which_the_values_lie
 def test_a_recording_is_drawn_like_a_report(report, tmp_path, texts_of, name):
     store = open_store(str(tmp_path / name))
     store.keep(read_file(report).rows)
-    store.close()
     assert {'temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615'} <= set(texts_of(tmp_path / name))
 
 
@@ -314,7 +313,7 @@ def test_of_a_file_without_rows_there_is_no_picture(tmp_path, capsys):
     report = write_report(tmp_path / 'report.jsonl', visit('1', 'TIMEOUT'))
     assert main([str(report)]) == 1
     assert capsys.readouterr().err == f"plot_report: '{report}': no tag was read: there is no picture\n"
-    open_store(str(tmp_path / 'day.sqlite')).close()
+    open_store(str(tmp_path / 'day.sqlite'))
     assert main([str(tmp_path / 'day.sqlite')]) == 1
     assert capsys.readouterr().err.endswith("day.sqlite': holds no readings: there is no picture\n")
     assert not [*tmp_path.glob('*.png')]

@@ -43,7 +43,6 @@ def recording(tmp_path):
         ]
         store = open_store(str(path))
         store.keep(rows)
-        store.close()
         return path
 
     return write

@@ -23,7 +23,8 @@ from lupin_greenhouse_bridge.display.input_file import read_file
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
 from lupin_greenhouse_bridge.planning.walls import find_walls, parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
-from lupin_greenhouse_bridge.recording.store import key_of, open_store
+from lupin_greenhouse_bridge.recording.rows import key_of
+from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.process import install_signal_handlers, is_asked_to_end, sleep
 from lupin_greenhouse_bridge.simulator.layout import require_layout
@@ -74,7 +75,7 @@ def prepare(options: argparse.Namespace, report: Path) -> None:
                 reason = error.strerror or error
                 raise StartUpError(f"{name} '{path}': {reason}: name a file that can be read") from error
     if options.record:  # here, because no node shall start if it cannot be written
-        open_store(options.record).close()
+        open_store(options.record)
 
 
 def make_own_world(options: argparse.Namespace) -> None:

@@ -5,15 +5,25 @@ import csv
 import datetime
 import io
 import math
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.units import unit_of
 
-LATEST_STAMP_NS = 2**63 - 1  # the year 2262
+if TYPE_CHECKING:
+    from lupin_greenhouse_bridge.interfaces import TagReading
+
+LATEST_STAMP_NS = 2**63 - 1  # the largest integer of SQLite: the year 2262
 FORMULAS = ('=', '+', '-', '@', '\t', '\r', "'")  # a text cell that starts so gets an apostrophe before it
 LONGEST_FIELD = 2**31 - 1  # characters; ROS does not limit the name of a sensor
+SURROGATES = re.compile('[\ud800-\udfff]')  # stand for bytes that are not UTF-8
+
+
+class WrongValueError(ValueError):
+    """A value in a file is wrong: which one, where, and what would be right."""
 
 
 class Row(NamedTuple):
@@ -34,106 +44,130 @@ class Row(NamedTuple):
 HEADER = ','.join(Row._fields)
 
 
-def rows_of(reading, source: str, place_m: tuple[float, float] | None = None) -> list[Row]:
+def key_of(row: Row) -> tuple[int, str, str]:
+    """Return what identifies a row."""
+    return row.stamp_ns, row.tag_id, row.sensor
+
+
+def rows_of(reading: 'TagReading', source: str, place_m: tuple[float, float] | None = None) -> list[Row]:
     """Return the rows of a TagReading, in the order of its sensors."""
     stamp_ns = reading.stamp.sec * 1_000_000_000 + reading.stamp.nanosec
     values = ((each.name, each.value) for each in reading.readings)
     return make_rows(stamp_ns, reading.tag_id, values, reading.sim_time_of_day_seconds, source, place_m)
 
 
-def make_rows(stamp_ns, tag_id, values, sim_time_of_day_seconds, source, place_m=None) -> list[Row]:
+def make_rows(
+    stamp_ns: int,
+    tag_id: str,
+    values: Iterable[tuple[str, float]],
+    sim_time_of_day_seconds: float,
+    source: str,
+    place_m: tuple[float, float] | None = None,
+) -> list[Row]:
     """Return a row for each name and value. The other arguments are columns; place_m is x and y or None."""
     head = stamp_ns, utc_of(stamp_ns), tag_id
     tail = *(place_m or (None, None)), sim_time_of_day_seconds, source
     return [Row(*head, sensor, value, unit_of(sensor), *tail) for sensor, value in values]
 
 
-def fault_of(rows: Iterable[Row]) -> str:
-    """Return the first invalid number in rows that come from outside; '' if there is none."""
-    for row in rows:
-        if not 0 <= row.stamp_ns <= LATEST_STAMP_NS:
-            return f'stamp_ns is {row.stamp_ns}'
-        for name in ('value', 'x_m', 'y_m', 'sim_time_of_day_seconds'):
-            number = getattr(row, name)
-            if number is not None and not math.isfinite(number):
-                return f'{name} of {row.sensor} is {number}'
-    return ''
-
-
 def utc_of(stamp_ns: int) -> str:
-    """Return a stamp as ISO 8601 in UTC with nanoseconds, such as 2026-05-04T09:30:00.000000000Z."""
+    """
+    Return a stamp as ISO 8601 in UTC with nanoseconds, such as 2026-05-04T09:30:00.000000000Z.
+
+    Returns '' for a stamp that fault_of() refuses.
+    """
+    if not 0 <= stamp_ns <= LATEST_STAMP_NS:
+        return ''
     seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
     moment = datetime.datetime.fromtimestamp(seconds, tz=datetime.timezone.utc)
     return f'{moment:%Y-%m-%dT%H:%M:%S}.{nanoseconds:09}Z'
 
 
-def last_reading_of_each_tag(rows: Iterable[Row]) -> dict[str, dict[str, Row]]:
+def last_reading_of_each_tag(rows: Sequence[Row]) -> dict[str, dict[str, Row]]:
     """Return the last reading of each tag as its rows by sensor; rows come in the order of their stamps."""
-    last: dict[str, dict[str, Row]] = {}
+    last_stamps_ns = {row.tag_id: row.stamp_ns for row in rows}
+    last: dict[str, dict[str, Row]] = {tag_id: {} for tag_id in last_stamps_ns}
     for row in rows:
-        reading = last.setdefault(row.tag_id, {})
-        if any(each.stamp_ns != row.stamp_ns for each in reading.values()):
-            reading.clear()
-        reading[row.sensor] = row
+        if row.stamp_ns == last_stamps_ns[row.tag_id]:
+            last[row.tag_id][row.sensor] = row
     return last
+
+
+def fault_of(row: Row) -> str:
+    """Return which value of a row from outside is wrong, and what would be right; '' if the row is good."""
+    for name, value in row._asdict().items():
+        if name == 'stamp_ns':
+            is_right = isinstance(value, int) and 0 <= value <= LATEST_STAMP_NS
+            wanted = f'from 0 to {LATEST_STAMP_NS}, in nanoseconds since 1970'
+        elif name in ('value', 'x_m', 'y_m', 'sim_time_of_day_seconds'):
+            is_unknown_place = value is None and name in ('x_m', 'y_m')
+            is_right = is_unknown_place or (isinstance(value, float) and math.isfinite(value))
+            wanted = 'a finite number'
+        else:
+            is_right = isinstance(value, str) and not SURROGATES.search(value)
+            wanted = 'text in UTF-8'
+        if not is_right:
+            return f'{name} of {row.sensor} is {escaped(repr(value), 60)}: must be {wanted}'
+    return ''
 
 
 def csv_text(rows: Iterable[Row]) -> str:
     r"""Return rows as lines of CSV that end in \n, without the header."""
-    lines = []
+    lines: list[str] = []
     # The writer quotes each character of its own line end, \r\n: no tag id can end a line.
     csv.writer(SimpleNamespace(write=lines.append)).writerows(map(_escaped, row) for row in rows)
     return ''.join(f'{line[:-2]}\n' for line in lines)
 
 
-def _escaped(cell):
+def has_header(head: bytes) -> bool:
+    """Return whether a file starts with the header; a spreadsheet can put a byte order mark before it."""
+    return head.removeprefix(b'\xef\xbb\xbf').splitlines()[:1] == [HEADER.encode()]
+
+
+def parse_csv(content: bytes) -> list[Row]:
+    """
+    Return the rows of a CSV file.
+
+    Ignores headers, and lines with fewer values than columns, which a killed writer can leave. Raises
+    WrongValueError for any other line that is not a row.
+    """
+    csv.field_size_limit(LONGEST_FIELD)
+    # A torn line can end within a character: surrogates stand for its bytes.
+    text = io.StringIO(content.decode('utf-8-sig', errors='surrogateescape'), newline='\n')
+    reader, rows = csv.reader(text), []
+    try:
+        for cells in reader:
+            if len(cells) >= len(Row._fields) and tuple(cells) != Row._fields:
+                rows.append(_row_of(cells))
+    except (ValueError, csv.Error) as error:
+        raise WrongValueError(f'line {reader.line_num}: {error}') from error
+    return rows
+
+
+def _row_of(cells: list[str]) -> Row:
+    if len(cells) > len(Row._fields):
+        raise ValueError(f'{len(cells)} values in place of {len(Row._fields)}')
+    stamp_ns, stamp_utc, tag_id, sensor, value, unit, x, y, sim_time, source = map(_unescaped, cells)
+    head = _number(stamp_ns, int), stamp_utc, tag_id, sensor, _number(value), unit
+    x_m, y_m = (_number(each) if each else None for each in (x, y))
+    row = Row(*head, x_m, y_m, _number(sim_time), source)
+    if fault := fault_of(row):
+        raise ValueError(fault)
+    return row
+
+
+def _number(cell: str, kind: type[int] | type[float] = float) -> Any:
+    """Return a number, or the cell itself if it is none: fault_of() then refuses it."""
+    try:
+        return kind(cell)
+    except ValueError:
+        return cell
+
+
+def _escaped(cell: object) -> object:
     """Return a cell that no spreadsheet takes for a formula."""
     return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULAS) else cell
 
 
 def _unescaped(cell: str) -> str:
     return cell[1:] if cell.startswith("'") and cell.startswith(FORMULAS, 1) else cell
-
-
-def has_header(content: bytes) -> bool:
-    """Return whether content starts as a CSV file of rows does."""
-    return content.removeprefix(b'\xef\xbb\xbf').startswith(HEADER.encode())
-
-
-def parse_csv(content: bytes, lines_before: int = 0) -> tuple[list[Row], int]:
-    """
-    Return the rows of a CSV with its header, and the size in bytes of its complete lines.
-
-    A repeated header is ignored. With `lines_before`, the content starts with the row after that many lines.
-    An incomplete last line, which a killed writer can leave, is not parsed. Raises ValueError for any other
-    fault.
-    """
-    whole = content[: content.rfind(b'\n') + 1]
-    line_count = whole.count(b'\n')
-    csv.field_size_limit(LONGEST_FIELD)
-    reader = csv.reader(io.StringIO(whole.decode('utf-8-sig'), newline='\n'), strict=True)
-    if not lines_before and ','.join(next(reader, [])) != HEADER:
-        raise ValueError(f'the first line is not {HEADER}')
-    rows, complete_lines = [], reader.line_num
-    try:
-        for record in reader:
-            if tuple(record) != Row._fields:
-                rows.append(_row_of(record))
-            complete_lines = reader.line_num
-    except (ValueError, csv.Error) as error:
-        if reader.line_num < line_count or not isinstance(error, csv.Error):
-            raise ValueError(f'line {lines_before + complete_lines + 1}: {error}') from error
-    torn = whole.split(b'\n')[complete_lines:-1]
-    return rows, len(whole) - sum(len(line) + 1 for line in torn)
-
-
-def _row_of(record: list[str]) -> Row:
-    if len(record) != len(Row._fields):
-        raise ValueError(f'{len(record)} values in place of {len(Row._fields)}')
-    stamp_ns, stamp_utc, tag_id, sensor, value, unit, x_m, y_m, sim_time, source = map(_unescaped, record)
-    head = int(stamp_ns), stamp_utc, tag_id, sensor, float(value), unit
-    place_m = (float(x_m) if x_m else None, float(y_m) if y_m else None)
-    row = Row(*head, *place_m, float(sim_time), source)
-    if fault := fault_of([row]):
-        raise ValueError(fault)
-    return row

@@ -7,23 +7,19 @@ copy of the file has all of them. With WAL, some rows could still be in a second
 """
 
 import contextlib
-import errno
-import fcntl
 import os
 import sqlite3
 import stat
-from collections import OrderedDict
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, has_header, parse_csv
+from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, has_header
 
+HEAD_BYTES = 128  # of a file: enough to tell its format
 APPLICATION_ID = 0x4C755250  # marks our SQLite files, in big-endian order at byte 68
-HEAD_BYTES = 72
 LOCKED_FOR_SECONDS = 0.5  # how long a commit waits for another program; then its rows wait in memory
-TAIL_BYTES = 2 * 2**20  # of a CSV file: at the start, one to two times as many are parsed
-MOST_KEYS = 20_000  # of the last rows of a CSV file; a latched topic repeats at most 2,000 readings
 _TABLE = """
 CREATE TABLE IF NOT EXISTS readings (
     stamp_ns INTEGER NOT NULL,
@@ -38,19 +34,12 @@ CREATE TABLE IF NOT EXISTS readings (
     source TEXT NOT NULL,
     PRIMARY KEY (stamp_ns, tag_id, sensor)
 )"""
-_BEGIN = 'BEGIN IMMEDIATE'  # with a plain one, programs that read before they write wait for each other
 _MARKS = ', '.join('?' * len(Row._fields))
 _INSERT = f'INSERT OR IGNORE INTO readings ({HEADER}) VALUES ({_MARKS})'  # noqa: S608 (no text of a user)
-_ERRORS = (OSError, ValueError, sqlite3.Error)
 
 
 class StoreError(OneLineError):
-    """Rows cannot be written now, and none of them is in the file."""
-
-
-def key_of(row: Row) -> tuple[int, str, str]:
-    """Return what identifies a row."""
-    return row.stamp_ns, row.tag_id, row.sensor
+    """Rows cannot be written now."""
 
 
 def is_sqlite_of_readings(head: bytes) -> bool:
@@ -58,23 +47,22 @@ def is_sqlite_of_readings(head: bytes) -> bool:
     return head.startswith(b'SQLite format 3\0') and head[68:72] == APPLICATION_ID.to_bytes(4, 'big')
 
 
-def open_store(path: str) -> 'Store':
+def open_store(path: str, warn: Callable[[str], object] = lambda _text: None) -> 'Store':
     """
-    Open or create a file of readings, whose suffix selects the format.
+    Make a file of readings, or check that it can be continued. Its suffix selects the format.
 
-    Raises StartUpError for another suffix, and for a file in another format, which stays unchanged.
+    Later, `warn` receives a line if the file was lost. Raises StartUpError for another suffix, and for a file
+    in another format, which stays unchanged.
     """
-    kinds = {'.sqlite': SqliteStore, '.db': SqliteStore, '.csv': CsvStore}
+    kinds: dict[str, type[Store]] = {'.sqlite': SqliteStore, '.db': SqliteStore, '.csv': CsvStore}
     if not (kind := kinds.get(Path(path).suffix.lower())):
         raise StartUpError(
             f"file '{path}' ends in none of {', '.join(kinds)}: name it readings.sqlite or .csv"
         )
     try:
-        return kind(path)
-    except _ERRORS as error:
-        raise StartUpError(
-            f"file '{path}': {file_error_text(error)}: name another file, or a new one"
-        ) from error
+        return kind(path, warn)
+    except StoreError as error:
+        raise StartUpError(f'{error}: name another file, or a new one') from error
 
 
 def file_error_text(error: Exception) -> str:
@@ -82,168 +70,109 @@ def file_error_text(error: Exception) -> str:
     return getattr(error, 'strerror', None) or str(error)
 
 
-class Store:
-    """A file of readings. If it is moved, deleted or truncated, a new file with its name gets the rows."""
+class Store(ABC):
+    """
+    A file of readings, which is open only while rows are added.
 
-    _identity = None  # device and inode while the file is open
-    _size = 0  # bytes that the file has at least
+    If it is moved, deleted or emptied, a new file with its name gets the rows.
+    """
 
-    def __init__(self, path: str):
-        """Open or make the file; raises OSError, ValueError and sqlite3.Error."""
-        self.notes: list[str] = []  # what happened to the file, for the log
-        self.row_count = 0  # in the file when it was opened
-        self._path = path
-        self._open()
+    def __init__(self, path: str, warn: Callable[[str], object]) -> None:
+        """Make the file, or check that it can be continued; raises StoreError."""
+        self._path, self._warn = Path(path), warn
+        self._identity: tuple[int, int] | None = None  # of the file that got the last rows
+        self.keep([])
 
     def keep(self, rows: Sequence[Row]) -> int:
-        """Write all rows that are not in the file yet, or none; return their number. Raises StoreError."""
+        """Add rows to the file, and return how many of them are new. Raises StoreError."""
         try:
             while True:
-                if not self._is_in_place():
-                    self._identity = None
-                    self.close()
-                    self._open()
-                    self.notes.append(f"file '{self._path}' was moved, deleted or truncated: made a new one")
-                kept = self._write(rows)
-                if self._is_in_place():  # otherwise nobody may find these rows
-                    return kept
-        except _ERRORS as error:
+                found = self._find()
+                if found is None or found != self._identity:
+                    self._prepare()
+                    if self._identity:
+                        self._warn(f"file '{self._path}' was moved, deleted or emptied: made a new one")
+                    self._identity = self._find()
+                new_count = self._add(rows)
+                if self._find() == self._identity:  # otherwise nobody may find these rows
+                    return new_count
+        except (OSError, ValueError, sqlite3.Error) as error:
+            self._identity = None  # a part of a row may be in the file
             raise StoreError(f"file '{self._path}': {file_error_text(error)}") from error
 
-    def _is_in_place(self) -> bool:
+    def _find(self) -> tuple[int, int] | None:
+        """Return the device and inode of the file; None if it is missing or empty."""
         try:
-            there = os.stat(self._path)
+            status = self._path.stat()
         except FileNotFoundError:
-            return False
-        return (there.st_dev, there.st_ino) == self._identity and there.st_size >= self._size
-
-    def _open_regular_file(self) -> tuple[int, tuple[int, int]]:
-        """Open or make the file, and return it with its device and inode; raises OSError and ValueError."""
-        file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NONBLOCK, 0o666)
-        status = os.fstat(file)
+            return None
         if not stat.S_ISREG(status.st_mode):
-            os.close(file)
             raise ValueError('not a regular file')
-        return file, (status.st_dev, status.st_ino)
+        return (status.st_dev, status.st_ino) if status.st_size else None
+
+    @abstractmethod
+    def _prepare(self) -> None:
+        """Make the file, or check that it is one of ours; raises ValueError, OSError and sqlite3.Error."""
+
+    @abstractmethod
+    def _add(self, rows: Sequence[Row]) -> int:
+        """Add rows to the file; return how many are new. Raises OSError and sqlite3.Error."""
 
 
 class SqliteStore(Store):
-    """A database with the table `readings`. Several programs can write it at a time."""
+    """A database with the table `readings`, which has each row once. Several programs can write it."""
 
-    _size = 1  # an empty file has no table
-
-    def _open(self) -> None:
-        file, identity = self._open_regular_file()
-        head = os.pread(file, HEAD_BYTES, 0)
-        os.close(file)
+    def _prepare(self) -> None:
+        with self._path.open('a+b') as file:
+            file.seek(0)
+            head = file.read(HEAD_BYTES)
         if head and not is_sqlite_of_readings(head):
             raise ValueError('not a file of record_readings')
-        self._connection = sqlite3.connect(
-            self._path, timeout=LOCKED_FOR_SECONDS, isolation_level=None, check_same_thread=False
-        )
-        with self._connection:  # commits, or rolls back
-            self._connection.execute(_BEGIN)
-            self._connection.execute(f'PRAGMA application_id = {APPLICATION_ID}')
-            self._connection.execute(_TABLE)
-        (self.row_count,) = self._connection.execute('SELECT count(*) FROM readings').fetchone()
-        self._identity = identity
+        with self._transaction() as connection:
+            connection.execute(f'PRAGMA application_id = {APPLICATION_ID}')
+            connection.execute(_TABLE)
 
-    def _write(self, rows: Sequence[Row]) -> int:
-        before = self._connection.total_changes
-        with self._connection:
-            self._connection.execute(_BEGIN)
-            self._connection.executemany(_INSERT, rows)
-        return self._connection.total_changes - before
+    def _add(self, rows: Sequence[Row]) -> int:
+        with self._transaction() as connection:
+            connection.executemany(_INSERT, rows)
+            return connection.total_changes
 
-    def close(self) -> None:
-        """Close the file."""
-        self._connection.close()
+    @contextlib.contextmanager
+    def _transaction(self) -> Iterator[sqlite3.Connection]:
+        """Yield a connection; commit at the end, or roll back after an error."""
+        connection = sqlite3.connect(self._path, timeout=LOCKED_FOR_SECONDS, isolation_level=None)
+        with contextlib.closing(connection), connection:
+            # With a plain BEGIN, programs that read before they write wait for each other.
+            connection.execute('BEGIN IMMEDIATE')
+            yield connection
 
 
 class CsvStore(Store):
-    """A CSV file. Only one recorder can write it at a time, and it knows the last MOST_KEYS rows."""
+    """A CSV file. Lines are only added: a row that is kept again is there again."""
 
-    _file = -1
-    _is_torn = False
+    def _prepare(self) -> None:
+        """Write the header, or end a line that a killed writer has torn: the next row needs its own line."""
+        header = f'{HEADER}\n'.encode()
+        with self._path.open('a+b') as file:
+            file.seek(0)
+            content = file.read(HEAD_BYTES)
+            if header.startswith(content):  # new, or torn when it was new
+                file.write(header[len(content) :])
+                return
+            if not has_header(content):
+                raise ValueError(f'the first line is not {HEADER}')
+            quotes = content.count(b'"')
+            while part := file.read(2**20):
+                content, quotes = part, quotes + part.count(b'"')
+            if quotes % 2:  # torn within a cell
+                file.write(b'"\n')
+            elif not content.endswith(b'\n'):
+                file.write(b'\n')
 
-    def _open(self) -> None:
-        """Open or make the file, and remove a row that was torn by a kill."""
-        self._file, identity = self._open_regular_file()
-        try:
-            self._lock()
-            size, header = os.fstat(self._file).st_size, f'{HEADER}\n'.encode()
-            start, lines_before = _start_of_tail(self._file, size)
-            content = os.pread(self._file, size - start, start)
-            if not start and header.startswith(content):  # new, or torn when it was new
-                os.ftruncate(self._file, 0)
-                _append(self._file, content := header)
-            rows, complete = parse_csv(content, lines_before)
-            self._size = start + complete
-            self._mend()
-        except BaseException:
-            self.close()
-            raise
-        self._identity = identity
-        self._keys = OrderedDict.fromkeys(map(key_of, rows[-MOST_KEYS:]))
-        self.row_count = len(rows) + max(lines_before - 1, 0)  # without the header
-        if complete < len(content):
-            self.notes.append(f"file '{self._path}': removed an incomplete last row")
-
-    def _mend(self) -> None:
-        """Remove what follows the last row that was kept; raises OSError."""
-        os.ftruncate(self._file, self._size)
-        self._is_torn = False
-
-    def _lock(self) -> None:
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            reason = 'another recorder is writing it (a SQLite file takes more than one)'
-            raise ValueError(reason) from error
-
-    def _write(self, rows: Sequence[Row]) -> int:
-        new = {key: row for row in rows if (key := key_of(row)) not in self._keys}
-        lines = csv_text(new.values()).encode()
-        try:
-            if self._is_torn:
-                self._mend()
-            self._size = os.fstat(self._file).st_size  # another program may have added rows
-            self._is_torn = True  # until all is written
-            _append(self._file, lines)
-            os.fsync(self._file)
-            self._is_torn = False
-        except OSError:
-            with contextlib.suppress(OSError):  # the next write, or the next recorder, mends it
-                self._mend()
-            raise
-        if os.fstat(self._file).st_size == len(lines):  # truncated just before: these rows have no header
-            os.ftruncate(self._file, 0)
-        self._size += len(lines)
-        self._keys.update(dict.fromkeys(new))
-        while len(self._keys) > MOST_KEYS:
-            self._keys.popitem(last=False)
-        return len(new)
-
-    def close(self) -> None:
-        """Close the file, so that another recorder can write it."""
-        if self._file >= 0:
-            os.close(self._file)
-        self._file = -1
-
-
-def _append(file: int, data: bytes) -> None:
-    if os.write(file, data) != len(data):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-def _start_of_tail(file: int, size: int) -> tuple[int, int]:
-    """Return where a row starts in the last bytes of a CSV file, and how many lines come before it."""
-    if not has_header(os.pread(file, 4 * len(HEADER), 0)):
-        return 0, 0
-    start = lines_before = lines = quotes = 0
-    with open(file, 'rb', closefd=False) as parts:
-        while (part := parts.readlines(TAIL_BYTES)) and parts.tell() + TAIL_BYTES < size:
-            lines, quotes = lines + len(part), quotes + b''.join(part).count(b'"')
-            if quotes % 2 == 0:  # not within a quoted cell: this line end ends a row
-                start, lines_before = parts.tell(), lines
-    return start, lines_before
+    def _add(self, rows: Sequence[Row]) -> int:
+        file_number = os.open(self._path, os.O_WRONLY | os.O_APPEND)  # open() would make a missing file
+        with open(file_number, 'wb') as file:
+            file.write(csv_text(rows).encode())
+            file.flush()
+            os.fsync(file_number)
+        return len(rows)

@@ -5,11 +5,15 @@ import math
 import sys
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
 
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.recording.rows import Row
-from lupin_greenhouse_bridge.recording.store import StoreError
+from lupin_greenhouse_bridge.recording.store import Store, StoreError
+
+if TYPE_CHECKING:
+    from rclpy.impl.rcutils_logger import RcutilsLogger
 
 MOST_ROWS = 50_000
 MOST_BYTES = 64 * 2**20  # of memory
@@ -26,13 +30,15 @@ class BufferedWriter:
     "N rows kept" acknowledges that the first N new rows are on the disk.
     """
 
-    def __init__(self, store, logger, clock=time.monotonic):
-        """Write to an open store, and close it at the end. The clock is monotonic, in seconds."""
+    def __init__(
+        self, store: Store, logger: 'RcutilsLogger', clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Write to an open store. The clock is monotonic, in seconds."""
         self._store, self._logger, self._clock = store, logger, clock
         self._lock = threading.Lock()
         self._waiting: list[Row] = []
         self._bytes = self._kept = self._lost = self._lost_said = 0
-        self._next_error = -math.inf  # when to log an ERROR again
+        self._next_error_at = -math.inf
         self._is_ended = threading.Event()
         self._thread = threading.Thread(target=self._write_all, name='writer', daemon=True)
 
@@ -44,10 +50,9 @@ class BufferedWriter:
         """Take rows, without waiting for the file."""
         with self._lock:
             for row in rows:
-                size = sys.getsizeof(row) + sum(map(sys.getsizeof, row))
-                if len(self._waiting) < MOST_ROWS and self._bytes + size <= MOST_BYTES:
+                if len(self._waiting) < MOST_ROWS and self._bytes + memory_of(row) <= MOST_BYTES:
                     self._waiting.append(row)
-                    self._bytes += size
+                    self._bytes += memory_of(row)
                 else:
                     self._lost += 1
 
@@ -58,38 +63,39 @@ class BufferedWriter:
     def write(self) -> bool:
         """Write the waiting rows, and log the result; return whether all of them are written."""
         with self._lock:
-            rows, size = list(self._waiting), self._bytes
+            rows = list(self._waiting)
         try:
-            kept = self._store.keep(rows) if rows else 0
+            new_count = self._store.keep(rows) if rows else 0
         except StoreError as error:
-            if self._clock() >= self._next_error:
-                self._next_error = self._clock() + ERROR_EVERY_SECONDS
+            if self._clock() >= self._next_error_at:
+                self._next_error_at = self._clock() + ERROR_EVERY_SECONDS
                 waiting = pluralized(len(rows), 'row')
                 self._logger.error(f'{error}: {waiting} waiting in memory, {self._lost} dropped')
             return False
-        finally:
-            while self._store.notes:
-                self._logger.warning(self._store.notes.pop(0))
         with self._lock:
             del self._waiting[: len(rows)]
-            self._bytes -= size
-        self._kept += kept
-        if kept:
+            self._bytes -= sum(map(memory_of, rows))
+        self._kept += new_count
+        if new_count:
             self._logger.info(f'{pluralized(self._kept, "row")} kept')
         if self._lost > self._lost_said:
             self._lost_said = self._lost
-            dropped = pluralized(self._lost_said, 'row')
+            dropped = pluralized(self._lost, 'row')
             self._logger.warning(f'{dropped} dropped so far: the file could not be written for too long')
         return True
 
     def end(self) -> int:
-        """Write the waiting rows, close the file, and return how many rows were lost since the start."""
+        """Write the waiting rows, and return how many rows were lost since the start."""
         self._is_ended.set()
         if self._thread.is_alive():
             self._thread.join()
-        self._next_error = -math.inf
+        self._next_error_at = -math.inf
         any(self.write() for _ in range(LAST_TRIES))
-        self._store.close()
         self._lost += len(self._waiting)
         self._waiting.clear()
         return self._lost
+
+
+def memory_of(row: Row) -> int:
+    """Return how many bytes of memory a row takes."""
+    return sys.getsizeof(row) + sum(map(sys.getsizeof, row))

@@ -5,14 +5,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lupin_greenhouse_bridge.display.report_line import Observation, has_report, parse_report
-from lupin_greenhouse_bridge.recording.reading_files import (
-    WANTED,
-    ReadingFileError,
-    parse_rows,
-    with_places,
-)
+from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, parse_rows, with_places
 from lupin_greenhouse_bridge.recording.rows import Row
-from lupin_greenhouse_bridge.recording.store import file_error_text
 
 
 class ReadingFile(NamedTuple):
@@ -36,5 +30,5 @@ def read_file(path: Path | str, tag_file: str = '') -> ReadingFile:
         else:
             rows, visits = parse_rows(path), []
     except (OSError, sqlite3.Error, ValueError) as error:
-        raise ReadingFileError(f"'{path}': {file_error_text(error)}: {WANTED}") from error
+        raise ReadingFileError(path, error) from error
     return ReadingFile(with_places(rows, tag_file), visits)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
-from lupin_greenhouse_bridge.recording.rows import Row, fault_of, make_rows
+from lupin_greenhouse_bridge.recording.rows import Row, WrongValueError, fault_of, make_rows
 
 SOURCE = 'mission report'
 _START = b'{"tag_id": '  # of each line
@@ -47,7 +47,7 @@ class Reading:
     @property
     def fault(self) -> str:
         """Why the reading cannot be used; '' if it can."""
-        return fault_of(self.rows) if self.values else 'it has no value'
+        return next(filter(None, map(fault_of, self.rows)), '') if self.values else 'it has no value'
 
 
 @dataclass(frozen=True)
@@ -92,15 +92,17 @@ class Observation:
             if outcome is Outcome.OK:
                 stamp = int(data['stamp']['sec']), int(data['stamp']['nanosec'])
                 values = {str(name): float(value) for name, value in data['readings'].items()}
+                if not values:
+                    raise ValueError('it has no value')
                 reading = Reading(tag_id, stamp, float(data['sim_time_of_day_seconds']), values)
-                if reading.fault:
-                    raise ValueError(reading.fault)
             seen, pose, drive = data.get('seen'), int(data.get('pose', 1)), str(data.get('drive', ''))
             if seen not in (None, True, False):
                 raise ValueError(f'seen is {seen!r}: must be true, false or null')
             detail, attempts = str(data['detail']), int(data['attempts'])
         except _NO_OBSERVATION as error:
             raise ValueError(f'is not an observation ({type(error).__name__}: {error})') from error
+        if reading and reading.fault:
+            raise WrongValueError(f'has a wrong value: {reading.fault}')
         return cls(tag_id, outcome, detail, attempts, reading, seen, pose, drive)
 
 
@@ -128,11 +130,11 @@ def parse_report(content: bytes) -> tuple[list[Observation], int]:
         try:
             observations.append(Observation.from_line(line))
         except ValueError as error:
-            raise ValueError(f'line {number} {error}') from error
+            raise type(error)(f'line {number} {error}') from error
     try:
         return [*observations, Observation.from_line(torn)], len(content)
     except ValueError as error:
         is_whole = not isinstance(error.__cause__, (json.JSONDecodeError, UnicodeDecodeError))
         if is_whole or not is_start_of_report(torn):
-            raise ValueError(f'the last line {error}') from error
+            raise type(error)(f'the last line {error}') from error
     return observations, len(content) - len(torn)

@@ -60,8 +60,7 @@ class RecordReadingsNode(Node):
         self._places_m = find_places(settings.tag_file)
         self._has_places = bool(settings.tag_file)
         self._refused = 0
-        store = open_store(settings.file)
-        there = f' ({pluralized(store.row_count, "row")} there already)' if store.row_count else ''
+        store = open_store(settings.file, warn=self.get_logger().warning)
         self._writer = BufferedWriter(store, self.get_logger())
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
         if not self._has_places:
@@ -70,21 +69,19 @@ class RecordReadingsNode(Node):
             clock = Clock(clock_type=ClockType.STEADY_TIME)
             self._asking = self.create_timer(ASK_EVERY_SECONDS, self._ask_for_tag_file, clock=clock)
         self._writer.start()
-        self.get_logger().info(
-            f'ready: readings from {", ".join(topics)} into {Path(settings.file).resolve()}{there}'
-        )
+        file = Path(settings.file).resolve()
+        self.get_logger().info(f'ready: readings from {", ".join(topics)} into {file}')
 
     def _on_reading(self, reading, topic: str) -> None:
         if not self._has_places:
             self._has_places = True  # say it once
             self.get_logger().warning(f'{TAG_FILE_UNKNOWN}: {SHIPPED_PLACES}')
         rows = rows_of(reading, topic, self._places_m.get(reading.tag_id))
-        good = [row for row in rows if not fault_of([row])]  # others would make the file unreadable
-        self._writer.add(good)
-        if refused := len(rows) - len(good):
-            self._refused += refused
+        self._writer.add(row for row in rows if not fault_of(row))  # others would make the file unreadable
+        if faults := list(filter(None, map(fault_of, rows))):
+            self._refused += len(faults)
             self.get_logger().warning(
-                f"tag '{escaped(reading.tag_id, 64)}': {escaped(fault_of(rows), 200)}:"
+                f"tag '{escaped(reading.tag_id, 64)}': {escaped(faults[0], 200)}:"
                 f' {pluralized(self._refused, "row")} refused so far',
                 throttle_duration_sec=ERROR_EVERY_SECONDS,
             )
