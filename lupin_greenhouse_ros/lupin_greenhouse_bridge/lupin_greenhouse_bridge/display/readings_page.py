@@ -17,24 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from lupin_greenhouse_bridge.display import summary
+from lupin_greenhouse_bridge.display import drawing_command as command
+from lupin_greenhouse_bridge.display import placing, summary
 from lupin_greenhouse_bridge.display.colours import STOPS, colour_limits, hex_colours_of
-from lupin_greenhouse_bridge.display.drawing_command import (
-    NothingToDraw,
-    draw_file,
-    greenhouse_of,
-    parser_of,
-    read_route,
-)
 from lupin_greenhouse_bridge.display.input_file import ReadingFile
-from lupin_greenhouse_bridge.display.placing import (
-    ARROW_EVERY_M,
-    Point,
-    arrows_along,
-    ends_of_path,
-    length_m,
-    steps_of,
-)
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
@@ -55,17 +41,17 @@ SCRIPT = Path(__file__).with_suffix('.js')
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the page beside the file, or to --output; return the exit code."""
-    parser = parser_of(
+    parser = command.parser_of(
         'readings_page', 'Make a page of readings.', 'page to write; default: NAME.html beside FILE'
     )
-    return draw_file(parser, arguments, '.html', _page_of)
+    return command.draw_file(parser, arguments, '.html', _page_of)
 
 
 def _page_of(options: argparse.Namespace, file: ReadingFile) -> bytes:
     if not (file.rows or file.visits):
-        raise NothingToDraw(f"'{options.file}': holds no readings: there is no page")
-    layout, walls, colour_ranges = greenhouse_of(options, file)
-    data = data_of(file, layout, walls, colour_ranges) | route_data(read_route(options.route), walls)
+        raise command.NothingToDraw(f"'{options.file}': holds no readings: there is no page")
+    layout, walls, colour_ranges = command.greenhouse_of(options, file)
+    data = data_of(file, layout, walls, colour_ranges) | route_data(command.read_route(options.route), walls)
     data['title'] = escaped(options.file.name, LONGEST_NAME)
     return fill(data).encode()
 
@@ -92,6 +78,8 @@ def data_of(
     shown = dict(list(tags.items())[:MOST_TAGS])
     numbers = {tag_id: number for number, tag_id in enumerate(shown)}
     lines = lines_of(file.rows, numbers)
+    values = {sensor: [row.value for row in file.rows if row.sensor == sensor] for sensor in sensors}
+    limits = {sensor: colour_limits(values[sensor], colour_ranges.get(sensor)) for sensor in sensors}
     notes = []
     if len(tags) > MOST_TAGS:
         notes.append(f'The map, the table and the charts show {MOST_TAGS:,} of {len(tags):,} tags.')
@@ -99,45 +87,24 @@ def data_of(
         notes.append(
             f'Tags without a position: {len(lost):,}, such as {lost[0]}. Name the layout with --tag-file.'
         )
-    shown_sensors = []
-    for place, sensor in enumerate(sensors):
-        limits = colour_limits(
-            [row.value for row in file.rows if row.sensor == sensor], colour_ranges.get(sensor)
-        )
-        values = {tag_id: tag['values'][place] for tag_id, tag in shown.items()}
-        known = {tag_id: value for tag_id, value in values.items() if value is not None}
-        colours = dict(zip(known, hex_colours_of(list(known.values()), *limits), strict=True))
-        for tag_id, tag in shown.items():
-            tag['colours'].append(colours.get(tag_id))
-        extremes = summary.extremes_of(sensor, known)
-        ends = dict.fromkeys(value_text(sensor, pick(known.values())) for pick in (min, max) if known)
-        shown_sensors.append(
-            {
-                'name': escaped(sensor.replace('_', ' '), LONGEST_NAME),
-                'label': escaped(label_of(sensor), LONGEST_NAME),
-                'unit': unit_of(sensor),
-                'decimals': decimals_of(sensor),
-                'limits': limits,
-                'value_range': f'{" to ".join(ends)} {unit_of(sensor)}'.strip() if known else 'no value',
-                'extremes': [(text, [numbers[tag_id] for tag_id in tag_ids]) for text, tag_ids in extremes],
-                'lines': lines[sensor],
-            }
-        )
-    is_unread = {tag_id: tag['has_failed'] or tag['stamp_ms'] is None for tag_id, tag in tags.items()}
-    counts = Counter(
-        (tags[tag_id]['has_failed'], tags[tag_id]['outcome']) for tag_id in tags if is_unread[tag_id]
+    failed = Counter(tag['outcome'] for tag in tags.values() if tag['has_failed'])
+    unread = Counter(
+        tag['outcome'] for tag in tags.values() if tag['stamp_ms'] is None and not tag['has_failed']
     )
     return {
         'colours': STOPS,
-        'sensors': shown_sensors,
+        'sensors': [
+            _sensor_data(sensor, [tag['values'][place] for tag in shown.values()], limits[sensor], numbers)
+            | {'lines': lines[sensor]}
+            for place, sensor in enumerate(sensors)
+        ],
         'tags': list(shown.values()),
-        'read_count': len(tags) - sum(is_unread.values()),
+        'read_count': len(tags) - failed.total() - unread.total(),
         'tag_count': len(tags),
         'counts': [
-            (outcome, count, has_failed)
-            for (has_failed, outcome), count in sorted(
-                counts.items(), key=lambda item: (not item[0][0], -item[1])
-            )
+            (outcome, count, counter is failed)
+            for counter in (failed, unread)
+            for outcome, count in counter.most_common()
         ],
         'failures': [
             {
@@ -159,17 +126,36 @@ def data_of(
     }
 
 
-def route_data(route: list[Point], walls: Walls) -> dict[str, Any]:
+def _sensor_data(
+    sensor: str, values: list[float | None], limits: tuple[float, float], numbers: dict[str, int]
+) -> dict[str, Any]:
+    """Return the texts, the colours and the limits of a sensor, from the value of each tag."""
+    known = {tag_id: value for tag_id, value in zip(numbers, values, strict=True) if value is not None}
+    colours = dict(zip(known, hex_colours_of(list(known.values()), *limits), strict=True))
+    extremes = summary.extremes_of(sensor, known)
+    ends = dict.fromkeys(value_text(sensor, pick(known.values())) for pick in (min, max) if known)
+    return {
+        'name': escaped(sensor.replace('_', ' '), LONGEST_NAME),
+        'label': escaped(label_of(sensor), LONGEST_NAME),
+        'unit': unit_of(sensor),
+        'decimals': decimals_of(sensor),
+        'limits': limits,
+        'colours': [colours.get(tag_id) for tag_id in numbers],
+        'value_range': f'{" to ".join(ends)} {unit_of(sensor)}'.strip() if known else 'no value',
+        'extremes': [(text, [numbers[tag_id] for tag_id in tag_ids]) for text, tag_ids in extremes],
+    }
+
+
+def route_data(route: list[placing.Point], walls: Walls) -> dict[str, Any]:
     """Return the route of a robot in metres, with its arrows, and with points that labels avoid."""
-    arrow_m = max(ARROW_EVERY_M, (walls.y1 - walls.y0) / MOST_ARROWS_ACROSS, length_m(route) / MOST_STEPS)
-    step_m = max(LABEL_STEP_M, length_m(route) / MOST_STEPS)
+    step_m = max(LABEL_STEP_M, placing.length_m(route) / MOST_STEPS)
+    arrow_m = max(placing.ARROW_EVERY_M, (walls.y1 - walls.y0) / MOST_ARROWS_ACROSS, step_m)
+    ends = placing.ends_of_path(route) if len(route) > 1 else {}
     return {
         'route': route,
-        'arrows': arrows_along(route, arrow_m),
-        'route_steps': [(x, y) for x, y, _ in steps_of(route, step_m)],
-        'route_ends': {word: (box.x, box.y) for word, box in ends_of_path(route).items()}
-        if len(route) > 1
-        else {},
+        'arrows': placing.arrows_along(route, arrow_m),
+        'route_steps': [(x, y) for x, y, _ in placing.steps_of(route, step_m)],
+        'route_ends': {word: (box.x, box.y) for word, box in ends.items()},
     }
 
 
@@ -197,7 +183,6 @@ def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, 
             'stamp_ms': row and row.stamp_ns // NS_PER_MS,
             'time_of_day': row and row.sim_time_of_day_seconds,
             'values': [None] * len(sensors) if has_failed else values,  # of an earlier visit
-            'colours': [],
         }
     return dict(sorted(tags.items(), key=_urgency))
 

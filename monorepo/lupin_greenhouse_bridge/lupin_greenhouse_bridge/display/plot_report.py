@@ -8,24 +8,9 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from lupin_greenhouse_bridge.display import colours, summary
-from lupin_greenhouse_bridge.display.drawing_command import (
-    NothingToDraw,
-    draw_file,
-    greenhouse_of,
-    parser_of,
-    read_route,
-)
-from lupin_greenhouse_bridge.display.drawings import (
-    LabelSize,
-    Style,
-    draw_greenhouse,
-    draw_path,
-    picture_of,
-    show_all,
-    write_key,
-    write_labels,
-)
+from lupin_greenhouse_bridge.display import colours, drawings, summary
+from lupin_greenhouse_bridge.display import drawing_command as command
+from lupin_greenhouse_bridge.display.drawings import LabelSize, Style
 from lupin_greenhouse_bridge.display.input_file import ReadingFile
 from lupin_greenhouse_bridge.display.placing import Box, Point, box_of, ends_of_path, length_m, steps_of
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
@@ -37,40 +22,38 @@ from lupin_greenhouse_bridge.units import label_of, sensor_order, value_text
 MOST_COLUMNS, PANEL_INCHES = 3, 3.3
 USUAL_WIDTH_M, USUAL_HEIGHT_M = 4.3, 8.3  # of the view of a greenhouse of 4 m x 8 m
 DOT_M, GAP_M, LABELS = 0.24, 0.1, LabelSize(0.1, 0.1, 0.2)  # in such a picture; others scale them
-READ, UNKNOWN, EXTREME = (
-    {'color': colour, 'marker': 'o', 'linestyle': '', **style}
-    for colour, style in (
-        ('0.35', {'markersize': 5}),
-        ('0.75', {'markersize': 4}),
-        ('black', {'markersize': 13, 'markerfacecolor': 'none', 'markeredgewidth': 1.4}),
-    )
-)
+READ: Style = {'color': '0.35', 'marker': 'o', 'linestyle': '', 'markersize': 5}
+UNKNOWN: Style = {'color': '0.75', 'marker': 'o', 'linestyle': '', 'markersize': 4}
+RING: Style = {'markerfacecolor': 'none', 'markeredgewidth': 1.4}
+EXTREME: Style = {'color': 'black', 'marker': 'o', 'linestyle': '', 'markersize': 13, **RING}
 MOST_NAMED, LONGEST_LINE = 30, 110  # tags in a line of failures, and its characters
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the picture beside the report, or to --output; return the exit code."""
-    parser = parser_of(
+    parser = command.parser_of(
         'plot_report',
         'Draw readings into the greenhouse.',
         'picture to write, in the format of its ending, such as .svg or .pdf; default: NAME.png beside FILE',
     )
-    return draw_file(parser, arguments, '.png', _picture_of)
+    return command.draw_file(parser, arguments, '.png', _picture_of)
 
 
 def _picture_of(options: argparse.Namespace, file: ReadingFile) -> bytes:
     if not file.rows:
         reason = 'no tag was read' if file.visits else 'holds no readings'
-        raise NothingToDraw(f"'{options.file}': {reason}: there is no picture")
+        raise command.NothingToDraw(f"'{options.file}': {reason}: there is no picture")
     from matplotlib.figure import Figure  # imported late: a missing library is a one-line error
 
-    layout, walls, colour_ranges = greenhouse_of(options, file)
-    route, failures = read_route(options.route), summary.failures_of(file.visits)
+    layout, walls, colour_ranges = command.greenhouse_of(options, file)
+    route, failures = command.read_route(options.route), summary.failures_of(file.visits)
     failed = {tag_id: each.word for each in failures for tag_id in each.tag_ids}
     last = last_reading_of_each_tag(file.rows)
     readings = {tag_id: reading for tag_id, reading in last.items() if tag_id not in failed}
     if not readings:
-        raise NothingToDraw(f"'{options.file}': the last visit of every tag failed: there is no picture")
+        raise command.NothingToDraw(
+            f"'{options.file}': the last visit of every tag failed: there is no picture"
+        )
     if strangers := sorted(set(readings) - set(layout.tags), key=natural_order):
         raise StartUpError(
             f"'{options.file}': tag '{escaped(strangers[0], 64)}' has no position in the tag file:"
@@ -81,7 +64,7 @@ def _picture_of(options: argparse.Namespace, file: ReadingFile) -> bytes:
     figure = Figure(layout='constrained')
     all_axes = _panels_of(figure, len(sensors) + has_ways, walls)
     for axes in all_axes:
-        draw_greenhouse(axes, layout, walls)
+        drawings.draw_greenhouse(axes, layout, walls)
         axes.set_anchor('N')  # the panel of the route has no colour bar below it
     if has_ways:
         _draw_ways(all_axes[0], layout, walls, route, readings, failed)
@@ -100,7 +83,7 @@ def _picture_of(options: argparse.Namespace, file: ReadingFile) -> bytes:
         failures,
         ' · '.join(filter(None, [*origin, summary.speed_text(file.rows)])),
     )
-    return picture_of(figure, options.output)
+    return drawings.picture_of(figure, options.output)
 
 
 def _panels_of(figure: Any, count: int, walls: Walls) -> list[Any]:
@@ -132,8 +115,8 @@ def _draw_ways(
     others = layout.tags.keys() - readings.keys() - failed.keys()
     _draw_dots(axes, [layout.tags[tag_id] for tag_id in others], UNKNOWN)
     if route:
-        draw_path(axes, route)
-        show_all(axes, layout, walls, route)
+        drawings.draw_path(axes, route)
+        drawings.show_all(axes, layout, walls, route)
     scale = _scale_of(axes)
     dots = {tag_id: Box(*tag[:2], scale * DOT_M, scale * DOT_M) for tag_id, tag in layout.tags.items()}
     has_one_word = len(set(failed.values())) == 1  # which the key tells
@@ -208,7 +191,7 @@ def _write_labels(axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box
 
     size = LabelSize(*(_scale_of(axes) * each for each in LABELS))
     outline = [withStroke(linewidth=2, foreground='white')]
-    write_labels(axes, labels, size, taken, box_of(walls), path_effects=outline, zorder=4)
+    drawings.write_labels(axes, labels, size, taken, box_of(walls), path_effects=outline, zorder=4)
 
 
 def _draw_dots(axes: Any, tags: Collection[Tag], style: Style) -> None:
@@ -244,7 +227,7 @@ def _write_key(figure: Any, failure_words: set[str], *, has_route: bool) -> None
         marks.append((f'tag that was not read{word}', cross))
     if has_route:
         marks.append(('route, in the direction of the arrows', {'color': colours.ROUTE}))
-    write_key(figure, marks, columns=3)
+    drawings.write_key(figure, marks, columns=3)
 
 
 def _headline(

@@ -3,10 +3,13 @@
 const data = JSON.parse(document.getElementById('data').textContent);
 const PAPER = { map: [440, 740], tab: [104, 158], chart: [222, 165] };  // pixels in print
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
+const LINES = 'Each line is a tag with its number';
+const POINTS = 'Each point is a reading of another tag, so values differ by place as well as by time';
 const TEXT_HEIGHT = 13;
 const DAY_SECONDS = 86400;
 const ARROW = 'M5 0L-4 -3.5L-4 3.5Z';
 const element = id => document.getElementById(id);
+data.tags.forEach((tag, number) => { tag.number = number; });
 const tags_by_id = new Map(data.tags.map(tag => [tag.id, tag]));
 const placed_tags = data.tags.filter(tag => tag.x !== null);
 const state = { sensor: 0, clock: 'wall', sort: null, is_descending: false, is_printed: false };
@@ -46,10 +49,7 @@ const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 const grouped = number => number.toLocaleString('en');
 const short = (number, digits) => String(Number(number.toPrecision(digits)));
 const pad = number => String(number).padStart(2, '0');
-const clock = ms => {
-  const there = new Date(ms);
-  return [there.getHours(), there.getMinutes(), there.getSeconds()].map(pad).join(':');
-};
+const clock = ms => new Date(ms).toTimeString().slice(0, 8);
 const date = ms => new Date(ms).toLocaleDateString('en-GB', { day: 'numeric', month: 'short', year: 'numeric' });
 const day_time = seconds => `${pad(Math.floor(seconds / 3600))}:${pad(Math.floor(seconds / 60) % 60)}`;
 const written = (sensor, value) => value.toFixed(sensor.decimals);
@@ -117,13 +117,9 @@ const common = (a, b) => Math.max(Math.min(a[2], b[2]) - Math.max(a[0], b[0]), 0
 function place_label(x, y, radius, width, { taken, room, route = [], most_places = Infinity }) {
   const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1;
   const mirrored = (dx, dy) => [[dx, dy], [-dx, dy], [dx, -dy], [-dx, -dy]];
-  const near = [
-    [aside, 0], [-aside, 0], [0, -above], [0, above],
-    ...mirrored(aside / 2, -above), ...mirrored(aside, 0.75 * above),
-  ];
-  const far = [
-    [aside + 14, 0], [-aside - 14, 0], ...mirrored(aside + 6, 1.7 * above), [0, 2.2 * above], [0, -2.2 * above],
-  ];
+  const cross = (dx, dy) => [[dx, 0], [-dx, 0], [0, -dy], [0, dy]];
+  const near = [...cross(aside, above), ...mirrored(aside / 2, -above), ...mirrored(aside, 0.75 * above)];
+  const far = [...cross(aside + 14, 2.2 * above), ...mirrored(aside + 6, 1.7 * above)];
   const reach = around(x, y, 4 * aside + width, 6 * above + TEXT_HEIGHT);
   const [boxes, steps] = [taken, route].map(each => each.filter(box => common(reach, box) > 0));
   const shared_with = (box, others) => others.reduce((sum, other) => sum + common(box, other), 0);
@@ -145,9 +141,8 @@ const draw_leader = (parent, x, y, [left, top, right, bottom]) =>
 // The map
 
 const view = (() => {
-  const boxes = [data.walls, ...data.tables];
-  const points = [...boxes.flatMap(each => [each.slice(0, 2), each.slice(2)]), ...data.route,
-    ...placed_tags.map(tag => [tag.x, tag.y])];
+  const corners = [data.walls, ...data.tables].flatMap(box => [box.slice(0, 2), box.slice(2)]);
+  const points = [...corners, ...data.route, ...placed_tags.map(tag => [tag.x, tag.y])];
   const [x0, y0] = [0, 1].map(axis => points.reduce((least, point) => Math.min(least, point[axis]), Infinity));
   const [x1, y1] = [0, 1].map(axis => points.reduce((most, point) => Math.max(most, point[axis]), -Infinity));
   return { x0, y0, x1, y1, width: x1 - x0, height: y1 - y0 };
@@ -189,9 +184,8 @@ function draw_map() {
   const free_height = innerHeight - place.getBoundingClientRect().top - scrollY - 62;
   const on_screen = [place.clientWidth, innerWidth < 704 ? Infinity : Math.max(free_height, 460)];
   const frame = frame_of(...state.is_printed ? PAPER.map : on_screen, { left: 40, right: 12, top: 6, bottom: 34 });
-  const svg = drawing(place, frame.width, frame.height, {
-    role: 'group', 'aria-label': 'Map of the greenhouse. The arrow keys choose the next tag.',
-  });
+  const name = 'Map of the greenhouse. The arrow keys choose the next tag.';
+  const svg = drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': name });
   const room = [frame.x(view.x0), frame.y(view.y1), frame.x(view.x1), frame.y(view.y0)];
   draw_axes(svg, frame, room);
   draw_ground(svg, frame);
@@ -216,7 +210,7 @@ function draw_map() {
   const leaders = draw(svg, 'g');
   dots.sort((one, other) => other.urgency - one.urgency);
   for (const dot of dots) draw_tag(svg, leaders, dot, value_of(dot.tag), boxes);
-  draw_scale(frame.width);
+  write_key();
   show_chosen();
 }
 
@@ -233,15 +227,14 @@ function radius_between(points) {
 }
 
 function draw_tag(svg, leaders, { tag, x, y, radius, ringed, urgency }, value, boxes) {
-  const group = draw(svg, 'a', {
-    class: tag.has_failed ? 'failed' : '', href: address(tag), 'data-tag': tag.id, tabindex: -1,
-  });
+  const group = draw(svg, 'a', { href: address(tag), 'data-tag': tag.id, tabindex: -1 });
+  group.classList.toggle('failed', tag.has_failed);
   const circle = (className, r, more) => draw(group, 'circle', { class: className, cx: x, cy: y, r, ...more });
   draw(group, 'title', {}, hover_of(tag));  // its name for a screen reader, too
   if (ringed > radius) circle('extreme', ringed);
   circle('ring', radius + 3);
   if (value === null) circle('dot empty', radius);
-  else circle('dot', radius, { fill: tag.colours[state.sensor] });
+  else circle('dot', radius, { fill: data.sensors[state.sensor].colours[tag.number] });
   if (tag.has_failed) draw(group, 'path', { class: 'cross', d: cross_at(x, y, radius / 2) });
   const text = label_of(tag, value), width = width_of(tag.id + text) + Math.min(tag.id.length, 12) + 6;
   const { box, covered, is_far } = place_label(x, y, ringed, width, boxes);
@@ -271,41 +264,18 @@ function draw_axes(svg, frame, [left, top, right, bottom]) {
   write(turned, 0, 0, 'y (m)', 'middle');
 }
 
-function draw_scale(width) {
-  const sensor = data.sensors[state.sensor];
-  const limits = sensor?.limits.map(each => with_unit(sensor, each)).join(' to ');
-  const name = sensor ? `Colours from ${limits}` : 'Key of the map';
-  const svg = drawing(element('scale'), width, 46, { role: 'img', 'aria-label': name });
-  if (sensor) draw_colours(svg, width, sensor);
-  let x = 12;
-  const key = (text, shape, attributes) => {
-    if (shape) draw(svg, shape, { transform: `translate(${x} 38)`, ...attributes });
-    write(svg, x + 12, 42, text);
-    x += width_of(text) + 30;
-  };
-  const values = sensor ? data.tags.map(tag => tag.values[state.sensor]).filter(value => value !== null) : [];
-  const outside = values.filter(value => value < sensor.limits[0] || value > sensor.limits[1]).length;
-  if (outside) key(`▲ above, ▼ below the scale: ${outside}`);
-  const failed = failure_words.length > 1 ? 'not read' : failure_words[0];
-  if (failed) key(failed, 'path', { class: 'cross', d: cross_at(0, 0, 4) });
-  key(sensor ? `no ${sensor.name}` : 'tag', 'circle', { class: 'dot empty', r: 4.5 });
-  if (data.tables.length) key('table', 'rect', { class: 'bench', x: -5, y: -5, width: 10, height: 10 });
-  if (data.route.length > 1) {
-    draw(svg, 'path', { class: 'route', d: `M${x - 7} 38h14` });
-    key('route', 'path', { class: 'arrow', d: ARROW });
+function write_key() {
+  const sensor = data.sensors[state.sensor], [low, high] = sensor?.limits ?? [];
+  document.querySelector('#scale p').hidden = !sensor;
+  if (sensor) {
+    element('low').textContent = short(low, 4);
+    element('high').textContent = `${short(high, 4)} ${sensor.unit}`;
+    document.querySelector('#scale .colours').ariaLabel = `Colours from ${low} to ${high} ${sensor.unit}`;
   }
-}
-
-function draw_colours(svg, width, sensor) {
-  const gradient = draw(draw(svg, 'defs'), 'linearGradient', { id: 'colours' });
-  data.colours.forEach((colour, n) => {
-    draw(gradient, 'stop', { offset: n / (data.colours.length - 1), 'stop-color': colour });
-  });
-  const [low, high] = sensor.limits.map(each => short(each, 4));
-  const bar = clamp(width - 130, 40, 260), left = 40 + width_of(low);
-  write(svg, left - 6, 14, low, 'end');
-  draw(svg, 'rect', { x: left, y: 4, width: bar, height: 12, fill: 'url(#colours)' });
-  write(svg, left + bar + 6, 14, `${high} ${sensor.unit}`);
+  const values = data.tags.map(tag => tag.values[state.sensor]).filter(value => value !== null);
+  const outside = values.filter(value => value < low || value > high).length;
+  element('outside').textContent = outside ? `▲ above, ▼ below the scale: ${outside}` : '';
+  element('without').textContent = sensor ? `no ${sensor.name}` : 'tag';
 }
 
 // The tabs: a small map of each sensor
@@ -329,14 +299,14 @@ function draw_tab(tab, sensor, number) {
   draw_ground(svg, frame);
   const r = clamp(frame.scale * 0.22, 1.5, 6);
   for (const tag of placed_tags) {
-    const [cx, cy] = [frame.x(tag.x), frame.y(tag.y)], fill = tag.colours[number];
+    const [cx, cy] = [frame.x(tag.x), frame.y(tag.y)], fill = sensor.colours[tag.number];
     if (tag.has_failed) draw(svg, 'path', { class: 'cross thin', d: cross_at(cx, cy, r * 0.8) });
     else if (fill) draw(svg, 'circle', { cx, cy, r, fill, stroke: 'currentColor', 'stroke-width': 0.7 });
   }
   add(tab, 'span', sensor.value_range);
   if (state.is_printed) {
     const [low, high] = sensor.limits.map(each => short(each, 3)), key = add(tab, 'span', `${low} `, 'key');
-    add(key, 'i').style.background = `linear-gradient(to right, ${data.colours})`;
+    add(key, 'i', '', 'colours');
     key.append(` ${high}`);
   }
   const unbroken = text => text.replace(/ (?=\S+ at )/, '\u00a0');
@@ -372,6 +342,7 @@ const hover_of = tag => facts_of(tag).join(' · ');
 
 const dates = new Set(data.tags.filter(tag => tag.stamp_ms !== null).map(tag => date(tag.stamp_ms)));
 const has_attempts = data.tags.some(tag => tag.attempts > 1);
+const time_in_table = ms => dates.size > 1 ? `${date(ms)} ${clock(ms)}` : clock(ms);
 // What a column shows, and by what it sorts. A failed tag has its reason in place of the numbers.
 const columns = [
   { name: 'tag', key: tag => tag.number },
@@ -379,10 +350,7 @@ const columns = [
   ...data.sensors.map((sensor, n) => ({
     name: sensor.name, unit: sensor.unit, key: tag => tag.values[n], text: value => written(sensor, value),
   })),
-  {
-    name: 'time', unit: dates.size === 1 ? [...dates][0] : '', key: tag => tag.stamp_ms,
-    text: ms => `${dates.size > 1 ? `${date(ms)} ` : ''}${clock(ms)}`,
-  },
+  { name: 'time', unit: dates.size > 1 ? '' : [...dates].join(), key: tag => tag.stamp_ms, text: time_in_table },
   { name: 'greenhouse', unit: 'time of day', key: tag => tag.time_of_day, text: day_time },
   ...has_attempts ? [{ name: 'attempts', key: tag => tag.attempts, text: String }] : [],
 ];
@@ -404,7 +372,7 @@ function write_table() {
     });
   });
   const body = add(table, 'tbody');
-  data.tags.forEach((tag, number) => write_row(body, tag, number));
+  data.tags.forEach(tag => write_row(body, tag));
   const search = document.querySelector('input[type=search]');
   search.hidden = data.tags.length <= 50;
   search.addEventListener('input', () => {
@@ -412,8 +380,7 @@ function write_table() {
   });
 }
 
-function write_row(body, tag, number) {
-  tag.number = number;
+function write_row(body, tag) {
   tag.row = add(body, 'tr', '', tag.has_failed ? 'failed' : '');
   const first = add(tag.row, 'th');
   first.scope = 'row';
@@ -497,12 +464,8 @@ function draw_charts() {
   });
   figures.forEach(([sensor, place, readout]) => draw_chart(sensor, place, readout));
   const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
-  const what = is_line ? 'Each line is a tag with its number'
-    : 'Each point is a reading of another tag, so values differ by place as well as by time';
   const axis = state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : '';
-  const bins = ' Where many values share a place, the line is their median, and the band reaches from the lowest'
-    + ' to the highest.';
-  element('lines').textContent = `${what}${axis}.${data.is_binned ? bins : ''}`;
+  element('series').textContent = `${is_line ? LINES : POINTS}${axis}.`;
   show_chosen();
 }
 
@@ -514,9 +477,8 @@ function draw_chart(sensor, place, readout) {
   const x = at => left + (at - times.low) / (times.high - times.low) * (right - left);
   const y = value => 8 + (values.top - value) / (values.top - values.bottom) * (height - 34);
   const axis_name = state.clock === 'wall' ? 'wall time' : 'time of day in the greenhouse';
-  const svg = drawing(place, width, height, {
-    role: 'img', 'aria-label': `${sensor.label} of ${sensor.lines.length} tags against ${axis_name}`,
-  });
+  const name = `${sensor.label} of ${sensor.lines.length} tags against ${axis_name}`;
+  const svg = drawing(place, width, height, { role: 'img', 'aria-label': name });
   for (const value of values.ticks) {
     draw(svg, 'path', { class: 'grid', d: `M${left} ${y(value)}H${right}` });
     write(svg, left - 6, y(value) + 4, values.text(value), 'end');
@@ -584,8 +546,8 @@ function runs_of(points) {
   const gaps = points.slice(1).map((p, n) => p.at - points[n].at).sort((a, b) => a - b);
   const longest = 8 * (gaps[Math.floor(gaps.length / 2)] ?? 0), runs = [];
   points.forEach((point, n) => {
-    if (n && point.at - points[n - 1].at <= longest) runs.at(-1).push(point);
-    else runs.push([point]);
+    if (!n || point.at - points[n - 1].at > longest) runs.push([]);
+    runs.at(-1).push(point);
   });
   return runs;
 }
@@ -651,6 +613,12 @@ function draw_all(is_printed = state.is_printed) {
   draw_charts();
 }
 
+document.documentElement.style.setProperty('--colours', data.colours);
+document.querySelector('#failed b').textContent = failure_words.length > 1 ? 'not read' : failure_words[0];
+element('bins').hidden = !data.is_binned;
+element('failed').hidden = !failure_words.length;
+element('tables').hidden = !data.tables.length;
+element('route').hidden = data.route.length < 2;
 element('zone').textContent = `wall time (${zone})`;
 element('charts').hidden = !data.sensors.length;
 write_head();
