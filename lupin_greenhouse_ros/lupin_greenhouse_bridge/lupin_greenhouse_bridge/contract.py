@@ -6,7 +6,7 @@ import math
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 
 NODE_NAME = 'greenhouse_bridge'
 DEFAULT_SERVICE = '/greenhouse_bridge/get_tag_reading'
@@ -25,7 +25,7 @@ def latched(depth: int = 1) -> QoSProfile:
     return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def fault_of_reading(reading) -> str:
+def fault_of_reading(reading: TagReading) -> str:
     """Return why a bridge cannot have sent this TagReading; '' if it can."""
     if not (reading.tag_id and reading.readings):
         return 'it names no tag, or has no value'

@@ -56,8 +56,7 @@ class GreenhouseBridgeNode(Node):
             # The simulator is not thread-safe: only one handler runs at a time, in any executor.
             callback_group=MutuallyExclusiveCallbackGroup(),
         )
-        rmw = get_rmw_implementation_identifier()
-        self.get_logger().info(f'ready: {greenhouse.summary}; {rmw}')
+        self.get_logger().info(f'ready: {greenhouse.summary}; {get_rmw_implementation_identifier()}')
 
     def _handle_get_tag_reading(
         self, request: GetTagReading.Request, response: GetTagReading.Response

@@ -51,15 +51,14 @@ def load(
     tags, _ = read_tag_file(tag_path, has_tables=False)
     tag_ids = [tag_id for tag_id, tag in tags.items() if tag['sensors']]
     config_path = sim_config_file or _require_shipped_file('greenhouse_config.yaml')
-    config = read_config(config_path, settings, AVAILABLE_SENSORS, AVAILABLE_DYNAMICS)
+    sensors = read_config(config_path, settings, AVAILABLE_SENSORS, AVAILABLE_DYNAMICS)['sensors']
     for tag_id, tag in tags.items():
-        for name in tag['sensors']:
-            if name not in config['sensors']:
-                raise StartUpError(
-                    f"tag_file '{tag_path}': tag '{escaped(tag_id, 64)}' has the sensor {name!r}, which"
-                    f" sim_config_file '{config_path}' does not have: add it there, or use one of"
-                    f' {", ".join(config["sensors"])}'
-                )
+        if unknown := [name for name in tag['sensors'] if name not in sensors]:
+            raise StartUpError(
+                f"tag_file '{tag_path}': tag '{escaped(tag_id, 64)}' has the sensor {unknown[0]!r}, which"
+                f" sim_config_file '{config_path}' does not have: add it there, or use one of"
+                f' {", ".join(sensors)}'
+            )
     try:
         sim = GreenhouseSimulator(tag_file, sim_config_file)
     except Exception as error:

@@ -6,7 +6,7 @@ import re
 class OneLineError(Exception):
     """An error whose text is one escaped line: what is wrong, where, and how to fix it."""
 
-    def __init__(self, message: str):
+    def __init__(self, message: str) -> None:
         super().__init__(escaped(re.sub(r'\s*[\r\n]\s*', ' ', message), 1000))
 
 

@@ -41,7 +41,7 @@ class Settings:
         accepted='0 or above, or -1 for the seed of the config',
     )
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_parameters(self)
         if '\0' in self.tag_file + self.sim_config_file:
             raise StartUpError(

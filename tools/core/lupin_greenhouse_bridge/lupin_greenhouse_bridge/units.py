@@ -1,12 +1,6 @@
 """The units of the sensors, and how values are written. The simulator itself has no units."""
 
-UNITS = {
-    'temperature': '°C',
-    'humidity': '%',
-    'co2': 'ppm',
-    'light': 'lx',
-    'soil_moisture': 'm³/m³',
-}
+UNITS = {'temperature': '°C', 'humidity': '%', 'co2': 'ppm', 'light': 'lx', 'soil_moisture': 'm³/m³'}
 DECIMALS = {'temperature': 1, 'humidity': 1, 'co2': 0, 'light': 0, 'soil_moisture': 3}
 
 
