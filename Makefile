@@ -158,4 +158,4 @@ mirror-publish-check: env  ## publish the mirror to a local repository, clone it
 	@source ci/ros_env.bash without-overlay && python tools/mirror_publish_check.py
 
 mirror-import: env  ## import patches of the mirror into the core and both trees: PATCH=N.patch
-	@$(IN_ENV) tools/mirror_import '$(PATCH)'
+	@$(IN_ENV) python tools/mirror_import.py '$(PATCH)'

@@ -18,14 +18,14 @@ import re
 import stat
 import subprocess
 import sys
-from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from check_drift import pluralized
 
-try:
+if sys.version_info >= (3, 11):
     import tomllib
-except ModuleNotFoundError:  # Python 3.10
+else:
     try:
         import tomli as tomllib
     except ModuleNotFoundError:
@@ -35,86 +35,98 @@ ROOT = Path(__file__).resolve().parent.parent
 CORE = 'tools/core'
 # One text for both trees, so that they do not differ by it; each has a page of this name.
 HEADER = 'Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md'
-COMMENTS = dict.fromkeys(('.cfg', '.msg', '.py', '.rviz', '.srv', '.yaml'), '# {}')
-COMMENTS |= dict.fromkeys(('.html', '.md', '.xml'), '<!-- {} -->') | {'.js': '// {}'}
-COMMENTS['.rst'] = '.. {}\n'  # a blank line ends it
+COMMENTS = dict.fromkeys(('.cfg', '.msg', '.py', '.rviz', '.srv', '.yaml'), '# {}\n')
+COMMENTS |= dict.fromkeys(('.html', '.md', '.xml'), '<!-- {} -->\n') | {'.js': '// {}\n'}
+COMMENTS['.rst'] = '.. {}\n\n'  # a blank line ends it
 FIRST_LINES = re.compile(
     rb'(#!.*\n|#.*(PYTHON_ARGCOMPLETE_OK|coding[:=]).*\n|<\?xml.*\?>\n|<!doctype .*>\n)*', re.IGNORECASE
 )
-MERGE_HEADS = ('MERGE_HEAD', 'CHERRY_PICK_HEAD', 'REVERT_HEAD', 'REBASE_HEAD')  # one exists during a merge
-Rendered = dict[str, tuple[bytes, int]]  # path below the root, with /: content, and mode as git keeps it
+# Where the mirror's README has the mirror's address.
+ADDRESS = re.compile(rb'(?<=git clone --branch ready )\S+(?= src/)|(?<=    url: )\S+')
+File = tuple[bytes, int]  # content, and mode as git keeps it
+Rendered = dict[str, File]  # by path below the root, with /
+Table = dict[str, Any]
 
 
-class GenerationError(Exception):
-    """The table and the core do not match."""
+class RefusedError(Exception):
+    """The reason why nothing was changed, and the fix."""
 
 
-def load_table(path: Path) -> dict:
-    """Return the table of the two trees; raises GenerationError if the file is not TOML."""
+def load_table(root: Path) -> Table:
+    """Return the table of the two trees; raises RefusedError if the file is not TOML."""
     try:
-        return tomllib.loads(path.read_text(encoding='utf-8'))
+        return dict(tomllib.loads((root / 'tools/twins.toml').read_text(encoding='utf-8')))
     except (OSError, ValueError) as error:
-        raise GenerationError(f'{path}: {error}') from error
+        raise RefusedError(f'tools/twins.toml: {error}') from error
 
 
-def render(root: Path, table: dict) -> Rendered:
-    """Return every generated file of both trees; reads the core below root, writes nothing."""
-    files = _read_core(root)
+def render(root: Path, table: Table) -> Rendered:
+    """Return every generated file of both trees; raises RefusedError if table and core do not match."""
+    core = _read_core(root)
     rendered: Rendered = {}
     for name, tree in table['trees'].items():
-        rendered.update(_render_tree(name, tree, files))
-    return rendered
+        for core_path, (content, mode) in _substituted(name, tree, core).items():
+            path = tree_path(tree, core_path)
+            for word in tree['forbidden']:
+                if word.lower() in path.lower() or word.lower().encode() in content.lower():
+                    raise RefusedError(
+                        f'twins.toml, {name}: {word!r} is left over in {path}:'
+                        ' add the file, with its number of matches, to a substitution'
+                    )
+            rendered[path] = with_header(path, content), mode
+    return rendered | _readme_with_address(root, table['trees']['mirror'])
 
 
-def _render_tree(name: str, tree: dict, files: Rendered) -> Rendered:
-    files = _substituted(name, tree, files)
-    placed = []
-    for core_path, entry in files.items():
-        package, slash, rest = core_path.partition('/')
-        placed.append((tree.get('folders', {}).get(package, package) + slash + rest, entry))
-    for path, (content, _) in placed:
-        for word in tree.get('forbidden', []):
-            if word.lower() in path.lower() or word.lower().encode() in content.lower():
-                raise GenerationError(
-                    f'twins.toml, {name}: {word!r} is left over in {path}:'
-                    ' add the file, with its number of matches, to a substitution'
-                )
-    return {f'{tree["root"]}/{path}': (with_header(path, content), mode) for path, (content, mode) in placed}
+def tree_path(tree: Table, core_path: str) -> str:
+    """Return where a tree has a file of the core, from the root of the repository."""
+    package, slash, rest = core_path.partition('/')
+    return f'{tree["root"]}/{tree.get("folders", {}).get(package, package)}{slash}{rest}'
 
 
-def header_of(path: str) -> bytes:
-    """Return the comment that says that a file is generated; b'' for a type without comments."""
-    comment = COMMENTS.get(Path(path).suffix)
-    return f'{comment.format(HEADER)}\n'.encode() if comment else b''
-
-
-def with_header(path: str, content: bytes) -> bytes:
-    """Return a file's content with the header, after the lines that must stay first."""
-    header = header_of(path)
-    if header and header in content:
-        raise GenerationError(f'{CORE}: {path}: holds the line of a generated file: remove it')
-    first = FIRST_LINES.match(content)[0] if header else b''
-    return first + header + content[len(first) :]
-
-
-def _substituted(name: str, tree: dict, files: Rendered) -> Rendered:
-    files = dict(files)
+def _substituted(name: str, tree: Table, core: Rendered) -> Rendered:
+    files = dict(core)
     for substitution in tree.get('substitutions', []):
         find, replace = substitution['find'], substitution['replace']
         if not substitution['matches']:
-            raise GenerationError(
-                f'twins.toml, {name}: the substitution of {find!r} matches no file: delete it'
-            )
+            raise RefusedError(f'twins.toml, {name}: the substitution of {find!r} matches no file: delete it')
         for path, expected in substitution['matches'].items():
             content, mode = files.get(path, (b'', 0))
             found = content.count(find.encode())
             if found != expected or found == 0:
-                raise GenerationError(
+                raise RefusedError(
                     f'twins.toml, {name}: {find!r} must match {pluralized(expected, "time")} in {path},'
                     f' and matches {found}: correct the number there, or the core'
                 )
             files[path] = content.replace(find.encode(), replace.encode()), mode
     return files
+
+
+def with_header(path: str, content: bytes) -> bytes:
+    """Return a file's content with a comment that says so, after the lines that must stay first."""
+    header, place = _header_and_place(path, content)
+    if header and header in content:
+        raise RefusedError(f'{CORE}: {path}: holds the line of a generated file: remove it')
+    return content[:place] + header + content[place:]
+
+
+def without_header(path: str, content: bytes) -> bytes:
+    """Return a file's content without what with_header() adds."""
+    header, place = _header_and_place(path, content)
+    return content[:place] + content[place:].removeprefix(header)
+
+
+def _header_and_place(path: str, content: bytes) -> tuple[bytes, int]:
+    header = COMMENTS.get(Path(path).suffix, '').format(HEADER).encode()
+    first = FIRST_LINES.match(content)
+    return header, first.end() if first else 0
+
+
+def _readme_with_address(root: Path, mirror: Table) -> Rendered:
+    path = f'{mirror["root"]}/README.md'
+    content, count = ADDRESS.subn(mirror['address'].encode(), (root / path).read_bytes())
+    if count != 2:
+        raise RefusedError(f'{path}: must have `git clone --branch ready ADDRESS src/...` and `url: ADDRESS`')
+    return {path: (content, _mode(root / path))}
 
 
 def _read_core(root: Path) -> Rendered:
@@ -124,28 +136,28 @@ def _read_core(root: Path) -> Rendered:
         if '/' not in core_path:
             continue  # a file at the top, such as a README, describes the core
         if path.is_symlink():
-            raise GenerationError(f'{path}: is a symlink: generated trees hold plain files')
-        files[core_path] = (path.read_bytes(), _mode(path))
+            raise RefusedError(f'{path}: is a symlink: generated trees hold plain files')
+        files[core_path] = path.read_bytes(), _mode(path)
     if not files:
-        raise GenerationError(f'{root / CORE}: holds no files')
+        raise RefusedError(f'{root / CORE}: holds no files')
     return files
 
 
 def _listed(root: Path, *folders: str) -> list[str]:
     """Return the files below folders of the checkout, without those that git ignores."""
     arguments = ('ls-files', '-z', '--cached', '--others', '--exclude-standard', '--', *folders)
-    listed = set(_git(root, *arguments).split('\0')[:-1])
-    return sorted(path for path in listed if os.path.lexists(root / path))
+    return sorted({path for path in git(root, *arguments).split('\0')[:-1] if os.path.lexists(root / path)})
 
 
-def _git(root: Path, *arguments: str, lines: Iterable[str] = ()) -> str:
-    """Return what git prints; raises GenerationError with its error message."""
-    text = ''.join(f'{line}\n' for line in lines)
+def git(folder: Path, *arguments: str, text: str = '') -> str:
+    """Run git with a text on its standard input; return what it prints. Raises RefusedError if it fails."""
     result = subprocess.run(
-        ['git', *arguments], cwd=root, input=text, capture_output=True, text=True, check=False
-    )
+        ['git', *arguments], cwd=folder, input=text, capture_output=True, check=False,
+        encoding='utf-8', errors='surrogateescape',
+    )  # fmt: skip
     if result.returncode:
-        raise GenerationError(f'{root}: {result.stderr.strip()}')
+        told = result.stderr.strip() or result.stdout.strip() or f'exit code {result.returncode}'
+        raise RefusedError(f'git {arguments[0]}: {told}')
     return result.stdout
 
 
@@ -153,105 +165,101 @@ def _mode(path: Path) -> int:
     return 0o755 if path.stat().st_mode & stat.S_IXUSR else 0o644
 
 
-def compare(root: Path, rendered: Rendered, table: dict) -> list[str]:
-    """Return one finding per difference between the trees below root and the rendered files."""
-    findings = []
-    for path, (content, mode) in rendered.items():
-        target = root / path
-        if target.is_symlink() or not target.is_file():
-            findings.append(f'{path}: missing, or not a plain file')
-            continue
-        if target.read_bytes() != content:
-            diff = _diff(path, target.read_bytes(), content, ('in the tree', 'generated'))
-            findings.append(f'{path}: differs from what the core generates\n{diff}')
-        if _mode(target) != mode:
-            findings.append(f'{path}: has mode {_mode(target):o}, the core {mode:o}')
-    findings += [f'{path}: not generated from the core' for path in extras(root, rendered, table)]
-    return findings
+def read(path: Path) -> File | None:
+    """Return content and mode of a plain file; None if there is none."""
+    return (path.read_bytes(), _mode(path)) if path.is_file() and not path.is_symlink() else None
 
 
-def extras(root: Path, rendered: Rendered, table: dict) -> list[str]:
+def extras(root: Path, rendered: Rendered, table: Table) -> list[str]:
     """Return the files of the owned packages that are neither rendered nor ignored by git."""
     packages = [f'{tree["root"]}/{name}' for tree in table['trees'].values() for name in table['owned']]
     return [path for path in _listed(root, *packages) if path not in rendered]
 
 
-def edited(root: Path, rendered: Rendered) -> list[str]:
-    """
-    Return the files that somebody has edited: their content was not generated here, and is in no commit.
-
-    Returns none if there is no commit yet, because git cannot tell then. Returns none during a merge, where
-    git itself has edited the files.
-    """
-    changed = [
-        path
-        for path, (content, _) in rendered.items()
-        if not (root / path).is_symlink()
-        and (root / path).is_file()
-        and (root / path).read_bytes() != content
-    ]
-    if not changed or not _git(root, 'rev-list', '--max-count=1', '--all'):
-        return []
-    git_folder = root / _git(root, 'rev-parse', '--git-dir').strip()
-    if any((git_folder / head).exists() for head in MERGE_HEADS):
-        return []
-    unmerged = _git(root, 'diff', '--name-only', '--relative', '-z', '--diff-filter=U').split('\0')
-    known = set(_ledger(root).read_text().split()) if _ledger(root).exists() else set()
-    known |= set(_git(root, 'ls-tree', '-r', '--format=%(objectname)', 'HEAD').split())
-    ids = _git(root, 'hash-object', '--stdin-paths', lines=changed).split()
-    in_history = ('log', '--all', '--reflog', '-m', '--max-count=1', '--format=%H')
-    return [
-        path
-        for path, object_id in zip(changed, ids, strict=True)
-        if path not in unmerged
-        and object_id not in known
-        and not _git(root, *in_history, f'--find-object={object_id}')
-    ]
+def differing(root: Path, rendered: Rendered) -> list[str]:
+    """Return the paths whose file is not what is rendered."""
+    return [path for path, file in rendered.items() if read(root / path) != file]
 
 
-def remember(root: Path, rendered: Rendered) -> None:
-    """Add the written content to the ledger, so that it does not count as an edit later."""
-    ledger = _ledger(root)
-    known = set(ledger.read_text().split()) if ledger.exists() else set()
-    known |= set(_git(root, 'hash-object', '--stdin-paths', lines=rendered).split())
-    ledger.write_text(''.join(f'{object_id}\n' for object_id in sorted(known)))
+def finding(root: Path, path: str, rendered: File) -> str:
+    """Return how a file differs from what is rendered."""
+    file = read(root / path)
+    if not file:
+        return f'{path}: missing, or not a plain file'
+    if file[0] == rendered[0]:
+        return f'{path}: has mode {file[1]:o}, the core {rendered[1]:o}'
+    diff = _diff(path, (file[0], 'in the tree'), (rendered[0], 'generated'))
+    return f'{path}: differs from what the core generates\n{diff}'
 
 
-def _ledger(root: Path) -> Path:
-    """Return the file with the git object id of each content that was generated in this checkout."""
-    return root / _git(root, 'rev-parse', '--git-path', 'generated_from_core').strip()
-
-
-def _diff(path: str, before: bytes, after: bytes, names: tuple[str, str]) -> str:
-    """Return the diff between two contents of a file, with these names."""
+def _diff(path: str, *versions: tuple[bytes, str]) -> str:
+    """Return the diff between two versions of a file, each with its name."""
     try:
-        lines = [text.decode().splitlines(keepends=True) for text in (before, after)]
+        old, new = (content.decode().splitlines(keepends=True) for content, _ in versions)
     except UnicodeDecodeError:
-        return f'{path} (binary: {len(before)} and {len(after)} bytes)\n'
-    diff = difflib.unified_diff(*lines, *(f'{path} ({name})' for name in names))
+        return f'{path} is binary: {" and ".join(str(len(content)) for content, _ in versions)} bytes\n'
+    old_name, new_name = (f'{path} ({name})' for _, name in versions)
+    lines = difflib.unified_diff(old, new, old_name, new_name)
     return ''.join(
-        line if line.endswith('\n') else f'{line}\n\\ No newline at end of file\n' for line in diff
+        line if line.endswith('\n') else f'{line}\n\\ No newline at end of file\n' for line in lines
     )
 
 
+def edited(root: Path, paths: list[str]) -> list[str]:
+    """Return the files whose content is neither that of HEAD nor what was written last."""
+    existing = [path for path in paths if (root / path).is_file()]
+    if not existing:
+        return []
+    known = set(git(root, 'ls-tree', '-r', 'HEAD').split())
+    if _last_written(root).exists():
+        known.update(_last_written(root).read_text().split())
+    blobs = git(root, 'hash-object', '--', *existing).split()
+    return [path for path, blob in zip(existing, blobs, strict=True) if blob not in known]
+
+
+def _last_written(root: Path) -> Path:
+    """Return the file in git's folder that lists the blobs that were written last."""
+    return root / git(root, 'rev-parse', '--git-path', 'generated_from_core').strip()
+
+
+def refuse_unknown(paths: list[str]) -> None:
+    """Raise RefusedError, because a package has these files that are not from the core."""
+    files = ''.join(f'\ngenerate: {path}: is not from the core' for path in paths)
+    raise RefusedError(
+        'nothing was written. Move a file of your own into tools/core, or out of the package;'
+        f' remove what a rename left behind with: make generate ARGS=--prune{files}'
+    )
+
+
+def refuse_edits(root: Path, rendered: Rendered) -> None:
+    """Raise RefusedError if somebody has edited a file that would be overwritten."""
+    diffs = [
+        _diff(path, (rendered[path][0], 'generated'), ((root / path).read_bytes(), 'in the tree'))
+        for path in edited(root, differing(root, rendered))
+    ]
+    if diffs:
+        raise RefusedError(
+            'nothing was written. Somebody has edited what is generated. Make this edit in tools/core'
+            ' (of the address, in tools/twins.toml);'
+            f' to drop it: make generate ARGS=--force\n{"".join(diffs)}'.rstrip()
+        )
+
+
 def write(root: Path, rendered: Rendered) -> list[str]:
-    """Write the rendered files and no others; return the paths that changed."""
-    changed = []
-    for path, (content, mode) in rendered.items():
-        target = root / path
-        if target.is_symlink():
-            target.unlink()
-        if target.is_file() and target.read_bytes() == content and _mode(target) == mode:
-            continue
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(content)
-        target.chmod(mode)
-        changed.append(path)
+    """Write the rendered files, and remember what was written; return the paths that changed."""
+    changed = differing(root, rendered)
+    for path in changed:
+        content, mode = rendered[path]
+        (root / path).parent.mkdir(parents=True, exist_ok=True)
+        (root / path).unlink(missing_ok=True)  # it may be a symlink
+        (root / path).write_bytes(content)
+        (root / path).chmod(mode)
+    _last_written(root).write_text(git(root, 'hash-object', '--', *rendered))
     return changed
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Generate, or with --check compare."""
+    """Generate, or with --check compare; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
     what = parser.add_mutually_exclusive_group()
     what.add_argument('--check', action='store_true', help='compare only; write nothing')
@@ -261,43 +269,35 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     root = options.root
     try:
-        table = load_table(root / 'tools/twins.toml')
+        table = load_table(root)
         rendered = render(root, table)
-        if options.check:
-            return _report(compare(root, rendered, table), rendered)
         unknown = extras(root, rendered, table)
+        if options.check:
+            findings = [finding(root, path, rendered[path]) for path in differing(root, rendered)]
+            findings += [f'{path}: not generated from the core' for path in unknown]
+            return _report(findings, len(rendered))
         if unknown and not options.prune:
-            files = ''.join(f'generate: {path}: is not from the core\n' for path in unknown)
-            raise GenerationError(
-                f'nothing was written. Move a file of your own into tools/core, or out of the package;'
-                f' remove what a rename left behind with: make generate ARGS=--prune\n{files}'.rstrip()
-            )
-        if (paths := edited(root, rendered)) and not options.force:
-            diffs = (
-                _diff(path, rendered[path][0], (root / path).read_bytes(), ('generated', 'in the tree'))
-                for path in paths
-            )
-            raise GenerationError(
-                'nothing was written. Somebody has edited what is generated. Make this edit in tools/core;'
-                f' to drop it: make generate ARGS=--force\n{"".join(diffs)}'.rstrip()
-            )
+            refuse_unknown(unknown)
+        if not options.force:
+            refuse_edits(root, rendered)
         changed = write(root, rendered)
         for path in unknown:
             (root / path).unlink()
-        remember(root, rendered)
-    except (GenerationError, OSError) as error:
+    except (RefusedError, OSError) as error:
         print(f'generate: {error}', file=sys.stderr)
         return 2
-    print(
-        *changed, *(f'{path} (removed)' for path in unknown), sep='\n', end='\n' if changed or unknown else ''
-    )
+    except KeyError as error:
+        print(f'generate: tools/twins.toml: {error} is missing', file=sys.stderr)
+        return 2
+    for line in [*changed, *(f'{path} (removed)' for path in unknown)]:
+        print(line)
     print(f'{pluralized(len(rendered), "file")} generated, {len(changed)} changed')
     return 0
 
 
-def _report(findings: list[str], rendered: Rendered) -> int:
+def _report(findings: list[str], count: int) -> int:
     if not findings:
-        print(f'{len(rendered)} generated files are what the core generates')
+        print(f'{count} generated files are what the core generates')
         return 0
     print(*findings, sep='\n')
     counted = pluralized(len(findings), 'finding')

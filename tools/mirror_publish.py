@@ -1,38 +1,31 @@
 """
-Publish the mirror: its history, the branch `ready`, the source of each commit, and a release.
+Publish the mirror: the branches `main` and `ready`, and a release.
 
     make mirror-publish REMOTE=URL [RELEASE=1.2.0] [ARGS=--dry-run]
 
-`main` is the history of lupin_greenhouse_ros/, split out of the last commit here. Its README has the address
-of the remote instead of URL_OF_THIS_REPOSITORY. It only moves forward. `ready` is `main` without
-COLCON_IGNORE, for `vcs import`. A git note on each commit of `main` names the source commit here
-(refs/notes/commits). A release is a tag with the version of both packages. The program pushes either
-everything or nothing. Exit code: 0 published, or nothing to do; 1 refused.
+`main` is the history of lupin_greenhouse_ros/, split out of the last commit here. `ready` is `main` without
+COLCON_IGNORE, so that colcon finds the packages of a clone. A release is a tag with the version of both
+packages. The program rewrites no history. It pushes `ready` first to an empty remote, where the first branch
+becomes the default branch; apart from that, it pushes either everything or nothing.
+Exit code: 0 published, or nothing to do; 1 refused.
 """
 
 import argparse
-import os
 import re
-import subprocess
 import sys
-import tempfile
 from pathlib import Path
 from xml.etree import ElementTree
 
-ROOT = Path(__file__).resolve().parents[1]
+import check_drift
+import generate
+from generate import ROOT, RefusedError, git
+
 MIRROR = 'lupin_greenhouse_ros'
 PACKAGES = ('lupin_greenhouse_msgs', 'lupin_greenhouse_bridge')
-NOTES = 'refs/notes/commits'
-PLACEHOLDER = 'URL_OF_THIS_REPOSITORY'
-SECTION = re.compile(r'^(.+)\n-+$', re.MULTILINE)  # of a changelog
+MAIN, READY = 'refs/heads/main', 'refs/heads/ready'
+CHANGELOG_SECTION = re.compile(r'^(.+)\n-+$', re.MULTILINE)
 # On these hosts a repository has the same path by https as by ssh.
 HTTPS_TOO = ('github.com', 'gitlab.com', 'gitlab.tudelft.nl', 'codeberg.org')
-# What identifies a commit on both sides of the split, besides its tree.
-IDENTITY = '%an%x00%ae%x00%ad%x00%B'
-
-
-class PublishError(Exception):
-    """The reason why nothing is published, and the fix."""
 
 
 def address_of(remote: str) -> str:
@@ -43,212 +36,124 @@ def address_of(remote: str) -> str:
     return re.sub(r'^(https?://)[^/@]*@', r'\1', remote)
 
 
-class Repository:
-    """A git repository, by its folder."""
-
-    def __init__(self, folder: Path):
-        self.folder = folder
-
-    def git(self, *arguments: str, text: str = '', **environment: str) -> str:
-        """Run git and return its output, stripped; raises PublishError with its error message."""
-        return self.exactly(*arguments, text=text, **environment).strip()
-
-    def exactly(self, *arguments: str, text: str = '', **environment: str) -> str:
-        """Run git and return its output, not stripped; raises PublishError."""
-        result = subprocess.run(
-            ['git', *arguments],
-            cwd=self.folder,
-            input=text,
-            env={**os.environ, **environment},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if result.returncode:
-            raise PublishError(f'git {arguments[0]}: {result.stderr.strip()}')
-        return result.stdout
-
-    def commit(self, name: str) -> str:
-        """Return the commit of a name; '' if there is none."""
-        try:
-            return self.git('rev-parse', '--quiet', '--verify', f'{name}^{{commit}}')
-        except PublishError:
-            return ''
-
-    def is_ancestor(self, old: str, new: str) -> bool:
-        """Return whether `old` is in the history of `new`; a name without a commit is in every history."""
-        return not self.commit(old) or self.git('merge-base', old, new) == self.commit(old)
-
-    def tree_without_ignore(self, commit: str) -> str:
-        """Return the tree of a commit without COLCON_IGNORE."""
-        entries = self.git('ls-tree', commit).splitlines()
-        kept = [f'{entry}\n' for entry in entries if not entry.endswith('\tCOLCON_IGNORE')]
-        return self.git('mktree', text=''.join(kept))
+def check_this_checkout(here: Path) -> None:
+    """Raise RefusedError if the last commit must not be published."""
+    if git(here, 'status', '--porcelain'):
+        raise RefusedError('there are uncommitted changes: commit or stash them')
+    if git(here, 'rev-parse', '--is-shallow-repository') == 'true\n':
+        raise RefusedError('this clone has a part of the history only: git fetch --unshallow')
+    if generate.main(['--check', '--root', str(here)]):
+        raise RefusedError('the trees are not what tools/core generates')
+    if check_drift.main(['--monorepo', str(here / 'monorepo'), '--mirror', str(here / MIRROR)]):
+        raise RefusedError('the trees have drifted apart')
 
 
-def check_this_checkout(here: Repository) -> None:
-    """Raise PublishError if the last commit must not be published."""
-    if here.git('status', '--porcelain'):
-        raise PublishError('there are uncommitted changes: commit or stash them')
-    if here.git('rev-parse', '--is-shallow-repository') == 'true':
-        raise PublishError('this clone has a part of the history only: git fetch --unshallow')
-    checks = (
-        ['tools/generate.py', '--check'],
-        ['tools/check_drift.py', '--monorepo', 'monorepo', '--mirror', MIRROR],
-    )
-    for check in checks:
-        result = subprocess.run(
-            [sys.executable, *check], cwd=here.folder, capture_output=True, text=True, check=False
-        )
-        if result.returncode:
-            raise PublishError(f'{check[0]} fails:\n{result.stdout}{result.stderr}'.rstrip())
-
-
-def sources(here: Repository, split: str) -> dict[str, str]:
-    """Return the source commit here of each commit of the split history."""
-    commits = here.git('rev-list', 'HEAD', '--', MIRROR).split()
-    asked = ''.join(f'{commit}:{MIRROR}\n' for commit in commits)
-    trees = [line.split()[0] for line in here.git('cat-file', '--batch-check', text=asked).splitlines()]
-    by_key = {
-        (tree, here.git('show', '-s', f'--format={IDENTITY}', commit)): commit
-        for tree, commit in zip(trees, commits, strict=True)
-    }
-    found = {}
-    for commit in here.git('rev-list', split).split():
-        tree, _, identity = here.git('show', '-s', f'--format=%T%x00{IDENTITY}', commit).partition('\0')
-        if (tree, identity) in by_key:
-            found[commit] = by_key[tree, identity]
-    return found
-
-
-def with_address(published: Repository, found: dict[str, str], split: str, address: str) -> dict[str, str]:
-    """
-    Write the address into the README of each commit of the split history; return {commit: new commit}.
-
-    A commit whose note shows that it is already published stays unchanged.
-    """
-    told = published.git('log', '--format=%H %N', '--branches')
-    noted = re.findall(r'^(\w+) source: (\w+)$', told, re.MULTILINE)
-    by_source = {source: commit for commit, source in noted}
-    new: dict[str, str] = {}
-    for commit in published.git('rev-list', '--reverse', '--topo-order', split).split():
-        new[commit] = by_source.get(found.get(commit, ''), '') or _rewritten(published, commit, new, address)
-    return new
-
-
-def _rewritten(published: Repository, commit: str, new: dict[str, str], address: str) -> str:
-    """Return the commit with the new commits of its parents and the address in its README."""
-    head, gap, message = published.exactly('cat-file', 'commit', commit).partition('\n\n')
-    tree, *lines = head.splitlines()
-    entries = published.exactly('ls-tree', commit)
-    readme = re.search(r' blob (\w+)\tREADME\.md$', entries, re.MULTILINE)
-    text = published.exactly('cat-file', 'blob', readme[1]) if readme else ''
-    if PLACEHOLDER in text:
-        text = text.replace(PLACEHOLDER, address)
-        blob = published.git('hash-object', '-w', '--stdin', text=text)
-        tree = f'tree {published.git("mktree", text=entries.replace(readme[1], blob))}'
-    lines = [tree, *(f'parent {new[line[7:]]}' if line.startswith('parent ') else line for line in lines)]
-    text = '\n'.join(lines) + gap + message
-    return published.git('hash-object', '-t', 'commit', '-w', '--stdin', text=text)
-
-
-def check_release(published: Repository, main: str, release: str) -> None:
-    """Raise PublishError if the packages have another version, or the tag names another commit."""
+def check_release(here: Path, main: str, release: str) -> None:
+    """Raise RefusedError if a package has another version, or entries of a later one."""
     for package in PACKAGES:
-        text = published.git('show', f'{main}:{package}/package.xml')
-        version = ElementTree.fromstring(text).findtext('version')  # noqa: S314 - our own
+        manifest = git(here, 'show', f'{main}:{package}/package.xml')
+        version = ElementTree.fromstring(manifest).findtext('version')  # noqa: S314 - our own
         if version != release:
-            raise PublishError(f'release {release}: {package}/package.xml has version {version}')
-        sections = SECTION.findall(published.git('show', f'{main}:{package}/CHANGELOG.rst'))
-        if not sections[0].startswith(f'{release} ('):
-            raise PublishError(
-                f'release {release}: {package}/CHANGELOG.rst begins with {sections[0]}: give this section'
+            raise RefusedError(f'release {release}: {package}/package.xml has version {version}')
+        newest = CHANGELOG_SECTION.findall(git(here, 'show', f'{main}:{package}/CHANGELOG.rst'))[0]
+        if not newest.startswith(f'{release} ('):
+            raise RefusedError(
+                f'release {release}: {package}/CHANGELOG.rst begins with {newest}: give this section'
                 ' the version and the date'
             )
-    tagged = published.commit(f'refs/tags/{release}')
-    if tagged not in ('', main):
-        raise PublishError(f'release {release} is {tagged[:10]} already: choose another version')
 
 
-def move_ready(published: Repository, main: str) -> None:
-    """Move `ready` to `main` without COLCON_IGNORE; raises PublishError if `ready` has own changes."""
-    ready = published.commit('refs/heads/ready')
+def tree_without_ignore(here: Path, commit: str) -> str:
+    """Return the tree of a commit without COLCON_IGNORE."""
+    entries = git(here, 'ls-tree', commit).splitlines(keepends=True)
+    kept = [entry for entry in entries if not entry.endswith('\tCOLCON_IGNORE\n')]
+    return git(here, 'mktree', text=''.join(kept)).strip()
+
+
+def is_ancestor(here: Path, old: str, new: str) -> bool:
+    """Return whether a commit is in the history of another one, or is that commit."""
+    return git(here, 'rev-list', '--count', old, '--not', new) == '0\n'
+
+
+def next_ready(here: Path, ready: str, main: str, committer: list[str]) -> str:
+    """Return the commit of `ready` that contains `main`; '' is a `ready` that does not exist yet."""
     if ready:
-        parents = published.git('show', '-s', '--format=%P', ready).split()
-        if published.git('rev-parse', f'{ready}^{{tree}}') != published.tree_without_ignore(parents[-1]):
-            raise PublishError('the branch ready has changes of its own: move them to main by a patch')
-        if published.is_ancestor(main, ready):
-            return
-    date, name, email = published.git('show', '-s', '--format=%cI%n%cn%n%ce', main).splitlines()
-    identity = {
-        f'GIT_{who}_{what}': value
-        for who in ('AUTHOR', 'COMMITTER')
-        for what, value in (('DATE', date), ('NAME', name), ('EMAIL', email))
-    }
+        published = git(here, 'show', '-s', '--format=%P', ready).split()[-1:]
+        trees = git(here, 'show', '-s', '--format=%T', ready).split()
+        if trees != [tree_without_ignore(here, commit) for commit in published]:
+            raise RefusedError('the branch ready has changes of its own: move them to main by a patch')
+        if is_ancestor(here, main, ready):
+            return ready
     parents = [argument for parent in (ready, main) if parent for argument in ('-p', parent)]
-    message = (
-        'Merge main, without COLCON_IGNORE\n\nFor vcs import: colcon finds the packages of this branch.\n'
-    )
-    tree = published.tree_without_ignore(main)
-    commit = published.git('commit-tree', tree, *parents, text=message, **identity)
-    published.git('update-ref', 'refs/heads/ready', commit)
+    message = 'Merge main, without COLCON_IGNORE\n\nColcon finds the packages of this branch.\n'
+    tree = tree_without_ignore(here, main)
+    return git(here, *committer, 'commit-tree', tree, *parents, '-m', message).strip()
 
 
-def add_notes(published: Repository, found: dict[str, str]) -> int:
-    """Add a note with its source to each commit without one; return their number."""
-    noted = {line.split()[1] for line in published.git('notes', 'list').splitlines()}
-    missing = [(commit, source) for commit, source in found.items() if commit not in noted]
-    for commit, source in missing:
-        published.git('notes', 'add', '-m', f'source: {source}', commit)
-    return len(missing)
-
-
-def publish(here: Repository, remote: str, release: str, *, is_dry_run: bool) -> list[str]:
-    """Publish, and return what was pushed; raises PublishError."""
+def publish(here: Path, remote: str, release: str, *, is_dry_run: bool) -> list[str]:
+    """Publish the last commit; return what was pushed. Raises RefusedError."""
     check_this_checkout(here)
-    split = here.git('subtree', '-q', 'split', f'--prefix={MIRROR}')
-    with tempfile.TemporaryDirectory(prefix='mirror-publish-') as folder:
-        published = Repository(Path(folder))
-        published.git('init', '--quiet', '--bare')
-        # The author of the last commit also signs tags and notes: a build machine may have no git identity.
-        for what, placeholder in (('name', '%cn'), ('email', '%ce')):
-            published.git('config', f'user.{what}', here.git('show', '-s', f'--format={placeholder}'))
-        published.git('fetch', '--quiet', remote, '+refs/*:refs/*')
-        before = refs(published)
-        published.git('fetch', '--quiet', str(here.folder), split)
-        found = sources(here, split)
-        new_commits = with_address(published, found, split, address_of(remote))
-        found = {new_commits[commit]: source for commit, source in found.items()}
-        split = new_commits[split]
-        if not published.is_ancestor('refs/heads/main', split):
-            raise PublishError(
-                'main of the remote has commits that are not published from here: bring them in as patches'
-                ' (make mirror-import PATCH=...); to drop them, remove them from the remote'
-            )
-        known = ['--not', 'refs/heads/main'] if 'refs/heads/main' in before else []
-        new = published.git('rev-list', '--count', split, *known)
-        published.git('update-ref', 'refs/heads/main', split)
-        move_ready(published, split)
-        notes = add_notes(published, found)
-        if release:
-            check_release(published, split, release)
-            if not published.commit(f'refs/tags/{release}'):
-                published.git('tag', '--annotate', '-m', f'Release {release}', release, split)
-        after = refs(published)
-        moved = [name for name in after if before.get(name) != after[name]]
-        if moved and not is_dry_run:
-            published.git('push', '--quiet', '--atomic', remote, *(f'{name}:{name}' for name in moved))
-        counts = {'refs/heads/main': f', {new} commits', NOTES: f', {notes} notes'}
-        return [
-            f'{name} {before.get(name, "new")[:10]} -> {after[name][:10]}{counts.get(name, "")}'
-            for name in moved
-        ]
+    main = git(here, 'subtree', '-q', 'split', f'--prefix={MIRROR}').strip()
+    # A build machine may have no git identity.
+    name, email = git(here, 'show', '-s', '--format=%cn%n%ce').splitlines()
+    committer = ['-c', f'user.name={name}', '-c', f'user.email={email}']
+    before = dict(line.split('\t')[::-1] for line in git(here, 'ls-remote', remote).splitlines())
+    branches = [name for name in (MAIN, READY) if name in before]
+    if branches:
+        git(here, 'fetch', '--quiet', '--no-tags', '--no-write-fetch-head', remote, *branches)
+    if MAIN in before and not is_ancestor(here, before[MAIN], main):
+        raise RefusedError(
+            'main of the remote has commits that are not published from here: bring them in as patches'
+            ' (make mirror-import PATCH=...); to drop them, remove them from the remote'
+        )
+    after = {READY: next_ready(here, before.get(READY, ''), main, committer), MAIN: main}
+    if release:
+        check_release(here, main, release)
+        tag = f'refs/tags/{release}'
+        tagged = before.get(f'{tag}^{{}}', before.get(tag, ''))
+        if tagged not in ('', main):
+            raise RefusedError(f'release {release} is {tagged[:10]} already: choose another version')
+        tagger = git(here, *committer, 'var', 'GIT_COMMITTER_IDENT')
+        text = f'object {main}\ntype commit\ntag {release}\ntagger {tagger}\nRelease {release}\n'
+        after[tag] = before.get(tag) or git(here, 'mktag', text=text).strip()
+    moved = {name: new for name, new in after.items() if before.get(name) != new}
+    if moved and not is_dry_run:
+        pushed = [f'{new}:{name}' for name, new in moved.items()]
+        if not before:
+            git(here, 'push', '--quiet', remote, pushed[0])
+        git(here, 'push', '--quiet', '--atomic', remote, *pushed)
+    return [f'{name} {before.get(name, "new")[:10]} -> {new[:10]}' for name, new in moved.items()]
 
 
-def refs(repository: Repository) -> dict[str, str]:
-    """Return name and object of every ref."""
-    lines = repository.git('for-each-ref', '--format=%(refname) %(objectname)').splitlines()
-    return dict(line.split() for line in lines)
+def url_of(here: Path, remote: str) -> str:
+    """Return the URL of a remote, which may be its name in this clone, or a folder."""
+    if not remote:
+        raise RefusedError('no remote: make mirror-publish REMOTE=URL')
+    if '/' not in remote:
+        return git(here, 'remote', 'get-url', remote).strip()
+    return str(Path(remote).resolve()) if Path(remote).is_dir() else remote
+
+
+def address_advice(here: Path, remote: str) -> str:
+    """Return what to set if the mirror's README names another address than that of the remote, or ''."""
+    address = generate.load_table(here)['trees']['mirror']['address']
+    if address_of(remote).removesuffix('.git') == address_of(address).removesuffix('.git'):
+        return ''
+    return (
+        f'the mirror\'s README names {address}, not {remote}: set address = "{address_of(remote)}"'
+        ' under [trees.mirror] in tools/twins.toml, run make generate, and commit'
+    )
+
+
+def default_branch_advice(here: Path, remote: str) -> str:
+    """Return what to set if a clone of the remote does not begin with `ready`, or ''."""
+    head = git(here, 'ls-remote', '--symref', remote, 'HEAD')
+    if head.startswith(f'ref: {READY}\t'):
+        return ''
+    return (
+        'set the default branch of the remote to ready, in the settings of the project (in a bare repository,'
+        f' git symbolic-ref HEAD {READY}): colcon finds no packages in a clone of another branch'
+    )
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -259,26 +164,22 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--dry-run', action='store_true', help='print what would be pushed, and push nothing')
     parser.add_argument('--root', type=Path, default=ROOT, help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
-    if not options.remote:
-        print('mirror-publish: no remote: make mirror-publish REMOTE=URL', file=sys.stderr)
-        return 1
-    here = Repository(options.root)
-    remote = options.remote
-    if '/' not in remote:
-        try:
-            remote = here.git('remote', 'get-url', remote)
-        except PublishError:
-            print(f'mirror-publish: {remote} is neither a URL nor a remote of this clone', file=sys.stderr)
-            return 1
-    elif Path(remote).is_dir():
-        remote = str(Path(remote).resolve())
+    here, is_dry_run = options.root, options.dry_run
     try:
-        lines = publish(here, remote, options.release, is_dry_run=options.dry_run)
-    except PublishError as error:
+        remote = url_of(here, options.remote)
+        advice = address_advice(here, remote)
+        if advice and not is_dry_run:
+            raise RefusedError(advice)
+        lines = publish(here, remote, options.release, is_dry_run=is_dry_run)
+        word = 'would push' if is_dry_run else 'pushed'
+        print(*(f'{word} {line}' for line in lines) if lines else ['nothing to publish'], sep='\n')
+        if not is_dry_run:
+            advice = default_branch_advice(here, remote)
+        if advice:
+            print(f'mirror-publish: {advice}')
+    except RefusedError as error:
         print(f'mirror-publish: {error}', file=sys.stderr)
         return 1
-    word = 'would push' if options.dry_run else 'pushed'
-    print(*(f'{word} {line}' for line in lines) if lines else ['nothing to publish'], sep='\n')
     return 0
 
 

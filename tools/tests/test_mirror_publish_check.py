@@ -14,7 +14,7 @@ def test_the_first_block_runs_word_for_word():
     first = PAGES[0].partition('```bash\n')[2].partition('```')[0]
     assert 'sudo apt install' in first
     assert 'read_tag 1' in first
-    alone, among_others = mirror_publish_check.layouts(PAGES, Path('/srv/other')).values()
+    alone, among_others = mirror_publish_check.scripts(PAGES, Path('/srv/other')).values()
     assert first in alone
     assert 'cp -r /srv/other src/other_team' in among_others
     assert 'source /opt/ros/jazzy/setup.bash' in among_others
@@ -31,7 +31,7 @@ def test_the_first_block_runs_word_for_word():
 def test_a_page_without_its_commands_fails(page, old, reason):
     pages = [text.replace(old, 'x') if number == page else text for number, text in enumerate(PAGES)]
     with pytest.raises(mirror_publish_check.CheckFailedError, match=reason):
-        mirror_publish_check.layouts(pages, Path('/srv/other'))
+        mirror_publish_check.scripts(pages, Path('/srv/other'))
 
 
 def test_a_failure_ends_the_bridge_of_the_first_block(tmp_path):

@@ -23,12 +23,20 @@ def commit_in(mirror, *edits):
 
 def import_patch(monorepo, patch):
     file = monorepo.parent / 'N.patch'
-    file.write_text(patch)
+    file.write_bytes(patch if isinstance(patch, bytes) else patch.encode())
     # A shell in the background ignores Ctrl-C; so would this.
-    command = ['env', '--default-signal=INT', monorepo / 'tools/mirror_import', file]
+    command = ['env', '--default-signal=INT', 'python', '-B', 'tools/mirror_import.py', file]
     return subprocess.run(
         command, cwd=monorepo, capture_output=True, text=True, check=False, start_new_session=True
     )
+
+
+def refused(result):
+    """Return the reason of a refusal, which is one line."""
+    prefix = 'mirror-import: nothing was changed: '
+    (line,) = result.stderr.splitlines()
+    assert (result.returncode, line[: len(prefix)]) == (1, prefix)
+    return line.removeprefix(prefix)
 
 
 def add_hook(monorepo, name, script):
@@ -142,34 +150,121 @@ def test_a_change_of_the_line_that_differs_on_purpose_is_refused(repositories, n
     monorepo, mirror = repositories
     line = '    return value or None\n'
     result = import_patch(monorepo, commit_in(mirror, (f'{BRIDGE}/bridge_node.py', line, new)))
-    assert result.returncode == 1
-    assert result.stderr.splitlines() == [
-        f"mirror_patch: {BRIDGE}/bridge_node.py: 'return value or None' differs from the monorepo on purpose:"
-        ' leave this line as it is',
-        "mirror-import: 'Mend it' cannot be translated: nothing was changed",
-    ]
+    assert refused(result) == (
+        f"'Mend it': {BRIDGE}/bridge_node.py: 'return value or None' differs from the monorepo on purpose:"
+        ' leave this line as it is'
+    )
 
 
-def test_a_file_without_a_place_here_is_refused(repositories):
+def mail(diff):
+    """Return a patch as git format-patch prints it."""
+    head = f'From {"0" * 40} Mon Sep 17 00:00:00 2001\nFrom: A <a@b.c>\nSubject: [PATCH] Mend it\n\n---\n'
+    return f'{head}{diff}-- \n2.34.1\n'
+
+
+TEXT = '@@ -0,0 +1 @@\n+on: push\n'
+NOT_OF_THE_MIRROR = [
+    'NOTES.md', 'Überblick.md', '.github/workflows/more.yml', '../.github/workflows/more.yml',
+    'lupin_greenhouse_bridge/../../more.py', '.git/hooks/pre-commit', 'lupin_greenhouse_bridge',
+    'lupin_msgs/msg/SensorReading.msg', 'lupin_msgs/CHANGELOG.rst', 'lupin_greenhouse_msgs/msg/More.msg',
+    'tools/core/lupin_greenhouse_bridge/more.py', 'doc/lupin_greenhouse_ros/lupin_greenhouse_bridge/more.py',
+]  # fmt: skip
+
+
+@pytest.mark.parametrize('path', NOT_OF_THE_MIRROR)
+def test_a_path_that_is_not_of_the_mirror_is_refused_in_every_form_of_a_patch(repositories, path):
+    quoted = path.replace('Ü', r'\303\234')
+    a, b = (f'"{side}/{quoted}"' if quoted != path else f'{side}/{path}' for side in 'ab')
+    before = state(repositories[0])
+    for diff in (
+        f'diff --git {a} {b}\nnew file mode 100644\n--- /dev/null\n+++ {b}\n{TEXT}',
+        f'--- /dev/null\n+++ {b}\n{TEXT}',
+        f'diff --git a/README.md {b}\nsimilarity index 100%\nrename from README.md\nrename to {b[2:]}\n',
+        f'diff --git a/README.md {b}\nsimilarity index 100%\ncopy from README.md\ncopy to {b[2:]}\n',
+    ):
+        assert refused(import_patch(repositories[0], mail(diff))).startswith("'Mend it': ")
+    assert state(repositories[0]) == before
+
+
+@pytest.mark.parametrize('mode', ['120000', '160000'])
+def test_a_symlink_and_a_submodule_are_refused(repositories, mode):
+    path = 'lupin_greenhouse_bridge/doc/more.md'
+    text = TEXT.replace('on: push', f'Subproject commit {"1" * 40}')
+    diff = f'diff --git a/{path} b/{path}\nnew file mode {mode}\n--- /dev/null\n+++ b/{path}\n{text}'
+    result = import_patch(repositories[0], mail(diff))
+    assert refused(result) == f"'Mend it': lupin_greenhouse_ros/{path}: is not a plain file"
+
+
+def test_a_patch_without_prefixes_is_refused_with_the_fix(repositories):
     monorepo, mirror = repositories
-    (mirror / 'NOTES.md').write_text('x\n')
-    result = import_patch(monorepo, commit_in(mirror))
-    assert result.returncode != 0
-    assert result.stderr.splitlines() == [
-        'mirror_patch: NOTES.md: is not a file of the mirror in tools/twins.toml',
-        "mirror-import: 'Mend it' cannot be translated: nothing was changed",
-    ]
-    assert git(monorepo, 'status', '--porcelain') == ''
+    (mirror / f'{BRIDGE}/more.py').touch()
+    commit_in(mirror, NEW_TITLE)
+    result = import_patch(monorepo, git(mirror, 'format-patch', '--stdout', '--no-prefix', '-1'))
+    assert 'without a/ and b/: make it with git -c diff.noprefix=false format-patch' in refused(result)
+
+
+def test_a_traditional_patch_is_imported(repositories):
+    path = 'lupin_greenhouse_bridge/doc/more.md'
+    result = import_patch(repositories[0], mail(f'--- /dev/null\n+++ b/{path}\n{TEXT}'))
+    assert result.returncode == 0, result.stderr
+    assert (repositories[0] / 'tools/core' / path).read_text() == 'on: push\n'
+    assert checks_pass(repositories[0])
+
+
+@pytest.mark.parametrize(
+    'content',
+    [
+        b'a\r\nb\r\n',
+        b'a\rb\nc\r',
+        b'\xfcber\n',
+        'a\u2028b\x0cc\x85d\n'.encode(),
+        b'\x00\xff\r\n',
+        b'no newline',
+        b'',
+    ],
+)
+def test_every_byte_of_a_file_arrives(repositories, content):
+    """Also under a name that git quotes, with a mode, and from a file of the core that the patch renames."""
+    monorepo, mirror = repositories
+    (mirror / f'{BRIDGE}/Überblick "1".txt').write_bytes(content)
+    (mirror / f'{BRIDGE}/units.py').chmod(0o755)
+    (mirror / 'lupin_greenhouse_bridge/setup.cfg').rename(mirror / f'{BRIDGE}/moved.cfg')
+    git(mirror, 'add', '--all')
+    git(mirror, 'commit', '--quiet', '--message', 'Mend it')
+    git(mirror, 'format-patch', '--output=bytes.patch', '-1')
+    result = import_patch(monorepo, (mirror / 'bytes.patch').read_bytes())
+    assert result.returncode == 0, result.stderr
+    git(mirror, 'remote', 'add', 'monorepo', str(monorepo))
+    git(mirror, 'fetch', '--quiet', 'monorepo')
+    there = git(monorepo, 'rev-parse', 'HEAD:lupin_greenhouse_ros').strip()
+    assert git(mirror, 'diff', '--stat', there, 'HEAD') == ''
+    assert checks_pass(monorepo)
+
+
+def test_a_patch_that_was_saved_with_crlf_is_imported(repositories):
+    monorepo, mirror = repositories
+    patch = commit_in(mirror, NEW_TITLE).encode().replace(b'\n', b'\r\n')
+    assert import_patch(monorepo, patch).returncode == 0
+    assert (monorepo / 'lupin_greenhouse_ros/README.md').read_bytes() == (mirror / 'README.md').read_bytes()
+
+
+@pytest.mark.parametrize('end', ['diff --git a/lupin', '\n@@ ', '\n+', '\n---\n'])
+def test_a_patch_that_is_cut_off_is_refused(repositories, end):
+    monorepo, mirror = repositories
+    patch = commit_in(mirror, NEW_TITLE, (f'{BRIDGE}/units.py', '"""The units', '"""All units'))
+    before = state(monorepo)
+    assert refused(import_patch(monorepo, patch[: patch.rindex(end)]))
+    assert state(monorepo) == before
 
 
 @pytest.mark.parametrize(
     ('hook', 'script', 'message'),
     [
-        ('pre-commit', 'exit 1', 'cannot be committed'),
-        ('commit-msg', 'exit 1', 'cannot be committed'),
-        ('pre-commit', 'rm -r tools/core; exit 1', 'cannot be committed'),
-        ('pre-applypatch', 'exit 1', 'does not apply to tools/core'),
-        ('post-applypatch', 'rm tools/twins.toml', 'cannot be generated'),
+        ('pre-commit', 'exit 1', 'git commit: exit code 1'),
+        ('commit-msg', 'echo too long >&2; exit 1', 'git commit: too long'),
+        ('pre-commit', 'rm -r tools/core; exit 1', 'git commit: exit code 1'),
+        ('pre-applypatch', 'exit 1', 'does not apply to lupin_greenhouse_ros: exit code 1'),
+        ('post-applypatch', 'rm -r tools/core/*/', 'tools/core: holds no files'),
         ('pre-commit', 'kill -INT 0', None),
     ],
     ids=['pre-commit', 'commit-msg', 'spoiling', 'pre-applypatch', 'generation', 'Ctrl-C'],
@@ -188,7 +283,8 @@ def test_a_failure_leaves_the_repository_as_it_was(repositories, hook, script, m
     assert result.returncode != 0
     assert first.exists()
     if message:
-        assert result.stderr.splitlines()[-1] == f"mirror-import: 'Mend it' {message}: nothing was changed"
+        assert refused(result).startswith("'Mend it': ")
+        assert refused(result).endswith(message)
     assert state(monorepo) == before
 
 
@@ -204,7 +300,7 @@ def test_a_patch_that_does_not_apply_changes_nothing(repositories):
     patch = commit_in(mirror, LOG_MORE)
     result = import_patch(monorepo, patch.replace('LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0'))
     assert result.returncode == 1
-    assert 'does not apply to tools/core: nothing was changed' in result.stderr
+    assert 'does not apply to lupin_greenhouse_ros: ' in refused(result)
     assert git(monorepo, 'status', '--porcelain') == ''
     assert git(monorepo, 'log', '--format=%s').splitlines() == ['Everything']
 
@@ -224,7 +320,7 @@ def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
     third = commit_in(mirror, ('README.md', '## In a larger workspace', '## In a workspace'))
     bad = import_patch(monorepo, third + first.replace('LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0'))
     assert bad.returncode == 1
-    assert bad.stderr == "mirror-import: 'Mend it' does not apply to tools/core: nothing was changed\n"
+    assert "'Mend it': does not apply to lupin_greenhouse_ros: " in refused(bad)
     assert git(monorepo, 'rev-parse', 'HEAD') == before
     assert git(monorepo, 'status', '--porcelain') == ''
 
@@ -234,7 +330,7 @@ def test_a_deleted_file_is_deleted_in_both_trees(repositories):
     (mirror / f'{BRIDGE}/interfaces.py').rename(mirror / f'{BRIDGE}/messages.py')
     result = import_patch(monorepo, commit_in(mirror))
     assert result.returncode == 1  # interfaces.py is in the table, which must say where it is now
-    assert "'Mend it' cannot be generated" in result.stderr
+    assert "'Mend it': twins.toml, " in refused(result)
 
     git(mirror, 'reset', '--quiet', '--hard', 'HEAD~1')
     (mirror / 'lupin_greenhouse_bridge/test/test_package.py').unlink()
@@ -248,8 +344,7 @@ def test_a_file_without_a_patch_is_refused_in_one_line(repositories):
     monorepo, _ = repositories
     result = import_patch(monorepo, '<html>sign in</html>\n')
     assert result.returncode == 1
-    assert result.stderr.endswith('nothing was changed\n')
-    assert len(result.stderr.splitlines()) == 1
+    assert refused(result).endswith('N.patch holds no patch of git format-patch')
 
 
 def test_uncommitted_changes_are_refused(repositories):

@@ -1,0 +1,176 @@
+"""
+Import patches of the open-source mirror: each becomes a commit of the core and both trees.
+
+    make mirror-import PATCH=N.patch
+
+PATCH is the file that GitHub and GitLab serve for a pull or merge request at its address plus .patch, or the
+output of git format-patch --stdout. In a work tree of its own, the program applies each patch to
+lupin_greenhouse_ros/, takes the changed files over into the core, and generates both trees. A commit has the
+author, date and message of its patch.
+Exit code: 0 the whole series is imported, 1 nothing is, 2 there is no such file, or there are own changes.
+"""
+
+import re
+import signal
+import sys
+import tempfile
+from pathlib import Path
+
+import generate
+from check_drift import MIRROR_ALONE
+from generate import CORE, ROOT, RefusedError, Table, git
+
+NO_FILE = '000000'  # as git's mode
+PLAIN_MODES = (NO_FILE, '100644', '100755')
+
+
+def core_path_of(path: str, table: Table, checkout: Path) -> str:
+    """Return where the core has a file of the mirror, '' if it is kept by hand; raises RefusedError."""
+    mirror = table['trees']['mirror']
+    if path in [generate.tree_path(mirror, name) for name in MIRROR_ALONE]:
+        return ''
+    names = {package: package for package in table['owned']} | mirror['folders']
+    for package, package_there in names.items():
+        folder = f'{mirror["root"]}/{package_there}/'
+        core_path = f'{package}/{path.removeprefix(folder)}'
+        is_known = package in table['owned'] or (checkout / CORE / core_path).is_file()
+        if path.startswith(folder) and is_known:
+            return core_path
+    raise RefusedError(f'{path}: is not a file of the mirror')
+
+
+def core_content(core_path: str, content: bytes, mirror: Table) -> bytes:
+    """Return what the core must contain for a file of the mirror; raises RefusedError."""
+    content = generate.without_header(core_path, content)
+    for substitution in reversed(mirror['substitutions']):
+        find, replace = substitution['find'], substitution['replace']
+        matches = substitution['matches'].get(core_path, 0)
+        if matches:
+            is_line = replace.endswith('\n')
+            pattern = b'^' * is_line + re.escape(replace.encode())
+            content, found = re.subn(pattern, find.encode(), content, flags=re.MULTILINE)
+            if is_line and found != matches:
+                raise RefusedError(
+                    f'{core_path}: {replace.strip()!r} differs from the monorepo on purpose:'
+                    ' leave this line as it is'
+                )
+    return content
+
+
+def take_over(checkout: Path, before: str, table: Table) -> None:
+    """Add to the core and to both trees what the last commit has changed in the mirror."""
+    mirror = table['trees']['mirror']
+    cells = git(checkout, 'diff', '--raw', '-z', '--no-renames', before, 'HEAD').split('\0')
+    changes = sorted((header.split()[1], path) for header, path in zip(cells[::2], cells[1::2], strict=False))
+    added = []
+    for mode, path in changes:  # what is deleted comes first: a folder may take its place
+        core_path = core_path_of(path, table, checkout)
+        target = checkout / CORE / core_path
+        if mode not in PLAIN_MODES:
+            raise RefusedError(f'{path}: is not a plain file')
+        if core_path and mode == NO_FILE:
+            git(checkout, 'rm', '--quiet', '--', str(target))
+        elif core_path:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(core_content(core_path, (checkout / path).read_bytes(), mirror))
+            target.chmod(int(mode[-3:], 8))
+            added.append(f'{CORE}/{core_path}')
+    rendered = generate.render(checkout, table)
+    for path in generate.extras(checkout, rendered, table):
+        git(checkout, 'rm', '--quiet', '--', path)
+    generate.write(checkout, rendered)
+    git(checkout, 'add', '--force', '--', *added, *rendered)
+
+
+def import_patch(checkout: Path, patch: Path, table: Table) -> bool:
+    """Commit a patch in the checkout; return whether it was not there yet. Raises RefusedError."""
+    before = git(checkout, 'rev-parse', 'HEAD').strip()
+    root = table['trees']['mirror']['root']
+    try:
+        git(checkout, 'am', '--quiet', '--3way', '--keep-cr', f'--directory={root}', str(patch))
+    except RefusedError as error:
+        told = str(error).removeprefix('git am: ').splitlines()  # with hints
+        reason = next((line for line in told if line.startswith('error: ')), told[0])
+        raise RefusedError(f'does not apply to {root}: {reason}') from error
+    if git(checkout, 'rev-parse', 'HEAD').strip() == before:
+        return False
+    take_over(checkout, before, table)
+    git(checkout, 'commit', '--quiet', '--amend', '--no-edit')
+    return True
+
+
+def check_form(checkout: Path, diff: Path) -> None:
+    """Raise RefusedError if git would take a patch for another one than its author made."""
+    text = diff.read_bytes().decode(errors='replace')
+    if re.search(r'^diff --git (?!"?a/)', text, re.MULTILINE):
+        raise RefusedError(
+            'has paths without a/ and b/: make it with git -c diff.noprefix=false format-patch'
+        )
+    summary = re.search(r'^ \d+ files? changed.*', text, re.MULTILINE)
+    if summary and summary[0] != git(checkout, 'apply', '--stat', str(diff)).splitlines()[-1]:
+        raise RefusedError(f'is not whole: its summary says{summary[0]}')
+
+
+def split(series: Path, folder: Path) -> list[Path]:
+    """Write each patch of a file into the folder; return their paths. Raises RefusedError."""
+    content = series.read_bytes()
+    # A CR belongs to the patch, unless every line got one when the file was saved.
+    keep_cr = [] if content.count(b'\n') == content.count(b'\r\n') else ['--keep-cr']
+    try:
+        git(folder, 'mailsplit', *keep_cr, f'-o{folder}', str(series.resolve()))
+    except RefusedError as error:
+        raise RefusedError(f'{series} holds no patch of git format-patch') from error
+    return sorted(folder.iterdir())
+
+
+def import_series(series: Path, folder: Path) -> None:
+    """Import a file of patches by way of a work tree in the folder; raises RefusedError."""
+    checkout, patches = folder / 'checkout', folder / 'patches'
+    patches.mkdir()
+    table = generate.load_table(ROOT)
+    start = git(ROOT, 'rev-parse', 'HEAD').strip()
+    git(ROOT, 'worktree', 'add', '--quiet', '--detach', str(checkout))
+    try:
+        for patch in split(series, patches):
+            diff = folder / 'diff'
+            text = patch.read_bytes().decode(errors='surrogateescape')
+            told = git(checkout, 'mailinfo', '/dev/null', str(diff), text=text)
+            subject = ''.join(re.findall(r'^Subject: (.*)', told, re.MULTILINE))
+            try:
+                check_form(checkout, diff)
+                if not import_patch(checkout, patch, table):
+                    print(f'{subject!r} is here already')
+            except RefusedError as error:
+                raise RefusedError(f'{subject!r}: {error}') from error
+        end = git(checkout, 'rev-parse', 'HEAD').strip()
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):  # they would leave half a work tree, or half a merge
+            signal.signal(number, signal.SIG_IGN)
+        git(ROOT, 'worktree', 'remove', '--force', str(checkout))
+    git(ROOT, 'merge', '--quiet', '--ff-only', end)
+    print(git(ROOT, 'log', '--reverse', '--stat', '--format=%h %an: %s', f'{start}..'), end='')
+
+
+def main() -> int:
+    """Import the file on the command line; return the exit code."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    series = Path(*sys.argv[1:2])
+    if not series.is_file():
+        print(f"mirror-import: no file '{series}': make mirror-import PATCH=N.patch", file=sys.stderr)
+        return 2
+    try:
+        if git(ROOT, 'status', '--porcelain'):
+            print('mirror-import: commit or stash your own changes first', file=sys.stderr)
+            return 2
+        with tempfile.TemporaryDirectory(prefix='mirror-import-') as folder:
+            import_series(series, Path(folder))
+    except (RefusedError, OSError) as error:
+        print(f'mirror-import: nothing was changed: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
