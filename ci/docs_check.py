@@ -144,6 +144,12 @@ def unproved_blocks(document: Document) -> Iterator[str]:
             yield f'mark this block with tested by, needs or followed by: {shown}'
 
 
+def wrong_rows(name: str, written: list[str], right: list[str]) -> Iterator[str]:
+    """Yield a finding for each row that the table of this name lacks, or should not have."""
+    yield from (f'the table of {name} lacks the row {row}' for row in right if row not in written)
+    yield from (f'the table of {name} has a wrong row {row}' for row in written if row not in right)
+
+
 def wrong_parameters(document: Document) -> Iterator[str]:
     """Yield a finding for each parameter that a table lacks, invents, or gives another default."""
     for table in document.tables(PARAMETERS):
@@ -153,15 +159,9 @@ def wrong_parameters(document: Document) -> Iterator[str]:
             continue
         module, _, name = settings.rpartition('.')
         arguments = launch_arguments(getattr(importlib.import_module(module), name))
-        real = {name: default or "''" for name, default, *_ in arguments}
-        written = dict(cells_of(row)[:2] for row in table.rows)
-        for name in sorted(real.keys() - written.keys()):
-            yield f'the table of {settings} lacks {name}: add a row with the default {real[name]}'
-        for name in sorted(written.keys() - real.keys()):
-            yield f'{settings} has no parameter {name}: remove its row'
-        for name in sorted(written.keys() & real.keys()):
-            if written[name].replace('empty', "''") != real[name]:
-                yield f'the default of {name} is {written[name]}: {settings} has {real[name]}'
+        right = [f'| {name} | {default or "empty"} |' for name, default, *_ in arguments]
+        written = ['| {} | {} |'.format(*cells_of(row)).replace("''", 'empty') for row in table.rows]
+        yield from wrong_rows(settings, written, right)
 
 
 @functools.cache
@@ -192,9 +192,7 @@ def wrong_ranges(document: Document) -> Iterator[str]:
     for table in document.tables(RANGES):
         if table.mark != mark:
             yield f'mark the ranges with `{mark}`, which is installed'
-        yield from (f'the ranges lack the row {row}' for row in sensor_ranges() if row not in table.rows)
-        wrong = [row for row in table.rows if row not in sensor_ranges()]
-        yield from (f'the simulator does not have the range {row}' for row in wrong)
+        yield from wrong_rows('the ranges', table.rows, sensor_ranges())
 
 
 def missing_tests(document: Document) -> Iterator[str]:
@@ -238,9 +236,8 @@ def wrong_options(document: Document) -> Iterator[str]:
         if name not in commands():
             yield f'there is no command {name}: options of {name}'
             continue
-        rows = [f'| `{option}` | {what} |' for option, what in help_of(commands()[name])[1].items()]
-        yield from (f'the options of {name} lack the row {row}' for row in rows if row not in table.rows)
-        yield from (f'{name} --help does not have {row}' for row in table.rows if row not in rows)
+        right = [f'| `{option}` | {what} |' for option, what in help_of(commands()[name])[1].items()]
+        yield from wrong_rows(table.mark, table.rows, right)
 
 
 def undocumented_commands(documents: list[Document]) -> Iterator[str]:
@@ -251,16 +248,12 @@ def undocumented_commands(documents: list[Document]) -> Iterator[str]:
     with ThreadPoolExecutor() as threads:
         helps = list(threads.map(help_of, commands().values()))
     for command, (has_options, rows) in zip(commands(), helps, strict=True):
+        parameters = {name.split()[0] for name in rows}
         if has_options and f'options of {command}' not in marks:
             yield f'no document has a table with the mark `options of {command}`'
-        if has_options:
-            continue
-        parameters = {name.split()[0] for name in rows}
-        closest = max(documented, key=lambda names: len(names & parameters), default=set())
-        if 2 * len(closest & parameters) <= len(parameters):
+        # wrong_parameters() names the rows that a table lacks.
+        if not has_options and all(2 * len(names & parameters) < len(parameters) for names in documented):
             yield f'no document has a table of the parameters of {command}'
-        elif lacking := sorted(parameters - closest):
-            yield f'the table of the parameters of {command} lacks {", ".join(lacking)}: add a row for each'
 
 
 def glossary_of(document: Document) -> Document | None:
