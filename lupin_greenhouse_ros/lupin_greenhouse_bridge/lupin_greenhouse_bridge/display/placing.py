@@ -112,3 +112,10 @@ def ends_of_path(points: Sequence[Point]) -> dict[str, Box]:
 def length_m(points: Sequence[Point]) -> float:
     """Return the length of a path."""
     return sum(itertools.starmap(math.dist, itertools.pairwise(points)))
+
+
+def closest_m(points: Sequence[Point]) -> float:
+    """Return the distance of the two closest points that are not at the same place; 1.0 if there are none."""
+    places = np.unique(np.reshape(points, (-1, 2)), axis=0)
+    apart_m = [float(np.hypot(*(places[n + 1 :] - place).T).min()) for n, place in enumerate(places[:-1])]
+    return min(apart_m, default=1.0)

@@ -193,7 +193,7 @@ function draw_map() {
   draw_route(svg, frame);
   const value_of = tag => tag.values[number] ?? null;
   const extremes = new Set(sensor?.extremes.flatMap(([, numbers]) => numbers.map(each => data.tags[each])));
-  const largest = radius_between(placed_tags.map(tag => [frame.x(tag.x), frame.y(tag.y)]));
+  const largest = clamp(data.closest_m * frame.scale / 2 - 1, 2.5, 9);  // the closest dots do not touch
   const dots = placed_tags.map(tag => {
     const is_large = tag.has_failed || value_of(tag) !== null;
     const radius = is_large ? largest : Math.min(largest, 4.5), ringed = radius + (extremes.has(tag) ? 3 : 0);
@@ -213,18 +213,6 @@ function draw_map() {
   for (const dot of dots) draw_tag(svg, leaders, dot, value_of(dot.tag), boxes);
   write_key();
   show_chosen();
-}
-
-// Returns the radius of dots at these points: those that are closest just do not touch each other.
-function radius_between(points) {
-  let gap = Infinity;
-  points.slice(0, 400).forEach(([x, y], n) => {
-    for (const [other_x, other_y] of points.slice(n + 1, 400)) {
-      const distance = Math.hypot(x - other_x, y - other_y);
-      if (distance > 1) gap = Math.min(gap, distance);
-    }
-  });
-  return clamp(gap / 2 - 1, 2.5, 9);
 }
 
 function draw_tag(svg, leaders, { tag, x, y, radius, ringed, urgency }, value, boxes) {
@@ -442,13 +430,7 @@ function day_axis(width) {
 
 // Returns the ticks of the values, and with how many decimals they are written.
 function value_axis(sensor, height) {
-  let least = Infinity, greatest = -Infinity;
-  for (const line of sensor.lines) {
-    for (const [, value, low, high] of [...line.wall, ...line.day]) {  // both, so that the switch keeps the scale
-      least = Math.min(least, low ?? value);
-      greatest = Math.max(greatest, high ?? value);
-    }
-  }
+  const [least, greatest] = sensor.extent;
   const least_step = Math.max((greatest - least) / (height / 40), Math.abs(greatest) * 1e-6, 10 ** -sensor.decimals);
   const step = nice_step(least_step), spare = least === greatest ? 1 : 0;
   const bottom = (Math.floor(least / step) - spare) * step, top = (Math.ceil(greatest / step) + spare) * step;

@@ -95,7 +95,7 @@ def data_of(
         'colours': STOPS,
         'sensors': [
             _sensor_data(sensor, [tag['values'][place] for tag in shown.values()], limits[sensor], numbers)
-            | {'lines': lines[sensor]}
+            | {'lines': lines[sensor], 'extent': (min(values[sensor]), max(values[sensor]))}
             for place, sensor in enumerate(sensors)
         ],
         'tags': list(shown.values()),
@@ -120,6 +120,7 @@ def data_of(
         'greenhouse_times': summary.greenhouse_times(file.rows) if file.rows else '',
         'speed': summary.speed_text(file.rows),
         'is_binned': any('is_binned' in line for each in lines.values() for line in each),
+        'closest_m': placing.closest_m([tag[:2] for tag in layout.tags.values()]),
         'walls': walls,
         'tables': list(layout.tables.values()),
         'notes': notes,

@@ -113,15 +113,20 @@ def draw_file(
 ) -> int:
     """Run a command of parser_of(): write what draw() returns to --output, and return the exit code."""
     options, exit_code = parser.parse_args(arguments), USAGE
-    for name, end in COMPANION_ENDINGS.items():
-        kept = options.file.with_name(f'{options.file.stem}{end}') if options.file.name else options.file
-        if not getattr(options, name) and kept.is_file() and kept != options.file:
-            setattr(options, name, str(kept))
-    options.output = options.output or drawing_path(options.file, suffix)
+    file = options.file
+    if file.name:
+        _find_companions(options)
+    output = options.output = options.output or (
+        file.with_suffix(suffix) if file.name else Path(f'readings{suffix}')
+    )
     try:
-        check_output(options.output, options.file)
-        drawing = draw(options, read_file(options.file, options.tag_file))
-        write_output(options.output, drawing)
+        if output.exists() and file.exists() and output.samefile(file):
+            raise StartUpError(f"--output '{output}' is the file of readings itself: name another")
+        drawing = draw(options, read_file(file, options.tag_file))
+        try:
+            output.write_bytes(drawing)
+        except OSError as error:
+            raise StartUpError(f"--output '{output}': {error.strerror}: name another file") from error
     except NothingToDraw as error:
         problem, exit_code = str(error), NO_ROWS
     except ImportError as error:
@@ -130,29 +135,18 @@ def draw_file(
         problem = str(error)
     else:
         kind = 'page' if suffix == '.html' else 'picture'
-        print_line(f'{kind}: {escaped(str(options.output), 500)}')
+        print_line(f'{kind}: {escaped(str(output), 500)}')
         return DONE
     print(f'{parser.prog}: {problem}', file=sys.stderr)
     return exit_code
 
 
-def drawing_path(file: Path, suffix: str) -> Path:
-    """Return the path of the drawing of a file: its name with this suffix, or `readings` if it has none."""
-    return file.with_suffix(suffix) if file.name else Path(f'readings{suffix}')
-
-
-def check_output(output: Path, file: Path) -> None:
-    """Raise StartUpError for a drawing that would replace the file that it shows."""
-    if output.exists() and file.exists() and output.samefile(file):
-        raise StartUpError(f"--output '{output}' is the file of readings itself: name another")
-
-
-def write_output(output: Path, drawing: bytes) -> None:
-    """Write a drawing; raises StartUpError if the file cannot be written."""
-    try:
-        output.write_bytes(drawing)
-    except OSError as error:
-        raise StartUpError(f"--output '{output}': {error.strerror}: name another file") from error
+def _find_companions(options: argparse.Namespace) -> None:
+    """Set each option that is not set to the file that a mission keeps for it beside the report, if any."""
+    for name, ending in COMPANION_ENDINGS.items():
+        companion = options.file.with_name(f'{options.file.stem}{ending}')
+        if not getattr(options, name) and companion.is_file() and companion != options.file:
+            setattr(options, name, str(companion))
 
 
 def read_route(name: str | Path) -> list[tuple[float, float]]:
