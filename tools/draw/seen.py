@@ -12,9 +12,9 @@ import numpy as np
 from figure import fingerprint_of, hash_of
 from lupin_simulation import pinhole_camera
 from lupin_tag_confirmation import drawing
-from lupin_tag_confirmation.confirmation import Confirmer, Frame, Sight
+from lupin_tag_confirmation.confirmation import Confirmer, Frame, Moment, Sight
 from lupin_tag_confirmation.detector import TagDetector
-from lupin_tag_confirmation.settings import Criteria
+from lupin_tag_confirmation.settings import Settings
 from PIL import Image, PngImagePlugin
 
 COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_tag_confirmation/doc/seen.png'
@@ -26,12 +26,14 @@ def draw() -> Image.Image:
     camera, random = pinhole_camera.PinholeCamera(width=480, height=300), np.random.default_rng(TAG)
     scene = camera.scene_of_tag(TAG, random, distance_m=0.2, angle_degrees=35.0)
     picture = camera.expose(scene, random, blur_pixels=0.5, noise_levels=5.0)
-    confirmer = Confirmer(Criteria())
-    for stamp in range(Criteria().min_frames):
-        sight = Sight(TagDetector().detect(picture), picture)
-        confirmer.add(Frame(lambda sight=sight: sight, 0.1 * stamp, 0.1 * stamp))
-    verdict = confirmer.confirm(str(EXPECTED_TAG), 0.1 * stamp, 0.1 * stamp)
-    return Image.fromarray(drawing.draw(verdict, EXPECTED_TAG, Criteria()))
+    settings, now = Settings(), Moment(0.0, 0.0)
+    confirmer, sight = Confirmer(settings), Sight(TagDetector().detect(picture), picture)
+    for _ in range(settings.min_frames):
+        confirmer.add(Frame(lambda: sight, *now))
+    while confirmer.choose(now, now):
+        pass
+    verdict = confirmer.judge(EXPECTED_TAG, now, now)
+    return Image.fromarray(drawing.draw(picture, sight.detections, EXPECTED_TAG, verdict.reason, settings))
 
 
 def fingerprint() -> str:

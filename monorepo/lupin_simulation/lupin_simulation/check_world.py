@@ -22,7 +22,7 @@ from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.runtime.output import Progress, print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout
 from lupin_tag_confirmation.detector import TagDetector
-from lupin_tag_confirmation.settings import Criteria
+from lupin_tag_confirmation.settings import Settings
 
 from lupin_simulation.generate_world import add_layout_options, make_world, read_layout
 from lupin_simulation.rendered_world import RenderedWorld, View, view_ahead, viewpoint
@@ -53,11 +53,11 @@ class Setting(NamedTuple):
 
 def tags_read(world: RenderedWorld, setting: Setting, progress: Progress) -> set[int]:
     """Return the numbers of the tags that the detector reads by the criteria of confirm_tag."""
-    detector, criteria = TagDetector(), Criteria()
+    detector, settings = TagDetector(), Settings()
 
     def shows(view: View, number: int) -> bool:
         found = detector.detect(cv2.cvtColor(world.look(*view), cv2.COLOR_RGB2GRAY))
-        return any(each.tag_number == number and not criteria.flaw_of(each) for each in found)
+        return any(each.tag_number == number and not each.flaw(settings) for each in found)
 
     read = set()
     for done, (number, (views, in_all)) in enumerate(setting.views.items()):

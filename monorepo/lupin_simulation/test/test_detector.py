@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from lupin_simulation.pinhole_camera import PinholeCamera
 from lupin_simulation.tag36h11 import marker
-from lupin_tag_confirmation.confirmation import Confirmer, Frame, Sight
+from lupin_tag_confirmation.confirmation import Confirmer, Frame, Moment, Sight
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.images import SMALLEST_SIDE_PIXELS
-from lupin_tag_confirmation.settings import Criteria
+from lupin_tag_confirmation.settings import Settings
 
 CAMERA = PinholeCamera()
 SHARP, NOISY, BLURRED = {}, {'noise_levels': 15.0}, {'blur_pixels': 1.0}
@@ -17,8 +17,8 @@ SHARP, NOISY, BLURRED = {}, {'noise_levels': 15.0}, {'blur_pixels': 1.0}
 @pytest.fixture(scope='module')
 def found_in():
     """Return a function that returns the numbers of the tags in a picture, by the default criteria."""
-    detector, criteria = TagDetector(), Criteria()
-    return lambda picture: {tag.tag_number for tag in detector.detect(picture) if not criteria.flaw_of(tag)}
+    detector, settings = TagDetector(), Settings()
+    return lambda picture: {tag.tag_number for tag in detector.detect(picture) if not tag.flaw(settings)}
 
 
 @pytest.mark.parametrize(
@@ -81,14 +81,16 @@ def picture_without_tag_7(number: int, random: np.random.Generator) -> np.ndarra
 def test_no_tag_is_confirmed_in_100_images_without_it():
     """With the most lenient criteria; doc/detector.md of lupin_tag_confirmation has 20,000 images."""
     detector = TagDetector(max_hamming=2)
-    lenient = Criteria(min_frames=1, min_decision_margin=0.0, max_hamming=2)
+    lenient = Settings(min_frames=1, min_decision_margin=0.0, max_hamming=2)
     random = np.random.default_rng(0)
     others_read = 0
     for number in range(100):
         picture = picture_without_tag_7(number, random)
         confirmer = Confirmer(lenient)
         confirmer.add(Frame(lambda picture=picture: Sight(detector.detect(picture)), 0.0, 0.0))
-        confidence, message, _ = confirmer.confirm('7', 0.0, 0.0)
+        now = Moment(0.0, 0.0)
+        assert confirmer.choose(now, now)
+        confidence, message, _ = confirmer.judge(7, now, now)
         assert confidence == 0.0, f'image {number}'
         others_read += 'other tag ids' in message
     assert others_read >= 50 - 2  # the detector has read the other tags

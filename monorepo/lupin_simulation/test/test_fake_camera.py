@@ -33,7 +33,7 @@ def tag_7():
 
 
 def sight_of(source: str, message):
-    return open_source(ConfirmTagSettings(source=source)).sight_of(message)
+    return open_source(ConfirmTagSettings(source=source))[1](message)
 
 
 @pytest.mark.parametrize('publishes', ['', 'video', 'Image'])

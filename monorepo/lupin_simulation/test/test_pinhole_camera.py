@@ -8,7 +8,7 @@ from lupin_greenhouse_bridge.planning.tag_poses import TagPose
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_simulation.pinhole_camera import TAG_SIDE_M, PinholeCamera
 from lupin_tag_confirmation.detector import TagDetector
-from lupin_tag_confirmation.settings import Criteria
+from lupin_tag_confirmation.settings import Settings
 
 CAMERA = PinholeCamera()
 DETECTOR = TagDetector()
@@ -22,8 +22,7 @@ def seen_from(x: float, y: float, yaw: float, **tags: TagPose) -> dict[int, np.n
     random = np.random.default_rng(0)
     scene = CAMERA.scene_from(PoseInPlane(x, y, yaw), by_number, random)
     picture = CAMERA.expose(scene, random, blur_pixels=0.7)
-    criteria = Criteria()
-    return {tag.tag_number: tag.corners for tag in DETECTOR.detect(picture) if not criteria.flaw_of(tag)}
+    return {tag.tag_number: tag.corners for tag in DETECTOR.detect(picture) if not tag.flaw(Settings())}
 
 
 def before(

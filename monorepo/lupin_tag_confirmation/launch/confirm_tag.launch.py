@@ -5,7 +5,7 @@ from lupin_greenhouse_bridge.runtime.launching import node_with_arguments
 from lupin_tag_confirmation.settings import Settings
 
 
-def generate_launch_description():
+def generate_launch_description() -> LaunchDescription:
     """Take each parameter of the node as an argument, and what every node takes."""
     camera = node_with_arguments(
         Settings,

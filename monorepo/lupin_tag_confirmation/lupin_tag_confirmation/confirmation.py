@@ -11,7 +11,7 @@ import numpy as np
 from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 
 from lupin_tag_confirmation.images import UnusableImage
-from lupin_tag_confirmation.settings import Criteria
+from lupin_tag_confirmation.settings import Settings
 
 TAG_NUMBERS = {str(number): number for number in range(587)}  # the ids of tag36h11
 
@@ -35,6 +35,15 @@ class Detection(NamedTuple):
     hamming: int  # bits that the detector corrected
     decision_margin: float  # contrast of the bits in grey levels, 0 to 255; 0.0 if unknown
     corners: np.ndarray  # shape (4, 2): x and y in pixels, counter-clockwise from the lower left
+
+    def flaw(self, settings: Settings) -> str:
+        """Return why this detection does not count; '' if it does."""
+        if self.hamming > settings.max_hamming:
+            return f'with {pluralized(self.hamming, "corrected bit")}, at most {settings.max_hamming} allowed'
+        margin, least = self.decision_margin, settings.min_decision_margin
+        if margin != 0.0 and not margin >= least:  # NaN does not count either
+            return f'unclear: decision margin {margin:.0f}, {least:g} needed'
+        return ''
 
 
 class Sight(NamedTuple):
@@ -79,54 +88,63 @@ class Verdict(NamedTuple):
 class Confirmer:
     """Keeps the last frames, and searches each at most once, only on request."""
 
-    def __init__(self, criteria: Criteria):
-        self._criteria = criteria
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
         # Twice as many as must show the tag: some may be blurred.
-        self._most = 2 * criteria.min_frames
+        self._most = 2 * settings.min_frames
         self._waiting: deque[Frame] = deque(maxlen=self._most)
-        self._chosen: list[Frame] = []  # to be searched, or searched
+        self._chosen: list[Frame] = []  # by arrival
 
     def add(self, frame: Frame) -> None:
         """Keep a frame, in place of the oldest waiting one if there are too many."""
         self._waiting.append(frame)
 
-    def confirm(self, tag_id: str, stamp_now_seconds: float, arrival_now_seconds: float) -> Verdict:
-        """Search all frames, and return whether the camera sees this tag now. Raises UnknownTagId."""
-        number, now = tag_number(tag_id), Moment(stamp_now_seconds, arrival_now_seconds)
-        while self.choose(now, now):
-            pass
-        return self.judge(number, now, now)
-
     def choose(self, now: Moment, asked_at: Moment) -> bool:
         """Choose the newest waiting frame that counts for a request; return whether there was one."""
         for frame in reversed(self._waiting):
-            if not self._fault_of_age(frame, now, asked_at):
+            if not self._age_problem(frame, now, asked_at):
                 self._waiting.remove(frame)
-                self._chosen = _by_arrival(frame, *self._chosen)[-self._most :]
+                self._chosen = sorted([frame, *self._chosen], key=_arrival)[-self._most :]
                 return True
         return False
 
     def judge(self, number: int, now: Moment, asked_at: Moment) -> Verdict:
         """Search the chosen frames, and return whether they confirm the tag of this number."""
-        recent = [frame for frame in self._chosen if not self._fault_of_age(frame, now, asked_at)]
+        recent = [frame for frame in self._chosen if not self._age_problem(frame, now, asked_at)]
         sights = [frame.sight for frame in reversed(recent)]
         usable = [sight for sight in sights if isinstance(sight, Sight)]
         if not usable:
-            frames = _by_arrival(*self._chosen, *self._waiting)
-            fault = self._fault_of_age(frames[-1], now, asked_at) if frames else 'no image yet'
-            return Verdict(0.0, f'tag {number}: {sights[0] if sights else fault}', None)
-        sightings, reason = self._count(number, usable)
-        needed = self._criteria.min_frames
+            fault = sights[0] if sights else self._no_image(now, asked_at)
+            return Verdict(0.0, f'tag {number}: {fault}', None)
+        flaws = [
+            [tag.flaw(self._settings) for tag in sight.detections if tag.tag_number == number]
+            for sight in usable
+        ]
+        sightings, needed = sum('' in each for each in flaws), self._settings.min_frames
         if sightings >= needed:
             return Verdict(1.0, '', usable[0])
+        others = {tag.tag_number for sight in usable for tag in sight.detections} - {number}
         if len(recent) < needed:
-            seconds = self._criteria.timeout_seconds or self._criteria.max_image_age_seconds
+            seconds = self._settings.timeout_seconds or self._settings.max_image_age_seconds
             reason = f'{pluralized(len(recent), "image")} in {seconds:g} s: {needed} are needed'
+        elif flaw := next(filter(None, itertools.chain(*flaws)), ''):
+            reason = f'in view, but {flaw}'
+        elif sightings:
+            reason = f'seen in {sightings} of the {needed} images needed'
+        elif others:
+            reason = f'other tag ids in view: {", ".join(map(str, sorted(others)))}'
+        else:
+            reason = f'no tag in view in {pluralized(len(usable), "image")}'
         return Verdict(sightings / needed, f'tag {number}: {reason}', usable[0])
 
-    def _fault_of_age(self, frame: Frame, now: Moment, asked_at: Moment) -> str:
+    def _no_image(self, now: Moment, asked_at: Moment) -> str:
+        """Return why no frame counts for a request: the problem of the last one."""
+        frames = sorted([*self._chosen, *self._waiting], key=_arrival)
+        return self._age_problem(frames[-1], now, asked_at) if frames else 'no image yet'
+
+    def _age_problem(self, frame: Frame, now: Moment, asked_at: Moment) -> str:
         """Return why a frame does not count: it was too old when the request came, or lies in the future."""
-        longest = self._criteria.max_image_age_seconds
+        longest = self._settings.max_image_age_seconds
         if asked_at.arrival_seconds - frame.arrival_seconds > longest:
             age = now.arrival_seconds - frame.arrival_seconds
             return f'the last image came {age:.1f} s ago: older than {longest:g} s'
@@ -137,22 +155,6 @@ class Confirmer:
             return f'the last image is stamped {-age:.1f} s ahead: not within {longest:g} s'
         return ''
 
-    def _count(self, number: int, sights: list[Sight]) -> tuple[int, str]:
-        """Return how many of the sights, newest first, show the tag, and why the others do not."""
-        flaws = [
-            [self._criteria.flaw_of(tag) for tag in sight.detections if tag.tag_number == number]
-            for sight in sights
-        ]
-        sightings = sum('' in each for each in flaws)
-        others = {tag.tag_number for sight in sights for tag in sight.detections} - {number}
-        if flaw := next(filter(None, itertools.chain(*flaws)), ''):
-            return sightings, f'in view, but {flaw}'
-        if sightings:
-            return sightings, f'seen in {sightings} of the {self._criteria.min_frames} images needed'
-        if others:
-            return 0, f'other tag ids in view: {", ".join(map(str, sorted(others)))}'
-        return 0, f'no tag in view in {pluralized(len(sights), "image")}'
 
-
-def _by_arrival(*frames: Frame) -> list[Frame]:
-    return sorted(frames, key=lambda frame: frame.arrival_seconds)
+def _arrival(frame: Frame) -> float:
+    return frame.arrival_seconds

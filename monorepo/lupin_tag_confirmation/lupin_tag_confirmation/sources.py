@@ -1,62 +1,49 @@
 """The sources of confirm_tag: images, compressed images, or the detections of another node."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any
 
+import numpy as np
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.reading.detections import FAMILIES, detection_messages
 from sensor_msgs.msg import CompressedImage, Image
 
 from lupin_tag_confirmation.confirmation import Detection, Sight
 from lupin_tag_confirmation.images import decoded_picture, grey_picture
-from lupin_tag_confirmation.settings import TOPICS, Settings
+from lupin_tag_confirmation.settings import Settings
 
 
-class Source(NamedTuple):
-    """A topic, and the function that turns one of its messages into a Sight or raises UnusableImage."""
+def open_source(settings: Settings) -> tuple[type, Callable[[Any], Sight]]:
+    """
+    Return the type of the messages, and the function that turns one into a Sight or raises UnusableImage.
 
-    message_type: type
-    topic: str
-    sight_of: Callable[..., Sight]
-
-
-def open_source(settings: Settings) -> Source:
-    """Return the source of the settings; raises StartUpError if a package that it needs is missing."""
-    topic = TOPICS[settings.source]
+    Raises StartUpError if a package that the source needs is missing.
+    """
     if settings.source == 'detections':
-        return Source(detection_messages().AprilTagDetectionArray, topic, detections_of)
-    message_type, picture_of = _PICTURES[settings.source]
-    detect = _detector(settings).detect
-
-    def sight_of(message) -> Sight:
-        picture = picture_of(message)
-        return Sight(detect(picture), picture)
-
-    return Source(message_type, topic, sight_of)
-
-
-def detections_of(message) -> Sight:
-    """Return the detections of tag36h11; other families are ignored."""
-    return Sight(
-        [
-            Detection(tag.id, tag.hamming, tag.decision_margin, [(each.x, each.y) for each in tag.corners])
-            for tag in message.detections
-            if tag.family in FAMILIES
-        ]
-    )
-
-
-def _detector(settings: Settings):
+        return detection_messages().AprilTagDetectionArray, detections_of
     try:
-        from lupin_tag_confirmation.detector import TagDetector  # here: a missing library is a one-line error
+        from lupin_tag_confirmation.detector import TagDetector  # late: a missing library is a one-line error
     except ImportError as error:
-        raise StartUpError(
-            f'the AprilTag library is missing ({error}): sudo apt install python3-apriltag'
-        ) from error
-    return TagDetector(settings.max_hamming)
+        problem = f'the AprilTag library is missing ({error}): sudo apt install python3-apriltag'
+        raise StartUpError(problem) from error
+    detector = TagDetector(settings.max_hamming)
+
+    def sight_of_image(image: Image) -> Sight:
+        picture = grey_picture(image.encoding, image.height, image.width, image.step, image.data)
+        return Sight(detector.detect(picture), picture)
+
+    def sight_of_compressed(image: CompressedImage) -> Sight:
+        picture = decoded_picture(image.data)
+        return Sight(detector.detect(picture), picture)
+
+    return (Image, sight_of_image) if settings.source == 'image' else (CompressedImage, sight_of_compressed)
 
 
-_PICTURES = {
-    'image': (Image, lambda each: grey_picture(each.encoding, each.height, each.width, each.step, each.data)),
-    'compressed': (CompressedImage, lambda each: decoded_picture(each.data)),
-}
+def detections_of(message: Any) -> Sight:
+    """Return the detections of tag36h11; other families are ignored."""
+    detections = []
+    for tag in message.detections:
+        if tag.family in FAMILIES:
+            corners = np.array([(each.x, each.y) for each in tag.corners])
+            detections.append(Detection(tag.id, tag.hamming, tag.decision_margin, corners))
+    return Sight(detections)

@@ -3,9 +3,18 @@
 import numpy as np
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_tag_confirmation.confirmation import Confirmer, Detection, Frame, Moment, Sight, UnknownTagId
+from lupin_tag_confirmation.confirmation import (
+    Confirmer,
+    Detection,
+    Frame,
+    Moment,
+    Sight,
+    UnknownTagId,
+    Verdict,
+    tag_number,
+)
 from lupin_tag_confirmation.images import UnusableImage
-from lupin_tag_confirmation.settings import Criteria
+from lupin_tag_confirmation.settings import Settings
 
 NOW = 1000.0  # by both clocks
 
@@ -30,14 +39,22 @@ def refused(text='an image was refused', stamp=NOW, arrival=NOW) -> Frame:
 
 def confirmer(*frames, **criteria) -> Confirmer:
     """Return a Confirmer with these frames: lists of current detections, or whole frames."""
-    confirmer = Confirmer(Criteria(**criteria))
+    confirmer = Confirmer(Settings(**criteria))
     for frame in frames:
         confirmer.add(frame if isinstance(frame, Frame) else frame_of(frame))
     return confirmer
 
 
-def answer(confirmer, tag_id='7', stamp_now=NOW, arrival_now=NOW):
-    return confirmer.confirm(tag_id, stamp_now, arrival_now)[:2]
+def verdict_of(confirmer, tag_id='7') -> Verdict:
+    """Search all frames, and return the verdict on this tag."""
+    now = Moment(NOW, NOW)
+    while confirmer.choose(now, now):
+        pass
+    return confirmer.judge(tag_number(tag_id), now, now)
+
+
+def answer(confirmer, tag_id='7') -> tuple[float, str]:
+    return verdict_of(confirmer, tag_id)[:2]
 
 
 def test_a_tag_in_enough_frames_is_confirmed_whatever_the_others_show():
@@ -159,7 +176,7 @@ def test_the_tag_before_is_not_confirmed_for_the_next():
 )
 def test_an_id_that_is_none_of_the_family_is_refused(tag_id):
     with pytest.raises(UnknownTagId) as refusal:
-        confirmer([GOOD], [GOOD]).confirm(tag_id, NOW, NOW)
+        tag_number(tag_id)
     assert 'is not an id of tag36h11: must be 0 to 586 in decimal' in str(refusal.value)
     assert len(str(refusal.value)) < 140
 
@@ -186,13 +203,13 @@ def test_the_verdict_comes_with_the_newest_usable_sight(min_frames, confidence):
     frames = [Frame(lambda: old, NOW, NOW), Frame(lambda: new, NOW, NOW)]
     if min_frames > 1:
         frames.append(refused())
-    verdict = confirmer(*frames, min_frames=min_frames).confirm('7', NOW, NOW)
+    verdict = verdict_of(confirmer(*frames, min_frames=min_frames))
     assert verdict.confidence == confidence
     assert verdict.sight is new
 
 
 def test_without_a_usable_sight_the_verdict_comes_without_one():
-    assert confirmer(refused()).confirm('7', NOW, NOW).sight is None
+    assert verdict_of(confirmer(refused())).sight is None
 
 
 @pytest.mark.parametrize(
@@ -201,4 +218,4 @@ def test_without_a_usable_sight_the_verdict_comes_without_one():
 )
 def test_a_criterion_out_of_its_limits_is_refused(name, value):
     with pytest.raises(StartUpError, match=rf'parameter {name} is .*: must be a (whole )?number from'):
-        Criteria(**{name: value})
+        Settings(**{name: value})

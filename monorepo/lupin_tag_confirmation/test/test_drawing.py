@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from lupin_tag_confirmation.confirmation import Detection, Sight, Verdict
+from lupin_tag_confirmation.confirmation import Detection
 from lupin_tag_confirmation.drawing import BAR_PIXELS, FLAWED, GOOD, OTHER, PAPER, draw
-from lupin_tag_confirmation.settings import Criteria
+from lupin_tag_confirmation.settings import Settings
 
 GREY = np.full((240, 320), 128, np.uint8)
 CORNERS = np.array([(100.0, 130.0), (180.0, 130.0), (180.0, 50.0), (100.0, 50.0)])
@@ -12,7 +12,7 @@ CORNERS = np.array([(100.0, 130.0), (180.0, 130.0), (180.0, 50.0), (100.0, 50.0)
 
 def drawn(tag_number=7, hamming=0, margin=50.0, reason='') -> np.ndarray:
     detection = Detection(tag_number, hamming, margin, CORNERS)
-    return draw(Verdict(0.0, reason, Sight([detection], GREY)), 7, Criteria())
+    return draw(GREY, [detection], 7, reason, Settings())
 
 
 def colours(part: np.ndarray) -> set[tuple]:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from apriltag_msgs.msg import AprilTagDetection, AprilTagDetectionArray, Point
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_tag_confirmation.confirmation import Confirmer, Frame
-from lupin_tag_confirmation.settings import Settings
+from lupin_tag_confirmation.confirmation import Confirmer, Frame, Moment
+from lupin_tag_confirmation.settings import TOPICS, Settings
 from lupin_tag_confirmation.sources import open_source
 from messages import COLOURS, compressed, detections, image_of, marker
 from sensor_msgs.msg import CompressedImage, Image
@@ -21,9 +21,11 @@ def judge(source: str, message, **parameters) -> str:
     """Return why tag 7 is not confirmed by one current message of this source; '' if it is."""
     settings = Settings(source=source, min_frames=1, **parameters)
     confirmer = Confirmer(settings)
-    sight_of = open_source(settings).sight_of
+    _, sight_of = open_source(settings)
     confirmer.add(Frame(lambda: sight_of(message), 0.0, 0.0))
-    return confirmer.confirm('7', 0.0, 0.0).reason
+    now = Moment(0.0, 0.0)
+    assert confirmer.choose(now, now)
+    return confirmer.judge(7, now, now).reason
 
 
 @pytest.mark.parametrize(
@@ -35,7 +37,7 @@ def judge(source: str, message, **parameters) -> str:
     ],
 )
 def test_each_source_has_its_topic_and_message_type(source, message_type, topic):
-    assert open_with(source)[:2] == (message_type, topic)
+    assert (open_with(source)[0], TOPICS[source]) == (message_type, topic)
 
 
 @pytest.mark.parametrize('is_bigendian', [0, 1])
@@ -43,7 +45,7 @@ def test_each_source_has_its_topic_and_message_type(source, message_type, topic)
 def test_the_tag_is_confirmed_in_every_encoding(tag_7, encoding, is_bigendian):
     message = image_of(tag_7, encoding, padding=5, is_bigendian=is_bigendian)
     assert judge('image', message) == ''
-    picture = open_with('image').sight_of(message).picture
+    picture = open_with('image')[1](message).picture
     assert np.abs(picture.astype(int) - tag_7).max() <= 1
 
 
@@ -90,8 +92,8 @@ def test_detections_of_another_node_are_judged(message, reason):
 def test_detections_keep_their_corners_and_have_no_picture():
     corners = [Point(x=float(n), y=10.0 + n) for n in range(4)]
     tag = AprilTagDetection(family='tag36h11', id=7, decision_margin=50.0, corners=corners)
-    sight = open_with('detections').sight_of(AprilTagDetectionArray(detections=[tag]))
-    assert sight.detections[0].corners == [(0.0, 10.0), (1.0, 11.0), (2.0, 12.0), (3.0, 13.0)]
+    sight = open_with('detections')[1](AprilTagDetectionArray(detections=[tag]))
+    assert sight.detections[0].corners.tolist() == [[0.0, 10.0], [1.0, 11.0], [2.0, 12.0], [3.0, 13.0]]
     assert sight.picture is None
 
 
@@ -103,4 +105,4 @@ def test_a_missing_apriltag_library_is_refused_with_its_package_where_it_is_need
         StartUpError, match=r'AprilTag library is missing .*: sudo apt install python3-apriltag$'
     ):
         open_with(source)
-    assert open_with('detections').topic == 'detections'
+    open_with('detections')
