@@ -4,6 +4,7 @@ import math
 import time
 from collections import deque
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
@@ -13,8 +14,9 @@ from lupin_greenhouse_bridge.units import sensor_order, value_text
 from lupin_msgs.msg import MissionState, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
 from rclpy.duration import Duration
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 
 from lupin_mission.messages import observation_message, state_message
 from lupin_mission.mission import Mission, Severity
@@ -22,13 +24,13 @@ from lupin_mission.progress import ProgressLine
 
 LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS = 5.0
 ACKNOWLEDGED_WITHIN_SECONDS = 0.2
-OTHER_MISSION_SECONDS = 2.0  # a mission publishes its state at 5 Hz
+OTHER_MISSION_SECONDS = 2.0  # A mission publishes its state at 5 Hz.
 
 
 class Announcer:
     """Publishes and logs for a mission node."""
 
-    def __init__(self, node, observations_topic: str, frame_id: str = 'map', remark: str = ''):
+    def __init__(self, node: Node, observations_topic: str, frame_id: str = 'map', remark: str = ''):
         """Create the publishers; `remark` is appended to each status_detail, and to the last event."""
         self._node = node
         self._remark = remark
@@ -37,10 +39,10 @@ class Announcer:
         self._observations = node.create_publisher(ObservationMessage, observations_topic, latched(50))
         self._readings = node.create_publisher(TagReading, 'mission/readings', latched(50))
         self._states = node.create_publisher(MissionState, 'mission/state', latched())
-        self._own_stamps: deque[tuple[int, int]] = deque(maxlen=100)  # of the last states
-        self._other_mission_at = -math.inf  # the last state of another node
+        self._stamps_of_own_states: deque[tuple[int, int]] = deque(maxlen=100)
+        self._other_mission_at = -math.inf
         node.create_subscription(MissionState, 'mission/state', self._on_state, QoSProfile(depth=10))
-        self._tag_at_hand = None
+        self._tag_at_hand: str | None = None
         self._progress = ProgressLine()
         self._event, self._severity, self._last_error = 'the node has started', Severity.INFO, ''
 
@@ -77,12 +79,11 @@ class Announcer:
         self._stamp(message.header)
         self._observations.publish(message)
         tag = f"tag '{escaped(observation.tag_id, 64)}'"
-        if observation.outcome is Outcome.OK:
+        if observation.reading:
             self._readings.publish(message.tag_reading)
             values = observation.reading.values
-            shown = ', '.join(
-                f'{each} {value_text(each, values[each])}' for each in sorted(values, key=sensor_order)
-            )
+            sensors = sorted(values, key=sensor_order)
+            shown = ', '.join(f'{each} {value_text(each, values[each])}' for each in sensors)
             pose = f' (pose {observation.pose})' if observation.pose > 1 else ''
             self._inform(f'{tag}{pose}: {shown}')
         elif observation.outcome is Outcome.SKIPPED:
@@ -107,7 +108,13 @@ class Announcer:
             self._progress.clear()
 
     def publish_state(
-        self, mission: Mission | None, mission_id: str, idle: str, started_at, *, is_estop_engaged=False
+        self,
+        mission: Mission | None,
+        mission_id: str,
+        idle: str,
+        started_at: Time | None,
+        *,
+        is_estop_engaged: bool = False,
     ) -> None:
         """Publish the state; `idle` is the lifecycle state of a node without a mission."""
         message = state_message(mission, mission_id, idle)
@@ -117,16 +124,16 @@ class Announcer:
         message.last_error = self._last_error
         message.last_event = self._with_remark(self._event)
         message.last_event_severity = self._severity.value
-        self._own_stamps.append((message.header.stamp.sec, message.header.stamp.nanosec))
+        self._stamps_of_own_states.append((message.header.stamp.sec, message.header.stamp.nanosec))
         self._states.publish(message)
 
-    def _on_state(self, message) -> None:
-        if (message.header.stamp.sec, message.header.stamp.nanosec) not in self._own_stamps:
+    def _on_state(self, message: MissionState) -> None:
+        if (message.header.stamp.sec, message.header.stamp.nanosec) not in self._stamps_of_own_states:
             self._other_mission_at = time.monotonic()
 
     def is_heard(self) -> bool:
         """Return whether somebody subscribes to the readings."""
-        return self._readings.get_subscription_count() > 0
+        return bool(self._readings.get_subscription_count() > 0)
 
     def has_other_mission(self) -> bool:
         """Return whether another node has just published on this mission/state."""
@@ -136,7 +143,7 @@ class Announcer:
         remark = f' ({self._remark})' if text and self._remark else self._remark
         return f'{text}{remark}'
 
-    def _stamp(self, header) -> None:
+    def _stamp(self, header: Header) -> None:
         header.stamp = self._node.get_clock().now().to_msg()
         header.frame_id = self._frame_id
 

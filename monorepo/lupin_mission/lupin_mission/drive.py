@@ -5,12 +5,17 @@ from typing import NamedTuple
 
 
 class Arrival(NamedTuple):
-    """The end of a drive: the robot stands at its goal, or the drive has failed."""
+    """
+    The end of a drive. `failure` is the reason why the robot is not at its goal, or '' if it is.
 
-    failure: str = ''  # why the robot is not at its goal; empty if it is
-    is_final: bool = False  # another attempt would fail too
-    needs_person: bool = False  # the mission keeps the tag, and pauses until somebody resumes it
-    is_stuck: bool = False  # the robot hardly moved
+    If the failure is final, another attempt would fail too. If it needs a person, the mission keeps the tag,
+    and pauses until somebody resumes it. A robot is stuck if it hardly moved.
+    """
+
+    failure: str = ''
+    is_final: bool = False
+    needs_person: bool = False
+    is_stuck: bool = False
 
 
 class Drive(ABC):
@@ -56,14 +61,14 @@ class SimulatedDrive(Drive):
         self._drive_seconds = drive_seconds
         self._arrival_seconds = 0.0
 
-    def start(self, tag_id, now_seconds, pose=1):  # noqa: ARG002
+    def start(self, tag_id: str, now_seconds: float, pose: int = 1) -> None:  # noqa: ARG002
         """Start to drive."""
         self.start_return(now_seconds)
 
-    def start_return(self, now_seconds):
+    def start_return(self, now_seconds: float) -> None:
         """Start to drive."""
         self._arrival_seconds = now_seconds + self._drive_seconds
 
-    def arrival(self, now_seconds):
+    def arrival(self, now_seconds: float) -> Arrival | None:
         """Return the arrival once the time has passed."""
         return Arrival() if now_seconds >= self._arrival_seconds else None

@@ -1,5 +1,7 @@
 """Convert between the mission's objects and the team's messages."""
 
+from typing import Any
+
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, Quaternion
 from lupin_greenhouse_bridge.contract import STATUS_NAMES
@@ -21,17 +23,13 @@ LIFECYCLE_STATES = {
     State.RETURNING: 'RETURNING',
     State.DONE: 'DONE',
 }
-LARGEST_COUNT = 2**16 - 1  # of a uint16
+LARGEST_UINT16 = 2**16 - 1
+# The other outcomes are failed scans.
 STATUSES = {
+    Outcome.OK: ObservationMessage.STATUS_OK,
     Outcome.SKIPPED: ObservationMessage.STATUS_SKIPPED,
     Outcome.UNREACHABLE: ObservationMessage.STATUS_UNREACHABLE,
-}  # of an outcome that is not a failed scan
-COUNTS = {
-    'completed': {Outcome.OK},
-    'skipped': {Outcome.SKIPPED},
-    'unreachable': {Outcome.UNREACHABLE},
-    'failed': {*Outcome} - {Outcome.OK, Outcome.SKIPPED, Outcome.UNREACHABLE},
-}  # of MissionState
+}
 REFUSALS = {outcome.value: outcome for outcome in (Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR)}
 
 
@@ -45,13 +43,13 @@ def reading_of(message: TagReading) -> Reading:
     )
 
 
-def accept_response(mission: Mission, request: Request, response) -> bool:
+def accept_response(mission: Mission, request: Request, response: Any) -> bool:
     """Pass the response to a request to its mission; return False if the mission no longer waits for it."""
     if request.service is Service.CONFIRM:
         return mission.on_confirmation(request.number, response.detected, response.error_message)
     if response.status == GetTagReading.Response.STATUS_OK:
         return mission.on_reading(request.number, reading_of(response.reading))
-    outcome = REFUSALS.get(STATUS_NAMES.get(response.status), Outcome.BAD_READING)
+    outcome = REFUSALS.get(STATUS_NAMES.get(response.status, ''), Outcome.BAD_READING)
     return mission.on_refusal(request.number, outcome, response.error_message)
 
 
@@ -67,25 +65,29 @@ def observation_message(
     message = ObservationMessage(
         kind=ObservationMessage.KIND_TAG_READING, mission_id=mission_id, source=MISSION_TYPE
     )
-    message.tag_pose_in_map = message.flower.pose.pose = message.anomaly.pose.pose = pose_at(None)
-    if observation.outcome is not Outcome.OK:
-        message.status = STATUSES.get(observation.outcome, ObservationMessage.STATUS_SCAN_FAILED)
+    message.flower.pose.pose = message.anomaly.pose.pose = pose_at(None)
+    message.status = STATUSES.get(observation.outcome, ObservationMessage.STATUS_SCAN_FAILED)
+    if observation.reading:
+        message.status_detail = f'read from pose {observation.pose}' if observation.pose > 1 else ''
+        message.tag_reading = tag_reading_message(observation.reading)
+        message.tag_pose_in_map = pose_at(position)
+    else:
         tag = f'tag {observation.tag_id}: '
-        detail = observation.detail.removeprefix(tag)  # the camera begins with it too
+        detail = observation.detail.removeprefix(tag)  # The camera's reply begins with the tag too.
         message.status_detail = f'{tag}{observation.outcome.value}: {detail}'
-        return message
-    message.status = ObservationMessage.STATUS_OK
-    message.status_detail = f'read from pose {observation.pose}' if observation.pose > 1 else ''
-    reading, stamp = observation.reading, Time()
-    stamp.sec, stamp.nanosec = reading.stamp
-    message.tag_reading = TagReading(
-        tag_id=observation.tag_id,
-        stamp=stamp,
+        message.tag_pose_in_map = pose_at(None)
+    return message
+
+
+def tag_reading_message(reading: Reading) -> TagReading:
+    """Return the message with these contents."""
+    seconds, nanoseconds = reading.stamp
+    return TagReading(
+        tag_id=reading.tag_id,
+        stamp=Time(sec=seconds, nanosec=nanoseconds),
         sim_time_of_day_seconds=reading.sim_time_of_day_seconds,
         readings=[SensorReading(name=name, value=value) for name, value in reading.values.items()],
     )
-    message.tag_pose_in_map = pose_at(position)
-    return message
 
 
 def pose_at(position: Point | None) -> Pose:
@@ -102,8 +104,13 @@ def state_message(mission: Mission | None, mission_id: str, lifecycle_if_none: s
         message.lifecycle_state = LIFECYCLE_STATES[mission.state]
         message.mission_phase = mission.phase
         message.current_target = mission.target or ''
-        message.targets_total = min(len(mission.tag_ids), LARGEST_COUNT)
-        for count, outcomes in COUNTS.items():
-            setattr(message, f'targets_{count}', min(mission.count(*outcomes), LARGEST_COUNT))
+        message.targets_total = min(len(mission.tag_ids), LARGEST_UINT16)
+        completed = mission.count(Outcome.OK)
+        skipped, unreachable = mission.count(Outcome.SKIPPED), mission.count(Outcome.UNREACHABLE)
+        failed = len(mission.outcomes) - completed - skipped - unreachable
+        message.targets_completed = min(completed, LARGEST_UINT16)
+        message.targets_skipped = min(skipped, LARGEST_UINT16)
+        message.targets_unreachable = min(unreachable, LARGEST_UINT16)
+        message.targets_failed = min(failed, LARGEST_UINT16)
         message.paused = mission.is_paused
     return message

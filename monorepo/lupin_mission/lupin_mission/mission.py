@@ -156,9 +156,6 @@ class Mission:
             return None
         return self._ask if self.state is State.INSPECTING else self._set_off
 
-    def _begin_attempts(self) -> None:
-        self._attempts = Attempts(self._active_seconds, self._limits.retry_delay_seconds)
-
     # The drives
 
     def _drive_on(self) -> None:
@@ -174,9 +171,8 @@ class Mission:
     def _depart(self, state: State) -> None:
         """Set off now, or after the pause."""
         self.state = state
-        self._visit.phase = Phase.NAVIGATING
         self._is_under_way = False
-        self._begin_attempts()
+        self._turn_to(Phase.NAVIGATING)
         if not self.is_paused:
             self._set_off()
 
@@ -358,15 +354,15 @@ class Mission:
             self._close(Outcome.SKIPPED, detail)
         self._dwell_end = self._active_seconds
 
-    def count(self, *outcomes: Outcome) -> int:
-        """Return the number of tags with one of these outcomes."""
-        return sum(outcome in outcomes for outcome in self.outcomes.values())
+    def count(self, outcome: Outcome) -> int:
+        """Return the number of tags with this outcome."""
+        return list(self.outcomes.values()).count(outcome)
 
     # The requests and their replies
 
     def _turn_to(self, phase: Phase) -> None:
         self._visit.phase = phase
-        self._begin_attempts()
+        self._attempts = Attempts(self._active_seconds, self._limits.retry_delay_seconds)
 
     def _ask(self) -> None:
         self._visit.requests += 1

@@ -11,7 +11,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+from builtin_interfaces.msg import Time
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.runtime.output import print_line
@@ -22,7 +24,7 @@ from lupin_greenhouse_bridge.simulator.layout import natural_order
 from lupin_msgs.srv import StartMission
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
@@ -35,7 +37,7 @@ from lupin_mission.messages import MISSION_TYPE, accept_response
 from lupin_mission.mission import Mission, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.planner import Drives, Planner
-from lupin_mission.report import Report, ReportError, last_observation_of_each_tag, summary_table
+from lupin_mission.report import Report, ReportError, read_tags, summary_table
 from lupin_mission.settings import WITHOUT_EFFECT, Settings
 from lupin_mission.tag_positions import TagPositions
 from lupin_mission.tags import Tags
@@ -46,7 +48,6 @@ ALL_READ, SOME_NOT_READ, REFUSED, NOT_WRITTEN = 0, 1, 2, NO_OUTPUT
 NODE_NAME = 'mission_orchestrator'
 STEP_SECONDS = 0.02
 LONGEST_STOP_SECONDS = 2.0
-SIMULATED = 'simulated drive'  # what observations and events say where no robot moves
 NOT_KNOWN_YET = 'the tags are not known yet: start the bridge'
 OTHER_MISSION = 'another mission publishes mission/state: end it, or give one of them a namespace'
 ALREADY_RETURNING = (True, 'already returning to dock')
@@ -67,12 +68,12 @@ class MissionNode(Node):
     No callback blocks. One mission runs at a time. It starts when mission/start is called, or immediately.
     """
 
-    # ROS destroys a node whose constructor raised, too.
-    _drive: Drive | None = None
-    _planner: Planner | None = None  # of Nav2's drives
+    # ROS also destroys a node whose constructor has raised.
+    _drive: Drive = SimulatedDrive(0.0)
+    _planner: Planner | None = None
     report: Report | None = None
 
-    def __init__(self):
+    def __init__(self) -> None:
         """Open the report and start; raises StartUpError and ReportError."""
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
@@ -83,30 +84,27 @@ class MissionNode(Node):
             confirm_service=settings.visual_confirmation_service,
             read_service=settings.bridge_service_name,
         )
-        self.tag_ids: list[str] = []  # of the mission
+        self.tag_ids: list[str] = []
         self.mission: Mission | None = None
-        self._report_fault = ''  # why the report is lost; the mission ends then
+        self._report_fault = ''
         if not settings.wait_for_start:
             self.report = self._open_report('')
         self._mission_id = ''
-        self._started_at = None
-        self._start_deadline: float | None = None  # of a mission that is due
+        self._started_at: Time | None = None
+        self._deadline_for_subscriber: float | None = None
         self._is_estop_engaged = False
         self._is_ending = False
-        self._stop_deadline: float | None = None  # once the robot is told to stop
-        self._announcer = Announcer(
-            self,
-            settings.observations_topic,
-            settings.frame_id,
-            remark='' if settings.drive == 'nav2' else SIMULATED,
-        )
-        self._drive = SimulatedDrive(settings.drive_seconds)
-        if settings.drive == 'nav2':
+        self._stop_deadline: float | None = None
+        is_simulated = settings.drive == 'simulated'
+        remark = 'simulated drive' if is_simulated else ''
+        self._announcer = Announcer(self, settings.observations_topic, settings.frame_id, remark)
+        if is_simulated:
+            self._drive = SimulatedDrive(settings.drive_seconds)
+            self.get_logger().info('the drive is simulated, so no robot moves: set drive:=nav2 on a robot')
+        else:
             self._drive = Nav2Drive(self, settings, self.note)
             self._planner = Planner(self, settings, self._tags)
-        else:
-            self.get_logger().info('the drive is simulated, so no robot moves: set drive:=nav2 on a robot')
-        self._first_plan: Future | None = None  # tells early what is wrong, once the tags are known
+        self._first_plan: Future[Drives] | None = None
         for name, verb, operate in (
             ('pause', 'pause', Mission.pause),
             ('resume', 'resume', Mission.resume),
@@ -115,11 +113,11 @@ class MissionNode(Node):
         ):
             self.create_service(Trigger, f'mission/{name}', partial(self._trigger, verb, operate))
         self.create_service(Trigger, 'mission/dock', self._dock)
-        # A group of its own: it waits for the plan, and nothing waits for it.
-        alone = MutuallyExclusiveCallbackGroup()
-        self.create_service(StartMission, 'mission/start', self._start, callback_group=alone)
+        # mission/start waits for the plan, and no other callback may wait for mission/start.
+        own_group = MutuallyExclusiveCallbackGroup()
+        self.create_service(StartMission, 'mission/start', self._start, callback_group=own_group)
         self.create_subscription(Bool, settings.estop_topic, self._on_estop, QoSProfile(depth=10))
-        clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it
+        clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it.
         self.create_timer(1.0 / settings.state_publish_rate_hz, self._publish_state, clock=clock)
         self.create_timer(STEP_SECONDS, self._step, clock=clock)
         has_service = partial(self._transport.is_available, Service.READ)
@@ -140,30 +138,30 @@ class MissionNode(Node):
 
     def farewell(self) -> None:
         """Stop the robot, and publish the state once more; wait for both, with timeouts."""
-        self._stop_robot(self.executor)
+        if self.executor:
+            self._stop_robot(self.executor)
         self._publish_state()
         self._announcer.wait_for_subscribers()
 
-    def _stop_robot(self, executor) -> None:
-        """Give up the drive for good, and wait until the robot has, with a timeout."""
+    def _stop_robot(self, executor: Executor) -> None:
+        """Give up the drive, and wait for its end. farewell() and destroy_node() share the timeout."""
         self._is_ending = True
         self._drive.stop()
-        if self._stop_deadline is None:  # farewell() and destroy_node() share the time
+        if self._stop_deadline is None:
             self._stop_deadline = time.monotonic() + LONGEST_STOP_SECONDS
         while not self._drive.is_over() and time.monotonic() < self._stop_deadline:
             executor.spin_once(timeout_sec=STEP_SECONDS)
 
     def destroy_node(self) -> None:
         """Stop the robot, whatever ended the mission, and close the report, so that it can be continued."""
-        if self._drive and not self._drive.is_over():
-            executor = SingleThreadedExecutor(context=self.context)  # that of run() is closed
+        if not self._drive.is_over():
+            executor = SingleThreadedExecutor(context=self.context)  # The executor of run() is closed.
             executor.add_node(self)
-            with contextlib.suppress(OneLineError):  # the first one has been logged
+            with contextlib.suppress(OneLineError):  # The first error has been logged.
                 self._stop_robot(executor)
             executor.shutdown(timeout_sec=0)
-        if self._drive:
-            self._drive.close()
-            self._drive = None
+        self._drive.close()
+        self._drive = SimulatedDrive(0.0)
         if self._planner:
             self._planner.close()
         if self.report:
@@ -174,26 +172,27 @@ class MissionNode(Node):
     # The mission
 
     def _on_tags(self) -> None:
-        """Start the mission, unless it waits for mission/start."""
+        """Start the mission once it has a subscriber, unless it waits for mission/start."""
         self.note(f'{pluralized(len(self._chosen_ids()), "tag")} known', Severity.INFO)
         self._on_tag_positions()
         if not self._settings.wait_for_start:
-            self._start_deadline = time.monotonic() + self._settings.dependency_timeout_s
+            self._deadline_for_subscriber = time.monotonic() + self._settings.dependency_timeout_s
 
-    def _begin_when_heard(self) -> None:
-        """Start the mission that is due, unless it waits for a subscriber of its readings."""
+    def _begin_when_heard(self, deadline: float) -> None:
+        """Start the mission, unless it waits for a subscriber of its readings until this time."""
         if self._settings.wait_for_subscriber and not self._announcer.is_heard():
-            if time.monotonic() < self._start_deadline:
+            if time.monotonic() < deadline:
                 return
             event = 'mission/readings has no subscriber: the mission starts without one'
             self.note(event, Severity.WARN)
-        self._start_deadline = None
-        self.executor.create_task(
-            self._plan_and_begin, self._new_mission_id(), self._chosen_ids(), self.report
-        )
+        self._deadline_for_subscriber = None
+        if self.executor:
+            self.executor.create_task(
+                self._plan_and_begin, self._new_mission_id(), self._chosen_ids(), self.report
+            )
 
     def _on_tag_positions(self) -> None:
-        """Plan the drives."""
+        """Plan the drives: the first plan shows early what is wrong with the settings."""
         self._positions.in_layout = self._tags.positions_m
         if self._settings.has_poses_in_map and not self._tags.positions_m:
             event = "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file"
@@ -201,15 +200,17 @@ class MissionNode(Node):
         if self._planner:
             self._first_plan = self._planner.plan(self._chosen_ids())
 
-    def _take_plans(self) -> None:
+    def _take_plans(self, planner: Planner) -> None:
         """Complete what has been planned; raises StartUpError for a first plan that failed."""
-        self._planner.poll()
+        planner.poll()
         if self._first_plan and self._first_plan.done():
             first, self._first_plan = self._first_plan, None
-            self._take(first.result())
+            if drives := first.result():
+                self._take(drives)
 
     def _take(self, drives: Drives) -> None:
-        self._drive.goals, self._drive.unreachable = drives.goals, drives.unreachable
+        if isinstance(self._drive, Nav2Drive):
+            self._drive.goals, self._drive.unreachable = drives.goals, drives.unreachable
         for warning in drives.warnings:
             self.note(warning, Severity.WARN)
 
@@ -219,13 +220,14 @@ class MissionNode(Node):
 
     async def _plan_and_begin(self, mission_id: str, tag_ids: list[str], report: Report | None) -> None:
         """Visit the tags that have no reading in the report; raises StartUpError and ReportError."""
-        found = last_observation_of_each_tag(report.observations if report else ())
-        to_visit = [tag for tag in tag_ids if tag not in found or found[tag].outcome is not Outcome.OK]
+        read_before = read_tags(report.observations) if report else set()
+        to_visit = [tag_id for tag_id in tag_ids if tag_id not in read_before]
         if self._planner:
             robot = self._positions.robot_position
-            drives = await self._planner.plan_mission(to_visit, robot and (robot.x, robot.y))
-            self._take(drives)
-            to_visit = drives.tag_ids
+            robot_m = (robot.x, robot.y) if robot else None
+            if drives := await self._planner.plan_mission(to_visit, robot_m):
+                self._take(drives)
+                to_visit = drives.tag_ids
         if not report:
             report = self._open_report(mission_id)
             if self.report:
@@ -242,19 +244,17 @@ class MissionNode(Node):
             require_visual_confirmation=self._settings.require_visual_confirmation,
             returns_to_dock=bool(self._settings.dock),
         )
-        read_before = len(tag_ids) - len(to_visit)
-        self._announcer.started(
-            f'{pluralized(len(to_visit), "tag")} to visit, {read_before} read before; report: {report.path}'
-        )
+        count = f'{pluralized(len(to_visit), "tag")} to visit, {len(tag_ids) - len(to_visit)} read before'
+        self._announcer.started(f'{count}; report: {report.path}')
         if self._is_estop_engaged:
             self.mission.engage_estop()
         self.mission.start(time.monotonic())
 
     def _step(self) -> None:
         if self._planner:
-            self._take_plans()
-        if self._start_deadline is not None:
-            self._begin_when_heard()
+            self._take_plans(self._planner)
+        if self._deadline_for_subscriber is not None:
+            self._begin_when_heard(self._deadline_for_subscriber)
         if self.mission is None or self._is_ending or self._tags.is_waiting_for_tags():
             return
         if not self.mission.is_paused:
@@ -268,24 +268,25 @@ class MissionNode(Node):
             self.mission, self._mission_id, idle, self._started_at, is_estop_engaged=self._is_estop_engaged
         )
 
-    # What the mission needs of the world
+    # The MissionPorts of the mission
 
     def send(self, request: Request) -> None:
         """Send a request as soon as its service is available. The mission handles the timeout."""
-        self._transport.send(request, partial(self._on_response, self.mission, request))
+        if self.mission:
+            self._transport.send(request, partial(self._on_response, self.mission, request))
 
     def abandon(self, request: Request) -> Outcome:
         """Forget a request; a late reply is ignored."""
         return self._transport.abandon(request)
 
-    def _on_response(self, mission: Mission, request: Request, response) -> None:
+    def _on_response(self, mission: Mission, request: Request, response: Any) -> None:
         if not accept_response(mission, request, response):
             self.note(f'ignored a late reply for tag {request.tag_id!r}', Severity.WARN)
         self._step()
 
     def record(self, observation: Observation) -> None:
         """Write an observation to the report, publish it and the state, and log it."""
-        if self._report_fault:
+        if self._report_fault or not self.report:
             return
         drive = '' if self._settings.drive == 'nav2' else self._settings.drive
         try:
@@ -315,17 +316,28 @@ class MissionNode(Node):
 
     # What people ask of the mission
 
-    def _on_estop(self, message) -> None:
+    def _on_estop(self, message: Bool) -> None:
         """Stop the robot immediately; after a release, it does not move until resume()."""
         if message.data == self._is_estop_engaged:
             return
         self._is_estop_engaged = message.data
-        if self.mission:
-            (self.mission.engage_estop if message.data else self.mission.release_estop)()
-        event = 'engaged' if message.data else 'released: call mission/resume to go on'
-        self.note(f'e-stop {event}', Severity.WARN)  # after the pause, which is an event too
+        # The note follows the pause, which is an event too.
+        if message.data:
+            if self.mission:
+                self.mission.engage_estop()
+            self.note('e-stop engaged', Severity.WARN)
+        else:
+            if self.mission:
+                self.mission.release_estop()
+            self.note('e-stop released: call mission/resume to go on', Severity.WARN)
 
-    def _trigger(self, verb: str, operate: Callable[[Mission], bool], _request, response):
+    def _trigger(
+        self,
+        verb: str,
+        operate: Callable[[Mission], bool],
+        _request: Trigger.Request,
+        response: Trigger.Response,
+    ) -> Trigger.Response:
         response.success = bool(self.mission and operate(self.mission))
         response.message = f'{verb}: done' if response.success else f'there is nothing to {verb}'
         if operate is Mission.resume and self._is_estop_engaged:
@@ -333,17 +345,20 @@ class MissionNode(Node):
         self._step()
         return response
 
-    def _dock(self, _request, response):
+    def _dock(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         state = self.mission.state if self.mission else State.READY
         if state in REPLIES_WITHOUT_DOCKING:
             response.success, response.message = REPLIES_WITHOUT_DOCKING[state]
+        elif self.mission and self.mission.dock():
+            response.success, response.message = True, 'heading to dock'
         else:
-            response.success = self.mission.dock()
-            response.message = 'heading to dock' if response.success else 'there is no dock: set dock_pose'
+            response.success, response.message = False, 'there is no dock: set dock_pose'
         self._step()
         return response
 
-    async def _start(self, request, response):
+    async def _start(
+        self, request: StartMission.Request, response: StartMission.Response
+    ) -> StartMission.Response:
         mission_id = self._new_mission_id()
         reason = self._reason_against(request)
         if not reason:
@@ -362,7 +377,7 @@ class MissionNode(Node):
         prefix = self._settings.mission_id_prefix
         return f'{prefix}-{time.strftime("%Y%m%dT%H%M%S")}-{uuid.uuid4().hex[:6]}'
 
-    def _reason_against(self, request) -> str:
+    def _reason_against(self, request: StartMission.Request) -> str:
         """Return why a mission cannot be started as requested; '' if it can."""
         is_running = bool(self.mission and self.mission.state is not State.DONE)
         shown = escaped(request.mission_type, 40)
@@ -389,7 +404,7 @@ class MissionNode(Node):
         return ''
 
 
-def main(args=None):
+def main(args: list[str] | None = None) -> int:
     """Run the mission; exit code 0: all tags read, 1: some not, 2: start-up error, 4: output not written."""
     return run(NODE_NAME, MissionNode, args, is_done=MissionNode.is_done, conclude=_conclude, refused=REFUSED)
 
@@ -404,6 +419,5 @@ def _conclude(node: MissionNode) -> int:
     print_line(summary_table(observations, node.tag_ids))
     if is_lost:
         return NOT_WRITTEN
-    found = last_observation_of_each_tag(observations)
-    all_read = all(tag in found and found[tag].outcome is Outcome.OK for tag in node.tag_ids)
-    return ALL_READ if node.tag_ids and all_read else SOME_NOT_READ
+    are_all_read = read_tags(observations).issuperset(node.tag_ids)
+    return ALL_READ if node.tag_ids and are_all_read else SOME_NOT_READ

@@ -54,7 +54,7 @@ class Settings:
     )
     map_frame: str = parameter('map', 'The frame of the poses, and of the headers of all messages.')
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_parameters(self)
         if self.tag_file and not self.layout_in_map:
             raise StartUpError('parameter tag_file has no effect without layout_in_map: set both')
@@ -71,7 +71,7 @@ class Settings:
 class PassiveObserver(Node):
     """Publishes an observation of each reading, with the position of the tag or of the robot."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         """Read the layout and subscribe; raises StartUpError."""
         super().__init__(NODE_NAME)
         settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
@@ -89,10 +89,10 @@ class PassiveObserver(Node):
             f'ready: readings from {readings.topic_name}, observations on {self._observations.topic_name}'
         )
 
-    def _on_state(self, message) -> None:
+    def _on_state(self, message: MissionState) -> None:
         self._lifecycle_state = message.lifecycle_state
 
-    def _on_reading(self, reading) -> None:
+    def _on_reading(self, reading: TagReading) -> None:
         if self._lifecycle_state in BUSY_STATES and self._has_mission():
             return
         if fault := fault_of_reading(reading):
@@ -116,6 +116,6 @@ class PassiveObserver(Node):
         return self.count_publishers(self._states.topic_name) > 0
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Publish until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return run(NODE_NAME, PassiveObserver, args)

@@ -2,13 +2,15 @@
 
 import os
 import sys
+from typing import TextIO
 
 
 class ProgressLine:
     """Shows a text in the last line of a terminal, where it replaces the previous text."""
 
-    def __init__(self, stream=sys.stdout):
-        self._stream = stream if stream and stream.isatty() else None  # none: it was closed
+    def __init__(self, stream: TextIO | None = sys.stdout):
+        """Write to this stream, which is None if it was closed before Python started."""
+        self._stream = stream if stream and stream.isatty() else None
         self._text = ''
 
     def show(self, text: str) -> None:

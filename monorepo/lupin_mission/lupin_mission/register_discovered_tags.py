@@ -14,14 +14,15 @@ from lupin_greenhouse_bridge.planning.register_layout import (
     spin_until,
 )
 from lupin_msgs.msg import DiscoveredTags
+from rclpy.executors import Executor
 
 from lupin_mission.tag_positions import discovered_positions
 
 NAME = 'register_discovered_tags'
-FEWEST_TAGS = 4  # with fewer, none can be left out
+FEWEST_TAGS = 4  # With fewer, no outlier can be left out.
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Wait for the tags, fit and write; return the exit code of register_layout."""
     parser = argparse.ArgumentParser(
         prog=NAME,
@@ -39,7 +40,7 @@ def main(args=None) -> int:
     return run_registration(parser, _register, args)
 
 
-def _register(executor, options) -> None:
+def _register(executor: Executor, options: argparse.Namespace) -> None:
     layout = layout_of(options)
     if not 2 <= options.tags <= len(layout.tags):
         raise UsageError(

@@ -8,10 +8,12 @@ import stat
 from collections.abc import Iterable
 from pathlib import Path
 
-from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, parse_report
+from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading, parse_report
 from lupin_greenhouse_bridge.errors import OneLineError, escaped
 from lupin_greenhouse_bridge.runtime.output import aligned_table
 from lupin_greenhouse_bridge.units import clock_time, sensor_order, unit_of, value_text
+
+SEEN = {True: 'yes', False: 'no', None: ''}
 
 
 class ReportError(OneLineError):
@@ -35,7 +37,7 @@ class Report:
             reason = getattr(error, 'strerror', error)
             raise ReportError(f"report_file '{path}': {reason}: name a file that can be written") from error
         try:
-            if not stat.S_ISREG(os.fstat(self._file).st_mode):  # /dev/zero is endless
+            if not stat.S_ISREG(os.fstat(self._file).st_mode):  # /dev/zero is endless.
                 raise OSError(errno.EINVAL, 'it is not a regular file')
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             content = self.path.read_bytes()
@@ -57,12 +59,12 @@ class Report:
         """Append one observation and wait until it is on the disk; raises ReportError."""
         line = f'{observation.to_line()}\n'.encode()
         try:
-            os.ftruncate(self._file, self._size)  # what a write that failed has left
+            os.ftruncate(self._file, self._size)  # Removes what a write that failed has left.
             if os.write(self._file, line) != len(line):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(self._file)
         except OSError as error:
-            with contextlib.suppress(OSError):  # the next line, or the next mission, removes it too
+            with contextlib.suppress(OSError):  # The next line, or the next mission, removes it too.
                 os.ftruncate(self._file, self._size)
             raise ReportError(f"report_file '{self.path}': {error.strerror}") from error
         self._size += len(line)
@@ -85,40 +87,43 @@ def last_observation_of_each_tag(observations: Iterable[Observation]) -> dict[st
     return {each.tag_id: each for each in observations}
 
 
+def read_tags(observations: Iterable[Observation]) -> set[str]:
+    """Return the ids of the tags that have a reading."""
+    last = last_observation_of_each_tag(observations)
+    return {tag_id for tag_id, each in last.items() if each.outcome is Outcome.OK}
+
+
 def summary_table(observations: Iterable[Observation], tag_ids: Iterable[str]) -> str:
     """Return a table, one row for each of `tag_ids`, and a last line such as `29/29 tags read`."""
-    found = last_observation_of_each_tag(observations)
     tag_ids = list(tag_ids)
-    names = {name for each in found.values() if each.reading for name in each.reading.values}
+    last = last_observation_of_each_tag(observations)
+    found = [last.get(tag_id) for tag_id in tag_ids]
+    readings = [each.reading if each else None for each in found]
+    names = {name for each in last.values() if each.reading for name in each.reading.values}
     sensors = sorted(names, key=sensor_order)
-    seen = ['seen'] if any(each.seen is not None for each in found.values()) else []  # by the camera
-    rows = [
-        ('tag', 'sim time', *sensors, *seen, 'outcome'),
-        ('', 'h:min', *(unit_of(name) for name in sensors), *('' for _ in seen), ''),
+    columns = [
+        ['tag', '', *(escaped(tag_id, 40) for tag_id in tag_ids)],
+        [
+            'sim time',
+            'h:min',
+            *(clock_time(each.sim_time_of_day_seconds) if each else '' for each in readings),
+        ],
+        *([name, unit_of(name), *(_value(name, each) for each in readings)] for name in sensors),
     ]
-    for tag_id in tag_ids:
-        observation = found.get(tag_id)
-        reading = observation and observation.reading
-        rows.append(
-            (
-                escaped(tag_id, 40),
-                clock_time(reading.sim_time_of_day_seconds) if reading else '',
-                *(
-                    value_text(name, reading.values[name]) if reading and name in reading.values else ''
-                    for name in sensors
-                ),
-                *(_SEEN[observation.seen if observation else None] for _ in seen),
-                _outcome_text(observation) if observation else 'not visited',
-            )
-        )
-    lines = aligned_table(rows, range(1, len(sensors) + 2))
-    read = sum(tag_id in found and found[tag_id].outcome is Outcome.OK for tag_id in tag_ids)
-    return '\n'.join([*lines, f'{read}/{len(tag_ids)} tags read'])
+    if any(each.seen is not None for each in last.values()):
+        columns.append(['seen', '', *(SEEN[each.seen if each else None] for each in found)])
+    columns.append(['outcome', '', *map(_outcome, found)])
+    lines = aligned_table(list(zip(*columns, strict=True)), range(1, len(sensors) + 2))
+    read = read_tags(last.values()).intersection(tag_ids)
+    return '\n'.join([*lines, f'{len(read)}/{len(tag_ids)} tags read'])
 
 
-_SEEN = {True: 'yes', False: 'no', None: ''}
+def _value(sensor: str, reading: Reading | None) -> str:
+    return value_text(sensor, reading.values[sensor]) if reading and sensor in reading.values else ''
 
 
-def _outcome_text(observation: Observation) -> str:
+def _outcome(observation: Observation | None) -> str:
+    if observation is None:
+        return 'not visited'
     pose = f'from pose {observation.pose}' if observation.reading and observation.pose > 1 else ''
     return ' '.join(filter(None, (observation.outcome.value, pose, escaped(observation.detail, 200))))

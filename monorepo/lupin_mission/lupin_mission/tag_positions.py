@@ -5,18 +5,23 @@ import math
 from geometry_msgs.msg import Point, PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_msgs.msg import DiscoveredTags
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 
 class TagPositions:
-    """Subscribes to `perception/discovered_tags` and to the pose of the robot."""
+    """
+    Subscribes to `perception/discovered_tags` and to the pose of the robot.
 
-    def __init__(self, node, frame_id: str, amcl_pose_topic: str = 'amcl_pose'):
+    The positions `in_layout`, x and y in the map by tag id, take precedence.
+    """
+
+    def __init__(self, node: Node, frame_id: str, amcl_pose_topic: str = 'amcl_pose'):
         """Subscribe; messages in another frame are ignored."""
         self._frame_id = frame_id
-        self.in_layout: dict[str, tuple[float, float]] = {}  # x and y in the map; they take precedence
-        self._discovered: dict[str, Point] = {}  # by tag id
-        self.robot_position: Point | None = None  # until it is known
+        self.in_layout: dict[str, tuple[float, float]] = {}
+        self._discovered: dict[str, Point] = {}
+        self.robot_position: Point | None = None
         node.create_subscription(DiscoveredTags, 'perception/discovered_tags', self._on_tags, latched())
         # AMCL latches its pose, other localisers do not. Either subscription alone would miss something.
         for qos in (latched(), QoSProfile(depth=1)):
@@ -29,22 +34,21 @@ class TagPositions:
             return Point(x=x, y=y)
         return self._discovered.get(tag_id, self.robot_position)
 
-    def _on_tags(self, message) -> None:
+    def _on_tags(self, message: DiscoveredTags) -> None:
         if message.header.frame_id == self._frame_id:
             self._discovered = discovered_positions(message)
 
-    def _on_pose(self, message) -> None:
+    def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
         if message.header.frame_id == self._frame_id and is_finite(message.pose.pose.position):
             self.robot_position = message.pose.pose.position
 
 
 def discovered_positions(message: DiscoveredTags) -> dict[str, Point]:
-    """Return the position of each tag, by tag id, if it is set and finite."""
-    poses = {tag.tag_id: tag.pose_in_map for tag in message.tags}
+    """Return the position of each tag, by tag id, if it is finite, and set: w is 0 in an unset pose."""
     return {
-        tag_id: pose.position
-        for tag_id, pose in poses.items()
-        if pose.orientation.w != 0.0 and is_finite(pose.position)  # 0: never populated
+        tag.tag_id: tag.pose_in_map.position
+        for tag in message.tags
+        if tag.pose_in_map.orientation.w != 0.0 and is_finite(tag.pose_in_map.position)
     }
 
 

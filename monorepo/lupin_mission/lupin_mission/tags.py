@@ -4,6 +4,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from lupin_greenhouse_bridge.contract import (
     has_tag_file,
@@ -17,6 +18,8 @@ from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import Layout, read_layout
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.task import Future
 
 from lupin_mission.settings import Settings
 from lupin_mission.transport import create_client
@@ -24,25 +27,25 @@ from lupin_mission.world import read_world
 
 ASK_EVERY_SECONDS = 0.1
 MOST_PENDING_REQUESTS = 50  # A busy bridge may reply late, and DDS may have dropped any of them.
-LONGEST_WITHOUT_PARAMETERS_SECONDS = 5.0  # while the service itself is there
+LONGEST_WITHOUT_PARAMETERS_SECONDS = 5.0
 
 
 class Tags:
-    """The tags of the greenhouse, and their positions in the map, once they are known."""
+    """The ids of the tags, and their x and y in the map by tag id; both are empty until they are known."""
 
     def __init__(self, settings: Settings):
         """Read the files of the settings; raises StartUpError."""
-        self.ids: list[str] = []  # of the greenhouse; empty until they are known
-        self.positions_m: dict[str, tuple[float, float]] = {}  # in the map
-        self._tag_file: str | Path | None = None  # once the tags are known
+        self.ids: list[str] = []
+        self.positions_m: dict[str, tuple[float, float]] = {}
+        self._tag_file: str | Path | None = None
         self.layout_in_map = Transform()
         if settings.layout_in_map:
             self.layout_in_map = read_transform(settings.layout_in_map, settings.frame_id)
-        self._client = None  # of the bridge's parameters
-        self._requests: deque = deque()  # to the bridge, that wait for a reply
-        self._is_settled = False  # the bridge has replied, or has no parameters
-        self._reply_deadline: float | None = None  # once the bridge is there
-        self._parameters_deadline: float | None = None  # once the service is there without them
+        self._parameters_client: Any = None
+        self._pending_requests: deque[Any] = deque()
+        self._is_settled = False  # The bridge has replied, or has no parameters.
+        self._reply_deadline: float | None = None
+        self._parameters_deadline: float | None = None
         self._settings = settings
         self._world = read_world(settings.world_file) if settings.world_file else {}
         if self._world:
@@ -62,7 +65,7 @@ class Tags:
 
     def find(
         self,
-        node,
+        node: Node,
         has_service: Callable[[], bool],
         on_found: Callable[[], None],
         on_positions_lost: Callable[[], None],
@@ -82,25 +85,24 @@ class Tags:
         self._node, self._has_service = node, has_service
         self._on_tags = on_positions_lost if is_given else on_found
         service = parameter_service_of(node.resolve_service_name(self._settings.bridge_service_name))
-        self._client = create_client(node, GetParameters, service)
+        self._parameters_client = create_client(node, GetParameters, service)
         self._deadline = time.monotonic() + self._settings.dependency_timeout_s
         if not is_given:
-            node.get_logger().info(f'waiting for the tags of {self._client.srv_name}')
-        # Monotonic: use_sim_time does not affect it.
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
+            node.get_logger().info(f'waiting for the tags of {self._parameters_client.srv_name}')
+        clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it.
         self._timer = node.create_timer(ASK_EVERY_SECONDS, self._ask_the_bridge, clock=clock)
 
     def is_waiting_for_tags(self) -> bool:
         """Return whether the bridge was available, and may still reply that it has its own tag file."""
-        if self._is_settled or not self._client:
+        if self._is_settled or not self._parameters_client:
             return False
-        if self._reply_deadline is None and self._client.service_is_ready():
+        if self._reply_deadline is None and self._parameters_client.service_is_ready():
             self._reply_deadline = time.monotonic() + self._settings.dependency_timeout_s
         return self._reply_deadline is not None and time.monotonic() < self._reply_deadline
 
     def _ask_the_bridge(self) -> None:
         """Ask the bridge for its tags. Repeat the request, because DDS can drop an early one."""
-        service, is_over = self._client.srv_name, time.monotonic() >= self._deadline
+        service, is_over = self._parameters_client.srv_name, time.monotonic() >= self._deadline
         if self._is_settled:
             self._timer.cancel()
         elif is_over and not (self.has_tags_to_visit() or self._settings.wait_for_start):
@@ -108,15 +110,15 @@ class Tags:
                 f'{service} did not return the tags within {self._settings.dependency_timeout_s:g} s:'
                 ' start the bridge, or set tag_sequence or tag_locations_file'
             )
-        elif self._client.service_is_ready():
-            if len(self._requests) == MOST_PENDING_REQUESTS:
-                self._client.remove_pending_request(self._requests.popleft())
-            self._requests.append(self._client.call_async(tag_ids_request()))
-            self._requests[-1].add_done_callback(self._on_reply)
+        elif self._parameters_client.service_is_ready():
+            if len(self._pending_requests) == MOST_PENDING_REQUESTS:
+                self._parameters_client.remove_pending_request(self._pending_requests.popleft())
+            self._pending_requests.append(self._parameters_client.call_async(tag_ids_request()))
+            self._pending_requests[-1].add_done_callback(self._on_reply)
         elif self._has_no_parameters():
             self._take_shipped(f'no node offers {service}', self._node.get_logger().warning)
 
-    def _on_reply(self, future) -> None:
+    def _on_reply(self, future: 'Future[Any]') -> None:
         response = future.result()
         if self._is_settled:
             return
@@ -126,15 +128,15 @@ class Tags:
             reason = f'the node of {self._settings.bridge_service_name} does not list its tags'
             self._take_shipped(reason, self._node.get_logger().info)
 
-    def _take_shipped(self, reason: str, log: Callable[[str], None]) -> None:
+    def _take_shipped(self, reason: str, log: Callable[[str], Any]) -> None:
         """Take the tags that mdp-greenhouse ships, if it is installed."""
         if shipped := shipped_file('tag_locations.json'):
             log(f'{reason}: using those of {shipped}')
             self._settle(list(read_layout(shipped, has_tables=False).tags), is_custom_file=False)
 
     def _settle(self, tag_ids: list[str], *, is_custom_file: bool) -> None:
-        while self._requests:
-            self._client.remove_pending_request(self._requests.popleft())
+        while self._pending_requests:
+            self._parameters_client.remove_pending_request(self._pending_requests.popleft())
         is_given = self.has_tags_to_visit()
         self.ids, self._is_settled = tag_ids, True
         if is_custom_file or not is_given:
@@ -142,7 +144,7 @@ class Tags:
             self._on_tags()
 
     def _has_no_parameters(self) -> bool:
-        """Return whether the service has been there for a while without the parameters of a bridge."""
+        """Return whether the reading service has been there for a while without the bridge's parameters."""
         if self._parameters_deadline is None and self._has_service():
             self._parameters_deadline = time.monotonic() + LONGEST_WITHOUT_PARAMETERS_SECONDS
         return self._parameters_deadline is not None and time.monotonic() >= self._parameters_deadline
@@ -154,7 +156,8 @@ class Tags:
         self.positions_m = {}
         if not self._settings.has_poses_in_map:
             return
-        layout = self._world
-        if not layout and self._tag_file:
-            layout = read_layout(self._tag_file, has_tables=False).tags
-        self.positions_m = {tag_id: self.layout_in_map.point(*tag[:2]) for tag_id, tag in layout.items()}
+        in_layout = self._world
+        if not in_layout and self._tag_file:
+            tags = read_layout(self._tag_file, has_tables=False).tags
+            in_layout = {tag_id: (tag.x, tag.y) for tag_id, tag in tags.items()}
+        self.positions_m = {tag_id: self.layout_in_map.point(*place) for tag_id, place in in_layout.items()}

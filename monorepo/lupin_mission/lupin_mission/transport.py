@@ -1,6 +1,7 @@
 """Carry the mission's requests to its two services, and the replies back. No call blocks."""
 
 from collections.abc import Callable
+from typing import Any
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.display.report_line import Outcome
@@ -8,11 +9,12 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 from rclpy.exceptions import InvalidServiceNameException
+from rclpy.node import Node
 
 from lupin_mission.visit import Request, Service
 
 
-def create_client(node, service_type, name: str):
+def create_client(node: Node, service_type: Any, name: str) -> Any:
     """Return a client for a service with many callers; raises StartUpError for an invalid name."""
     try:
         return node.create_client(service_type, name, qos_profile=SERVICE_QOS)
@@ -23,7 +25,7 @@ def create_client(node, service_type, name: str):
 class Transport:
     """Sends one request at a time."""
 
-    def __init__(self, node, *, confirm_service: str, read_service: str):
+    def __init__(self, node: Node, *, confirm_service: str, read_service: str):
         """Create the clients; raises StartUpError for an invalid name."""
         self._node = node
         self._logged_warnings: set[str] = set()
@@ -31,14 +33,14 @@ class Transport:
             Service.CONFIRM: create_client(node, ConfirmTag, confirm_service),
             Service.READ: create_client(node, GetTagReading, read_service),
         }
-        self._unsent: tuple[Request, Callable] | None = None  # until its service is there
-        self._future = None  # of the pending request
+        self._unsent: tuple[Request, Callable[[Any], None]] | None = None
+        self._future: Any = None
 
     def is_available(self, service: Service) -> bool:
         """Return whether a service is available."""
-        return self._clients[service].service_is_ready()
+        return bool(self._clients[service].service_is_ready())
 
-    def send(self, request: Request, on_response: Callable) -> None:
+    def send(self, request: Request, on_response: Callable[[Any], None]) -> None:
         """Send a request as soon as its service is available. The mission handles the timeout."""
         self._unsent = request, on_response
         self.send_when_ready()
@@ -52,15 +54,16 @@ class Transport:
             message = ConfirmTag.Request(expected_tag_id=request.tag_id)
         else:
             message = GetTagReading.Request(tag_id=request.tag_id)
-        warning = duplicate_server_warning(self._node, self._clients[request.service].srv_name)
+        client = self._clients[request.service]
+        warning = duplicate_server_warning(self._node, client.srv_name)
         if warning and warning not in self._logged_warnings:
             self._logged_warnings.add(warning)
             self._node.get_logger().warning(warning)
-        self._future = self._clients[request.service].call_async(message)
+        self._future = client.call_async(message)
         self._future.add_done_callback(lambda future: on_response(future.result()))
 
     def abandon(self, request: Request) -> Outcome:
-        """Forget a request, so that its late reply is ignored."""
+        """Forget a request, so that its late reply is ignored; return TIMEOUT or NO_SERVICE."""
         if self._unsent and self._unsent[0] is request:
             self._unsent = None
             return Outcome.NO_SERVICE

@@ -47,13 +47,13 @@ def read_world(world_file: str) -> dict[str, tuple[float, float]]:
         positions[number] = (x, y)
     if not positions:
         raise StartUpError(f'{where} has no model tag_<id>: use a world made by generate_world')
-    in_order = sorted(positions, key=lambda number: (len(number), number))  # int() refuses 5,000 digits
+    in_order = sorted(positions, key=lambda number: (len(number), number))  # int() refuses 5,000 digits.
     return {number: positions[number] for number in in_order}
 
 
 def _content(path: Path, where: str) -> bytes:
     status = path.stat()
-    if not stat.S_ISREG(status.st_mode):  # a pipe would wait, and /dev/zero is endless
+    if not stat.S_ISREG(status.st_mode):  # Reading a pipe would wait, and /dev/zero is endless.
         raise StartUpError(f'{where} is not a regular file: name an SDF world')
     if status.st_size > LARGEST_FILE_BYTES:
         raise StartUpError(f'{where} has more than {LARGEST_FILE_BYTES // 2**20} MiB: name an SDF world')
@@ -63,7 +63,7 @@ def _content(path: Path, where: str) -> bytes:
 def _refuse_document_type(data: bytes) -> None:
     """Raise ValueError for XML with a document type, which alone can declare entities."""
 
-    def refuse(*_arguments):
+    def refuse(*_arguments: object) -> None:
         raise ValueError('it has a document type')
 
     parser = expat.ParserCreate()
