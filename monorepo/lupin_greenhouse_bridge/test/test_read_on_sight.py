@@ -81,8 +81,8 @@ def test_few_requests_are_under_way_at_a_time_and_every_tag_has_its_turn():
 
 def test_an_unanswered_request_is_tried_again_so_many_times_and_then_left_for_as_long():
     sightings = Sightings(SETTINGS)
-    sightings.see('7', 0.0)
     for attempts, now in enumerate((0.0, 2.0, 4.0), 1):
+        sightings.see('7', now)
         assert asked(sightings, now) == ['7']
         assert sightings.overdue(now + 1.9) == []
         assert sightings.overdue(now + 2.0) == ['7']
@@ -105,9 +105,22 @@ def test_the_attempts_start_again_for_a_tag_that_comes_back_into_view():
     sightings.see('7', 5.0)
     waits = []
     for now in (5.0, 7.0, 9.0):
+        sightings.see('7', now)
         assert asked(sightings, now) == ['7']
         waits.append(sightings.timed_out('7', now + 2.0))
     assert waits == [True, True, False]
+
+
+def test_a_tag_that_left_the_view_while_its_request_was_pending_is_not_requested_again():
+    sightings = Sightings(SETTINGS)
+    sightings.see('7', 0.0)
+    requests = [asked(sightings, 0.0)]
+    sightings.see('7', 1.0)
+    for now in (2.0, 4.0, 6.0):
+        for tag_id in sightings.overdue(now):
+            sightings.timed_out(tag_id, now)
+        requests.append(asked(sightings, now))
+    assert requests == [['7'], ['7'], [], []]  # at 2.0, the tag has been out of view for less than a timeout
 
 
 @pytest.mark.parametrize(
