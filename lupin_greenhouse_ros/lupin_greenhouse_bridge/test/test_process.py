@@ -4,6 +4,7 @@
 import dataclasses
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 import rclpy
@@ -13,7 +14,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
 from lupin_greenhouse_bridge.runtime.parameters import launch_arguments, parameter
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, spinning_node
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, ManualClock, spinning_node
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from rclpy.executors import SingleThreadedExecutor
 
@@ -40,6 +41,12 @@ sys.modules['stuck'] = types.SimpleNamespace(main=main)
 process.start('stuck')
 """
 NOBODY = ('--service', '/nobody/get_tag_reading', '--timeout', str(PATIENCE_SECONDS))
+
+
+def ended_process(command):
+    """Return the exit code of a process, and what it wrote to its standard output and error."""
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_SECONDS, check=False)
+    return ended.returncode, ended.stdout, ended.stderr
 
 
 @pytest.mark.parametrize('signals', ['Ctrl-C', 'SIGTERM and Ctrl-C'])
@@ -76,17 +83,7 @@ def test_the_bridge_ends_with_exit_code_0_at_any_moment(run_here, moment, signal
 
 
 def test_a_process_that_cannot_end_is_ended_with_exit_code_1_and_without_a_traceback():
-    ended = subprocess.run(
-        [sys.executable, '-c', STUCK], capture_output=True, check=False, timeout=PATIENCE_SECONDS
-    )
-    assert (ended.returncode, ended.stdout, ended.stderr) == (1, b'', b'')
-
-
-def test_the_end_of_a_node_is_limited(run_here, monkeypatch):
-    limits = []
-    monkeypatch.setattr(process, 'limit_the_end', lambda: limits.append(1))
-    assert run_here(bridge_node.main, signals_at={SPINS: SIGNALS['SIGTERM']}).code == 0
-    assert limits == [1]
+    assert ended_process([sys.executable, '-c', STUCK]) == (1, '', '')
 
 
 @pytest.mark.parametrize('moment', [*STARTS, *ENDS])
@@ -99,15 +96,9 @@ def test_a_refusal_keeps_its_exit_code_and_its_line_whatever_signal_comes(run_he
 
 @pytest.mark.parametrize('arguments', [['1'], ['1', '--watch', '9']])
 def test_the_process_of_read_tag_ends_as_documented(arguments):
-    result = subprocess.run(
-        [*command(PACKAGE, 'read_tag', IMPORTS[0], SIGNALS['Ctrl-C twice']), *arguments, *NOBODY],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_SECONDS,
-        check=False,
-    )
-    assert result.returncode == INTERRUPTED
-    assert 'Traceback' not in result.stderr
+    signalled = command(PACKAGE, 'read_tag', IMPORTS[0], SIGNALS['Ctrl-C twice'])
+    code, _, err = ended_process([*signalled, *arguments, *NOBODY])
+    assert (code, 'Traceback' in err) == (INTERRUPTED, False)
 
 
 @pytest.mark.parametrize('moment', [*STARTS, 'rclpy/executors.py:add_node', SPINS])
@@ -138,55 +129,39 @@ def test_read_tag_that_watches_ends_with_exit_code_0(noon_bridge, read_tag_here,
 @pytest.mark.parametrize('name', ['planning/approach_poses', 'display/plot_report', 'display/readings_page'])
 def test_a_command_without_a_node_is_ended_by_a_signal_at_once(name, signals):
     moment = f'{name}.py:main'
-    ended = subprocess.run(
-        command(PACKAGE, name.rpartition('/')[2], moment, SIGNALS[signals]),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_SECONDS,
-        check=False,
-    )
     (number,) = SIGNALS[signals]
-    assert (ended.returncode, ended.stdout, ended.stderr) == (-number, f'signalled in {moment}\n', '')
+    ended = ended_process(command(PACKAGE, name.rpartition('/')[2], moment, [number]))
+    assert ended == (-number, f'signalled in {moment}\n', '')
 
 
-def test_a_node_ends_though_its_executor_would_wait_for_a_callback(bridge_here, monkeypatch):
-    """Humble's waits without a limit for a coroutine that is suspended."""
-    shutdown = SingleThreadedExecutor.shutdown
-    limits = []
+def test_the_end_of_a_node_is_limited(bridge_here, monkeypatch):
+    """Humble's executor waits without a limit for a coroutine that is suspended, and Fast DDS for itself."""
+    shutdown, limits = SingleThreadedExecutor.shutdown, []
 
     def record(executor, timeout_sec=None):
         limits.append(timeout_sec)
         return shutdown(executor, timeout_sec)
 
     monkeypatch.setattr(SingleThreadedExecutor, 'shutdown', record)
+    monkeypatch.setattr(process, 'limit_the_end', lambda: limits.append('the end'))
     assert bridge_here().code == 0
-    assert limits == [0]
-
-
-class Time:
-    """A clock that only sleep() moves."""
-
-    def __init__(self):
-        self.now = 100.0
-        self.slept = []
-
-    def monotonic(self):
-        return self.now
-
-    def sleep(self, seconds):
-        self.slept.append(seconds)
-        self.now += seconds
+    assert limits == [0, 'the end']
 
 
 def test_a_sleep_takes_its_time_in_naps_that_end_when_a_signal_comes(monkeypatch):
     """Python resumes a sleep after a signal."""
-    time = Time()
-    monkeypatch.setattr(process, 'time', time)
+    clock, naps = ManualClock(), []
+
+    def nap(seconds):
+        naps.append(seconds)
+        clock.pass_seconds(seconds)
+
+    monkeypatch.setattr(process, 'time', SimpleNamespace(monotonic=clock, sleep=nap))
     process.sleep(1.25)
-    assert time.slept == [0.5, 0.5, 0.25]
+    assert naps == [0.5, 0.5, 0.25]
     monkeypatch.setattr(process, '_is_asked_to_end', True)
     process.sleep(1.25)
-    assert len(time.slept) == 3
+    assert len(naps) == 3
 
 
 def test_a_long_text_is_cut_and_one_of_that_length_is_not():
@@ -214,13 +189,6 @@ def test_launch_gets_every_parameter_as_it_writes_defaults():
     ]
 
 
-def test_a_bridge_warns_of_another_node_of_its_name(start_bridge):
-    bridge = start_bridge()
-    with spinning_node('greenhouse_bridge', namespace=bridge.namespace):
-        warning = bridge.wait_for_log(f'another node named {bridge.namespace}/greenhouse_bridge is on domain')
-    assert 'stop one of them, or give one a namespace or a ROS_DOMAIN_ID of its own' in warning
-
-
 @pytest.mark.parametrize(('namespace', 'warnings'), [('/', 1), ('/other', 0)])
 def test_a_node_warns_once_of_another_with_its_full_name(run_here, monkeypatch, namespace, warnings):
     monkeypatch.setattr(run, 'LOOK_EVERY_SECONDS', 0.0)
@@ -237,3 +205,4 @@ def test_a_node_warns_once_of_another_with_its_full_name(run_here, monkeypatch, 
         ended = run_here(main)
     assert ended.code == 0
     assert ended.err.count('another node named /named is on domain') == warnings
+    assert ended.err.count('stop one of them, or give one a namespace or a ROS_DOMAIN_ID of') == warnings

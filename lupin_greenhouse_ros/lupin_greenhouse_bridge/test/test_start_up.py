@@ -68,14 +68,20 @@ def test_a_custom_tag_file_is_served_here_or_refused_there(start_bridge, custom_
 
 
 @pytest.mark.parametrize(
-    'path_of', [lambda path: path, lambda _path: None], ids=['a Path', 'the shipped file']
+    ('path_of', 'message'),
+    [
+        (str, r'takes only a pathlib.Path and got str .*: leave tag_file empty'),
+        (lambda path: path, r'cannot load .*: AttributeError: something else'),
+        (lambda _path: None, r'cannot load .*: AttributeError: something else'),
+    ],
+    ids=['text', 'a Path', 'the shipped file'],
 )
-def test_the_path_is_blamed_only_where_it_is_a_string(custom_tag_file, monkeypatch, path_of):
+def test_the_path_is_blamed_only_where_it_is_a_string(custom_tag_file, monkeypatch, path_of, message):
     def fail(*_arguments):
         raise AttributeError('something else')
 
     monkeypatch.setattr(GreenhouseSimulator, '__init__', fail)
-    with pytest.raises(StartUpError, match=r'cannot load .*: AttributeError: something else'):
+    with pytest.raises(StartUpError, match=message):
         simulation.load(Settings(), path_of(custom_tag_file), None)
 
 
@@ -171,11 +177,6 @@ def test_a_simulator_that_cannot_be_imported_is_refused(monkeypatch):
         StartUpError, match=r"cannot be imported \(No module named 'yaml'\): sudo apt install"
     ):
         simulation.require_simulator()
-
-
-def test_a_path_that_is_a_string_meets_the_documented_error(custom_tag_file):
-    with pytest.raises(StartUpError, match=r'takes only a pathlib.Path and got str .*: leave tag_file empty'):
-        simulation.load(Settings(), str(custom_tag_file), None)
 
 
 def test_no_simulator_at_all_is_refused(monkeypatch):

