@@ -9,6 +9,7 @@ from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_msgs.srv import ConfirmTag
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
 from lupin_tag_confirmation.settings import TOPICS
+from messages import picture_of_tag
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 
@@ -27,9 +28,10 @@ class Perception:
     """A camera and a client of a confirm_tag that runs."""
 
     def __init__(self, node, message_type=Image, topic=TOPIC, namespace=''):
+        # Here, because pytest must load the plug-in first.
         from lupin_greenhouse_bridge.testing._helpers import greet, wait_until
 
-        self.node = node
+        self.node, self._wait_until = node, wait_until
         self._images = node.create_publisher(message_type, topic, qos_profile_sensor_data)
         service = f'{namespace}/perception/confirm_tag'
         self._client = node.create_client(ConfirmTag, service, qos_profile=SERVICE_QOS)
@@ -65,15 +67,13 @@ class Perception:
 
     def confirm_until(self, fragment: str, image=None, tag_id: str = '7', *, is_stamped=True) -> str:
         """Show an image and call the service until the reason has this text; return the reason."""
-        from lupin_greenhouse_bridge.testing import wait_until
-
         reasons = []
 
         def is_told():
             reasons.append(self.confirm(tag_id, image, is_stamped=is_stamped).error_message)
             return fragment in reasons[-1]
 
-        wait_until(is_told)
+        self._wait_until(is_told)
         return reasons[-1]
 
 
@@ -100,13 +100,4 @@ def start(run_nodes):
 
 @pytest.fixture(scope='session')
 def tag_7():
-    from messages import picture_of_tag
-
     return picture_of_tag(7)
-
-
-@pytest.fixture(scope='session')
-def tag_8():
-    from messages import picture_of_tag
-
-    return picture_of_tag(8)

@@ -3,7 +3,6 @@
 import dataclasses
 import os
 import re
-import signal
 import threading
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,7 +14,6 @@ import yaml
 from ament_index_python.packages import get_package_share_directory
 from builtin_interfaces.msg import Time
 from conftest import PATIENCE_SECONDS, Perception
-from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.rclpy_internals import rclpy_implementation
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
@@ -23,9 +21,9 @@ from lupin_tag_confirmation import confirm_tag
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.drawing import BAR_PIXELS
 from lupin_tag_confirmation.settings import TOPICS, Settings
-from messages import compressed, detections, image_of
+from messages import compressed, detections, image_of, picture_of_tag
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import Image
 
 
 @pytest.mark.parametrize(
@@ -48,11 +46,11 @@ def test_a_tag_that_is_not_there_is_said_after_the_timeout(start, tag_7):
     assert reason == 'tag 8: other tag ids in view: 7'
 
 
-def test_the_camera_is_watched_until_the_tag_appears(start, tag_7, tag_8):
+def test_the_camera_is_watched_until_the_tag_appears(start, tag_7):
     """After the call come images of another tag, then images of the tag."""
     perception = start()
     future = perception.ask('7')
-    assert perception.confirm('8', image_of(tag_8)).detected
+    assert perception.confirm('8', image_of(picture_of_tag(8))).detected
     assert not future.done()
     wait_until(lambda: perception.show(image_of(tag_7)) or future.done())
     assert future.result().detected
@@ -135,21 +133,10 @@ def test_with_sim_time_the_age_of_an_image_is_that_of_the_simulators_clock(start
     wait_until(lambda: 'is stamped 2.0 s ahead' in reason(102))
 
 
-def test_an_image_of_a_wrong_clock_is_no_proof(start, tag_7):
-    perception = start(timeout_seconds=0.0)
-    reason = perception.confirm_until('is stamped', image_of(tag_7), is_stamped=False)
-    assert reason.endswith(' s ago: not within 3600 s')
-    wait_until(lambda: perception.confirm('7', image_of(tag_7)).detected)
-
-
 PARAMETER_FILE = Path(get_package_share_directory('lupin_tag_confirmation'), 'config/confirm_tag.yaml')
 BAD_IMAGES = [
-    ({'encoding': '16UC1'}, "encoding '16UC1' is not one of"),
     ({'encoding': '\x1b[31mred\n'}, "encoding '\\x1b[31mred\\n' is not one of"),
-    ({'step': 1}, 'step is 1 bytes'),
-    ({'height': 0}, 'the image has 320 x 0 pixels'),
     ({'height': 1, 'width': 320}, 'the image has 320 x 1 pixels'),  # the library crashes on one row
-    ({'width': 2**32 - 1}, 'the image has 4294967295 x 240 pixels'),
     ({'height': 2**32 - 1, 'step': 2**32 - 1}, 'the image has 320 x 4294967295 pixels'),
     ({'data': b''}, 'data has 0 bytes'),
 ]
@@ -168,33 +155,20 @@ def test_bad_images_are_refused_and_the_node_lives(start, tag_7, monkeypatch, ca
     assert '\x1b' not in log
 
 
-def test_bad_compressed_images_are_refused_and_the_node_lives(start, tag_7):
-    perception = start(CompressedImage, 'compressed', timeout_seconds=0.0, min_frames=1)
-    good = compressed(tag_7, 'JPEG')
-    for image, fault in (
-        (CompressedImage(), 'the 0 bytes are not'),
-        (CompressedImage(data=bytes(500_000)), 'the 500000 bytes are not'),
-        (CompressedImage(data=bytes(good.data)[:500]), 'cannot be decoded'),
-    ):
-        assert perception.confirm_until(fault, image).startswith('tag 7: an image was refused: ')
-    wait_until(lambda: perception.confirm('7', good).detected)
+SEEN = '/perception/confirm_tag/seen'
 
 
 def test_a_picture_that_cannot_be_drawn_costs_only_the_picture(start, tag_7, monkeypatch, capfd):
-    def fail(*_arguments):
-        raise ValueError('Only supported for TrueType fonts')
-
-    monkeypatch.setattr(confirm_tag, 'draw', fail)
+    monkeypatch.setattr(confirm_tag, 'draw', lambda *_: 1 / 0)
     perception = start()
-    topic = '/perception/confirm_tag/seen'
-    perception.node.create_subscription(Image, topic, lambda _image: None, 10)
-    wait_until(lambda: perception.node.count_publishers(topic) == 1)
+    perception.node.create_subscription(Image, SEEN, lambda _image: None, 10)
+    wait_until(lambda: perception.node.count_publishers(SEEN) == 1)
     said = []
 
     def is_said():
         assert perception.confirm('7', image_of(tag_7)).detected
         said.append(capfd.readouterr().err)
-        return f'cannot draw {topic}: ValueError: Only supported for TrueType fonts' in ''.join(said)
+        return f'cannot draw {SEEN}: ZeroDivisionError: division by zero' in ''.join(said)
 
     wait_until(is_said)
 
@@ -202,10 +176,9 @@ def test_a_picture_that_cannot_be_drawn_costs_only_the_picture(start, tag_7, mon
 def test_what_was_judged_can_be_seen(start, tag_7):
     """The picture has the size of the image; the verdict and the outline of the tag are green."""
     perception = start()
-    topic = '/perception/confirm_tag/seen'
     seen = []
-    perception.node.create_subscription(Image, topic, seen.append, 10)
-    wait_until(lambda: perception.node.count_publishers(topic) == 1)
+    perception.node.create_subscription(Image, SEEN, seen.append, 10)
+    wait_until(lambda: perception.node.count_publishers(SEEN) == 1)
     wait_until(lambda: perception.confirm('7', image_of(tag_7)).detected and seen)
     last = seen[-1]
     assert (last.encoding, last.width, last.height, last.step) == ('rgb8', 320, 240, 960)
@@ -213,35 +186,6 @@ def test_what_was_judged_can_be_seen(start, tag_7):
     is_green = (picture[..., 1] > 180) & (picture[..., 0] < 100)
     assert is_green[BAR_PIXELS // 2 : BAR_PIXELS].any()
     assert is_green[BAR_PIXELS:].any()
-
-
-@pytest.fixture
-def run_main(monkeypatch, capfd):
-    """Return a function that runs the node with these parameters, and returns its exit code and log."""
-    monkeypatch.setattr(process, '_is_asked_to_end', False)
-    handlers = {number: signal.getsignal(number) for number in process.SIGNALS}
-
-    def run(**parameters):
-        overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-        return confirm_tag.main(['--ros-args', *overrides]), capfd.readouterr().err
-
-    yield run
-    rclpy.try_shutdown()  # main() leaves a default context that has ended; this replaces it
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
-
-
-@pytest.mark.parametrize(
-    ('parameters', 'fragment'),
-    [
-        ({'min_frames': 0}, 'parameter min_frames is 0: must be a whole number from 1 to 100'),
-        ({'source': 'video'}, "parameter source is 'video': must be image, compressed or detections"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_one_line(run_main, parameters, fragment):
-    code, log = run_main(**parameters)
-    (line,) = [line for line in log.splitlines() if '[FATAL]' in line]
-    assert (code, fragment in line, 'Traceback' in log) == (1, True, False), log
 
 
 def test_the_parameter_file_has_each_parameter_with_its_default():
@@ -260,8 +204,7 @@ def test_the_parameter_file_applies_in_any_namespace(run_nodes, tmp_path):
     node, _ = run_nodes(
         confirm_tag.ConfirmTagNode, arguments=['--params-file', str(file), '-r', '__ns:=/robot1']
     )
-    expected = dataclasses.asdict(Settings(min_frames=5))
-    assert {name: node.get_parameter(name).value for name in expected} == expected
+    assert node.get_parameter('min_frames').value == 5
 
 
 @pytest.mark.parametrize('namespace', ['', '/robot1'])
@@ -289,6 +232,11 @@ def start_confirm_tag(start_node):
     return lambda **parameters: start_node(
         [executable('lupin_tag_confirmation', 'confirm_tag')], **parameters
     )
+
+
+def test_a_value_that_it_does_not_take_is_refused_in_one_line(start_confirm_tag):
+    fault = 'parameter min_frames is 0: must be a whole number from 1 to 100'
+    assert start_confirm_tag(min_frames=0).refusal().endswith(fault)
 
 
 def test_without_apriltag_msgs_the_executable_refuses_detections(start_confirm_tag, tmp_path, monkeypatch):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.testing._helpers import check_settings
 from lupin_tag_confirmation.confirmation import (
     Confirmer,
     Detection,
@@ -73,7 +74,6 @@ def test_a_tag_in_enough_frames_is_confirmed_whatever_the_others_show():
         ([frame_of([GOOD], NOW, NOW - 2.0)] * 2, 'the last image came 2.0 s ago: older than 1 s'),
         ([frame_of([GOOD], NOW - 2.0)] * 2, 'the last image is stamped 2.0 s ago: not within 1 s'),
         ([frame_of([GOOD], NOW + 2.0)] * 2, 'the last image is stamped 2.0 s ahead: not within 1 s'),
-        ([frame_of([GOOD], 0.0)] * 2, 'the last image is stamped 1000.0 s ago: not within 1 s'),
         ([refused('first'), refused('last')], 'last'),
         ([refused(), [GOOD]], 'seen in 1 of the 2 images needed'),
     ],
@@ -87,9 +87,7 @@ def test_why_a_tag_is_not_confirmed(frames, message):
     ('frames', 'criteria', 'message'),
     [
         ([[GOOD]], {}, '1 image in 2 s: 2 are needed'),
-        ([[tag(7, margin=5.0)]], {}, '1 image in 2 s: 2 are needed'),
         ([[tag(9)], [tag(9)]], {'min_frames': 3}, '2 images in 2 s: 3 are needed'),
-        ([[GOOD]], {'timeout_seconds': 0.5}, '1 image in 0.5 s: 2 are needed'),
         ([[GOOD]], {'timeout_seconds': 0.0}, '1 image in 1 s: 2 are needed'),  # of the last second
         ([frame_of([GOOD], NOW - 2.0, NOW - 2.0), [GOOD]], {}, '1 image in 2 s: 2 are needed'),
         ([[GOOD], refused(stamp=NOW + 9.0)], {}, '1 image in 2 s: 2 are needed'),
@@ -113,11 +111,6 @@ def test_each_image_since_shortly_before_the_request_counts_however_late_it_come
         assert judge_at(NOW + 2.5, *[frame_of([GOOD], taken, taken + 2.3)] * 2) == ''
     early = frame_of([GOOD], NOW - 1.1, NOW + 1.2)
     assert judge_at(NOW + 2.5, early) == 'tag 7: the last image is stamped 3.6 s ago: not within 1 s'
-
-
-def test_an_image_from_the_future_does_not_count_for_a_request_that_waits():
-    ahead = frame_of([GOOD], NOW + 4.0, NOW + 2.0)
-    assert judge_at(NOW + 2.0, ahead) == 'tag 7: the last image is stamped 2.0 s ahead: not within 1 s'
 
 
 def test_the_newest_image_is_searched_first_and_one_at_a_time():
@@ -166,11 +159,6 @@ def test_the_age_that_is_told_is_that_of_the_last_frame():
     assert answer(confirmer(old, last))[1] == 'tag 7: the last image came 3.0 s ago: older than 1 s'
 
 
-def test_the_tag_before_is_not_confirmed_for_the_next():
-    """On arrival at the next tag, frames of the last one are still recent."""
-    assert answer(confirmer([tag(6)], [tag(6)], [GOOD])) == (0.5, 'tag 7: seen in 1 of the 2 images needed')
-
-
 @pytest.mark.parametrize(
     'tag_id', ['', '07', ' 7', '7 ', '+7', '-7', '587', '1000', '\uff17', '7\n', 'seven', 'x' * 1000]
 )
@@ -182,8 +170,7 @@ def test_an_id_that_is_none_of_the_family_is_refused(tag_id):
 
 
 def test_each_frame_is_looked_into_once_and_only_when_asked():
-    looked = []
-    seen = confirmer()
+    looked, seen = [], confirmer()
     for number in range(6):
         look = lambda number=number: looked.append(number) or Sight([GOOD])  # noqa: E731
         seen.add(Frame(look, NOW, NOW - 0.1 + 0.01 * number))
@@ -192,9 +179,6 @@ def test_each_frame_is_looked_into_once_and_only_when_asked():
         assert answer(seen) == (1.0, '')
         assert answer(seen, '8') == (0.0, 'tag 8: other tag ids in view: 7')
     assert sorted(looked) == [2, 3, 4, 5]
-    seen.add(Frame(lambda: looked.append(6) or Sight([GOOD]), NOW, NOW))
-    assert answer(seen) == (1.0, '')
-    assert sorted(looked) == [2, 3, 4, 5, 6]
 
 
 @pytest.mark.parametrize(('min_frames', 'confidence'), [(1, 1.0), (2, 0.5)])
@@ -208,14 +192,12 @@ def test_the_verdict_comes_with_the_newest_usable_sight(min_frames, confidence):
     assert verdict.sight is new
 
 
-def test_without_a_usable_sight_the_verdict_comes_without_one():
-    assert verdict_of(confirmer(refused())).sight is None
+def test_each_parameter_has_its_type_and_its_limits():
+    check_settings(Settings)
 
 
-@pytest.mark.parametrize(
-    ('name', 'value'),
-    [('max_hamming', 3), ('min_decision_margin', 256.0), ('min_frames', 0), ('max_image_age_seconds', 0.0)],
-)
-def test_a_criterion_out_of_its_limits_is_refused(name, value):
-    with pytest.raises(StartUpError, match=rf'parameter {name} is .*: must be a (whole )?number from'):
-        Settings(**{name: value})
+@pytest.mark.parametrize('source', ['', 'Image', 'video'])
+def test_another_source_is_refused(source):
+    with pytest.raises(StartUpError) as refusal:
+        Settings(source=source)
+    assert str(refusal.value) == f'parameter source is {source!r}: must be image, compressed or detections'

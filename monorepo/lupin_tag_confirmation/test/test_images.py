@@ -30,22 +30,14 @@ from PIL import Image
     seed=st.integers(0, 2**32 - 1),
 )
 def test_every_encoding_with_any_step_gives_the_brightness(encoding, height, width, padding, extra, seed):
-    random = np.random.default_rng(seed)
-    red, green, blue = random.integers(0, 256, (3, height, width), dtype=np.uint8)
-    alpha = random.integers(0, 256, (height, width), dtype=np.uint8)
-    planes = {
-        'mono8': [red],
-        '8UC1': [red],
-        'rgb8': [red, green, blue],
-        'bgr8': [blue, green, red],
-        'rgba8': [red, green, blue, alpha],
-        'bgra8': [blue, green, red, alpha],
-    }[encoding]
-    rows = np.stack(planes, axis=-1).reshape(height, -1)
+    orders = {'mono8': 'r', '8UC1': 'r', 'rgb8': 'rgb', 'bgr8': 'bgr', 'rgba8': 'rgba', 'bgra8': 'bgra'}
+    values = np.random.default_rng(seed).integers(0, 256, (4, height, width), np.uint8)
+    channels = dict(zip('rgba', values, strict=True))
+    rows = np.stack([channels[each] for each in orders[encoding]], axis=-1).reshape(height, -1)
     step = rows.shape[1] + padding
-    data = np.zeros((height, step), dtype=np.uint8)
-    data[:, : rows.shape[1]] = rows
-    picture = grey_picture(encoding, height, width, step, data.tobytes() + bytes(extra))
+    data = np.pad(rows, ((0, 0), (0, padding))).tobytes() + bytes(extra)
+    picture = grey_picture(encoding, height, width, step, data)
+    red, green, blue, _ = values
     expected = red if encoding in ('mono8', '8UC1') else 0.299 * red + 0.587 * green + 0.114 * blue
     assert picture.dtype == np.uint8
     assert picture.shape == (height, width)
@@ -56,17 +48,14 @@ def test_every_encoding_with_any_step_gives_the_brightness(encoding, height, wid
     ('encoding', 'height', 'width', 'step', 'size', 'fragment'),
     [
         ('16UC1', 20, 20, 40, 800, "encoding '16UC1' is not one of mono8, 8UC1, rgb8"),
-        ('', 20, 20, 20, 400, "encoding ''"),
         ('x' * 1000, 20, 20, 20, 400, 'is not one of'),
         ('mono8', 0, 20, 20, 400, '20 x 0 pixels'),
-        ('mono8', 20, 0, 20, 400, '0 x 20 pixels'),
         ('mono8', 20, 15, 15, 300, 'the image has 15 x 20 pixels: each side must have 16 to 16384'),
         ('mono8', 20, 2**32 - 1, 2**32 - 1, 400, 'each side must have 16 to 16384'),
         ('mono8', 16384, 1025, 1025, 400, f'at most {MOST_PIXELS} are allowed'),
         ('rgb8', 20, 20, 59, 1180, 'step is 59 bytes, but 20 pixels of rgb8 need 60'),
         ('mono8', 20, 20, 20, 399, 'data has 399 bytes, but 20 rows of 20 need 400'),
         ('mono8', 20, 20, 2**32 - 1, 400, 'data has 400 bytes'),
-        ('mono8', 20, 20, 20, 0, 'data has 0 bytes'),
     ],
 )
 def test_an_image_that_cannot_be_read_is_refused(encoding, height, width, step, size, fragment):
@@ -106,23 +95,19 @@ def png_header(width, height) -> bytes:
     """Return a PNG with this size in its header, and no pixels."""
 
     def chunk(name, content):
-        return (
-            struct.pack('>I', len(content)) + name + content + struct.pack('>I', zlib.crc32(name + content))
-        )
+        check = struct.pack('>I', zlib.crc32(name + content))
+        return struct.pack('>I', len(content)) + name + content + check
 
-    header = struct.pack('>IIBBBBB', width, height, 8, 0, 0, 0, 0)
-    pixels = chunk(b'IDAT', zlib.compress(b''))
-    return b'\x89PNG\r\n\x1a\n' + chunk(b'IHDR', header) + pixels + chunk(b'IEND', b'')
+    header = chunk(b'IHDR', struct.pack('>IIBBBBB', width, height, 8, 0, 0, 0, 0))
+    return b'\x89PNG\r\n\x1a\n' + header + chunk(b'IDAT', zlib.compress(b'')) + chunk(b'IEND', b'')
 
 
 @pytest.mark.parametrize(
     ('kind', 'mode', 'options'),
     [
         ('JPEG', 'L', {'quality': 95}),
-        ('JPEG', 'RGB', {'quality': 95}),
         ('JPEG', 'RGB', {'quality': 95, 'progressive': True}),
         ('PNG', 'L', {}),
-        ('PNG', 'RGB', {}),
         ('PNG', 'RGBA', {}),
         ('PNG', 'P', {}),
         ('PNG', 'LA', {}),
@@ -139,12 +124,8 @@ def test_jpeg_and_png_give_the_brightness(kind, mode, options):
     [
         (b'', 'the 0 bytes are not a JPEG or PNG image'),
         (b'GIF89a' + bytes(100), 'the 106 bytes are not a JPEG or PNG image'),
-        (
-            bytes(12) + encoded('PNG'),  # compressedDepth has its own header
-            'are not a JPEG or PNG image',
-        ),
+        (bytes(12) + encoded('PNG'), 'are not a JPEG or PNG image'),  # as compressedDepth
         (encoded('JPEG')[:300], 'the image cannot be decoded'),
-        (encoded('PNG')[:100], 'the image cannot be decoded'),
         (encoded('PNG')[:50] + bytes(50) + encoded('PNG')[100:], 'the image cannot be decoded'),
         (png_header(40, 30), 'the image cannot be decoded'),
         (png_header(100_000, 100_000), f'claims too many pixels: at most {MOST_PIXELS} are allowed'),
