@@ -8,10 +8,8 @@ from lupin_msgs.srv import ConfirmTag
 class Confirming:
     """Asks whether the camera sees a tag."""
 
-    def __init__(self, node, namespace: str = ''):
-        self._client = node.create_client(
-            ConfirmTag, f'{namespace}/perception/confirm_tag', qos_profile=SERVICE_QOS
-        )
+    def __init__(self, node):
+        self._client = node.create_client(ConfirmTag, '/perception/confirm_tag', qos_profile=SERVICE_QOS)
         assert self._client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
         greet(self._client, ConfirmTag.Request())  # an empty id is refused at once
 
@@ -19,13 +17,6 @@ class Confirming:
         """Call the service, and return its response."""
         return call(self._client, ConfirmTag.Request(expected_tag_id=tag_id))
 
-    def confirm_until(self, fragment: str, tag_id: str = '7') -> str:
-        """Call the service until the reason has this text; return the reason."""
-        reasons = []
-
-        def is_told():
-            reasons.append(self.confirm(tag_id).error_message)
-            return fragment in reasons[-1]
-
-        wait_until(is_told)
-        return reasons[-1]
+    def confirm_until(self, fragment: str) -> None:
+        """Ask for tag 7 until the reason has this text."""
+        wait_until(lambda: fragment in self.confirm('7').error_message)

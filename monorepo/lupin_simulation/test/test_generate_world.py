@@ -59,20 +59,15 @@ def test_the_mission_finds_each_tag_where_the_layout_has_it(tmp_path, tag_file):
     }
 
 
-def test_the_same_input_gives_the_same_bytes(tmp_path, tag_file):
-    for folder in ('one', 'two'):
-        assert make(tmp_path / folder, '--tag-file', tag_file) == 0
-    assert content(tmp_path / 'one') == content(tmp_path / 'two')
-    assert make(tmp_path / 'one', '--tag-file', tag_file) == 0  # over its own files
-    assert content(tmp_path / 'one') == content(tmp_path / 'two')
-
-
-def test_a_tag_is_5_cm_wide_or_as_told(tmp_path, tag_file):
-    """How wide that makes its mesh and its plate is tested in test_sdf.py."""
-    make(tmp_path / 'new/default', '--tag-file', tag_file)
-    for side in ('0.05', '0.08'):
-        make(tmp_path / side, '--tag-file', tag_file, '--side', side)
-    assert content(tmp_path / 'new/default') == content(tmp_path / '0.05') != content(tmp_path / '0.08')
+def test_the_same_input_gives_the_same_bytes_and_tags_of_5_cm_unless_told(tmp_path, tag_file):
+    """How wide that makes the mesh and the plate of a tag is tested in test_sdf.py."""
+    sides = {'default': [], 'same': ['--side', '0.05'], 'largest': ['--side', '0.15']}
+    for folder, side in sides.items():
+        assert make(tmp_path / folder, '--tag-file', tag_file, *side) == 0
+    assert content(tmp_path / 'default') == content(tmp_path / 'same') != content(tmp_path / 'largest')
+    assert make(tmp_path / 'same', '--tag-file', tag_file, '--side', '0.01') == 0  # over its own files
+    assert make(tmp_path / 'same', '--tag-file', tag_file) == 0
+    assert content(tmp_path / 'default') == content(tmp_path / 'same')
 
 
 def test_files_of_an_earlier_world_go_and_those_of_a_person_stay(tmp_path, tag_file):
@@ -110,11 +105,6 @@ def test_what_cannot_be_made_is_said_in_one_line(tmp_path, arguments, fragment, 
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith('generate_world: ')
     assert fragment in line
-
-
-@pytest.mark.parametrize('side', ['0.01', '0.15'])
-def test_the_smallest_and_the_largest_side_are_accepted(tmp_path, tag_file, side):
-    assert make(tmp_path / 'world', '--tag-file', tag_file, '--side', side) == 0
 
 
 def test_a_missing_library_is_exit_code_2_and_one_line_with_its_packages(

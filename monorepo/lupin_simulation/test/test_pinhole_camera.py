@@ -34,7 +34,7 @@ def before(
     return PoseInPlane(x, y, direction + math.pi + math.radians(yaw_off_degrees))
 
 
-@pytest.mark.parametrize('facing', [-math.pi / 2, math.pi / 2, math.pi, 0.0, 2.5])
+@pytest.mark.parametrize('facing', [-math.pi / 2, math.pi, 2.5])
 @pytest.mark.parametrize(
     ('distance_m', 'angle_degrees'), [(0.3, 0), (0.3, -45), (0.5, 30), (1.0, 45), (1.0, -45)]
 )
@@ -72,13 +72,6 @@ def test_a_tag_is_left_of_the_middle_for_a_robot_that_has_turned_too_far_to_the_
 )
 def test_a_robot_that_stands_wrongly_does_not_see_its_tag(pose):
     assert seen_from(*pose, t7=SOUTHWARDS) == {}
-
-
-@pytest.mark.parametrize('angle_degrees', [-40.0, 40.0])
-def test_the_nearer_edge_of_a_tag_is_the_longer_one(angle_degrees):
-    (corners,) = seen_from(*before(SOUTHWARDS, 0.3, angle_degrees), t7=SOUTHWARDS).values()
-    left, right = np.ptp(corners[np.argsort(corners[:, 0])].reshape(2, 2, 2)[..., 1], axis=1)
-    assert (right > left + 2.0) if angle_degrees > 0.0 else (left > right + 2.0)
 
 
 def test_the_back_of_a_tag_is_blank():
