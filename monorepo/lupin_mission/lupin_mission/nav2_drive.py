@@ -64,8 +64,8 @@ class Nav2Drive(Drive):
         node.create_subscription(
             GoalStatusArray, self._status_topic, self._on_statuses, qos_profile_action_status_default
         )
-        self._pose: PoseInPlane | None = None
-        self._reason_without_pose = ''
+        self._goal: Any = None
+        self._reason_without_goal = ''
         self._sent: SentGoal | None = None
         self._not_over: list[SentGoal] = []
         # The start of the wait for a server, or the time of the last goal; None after a pause.
@@ -75,8 +75,8 @@ class Nav2Drive(Drive):
 
     def start(self, tag_id: str, now_seconds: float, pose: int = 1) -> None:
         """Start to drive to an approach pose of a tag."""
+        self._reason_without_goal = self.unreachable.get(tag_id, 'the layout does not have this tag')
         poses = self.goals.get(tag_id)
-        self._reason_without_pose = self.unreachable.get(tag_id, 'the layout does not have this tag')
         self._set_off(poses[pose - 1] if poses else None, now_seconds)
 
     def count_poses(self, tag_id: str) -> int:
@@ -88,13 +88,20 @@ class Nav2Drive(Drive):
         self._set_off(PoseInPlane(*self._settings.dock), now_seconds)
 
     def _set_off(self, pose: PoseInPlane | None, now_seconds: float) -> None:
-        self._pose, self._sent = pose, None
-        self._since, self._rejected_since = now_seconds, None
+        self._goal = self._goal_at(pose) if pose else None
+        self._sent = self._rejected_since = None
+        self._since = now_seconds
+
+    def _goal_at(self, pose: PoseInPlane) -> Any:
+        goal = self._action.Goal()
+        goal.pose.header.frame_id = self._settings.frame_id  # Without a stamp: at the latest transform.
+        goal.pose.pose = pose_message(*pose)
+        return goal
 
     def arrival(self, now_seconds: float) -> Arrival | None:
         """Return how the drive ended; None while the robot drives, or waits for its server."""
-        if self._pose is None:
-            return Arrival(self._reason_without_pose, is_final=True)
+        if self._goal is None:
+            return Arrival(self._reason_without_goal, is_final=True)
         if self._since is None:
             self._since = now_seconds
         elapsed_seconds = now_seconds - self._since
@@ -102,10 +109,10 @@ class Nav2Drive(Drive):
         sent = self._sent
         # A robot that was there at the moment of a pause need not go again.
         if sent is None or (sent.is_given_up and not sent.has_succeeded()):
-            may_send = are_all_over or elapsed_seconds >= LONGEST_END_SECONDS
-            return self._send_when_ready(self._pose, now_seconds, elapsed_seconds, may_send=may_send)
+            is_free = are_all_over or elapsed_seconds >= LONGEST_END_SECONDS
+            return self._send_when_ready(now_seconds, elapsed_seconds, is_free)
         if sent.state is GoalState.REJECTED:
-            return self._after_rejection(self._pose, now_seconds, elapsed_seconds)
+            return self._after_rejection(now_seconds, elapsed_seconds)
         if sent.state is GoalState.ENDED:
             return self._after_end(sent, now_seconds)
         failure = self._failure_under_way(sent, elapsed_seconds)
@@ -114,12 +121,11 @@ class Nav2Drive(Drive):
         sent.give_up()
         return Arrival(failure, is_stuck=sent.is_stuck())
 
-    def _send_when_ready(
-        self, pose: PoseInPlane, now_seconds: float, elapsed_seconds: float, *, may_send: bool
-    ) -> Arrival | None:
+    def _send_when_ready(self, now_seconds: float, elapsed_seconds: float, is_free: bool) -> Arrival | None:
+        """Send the goal once the server is there, and free of the previous goal."""
         if self._client.server_is_ready():
-            if may_send:
-                self._send(pose, now_seconds)
+            if is_free:
+                self._send(now_seconds)
         elif elapsed_seconds >= self._settings.dependency_timeout_s:
             return Arrival(f'there is no action server {self._name}: start Nav2', needs_person=True)
         elif elapsed_seconds >= DISCOVERY_SECONDS:
@@ -141,18 +147,15 @@ class Nav2Drive(Drive):
             return f'{self._name} did not reply to the goal' if is_late else ''
         self._has_warned_of_server = False
         limit_seconds = self._settings.nav_timeout_s
-        if limit_seconds and elapsed_seconds >= limit_seconds:
-            return f'the robot did not arrive within {limit_seconds:g} s'
-        return ''
+        is_late = bool(limit_seconds) and elapsed_seconds >= limit_seconds
+        return f'the robot did not arrive within {limit_seconds:g} s' if is_late else ''
 
     def _servers(self) -> set[bytes]:
         """Return an id of each server; one that starts again under the same name has another id."""
         publishers = self._node.get_publishers_info_by_topic(self._status_topic)
         return {bytes(each.endpoint_gid) for each in publishers}
 
-    def _after_rejection(
-        self, pose: PoseInPlane, now_seconds: float, elapsed_seconds: float
-    ) -> Arrival | None:
+    def _after_rejection(self, now_seconds: float, elapsed_seconds: float) -> Arrival | None:
         if self._rejected_since is None:
             self._rejected_since = now_seconds
             self._warn_once(f'{self._name} rejects goals: activate Nav2; trying again')
@@ -161,7 +164,7 @@ class Nav2Drive(Drive):
         if not self._client.server_is_ready():
             self._sent, self._since = None, now_seconds
         elif elapsed_seconds >= RESEND_SECONDS:
-            self._send(pose, now_seconds)
+            self._send(now_seconds)
         return None
 
     def _after_end(self, sent: SentGoal, now_seconds: float) -> Arrival | None:
@@ -191,11 +194,8 @@ class Nav2Drive(Drive):
             self._has_warned_of_server = True
             self._note(event, Severity.WARN)
 
-    def _send(self, pose: PoseInPlane, now_seconds: float) -> None:
-        goal = self._action.Goal()
-        goal.pose.header.frame_id = self._settings.frame_id  # Without a stamp: at the latest transform.
-        goal.pose.pose = pose_message(*pose)
-        self._sent, self._since = SentGoal(self._client, goal, self._name, self._note), now_seconds
+    def _send(self, now_seconds: float) -> None:
+        self._sent, self._since = SentGoal(self._client, self._goal, self._name, self._note), now_seconds
         self._own_goal_ids.add(self._sent.goal_id)
         self._not_over.append(self._sent)
 

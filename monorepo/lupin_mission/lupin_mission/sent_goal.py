@@ -17,7 +17,7 @@ STUCK_M = 0.05  # A robot that moves less in a drive is stuck.
 
 
 class GoalState(Enum):
-    """What the server has made of a goal."""
+    """The state of a goal."""
 
     SENT = 'sent'
     ACCEPTED = 'accepted'
