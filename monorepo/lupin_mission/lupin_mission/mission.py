@@ -124,13 +124,12 @@ class Mission:
         """The latch: this visit has its outcome and sends no more requests, even after a pause."""
         return self._visit.phase is Phase.LATCHED
 
-    def start(self, now_seconds: float) -> None:
-        """Drive to the first tag, unless the e-stop is engaged."""
-        self._now = now_seconds
-        self.step(now_seconds)
-
     def step(self, now_seconds: float) -> None:
-        """Do what is due at this time. After start(), call this often, and after every reply."""
+        """
+        Do what is due at this time. Call this often, and after every reply.
+
+        The first step starts the mission, unless the e-stop is engaged.
+        """
         if not self.is_paused:
             self._active_seconds += now_seconds - self._now
         self._now = now_seconds

@@ -248,7 +248,7 @@ class MissionNode(Node):
         self._announcer.started(f'{count}; report: {report.path}')
         if self._is_estop_engaged:
             self.mission.engage_estop()
-        self.mission.start(time.monotonic())
+        self.mission.step(time.monotonic())
 
     def _step(self) -> None:
         if self._planner:

@@ -23,20 +23,62 @@ LIMITS = Limits(
     retry_delay_seconds=0.5,
 )
 LONGEST_MISSION_SECONDS = 100_000.0  # simulated
+STUCK = Arrival('aborted', is_stuck=True)
+NEEDS_PERSON = Arrival('Nav2 sleeps', needs_person=True)
 
 
 def reading(tag_id: str, value: float = 20.0) -> Reading:
     return Reading(tag_id, (1, 2), 43200.0, {'temperature': value})
 
 
+class Robot(SimulatedDrive):
+    """
+    A drive that records what it is told: 'a' for the first pose of tag a, 'a2' for its second, and so on.
+
+    `failures` has the reasons by these names. The first drives end with `arrivals`, one after the other.
+    """
+
+    def __init__(self, drive_seconds=0.0, *arrivals, poses=1, **failures):
+        super().__init__(drive_seconds)
+        self.told, self.arrivals = [], list(arrivals)
+        self._poses, self._failures = poses, failures
+
+    def count_poses(self, tag_id):  # noqa: ARG002
+        return self._poses
+
+    def start(self, tag_id, now_seconds, pose=1):
+        self._set_off(f'{tag_id}{pose}' if pose > 1 else tag_id, now_seconds)
+
+    def start_return(self, now_seconds):
+        self._set_off('dock', now_seconds)
+
+    def _set_off(self, goal, now_seconds):
+        super().start_return(now_seconds)
+        self.told.append(goal)
+        self._arrival = self.arrivals.pop(0) if self.arrivals else Arrival(self._failures.get(goal, ''))
+
+    def arrival(self, now_seconds):
+        return super().arrival(now_seconds) and self._arrival
+
+    def pause(self):
+        self.told.append('pause')
+
+    def resume(self):
+        self.told.append('resume')
+
+    def stop(self):
+        self.told.append('stop')
+
+
 class World:
     """MissionPorts that record what the mission does."""
 
-    def __init__(self, tag_ids='ab', drive=None, limits=LIMITS, now=0.0, **options):
+    def __init__(self, tag_ids='ab', robot=None, limits=LIMITS, now=0.0, **options):
         self.now = now
         self.sent, self.abandoned, self.recorded, self.events = [], [], [], []
-        self.mission = Mission(tag_ids, self, drive or SimulatedDrive(0.0), limits, **options)
-        self.mission.start(self.now)
+        self.robot = robot or Robot()
+        self.mission = Mission(tag_ids, self, self.robot, limits, **options)
+        self.mission.step(self.now)
 
     def send(self, request):
         self.sent.append(request)
@@ -59,6 +101,10 @@ class World:
             self.mission.step(self.now)
 
     @property
+    def state(self):
+        return self.mission.state
+
+    @property
     def asked(self):
         return [(request.service, request.tag_id) for request in self.sent]
 
@@ -66,51 +112,57 @@ class World:
     def outcomes(self):
         return [(each.tag_id, each.outcome) for each in self.recorded]
 
-    def answer(self, **fields):
-        tag_id = self.sent[-1].tag_id
-        return self.mission.on_reading(self.sent[-1].number, fields.get('reading', reading(tag_id)))
+    def answer(self, found=None):
+        """Reply to the last request with a reading, by default of its tag."""
+        return self.mission.on_reading(self.sent[-1].number, found or reading(self.sent[-1].tag_id))
+
+    def confirm(self, *replies):
+        """Reply to the last request of the camera, again and again."""
+        for is_seen in replies:
+            assert self.mission.on_confirmation(self.sent[-1].number, is_seen, 'not in view')
+            self.wait(0.0)
+
+    def refuse(self, outcome=Outcome.SIMULATOR_ERROR):
+        """Reply to the last request with a failure."""
+        assert self.mission.on_refusal(self.sent[-1].number, outcome, 'broken')
 
 
 def test_a_mission_is_ready_until_it_is_started():
-    mission = Mission('a', None, SimulatedDrive(0.0), LIMITS)
+    mission = Mission('a', None, Robot(), LIMITS)
     assert (mission.state, mission.target, mission.tag_at_hand) == (State.READY, None, None)
     assert mission.phase == ''
+    assert not mission.pause()
 
 
 def test_each_tag_is_read_once_and_in_order():
     world = World('abc')
-    while world.mission.state is not State.DONE:
+    while world.state is not State.DONE:
         assert world.answer()
         world.wait(1.0)
     assert world.asked == [(Service.READ, tag) for tag in 'abc']
-    assert world.outcomes == [(tag, Outcome.OK) for tag in 'abc']
-    assert [(each.reading, each.attempts) for each in world.recorded] == [(reading(tag), 1) for tag in 'abc']
+    assert world.recorded == [Observation(tag, Outcome.OK, '', 1, reading(tag)) for tag in 'abc']
 
 
 def test_the_time_before_the_start_does_not_count():
-    world = World(drive=SimulatedDrive(10.0), now=1000.0)
+    world = World(robot=Robot(10.0), now=1000.0)
     world.wait(9.75)
-    assert world.mission.state is State.DRIVING
+    assert world.state is State.DRIVING
     world.wait(0.25)
     assert world.mission.tag_at_hand == 'a'
 
 
-def test_a_tag_is_not_left_before_the_dwell_is_over():
-    world = World()
+def test_a_tag_is_left_after_the_dwell_and_after_the_scan():
+    world = World('abc')
     world.answer()
     world.wait(0.9)
     assert world.mission.tag_at_hand == 'a'
     world.wait(0.2)
     assert world.mission.tag_at_hand == 'b'
-
-
-def test_the_scan_may_take_longer_than_the_dwell():
-    world = World()
     world.wait(1.5)
-    assert world.mission.tag_at_hand == 'a'
+    assert world.mission.tag_at_hand == 'b'
     world.answer()
     world.wait(0.0)
-    assert world.mission.tag_at_hand == 'b'
+    assert world.mission.tag_at_hand == 'c'
 
 
 def test_a_pause_in_the_dwell_does_not_scan_the_tag_again():
@@ -118,35 +170,30 @@ def test_a_pause_in_the_dwell_does_not_scan_the_tag_again():
     world.answer()
     assert world.mission.pause()
     world.wait(100.0)
-    assert world.mission.state is State.INSPECTING
     assert world.mission.resume()
     world.wait(0.5)
-    assert world.mission.state is State.INSPECTING
+    assert world.state is State.INSPECTING
     world.wait(0.5)
-    assert world.mission.state is State.DONE
+    assert world.state is State.DONE
     assert world.outcomes == [('a', Outcome.OK)]
     assert len(world.sent) == 1
 
 
 def test_nothing_is_asked_in_a_pause_and_a_reply_still_counts():
-    world = World()
+    world = World(require_visual_confirmation=True)
     world.mission.pause()
-    assert world.answer()
+    world.confirm(True)
     world.wait(100.0)
-    assert world.mission.tag_at_hand == 'a'
-    assert len(world.sent) == 1
-    assert world.outcomes == [('a', Outcome.OK)]
-
-
-def test_a_tag_that_is_confirmed_in_a_pause_is_read_after_it():
-    world = World('a', require_visual_confirmation=True)
-    world.mission.pause()
-    world.mission.on_confirmation(1, True, 'seen')
-    world.wait(1.0)
     assert world.asked == [(Service.CONFIRM, 'a')]
     world.mission.resume()
     world.wait(0.0)
     assert world.asked == [(Service.CONFIRM, 'a'), (Service.READ, 'a')]
+    world.mission.pause()
+    assert world.answer()
+    world.wait(100.0)
+    assert world.mission.tag_at_hand == 'a'
+    assert world.outcomes == [('a', Outcome.OK)]
+    assert len(world.sent) == 2
 
 
 def test_attempts_do_not_leak_from_tag_to_tag():
@@ -154,7 +201,7 @@ def test_attempts_do_not_leak_from_tag_to_tag():
     world = World('ab')
     for tag_id in 'ab':
         for _ in range(LIMITS.max_attempts - 1):
-            world.mission.on_refusal(world.sent[-1].number, Outcome.SIMULATOR_ERROR, 'broken')
+            world.refuse()
             world.wait(10.0)
         assert world.sent[-1].tag_id == tag_id
         assert world.answer()
@@ -165,52 +212,49 @@ def test_attempts_do_not_leak_from_tag_to_tag():
 def test_attempts_do_not_leak_from_confirming_to_reading():
     world = World('a', require_visual_confirmation=True)
     for _ in range(LIMITS.max_attempts - 1):
-        world.mission.on_confirmation(world.sent[-1].number, False, 'not seen')
+        world.confirm(False)
         world.wait(10.0)
-    world.mission.on_confirmation(world.sent[-1].number, True, '')
-    world.wait(0.0)
+    world.confirm(True)
     for _ in range(LIMITS.max_attempts - 1):
-        world.mission.on_refusal(world.sent[-1].number, Outcome.SIMULATOR_ERROR, 'broken')
+        world.refuse()
         world.wait(10.0)
     assert world.answer()
     assert world.outcomes == [('a', Outcome.OK)]
 
 
 def test_a_pause_stops_the_drive_and_is_told_from_no_pause():
-    world = World(drive=(motor := Motor(10.0)))
+    world = World(robot=Robot(10.0))
     world.wait(6.0)
     assert [world.mission.resume(), world.mission.pause(), world.mission.pause()] == [False, True, False]
     world.wait(100.0)
     assert [world.mission.resume(), world.mission.resume()] == [True, False]
     world.wait(3.9)
-    assert world.mission.state is State.DRIVING
+    assert world.state is State.DRIVING
     world.wait(0.2)
     assert world.mission.tag_at_hand == 'a'
-    assert motor.told == ['a', 'pause', 'resume']
+    assert world.robot.told == ['a', 'pause', 'resume']
 
 
 def test_a_timeout_gives_the_request_up_and_asks_again_later_and_later():
     world = World('a')
     times = []
-    while world.mission.state is not State.DONE:
+    while world.state is not State.DONE:
         before = len(world.sent)
         world.wait(0.125)
         if len(world.sent) > before:
             times.append(world.now)
     assert times == [2.0 + 0.5, 2.5 + 2.0 + 1.0]
     assert world.abandoned == world.sent
-    assert world.outcomes == [('a', Outcome.TIMEOUT)]
-    assert world.recorded[0].attempts == 3
+    assert world.recorded == [Observation('a', Outcome.TIMEOUT, 'read: no reply before the timeout', 3)]
 
 
 def test_the_delay_before_a_further_attempt_grows_up_to_10_seconds():
     world = World('a', limits=Limits(retry_delay_seconds=3.0, max_attempts=5))
     delays = []
-    for _ in range(4):
+    for attempts in (2, 3, 4, 5):
         failed = world.now
-        world.mission.on_refusal(world.sent[-1].number, Outcome.SIMULATOR_ERROR, 'broken')
-        attempts = len(world.sent)
-        while len(world.sent) == attempts:
+        world.refuse()
+        while len(world.sent) < attempts:
             world.wait(0.5)
         delays.append(world.now - failed)
     assert delays == [3.0, 6.0, 10.0, 10.0]
@@ -218,13 +262,12 @@ def test_the_delay_before_a_further_attempt_grows_up_to_10_seconds():
 
 def test_the_delay_of_a_skipped_tag_is_not_that_of_the_next():
     world = World('ab')
-    world.mission.on_refusal(1, Outcome.SIMULATOR_ERROR, 'broken')
+    world.refuse()
     assert world.mission.skip()
     world.wait(0.0)
-    assert world.asked == [(Service.READ, 'a'), (Service.READ, 'b')]
-    world.mission.on_refusal(2, Outcome.SIMULATOR_ERROR, 'broken')
+    world.refuse()
     world.wait(0.5)  # the first delay again, not the second
-    assert len(world.sent) == 3
+    assert world.asked == [(Service.READ, tag) for tag in 'abb']
 
 
 def test_the_delay_stops_in_a_pause_and_the_timeout_does_not():
@@ -242,9 +285,9 @@ def test_the_delay_stops_in_a_pause_and_the_timeout_does_not():
 
 def test_an_unknown_tag_is_not_asked_for_again():
     world = World('ab')
-    world.mission.on_refusal(world.sent[0].number, Outcome.UNKNOWN_TAG, 'no such tag')
+    world.refuse(Outcome.UNKNOWN_TAG)
     world.wait(1.0)
-    assert world.recorded[0] == Observation('a', Outcome.UNKNOWN_TAG, 'no such tag', 1)
+    assert world.recorded == [Observation('a', Outcome.UNKNOWN_TAG, 'broken', 1)]
     assert world.asked[1:] == [(Service.READ, 'b')]
 
 
@@ -262,7 +305,7 @@ def test_an_unknown_tag_is_not_asked_for_again():
 def test_a_reading_that_cannot_be_is_refused_and_asked_for_again(bad, outcome):
     world = World('a')
     for _ in range(3):
-        assert world.answer(reading=bad)
+        assert world.answer(bad)
         world.wait(2.0)
     assert world.outcomes == [('a', outcome)]
     assert len(world.sent) == 3
@@ -274,7 +317,6 @@ def test_a_late_reply_is_not_taken_for_the_next_ones():
     world.wait(2.0, 0.5)
     assert world.answer()
     world.wait(1.0)
-    assert world.mission.tag_at_hand == 'b'
     assert not world.mission.on_reading(late.number, reading('a'))
     assert not world.mission.on_refusal(late.number, Outcome.SIMULATOR_ERROR, '')
     assert world.outcomes == [('a', Outcome.OK)]
@@ -282,24 +324,24 @@ def test_a_late_reply_is_not_taken_for_the_next_ones():
 
 def test_the_bridge_is_asked_only_after_the_camera_has_confirmed_the_tag():
     world = World('a', require_visual_confirmation=True)
-    assert world.asked == [(Service.CONFIRM, 'a')]
-    world.mission.on_confirmation(1, False, 'no tag in view')
+    assert world.mission.phase == 'CONFIRMING'
+    world.confirm(False)
     world.wait(0.5)
     assert world.asked == [(Service.CONFIRM, 'a')] * 2
-    world.mission.on_confirmation(2, True, 'seen')
-    world.wait(0.0)
+    world.confirm(True)
     assert world.asked[2:] == [(Service.READ, 'a')]
+    assert world.mission.phase == 'SCANNING'
     world.answer()
     assert world.outcomes == [('a', Outcome.OK)]
 
 
 def test_a_tag_that_is_never_confirmed_is_never_read():
     world = World('a', require_visual_confirmation=True)
-    while world.mission.state is not State.DONE:
-        world.mission.on_confirmation(world.sent[-1].number, False, 'other tags: 7')
-        world.wait(0.25)
+    while world.state is not State.DONE:
+        world.confirm(False)
+        world.wait(1.0)
     assert world.asked == [(Service.CONFIRM, 'a')] * 3
-    assert world.recorded == [Observation('a', Outcome.NOT_CONFIRMED, 'other tags: 7', 3, seen=False)]
+    assert world.recorded == [Observation('a', Outcome.NOT_CONFIRMED, 'not in view', 3, seen=False)]
 
 
 def test_a_scan_has_one_outcome_and_only_the_tag_at_hand_has_one():
@@ -317,23 +359,23 @@ def test_a_tag_given_twice_is_refused():
 
 
 def test_a_skip_on_the_way_stops_the_robot_even_to_the_last_tag():
-    world = World('ab', drive=(motor := Motor()))
+    world = World('ab', Robot(10.0))
     assert world.mission.skip()
     world.wait(0.0)
     assert (world.mission.target, world.mission.phase) == ('b', 'NAVIGATING')
     assert world.recorded == [Observation('a', Outcome.SKIPPED, 'skipped', 0)]
     assert world.mission.skip()
     world.wait(0.0)
-    assert motor.told == ['a', 'stop', 'b', 'stop']
-    assert (world.mission.state, world.sent) == (State.DONE, [])
+    assert world.robot.told == ['a', 'stop', 'b', 'stop']
+    assert (world.state, world.sent) == (State.DONE, [])
 
 
 def test_a_tag_that_is_skipped_while_it_is_scanned_awaits_no_reply():
-    world = World('ab', drive=(motor := Motor(0.0)))
+    world = World('ab')
     late = world.sent[0]
     assert world.mission.skip()
     world.wait(0.0)
-    assert (world.abandoned, motor.told) == ([late], ['a', 'b'])  # there is no drive to stop
+    assert (world.abandoned, world.robot.told) == ([late], ['a', 'b'])  # there is no drive to stop
     assert not world.mission.on_reading(late.number, reading('a'))
     assert world.mission.tag_at_hand == 'b'
     assert world.outcomes == [('a', Outcome.SKIPPED)]
@@ -349,12 +391,13 @@ def test_a_skip_in_the_dwell_keeps_the_outcome_and_ends_the_dwell():
     assert world.outcomes == [('a', Outcome.OK)]
 
 
-def test_a_skip_in_a_pause_moves_nothing_until_it_is_over():
-    world = World('ab')
+@pytest.mark.parametrize(('drive_seconds', 'phase'), [(0.0, 'SCANNING'), (1.0, 'NAVIGATING')])
+def test_a_skip_in_a_pause_moves_nothing_until_it_is_over(drive_seconds, phase):
+    world = World('ab', Robot(drive_seconds))
     world.mission.pause()
     assert world.mission.skip()
     world.wait(10.0)
-    assert world.mission.target == 'a'
+    assert (world.mission.target, world.mission.phase) == ('a', phase)
     world.mission.resume()
     world.wait(0.0)
     assert world.mission.target == 'b'
@@ -364,89 +407,41 @@ def test_a_skip_in_a_pause_moves_nothing_until_it_is_over():
 def test_an_abort_while_the_camera_is_awaited_closes_every_tag_left(is_paused):
     world = World('abc', require_visual_confirmation=True)
     awaited = world.sent[0]
-    assert world.mission.phase == 'CONFIRMING'
     if is_paused:
         world.mission.pause()
     assert world.mission.abort()
-    assert world.mission.state is State.DONE
+    assert world.state is State.DONE
     assert world.abandoned == [awaited]
     assert world.recorded == [Observation(tag, Outcome.SKIPPED, 'aborted', int(tag == 'a')) for tag in 'abc']
     assert not world.mission.on_confirmation(awaited.number, True, '')
-    assert not world.mission.abort()
-    assert not world.mission.skip()
-    assert not world.mission.pause()
-
-
-class Motor(SimulatedDrive):
-    """A drive that fails for these reasons by tag, and records what it is told."""
-
-    def __init__(self, drive_seconds=10.0, **failures):
-        super().__init__(drive_seconds)
-        self.told = []
-        self._failures = failures
-
-    def start(self, tag_id, now_seconds, pose=1):  # noqa: ARG002
-        SimulatedDrive.start_return(self, now_seconds)
-        self.told.append(tag_id)
-        self._tag_id = tag_id
-
-    def start_return(self, now_seconds):
-        super().start_return(now_seconds)
-        self.told.append('return')
-        self._tag_id = 'dock'
-
-    def pause(self):
-        self.told.append('pause')
-
-    def resume(self):
-        self.told.append('resume')
-
-    def arrival(self, now_seconds):
-        arrival = super().arrival(now_seconds)
-        return arrival and Arrival(self._failures.get(self._tag_id, ''))
-
-    def stop(self):
-        self.told.append('stop')
+    assert [world.mission.abort(), world.mission.skip(), world.mission.pause()] == [False] * 3
 
 
 def test_a_drive_that_fails_is_tried_again_and_then_the_tag_is_unreachable():
-    world = World('ab', drive=(motor := Motor(1.0, a='the aisle is blocked')))
+    world = World('ab', Robot(1.0, a='the aisle is blocked'))
     world.wait(1.0)
     assert (world.mission.target, world.recorded) == ('a', [])
     retry = "the drive to tag 'a' failed: the aisle is blocked: trying again"
-    assert (retry, Severity.WARN) in world.events
-    world.wait(0.25)
-    assert motor.told == ['a']
-    world.wait(0.25)
-    assert motor.told == ['a', 'a']
-    world.wait(1.0)
+    assert world.events[-1] == (retry, Severity.WARN)
+    world.wait(0.25, 0.25, 1.0)
     assert world.recorded == [Observation('a', Outcome.UNREACHABLE, 'the aisle is blocked', 0)]
     assert (world.mission.target, world.sent) == ('b', [])
     world.wait(1.0)
     assert world.mission.tag_at_hand == 'b'
-    assert motor.told == ['a', 'a', 'b']
+    assert world.robot.told == ['a', 'a', 'b']
 
 
 def test_each_tag_has_all_its_drives():
-    world = World('abc', drive=(motor := Motor(1.0, a='no', b='no')), limits=Limits(max_drives=3))
+    world = World('abc', Robot(1.0, a='no', b='no'), Limits(max_drives=3))
     departures = []
-    while motor.told[-1] != 'c':
-        before = len(motor.told)
+    while world.robot.told[-1] != 'c':
+        before = len(world.robot.told)
         world.wait(0.25)
-        if len(motor.told) > before:
+        if len(world.robot.told) > before:
             departures.append(world.now)
     assert departures == [1.5, 3.5, 4.5, 6.0, 8.0, 9.0]  # 0.5 s and 1 s after the end of the drive
-    assert motor.told == [*'aaabbb', 'c']
+    assert world.robot.told == [*'aaabbb', 'c']
     assert world.outcomes == [(tag, Outcome.UNREACHABLE) for tag in 'ab']
-
-
-def test_a_tag_is_skipped_in_its_second_drive_too():
-    world = World('ab', drive=(motor := Motor(1.0, a='no')))
-    world.wait(1.0, 0.5)
-    assert world.mission.skip()
-    world.wait(0.0)
-    assert motor.told == ['a', 'a', 'stop', 'b']
-    assert world.outcomes == [('a', Outcome.SKIPPED)]
 
 
 def test_the_phase_is_publishing_only_while_an_observation_is_recorded():
@@ -459,78 +454,81 @@ def test_the_phase_is_publishing_only_while_an_observation_is_recorded():
 
 
 def test_the_robot_returns_to_its_dock_after_the_last_tag():
-    world = World('a', drive=(motor := Motor(1.0)), returns_to_dock=True)
+    world = World('a', Robot(1.0), returns_to_dock=True)
     world.wait(1.0)
     world.answer()
     world.wait(1.0)
-    assert (world.mission.state, world.mission.target, world.mission.phase) == (State.RETURNING, None, '')
+    assert (world.state, world.mission.target, world.mission.phase) == (State.RETURNING, None, '')
     assert not world.mission.skip()
     world.wait(1.0)
-    assert world.mission.state is State.DONE
-    assert motor.told == ['a', 'return']
+    assert world.state is State.DONE
+    assert world.robot.told == ['a', 'dock']
 
 
 def test_an_abort_returns_too_and_an_abort_on_the_return_ends_it():
-    world = World('ab', drive=(motor := Motor()), returns_to_dock=True)
+    world = World('ab', Robot(10.0), returns_to_dock=True)
     assert world.mission.abort()
-    assert world.mission.state is State.RETURNING
+    assert world.state is State.RETURNING
     assert world.mission.abort()
-    assert world.mission.state is State.DONE
-    assert motor.told == ['a', 'stop', 'return', 'stop']
+    assert world.state is State.DONE
+    assert world.robot.told == ['a', 'stop', 'dock', 'stop']
     assert world.outcomes == [(tag, Outcome.SKIPPED) for tag in 'ab']
 
 
 def test_an_abort_before_a_drive_is_tried_again_leaves_no_drive():
-    world = World('a', drive=(motor := Motor(1.0, a='no')))
+    world = World('a', Robot(1.0, a='no'))
     world.wait(1.0)
     assert world.mission.abort()
     world.wait(10.0)
-    assert world.mission.state is State.DONE
-    assert motor.told == ['a', 'stop']
+    assert world.state is State.DONE
+    assert world.robot.told == ['a', 'stop']
 
 
-def test_a_return_that_fails_is_tried_again_and_then_a_warning():
-    world = World('', drive=(motor := Motor(1.0, dock='the door is shut')), returns_to_dock=True)
+@pytest.mark.parametrize('docks', [False, True])
+def test_a_dock_that_is_not_reached_is_tried_again_and_then_a_warning(docks):
+    world = World('a' if docks else '', Robot(1.0, dock='the door is shut'), returns_to_dock=True)
+    assert world.mission.dock() == docks
     world.wait(1.0)
-    assert world.mission.state is State.RETURNING
+    assert world.state is (State.DOCKING if docks else State.RETURNING)
     world.wait(0.5, 1.0)
-    assert world.mission.state is State.DONE
-    assert motor.told == ['return', 'return']
+    assert (world.state, world.mission.is_paused) == (State.DOCKED if docks else State.DONE, docks)
+    assert world.robot.told[-2:] == ['dock', 'dock']
     assert ('the robot is not at the dock: the door is shut', Severity.WARN) in world.events
 
 
-def to_the_dock(world):
+def docked(tag_ids):
+    """Return a world whose robot has docked from its first tag."""
+    world = World(tag_ids, Robot(1.0), returns_to_dock=True)
     world.wait(1.0)
     assert world.mission.dock()
     assert not world.mission.dock()
     world.wait(0.0)
-    assert (world.mission.state, world.mission.target) == (State.DOCKING, None)
-    assert not world.mission.is_paused
+    assert (world.state, world.mission.target, world.mission.is_paused) == (State.DOCKING, None, False)
     world.wait(1.0)
-    assert (world.mission.state, world.mission.is_paused) == (State.DOCKED, True)
+    assert (world.state, world.mission.is_paused) == (State.DOCKED, True)
+    return world
 
 
 def test_a_mission_that_docked_goes_on_with_the_tags_left():
-    world = World('abc', drive=(motor := Motor(1.0)), returns_to_dock=True)
-    to_the_dock(world)
+    world = docked('abc')
     late = world.sent[0]
     world.wait(100.0)
     assert world.abandoned == [late]
-    assert (motor.told, world.outcomes) == (['a', 'return'], [])
+    assert (world.robot.told, world.outcomes) == (['a', 'dock'], [])
     assert world.mission.resume()
     world.wait(0.0)
     assert not world.mission.on_reading(late.number, reading('a'))
-    while world.mission.state is not State.RETURNING:
+    while world.state is not State.RETURNING:
         world.wait(1.0)
         world.answer()
-    assert motor.told == ['a', 'return', 'resume', *'abc', 'return']
+    assert world.robot.told == ['a', 'dock', 'resume', *'abc', 'dock']
     assert world.outcomes == [(tag, Outcome.OK) for tag in 'abc']
     world.wait(1.0)
-    assert world.mission.state is State.DONE
+    assert world.state is State.DONE
 
 
 def test_a_mission_docks_from_the_way_from_the_dwell_and_from_a_pause():
-    world = World('ab', drive=(motor := Motor(1.0)), returns_to_dock=True)
+    world = World('ab', Robot(1.0), returns_to_dock=True)
     assert world.mission.dock()
     world.wait(1.0)
     world.mission.resume()
@@ -541,99 +539,69 @@ def test_a_mission_docks_from_the_way_from_the_dwell_and_from_a_pause():
     world.wait(1.0)
     world.mission.resume()
     world.wait(0.0)
-    assert motor.told == ['a', 'stop', 'return', 'resume', 'a', 'pause', 'return', 'resume', 'b']
+    assert world.robot.told == ['a', 'stop', 'dock', 'resume', 'a', 'pause', 'dock', 'resume', 'b']
     assert world.outcomes == [('a', Outcome.OK)]
 
 
 def test_an_abort_at_the_dock_skips_the_tags_left():
-    world = World('abc', drive=Motor(1.0), returns_to_dock=True)
-    to_the_dock(world)
+    world = docked('abc')
     assert world.mission.abort()
     world.wait(1.0)
-    assert (world.mission.state, world.mission.is_paused) == (State.DONE, False)
+    assert (world.state, world.mission.is_paused) == (State.DONE, False)
     assert world.outcomes == [(tag, Outcome.SKIPPED) for tag in 'abc']
 
 
-def test_a_dock_that_is_not_reached_pauses_the_mission_too():
-    world = World('a', drive=Motor(1.0, dock='the door is shut'), returns_to_dock=True)
-    assert world.mission.dock()
-    for seconds in (1.0, 0.5, 1.0):
-        world.wait(seconds)
-    assert (world.mission.state, world.mission.is_paused) == (State.DOCKED, True)
-    assert ('the robot is not at the dock: the door is shut', Severity.WARN) in world.events
-
-
 def test_a_mission_without_a_dock_does_not_dock():
-    world = World('a', drive=(motor := Motor(1.0)))
+    world = World('a', Robot(1.0))
     assert not world.mission.dock()
-    assert (world.mission.target, motor.told) == ('a', ['a'])
-
-
-class Wheels(SimulatedDrive):
-    """A drive whose arrivals the test sets."""
-
-    def __init__(self, *arrivals):
-        super().__init__(0.0)
-        self.arrivals, self.goals = list(arrivals), []
-
-    def start(self, tag_id, now_seconds, pose=1):
-        self.goals.append(tag_id)
-        super().start(tag_id, now_seconds, pose)
-
-    def arrival(self, now_seconds):  # noqa: ARG002
-        return self.arrivals.pop(0) if self.arrivals else None
+    assert (world.mission.target, world.robot.told) == ('a', ['a'])
 
 
 def test_a_failure_that_is_final_is_not_tried_again():
-    world = World('ab', drive=(wheels := Wheels(Arrival('cut off', is_final=True))))
-    assert wheels.goals == ['a', 'b']
+    world = World('ab', Robot(0.0, Arrival('cut off', is_final=True)))
+    assert world.robot.told == ['a', 'b']
     assert world.recorded == [Observation('a', Outcome.UNREACHABLE, 'cut off', 0)]
 
 
 def test_a_drive_that_needs_a_person_pauses_the_mission_and_keeps_the_tag():
-    world = World('ab', drive=(wheels := Wheels(Arrival('Nav2 sleeps', needs_person=True))))
+    world = World('ab', Robot(0.0, NEEDS_PERSON, Arrival('blocked')))
     assert world.events[-1] == ('Nav2 sleeps: resume to go on', Severity.ERROR)
     assert (world.mission.is_paused, world.mission.target, world.outcomes) == (True, 'a', [])
     world.wait(100.0)
-    assert wheels.goals == ['a']
-    wheels.arrivals = [Arrival('blocked'), Arrival()]  # all attempts are left
     assert world.mission.resume()
-    world.wait(0.0, 0.5)
-    assert wheels.goals == ['a', 'a', 'a']
+    world.wait(0.0, 0.5)  # all attempts are left
+    assert world.robot.told == ['a', 'pause', 'resume', 'a', 'a']
     assert world.mission.tag_at_hand == 'a'
 
 
-@pytest.mark.parametrize('do', ['skip', 'abort'])
-def test_a_mission_that_needs_a_person_can_be_skipped_and_aborted(do):
-    world = World('ab', drive=(wheels := Wheels(Arrival('Nav2 sleeps', needs_person=True))))
-    assert getattr(world.mission, do)()
+@pytest.mark.parametrize(
+    ('do', 'told'),
+    [(Mission.skip, ['a', 'pause', 'stop', 'resume', 'b']), (Mission.abort, ['a', 'pause', 'stop'])],
+)
+def test_a_mission_that_needs_a_person_can_be_skipped_and_aborted(do, told):
+    world = World('ab', Robot(0.0, NEEDS_PERSON))
+    assert do(world.mission)
     world.mission.resume()
     world.wait(0.0)
     assert world.outcomes[0] == ('a', Outcome.SKIPPED)
-    assert wheels.goals == {'skip': ['a', 'b'], 'abort': ['a']}[do]
+    assert world.robot.told == told
 
 
 def test_two_drives_in_a_row_without_a_move_pause_the_mission_once_for_each_tag():
-    stuck = Arrival('aborted', is_stuck=True)
-    world = World('ab', drive=(wheels := Wheels(stuck, stuck)))
+    world = World('ab', Robot(0.0, STUCK, STUCK, STUCK, STUCK, STUCK))
     world.wait(0.5)
     event = 'the robot is stuck: it did not move in 2 drives: aborted: resume to go on'
     assert world.events[-1] == (event, Severity.ERROR)
     assert (world.mission.is_paused, world.mission.target, world.outcomes) == (True, 'a', [])
-    wheels.arrivals = [stuck, stuck]
     assert world.mission.resume()
     world.wait(0.0, 0.5)
     assert world.outcomes == [('a', Outcome.UNREACHABLE)]  # it was the goal
-    wheels.arrivals = [stuck]
-    world.wait(0.0)
     assert (world.mission.is_paused, world.mission.target) == (True, 'b')  # the third in a row
 
 
 def test_a_drive_that_moved_is_between_two_that_did_not():
-    stuck = Arrival('aborted', is_stuck=True)
-    world = World('a', drive=Wheels(stuck, Arrival('aborted'), stuck), limits=Limits(max_drives=3))
-    for seconds in (0.5, 1.0):
-        world.wait(seconds)
+    world = World('a', Robot(0.0, STUCK, Arrival('aborted'), STUCK), Limits(max_drives=3))
+    world.wait(0.5, 1.0)
     assert world.outcomes == [('a', Outcome.UNREACHABLE)]
 
 
@@ -647,87 +615,79 @@ WAYS = {
 
 @pytest.mark.parametrize('go', WAYS.values(), ids=WAYS)
 def test_the_estop_holds_every_state_until_it_is_released_and_resumed(go):
-    world = World('ab', drive=(motor := Motor(1.0)), returns_to_dock=True)
+    world = World('ab', Robot(1.0), returns_to_dock=True)
     go(world)
-    before = (world.mission.state, world.mission.target, len(world.sent))
+    before = (world.state, world.mission.target, len(world.sent))
     world.mission.engage_estop()
-    assert motor.told[-1] == 'pause'
+    assert world.robot.told[-1] == 'pause'
     assert not world.mission.resume()
     world.wait(1.9)
     world.mission.release_estop()
     world.wait(0.05)
-    assert (world.mission.state, world.mission.target, len(world.sent)) == before
+    assert (world.state, world.mission.target, len(world.sent)) == before
     assert world.mission.resume()
     world.wait(100.0, 100.0)
-    assert (world.mission.state, world.mission.target, len(world.sent)) != before
+    assert (world.state, world.mission.target, len(world.sent)) != before
+
+
+def started_under_the_estop(tag_ids, **options):
+    """Return the mission, what it has closed, and its robot."""
+    world, robot = World(''), Robot(10.0)
+    mission = Mission(tag_ids, world, robot, LIMITS, **options)
+    mission.engage_estop()
+    mission.step(0.0)
+    mission.step(10.0)
+    assert (mission.state, robot.told) == (State.READY, [])
+    return mission, world, robot
 
 
 def test_a_mission_that_starts_under_the_estop_sets_off_after_the_resume():
-    motor = Motor()
-    mission = Mission('a', World(''), motor, LIMITS)
-    mission.engage_estop()
-    mission.start(0.0)
-    mission.step(10.0)
-    assert (mission.state, motor.told) == (State.READY, [])
+    mission, _, robot = started_under_the_estop('a')
     mission.release_estop()
     assert mission.resume()
     mission.step(20.0)
-    assert (mission.state, motor.told) == (State.DRIVING, ['resume', 'a'])
+    assert (mission.state, robot.told) == (State.DRIVING, ['resume', 'a'])
 
 
 @pytest.mark.parametrize('returns_to_dock', [False, True])
 def test_an_abort_before_a_start_under_the_estop_ends_the_mission_where_it_is(returns_to_dock):
-    world, motor = World(''), Motor()
-    mission = Mission('ab', world, motor, LIMITS, returns_to_dock=returns_to_dock)
-    mission.engage_estop()
-    mission.start(0.0)
+    mission, world, robot = started_under_the_estop('ab', returns_to_dock=returns_to_dock)
     assert mission.abort()
-    assert (mission.state, motor.told) == (State.DONE, [])
+    assert (mission.state, robot.told) == (State.DONE, [])
     assert world.outcomes == [(tag, Outcome.SKIPPED) for tag in 'ab']
     assert not mission.abort()
 
 
-def test_an_abort_under_the_estop_moves_nothing():
-    world = World('ab', drive=(motor := Motor()), returns_to_dock=True)
+@pytest.mark.parametrize('drive_seconds', [0.0, 10.0])
+def test_an_abort_under_the_estop_moves_nothing_and_leaves_no_tag_at_hand(drive_seconds):
+    world = World('ab', Robot(drive_seconds), returns_to_dock=True)
     world.mission.engage_estop()
     assert world.mission.abort()
     world.wait(100.0)
-    assert motor.told == ['a', 'pause', 'stop']
+    assert 'dock' not in world.robot.told
+    assert (world.state, world.mission.is_paused) == (State.RETURNING, True)
+    assert (world.mission.target, world.mission.tag_at_hand) == (None, None)
     assert world.outcomes == [(tag, Outcome.SKIPPED) for tag in 'ab']
     world.mission.release_estop()
     assert world.mission.resume()
     world.wait(0.0)
-    assert world.mission.state is State.RETURNING
-    assert motor.told[-1] == 'return'
+    assert world.robot.told[-1] == 'dock'
 
 
-def test_an_abort_at_a_tag_under_the_estop_leaves_no_tag_at_hand():
-    world = World('ab', drive=(motor := Motor(0.0)), returns_to_dock=True)
+def test_an_abort_of_a_return_under_the_estop_ends_the_mission():
+    world = World('ab', returns_to_dock=True)
     world.mission.engage_estop()
     assert world.mission.abort()
-    world.wait(1.0)
-    found = world.mission
-    assert (found.state, found.target, found.tag_at_hand) == (State.RETURNING, None, None)
-    assert found.is_paused
-    assert found.abort()
-    world.wait(1.0)
-    assert (found.state, found.is_paused) == (State.DONE, False)
-    assert motor.told == ['a', 'pause', 'stop']
-    found.release_estop()
-    assert not found.resume()
-
-
-def test_a_mission_can_be_paused_and_aborted_from_its_start_on_and_not_before():
-    mission = Mission('a', World(''), SimulatedDrive(10.0), LIMITS)
-    assert not mission.pause()
-    mission.start(0.0)
-    assert mission.pause()
-    assert mission.abort()
+    assert world.mission.abort()
+    assert (world.state, world.mission.is_paused) == (State.DONE, False)
+    assert world.robot.told == ['a', 'pause', 'stop']
+    world.mission.release_estop()
+    assert not world.mission.resume()
 
 
 def test_events_tell_what_happened_and_how_bad_it_is():
     world = World('a')
-    world.mission.on_refusal(1, Outcome.SIMULATOR_ERROR, 'broken')
+    world.refuse()
     world.wait(1.0)
     world.mission.pause()
     world.mission.resume()
@@ -742,142 +702,92 @@ def test_events_tell_what_happened_and_how_bad_it_is():
     ]
 
 
-class Looks(SimulatedDrive):
-    """A drive with three poses for each tag; those of `failures` cannot be reached."""
-
-    def __init__(self, *failures):
-        super().__init__(1.0)
-        self.poses, self._failures = [], failures
-
-    def count_poses(self, tag_id):  # noqa: ARG002
-        return 3
-
-    def start(self, tag_id, now_seconds, pose=1):
-        self.poses.append((tag_id, pose))
-        super().start(tag_id, now_seconds, pose)
-
-    def arrival(self, now_seconds):
-        arrival = super().arrival(now_seconds)
-        return arrival and Arrival('blocked' if self.poses[-1][1] in self._failures else '')
-
-
-def looking_world(*failures, tag_ids='ab', **options):
+def looking(tag_ids='ab', **failures):
+    """Return a world whose robot can look at each tag from three poses, and has left for the first one."""
     limits = replace(LIMITS, max_attempts=2, max_drives=1, retry_delay_seconds=0.0, dwell_seconds=0.0)
-    return World(tag_ids, Looks(*failures), limits, require_visual_confirmation=True, **options)
-
-
-def confirm(world, *replies):
-    for is_seen in replies:
-        assert world.mission.on_confirmation(world.sent[-1].number, is_seen, 'not in view')
-        world.wait(0.0)
+    world = World(tag_ids, Robot(1.0, poses=3, **failures), limits, require_visual_confirmation=True)
+    world.wait(1.0)
+    return world
 
 
 def test_a_robot_that_cannot_reach_a_pose_looks_from_the_next():
-    world = looking_world(1)
-    drive = world.mission._drive
+    world = looking(a='blocked')
+    assert world.robot.told == ['a', 'a2']
+    assert (world.mission.phase, world.sent, world.recorded) == ('NAVIGATING', [], [])
     world.wait(1.0)
-    assert drive.poses == [('a', 1), ('a', 2)]
-    assert world.mission.phase == 'NAVIGATING'
-    assert world.sent == world.recorded == []
-    world.wait(1.0)
-    confirm(world, True)
+    world.confirm(True)
     assert world.answer()
-    (found,) = world.recorded
-    assert (found.outcome, found.detail, found.attempts) == (Outcome.OK, '', 2)
-    assert (found.seen, found.pose) == (True, 2)
+    assert world.recorded == [Observation('a', Outcome.OK, '', 2, reading('a'), seen=True, pose=2)]
     assert ("tag 'a': UNREACHABLE blocked: trying pose 2 of 3", Severity.WARN) in world.events
     world.wait(0.0)
-    assert drive.poses[-1] == ('b', 1)
+    assert world.robot.told[-1] == 'b'
 
 
 def test_a_robot_whose_camera_does_not_see_the_tag_looks_from_the_next_pose():
-    world = looking_world()
+    world = looking()
+    world.confirm(False, False)
+    assert world.robot.told == ['a', 'a2']
+    assert (world.state, world.recorded) == (State.DRIVING, [])
     world.wait(1.0)
-    confirm(world, False, False)
-    assert world.mission._drive.poses == [('a', 1), ('a', 2)]
-    assert (world.mission.state, world.recorded) == (State.DRIVING, [])
-    world.wait(1.0)
-    confirm(world, False, True)
+    world.confirm(False, True)
     assert world.answer()
-    assert [(each.outcome, each.attempts, each.seen, each.pose) for each in world.recorded] == [
-        (Outcome.OK, 5, True, 2)
-    ]
+    assert world.recorded == [Observation('a', Outcome.OK, '', 5, reading('a'), seen=True, pose=2)]
 
 
 @pytest.mark.parametrize(
-    ('failures', 'outcome', 'detail', 'attempts'),
+    ('blocked', 'outcome', 'detail', 'attempts'),
     [
-        ((1, 2, 3), Outcome.UNREACHABLE, 'pose 1: blocked; pose 2: blocked; pose 3: blocked', 0),
-        ((1,), Outcome.NOT_CONFIRMED, 'pose 1: blocked; pose 2: not in view; pose 3: not in view', 4),
-        ((2, 3), Outcome.NOT_CONFIRMED, 'pose 1: not in view; pose 2: blocked; pose 3: blocked', 2),
+        (['a', 'a2', 'a3'], Outcome.UNREACHABLE, 'pose 1: blocked; pose 2: blocked; pose 3: blocked', 0),
+        (['a'], Outcome.NOT_CONFIRMED, 'pose 1: blocked; pose 2: not in view; pose 3: not in view', 4),
+        (['a2', 'a3'], Outcome.NOT_CONFIRMED, 'pose 1: not in view; pose 2: blocked; pose 3: blocked', 2),
     ],
 )
-def test_a_tag_that_no_pose_shows_has_one_outcome_with_every_reason(failures, outcome, detail, attempts):
-    world = looking_world(*failures, tag_ids='a')
-    for pose in (1, 2, 3):
+def test_a_tag_that_no_pose_shows_has_one_outcome_with_every_reason(blocked, outcome, detail, attempts):
+    world = looking('a', **dict.fromkeys(blocked, 'blocked'))
+    for pose in ('a', 'a2', 'a3'):
+        world.confirm(*([] if pose in blocked else [False, False]))
         world.wait(1.0)
-        confirm(world, *([] if pose in failures else [False, False]))
-    (found,) = world.recorded
-    assert (found.outcome, found.detail, found.attempts) == (outcome, detail, attempts)
-    assert found.seen is (False if attempts else None)
-    assert found.pose == 3
-    assert world.mission.state is State.DONE
+    seen = False if attempts else None
+    assert world.recorded == [Observation('a', outcome, detail, attempts, seen=seen, pose=3)]
+    assert world.state is State.DONE
 
 
 def test_a_pose_is_kept_over_a_pause_and_an_estop_between_two_looks():
-    world = looking_world()
-    drive = world.mission._drive
-    world.wait(1.0)
+    world = looking()
+    world.confirm(False)
     world.mission.pause()
-    confirm(world, False)
-    assert drive.poses == [('a', 1)]
-    world.mission.resume()
-    world.wait(0.0)
-    confirm(world, False)
+    world.confirm(False)
+    assert world.robot.told == ['a', 'pause']
     world.mission.engage_estop()
     world.wait(5.0)
-    assert world.mission.state is State.DRIVING
+    assert world.state is State.DRIVING
     assert not world.mission.resume()
     world.mission.release_estop()
     assert world.mission.resume()
+    world.wait(0.0)
+    assert world.robot.told == ['a', 'pause', 'resume', 'a2']
     world.wait(1.0)
-    confirm(world, True)
+    world.confirm(True)
     assert world.answer()
     assert [(each.outcome, each.pose) for each in world.recorded] == [(Outcome.OK, 2)]
 
 
-def test_a_pause_at_the_last_refusal_keeps_the_robot_where_it_is():
-    world = looking_world()
-    world.wait(1.0)
-    confirm(world, False)
-    world.mission.pause()
-    confirm(world, False)
-    assert world.mission._drive.poses == [('a', 1)]
-    world.mission.resume()
-    world.wait(0.0)
-    assert world.mission._drive.poses == [('a', 1), ('a', 2)]
-
-
 def test_a_tag_that_is_skipped_or_aborted_between_two_looks_says_from_which_poses():
-    world = looking_world(tag_ids='abc')
-    world.wait(1.0)
-    confirm(world, False, False)
+    world = looking('abc')
+    world.confirm(False, False)
     assert world.mission.skip()
-    world.wait(0.0)
-    assert world.mission._drive.poses[-1] == ('b', 1)
-    world.wait(1.0)
-    confirm(world, False, False)
+    world.wait(0.0, 1.0)
+    assert world.robot.told[-1] == 'b'
+    world.confirm(False, False)
     assert world.mission.abort()
-    found = [(each.tag_id, each.outcome, each.detail, each.attempts, each.pose) for each in world.recorded]
-    assert found == [
-        ('a', Outcome.SKIPPED, 'pose 1: not in view; pose 2: skipped', 2, 2),
-        ('b', Outcome.SKIPPED, 'pose 1: not in view; pose 2: aborted', 2, 2),
-        ('c', Outcome.SKIPPED, 'aborted', 0, 1),
+    assert world.recorded == [
+        Observation('a', Outcome.SKIPPED, 'pose 1: not in view; pose 2: skipped', 2, seen=False, pose=2),
+        Observation('b', Outcome.SKIPPED, 'pose 1: not in view; pose 2: aborted', 2, seen=False, pose=2),
+        Observation('c', Outcome.SKIPPED, 'aborted', 0),
     ]
-    assert [each.seen for each in world.recorded] == [False, False, None]
 
 
-class Robot(SimulatedDrive):
+class BlockableRobot(SimulatedDrive):
     """A drive with two poses for each tag. It fails on demand, and knows whether the robot moves."""
 
     def __init__(self):
@@ -922,7 +832,7 @@ class AnyOrder(RuleBasedStateMachine):
         done = {each.tag_id for each in self.report.observations if each.outcome is Outcome.OK}
         assert done == self.accepted.keys(), 'a restart forgot a reading'
         self.requests, self.abandoned, self.closed = [], [], []
-        self.robot = Robot()
+        self.robot = BlockableRobot()
         self.mission = Mission(
             [tag_id for tag_id in self.tag_ids if tag_id not in done],
             self,
@@ -931,7 +841,7 @@ class AnyOrder(RuleBasedStateMachine):
             require_visual_confirmation=True,
             returns_to_dock=True,
         )
-        self.mission.start(self.now)
+        self.mission.step(self.now)
 
     def send(self, request):
         assert not self.mission.is_paused

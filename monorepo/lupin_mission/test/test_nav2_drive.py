@@ -380,7 +380,7 @@ def test_a_reply_whose_executor_has_ended_is_taken_under_the_next(trip, navigato
 def test_after_a_pause_of_an_hour_the_goal_is_sent_again_with_all_its_time(trip, navigator):
     mission = Mission('a', Mock(spec=MissionPorts), trip.drive, Limits(max_drives=1))
     now_seconds = 1000.0
-    mission.start(now_seconds)
+    mission.step(now_seconds)
 
     def step_until(is_so):
         trip.spin_until(is_so, lambda: mission.step(now_seconds))
