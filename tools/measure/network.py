@@ -24,12 +24,13 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from shared import parser_of
-from soak import run
-from traffic import Bridge, ClientProcess
+from shared import Promises, check_promises, parser_of
+from traffic import Bridge, ClientProcess, Counts
 
-HOSTS = tuple(f'{name}{os.getpid()}' for name in ('robot', 'laptop'))
-CALL_SECONDS = '120'
+HOSTS = (f'robot{os.getpid()}', f'laptop{os.getpid()}')
+ROBOT, LAPTOP = (('ip', 'netns', 'exec', host) for host in HOSTS)  # prefix of a command that runs there
+READ_TAG = (*LAPTOP, f'{os.environ["LUPIN_EXECUTABLES"]}/read_tag', '--timeout')
+CALL_SECONDS = 120
 NO_ANSWER = 3  # read_tag's exit code
 CANNOT_RUN = 3  # exit code
 TUN = Path('/dev/net/tun')
@@ -68,7 +69,7 @@ class Cable:
         return end
 
     def _carry(self) -> None:
-        under_way = []
+        under_way: list[tuple[float, int, int, bytes]] = []  # arrival, number, end, frame
         with selectors.DefaultSelector() as selector:
             for number, end in enumerate(self._ends):
                 selector.register(end, selectors.EVENT_READ, self._ends[1 - number])
@@ -110,11 +111,6 @@ def ip(command: str) -> None:
     subprocess.run(['ip', *command.split()], check=True, capture_output=True, text=True)
 
 
-def inside(host: str) -> tuple[str, ...]:
-    """Return the prefix that runs a command in a host."""
-    return ('ip', 'netns', 'exec', host)
-
-
 @contextlib.contextmanager
 def two_hosts() -> Iterator[Cable]:
     """Yield the cable between two hosts, and remove all three at the end."""
@@ -130,12 +126,11 @@ def two_hosts() -> Iterator[Cable]:
             subprocess.run(['ip', 'netns', 'delete', host], check=False, capture_output=True)
 
 
-def across_a_bad_cable(scale: int) -> Iterator[tuple[str, bool]]:
+def across_a_bad_cable(scale: int) -> Promises:
     """Call from one host to the other before, during and after each fault."""
-    robot, laptop = map(inside, HOSTS)
     pulled_seconds = 2.0 * scale
     with two_hosts() as cable:
-        bridge = Bridge(*robot, debug_time_of_day=12.0)
+        bridge = Bridge(*ROBOT, debug_time_of_day=12.0)
         fewest = most = 0
         for phase, cable.loss, cable.delay_seconds, calls in (
             ('before', 0.0, 0.0, 40 * scale),
@@ -143,37 +138,35 @@ def across_a_bad_cable(scale: int) -> Iterator[tuple[str, bool]]:
             ('after', 0.0, 0.0, 40 * scale),
         ):
             carried, lost = cable.carried, cable.lost
-            result = calls_from(laptop, calls)
-            fewest, most = fewest + calls + 1, most + calls + result['greetings']
+            counts = calls_from(LAPTOP, calls)
+            fewest, most = fewest + calls + 1, most + calls + counts.greetings
             carried, lost = cable.carried - carried, cable.lost - lost
-            text = f'{summary_of(result)}, {result["wrong"]} swapped; {lost} of {carried + lost} frames lost'
-            is_kept = (result['answered'], result['wrong']) == (calls, 0) and (lost > 0) == (cable.loss > 0)
+            text = f'{summary_of(counts)}, {counts.swapped} swapped; {lost} of {carried + lost} frames lost'
+            is_kept = (counts.answered, counts.swapped) == (calls, 0) and (lost > 0) == (cable.loss > 0)
             yield f'{phase}: {text}', is_kept
-        call_on = ('--seconds', str(2.5 * pulled_seconds), '--pause', '0.01')
-        client = ClientProcess(*call_on, '--timeout', CALL_SECONDS, prefix=laptop)
+        options = ('--seconds', 2.5 * pulled_seconds, '--pause', 0.01, '--timeout', CALL_SECONDS)
+        client = ClientProcess(*options, prefix=LAPTOP)
         client.wait_for_first_answer()
         cable.is_pulled = True
         time.sleep(pulled_seconds)
         cable.is_pulled = False
-        result = client.result()
-        fewest, most = fewest + result['calls'] + 1, most + result['calls'] + result['greetings']
-        yield (
-            f'cable pulled for {pulled_seconds:g} s: {summary_of(result)}',
-            result['answered'] == result['calls'] and result['slowest_seconds'] > pulled_seconds / 2,
-        )
+        counts = client.counts()
+        fewest, most = fewest + counts.calls + 1, most + counts.calls + counts.greetings
+        is_kept = counts.answered == counts.calls and counts.slowest_seconds > pulled_seconds / 2
+        yield f'cable pulled for {pulled_seconds:g} s: {summary_of(counts)}', is_kept
         exit_code, handled = bridge.handled()
         text = f'{fewest} to {most} requests made, {handled} handled, exit code {exit_code}'
         yield text, exit_code == 0 and fewest <= handled <= most
 
 
-def calls_from(host: tuple[str, ...], calls: int) -> dict:
+def calls_from(host: tuple[str, ...], calls: int) -> Counts:
     """Return the counts of a client in a host that calls this often."""
-    return ClientProcess('--calls', str(calls), '--timeout', CALL_SECONDS, prefix=host).result()
+    return ClientProcess('--calls', calls, '--timeout', CALL_SECONDS, prefix=host).counts()
 
 
-def summary_of(result: dict) -> str:
+def summary_of(counts: Counts) -> str:
     """Return the counts of a client in words."""
-    return f'{result["answered"]}/{result["calls"]} answered, slowest {result["slowest_seconds"]} s'
+    return f'{counts.answered}/{counts.calls} answered, slowest {counts.slowest_seconds} s'
 
 
 @contextlib.contextmanager
@@ -192,40 +185,34 @@ def discovery_server(host: tuple[str, ...]) -> Iterator[None]:
         server.wait()
 
 
-def an_id_that_is_no_text(_scale: int) -> Iterator[tuple[str, bool]]:
+def an_id_that_is_no_text(_scale: int) -> Promises:
     """Request a tag id that is not UTF-8. rclpy cannot send one, so the cable writes it into the request."""
-    robot, laptop = map(inside, HOSTS)
-    read_tag = [*laptop, str(Path(os.environ['LUPIN_EXECUTABLES'], 'read_tag')), '--timeout', '60']
     with two_hosts() as cable:
         cable.miswritten = (b'no-UTF-8', NOT_UTF_8)
-        bridge = Bridge(*robot, debug_time_of_day=12.0)
-        run = subprocess.run([*read_tag, 'no-UTF-8', '1'], capture_output=True, text=True, check=False)
+        bridge = Bridge(*ROBOT, debug_time_of_day=12.0)
+        run = subprocess.run([*READ_TAG, '60', 'no-UTF-8', '1'], capture_output=True, text=True, check=False)
         refusal, summary = run.stderr.strip(), run.stdout.splitlines()[-1]
         is_refused = '\ufffd' in refusal and 'is not in the loaded greenhouse' in refusal
         yield f'{refusal}; {summary}', is_refused and summary == '1/2 tags read'
         yield bridge.ends_cleanly()
 
 
-def without_multicast(scale: int) -> Iterator[tuple[str, bool]]:
+def without_multicast(scale: int) -> Promises:
     """Drop multicast, as campus Wi-Fi does: only a discovery server makes the bridge reachable."""
-    robot, laptop = map(inside, HOSTS)
-    executable = Path(os.environ['LUPIN_EXECUTABLES'], 'read_tag')
-    ask = [*laptop, str(executable), '1', '--timeout']
     with two_hosts() as cable:
         cable.blocks_multicast = True
-        bridge = Bridge(*robot)
+        bridge = Bridge(*ROBOT)
         seconds = str(1 + scale)
-        alone = subprocess.run([*ask, seconds], capture_output=True, text=True, check=False)
+        exit_code = subprocess.run([*READ_TAG, seconds, '1'], capture_output=True, check=False).returncode
         bridge.stop()
-        exit_code = alone.returncode
         yield f'without a server: exit code {exit_code} after {seconds} s', exit_code == NO_ANSWER
 
-        with discovery_server(robot):
-            bridge = Bridge(*robot)
-            exit_code = subprocess.run([*ask, '60'], capture_output=True, check=False).returncode
-            result = calls_from(laptop, 40 * scale)
-            text = f'with a server: read_tag exit code {exit_code}, {summary_of(result)}'
-            yield text, (exit_code, result['answered']) == (0, result['calls'])
+        with discovery_server(ROBOT):
+            bridge = Bridge(*ROBOT)
+            exit_code = subprocess.run([*READ_TAG, '60', '1'], capture_output=True, check=False).returncode
+            counts = calls_from(LAPTOP, 40 * scale)
+            text = f'with a server: read_tag exit code {exit_code}, {summary_of(counts)}'
+            yield text, (exit_code, counts.answered) == (0, counts.calls)
             bridge.stop()
 
 
@@ -249,19 +236,18 @@ rclpy.spin(node)
 """
 
 
-def the_graph_behind_a_server(scale: int) -> Iterator[tuple[str, bool]]:
+def the_graph_behind_a_server(scale: int) -> Promises:
     """List the topics of a node that shares none with the observer: only a super client sees them."""
-    robot, laptop = map(inside, HOSTS)
-    with two_hosts() as cable, discovery_server(robot), contextlib.ExitStack() as stack:
+    with two_hosts() as cable, discovery_server(ROBOT), contextlib.ExitStack() as stack:
         cable.blocks_multicast = True
-        foreign = subprocess.Popen([*robot, sys.executable, '-c', FOREIGN], stdout=subprocess.DEVNULL)
+        foreign = subprocess.Popen([*ROBOT, sys.executable, '-c', FOREIGN], stdout=subprocess.DEVNULL)
         stack.callback(foreign.wait)
         stack.callback(foreign.kill)
-        look = [*laptop, sys.executable, '-c', GRAPH]
 
         def topics_seen(seconds: float, **variables: str) -> int:
+            look = [*LAPTOP, sys.executable, '-c', GRAPH, str(seconds)]
             seen = subprocess.run(
-                [*look, str(seconds)], env=os.environ | variables, capture_output=True, text=True, check=True
+                look, env=os.environ | variables, capture_output=True, text=True, check=True
             )
             return int(seen.stdout)
 
@@ -271,19 +257,18 @@ def the_graph_behind_a_server(scale: int) -> Iterator[tuple[str, bool]]:
         yield f'behind a server, a plain client sees {seen} of 1 foreign topics', seen == 0
 
 
-def a_robot_with_two_addresses(scale: int) -> Iterator[tuple[str, bool]]:
+def a_robot_with_two_addresses(scale: int) -> Promises:
     """Call a robot that also advertises an address that the laptop cannot reach."""
-    robot, laptop = map(inside, HOSTS)
     with two_hosts():
         ip(f'-n {HOSTS[0]} link add arm0 type veth peer name arm1')
         for end in ('arm0', 'arm1'):
             ip(f'-n {HOSTS[0]} link set {end} up')
         ip(f'-n {HOSTS[0]} address add 10.66.0.1/24 dev arm0')
-        bridge = Bridge(*robot, debug_time_of_day=12.0)
-        result = calls_from(laptop, 40 * scale)
+        bridge = Bridge(*ROBOT, debug_time_of_day=12.0)
+        counts = calls_from(LAPTOP, 40 * scale)
         bridge.stop()
-        text = f'a second address that cannot be reached: {summary_of(result)}'
-        yield text, result['answered'] == result['calls']
+        text = f'a second address that cannot be reached: {summary_of(counts)}'
+        yield text, counts.answered == counts.calls
 
 
 SCENARIOS = [
@@ -315,7 +300,7 @@ def main() -> int:
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
         'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',  # shared memory would bypass the cable
     }
-    return 1 if run(SCENARIOS, 1 if options.short else 5) else 0
+    return 1 if check_promises(SCENARIOS, 1 if options.short else 5) else 0
 
 
 if __name__ == '__main__':

@@ -7,6 +7,7 @@ It offers the same service from the same simulator and checks nothing. Teams use
 
 import random
 from pathlib import Path
+from typing import Any
 
 import rclpy
 from greenhouse_sim.simulator import GreenhouseSimulator
@@ -19,7 +20,7 @@ from rclpy.node import Node
 class PlainWrapper(Node):
     """Serves `~/get_tag_reading` from one simulator with ROS's defaults."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         super().__init__('greenhouse_bridge')
         parameters = {
             'tag_file': '',
@@ -43,7 +44,7 @@ class PlainWrapper(Node):
         )
         self.get_logger().info(f'ready: {len(self._tag_set)} tags')
 
-    def _value(self, name: str):
+    def _value(self, name: str) -> Any:
         return self.get_parameter(name).value
 
     def _apply_overrides(self) -> None:
@@ -58,7 +59,7 @@ class PlainWrapper(Node):
             time['debug_seed'] = self._value('debug_seed')
             random.seed(self._value('debug_seed'))
 
-    def _handle_get_tag_reading(self, request, response):
+    def _handle_get_tag_reading(self, request: Any, response: Any) -> Any:
         if request.tag_id not in self._tag_set:
             response.status = GetTagReading.Response.STATUS_UNKNOWN_TAG
             known = f'({len(self._tag_set)} tags known)'
@@ -74,7 +75,7 @@ class PlainWrapper(Node):
         return response
 
 
-def main():
+def main() -> None:
     """Serve until the process is ended."""
     rclpy.init()
     node = PlainWrapper()

@@ -1,4 +1,4 @@
-"""The code that the measurements share: options, domains, server processes, turns, percentiles, tables."""
+"""The code that the measurements share: options, domains, server processes, turns, promises, tables."""
 
 import argparse
 import atexit
@@ -7,17 +7,23 @@ import os
 import shlex
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any, TypeAlias, TypeVar
 
 import domain_coordinator
+from lupin_greenhouse_bridge.errors import pluralized
+from lupin_greenhouse_bridge.testing import NodeProcess
 
+T = TypeVar('T')
+Promises: TypeAlias = Iterator[tuple[str, bool]]  # what was counted, and whether that is as promised
 PATIENCE_SECONDS = 60.0
 
 
-def parser_of(document: str, short: str) -> argparse.ArgumentParser:
+def parser_of(document: str | None, short: str) -> argparse.ArgumentParser:
     """Return a parser with the first line of a module's docstring, and the option --short."""
-    parser = argparse.ArgumentParser(description=document.strip().splitlines()[0])
+    parser = argparse.ArgumentParser(description=(document or '').strip().splitlines()[0])
     parser.add_argument('--short', action='store_true', help=short)
     return parser
 
@@ -30,28 +36,14 @@ def own_domain() -> Iterator[None]:
         yield
 
 
-class Server:
-    """A process that has printed `ready:`. It does not outlive this one."""
+class Server(NodeProcess):
+    """A node as a process that has printed `ready:`. It does not outlive this one."""
 
-    def __init__(self, command: list[str], **keywords):
-        """Start it; raises SystemExit if it ends before it is ready."""
-        self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **keywords
-        )
+    def __init__(self, *command: str, namespace: str = '/', **parameters: Any):
+        """Start it with these parameters of the node; fails if it ends before it is ready."""
+        super().__init__(list(command), namespace=namespace, **parameters)
         atexit.register(self.process.kill)
-        shown = ''
-        for line in self.process.stdout:
-            shown += line
-            if 'ready:' in line:
-                return
-        exit_code = self.process.wait()
-        raise SystemExit(f'{shlex.join(command)}: exit code {exit_code} before ready\n{shown[-2000:]}')
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.kill()
+        self.wait_for_log('ready:')
 
     def status(self, key: str) -> int:
         """Return a number of /proc/PID/status, such as VmRSS (kB) or Threads."""
@@ -62,19 +54,8 @@ class Server:
         """Return the number of open file descriptors."""
         return len(list(Path(f'/proc/{self.process.pid}/fd').iterdir()))
 
-    def kill(self) -> None:
-        """Kill it without warning."""
-        self.process.kill()
-        self.process.wait()
 
-    def stop(self, number: signal.Signals = signal.SIGTERM) -> tuple[int, str]:
-        """End it with a signal; return the exit code, and what it printed after `ready:`."""
-        self.process.send_signal(number)
-        output, _ = self.process.communicate(timeout=PATIENCE_SECONDS)
-        return self.process.returncode, output
-
-
-def in_turns(measures: list[Callable], rounds: int) -> list[tuple]:
+def in_turns(measures: Sequence[Callable[[], T]], rounds: int) -> list[tuple[T, ...]]:
     """
     Call the measures in turns, and return what they returned in each round.
 
@@ -83,7 +64,7 @@ def in_turns(measures: list[Callable], rounds: int) -> list[tuple]:
     results = []
     for number in range(rounds):
         first = number % len(measures)
-        measured = [measure() for measure in measures[first:] + measures[:first]]
+        measured = [measure() for measure in [*measures[first:], *measures[:first]]]
         results.append(tuple(measured[len(measures) - first :] + measured[: len(measures) - first]))
     return results
 
@@ -91,6 +72,27 @@ def in_turns(measures: list[Callable], rounds: int) -> list[tuple]:
 def percentile(ordered: list[float], share: float) -> float:
     """Return the value that this share of an ordered list does not exceed."""
     return ordered[min(int(share * len(ordered)), len(ordered) - 1)]
+
+
+def check_promises(scenarios: Sequence[Callable[[T], Promises]], load: T) -> int:
+    """Run scenarios and print a line per promise; return how many are broken. A hang breaks one."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends all that was started
+    broken = 0
+    for scenario in scenarios:
+        name = getattr(scenario, '__name__', '')
+        for text, is_kept in and_a_hang(scenario(load)):
+            broken += not is_kept
+            print(f'{"kept  " if is_kept else "BROKEN"}  {name}: {text}', flush=True)
+    print(f'{pluralized(broken, "promise")} broken')
+    return broken
+
+
+def and_a_hang(promises: Promises) -> Promises:
+    """Yield the promises of a scenario, and a broken one if one of its processes did not end."""
+    try:
+        yield from promises
+    except subprocess.TimeoutExpired as error:
+        yield f'hung for {error.timeout:g} s: {shlex.join(error.cmd[1:])}', False
 
 
 def print_row(*cells: str) -> None:

@@ -13,8 +13,10 @@ import re
 import subprocess
 import sys
 import time
-from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import rclpy
 from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE
@@ -29,60 +31,90 @@ TAG_IDS = [str(number) for number in range(1, 31) if number != 8]
 blocking_client.REPEAT_AFTER_SECONDS = 3600.0  # a call is one request here, so that they can be counted
 
 
+@dataclass
+class Counts:
+    """What a client has counted."""
+
+    greetings: int = 0
+    calls: int = 0
+    answered: int = 0
+    timed_out: int = 0
+    swapped: int = 0  # replies for another tag
+    slowest_seconds: float = 0.0
+    sim_times: dict[str, int] = field(default_factory=dict)  # replies for each time of day in seconds
+
+
 class Bridge(Server):
     """A bridge process that counts its requests, and prints the count when it ends cleanly."""
 
-    def __init__(self, *prefix: str, **parameters):
-        overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-        script = [sys.executable, str(HERE / 'instrumented_bridge.py'), 'count']
-        super().__init__([*prefix, *script, '--ros-args', *overrides])
+    def __init__(self, *prefix: str, **parameters: Any):
+        super().__init__(*prefix, sys.executable, str(HERE / 'counting_bridge.py'), **parameters)
 
     def handled(self) -> tuple[int, int]:
         """End it; return the exit code and the number of requests it has handled."""
-        exit_code, output = self.stop()
-        found = re.search(r'^requests handled: (\d+)$', output, re.MULTILINE)
-        return exit_code, int(found[1]) if found else -1
+        exit_code = self.stop()
+        (count,) = re.findall(r'^requests handled: (\d+)$', '\n'.join(self.log), re.MULTILINE)
+        return exit_code, int(count)
 
     def ends_cleanly(self) -> tuple[str, bool]:
         """End it; return its exit code as a promise."""
-        exit_code, _ = self.stop()
+        exit_code = self.stop()
         return f'exit code {exit_code}', exit_code == 0
 
 
 class ClientProcess:
     """A client process; see main() for its options."""
 
-    def __init__(self, *options: str, prefix: tuple[str, ...] = ()):
-        command = [*prefix, sys.executable, str(HERE / 'traffic.py'), *options]
+    def __init__(self, *options: object, prefix: tuple[str, ...] = ()):
+        command = [*prefix, sys.executable, str(HERE / 'traffic.py'), *map(str, options)]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         atexit.register(self.process.kill)
 
     def wait_for_first_answer(self) -> None:
         """Wait until the client has received a reply."""
-        self.process.stdout.readline()
+        next(iter(self.process.stdout or ()))
 
     def go(self) -> None:
         """Release a client that was started with --wait."""
-        self.process.stdin.write('go\n')
-        self.process.stdin.flush()
+        print('go', file=self.process.stdin, flush=True)
 
-    def result(self) -> dict:
+    def counts(self) -> Counts:
         """Return the counts that the client prints when it ends; raise TimeoutExpired if it does not end."""
         output, _ = self.process.communicate(timeout=10 * PATIENCE_SECONDS)
-        return json.loads(output.splitlines()[-1])
+        return Counts(**json.loads(output.splitlines()[-1]))
 
 
-def main() -> int:
+def call_repeatedly(options: argparse.Namespace, ask: Callable[[str, float], Any]) -> Counts:
+    """Call as often and as long as the options say; return the counts."""
+    counts = Counts()
+    end = time.monotonic() + options.seconds
+    while counts.calls < options.calls and time.monotonic() < end:
+        tag_id = TAG_IDS[(options.first + counts.calls) % len(TAG_IDS)]
+        counts.calls += 1
+        started = time.monotonic()
+        reading = ask(tag_id, options.timeout)
+        counts.slowest_seconds = max(counts.slowest_seconds, round(time.monotonic() - started, 3))
+        if reading is None:
+            counts.timed_out += 1
+            continue
+        counts.answered += 1
+        counts.swapped += reading.tag_id != tag_id
+        sim_time = str(reading.sim_time_of_day_seconds)
+        counts.sim_times[sim_time] = counts.sim_times.get(sim_time, 0) + 1
+        if options.pause:
+            time.sleep(options.pause)
+    return counts
+
+
+def main() -> None:
     """Call, count, print."""
-    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or '').strip().splitlines()[0])
     parser.add_argument('--calls', type=int, default=10**9, help='how many at the most')
     parser.add_argument('--seconds', type=float, default=600.0, help='how long at the most')
     parser.add_argument('--timeout', type=float, default=10.0, help='seconds for one call')
     parser.add_argument('--pause', type=float, default=0.0, help='seconds between two calls')
     parser.add_argument('--first', type=int, default=0, help='which tag comes first')
-    parser.add_argument(
-        '--wait', action='store_true', help='after the first answer, for a line on standard input'
-    )
+    parser.add_argument('--wait', action='store_true', help='after the first answer, for a line of input')
     options = parser.parse_args()
 
     with ros([]) as executor:
@@ -90,7 +122,7 @@ def main() -> int:
         executor.add_node(node)
         get_tag_reading = Client(executor, node, PATIENCE_SECONDS).connect(GetTagReading, DEFAULT_SERVICE)
 
-        def ask(tag_id: str, timeout_seconds: float):
+        def ask(tag_id: str, timeout_seconds: float) -> Any:
             """Return the reading at a tag, None after a timeout."""
             request = GetTagReading.Request(tag_id=tag_id)
             try:
@@ -105,31 +137,10 @@ def main() -> int:
         print('first answer', flush=True)
         if options.wait:
             sys.stdin.readline()
-        print(json.dumps({'greetings': greetings, **ask_on(ask, options)}), flush=True)
-    return 0
-
-
-def ask_on(ask, options) -> dict:
-    """Call as often and as long as the options say; return the counts."""
-    counts = {'calls': 0, 'answered': 0, 'timed_out': 0, 'wrong': 0, 'sim_times': Counter()}
-    slowest_seconds = 0.0
-    end = time.monotonic() + options.seconds
-    while counts['calls'] < options.calls and time.monotonic() < end:
-        tag_id = TAG_IDS[(options.first + counts['calls']) % len(TAG_IDS)]
-        counts['calls'] += 1
-        started = time.monotonic()
-        reading = ask(tag_id, options.timeout)
-        slowest_seconds = max(slowest_seconds, time.monotonic() - started)
-        if reading is None:
-            counts['timed_out'] += 1
-            continue
-        counts['answered'] += 1
-        counts['wrong'] += reading.tag_id != tag_id
-        counts['sim_times'][reading.sim_time_of_day_seconds] += 1
-        if options.pause:
-            time.sleep(options.pause)
-    return {**counts, 'slowest_seconds': round(slowest_seconds, 3)}
+        counts = call_repeatedly(options, ask)
+        counts.greetings = greetings
+        print(json.dumps(asdict(counts)), flush=True)
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    main()
