@@ -1,14 +1,17 @@
 """Open a page in a headless Chromium, and control it by the DevTools protocol."""
 
 import base64
+import io
 import json
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import IO, Any, cast
 
 LONGEST_LIFE_SECONDS = 120
-CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'chromium-browser', 'google-chrome'))), None)
+CHROMIUM = next(filter(None, map(shutil.which, ('chromium', 'chromium-browser', 'google-chrome'))), '')
 COMPLAINTS = ('Runtime.exceptionThrown', 'Runtime.consoleAPICalled', 'Log.entryAdded')
 NO_CHROMIUM = 'Chromium is missing, which opens the page of readings: sudo apt install chromium'
 
@@ -29,7 +32,7 @@ class Page:
         self.complaints: list[str] = []
         self.requests: list[str] = []
         self._last_id = 0
-        self._session = {}
+        self._session: dict[str, str] = {}
         self._profile = tempfile.TemporaryDirectory(prefix='chromium-')
         # With --remote-debugging-pipe it reads file 3 and writes file 4, with a NUL after each message.
         as_pipes = ('sh', '-c', 'exec "$0" "$@" 3<&0 4>&1 </dev/null >/dev/null 2>&1')
@@ -61,7 +64,7 @@ class Page:
         look = f'const look = () => {condition} ? done() : requestAnimationFrame(look); look();'
         self.evaluate(f'new Promise(done => {{ {look} }})')
 
-    def evaluate(self, expression: str):
+    def evaluate(self, expression: str) -> Any:
         """Return the value of a JavaScript expression; a promise is awaited."""
         reply = self._call('Runtime.evaluate', expression=expression, returnByValue=True, awaitPromise=True)
         if 'exceptionDetails' in reply:
@@ -78,20 +81,23 @@ class Page:
         reply = self._call('Page.printToPDF', printBackground=True, preferCSSPageSize=True)
         return base64.b64decode(reply['data'])
 
-    def _call(self, method: str, **parameters) -> dict:
+    def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._last_id += 1
         message = {'id': self._last_id, 'method': method, 'params': parameters, **self._session}
-        self._process.stdin.write(json.dumps(message).encode() + b'\0')
-        self._process.stdin.flush()
+        commands = cast(IO[bytes], self._process.stdin)
+        commands.write(json.dumps(message).encode() + b'\0')
+        commands.flush()
         reply = next(each for each in self._messages if each.get('id') == self._last_id)
         if 'error' in reply:
             raise BrowserError(reply)
-        return reply['result']
+        result: dict[str, Any] = reply['result']
+        return result
 
-    def _read(self):
+    def _read(self) -> Iterator[dict[str, Any]]:
         """Yield each message of the browser, and note the errors and the requests of the page."""
         rest = b''
-        while part := self._process.stdout.read1():
+        messages_of = cast(io.BufferedReader, self._process.stdout)
+        while part := messages_of.read1():
             *messages, rest = (rest + part).split(b'\0')
             for message in map(json.loads, messages):
                 parameters = message.get('params', {})
@@ -102,10 +108,10 @@ class Page:
                 yield message
         raise BrowserError('Chromium has ended')
 
-    def __enter__(self):
+    def __enter__(self) -> 'Page':
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self._process.terminate()
         self._process.communicate()
         self._profile.cleanup()

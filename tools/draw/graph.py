@@ -12,11 +12,13 @@ import argparse
 import os
 import sys
 import tempfile
+from collections import defaultdict
+from collections.abc import Collection
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import matplotlib
 import rclpy
-import rclpy.action
 from figure import COMMITTED, fingerprint_of, hash_of, save
 from lupin_greenhouse_bridge.bridge_node import GreenhouseBridgeNode
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
@@ -25,11 +27,17 @@ from lupin_greenhouse_bridge.recording.record_readings import RecordReadingsNode
 from lupin_mission.mission_orchestrator import MissionNode
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
 from matplotlib import pyplot
+from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
+from rclpy.action.graph import (
+    get_action_client_names_and_types_by_node,
+    get_action_server_names_and_types_by_node,
+)
+from rclpy.node import Node
 
 OF_MISSION = Path(__file__).resolve().parents[2] / 'monorepo/lupin_mission/doc'
 # The folder, and the columns of nodes from left to right; a name stands for a node of somebody else.
-USES = {
+USES: dict[str, tuple[Path, list[list[Any]]]] = {
     'graph_call': (COMMITTED, [['your node'], [GreenhouseBridgeNode]]),
     'graph_on_sight': (
         COMMITTED,
@@ -65,111 +73,128 @@ FOOTNOTE = """An arrow points to the subscriber of a topic, or to the server of 
 Dashed box: a node of your own, or of another project."""
 
 
-def connections(columns, others: dict[str, list[str]]) -> tuple[list[list[str]], list[tuple]]:
-    """Return the names of the nodes by column, and (kind, name, type, source, target) of each link."""
+class Link(NamedTuple):
+    """What connects two nodes: a topic, a service or an action."""
+
+    kind: str
+    name: str
+    message: str
+    source: str
+    target: str
+
+    def other_end(self, node: str) -> str:
+        """Return the node at the other end."""
+        return self.target if node == self.source else self.source
+
+
+def ends_of(node: Node) -> list[tuple[str, bool, list[tuple[str, list[str]]]]]:
+    """Return (kind, whether the node is its target, names with their types) of all that a node has."""
+    here = node.get_name(), node.get_namespace()
+    return [
+        ('topic', False, node.get_publisher_names_and_types_by_node(*here)),
+        ('topic', True, node.get_subscriber_names_and_types_by_node(*here)),
+        ('service', False, node.get_client_names_and_types_by_node(*here)),
+        ('service', True, node.get_service_names_and_types_by_node(*here)),
+        ('action', False, get_action_client_names_and_types_by_node(node, *here)),
+        ('action', True, get_action_server_names_and_types_by_node(node, *here)),
+    ]
+
+
+def connections(columns: list[list[Any]], others: dict[str, list[str]]) -> tuple[list[list[str]], list[Link]]:
+    """Return the names of the nodes by column, and their links; creates the nodes and destroys them."""
     made = [[each if isinstance(each, str) else each() for each in column] for column in columns]
-    names = [[node if isinstance(node, str) else node.get_name() for node in column] for column in made]
-    nodes = [node for column in made for node in column if not isinstance(node, str)]
-    ends: dict[tuple, tuple[set, set]] = {}
-    for node in nodes:
-        here = node.get_name(), node.get_namespace()
-        found = [
-            ('topic', 0, node.get_publisher_names_and_types_by_node(*here)),
-            ('topic', 1, node.get_subscriber_names_and_types_by_node(*here)),
-            ('service', 0, node.get_client_names_and_types_by_node(*here)),
-            ('service', 1, node.get_service_names_and_types_by_node(*here)),
-            ('action', 0, rclpy.action.get_action_client_names_and_types_by_node(node, *here)),
-            ('action', 1, rclpy.action.get_action_server_names_and_types_by_node(node, *here)),
-        ]
-        for kind, side, entries in found:
+    names = [[each if isinstance(each, str) else each.get_name() for each in column] for column in made]
+    sources: dict[tuple[str, str, str], set[str]] = defaultdict(set)
+    targets: dict[tuple[str, str, str], set[str]] = defaultdict(set)
+    for node in (each for column in made for each in column if not isinstance(each, str)):
+        for kind, is_target, entries in ends_of(node):
             for name, types in entries:
-                ends.setdefault((kind, name, types[0]), (set(), set()))[side].add(here[0])
-    by_name = {name: sides for (_, name, _), sides in ends.items()}
-    for other, entries in others.items():
-        for sources, targets in map(by_name.__getitem__, entries):
-            (targets if sources else sources).add(other)
-    for node in nodes:
+                (targets if is_target else sources)[kind, name, types[0]].add(node.get_name())
         node.destroy_node()
+    keys = {key[1]: key for key in [*sources, *targets]}
+    for other, entered in others.items():
+        for key in map(keys.__getitem__, entered):
+            (targets if sources[key] else sources)[key].add(other)
     return names, sorted(
-        (*key, source, target)
-        for key, (sources, targets) in ends.items()
+        Link(*key, source, target)
+        for key in keys.values()
         if not any(each in key[1] for each in INNER)
-        for source in sources
-        for target in targets - {source}
+        for source in sources[key]
+        for target in targets[key] - {source}
     )
 
 
-def rows_of(columns: list[list[str]], links: list[tuple]) -> dict[tuple, int]:
+def rows_of(columns: list[list[str]], links: list[Link]) -> dict[Link, int]:
     """Return the row of each link: those of a node are neighbours on each side, or below it."""
     column_of = {name: number for number, names in enumerate(columns) for name in names}
-    rows: dict[tuple, int] = {}
+    rows: dict[Link, int] = {}
     for names in sorted(columns, key=len, reverse=True):  # a node alone in its column follows the others
         first = 0
         for name in names:
-            sides = {-1: [], 0: [], 1: []}
+            sides: dict[int, list[Link]] = {-1: [], 0: [], 1: []}
             for link in links:
-                if name in link[3:]:
-                    (other,) = {*link[3:]} - {name}
-                    sides[column_of[other] - column_of[name]].append(link)
+                if name in (link.source, link.target):
+                    sides[column_of[link.other_end(name)] - column_of[name]].append(link)
             below = sides.pop(0)
-            for each in sides.values():
-                rows = {link: first + number for number, link in enumerate(each)} | rows
+            for side in sides.values():
+                rows = {link: first + number for number, link in enumerate(side)} | rows
             first += max(map(len, sides.values()))
             rows = dict.fromkeys(below, first) | rows
             first += len(below)
     return rows
 
 
-def draw(columns: list[list[str]], links: list[tuple], others, theme: str):
+def draw(columns: list[list[str]], links: list[Link], others: Collection[str], theme: str) -> Figure:
     """Return the figure of a graph, in inches from its upper left corner."""
     paper, ink, line = THEMES[theme]
     rows = rows_of(columns, links)
     lefts = {name: n * (BOX + GAP) for n, names in enumerate(columns) for name in names}
     spans = {}  # of each box in rows: beside its arrows, or below the only one
-    for name in lefts:
-        mine = [(row, lefts[link[3]] == lefts[link[4]]) for link, row in rows.items() if name in link[3:]]
-        beside = [row for row, is_vertical in mine if not is_vertical] or [row + 1 for row, _ in mine]
+    for name, left in lefts.items():
+        mine = [(row, lefts[link.other_end(name)] != left) for link, row in rows.items() if name in link[3:]]
+        beside = [row for row, is_beside in mine if is_beside] or [row + 1 for row, _ in mine]
         spans[name] = min(beside) * ROW + 0.06, (max(beside) + 1) * ROW - 0.06
     width, height = len(columns) * (BOX + GAP) - GAP, max(bottom for _, bottom in spans.values()) + 0.06
-    size = width + 0.2, height + FOOT + 0.1
-    figure, axes = pyplot.subplots(figsize=size, facecolor=paper)
+    figure, axes = pyplot.subplots(figsize=(width + 0.2, height + FOOT + 0.1), facecolor=paper)
     axes.set(xlim=(-0.1, width + 0.1), ylim=(height + FOOT, -0.1), position=(0, 0, 1, 1))
     axes.axis('off')
     for name, left in lefts.items():
         top, bottom = spans[name]
-        edge = {'edgecolor': line, 'linestyle': '--'} if name in others else {'edgecolor': ink}
-        style = {'boxstyle': 'round,pad=0,rounding_size=0.08', 'facecolor': paper, **edge}
+        edge, dashes = (line, '--') if name in others else (ink, '-')
+        rounded = 'round,pad=0,rounding_size=0.08'
+        style: dict[str, Any] = {'boxstyle': rounded, 'fc': paper, 'ec': edge, 'ls': dashes}
         axes.add_patch(FancyBboxPatch((left, top), BOX, bottom - top, **style))
         text = name.replace('_', '_\n', 1) if len(name) > LONGEST_TEXT / 2 else name
-        style = {'ha': 'center', 'va': 'center', 'color': ink, 'weight': 'bold'}
-        axes.text(left + BOX / 2, (top + bottom) / 2, text, **style)
-    for (kind, name, message, source, target), row in rows.items():
-        style, colours = STYLES[kind]
-        is_right = lefts[source] < lefts[target]
-        y, is_up = (row + 0.5) * ROW, spans[source] > spans[target]
-        start, end = (lefts[source] + BOX * is_right, y), (lefts[target] + BOX * (not is_right), y)
-        middle, side = (start[0] + end[0]) / 2, 'center'
-        if is_vertical := lefts[source] == lefts[target]:
-            middle = lefts[source] + BOX / 2
-            start, end = (middle, spans[source][not is_up]), (middle, spans[target][is_up])
-            middle, side = middle - 0.1, 'right'
-        arrow = {'arrowstyle': '-|>', 'color': colours[theme], 'linestyle': style, 'lw': 1.4}
+        middle = left + BOX / 2, (top + bottom) / 2
+        axes.text(*middle, text, ha='center', va='center', color=ink, weight='bold')
+    for link, row in rows.items():
+        dashes, colours = STYLES[link.kind]
+        y, left = (row + 0.5) * ROW, lefts[link.source]
+        is_right, is_up = left < lefts[link.target], spans[link.source] > spans[link.target]
+        is_vertical = left == lefts[link.target]
+        start, end = (left + BOX * is_right, y), (lefts[link.target] + BOX * (not is_right), y)
+        x, side = (start[0] + end[0]) / 2, 'center'
+        if is_vertical:
+            x = left + BOX / 2
+            start, end = (x, spans[link.source][not is_up]), (x, spans[link.target][is_up])
+            x, side = x - 0.1, 'right'
+        arrow = {'arrowstyle': '-|>', 'color': colours[theme], 'ls': dashes, 'lw': 1.4}
         axes.annotate('', end, start, arrowprops=arrow | {'shrinkA': 0, 'shrinkB': 0})
-        package, _, short = message.rpartition('/')
-        typed = short if package.startswith('lupin_') else message  # the mirror's package has another name
+        package, _, short = link.message.rpartition('/')
+        typed = short if package.startswith('lupin_') else link.message  # the mirror's package differs
         above, below = (
             '/\n'.join(text.rsplit('/', 1)) if len(text) > LONGEST_TEXT and not is_vertical else text
-            for text in (name, f'{kind}, {typed}')
+            for text in (link.name, f'{link.kind}, {typed}')
         )
-        axes.text(middle, y - 0.06, above, ha=side, va='bottom', color=colours[theme], size=10)
-        axes.text(middle, y + 0.06, below, ha=side, va='top', color=ink, size=8.5)
+        axes.text(x, y - 0.06, above, ha=side, va='bottom', color=colours[theme], size=10)
+        axes.text(x, y + 0.06, below, ha=side, va='top', color=ink, size=8.5)
     axes.text(width / 2, height + FOOT / 2, FOOTNOTE, ha='center', va='center', color=ink, size=8.5)
     return figure
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Draw or check; exit code 0: done, 1: not up to date."""
-    parser = argparse.ArgumentParser(prog='graph', description=__doc__.strip().splitlines()[0])
+    parser = argparse.ArgumentParser(prog='graph', description=(__doc__ or '').strip().splitlines()[0])
     parser.add_argument('--check', action='store_true', help='compare the committed figures; draw nothing')
     is_check = parser.parse_args(arguments).check
     matplotlib.use('Agg')

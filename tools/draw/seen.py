@@ -45,7 +45,7 @@ def fingerprint() -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """Draw or check; exit code 0: done, 1: not up to date."""
-    parser = argparse.ArgumentParser(prog='seen', description=__doc__.strip().splitlines()[0])
+    parser = argparse.ArgumentParser(prog='seen', description=(__doc__ or '').strip().splitlines()[0])
     parser.add_argument('--check', action='store_true', help='compare the committed picture; draw nothing')
     if parser.parse_args(arguments).check:
         is_stale = fingerprint_of(COMMITTED) != fingerprint()

@@ -14,11 +14,14 @@ from pathlib import Path
 
 import matplotlib
 import numpy as np
+import numpy.typing as npt
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
 from lupin_greenhouse_bridge.simulator.simulation import served_tag_ids
 from lupin_simulation.tag36h11 import printed_marker
 from matplotlib import pyplot
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 
@@ -31,9 +34,10 @@ MODULES = 8  # along a side of the black square; the white margin adds one on ea
 RULER_MM = 100
 
 
-def modules_of(tag_number: int) -> np.ndarray:
+def modules_of(tag_number: int) -> npt.NDArray[np.bool_]:
     """Return the tag as the AprilTag project draws it: True for black, row 0 on top."""
-    return printed_marker(tag_number) == 0
+    modules: npt.NDArray[np.bool_] = printed_marker(tag_number) == 0
+    return modules
 
 
 def cells(side_mm: float) -> list[tuple[float, float]]:
@@ -51,7 +55,7 @@ def cell_size(side_mm: float) -> tuple[float, float]:
     return paper_mm, paper_mm + LABEL_MM
 
 
-def draw_tag(axes, tag_number: int, side_mm: float, corner: tuple[float, float]) -> None:
+def draw_tag(axes: Axes, tag_number: int, side_mm: float, corner: tuple[float, float]) -> None:
     """Draw a tag, its label and its cutting line into the cell with this upper left corner."""
     modules = modules_of(tag_number)
     module_mm = side_mm / MODULES
@@ -64,14 +68,13 @@ def draw_tag(axes, tag_number: int, side_mm: float, corner: tuple[float, float])
     # One shape, so that no viewer shows seams between its squares.
     axes.add_patch(PathPatch(Outline.make_compound_path(*squares), facecolor='black', linewidth=0))
     width, height = cell_size(side_mm)
-    lower = corner[1] - height
-    dashed = {'fill': False, 'edgecolor': '0.6', 'linewidth': 0.3, 'ls': '--'}
-    axes.add_patch(Rectangle((corner[0], lower), width, height, **dashed))
-    centred = {'ha': 'center', 'fontsize': min(12.0, side_mm / 3)}
-    axes.text(corner[0] + width / 2, lower + 2.0, f'id {tag_number}', **centred)
+    frame = corner[0], corner[1] - height
+    axes.add_patch(Rectangle(frame, width, height, fill=False, edgecolor='0.6', linewidth=0.3, ls='--'))
+    place = frame[0] + width / 2, frame[1] + 2.0
+    axes.text(*place, f'id {tag_number}', ha='center', fontsize=min(12.0, side_mm / 3))
 
 
-def draw_page(tag_numbers: list[int], side_mm: float):
+def draw_page(tag_numbers: list[int], side_mm: float) -> Figure:
     """Return one page; its coordinates are millimetres from the lower left corner."""
     figure = pyplot.figure(figsize=[side_mm / 25.4 for side_mm in PAGE_MM])
     axes = figure.add_axes((0, 0, 1, 1), xlim=(0, PAGE_MM[0]), ylim=(0, PAGE_MM[1]))
@@ -101,7 +104,7 @@ def write(path: Path, tag_numbers: list[int], side_mm: float) -> int:
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the PDF; exit code 2 if it cannot be written."""
-    parser = argparse.ArgumentParser(prog='tags', description=__doc__.strip().splitlines()[0])
+    parser = argparse.ArgumentParser(prog='tags', description=(__doc__ or '').strip().splitlines()[0])
     parser.add_argument('--side', type=float, default=100.0, metavar='MM', help='default: %(default)g')
     parser.add_argument(
         '--tag-file', default='', metavar='FILE', help='default: the tag file that the simulator brings'

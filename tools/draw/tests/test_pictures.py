@@ -5,6 +5,7 @@ import json
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import figure
 import numpy as np
@@ -12,6 +13,7 @@ import pypdfium2
 import pytest
 import seen
 import tag_sheet
+import yaml
 from lupin_greenhouse_bridge.simulator.simulation import served_tag_ids
 from lupin_tag_confirmation.detector import TagDetector
 from matplotlib.text import Text
@@ -33,21 +35,28 @@ def test_a_figure_of_another_greenhouse_is_not_up_to_date(tmp_path, capsys):
     assert capsys.readouterr().out.count('is not up to date: make figure') == 3
 
 
-def texts(drawing) -> list[str]:
-    """Return each text of a figure."""
-    return [text.get_text() for text in drawing.findobj(Text)]
+@pytest.fixture
+def drawn(monkeypatch, tmp_path):
+    """Return a function that draws with these options; it returns the figures by name."""
+
+    def draw(*options):
+        figures = {}
+        monkeypatch.setattr(figure, 'save', lambda drawing, path, _: figures.update({path.stem: drawing}))
+        assert figure.main(['--output', str(tmp_path), *options]) == 0
+        return figures
+
+    return draw
 
 
-def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path, monkeypatch):
+def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path, drawn):
     tag_file = tmp_path / 'tags.json'
     tags = {
         'a1': {'x': 1.0, 'y': 1.0, 'sensors': ['co2', 'light']},
         'b2': {'x': 3.0, 'y': 7.0, 'sensors': ['co2']},
     }
     tag_file.write_text(json.dumps(tags), encoding='utf-8')
-    drawn = {}
-    monkeypatch.setattr(figure, 'save', lambda drawing, path, _: drawn.update({path.stem: texts(drawing)}))
-    assert figure.main(['--output', str(tmp_path), '--tag-file', str(tag_file), '--hour', '6']) == 0
+    figures = drawn('--tag-file', str(tag_file), '--hour', '6')
+    texts = {name: [each.get_text() for each in figures[name].findobj(Text)] for name in figures}
     for text in (
         'a1  CL',
         'b2  C',
@@ -55,15 +64,12 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path, monkeypa
         'C  co2: 2 tags',
         "the simulator's model: temperature at 06:00,\nand the sensors of each tag",
     ):
-        assert text in drawn['greenhouse']
-    assert any('a day at tag a1' in text for text in drawn['day'])
+        assert text in texts['greenhouse']
+    assert any('a day at tag a1' in text for text in texts['day'])
 
 
-def test_no_label_lies_on_a_tag_or_on_another_label(monkeypatch, tmp_path):
-    drawn = {}
-    monkeypatch.setattr(figure, 'save', lambda drawing, path, _: drawn.update({path.stem: drawing}))
-    assert figure.main(['--output', str(tmp_path)]) == 0
-    drawing = drawn['greenhouse']
+def test_no_label_lies_on_a_tag_or_on_another_label(drawn):
+    drawing = drawn()['greenhouse']
     drawing.canvas.draw()
     axes = drawing.axes[0]
     boxes = [text.get_window_extent() for text in axes.texts if text.get_visible()]
@@ -74,12 +80,10 @@ def test_no_label_lies_on_a_tag_or_on_another_label(monkeypatch, tmp_path):
     assert all(edge.x0 <= box.x0 and box.x1 <= edge.x1 for box in boxes)
 
 
-def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_tag(monkeypatch, tmp_path):
-    drawn = {}
-    monkeypatch.setattr(figure, 'save', lambda drawing, path, _: drawn.update({path.stem: drawing}))
-    assert figure.main(['--output', str(tmp_path)]) == 0
-    axes, tags = drawn['route'].axes[0], shipped()['tags']
-    drawn['route'].canvas.draw()
+def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_tag(drawn):
+    drawing, tags = drawn()['route'], shipped()['tags']
+    axes = drawing.axes[0]
+    drawing.canvas.draw()
     written = [text for text in axes.texts if text.get_text()]
     ids = [text for text in written if text.get_color() == 'black']
     stops = [text for text in written if text not in ids and text.get_text() not in ('start', 'end')]
@@ -116,7 +120,7 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
 
 
 def shipped() -> dict:
-    return json.loads(figure.Path(figure.shipped_file('tag_locations.json')).read_text(encoding='utf-8'))
+    return json.loads(Path(figure.shipped_file('tag_locations.json')).read_text(encoding='utf-8'))
 
 
 def test_the_figure_reads_in_black_and_white():
@@ -137,13 +141,22 @@ def test_the_figure_reads_in_black_and_white():
         (figure.main, ['--hour', '24.5'], 'figure: --hour 24.5: must be between 0 and 24 hours'),
         (figure.main, ['--output', '/missing'], 'figure: --output /missing: must be a folder'),
         (figure.main, ['--tag-file', '/missing.json'], "figure: tag_file '/missing.json'"),
+        (
+            figure.main,
+            ['--sim-config-file', 'CONFIG'],
+            "figure: sim_config_file 'CONFIG': visualization is missing",
+        ),
         (tag_sheet.main, ['--side', '200'], 'tags: --side 200: must be between 8 and 152 mm'),
         (tag_sheet.main, ['--side', 'nan'], 'tags: --side nan'),
         (tag_sheet.main, ['--tag-file', '/missing.json'], "tags: tag_file '/missing.json'"),
         (tag_sheet.main, ['--output', '/proc/nowhere'], 'tags: '),
     ],
 )
-def test_a_wrong_argument_is_refused_in_one_line(main, arguments, fragment, capsys):
+def test_a_wrong_argument_is_refused_in_one_line(main, arguments, fragment, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    config = yaml.safe_load(Path(figure.shipped_file('greenhouse_config.yaml')).read_text(encoding='utf-8'))
+    del config['visualization']
+    (tmp_path / 'CONFIG').write_text(json.dumps(config), encoding='utf-8')
     assert main(arguments) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(fragment)
@@ -191,11 +204,6 @@ def test_an_id_that_is_no_number_is_refused(tmp_path, capsys):
     tag_file.write_text('{"tag one": {"x": 1.0, "y": 1.0, "sensors": ["co2"]}}', encoding='utf-8')
     assert tag_sheet.main(['--tag-file', str(tag_file), '--output', str(tmp_path)]) == 2
     assert "'tag one' is not in tag36h11" in capsys.readouterr().err
-
-
-def test_the_png_carries_its_fingerprint():
-    with Image.open(figure.COMMITTED / 'greenhouse.png') as image:
-        assert len(image.info['Description']) == 64
 
 
 def test_the_committed_camera_picture_is_up_to_date():
