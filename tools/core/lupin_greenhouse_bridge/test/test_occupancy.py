@@ -257,6 +257,35 @@ def test_a_map_of_another_place_is_refused_with_both_extents(write_map, poses_of
 
 
 @pytest.mark.parametrize(
+    ('line', 'instead'),
+    [
+        ('resolution: 1.0', 'resolution: "1.000000"'),
+        ('resolution: 1.0', 'resolution: 10e-1'),
+        ('resolution: 1.0', "resolution:\t'+1'  # metres"),
+        ('origin: [0.5, 0.0, 0.0]', 'origin: ["0.5", 0, -0e0]'),
+        ('mode: scale', 'mode: Scale'),
+        ('mode: scale', 'mode: "SCALE"'),
+        ('negate: 1', 'negate: "yes"'),
+        ('negate: 1', 'negate: True'),
+        ('negate: 1', "negate: '1'"),
+        ('free_thresh: 0.196', 'free_thresh: 1.96E-1'),
+    ],
+)
+def test_a_value_is_read_as_yaml_cpp_reads_it(write_map, line, instead):
+    """map_server takes each of these files, and PyYAML alone reads some of their values as another type."""
+    path = write_map(GREY)
+    lines = ['image: map.pgm', 'resolution: 1.0', 'origin: [0.5, 0.0, 0.0]', 'mode: scale', 'negate: 1']
+    lines += ['occupied_thresh: 0.65', 'free_thresh: 0.196']
+    path.write_text('\n'.join(lines), encoding='utf-8')
+    usual = read_map(path)
+    path.write_text('\n'.join(lines).replace(line, instead), encoding='utf-8')
+    found = read_map(path)
+    assert instead in path.read_text(encoding='utf-8')
+    assert (percents(found), found.origin) == (percents(usual), usual.origin)
+    assert found.resolution_m == usual.resolution_m == 1.0
+
+
+@pytest.mark.parametrize(
     ('values', 'fault'),
     [
         ({'image': 'none.pgm'}, 'cannot be read: [Errno 2]'),
@@ -267,7 +296,7 @@ def test_a_map_of_another_place_is_refused_with_both_extents(write_map, poses_of
         ({'origin': [0.0, 0.0]}, 'origin is missing or not a list of three'),
         ({'origin': [0.0, 'one', 0.0]}, "origin: y is 'one': must be a number"),
         ({'mode': 'binary'}, "mode is 'binary': must be one of trinary, scale, raw"),
-        ({'negate': 2}, 'negate is 2: must be one of 0, 1'),
+        ({'negate': 'maybe'}, "negate is 'maybe': must be one of 1, true, yes"),
         ({'occupied_thresh': 1.5}, 'occupied_thresh is 1.5: must be a number from 0 to 1'),
         ({'free_thresh': 0.65}, 'free_thresh must be below occupied_thresh'),
     ],

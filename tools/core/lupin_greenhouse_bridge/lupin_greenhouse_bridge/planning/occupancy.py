@@ -1,5 +1,6 @@
 """The map that SLAM made, as an occupancy grid, and the distances to its obstacles. Does not import ROS."""
 
+import contextlib
 import copy
 import math
 from collections.abc import Sequence
@@ -15,8 +16,12 @@ from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml
 
 # Cells from 0 to 100 %, as map_saver of Nav2 takes them; what is between is unknown.
 FREE_PERCENT, OCCUPIED_PERCENT = 25, 65
-MODES = ('trinary', 'scale', 'raw')
-DEFAULTS = {'negate': False, 'occupied_thresh': 0.65, 'free_thresh': 0.25, 'mode': 'trinary'}
+MODES = {name: name for name in ('trinary', 'scale', 'raw')}
+# In yaml-cpp, a flag is a whole number, or one of these words in any case.
+BOOLEANS = dict.fromkeys(('1', 'true', 'yes', 'on', 'y'), True) | dict.fromkeys(
+    ('0', 'false', 'no', 'off', 'n'), False
+)
+DEFAULTS = {'negate': '0', 'occupied_thresh': 0.65, 'free_thresh': 0.25, 'mode': 'trinary'}
 NO_COLUMN = 2**30  # where no cell of a row is taken
 
 
@@ -129,17 +134,24 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap
     where = f"map '{escaped(str(path), 500)}'"
     if Path(path).suffix.lower() in ('.pgm', '.png', '.bmp'):
         raise StartUpError(f'{where}: is an image: name the YAML file of the map, which names the image')
-    data = DEFAULTS | read_yaml(path, where, 'a mapping with image, resolution and origin')
+    wanted = 'a mapping with image, resolution and origin'
+    data: dict[str, Any] = DEFAULTS | read_yaml(path, where, wanted, is_typed=False)
     if not isinstance(data.get('image'), str) or not data['image']:
         raise StartUpError(f'{where}: image is missing or no text: must name a PGM or PNG file')
-    for key, accepted in (('mode', MODES), ('negate', (0, 1))):  # negate may be false or true too
-        if data[key] not in accepted:
+    for key in ('resolution', 'occupied_thresh', 'free_thresh'):
+        data[key] = _number_in(data.get(key))
+    for key, accepted, value in (
+        ('mode', MODES, str(data['mode']).lower()),
+        ('negate', BOOLEANS, str(_number_in(data['negate'])).lower()),
+    ):
+        if value not in accepted:
             shown = escaped(repr(data[key]), 60)
-            raise StartUpError(f'{where}: {key} is {shown}: must be one of {", ".join(map(str, accepted))}')
+            raise StartUpError(f'{where}: {key} is {shown}: must be one of {", ".join(accepted)}')
+        data[key] = accepted[value]
     resolution_m = number(data, 'resolution', where, 'metres per cell', smallest=1e-4)
     if not isinstance(data.get('origin'), list) or len(data['origin']) != 3:
         raise StartUpError(f'{where}: origin is missing or not a list of three: must be [x, y, yaw]')
-    origin = dict(zip(('x', 'y', 'yaw'), data['origin'], strict=True))
+    origin = dict(zip(('x', 'y', 'yaw'), map(_number_in, data['origin']), strict=True))
     units = {'x': 'metres', 'y': 'metres', 'yaw': 'radians'}
     x, y, yaw = (float(number(origin, key, f'{where}: origin', unit)) for key, unit in units.items())
     for key in ('occupied_thresh', 'free_thresh'):
@@ -154,6 +166,15 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap
     )
     found.files = Path(path), image
     return found
+
+
+def _number_in(value: Any) -> Any:
+    """Return the number that yaml-cpp converts a text into, or the value itself if it is no number."""
+    with contextlib.suppress(TypeError, ValueError):
+        return int(value)
+    with contextlib.suppress(TypeError, ValueError):
+        return float(value)
+    return value
 
 
 def _read_image(path: Path, where: str) -> tuple[np.ndarray, np.ndarray | None]:

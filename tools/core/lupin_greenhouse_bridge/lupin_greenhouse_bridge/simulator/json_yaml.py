@@ -33,15 +33,20 @@ def read_json(path: str | Path, where: str, largest_bytes: int) -> Any:
     return _parse_json(_read_text(path, where, largest_bytes), where)
 
 
-def read_yaml(path: str | Path, where: str, wanted: str) -> dict[str, Any]:
+def read_yaml(path: str | Path, where: str, wanted: str, *, is_typed: bool = True) -> dict[str, Any]:
     """
     Return the mapping in a YAML file, or in a JSON file whose name ends in .json; {} for an empty file.
 
+    If not typed, every scalar is text and a tab is a space, as in yaml-cpp, whose callers choose the types.
     Raises a StartUpError that begins with `where` if the file is unreadable, malformed or not `wanted`.
     """
     text = _read_text(path, where, LARGEST_YAML_BYTES)
-    # 1e3 is a number in JSON, and text in YAML 1.1.
-    data = _parse_json(text, where) if str(path).endswith('.json') else _parse_yaml(text, where)
+    if not is_typed:
+        data = _parse_yaml(text.replace('\t', ' '), where, 'BaseLoader')
+    elif str(path).endswith('.json'):  # 1e3 is a number in JSON, and text in YAML 1.1
+        data = _parse_json(text, where)
+    else:
+        data = _parse_yaml(text, where)
     if data is not None and not isinstance(data, dict):
         raise StartUpError(f'{where}: holds {kind_of(data)} at its top level, not {wanted}')
     return data or {}
@@ -135,11 +140,11 @@ def _parse_json(text: str, where: str) -> Any:
         raise StartUpError(f'{where}: is not JSON: {error}') from error
 
 
-def _parse_yaml(text: str, where: str) -> Any:
+def _parse_yaml(text: str, where: str, loader_name: str = 'SafeLoader') -> Any:
     import yaml  # mdp-greenhouse brings it; start-up reports a missing mdp-greenhouse first
 
     try:
-        loader = yaml.SafeLoader(text)
+        loader = getattr(yaml, loader_name)(text)
         document = loader.get_single_node()
         if document is None:
             return None
