@@ -1,4 +1,4 @@
-"""The environments of both trees, make as a user runs it, and a copy of the checkout."""
+"""The environments of both trees, commands as a user runs them, and a copy of the checkout."""
 
 import os
 import platform
@@ -13,10 +13,33 @@ ENVIRONMENTS = {
     'lupin_greenhouse_ros': Path(os.environ.get('MIRROR_VENV') or os.environ['VIRTUAL_ENV']),
 }
 
+NEED_LAUNCH = {'test_bring_up', 'test_launch'}  # run where launch is installed
 # Drake has a wheel for x86_64 only. There, a failed installation fails the tests.
 needs_drake = pytest.mark.skipif(
     platform.machine() != 'x86_64', reason='Drake has no wheel for this processor'
 )
+
+
+def run(
+    *command: object, cwd: Path = ROOT, env: dict | None = None, **options
+) -> subprocess.CompletedProcess:
+    """Run a command; the result has its exit code and its output as text."""
+    return subprocess.run(
+        [str(word) for word in command],
+        cwd=cwd,
+        env=env,
+        capture_output=True,
+        text=True,
+        check=False,
+        **options,
+    )
+
+
+def succeed(*command: object, **options) -> str:
+    """Run a command, which must end with exit code 0; return all that it printed."""
+    result = run(*command, **options)
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout + result.stderr
 
 
 def of_a_user(**variables: str) -> dict[str, str]:
@@ -25,28 +48,17 @@ def of_a_user(**variables: str) -> dict[str, str]:
     return own | {'VENV': os.environ['VIRTUAL_ENV'], 'TREE': 'monorepo'} | variables
 
 
-def make(*words: str, cwd: Path = ROOT, **variables: str) -> subprocess.CompletedProcess:
+def make(*words: object, cwd: Path = ROOT, **variables: str) -> subprocess.CompletedProcess:
     """Run make with what is built already."""
-    return subprocess.run(
-        ['make', '-f', ROOT / 'Makefile', '-o', 'bridge', '-o', 'build', *words],
-        cwd=cwd,
-        env=of_a_user(**variables),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = ('make', '-f', ROOT / 'Makefile', '-o', 'bridge', '-o', 'build', *words)
+    return run(*command, cwd=cwd, env=of_a_user(**variables))
 
 
 @pytest.fixture
 def copy(tmp_path):
     """Return a copy of the checkout, whose packages are those that are built already."""
-    names = subprocess.run(
-        ['git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard'],
-        cwd=ROOT,
-        capture_output=True,
-        check=True,
-    ).stdout
+    names = run('git', 'ls-files', '-z', '--cached', '--others', '--exclude-standard').stdout
     folder = tmp_path / 'copy'
     folder.mkdir()
-    subprocess.run(['xargs', '-0', 'cp', '--parents', '-t', folder], cwd=ROOT, input=names, check=True)
+    succeed('xargs', '-0', 'cp', '--parents', '-t', folder, input=names)
     return folder

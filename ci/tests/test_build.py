@@ -3,16 +3,15 @@
 import os
 import re
 import shutil
-import subprocess
 import sys
 import uuid
 from pathlib import Path
 
 import pytest
-from conftest import ENVIRONMENTS
+from conftest import ENVIRONMENTS, ROOT, run, succeed
 
-ROOT = Path(__file__).resolve().parents[2]
 BRIDGE = 'lupin_greenhouse_bridge'
+MESSAGES = {'monorepo': 'lupin_msgs', 'lupin_greenhouse_ros': 'lupin_greenhouse_msgs'}
 CLEAN_ENVIRONMENT = {
     key: value
     for key, value in os.environ.items()
@@ -20,37 +19,31 @@ CLEAN_ENVIRONMENT = {
 }
 
 
-def colcon_build_of_the_bridge(tree, base, *arguments, python_path=''):
+def run_in(tree, script, runner=succeed):
+    """Run a bash script in the environment of a tree, its packages included; return what it printed."""
+    # Without the libraries of the environment that runs this test.
+    environment = CLEAN_ENVIRONMENT | {'TREE': tree, 'VENV': str(ENVIRONMENTS[tree])}
+    return runner('bash', '-ec', f'source ci/ros_env.bash && {script}', env=environment)
+
+
+def colcon_build_of_the_bridge(tree, base, arguments='', python_path=''):
     """Build the bridge over the tree's messages in its own folder; return the output of colcon."""
-    script = (
-        'source ci/ros_env.bash && unset PYTHONDONTWRITEBYTECODE'
-        ' && export PYTHONPATH="$EXTRA_PYTHONPATH:$PYTHONPATH" && exec python -m colcon'
-        ' --log-base "$0/log" build --build-base "$0/build" --install-base "$0/install" "$@"'
-    )
-    result = subprocess.run(
-        ['bash', '-c', script, str(base), '--paths', f'{tree}/lupin_greenhouse_bridge', *arguments],
-        cwd=ROOT,
-        env={**os.environ, 'TREE': tree, 'VENV': str(ENVIRONMENTS[tree]), 'EXTRA_PYTHONPATH': python_path},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return result.stdout + result.stderr
+    folders = f'--build-base {base}/build --install-base {base}/install --paths {tree}/{BRIDGE}'
+    colcon = f'python -m colcon --log-base {base}/log build {folders} {arguments}'
+    return run_in(tree, f'export PYTHONPATH="{python_path}:$PYTHONPATH" && {colcon}')
 
 
 @pytest.mark.parametrize('tree', ENVIRONMENTS)
 @pytest.mark.parametrize('is_symlinked', [False, True], ids=['copied', 'symlinked'])
 def test_the_bridge_builds_without_a_warning(tmp_path, tree, is_symlinked):
-    arguments = ['--symlink-install'] if is_symlinked else []
-    printed = colcon_build_of_the_bridge(tree, tmp_path, *arguments)
-    assert 'Finished <<< lupin_greenhouse_bridge' in printed
+    printed = colcon_build_of_the_bridge(tree, tmp_path, '--symlink-install' if is_symlinked else '')
+    assert f'Finished <<< {BRIDGE}' in printed
     assert 'warning' not in printed.lower()
     assert 'stderr' not in printed
-    share = tmp_path / 'install/lupin_greenhouse_bridge/share/lupin_greenhouse_bridge'
-    launch_file = share / 'launch/greenhouse_bridge.launch.py'
-    assert launch_file.exists()
-    source = ROOT / tree / 'lupin_greenhouse_bridge/launch/greenhouse_bridge.launch.py'
-    assert (launch_file.resolve() == source) == is_symlinked
+    launch_file = f'{BRIDGE}/launch/greenhouse_bridge.launch.py'
+    installed = tmp_path / 'install' / BRIDGE / 'share' / launch_file
+    assert installed.exists()
+    assert (installed.resolve() == ROOT / tree / launch_file) == is_symlinked
 
 
 @pytest.mark.parametrize('tree', ENVIRONMENTS)
@@ -94,21 +87,11 @@ def test_a_build_does_only_what_has_changed(tmp_path, workspace):
     packages = [tmp_path / 'one', tmp_path / 'two']
     for package in packages:
         make_package(package)
-    environment = {
-        **os.environ,
-        'TREE': workspace.name,
-        'VENV': str(ENVIRONMENTS['monorepo']),
-    }
+    variables = os.environ | {'TREE': workspace.name, 'VENV': str(ENVIRONMENTS['monorepo'])}
 
     def built() -> set[str]:
-        result = subprocess.run(
-            [sys.executable, ROOT / 'ci/build.py', *packages],
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        lines = [line for line in result.stderr.splitlines() if line.startswith('build: ')]
+        printed = succeed(sys.executable, 'ci/build.py', *packages, env=variables)
+        lines = [line for line in printed.splitlines() if line.startswith('build: ')]
         return set(lines[0].split()[1:]) if lines else set()
 
     def modules(name) -> set[str]:
@@ -123,8 +106,7 @@ def test_a_build_does_only_what_has_changed(tmp_path, workspace):
     assert built() == set()
     (packages[1] / 'setup.py').write_text('raise SystemExit(1)')
     for _ in range(2):  # what failed is tried again
-        with pytest.raises(subprocess.CalledProcessError):
-            built()
+        assert run(sys.executable, 'ci/build.py', *packages, env=variables).returncode == 1
 
 
 @pytest.mark.heavy
@@ -152,49 +134,44 @@ def test_symlink_install_works_with_the_setuptools_of_2022_and_of_today(tmp_path
     """Up to setuptools 79 colcon links the modules; from 80 on it copies them silently."""
     packages, tree = tmp_path / 'packages', 'lupin_greenhouse_ros'
     run_in(tree, f'python -m pip install --quiet --no-deps --target {packages} "{setuptools}"')
-    printed = colcon_build_of_the_bridge(tree, tmp_path, '--symlink-install', python_path=str(packages))
-    assert 'Finished <<< lupin_greenhouse_bridge' in printed
-    installed = tmp_path / 'install/lupin_greenhouse_bridge'
+    printed = colcon_build_of_the_bridge(tree, tmp_path, '--symlink-install', packages)
+    assert f'Finished <<< {BRIDGE}' in printed
+    installed = tmp_path / 'install' / BRIDGE
     assert bool(list(installed.glob('lib/python3*/site-packages/*.egg-link'))) == is_linked
-    result = run_in(
-        tree, f'source {tmp_path}/install/local_setup.bash && {installed}/lib/{BRIDGE}/read_tag --help'
-    )
-    assert 'usage: read_tag' in result.stdout
+    read_tag = f'source {tmp_path}/install/local_setup.bash && {installed}/lib/{BRIDGE}/read_tag --help'
+    assert 'usage: read_tag' in run_in(tree, read_tag)
 
 
-def run_in(tree, script, *, check=True):
-    """Run a bash script in the environment of a tree, its packages included."""
-    result = subprocess.run(
-        ['bash', '-ec', f'source ci/ros_env.bash && {script}'],
-        cwd=ROOT,
-        # Without the libraries of the environment that runs this test.
-        env={**CLEAN_ENVIRONMENT, 'TREE': tree, 'VENV': str(ENVIRONMENTS[tree])},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if check:
-        assert result.returncode == 0, result.stdout + result.stderr
-    return result
-
-
-@pytest.mark.parametrize('variable', ['VIRTUAL_ENV', 'CONDA_PREFIX'])
-@pytest.mark.parametrize(
-    ('tree', 'package'), [('monorepo', 'lupin_msgs'), ('lupin_greenhouse_ros', 'lupin_greenhouse_msgs')]
-)
-def test_the_messages_are_built_for_the_python_of_the_active_environment(tmp_path, tree, package, variable):
-    """Another Python comes first on PATH."""
-    decoy = tmp_path / 'bin/python3'
-    decoy.parent.mkdir()
-    decoy.write_text('#!/bin/sh\necho decoy >&2\nexit 1\n')
-    decoy.chmod(0o755)
-    environment = ENVIRONMENTS[tree]
-    run_in(
+def configure(tree, build, setup, runner=succeed):
+    """Let CMake configure the messages of a tree in a shell with this setup and no active environment."""
+    return run_in(
         tree,
-        f'source ci/ros_env.bash without-overlay && unset VIRTUAL_ENV CONDA_PREFIX'
-        f' && export {variable}={environment} PATH={decoy.parent}:$PATH'
-        f' && cmake -S {tree}/{package} -B {tmp_path}/build -DBUILD_TESTING=OFF',
+        'source ci/ros_env.bash without-overlay && unset VIRTUAL_ENV CONDA_PREFIX'
+        f' && {setup} && cmake -S {tree}/{MESSAGES[tree]} -B {build} -DBUILD_TESTING=OFF',
+        runner,
     )
+
+
+def test_both_packages_of_messages_choose_python_in_the_same_way():
+    """So that each variable below needs to be tried with one of them only."""
+    choices = set()
+    for tree, package in MESSAGES.items():
+        text = (ROOT / tree / package / 'CMakeLists.txt').read_text(encoding='utf-8')
+        choices.add(re.search('# The Python of an active environment.*?^find_package', text, re.M | re.S)[0])
+    assert len(choices) == 1
+
+
+@pytest.mark.parametrize(
+    ('tree', 'variable'), [('monorepo', 'VIRTUAL_ENV'), ('lupin_greenhouse_ros', 'CONDA_PREFIX')]
+)
+def test_the_messages_are_built_for_the_python_of_the_active_environment(tmp_path, tree, variable):
+    """Another Python comes first on PATH."""
+    other = tmp_path / 'bin/python3'
+    other.parent.mkdir()
+    other.write_text('#!/bin/sh\necho another Python >&2\nexit 1\n')
+    other.chmod(0o755)
+    environment = ENVIRONMENTS[tree]
+    configure(tree, tmp_path / 'build', f'export {variable}={environment} PATH={other.parent}:$PATH')
     cache = (tmp_path / 'build/CMakeCache.txt').read_text()
     assert f'Python3_EXECUTABLE:FILEPATH={environment}/bin/python3\n' in cache
     assert f'PYTHON_EXECUTABLE:FILEPATH={environment}/bin/python3\n' in cache  # Humble's name
@@ -207,22 +184,14 @@ def test_the_messages_are_built_for_the_python_of_the_active_environment(tmp_pat
 
 
 def test_without_an_active_environment_the_choice_of_python_is_aments(tmp_path):
-    run_in(
-        'monorepo',
-        'source ci/ros_env.bash without-overlay && unset VIRTUAL_ENV CONDA_PREFIX'
-        f' && cmake -S monorepo/lupin_msgs -B {tmp_path}/build -DBUILD_TESTING=OFF',
-    )
+    configure('monorepo', tmp_path / 'build', 'true')
     assert 'Python of the active environment' not in (tmp_path / 'build/CMakeCache.txt').read_text()
 
 
 def test_an_active_environment_without_numpy_is_named(tmp_path):
-    subprocess.run([sys.executable, '-m', 'venv', '--without-pip', tmp_path / 'bare'], check=True)
-    result = run_in(
-        'monorepo',
-        f'source ci/ros_env.bash without-overlay && unset PYTHONPATH && export VIRTUAL_ENV={tmp_path}/bare'
-        f' && cmake -S monorepo/lupin_msgs -B {tmp_path}/build -DBUILD_TESTING=OFF',
-        check=False,
-    )
+    succeed(sys.executable, '-m', 'venv', '--without-pip', tmp_path / 'bare')
+    setup = f'unset PYTHONPATH && export VIRTUAL_ENV={tmp_path}/bare'
+    result = configure('monorepo', tmp_path / 'build', setup, run)
     assert result.returncode != 0
     assert f'NumPy is missing in {tmp_path}/bare: install it there' in ' '.join(result.stderr.split())
 
@@ -231,11 +200,11 @@ def test_with_its_patch_the_mirror_serves_a_custom_tag_file(tmp_path):
     """The contract tests of the monorepo's side pass in a clone of the mirror with custom_tag_file.patch."""
     tree = 'lupin_greenhouse_ros'
     shutil.copytree(ROOT / tree / BRIDGE, tmp_path / BRIDGE)
-    with (ROOT / tree / 'custom_tag_file.patch').open() as file:
-        subprocess.run(['patch', '-p1'], stdin=file, cwd=tmp_path, check=True)
-    result = run_in(
+    patch = (ROOT / tree / 'custom_tag_file.patch').read_text(encoding='utf-8')
+    succeed('patch', '-p1', input=patch, cwd=tmp_path)
+    printed = run_in(
         tree,
         f'export PYTHONPATH={tmp_path}/{BRIDGE}:$PYTHONPATH && python -m pytest -p no:cacheprovider -rA'
         f' -k "a_custom_tag_file_is_served or with_another_tag_file" {tmp_path}/{BRIDGE}/test',
     )
-    assert '2 passed' in result.stdout
+    assert '2 passed' in printed

@@ -4,10 +4,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from conftest import ENVIRONMENTS
+from conftest import ENVIRONMENTS, NEED_LAUNCH
 
 PACKAGES = [(tree, path.parent.name) for tree in ENVIRONMENTS for path in sorted(Path(tree).glob('*/test'))]
-NEED_LAUNCH = {'test_bring_up', 'test_launch'}  # run where launch is installed
 
 
 def results_of(tree, package='lupin_greenhouse_bridge'):

@@ -2,17 +2,15 @@
 
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
 import environment
 import pytest
+from conftest import ROOT, make, of_a_user, run, succeed
 
-CI = Path(environment.__file__).parent
-ROOT = CI.parent
-WITHOUT_MAKE = {name: value for name, value in os.environ.items() if not name.startswith('MAKE')}
+CI = ROOT / 'ci'
 
 
 @pytest.fixture
@@ -43,21 +41,21 @@ def steps(commands):
     return [Path(command[-1]).name for command in commands]
 
 
-def make(tmp_path, *arguments):
+def make_it(tmp_path, *arguments):
     return environment.main(['--venv', str(tmp_path / 'venv'), *arguments])
 
 
 def test_a_complete_environment_is_left_alone(commands, tmp_path):
-    assert make(tmp_path) == 0
+    assert make_it(tmp_path) == 0
     assert steps(commands) == ['venv', 'uv', 'kilted.txt']
     commands.clear()
-    assert make(tmp_path) == 0
+    assert make_it(tmp_path) == 0
     assert commands == []
 
 
 def test_an_installed_uv_is_used(commands, tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, 'which', lambda name: f'/tools/{name}')
-    assert make(tmp_path) == 0
+    assert make_it(tmp_path) == 0
     assert steps(commands) == ['venv', 'kilted.txt']
     assert commands[1][:3] == ['/tools/uv', 'pip', 'install']
 
@@ -76,26 +74,23 @@ def one_pin(tmp_path, monkeypatch):
     return other.strip()
 
 
-def test_uv_installs_the_pins_and_pip_does_where_uv_cannot(one_pin, tmp_path, monkeypatch, capsys):
-    for is_offline in (False, True):
-        with monkeypatch.context() as patch:
-            if is_offline:
-                patch.setenv('UV_OFFLINE', '1')
-                patch.setenv('UV_CACHE_DIR', str(tmp_path / 'empty'))
-            venv = tmp_path / f'venv-{is_offline}'
-            assert environment.main(['--venv', str(venv)]) == 0
-        assert ('uv cannot install here, so pip does' in capsys.readouterr().err) == is_offline
-        freeze = [venv / 'bin/python', '-m', 'pip', 'freeze']
-        installed = subprocess.run(freeze, capture_output=True, text=True, check=True).stdout.splitlines()
-        assert one_pin in installed
-        installer = next(venv.glob('lib/python3*/site-packages/packaging-*.dist-info/INSTALLER'))
-        assert installer.read_text().strip() == ('pip' if is_offline else 'uv')
+@pytest.mark.heavy
+@pytest.mark.parametrize('installer', ['uv', 'pip'])
+def test_uv_installs_the_pins_and_pip_does_where_uv_cannot(one_pin, tmp_path, monkeypatch, capsys, installer):
+    if installer == 'pip':
+        monkeypatch.setenv('UV_OFFLINE', '1')
+        monkeypatch.setenv('UV_CACHE_DIR', str(tmp_path / 'empty'))
+    assert make_it(tmp_path) == 0
+    assert ('uv cannot install here, so pip does' in capsys.readouterr().err) == (installer == 'pip')
+    assert one_pin in succeed(tmp_path / 'venv/bin/python', '-m', 'pip', 'freeze').splitlines()
+    (installed_by,) = tmp_path.glob('venv/lib/python3*/site-packages/packaging-*.dist-info/INSTALLER')
+    assert installed_by.read_text().strip() == installer
 
 
 def test_another_distro_makes_it_again_from_that_set(commands, tmp_path):
-    make(tmp_path)
+    make_it(tmp_path)
     commands.clear()
-    assert make(tmp_path, '--distro', 'jazzy') == 0
+    assert make_it(tmp_path, '--distro', 'jazzy') == 0
     assert steps(commands) == ['venv', 'uv', 'jazzy.txt']
     assert 'ROS_DISTRO=jazzy' in (tmp_path / 'venv/local_setup.bash').read_text()
 
@@ -108,30 +103,32 @@ def test_an_interrupted_making_is_recognised_and_made_again(commands, tmp_path, 
     with monkeypatch.context() as patch:
         patch.setattr(environment, 'run', interrupted)
         with pytest.raises(KeyboardInterrupt):
-            make(tmp_path)
+            make_it(tmp_path)
     half_made = tmp_path / 'venv/half-made'
     half_made.touch()
-    assert make(tmp_path) == 0
+    assert make_it(tmp_path) == 0
     assert len(commands) == 3
     assert not half_made.exists()
 
 
 def test_a_failed_step_is_told_and_not_taken_for_done(tmp_path, monkeypatch, capsys):
+    broken = tmp_path / 'python3'
+    broken.write_text('#!/bin/sh\necho no space left >&2\nexit 1\n')
+    broken.chmod(0o755)
     monkeypatch.setattr(environment, 'sourced_ros', lambda: None)
-    monkeypatch.setattr(environment, 'REQUIREMENTS', tmp_path)
-    (tmp_path / 'kilted.txt').write_text('no-such-file.whl\n')
+    monkeypatch.setattr(sys, 'executable', str(broken))
     for _ in range(2):
-        assert make(tmp_path) == 1
-        error = capsys.readouterr().err
-        assert 'no-such-file.whl' in error
-        assert 'making the environment stopped at' in error
+        assert make_it(tmp_path) == 1
+        *shown, last = capsys.readouterr().err.splitlines()
+        assert 'no space left' in shown
+        assert last.startswith(f'environment: making the environment stopped at: {broken} -m venv ')
 
 
 def test_a_folder_that_is_not_ours_is_never_removed(commands, tmp_path, capsys):
     precious = tmp_path / 'venv/precious'
     precious.parent.mkdir()
     precious.touch()
-    assert make(tmp_path) == 1
+    assert make_it(tmp_path) == 1
     assert 'was not made by this project' in capsys.readouterr().err
     assert precious.exists()
     assert commands == []
@@ -155,7 +152,7 @@ def test_each_missing_prerequisite_is_one_line_with_its_package(
     )
     if without == 'Python.h':
         monkeypatch.setattr(environment.sysconfig, 'get_path', lambda _name: str(tmp_path))
-    assert make(tmp_path) == 1
+    assert make_it(tmp_path) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert without.replace('ensurepip', 'venv') in line
     assert f'sudo apt install {package}' in line
@@ -166,23 +163,14 @@ def test_make_names_what_is_needed_when_python_is_too_old(tmp_path):
     old = tmp_path / 'python3'
     old.write_text('#!/bin/sh\nexit 1\n')
     old.chmod(0o755)
-    result = subprocess.run(
-        ['make', 'env', f'PYTHON={old}'],
-        cwd=ROOT,
-        env=WITHOUT_MAKE,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    result = make('env', f'PYTHON={old}')
     assert result.returncode != 0
     assert 'is not Python 3.10 or newer: sudo apt install' in result.stderr.splitlines()[0]
 
 
 @pytest.mark.parametrize('assignment', ['TREE=nowhere', 'DISTRO=humble'])
 def test_make_refuses_an_unknown_choice_in_one_line(assignment):
-    result = subprocess.run(
-        ['make', assignment], cwd=ROOT, env=WITHOUT_MAKE, capture_output=True, text=True, check=False
-    )
+    result = make(assignment)
     assert result.returncode != 0
     assert assignment in result.stderr
     assert len(result.stderr.splitlines()) == 1
@@ -194,11 +182,9 @@ def test_nodes_of_the_wheels_announce_themselves_often_unless_told_otherwise(own
     name = names.pop(os.environ['ROS_DISTRO'] == 'jazzy')
     bare = {key: value for key, value in os.environ.items() if key != name}
     bare[names[0]] = str(CI / 'fast_dds.xml')  # of the other distro, which this one warns of
-    result = subprocess.run(
-        ['bash', '-c', f'source ci/ros_env.bash && echo ${name} ${names[0]}'],
-        cwd=ROOT, env=bare | ({name: own} if own else {}), capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    assert result.stdout.strip() == (own or str(CI / 'fast_dds.xml'))
+    environ = bare | ({name: own} if own else {})
+    shown = succeed('bash', '-c', f'source ci/ros_env.bash && echo ${name} ${names[0]}', env=environ)
+    assert shown.strip() == (own or str(CI / 'fast_dds.xml'))
     period = ElementTree.parse(CI / 'fast_dds.xml').find('.//{*}leaseAnnouncement/{*}sec')
     assert 0 < int(period.text) < 3  # Fast DDS's default
 
@@ -234,8 +220,7 @@ def test_the_pins_are_whole_and_name_no_registry():
 
 
 def test_pre_commit_comes_with_the_environment():
-    command = [sys.executable, '-m', 'pre_commit', 'validate-config', ROOT / '.pre-commit-config.yaml']
-    assert subprocess.run(command, check=False).returncode == 0
+    succeed(sys.executable, '-m', 'pre_commit', 'validate-config', ROOT / '.pre-commit-config.yaml')
 
 
 def test_the_help_says_what_the_program_does_and_each_default(capsys):
@@ -256,22 +241,17 @@ def test_a_sourced_ros_is_found_used_and_only_completed(tmp_path):
     (tmp_path / 'bin/ros2').write_text('#!/bin/sh\n')  # its presence marks a sourced ROS
     (tmp_path / 'bin/ros2').chmod(0o755)
     site_packages = environment.sysconfig.get_path('purelib')
-    sourced = {
-        **WITHOUT_MAKE,
-        'ROS_DISTRO': 'testros',
-        'AMENT_PREFIX_PATH': str(prefix),
-        'CMAKE_PREFIX_PATH': str(prefix),
-        'PYTHONPATH': site_packages,
-        'PATH': f'{tmp_path / "bin"}:{prefix / "bin"}:{os.environ["PATH"]}',
-        'VENV': str(tmp_path / 'venv'),
-        'TREE': 'monorepo',
-    }
+    sourced = of_a_user(
+        ROS_DISTRO='testros',
+        AMENT_PREFIX_PATH=str(prefix),
+        CMAKE_PREFIX_PATH=str(prefix),
+        PYTHONPATH=site_packages,
+        PATH=f'{tmp_path / "bin"}:{prefix / "bin"}:{os.environ["PATH"]}',
+        VENV=str(tmp_path / 'venv'),
+    )
     sourced.pop('VIRTUAL_ENV')
     base_python = getattr(sys, '_base_executable', sys.executable)
-    result = subprocess.run(
-        ['make', 'smoke', f'PYTHON={base_python}'],
-        cwd=ROOT, env=sourced, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    result = run('make', 'smoke', f'PYTHON={base_python}', env=sourced)
     assert 'from the sourced ROS 2 testros' in result.stderr
     assert result.returncode == 0, result.stderr
     assert result.stdout.splitlines()[-1] == '29/29 tags read'
@@ -283,7 +263,5 @@ def test_a_sourced_ros_is_found_used_and_only_completed(tmp_path):
     ('given', 'used'), [('.venv-x', f'{ROOT}/.venv-x'), ('/a b/.venv', '/a b/.venv'), ('x y', f'{ROOT}/x y')]
 )
 def test_make_takes_any_folder_for_the_environment(given, used):
-    command = ['make', '--silent', '--eval', "show:; @echo '$(VENV)'", 'show', f'VENV={given}']
-    environment = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
-    result = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    result = make('--silent', '--eval', "show:; @echo '$(VENV)'", 'show', f'VENV={given}')
     assert result.stdout == f'{used}\n'

@@ -1,10 +1,10 @@
 """The bridge with other releases of the simulator, installed from PyPI."""
 
 import os
-import subprocess
 import sys
 
 import pytest
+from conftest import succeed
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
 
@@ -14,8 +14,8 @@ def simulator(tmp_path):
     """Return a function that installs a release of the simulator and returns its environment."""
 
     def install(version: str) -> dict[str, str]:
-        pip = [sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--target', str(tmp_path)]
-        subprocess.run([*pip, f'mdp-greenhouse=={version}'], check=True, capture_output=True, timeout=120)
+        pip = [sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--target', tmp_path]
+        succeed(*pip, f'mdp-greenhouse=={version}')
         return {'PYTHONPATH': os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])}
 
     return install
