@@ -8,9 +8,7 @@ from pathlib import Path
 import docs_check
 import domain_coordinator
 import pytest
-from conftest import make, of_a_user
-
-ROOT = docs_check.ROOT
+from conftest import ROOT, make, of_a_user, run, succeed
 
 
 def without_numbers(text: str) -> list[str]:
@@ -39,15 +37,7 @@ def test_the_two_commands_of_the_readme():
             ready = next(line for line in server.stdout if 'ready:' in line)
             assert without_numbers(ready) == without_numbers(serving[2].strip())
             for command, _, printed in asking:
-                result = subprocess.run(
-                    ['bash', '-c', command],
-                    cwd=ROOT,
-                    env=environment,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.STDOUT,
-                    text=True,
-                    check=False,
-                )
+                result = run('bash', '-c', f'{command} 2>&1', env=environment)
                 assert without_numbers(result.stdout) == without_numbers(printed.strip())
         finally:
             os.killpg(server.pid, 15)
@@ -74,13 +64,13 @@ def test_the_documents_are_true():
 @pytest.fixture
 def documents(tmp_path):
     """Return a function that makes a repository of one document, and returns the findings."""
-    subprocess.run(['git', 'init', '--quiet', str(tmp_path)], check=True)
+    succeed('git', 'init', '--quiet', tmp_path)
 
     def findings(text: str) -> str:
         (tmp_path / 'README.md').write_text(text, encoding='utf-8')
         (tmp_path / 'glossary.md').write_text(GLOSSARY, encoding='utf-8')
         (tmp_path / 'test_it.py').write_text('def test_this():\n    pass\n', encoding='utf-8')
-        subprocess.run(['git', '-C', str(tmp_path), 'add', '.'], check=True)
+        succeed('git', 'add', '.', cwd=tmp_path)
         return '\n'.join(docs_check.findings_of(docs_check.Document(tmp_path, Path('README.md'))))
 
     return findings

@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from conftest import run
 from lupin_greenhouse_bridge.recording.rows import HEADER
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 
@@ -28,9 +29,7 @@ def test_each_package_with_commands_is_here():
 
 @pytest.mark.parametrize('executable', EXECUTABLES, ids=lambda path: path.name)
 def test_help_says_what_it_does_and_how_with_exit_code_0_and_leaves_no_file(executable, tmp_path):
-    ended = subprocess.run(
-        [executable, '--help'], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120
-    )
+    ended = run(executable, '--help', cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, '')
     is_node = f'ros2 run {executable.parent.name} ' in ended.stdout and 'Parameters and' in ended.stdout
     assert is_node or ended.stdout.startswith(f'usage: {executable.name} ')
@@ -41,9 +40,7 @@ def test_help_says_what_it_does_and_how_with_exit_code_0_and_leaves_no_file(exec
     'executable', [path for path in EXECUTABLES if path.name in ('bridge_node', 'record_readings')]
 )
 def test_a_node_refuses_an_argument_that_it_does_not_know(executable, tmp_path):
-    ended = subprocess.run(
-        [executable, 'readings.csv'], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120
-    )
+    ended = run(executable, 'readings.csv', cwd=tmp_path)
     assert ended.returncode == 1
     assert "unknown argument 'readings.csv': set parameters with --ros-args -p name:=value" in ended.stderr
     assert not list(tmp_path.iterdir())
@@ -83,22 +80,26 @@ WORK = {
 }
 
 
-@pytest.mark.parametrize('output', ['/dev/full', 'a closed pipe', 'closed'])
-@pytest.mark.parametrize(('name', 'words', 'written'), [(name, *work) for name, work in WORK.items()])
+# A closed output is None in Python; a pipe is written to like a file.
+CASES = [(name, output) for name in WORK for output in ('/dev/full', 'closed')] + [
+    ('plot_report', 'a closed pipe')
+]
+
+
+@pytest.mark.parametrize(('name', 'output'), CASES)
 def test_an_output_that_takes_nothing_is_one_line_with_an_exit_code_of_its_own(
-    inputs, tmp_path, name, words, written, output
+    inputs, tmp_path, name, output
 ):
     (path,) = (each for each in EXECUTABLES if each.name == name)
-    command = [path, *words.format(inputs).split()]
+    words, written = WORK[name]
     with refusing(output) as descriptor:
         ended = subprocess.run(
-            command,
+            [path, *words.format(inputs).split()],
             cwd=tmp_path,
             stdout=descriptor,
             stderr=subprocess.PIPE,
             text=True,
             check=False,
-            timeout=120,
         )
     assert ended.returncode == 4, ended.stderr
     assert f'{name}: standard output cannot be written: ' in ended.stderr

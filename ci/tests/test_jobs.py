@@ -3,13 +3,13 @@
 import io
 import itertools
 import re
-import subprocess
 import sys
 import threading
 from pathlib import Path
 
 import jobs
 import pytest
+from conftest import run as run_command
 
 TESTS = """
 import pytest
@@ -28,10 +28,7 @@ def run_tests(tmp_path):
     def run(*options):
         (tmp_path / 'test_five.py').write_text(TESTS, encoding='utf-8')
         command = [sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', '--verbose', '-rs', *options]
-        result = subprocess.run(
-            [*command, '-c', '/dev/null', '--rootdir', tmp_path, tmp_path],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
+        result = run_command(*command, '-c', '/dev/null', '--rootdir', tmp_path, tmp_path)
         job = jobs.Tests('five', [], tmp_path / 'log')
         read = [(line, job.read(line), job.state()) for line in result.stdout.splitlines()]
         return job, read

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import kill_tree
 import pytest
+from conftest import ROOT, of_a_user
 
-ROOT = Path(kill_tree.__file__).parents[1]
 PATIENCE_SECONDS = 60.0
 # Background jobs: plain, under timeout, in a session of its own, deaf to SIGTERM, orphaned.
 STUBBORN = """
@@ -39,11 +39,10 @@ def marked(mark: str) -> list[str]:
 
 def start(command, mark, **keywords):
     """Start a command as a terminal does, in a process group of its own."""
-    environment = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
     return subprocess.Popen(
         command,
         cwd=ROOT,
-        env=environment | {'LUPIN_TEST_MARK': mark},
+        env=of_a_user(LUPIN_TEST_MARK=mark),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -102,7 +101,7 @@ def test_the_exit_code_is_that_of_the_command_and_nothing_is_left(mark, script, 
 @pytest.mark.heavy
 @pytest.mark.parametrize('target', ['test', 'soak'])
 def test_ctrl_c_on_make_ends_all_that_it_started(mark, target):
-    process = start(['make', target, f'VENV={os.environ["VIRTUAL_ENV"]}'], mark)
+    process = start(['make', target], mark)
     deadline = time.monotonic() + 5 * PATIENCE_SECONDS
     while not any('--ros-args' in line for line in marked(mark)):  # a node
         assert process.poll() is None, process.stdout.read()

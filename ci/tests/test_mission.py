@@ -1,27 +1,9 @@
 """`make mission` with the cameras that take long, and without the mission."""
 
 import json
-import os
-import subprocess
-from pathlib import Path
 
 import pytest
-from conftest import needs_drake
-
-ROOT = Path(__file__).resolve().parents[2]
-
-
-def make_mission(*options: str) -> subprocess.CompletedProcess:
-    of_a_user = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
-    return subprocess.run(
-        ['make', 'mission', f'VENV={os.environ["VIRTUAL_ENV"]}', *options],
-        cwd=ROOT,
-        env=of_a_user,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
+from conftest import make, needs_drake
 
 # A busy machine may not see a tag within a second.
 PATIENCE = 'max_attempts:=1000 scan_timeout_s:=20 visual_confirmation_timeout_s:=20 retry_delay_seconds:=0.1'
@@ -39,7 +21,7 @@ PATIENCE = 'max_attempts:=1000 scan_timeout_s:=20 visual_confirmation_timeout_s:
 )
 def test_the_mission_reads_the_tags_that_its_camera_sees(tmp_path, options):
     arguments = f'ARGS=--output {tmp_path} tag_sequence:="1 13 30" {PATIENCE}'
-    result = make_mission('TREE=monorepo', *options, arguments)
+    result = make('mission', *options, arguments)
     assert result.returncode == 0, result.stdout + result.stderr
     (report,) = tmp_path.glob('*.jsonl')
     lines = report.read_text(encoding='utf-8').splitlines()
@@ -55,7 +37,7 @@ def test_the_mission_reads_the_tags_that_its_camera_sees(tmp_path, options):
 def test_a_robot_drives_to_every_tag_and_its_camera_sees_each_from_there(tmp_path):
     arguments = f'ARGS=--output {tmp_path} {PATIENCE}'
     record = tmp_path / 'readings.sqlite'
-    result = make_mission('TREE=monorepo', 'DRIVE=1', 'CAMERA=1', f'RECORD={record}', arguments)
+    result = make('mission', 'DRIVE=1', 'CAMERA=1', f'RECORD={record}', arguments)
     assert result.returncode == 0, result.stdout + result.stderr
     assert '29/29 tags read' in result.stdout.splitlines()
     (report,) = tmp_path.glob('*.jsonl')
@@ -67,6 +49,6 @@ def test_a_robot_drives_to_every_tag_and_its_camera_sees_each_from_there(tmp_pat
 
 
 def test_the_mirror_has_no_mission():
-    result = make_mission('TREE=lupin_greenhouse_ros')
+    result = make('mission', TREE='lupin_greenhouse_ros')
     assert result.returncode == 2
     assert result.stderr.splitlines()[0] == 'mission: it is in the monorepo only: make mission TREE=monorepo'

@@ -9,10 +9,10 @@ from pathlib import Path
 import docs_check
 import domain_coordinator
 import pytest
+from conftest import ROOT, of_a_user
 from lupin_greenhouse_bridge.display.input_file import read_file
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS
 
-ROOT = docs_check.ROOT
 PAGES = Path('tools/core/lupin_greenhouse_bridge/doc')
 PASTED = '[pasted]'
 
@@ -22,16 +22,10 @@ class Shell:
 
     def __init__(self, folder: Path):
         """Open it in a folder."""
-        of_a_user = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
-        own = {
-            'VENV': os.environ['VIRTUAL_ENV'],
-            'TREE': 'monorepo',
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-        }
         self._bash = subprocess.Popen(
             ['bash', '-e'],
             cwd=folder,
-            env=of_a_user | own,
+            env=of_a_user(ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST'),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

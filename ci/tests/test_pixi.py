@@ -3,7 +3,6 @@
 import json
 import os
 import shutil
-import subprocess
 import sys
 import sysconfig
 from importlib import resources
@@ -12,26 +11,13 @@ from pathlib import Path
 import generate
 import jsonschema
 import pytest
+from conftest import succeed
 
 ROOT = generate.ROOT
 MIRROR = ROOT / 'lupin_greenhouse_ros'
-MANIFEST = generate.load_table(MIRROR / 'pixi.toml')
-TOOLS = (
-    'bash',
-    'cat',
-    'cc',
-    'c++',
-    'dirname',
-    'env',
-    'ld',
-    'ar',
-    'ranlib',
-    'as',
-    'make',
-    'mkdir',
-    'sh',
-    'uname',
-)
+MANIFEST = generate.tomllib.loads((MIRROR / 'pixi.toml').read_text(encoding='utf-8'))
+TOOLS = ['bash', 'cat', 'dirname', 'env', 'mkdir', 'sh', 'uname']
+TOOLS += ['cc', 'c++', 'ld', 'ar', 'ranlib', 'as', 'make']
 
 
 def test_the_manifest_follows_the_schema_of_pixi():
@@ -96,11 +82,7 @@ def test_its_tasks_build_and_run_in_an_environment_with_condas_layout(tmp_path, 
     }
 
     def run(task: str) -> str:
-        result = subprocess.run(
-            ['bash', '-c', task], cwd=clone, env=environment, capture_output=True, text=True, check=False
-        )
-        assert result.returncode == 0, result.stdout + result.stderr
-        return result.stdout
+        return succeed('bash', '-c', task, cwd=clone, env=environment)
 
     assert 'Summary: 2 packages finished' in run(MANIFEST['tasks']['build'])
     cache = (clone / 'build/default/lupin_greenhouse_msgs/CMakeCache.txt').read_text()

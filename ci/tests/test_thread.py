@@ -1,16 +1,14 @@
 """The README's thread, as a user pastes it: drive, record, show."""
 
 import json
-import os
 import re
-import subprocess
 from pathlib import Path
 
 import docs_check
 import pytest
+from conftest import ROOT, of_a_user, succeed
 from lupin_greenhouse_bridge.display.input_file import read_file
 
-ROOT = Path(__file__).resolve().parents[2]
 BLOCK = 'make mission DRIVE=1 CAMERA=1 RECORD=readings.sqlite'
 
 
@@ -20,22 +18,12 @@ def test_the_thread_of_the_readme(copy):
     (block,) = [
         text for _, _, text in docs_check.Document(ROOT, Path('README.md')).shell_blocks() if BLOCK in text
     ]
-    of_a_user = {key: value for key, value in os.environ.items() if not key.startswith('MAKE')}
-    ended = subprocess.run(
-        ['bash', '-c', f'set -e\n{block}'],
-        cwd=copy,
-        env=of_a_user | {'VENV': os.environ['VIRTUAL_ENV'], 'TREE': 'monorepo'},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        check=False,
-    )
-    assert ended.returncode == 0, ended.stdout
+    printed = succeed('bash', '-c', f'set -e\n{block}', cwd=copy, env=of_a_user())
     (report,) = copy.glob('.mission/*.jsonl')
     reported = {row[:1] + row[2:5] for row in read_file(report).rows}
     recorded = read_file(copy / 'readings.sqlite').rows
     assert {row[:1] + row[2:5] for row in recorded} == reported
-    assert f'{len(reported)} rows kept in readings.sqlite' in ended.stdout
+    assert f'{len(reported)} rows kept in readings.sqlite' in printed
     page = (copy / 'readings.html').read_text(encoding='utf-8')
     data = json.loads(
         re.search('<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)[1]

@@ -5,13 +5,11 @@ import random
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-from conftest import needs_drake
+from conftest import needs_drake, run
 from lupin_greenhouse_bridge.testing._helpers import executable
 
-ROOT = Path(__file__).resolve().parents[2]
 WRONG = """
 import sys
 import math
@@ -53,8 +51,7 @@ TAGS = {
 
 def with_drake(*arguments: str) -> subprocess.CompletedProcess:
     """Run Python with Drake."""
-    command = [sys.executable, 'ci/within.py', '--drake', 'python', *arguments]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    return run(sys.executable, 'ci/within.py', '--drake', 'python', *arguments)
 
 
 def check_world(folder, layout, command=()):
