@@ -1,27 +1,30 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The order in which a robot visits the tags, and its path. Does not import ROS."""
 
-import collections
 import itertools
-import math
 import random
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.approach import ApproachPose
-from lupin_greenhouse_bridge.planning.free_space import FreeSpace, VisibilityGraph
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.visibility_graph import VisibilityGraph
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 
 ORDERS = ('given', 'numeric', 'shortest')
-NEIGHBOURS = 10  # of a stop, by their paths: it is joined to no others
-KNOWN = 4000  # paths, at least, whose lengths are known
-FAR_M = 1e6  # more than any path: between points whose path is not known
-GAIN_M = 1e-6  # more than the rounding of FAR_M
-KICKS = 300
-LONGEST_KICK = 50  # points
+NEIGHBOURS = 30  # of each stop, to which the path is known
+FAR_M = 1e4  # added to the distance of two stops if the length of the path between them is not known
+JOINED = 10  # nearest stops that a stop may be joined to
+SMALLEST_GAIN_M = 1e-6
+PERTURBATIONS = 300
+LONGEST_PERTURBATION = 50  # stops
+
+Progress = Callable[[str, int, int], None]
+_Change = tuple[float, int, list[np.ndarray]]  # what it gains in metres, where it begins, and the parts there
 
 
 class Route(NamedTuple):
@@ -56,182 +59,158 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
             raise StartUpError(f"tag '{escaped(tag_id, 64)}' has no approach pose: leave it out of the order")
     if order != 'given':
         tag_ids.sort(key=natural_order)
-    stops = [(each.x, each.y) for each in map(poses.__getitem__, tag_ids)]
+    stops = [(pose.x, pose.y) for pose in map(poses.__getitem__, tag_ids)]
     if start_m is not None:
         stops.insert(0, tuple(start_m))
     if end_m is not None:
         stops.append(tuple(end_m))
-    if not free_space.are_free(stops).all():
-        blocked = stops[int(np.argmin(free_space.are_free(stops)))]
-        raise StartUpError(
-            f'({blocked[0]:.2f}, {blocked[1]:.2f}) is not free: choose another start, or other poses'
-        )
-    graph = VisibilityGraph(free_space, np.array(stops, dtype=float).reshape(-1, 2))
-    visits = list(range(len(stops)))
-    if order == 'shortest':
-        ends = {'has_start': start_m is not None, 'has_end': end_m is not None}
-        visits = _shortest(graph, stops, progress, **ends)
-    points = [stops[each] for each in visits[:1]]
-    for number, (here, there) in enumerate(itertools.pairwise(visits)):
-        progress('legs of the route', number, len(visits) - 1)
-        if (path := graph.path(here, there)) is None:
+    are_free = free_space.are_free(stops)
+    if not are_free.all():
+        x, y = stops[int(are_free.argmin())]
+        raise StartUpError(f'({x:.2f}, {y:.2f}) is not free: choose another start, or other poses')
+    visits, points = list(range(len(stops))), stops
+    if len(stops) > 1:
+        graph = VisibilityGraph(free_space, np.array(stops))
+        if order == 'shortest':
+            ends = {'has_start': start_m is not None, 'has_end': end_m is not None}
+            visits = _shortest(graph.lengths_m(NEIGHBOURS, progress), np.array(stops), progress, **ends)
+        points = _path(graph, stops, visits, progress)
+    tag_of = dict(enumerate(tag_ids, start=int(start_m is not None)))
+    return Route([tag_of[each] for each in visits if each in tag_of], points, free_space.length_m(points))
+
+
+def _path(graph: VisibilityGraph, stops: list, visits: list[int], progress: Progress) -> list:
+    """Return the points of the path along these stops; raises StartUpError if one is cut off."""
+    legs, paths = list(itertools.pairwise(visits)), {}
+    for leg, path in graph.paths(np.array(legs)):
+        paths[leg] = path
+        progress('legs of the route', len(paths), len(legs))
+    points = [stops[visits[0]]]
+    for leg, (here, there) in enumerate(legs):
+        if leg not in paths:
             (x0, y0), (x1, y1) = stops[here], stops[there]
             raise StartUpError(
                 f'({x1:.2f}, {y1:.2f}) is cut off from ({x0:.2f}, {y0:.2f}): leave its tag out,'
                 ' or choose another start'
             )
-        points += path[1:]
-    tag_of = dict(enumerate(tag_ids, start=int(start_m is not None)))
-    return Route(
-        [tag_of[each] for each in visits if each in tag_of],
-        points,
-        free_space.length_m(points),
-    )
+        points += map(tuple, paths[leg][1:].tolist())
+    return points
 
 
 def _shortest(
-    graph: VisibilityGraph, stops: list, progress: Callable, *, has_start: bool, has_end: bool
+    lengths_m: np.ndarray, stops: np.ndarray, progress: Progress, *, has_start: bool, has_end: bool
 ) -> list[int]:
-    """Return an order of all stops by their paths. Stop 0 may be a start, and the last one an end."""
+    """Return an order of all stops. Stop 0 may be a start, and the last one an end."""
     count = len(stops)
-    if count < 3:
-        return list(range(count))
-    most = max(NEIGHBOURS, KNOWN // count)
-    near = []
-    for each in range(count):
-        progress('tags with paths to others', each, count)
-        near.append(dict(itertools.islice(graph.nearest(each), most)))
-    first = _nearest_first(near, np.array(stops[: count - has_end])) + [count - 1] * has_end
-    for here, others in enumerate(near):
-        for other, length_m in others.items():
-            near[other].setdefault(here, length_m)
-    # From the last stop back to the first, the tour passes by one that is beside all.
-    for each in range(count):
-        near[each][count] = 0.0
-    for end in [0] * has_start + [count - 1] * has_end:
-        near[end][count] = -FAR_M
-    near.append({each: near[each][count] for each in range(count)})
-    tour = _Tour([*first, count], near, [*stops, stops[0]])
+    for here, row in enumerate(lengths_m):
+        far = np.flatnonzero(np.isinf(row))
+        row[far] = FAR_M + np.hypot(*(stops[far] - stops[here]).T)
+    order = _nearest_first(lengths_m[: count - has_end, : count - has_end]) + [count - 1] * has_end
+    # Where no stop is fixed, the order begins and ends at a place that is beside all stops.
+    anywhere = [count]
+    order = anywhere * (not has_start) + order + anywhere * (not has_end)
+    tour = _Tour(order, np.pad(lengths_m, (0, 1)))
     tour.improve(range(count), progress)
     chance = random.Random(0)  # noqa: S311 - the same route each time
-    for number in range(KICKS):
-        progress('improvements of the order', number, KICKS)
-        tour.kick(chance)
-    place = tour.order.index(count)
-    visits = tour.order[place + 1 :] + tour.order[:place]
-    is_turned = visits[0] != 0 if has_start else has_end and visits[-1] != count - 1
-    return visits[::-1] if is_turned else visits
+    for number in range(PERTURBATIONS if count > 3 else 0):
+        progress('improvements of the order', number, PERTURBATIONS)
+        tour.perturb(chance)
+    return [each for each in tour.order.tolist() if each != count]
 
 
-def _nearest_first(near: list[dict[int, float]], stops: np.ndarray) -> list[int]:
-    """Return an order of these stops that goes to the nearest each time, along a path if one is left."""
-    order, is_left = [0], np.ones(len(near), dtype=bool)
-    is_left[len(stops) :] = False
-    while len(order) < len(stops):
+def _nearest_first(lengths_m: np.ndarray) -> list[int]:
+    """Return an order that begins with stop 0, and goes to the nearest of the others each time."""
+    order, is_left = [0], np.ones(len(lengths_m), dtype=bool)
+    for _ in range(len(lengths_m) - 1):
         is_left[order[-1]] = False
-        following = next((each for each in near[order[-1]] if is_left[each]), None)
-        if following is None:
-            left = np.flatnonzero(is_left)
-            following = int(left[np.hypot(*(stops[left] - stops[order[-1]]).T).argmin()])
-        order.append(following)
+        order.append(int(np.where(is_left, lengths_m[order[-1]], np.inf).argmin()))
     return order
 
 
 class _Tour:
-    """A round tour of stops by their numbers, which 2-opt and Or-opt make shorter."""
+    """An order of stops that 2-opt and Or-opt make shorter; its first and its last stop stay."""
 
-    def __init__(self, order: list[int], lengths_m: list[dict[int, float]], stops: list):
-        """Take an order, for each stop the lengths of the paths to others, and the places of stops."""
-        self.order, self._lengths_m, self._stops = order, lengths_m, stops
-        self._near = [sorted(each, key=each.get)[: NEIGHBOURS + 1] for each in lengths_m]
-        self._places = {stop: place for place, stop in enumerate(order)}
-        self._exchanges: list[tuple[int, int, int, int]] = []  # since the last kick
-        self._gain_m = 0.0  # by these
+    def __init__(self, order: list[int], lengths_m: np.ndarray):
+        """Take an order, and the lengths of the paths between all stops, of which the last is `anywhere`."""
+        self.order, self._lengths_m = np.array(order), lengths_m
+        self._places = np.empty(len(lengths_m), dtype=int)
+        self._places[self.order] = np.arange(len(order))
+        self._legs_m = lengths_m[self.order[:-1], self.order[1:]].astype(float)
+        most = min(JOINED, len(lengths_m) - 2)
+        self._near = [np.argpartition(row[:-1], most)[: most + 1] for row in lengths_m[:-1]]
 
-    def improve(self, stops: Iterable[int], progress: Callable = lambda *_: None) -> None:
-        """Make the tour shorter around these stops, as long as that goes."""
-        queue = collections.deque(stops)
-        is_queued = set(queue)
+    def improve(self, stops: Iterable[int], progress: Progress = lambda *_: None) -> None:
+        """Make the order shorter around these stops, as long as that goes."""
+        queue = deque(stops)
+        queued = set(queue)
         while queue:
             progress('tags in an order', len(self.order) - len(queue), len(self.order))
             stop = queue.popleft()
-            is_queued.discard(stop)
-            while changed := self._two_opt(stop) or self._or_opt(stop):
-                queue.extend(each for each in changed if each not in is_queued)
-                is_queued.update(changed)
+            queued.discard(stop)
+            changed = self._improve_at(stop) - queued
+            queue.extend(changed)
+            queued |= changed
 
-    def kick(self, chance: random.Random) -> None:
+    def perturb(self, chance: random.Random) -> None:
         """Exchange two parts that follow each other, and improve around them; undo what is not shorter."""
-        self._exchanges.clear()
-        self._gain_m = 0.0
-        at = chance.randrange(len(self.order))
-        middle, last = sorted(chance.sample(range(1, min(len(self.order) - 1, LONGEST_KICK)), 2))
-        places = (at, at + 1, at + middle, at + middle + 1, at + last, at + last + 1)
-        a, b, c, d, e, f = (self.order[each % len(self.order)] for each in places)
-        self._exchange(a, b, e, f)
-        self._exchange(a, e, d, c)
-        self._exchange(e, c, b, f)
-        self.improve((a, b, c, d, e, f))
-        if self._gain_m < GAIN_M:
-            for a, b, c, d in self._exchanges[::-1]:
-                self._exchange(a, c, b, d)
+        before = self.order.copy(), self._places.copy(), self._legs_m.copy()
+        begin = chance.randrange(1, len(self.order) - 2)
+        last = min(begin + LONGEST_PERTURBATION, len(self.order) - 1)
+        middle, end = sorted(chance.sample(range(begin + 1, last + 1), 2))
+        self.improve(self._put(begin, [self.order[middle:end], self.order[begin:middle]]))
+        if self._legs_m.sum() > before[-1].sum() - SMALLEST_GAIN_M:
+            self.order, self._places, self._legs_m = before
 
-    def _two_opt(self, a: int) -> tuple[int, ...]:
-        """Join a stop to one that is near, and those beside both; return what has changed."""
-        for step in (1, -1):
-            b = self._beside(a, step)
-            for c in self._near[a]:
-                gain_m = self._m(a, b) - self._m(a, c)
-                if gain_m <= GAIN_M:
-                    break
-                d = self._beside(c, step)
-                gain_m += self._m(c, d) - self._m(b, d)
-                if gain_m > GAIN_M:
-                    self._exchange(a, b, c, d)
-                    return a, b, c, d
-        return ()
+    def _improve_at(self, stop: int) -> set[int]:
+        """Make the best change that joins a stop to one near it; return the stops with new neighbours."""
+        place, legs_m = self._places[stop], self._legs_m
+        if not 0 < place < len(legs_m):
+            return set()
+        near = self._places[self._near[stop]]
+        legs = np.concatenate([near[near < len(legs_m)], near[near > 0] - 1, [0, len(legs_m) - 1]])
+        changes = [*self._turns(place, legs), *self._moves(place, legs)]
+        gain_m, begin, parts = max(changes, key=lambda change: change[0])
+        return self._put(begin, parts) if gain_m > SMALLEST_GAIN_M else set()
 
-    def _or_opt(self, a: int) -> tuple[int, ...]:
-        """Move a part of up to three stops, of which this is the first, beside one that is near it."""
-        for step in (1, -1):
-            part, before = [a], self._beside(a, -step)
-            while len(part) <= 3 and (after := self._beside(part[-1], step)) != before:
-                last = part[-1]
-                without_m = self._m(before, a) + self._m(last, after) - self._m(before, after)
-                for c in self._near[a]:
-                    if without_m - self._m(a, c) <= GAIN_M:
-                        break
-                    for turn in (step, -step):
-                        d = self._beside(c, turn)
-                        gain_m = without_m - self._m(a, c) + self._m(c, d) - self._m(last, d)
-                        if gain_m > GAIN_M and c not in part and d not in part:
-                            x, y = (c, d) if turn == step else (d, c)
-                            self._exchange(before, a, x, y)
-                            self._exchange(before, x, after, last)
-                            if turn == step:
-                                self._exchange(x, last, a, y)
-                            return before, a, last, after, c, d
-                part.append(after)
-        return ()
+    def _turns(self, place: int, legs: np.ndarray) -> Iterator[_Change]:
+        """Yield the best changes of 2-opt: turn what is between a leg of this stop and one of these legs."""
+        order, legs_m = self.order, self._legs_m
+        for leg in (place - 1, place):
+            gains_m = legs_m[leg] + legs_m[legs]
+            gains_m -= self._length_m(order[leg], order[legs]) + self._length_m(
+                order[leg + 1], order[legs + 1]
+            )
+            gains_m[legs == leg] = 0.0
+            best = gains_m.argmax()
+            first, last = sorted((leg, legs[best]))
+            yield gains_m[best], first + 1, [order[first + 1 : last + 1][::-1]]
 
-    def _m(self, here: int, there: int) -> float:
-        """Return the length of the path between two stops, or the distance and FAR_M, in metres."""
-        length_m = self._lengths_m[here].get(there)
-        return FAR_M + math.dist(self._stops[here], self._stops[there]) if length_m is None else length_m
+    def _moves(self, place: int, legs: np.ndarray) -> Iterator[_Change]:
+        """Yield the best changes of Or-opt: move up to three stops from here on into one of these legs."""
+        order, legs_m = self.order, self._legs_m
+        for end in range(place + 1, min(place + 4, len(order))):
+            without_m = legs_m[place - 1] + legs_m[end - 1] - self._length_m(order[place - 1], order[end])
+            for part in (order[place:end], order[place:end][::-1]):
+                gains_m = without_m + legs_m[legs]
+                gains_m -= self._length_m(order[legs], part[0]) + self._length_m(part[-1], order[legs + 1])
+                gains_m[(legs >= place - 1) & (legs < end)] = 0.0
+                best = gains_m.argmax()
+                into = legs[best] + 1
+                if into <= place:
+                    yield gains_m[best], into, [part, order[into:place]]
+                else:
+                    yield gains_m[best], place, [order[end:into], part]
 
-    def _beside(self, stop: int, step: int) -> int:
-        """Return the next stop of the tour, or with -1 the one before."""
-        return self.order[(self._places[stop] + step) % len(self.order)]
+    def _length_m(self, here: np.ndarray, there: np.ndarray) -> np.ndarray:
+        """Return the lengths of the paths between these stops; a sum in single precision would be rounded."""
+        return self._lengths_m[here, there].astype(float)
 
-    def _exchange(self, a: int, b: int, c: int, d: int) -> None:
-        """Join a to c and b to d, in place of a to b and c to d: d is on that side of c as b is of a."""
-        self._exchanges.append((a, b, c, d))
-        self._gain_m += self._m(a, b) + self._m(c, d) - self._m(a, c) - self._m(b, d)
-        count, order, places = len(self.order), self.order, self._places
-        first, last = (places[b], places[c]) if self._beside(a, 1) == b else (places[a], places[d])
-        if 2 * ((last - first) % count + 1) > count:  # turn round the other part instead
-            first, last = last + 1, first - 1
-        for turn in range(((last - first) % count + 1) // 2):
-            one, other = (first + turn) % count, (last - turn) % count
-            order[one], order[other] = order[other], order[one]
-            places[order[one]], places[order[other]] = one, other
+    def _put(self, begin: int, parts: list[np.ndarray]) -> set[int]:
+        """Put parts of the order where they begin now; return the stops with new neighbours."""
+        end = begin + sum(map(len, parts))
+        self.order[begin:end] = np.concatenate(parts)
+        self._places[self.order[begin:end]] = np.arange(begin, end)
+        stops = self.order[begin - 1 : end + 1]
+        self._legs_m[begin - 1 : end] = self._lengths_m[stops[:-1], stops[1:]]
+        ends = np.cumsum([begin, *map(len, parts)])
+        return {*self.order[ends - 1].tolist(), *self.order[ends].tolist()}

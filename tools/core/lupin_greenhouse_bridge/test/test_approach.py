@@ -9,17 +9,12 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.approach import (
-    SMALLEST_ROOM_M,
-    TIGHT_M,
-    ApproachPose,
-    ViewingLimits,
-    find_approaches,
-)
+from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.overrides import Override
 from lupin_greenhouse_bridge.planning.route import plan_route
 from lupin_greenhouse_bridge.planning.tag_poses import PLATE_WIDTH_M, find_tag_poses, tables_of
+from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, TIGHT_M, ApproachPose, ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls, walls_around
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
 
@@ -166,7 +161,7 @@ def test_a_tag_outside_the_walls_is_unreachable_and_the_others_are_not():
     }
 
 
-def test_without_a_start_the_poses_are_in_the_largest_part_of_the_free_space():
+def test_without_a_start_the_poses_are_in_the_part_that_reaches_most_tags():
     """The table divides the greenhouse: two tags are south of it, one is north."""
     layout = layout_of((1.0, 3.0), (3.0, 3.0), (2.0, 4.0), table=(0.0, 3.0, 4.0, 4.0))
     walls = Walls(0.0, 0.0, 4.0, 8.0)
@@ -179,6 +174,17 @@ def test_without_a_start_the_poses_are_in_the_largest_part_of_the_free_space():
         find_approaches(layout_of((1.0, 3.0), table=(-1.0, -1.0, 5.0, 9.0)), walls, ViewingLimits())
 
 
+def test_a_storeroom_of_crates_is_not_the_part_that_reaches_most_tags():
+    """The crates have more corners than the hall, and no tag."""
+    crates = {f'crate {x} {y}': (x, y, x + 0.5, y + 0.5) for x in (1.0, 3.2, 5.4) for y in (8.6, 10.2)}
+    tables = {'south': (1.0, 2.0, 7.0, 2.6), 'north': (1.0, 5.0, 7.0, 5.6), 'wall': (0.0, 7.5, 8.0, 7.8)}
+    places = [(1.3 + 0.6 * number, y) for y in (2.0, 5.6) for number in range(10)]
+    tags = {str(number): Tag(*place, ['co2']) for number, place in enumerate(places)}
+    layout = Layout(tags, tables | crates)
+    found = find_approaches(layout, Walls(0.0, 0.0, 8.0, 12.0), ViewingLimits())
+    assert (len(found.poses), found.unreachable) == (20, {})
+
+
 def test_a_tag_without_a_pose_has_the_reason():
     assert not approaches_of(YARD, 0.2, start_m=OUTSIDE_M).unreachable
     outside = approaches_of(YARD, 0.3, start_m=OUTSIDE_M)
@@ -186,10 +192,9 @@ def test_a_tag_without_a_pose_has_the_reason():
     inside = approaches_of(YARD, 0.3, start_m=INSIDE_M)
     assert inside.unreachable == {'1': 'cut off from the start at (1.5, 1.75)'}
     crowded = YARD._replace(tables={**YARD.tables, 'ahead': (1.2, -0.7, 1.8, -0.3)})
-    assert find_approaches(crowded, walls_around(crowded), ViewingLimits(0.3, **HEAD_ON)).unreachable == {
-        '0': 'cut off from the rest of the free space',
-        '1': 'no place for a robot of radius 0.3 m within 0.5 m and 0°',
-    }
+    found = find_approaches(crowded, walls_around(crowded), ViewingLimits(0.3, **HEAD_ON))
+    assert found.unreachable == {'1': 'no place for a robot of radius 0.3 m within 0.5 m and 0°'}
+    assert set(found.poses) == {'0'}
 
 
 def test_a_pose_is_at_the_preferred_standoff_head_on_where_that_is_free():

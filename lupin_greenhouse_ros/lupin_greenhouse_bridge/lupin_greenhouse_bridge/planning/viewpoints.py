@@ -1,0 +1,173 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
+"""The poses from which a camera may see a tag, and which are better than others. Does not import ROS."""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.overrides import Override
+from lupin_greenhouse_bridge.planning.tag_poses import EQUAL_M, TagPose
+
+STANDOFF_STEP_M = 0.02
+ANGLE_STEP_RAD = math.radians(1.5)
+SMALLEST_ROOM_M = 0.01  # beyond the robot's radius, as the footprint_padding of Nav2
+TIGHT_M = 0.02  # with less room, a steeper view is better
+
+
+class ApproachPose(NamedTuple):
+    """A pose of the robot in the layout's frame, with its +x axis towards the centre of the tag."""
+
+    x: float  # metres
+    y: float
+    yaw: float  # radians to the x axis
+    distance_m: float  # the standoff: from the robot to the tag
+    angle_rad: float  # the incidence angle: between the line of sight and the normal of the tag
+
+
+@dataclass(frozen=True)
+class ViewingLimits:
+    """The limits of an approach pose. Raises StartUpError for values that allow none."""
+
+    robot_radius_m: float = 0.20
+    smallest_standoff_m: float = 0.3  # from the robot to the tag
+    largest_standoff_m: float = 1.0
+    preferred_standoff_m: float = 0.5
+    largest_angle_rad: float = math.pi / 4  # of incidence
+    steepest_angle_rad: float = math.pi / 3  # of incidence, where the others leave less room than TIGHT_M
+    clearance_m: float = 0.05  # beyond the radius; where there is less, the roomiest pose counts
+    arrival_tolerance_m: float = 0.06  # how far from its pose the robot may arrive
+    arrival_tolerance_rad: float = 0.15
+    camera_offset_m: float = 0.0  # of the camera, ahead of the robot's centre
+
+    def __post_init__(self):
+        if not 0.0 < self.smallest_standoff_m <= self.preferred_standoff_m <= self.largest_standoff_m < 1e3:
+            raise StartUpError(
+                f'the standoffs are {self.smallest_standoff_m:g}, {self.preferred_standoff_m:g} and'
+                f' {self.largest_standoff_m:g} m: must be above 0, and the smallest, the preferred and the'
+                ' largest in this order'
+            )
+        for name, angle_rad in (('largest', self.largest_angle_rad), ('steepest', self.steepest_angle_rad)):
+            if not 0.0 <= angle_rad < math.pi / 2:
+                degrees = math.degrees(angle_rad)
+                raise StartUpError(
+                    f'the {name} incidence angle is {degrees:g} degrees: must be from 0 to below 90'
+                )
+        if not (self.robot_radius_m >= 0.0 and self.clearance_m >= 0.0):
+            raise StartUpError(
+                f'the radius of the robot is {self.robot_radius_m:g} m and its clearance'
+                f' {self.clearance_m:g} m: must not be below 0'
+            )
+        if not (self.arrival_tolerance_m >= 0.0 and self.arrival_tolerance_rad >= 0.0):
+            raise StartUpError(
+                f'the arrival tolerances are {self.arrival_tolerance_m:g} m and'
+                f' {self.arrival_tolerance_rad:g} rad: must not be below 0'
+            )
+        if not abs(self.camera_offset_m) < self.smallest_standoff_m:
+            raise StartUpError(
+                f"the camera is {self.camera_offset_m:g} m ahead of the robot's centre: must be less than"
+                f' the smallest standoff, which is {self.smallest_standoff_m:g} m'
+            )
+
+    @property
+    def steepest_rad(self) -> float:
+        """The largest incidence angle where there is little room."""
+        return max(self.largest_angle_rad, self.steepest_angle_rad)
+
+    @property
+    def smallest_room_m(self) -> float:
+        """The room beyond the radius that each pose and each path has."""
+        return min(SMALLEST_ROOM_M, self.clearance_m)
+
+
+def find_candidates(
+    tag: TagPose, limits: ViewingLimits, override: Override, *, at_preferred_standoff: bool = False
+) -> np.ndarray:
+    """Return the possible poses of a tag, with the columns of ApproachPose, in an array (poses, 5)."""
+    preferred_m = limits.preferred_standoff_m
+    standoffs_m = [preferred_m]
+    if not at_preferred_standoff:
+        standoffs_m += _steps(preferred_m, limits.smallest_standoff_m, STANDOFF_STEP_M)
+        standoffs_m += _steps(preferred_m, limits.largest_standoff_m, STANDOFF_STEP_M)
+    one_side = _steps(0.0, limits.largest_angle_rad, ANGLE_STEP_RAD)
+    one_side += _steps(limits.largest_angle_rad, limits.steepest_rad, ANGLE_STEP_RAD)
+    angles = [0.0, *(sign * angle for angle in one_side for sign in (1, -1))]
+    if override.standoff is not None:
+        standoffs_m = [override.standoff]
+    if override.yaw is not None:
+        angles = [override.yaw + math.pi - tag.facing]
+    if override.goal_x is not None or override.goal_y is not None:
+        standoffs_m, angles = standoffs_m[:1], angles[:1]
+    standoffs, angles = (each.ravel() for each in np.meshgrid(standoffs_m, angles, indexing='ij'))
+    if override == Override():  # a tag looks narrower from the side: a steep view must be nearer
+        narrow_m = limits.largest_standoff_m / math.cos(limits.largest_angle_rad)
+        is_wide = standoffs <= np.maximum(narrow_m * np.cos(angles), limits.smallest_standoff_m) + EQUAL_M
+        is_wide |= np.abs(angles) <= limits.largest_angle_rad
+        standoffs, angles = standoffs[is_wide], angles[is_wide]
+    places = tag[:2] + standoffs[:, None] * directions(tag.facing + angles)
+    for axis, value in enumerate((override.goal_x, override.goal_y)):
+        if value is not None:
+            places[:, axis] = value
+    towards = tag[:2] - places
+    sights = np.arctan2(towards[:, 1], towards[:, 0])
+    yaws = sights if override.yaw is None else np.full(len(places), math.remainder(override.yaw, math.tau))
+    incidences = np.abs(wrapped(sights + math.pi - tag.facing))
+    return np.column_stack([places, yaws, np.hypot(*towards.T), incidences])
+
+
+def best_first(
+    poses: np.ndarray, rooms_m: np.ndarray, limits: ViewingLimits, worst_rank: float = math.inf
+) -> np.ndarray:
+    """
+    Return the numbers of the poses, an array (poses, 5), that have room and at most this rank.
+
+    The ranks: 0 clearance, and room and view allow for an arrival beside the pose; 1 clearance, and the view
+    does; 2 clearance; 3 not tight; 4 not tight, but a steep view; 5 others.
+    """
+    is_steep = poses[:, 4] > limits.largest_angle_rad + EQUAL_M
+    has_clearance = rooms_m >= limits.clearance_m - EQUAL_M
+    tight_m = min(TIGHT_M, limits.clearance_m)
+    is_tight = rooms_m < tight_m - EQUAL_M
+    enough_m = max(limits.clearance_m, tight_m + limits.arrival_tolerance_m)
+    is_close = rooms_m < enough_m - EQUAL_M
+    allows_arrival = _allow_arrival(poses, limits)
+    conditions = [is_tight, is_steep, ~has_clearance, ~allows_arrival, is_close]
+    ranks = np.select(conditions, [5, 4, 3, 2, 1], 0)
+    room_mm = np.round(1e3 * np.minimum(rooms_m, enough_m))
+    off_m = np.round(np.abs(poses[:, 3] - limits.preferred_standoff_m), 9)
+    order = np.lexsort((np.round(poses[:, 4], 9), off_m, ~allows_arrival, -room_mm, ranks))
+    has_room = rooms_m >= limits.smallest_room_m - EQUAL_M
+    return order[(has_room & (ranks <= worst_rank))[order]]
+
+
+def _allow_arrival(poses: np.ndarray, limits: ViewingLimits) -> np.ndarray:
+    """Return whether the view from each pose is within the limits after an arrival within the tolerances."""
+    standoffs_m, angles = poses[:, 3], poses[:, 4]
+    aside_m = limits.arrival_tolerance_m + abs(limits.camera_offset_m) * limits.arrival_tolerance_rad
+    to_camera_m = np.maximum(standoffs_m - limits.camera_offset_m, EQUAL_M)
+    turn = np.arcsin(np.minimum(aside_m / to_camera_m, 1.0))  # of the line of sight
+    nearest_m = min(limits.smallest_standoff_m + limits.arrival_tolerance_m, limits.preferred_standoff_m)
+    farthest_m = max(limits.largest_standoff_m - limits.arrival_tolerance_m, limits.preferred_standoff_m)
+    return (
+        (angles + np.maximum(turn, limits.arrival_tolerance_rad) <= limits.largest_angle_rad + EQUAL_M)
+        & (standoffs_m >= nearest_m - EQUAL_M)
+        & (standoffs_m <= farthest_m + EQUAL_M)
+    )
+
+
+def directions(angles: np.ndarray) -> np.ndarray:
+    """Return the unit vectors of angles to the x axis, in an array (angles, 2)."""
+    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
+def wrapped(angles: np.ndarray) -> np.ndarray:
+    """Return angles from -pi to pi."""
+    return angles - math.tau * np.round(angles / math.tau)
+
+
+def _steps(start: float, end: float, step: float) -> list[float]:
+    """Return the values from a start, which is left out, to an end, which is not."""
+    count = math.ceil(round(abs(end - start) / step, 6))
+    return [start + math.copysign(n * step, end - start) for n in range(1, count)] + [end] * bool(count)

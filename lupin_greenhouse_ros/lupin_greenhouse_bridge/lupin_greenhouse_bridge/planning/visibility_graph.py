@@ -1,0 +1,159 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
+"""The shortest paths between points of a free space. Does not import ROS."""
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial import KDTree
+
+if TYPE_CHECKING:
+    from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+
+NEAREST = 256  # nodes to which a node can be linked
+NODES_AT_ONCE = 4096
+DISTANCES_AT_ONCE = 2**22
+
+
+class VisibilityGraph:
+    """
+    The shortest paths between free points, which go straight from corner to corner of the octagons.
+
+    The nodes are the corners, and then the points. Two nodes are linked if the line between them is free and
+    passes by the octagons at both. A node is linked only to nodes among the 256 nearest. With no more nodes,
+    as in a greenhouse of 29 tags, each path is the shortest one; with more, a long path can be some
+    thousandths longer. If some points have no path although they are connected, more nodes are linked.
+    """
+
+    def __init__(self, free_space: 'FreeSpace', points: np.ndarray):
+        """Take the points in metres in an array (points, 2)."""
+        self._free_space = free_space
+        self._first = len(free_space.corners)  # the node of point 0
+        self._nodes = np.concatenate([free_space.corners, points])
+        self._nearest = NEAREST
+        self._graph = self._linked()
+        while self._nearest < len(self._nodes) and self._lacks_paths():
+            self._nearest *= 4
+            self._graph = self._linked()
+
+    def lengths_m(self, neighbours: int, progress: Callable[[str, int, int], None]) -> np.ndarray:
+        """
+        Return the lengths of the paths between the points in metres, (points, points).
+
+        Those from each point to the nearest others, at least to so many neighbours, are finite.
+        """
+        points = self._nodes[self._first :]
+        lengths_m = np.full((len(points), len(points)), np.inf, dtype=np.float32)
+        limits_m = np.full(len(points), np.inf)
+        if neighbours + 1 < len(points):
+            limits_m = 1.5 * KDTree(points).query(points, [neighbours + 1])[0][:, 0]
+        left = np.arange(len(points))
+        while len(left):
+            for some, found_m, _ in self._search(left, limits_m[left]):
+                progress('tags with paths to others', len(points) - len(left) + len(some), len(points))
+                lengths_m[left[some]] = found_m[:, self._first :]
+            has_few = np.isfinite(lengths_m[left]).sum(axis=1) <= neighbours
+            left = left[has_few & np.isfinite(limits_m[left])]
+            limits_m[left] *= np.where(limits_m[left] < self._free_space.diagonal_m, 4.0, np.inf)
+        return np.minimum(lengths_m, lengths_m.T)
+
+    def paths(self, legs: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+        """
+        Yield the number of each leg that has a path, and the path, (points, 2) in metres.
+
+        Takes the number of the first and of the last point of each leg, (legs, 2).
+        """
+        starts, ends = legs.T
+        straight_m = np.hypot(*(self._nodes[self._first + ends] - self._nodes[self._first + starts]).T)
+        left = np.arange(len(legs))
+        for limits_m in (2.0 * straight_m, np.full(len(legs), np.inf)):
+            longer = []
+            for some, lengths_m, before in self._search(starts[left], limits_m[left]):
+                for leg, leg_lengths_m, leg_before in zip(left[some], lengths_m, before, strict=True):
+                    goal = self._first + ends[leg]
+                    if np.isfinite(leg_lengths_m[goal]):
+                        yield leg, self._straightened(self._nodes[_trace(leg_before, goal)])
+                    else:
+                        longer.append(leg)
+            left = np.array(longer, dtype=int)
+
+    def _search(
+        self, starts: np.ndarray, limits_m: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """
+        Search for paths from these points that are not longer than the limit of each, or than a larger one.
+
+        Yields some places in the array of starts, and for each of these starts the lengths of the paths to
+        all nodes and the nodes before them: (places, nodes).
+        """
+        size = max(1, DISTANCES_AT_ONCE // len(self._nodes))
+        order = np.argsort(limits_m)
+        for some in np.split(order, range(size, len(order), size)):
+            if len(some):
+                yield (
+                    some,
+                    *dijkstra(
+                        self._graph,
+                        indices=self._first + starts[some],
+                        limit=limits_m[some[-1]],
+                        return_predecessors=True,
+                    ),
+                )
+
+    def _linked(self) -> csr_matrix:
+        """Return the matrix of the lengths of the links."""
+        tree, count = KDTree(self._nodes), len(self._nodes)
+        codes = []
+        for first in range(0, count, NODES_AT_ONCE):
+            numbers = np.arange(first, min(first + NODES_AT_ONCE, count))
+            others = tree.query(self._nodes[numbers], min(self._nearest, count))[1].ravel()
+            numbers = np.repeat(numbers, len(others) // len(numbers))
+            numbers, others = np.minimum(numbers, others), np.maximum(numbers, others)
+            is_pair = numbers != others
+            numbers, others = numbers[is_pair], others[is_pair]
+            towards = self._nodes[others] - self._nodes[numbers]
+            are_tangent = self._are_tangent(numbers, towards) & self._are_tangent(others, towards)
+            codes.append(np.unique(numbers[are_tangent] * count + others[are_tangent]))
+        numbers, others = np.divmod(np.unique(np.concatenate(codes)), count)
+        are_in_sight = self._free_space.are_in_sight(self._nodes[numbers], self._nodes[others])
+        return _matrix(self._nodes, numbers[are_in_sight], others[are_in_sight])
+
+    def _are_tangent(self, numbers: np.ndarray, towards: np.ndarray) -> np.ndarray:
+        """Return whether a line in each direction (lines, 2) passes by its node, which may be a corner."""
+        are_tangent = np.ones(len(numbers), dtype=bool)
+        is_corner = numbers < self._first
+        are_tangent[is_corner] = self._free_space.are_tangent(numbers[is_corner], towards[is_corner])
+        return are_tangent
+
+    def _lacks_paths(self) -> bool:
+        """Return whether points have no path to others of their region."""
+        regions = self._free_space.regions_of(self._nodes[self._first :])
+        _, parts = connected_components(self._graph, directed=False)
+        return len(set(zip(regions, parts[self._first :], strict=True))) > len(set(regions))
+
+    def _straightened(self, path: np.ndarray) -> np.ndarray:
+        """Return the shortest path along some of the points of a path (points, 2)."""
+        if len(self._nodes) <= self._nearest or len(path) == 2:
+            return path
+        numbers, others = np.triu_indices(len(path), 1)
+        are_in_sight = self._free_space.are_in_sight(path[numbers], path[others])
+        graph = _matrix(path, numbers[are_in_sight], others[are_in_sight])
+        _, before = dijkstra(graph, indices=0, return_predecessors=True)
+        return path[_trace(before, len(path) - 1)]
+
+
+def _matrix(nodes: np.ndarray, numbers: np.ndarray, others: np.ndarray) -> csr_matrix:
+    """Return the lengths of the lines between these nodes, in both directions."""
+    lengths_m = np.hypot(*(nodes[numbers] - nodes[others]).T).clip(1e-12)  # no link has the length 0
+    rows, columns = np.concatenate([numbers, others]), np.concatenate([others, numbers])
+    return csr_matrix((np.tile(lengths_m, 2), (rows, columns)), shape=(len(nodes), len(nodes)))
+
+
+def _trace(before: np.ndarray, goal: int) -> list[int]:
+    """Return the nodes of a path to this goal, from the node before each node."""
+    nodes = [goal]
+    while before[nodes[-1]] >= 0:
+        nodes.append(before[nodes[-1]])
+    return nodes[::-1]
