@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.approach import ViewingLimits
+from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import parse_numbers, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 

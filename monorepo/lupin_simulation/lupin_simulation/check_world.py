@@ -16,8 +16,9 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from lupin_greenhouse_bridge.errors import OneLineError
-from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
+from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
+from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.runtime.output import Progress, print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout

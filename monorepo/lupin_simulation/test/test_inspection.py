@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 from lupin_greenhouse_bridge.display.drawing_command import read_route
-from lupin_greenhouse_bridge.planning.approach import ViewingLimits, find_approaches
+from lupin_greenhouse_bridge.planning.approach import find_approaches
+from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.runtime import process

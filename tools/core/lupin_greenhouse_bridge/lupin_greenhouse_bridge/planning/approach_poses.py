@@ -17,16 +17,12 @@ from typing import Any
 import yaml
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
-from lupin_greenhouse_bridge.planning.approach import (
-    Approaches,
-    ApproachPose,
-    ViewingLimits,
-    find_approaches,
-)
+from lupin_greenhouse_bridge.planning.approach import Approaches, find_approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
+from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose, ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
 from lupin_greenhouse_bridge.runtime.output import Progress, aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of

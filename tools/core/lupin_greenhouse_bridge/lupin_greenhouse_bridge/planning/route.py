@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.approach import ApproachPose
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose
 from lupin_greenhouse_bridge.planning.visibility_graph import VisibilityGraph
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 
