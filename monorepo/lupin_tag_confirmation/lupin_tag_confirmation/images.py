@@ -49,10 +49,11 @@ def grey_picture(encoding: str, height: int, width: int, step: int, data: bytes)
         raise UnusableImage(
             f'step is {step} bytes, but {width} pixels of {encoding} need {width * len(pixel)}'
         )
-    view = memoryview(data)
-    if len(view) < height * step:
-        raise UnusableImage(f'data has {len(view)} bytes, but {height} rows of {step} need {height * step}')
-    image = Image.frombytes(mode, (width, height), view[: height * step], 'raw', pixel, step)
+    size = height * step
+    if len(data) < size:
+        raise UnusableImage(f'data has {len(data)} bytes, but {height} rows of {step} need {size}')
+    rows = bytes(memoryview(data)[:size])  # Pillow 9.0 takes no view
+    image = Image.frombytes(mode, (width, height), rows, 'raw', pixel, step)
     return np.asarray(image.convert('L'))
 
 

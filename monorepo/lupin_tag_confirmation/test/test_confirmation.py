@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.testing._helpers import check_settings
 from lupin_tag_confirmation.confirmation import (
     Confirmer,
     Detection,
@@ -190,14 +188,3 @@ def test_the_verdict_comes_with_the_newest_usable_sight(min_frames, confidence):
     verdict = verdict_of(confirmer(*frames, min_frames=min_frames))
     assert verdict.confidence == confidence
     assert verdict.sight is new
-
-
-def test_each_parameter_has_its_type_and_its_limits():
-    check_settings(Settings)
-
-
-@pytest.mark.parametrize('source', ['', 'Image', 'video'])
-def test_another_source_is_refused(source):
-    with pytest.raises(StartUpError) as refusal:
-        Settings(source=source)
-    assert str(refusal.value) == f'parameter source is {source!r}: must be image, compressed or detections'
