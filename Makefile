@@ -76,7 +76,7 @@ tags: build  ## make a PDF of the tags to print, SIDE millimetres each: make tag
 env:  ## make the Python environment (.venv) of all targets
 	@$(QUICK_PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null \
 	    || { echo 'environment: $(PYTHON) is not Python 3.10 or newer: sudo apt install python3, or make PYTHON=python3.12' >&2; exit 1; }
-	@$(QUICK_PYTHON) ci/environment.py --venv '$(VENV)' --distro $(DISTRO)
+	@$(QUICK_PYTHON) ci/environment.py '$(VENV)' $(DISTRO)
 
 build: env  ## build TREE with colcon
 	@$(BUILD) $(PACKAGES)
@@ -108,7 +108,7 @@ lint: env  ## check the code with ruff and mypy, the spelling, and the workflows
 	@$(IN_ENV) check-jsonschema --builtin-schema vendor.github-workflows $(wildcard .github/workflows/*.yml lupin_greenhouse_ros/.github/workflows/*.yml)
 	@$(IN_ENV) check-jsonschema --builtin-schema vendor.gitlab-ci .gitlab-ci.yml lupin_greenhouse_ros/.gitlab-ci.yml
 
-docs-check: build  ## check links, shell blocks, parameters, options, terms and names of tests in the documents
+docs-check: build  ## check links, shell blocks, parameters, options and names of tests in the documents
 	@$(IN_ENV) python ci/docs_check.py
 
 figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"

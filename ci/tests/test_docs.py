@@ -68,20 +68,12 @@ def documents(tmp_path):
 
     def findings(text: str) -> str:
         (tmp_path / 'README.md').write_text(text, encoding='utf-8')
-        (tmp_path / 'glossary.md').write_text(GLOSSARY, encoding='utf-8')
         (tmp_path / 'test_it.py').write_text('def test_this():\n    pass\n', encoding='utf-8')
         succeed('git', 'add', '.', cwd=tmp_path)
         return '\n'.join(docs_check.findings_of(docs_check.Document(tmp_path, Path('README.md'))))
 
     return findings
 
-
-GLOSSARY = """# Glossary
-
-### round
-
-One visit to each tag.
-"""
 
 GOOD = """# A title: with `code`
 
@@ -98,7 +90,6 @@ drive
 $ anything
 ```
 
-A [round](glossary.md#round) comes before another round.
 Shown by `test_it.py`, `test_it.py::test_this` and `test_this`.
 
 <!-- parameters of lupin_greenhouse_bridge.settings.Settings -->
@@ -164,11 +155,6 @@ def test_a_good_document_has_no_findings(documents):
         ('`--walls X0', '`--wall X0', 'check_world has a wrong row | `--wall X0 Y0 X1 Y1` |'),
         ('options of check_world', 'options of check_it', 'there is no command check_it'),
         (
-            'A [round](glossary.md#round)',
-            'A round',
-            'link the first use of round to glossary.md',
-        ),
-        (
             '0.737',
             '0.6',
             'the table of the ranges lacks the row | soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |',
@@ -180,19 +166,6 @@ def test_a_good_document_has_no_findings(documents):
 )
 def test_each_fault_of_a_document_is_found(documents, old, new, finding):
     assert finding in documents(GOOD.replace(old, new))
-
-
-@pytest.mark.parametrize(
-    ('terms', 'finding'),
-    [
-        ('### round\n\nOne visit. Then another.\n', 'explain round in one sentence'),
-        (''.join(f'### term {n}\n\nOne.\n\n' for n in range(26)), 'has 26 terms: keep 25'),
-    ],
-)
-def test_a_glossary_is_short(tmp_path, terms, finding):
-    (tmp_path / 'glossary.md').write_text(terms, encoding='utf-8')
-    (found,) = docs_check.long_explanations(docs_check.Document(tmp_path, Path('glossary.md')))
-    assert finding in found
 
 
 def test_a_command_without_a_table_is_found_and_a_missing_row_is_no_missing_table(tmp_path):

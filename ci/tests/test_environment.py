@@ -41,8 +41,8 @@ def steps(commands):
     return [Path(command[-1]).name for command in commands]
 
 
-def make_it(tmp_path, *arguments):
-    return environment.main(['--venv', str(tmp_path / 'venv'), *arguments])
+def make_it(tmp_path, distro='kilted'):
+    return environment.main(tmp_path / 'venv', distro)
 
 
 def test_a_complete_environment_is_left_alone(commands, tmp_path):
@@ -56,7 +56,6 @@ def test_a_complete_environment_is_left_alone(commands, tmp_path):
 def test_an_installed_uv_is_used(commands, tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, 'which', lambda name: f'/tools/{name}')
     assert make_it(tmp_path) == 0
-    assert steps(commands) == ['venv', 'kilted.txt']
     assert commands[1][:3] == ['/tools/uv', 'pip', 'install']
 
 
@@ -90,7 +89,7 @@ def test_uv_installs_the_pins_and_pip_does_where_uv_cannot(one_pin, tmp_path, mo
 def test_another_distro_makes_it_again_from_that_set(commands, tmp_path):
     make_it(tmp_path)
     commands.clear()
-    assert make_it(tmp_path, '--distro', 'jazzy') == 0
+    assert make_it(tmp_path, 'jazzy') == 0
     assert steps(commands) == ['venv', 'uv', 'jazzy.txt']
     assert 'ROS_DISTRO=jazzy' in (tmp_path / 'venv/local_setup.bash').read_text()
 
@@ -211,7 +210,7 @@ def test_the_cmake_repair_is_idempotent_and_leaves_other_paths_alone(tmp_path):
 
 
 def test_the_pins_are_whole_and_name_no_registry():
-    for distro in environment.DISTROS:
+    for distro in ('kilted', 'jazzy'):
         lines = (CI / f'requirements/{distro}.txt').read_text().splitlines()
         pins = [line for line in lines if line and not line.lstrip().startswith('#')]
         assert len(pins) > 100
@@ -221,16 +220,6 @@ def test_the_pins_are_whole_and_name_no_registry():
 
 def test_pre_commit_comes_with_the_environment():
     succeed(sys.executable, '-m', 'pre_commit', 'validate-config', ROOT / '.pre-commit-config.yaml')
-
-
-def test_the_help_says_what_the_program_does_and_each_default(capsys):
-    with pytest.raises(SystemExit) as ended:
-        environment.main(['--help'])
-    assert ended.value.code == 0
-    text = ' '.join(capsys.readouterr().out.split())
-    assert 'Make the Python environment of the project.' in text
-    assert f'(default: {ROOT / ".venv"})' in text
-    assert '(default: kilted)' in text
 
 
 @pytest.mark.heavy
