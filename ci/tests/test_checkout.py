@@ -1,0 +1,79 @@
+"""What is committed, and that the tests of every package are found and ran."""
+
+import os
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from conftest import ENVIRONMENTS, NEED_LAUNCH, ROOT, run, succeed
+
+ENTRIES = {'Makefile', 'README.md', 'ci', 'lupin_greenhouse_ros', 'monorepo', 'tools'}
+PACKAGES = [(tree, path.parent.name) for tree in ENVIRONMENTS for path in sorted(Path(tree).glob('*/test'))]
+HIDE = """
+import sys
+class Without:
+    def __init__(self, finder):
+        self.finder = finder
+    def find_spec(self, name, *arguments):
+        return None if name.split('.')[0] in {modules!r} else self.finder.find_spec(name, *arguments)
+    def __getattr__(self, name):
+        return getattr(self.finder, name)
+sys.meta_path[:] = map(Without, sys.meta_path)
+"""
+
+
+def test_no_other_visible_entry_is_committed():
+    listed = succeed('git', 'ls-tree', '--name-only', 'HEAD').splitlines()
+    assert {name for name in listed if not name.startswith('.')} == ENTRIES
+
+
+def test_a_clone_that_converts_line_ends_has_none_to_convert(tmp_path):
+    """With core.autocrlf=true, which Git for Windows sets, bash would not read a script of its clone."""
+    succeed('git', 'clone', '--quiet', '--config', 'core.autocrlf=true', ROOT, tmp_path / 'clone')
+    listed = succeed('git', 'ls-files', '--eol', cwd=tmp_path / 'clone')
+    assert 'w/lf' in listed
+    assert [line for line in listed.splitlines() if 'w/crlf' in line or 'w/mixed' in line] == []
+
+
+@pytest.mark.parametrize(
+    ('package', 'modules'),
+    [
+        ('lupin_greenhouse_bridge', ['matplotlib', 'apriltag_msgs']),
+        ('lupin_mission', ['nav2_msgs']),
+        ('lupin_simulation', ['nav2_msgs']),
+    ],
+)
+def test_every_test_module_is_collected_without_optional_modules(tmp_path, package, modules):
+    """launch_testing imports each test module in the same way."""
+    (tmp_path / 'sitecustomize.py').write_text(HIDE.format(modules=modules), encoding='utf-8')
+    path = {'PYTHONPATH': os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])}
+    for module in modules:
+        hidden = run(sys.executable, '-c', f'import {module}', env=os.environ | path)
+        assert f"No module named '{module}'" in hidden.stderr
+    collect = (sys.executable, '-m', 'pytest', '--collect-only', '-q', '-p', 'no:cacheprovider', 'test')
+    folder = ROOT / 'monorepo' / package
+    listed = succeed(*collect, cwd=folder, env=os.environ | path)
+    collected = {Path(line.partition('::')[0]).stem for line in listed.splitlines() if '::' in line}
+    written = {path.stem for path in folder.glob('test/test_*.py')}
+    assert collected | NEED_LAUNCH == written | NEED_LAUNCH
+
+
+def results_of(tree, package='lupin_greenhouse_bridge'):
+    results = ENVIRONMENTS[tree] / 'workspace' / tree / 'build' / package / 'pytest.xml'
+    cases = ElementTree.parse(results).getroot().iter('testcase')
+    return {(case.get('classname'), case.get('name')): case.find('skipped') is not None for case in cases}
+
+
+@pytest.mark.parametrize(('tree', 'package'), PACKAGES)
+def test_colcon_ran_every_test_and_skipped_none(tree, package):
+    results = results_of(tree, package)
+    modules = {part for name, _ in results for part in name.split('.') if part.startswith('test_')}
+    written = {path.stem for path in Path(tree, package, 'test').glob('test_*.py')}
+    assert modules - NEED_LAUNCH == written - NEED_LAUNCH
+    assert [test for test, is_skipped in results.items() if is_skipped] == []
+
+
+def test_both_trees_ran_the_same_tests():
+    monorepo, mirror = map(results_of, ENVIRONMENTS)
+    assert monorepo == mirror
