@@ -19,7 +19,6 @@ from geometry_msgs.msg import PoseArray
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
-from lupin_greenhouse_bridge.runtime.output import Progress
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from lupin_greenhouse_bridge.testing._helpers import spinning_node, wait_until
 
@@ -173,20 +172,6 @@ def test_bad_input_is_one_line_and_exit_code_2(poses_of, words, problem):
     assert (exit_code, out) == (2, '')
     assert line.startswith('approach_poses: ')
     assert problem in line
-
-
-@pytest.mark.parametrize('is_terminal', [False, True])
-def test_a_line_tells_of_work_that_takes_more_than_3_seconds(monkeypatch, capsys, is_terminal):
-    clock = iter([0.0, 2.9, 3.0, 10.0, 18.0])
-    monkeypatch.setattr('time.monotonic', lambda: next(clock))
-    monkeypatch.setattr(sys.stderr, 'isatty', lambda: is_terminal, raising=False)
-    progress = Progress('approach_poses')
-    for done in range(4):
-        progress('tags with a pose', done, 99)
-    progress.end()
-    line = 'approach_poses: tags with a pose: {} of 99'.format
-    shown = [f'\r{line(done)}' for done in (1, 2, 3)] + ['\r', '\r'] if is_terminal else [line(1), line(3)]
-    assert [each.rstrip(' ') for each in re.split(r'(?=\r)|\n', capsys.readouterr().err) if each] == shown
 
 
 def test_the_picture_is_drawn(poses_of, tmp_path):

@@ -1,6 +1,7 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """What a command prints. Does not import ROS."""
 
+import os
 import sys
 import time
 from collections.abc import Collection, Sequence
@@ -38,29 +39,56 @@ def print_line(text: str, stream: TextIO | None = None, end: str = '\n') -> None
             lose_output(error)
 
 
-class Progress:
-    """A line on standard error about work that takes long. A terminal's is rewritten, others follow."""
+def terminal_size(stream: TextIO) -> tuple[int, int]:
+    """Return the columns and rows of the window, not of COLUMNS and LINES; 80 and 24 if it has no size."""
+    columns, rows = os.get_terminal_size(stream.fileno())
+    return columns or 80, rows or 24
 
-    FIRST_SECONDS, REWRITTEN_SECONDS, NEXT_SECONDS = 3.0, 0.2, 15.0
+
+class ProgressLine:
+    """The last line of a terminal, where each text replaces the previous one; nothing in a pipe."""
+
+    def __init__(self, stream: TextIO | None) -> None:
+        """Write to this stream, which is None if it was closed before Python started."""
+        self.is_visible = stream is not None and stream.isatty()
+        self._stream = stream
+        self._text = ''
+
+    def show(self, text: str) -> None:
+        """Show a text, cut to the width of the terminal."""
+        if self._stream and self.is_visible and text != self._text:
+            self._text = text
+            columns, _ = terminal_size(self._stream)
+            print_line(f'\r\x1b[K{text[: columns - 1]}', self._stream, end='')
+
+    def clear(self) -> None:
+        """Remove the text, so that something else can be printed there."""
+        self.show('')
+
+
+class Progress:
+    """Tells on standard error how far work is that takes long; in a pipe, by a new line now and then."""
+
+    FIRST_SECONDS, REPLACED_SECONDS, NEXT_SECONDS = 3.0, 0.2, 15.0
 
     def __init__(self, command: str) -> None:
         """Take the name of the command."""
-        self._command, self._width, self._due = command, 0, time.monotonic() + self.FIRST_SECONDS
+        self._command, self._due = command, time.monotonic() + self.FIRST_SECONDS
+        self._line = ProgressLine(sys.stderr)
 
     def __call__(self, what: str, done: int, total: int) -> None:
         """Show how much of what is done, if it is time to."""
         now = time.monotonic()
         if now < self._due:
             return
-        is_terminal = sys.stderr.isatty()
-        self._due = now + (self.REWRITTEN_SECONDS if is_terminal else self.NEXT_SECONDS)
         text = f'{self._command}: {what}: {done} of {total}'
-        if is_terminal:
-            text, self._width = '\r' + text.ljust(self._width), len(text)
-        print_line(text, sys.stderr, end='' if is_terminal else '\n')
+        if self._line.is_visible:
+            self._due = now + self.REPLACED_SECONDS
+            self._line.show(text)
+        else:
+            self._due = now + self.NEXT_SECONDS
+            print_line(text, sys.stderr)
 
     def end(self) -> None:
-        """Wipe the line off a terminal."""
-        if self._width:
-            print_line('\r' + ' ' * self._width + '\r', sys.stderr, end='')
-            self._width = 0
+        """Remove the line from a terminal."""
+        self._line.clear()

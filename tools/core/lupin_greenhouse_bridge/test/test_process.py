@@ -1,17 +1,19 @@
 """Signals and exit codes: the bridge and read_tag end as documented at any moment."""
 
 import dataclasses
+import io
 import subprocess
 import sys
 from types import SimpleNamespace
 
 import pytest
 import rclpy
-from conftest import SPINS
+from conftest import SPINS, Terminal
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
+from lupin_greenhouse_bridge.runtime.output import Progress, ProgressLine
 from lupin_greenhouse_bridge.runtime.parameters import launch_arguments, parameter
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, ManualClock, spinning_node
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
@@ -174,6 +176,34 @@ def test_one_thing_is_counted_in_the_singular():
 
 def test_an_error_is_one_line_that_keeps_the_spaces_of_a_name():
     assert str(OneLineError("'two  spaces': one\r\n  two\x1b[2J")) == "'two  spaces': one two\\x1b[2J"
+
+
+def test_a_progress_line_takes_the_position_of_the_last_at_a_terminal_and_is_silent_in_a_pipe():
+    with Terminal(columns=20) as terminal:
+        for line in (ProgressLine(terminal.stream), ProgressLine(io.StringIO()), ProgressLine(None)):
+            for text in ('1/29', '1/29', 'x' * 50):
+                line.show(text)
+            line.clear()
+            line.clear()
+    assert terminal.text == f'\r\x1b[K1/29\r\x1b[K{"x" * 19}\r\x1b[K'
+
+
+@pytest.mark.parametrize('is_terminal', [False, True])
+def test_a_line_tells_of_work_that_takes_more_than_3_seconds(monkeypatch, is_terminal):
+    clock = iter([0.0, 2.9, 3.0, 10.0, 18.0])
+    monkeypatch.setattr('time.monotonic', lambda: next(clock))
+    pipe = io.StringIO()
+    with Terminal() as terminal:
+        monkeypatch.setattr(sys, 'stderr', terminal.stream if is_terminal else pipe)
+        progress = Progress('approach_poses')
+        for done in range(4):
+            progress('tags with a pose', done, 99)
+        progress.end()
+    line = 'approach_poses: tags with a pose: {} of 99'.format
+    assert terminal.text == (
+        ''.join(f'\r\x1b[K{text}' for text in (*map(line, (1, 2, 3)), '')) if is_terminal else ''
+    )
+    assert pipe.getvalue() == ('' if is_terminal else f'{line(1)}\n{line(3)}\n')
 
 
 def test_launch_gets_every_parameter_as_it_writes_defaults():
