@@ -10,8 +10,9 @@ import hypothesis
 import pytest
 import rclpy
 from lupin_greenhouse_bridge.runtime.run import spin_once
-from lupin_msgs.msg import Observation
+from lupin_msgs.msg import MissionState, Observation
 from lupin_msgs.srv import ConfirmTag, GetTagReading
+from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.executors import MultiThreadedExecutor
 
@@ -151,11 +152,36 @@ def confirmer(held_service):
 
 
 @pytest.fixture
+def bridge_parameters(held_service):
+    """Return the parameter service of a bridge that the test controls."""
+    return held_service(GetParameters, '/held/get_parameters')
+
+
+@pytest.fixture
 def operate(node):
     """Return a function that returns the operator of a mission that waits for its start."""
     from mission_helpers import Operator
 
     return lambda mission: Operator(node, mission.namespace)
+
+
+@pytest.fixture
+def start_waiting_mission(start_mission, operate):
+    """Return a function that starts a mission which waits for its start; it returns it and its operator."""
+
+    def start(**parameters):
+        mission = start_mission(**parameters, wait_for_start=True)
+        return mission, operate(mission)
+
+    return start
+
+
+@pytest.fixture
+def states_of(node):
+    """Return a function that subscribes to the state of a mission like a web client."""
+    from mission_helpers import WEB_QOS, Subscriber
+
+    return lambda mission: Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ test ends it: a reply is withheld, a dwell of an hour is skipped, or the clock o
 
 import queue
 import threading
-import time
 import uuid
 from collections import defaultdict
 from concurrent.futures import Future
@@ -26,6 +25,7 @@ from lupin_greenhouse_bridge.testing._helpers import (
 from lupin_mission import mission_orchestrator
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.srv import StartMission
+from rcl_interfaces.msg import ParameterValue
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import QoSProfile
 from rclpy.utilities import get_default_context
@@ -102,6 +102,12 @@ class HeldService:
         reading = TagReading(tag_id=tag_id, sim_time_of_day_seconds=43200.0, readings=readings)
         self.answer(reading=reading)
 
+    def answer_tags(self, *tag_ids: str, tag_file: str = '') -> None:
+        """Reply like the parameter service of a bridge."""
+        self.answer(
+            values=[ParameterValue(string_array_value=tag_ids), ParameterValue(string_value=tag_file)]
+        )
+
     def close(self) -> None:
         """Reply to every request that still waits."""
         with self._lock:
@@ -116,22 +122,15 @@ class Subscriber:
 
     def __init__(self, node, message_type, topic: str, qos):
         self.received = []
-        self._news = queue.SimpleQueue()
-        node.create_subscription(message_type, topic, self._on_message, qos)
+        self._seen = 0
+        node.create_subscription(message_type, topic, self.received.append, qos)
 
-    def _on_message(self, message):
-        self.received.append(message)
-        self._news.put(message)
-
-    def wait_for(self, is_it):
-        """Return the first new message that matches."""
-        deadline = time.monotonic() + PATIENCE_SECONDS
+    def wait_for(self, is_it=lambda _message: True):
+        """Return the first message that matches and that no wait has seen."""
         while True:
-            try:
-                message = self._news.get(timeout=max(deadline - time.monotonic(), 0.0))
-            except queue.Empty:
-                last = self.received[-1] if self.received else None
-                raise AssertionError(f'no such message; the last one was {last}') from None
+            wait_until(lambda: len(self.received) > self._seen)
+            message = self.received[self._seen]
+            self._seen += 1
             if is_it(message):
                 return message
 
@@ -146,7 +145,7 @@ class Operator:
             name: node.create_client(service_type, f'{namespace}/mission/{name}')
             for name, service_type in SERVICES.items()
         }
-        assert self.states.wait_for(lambda _state: True).lifecycle_state in ('BOOT', 'READY')
+        assert self.states.wait_for().lifecycle_state in ('BOOT', 'READY')
         for name, client in self._clients.items():
             greeting = {'mission_type': 'none'} if name == 'start' else {}
             wait_until(client.service_is_ready)

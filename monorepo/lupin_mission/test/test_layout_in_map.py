@@ -12,11 +12,9 @@ from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, has_found
 from lupin_mission import tags as tags_of_bridge
 from lupin_mission.settings import Settings
 from lupin_mission.tags import Tags
-from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState
+from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import GetTagReading
-from mission_helpers import CAMERA, READER, TWIN_QOS, WEB_QOS, Subscriber
-from rcl_interfaces.msg import ParameterValue
-from rcl_interfaces.srv import GetParameters
+from mission_helpers import CAMERA, READER, TWIN_QOS
 from rclpy.client import Client
 from rclpy.duration import Duration
 
@@ -107,48 +105,48 @@ def test_the_tags_of_a_file_are_moved_to_the_map(tmp_path, layout_file, paramete
     assert tags.positions_m == {'7': pytest.approx((8.0, 21.0))}
 
 
-def test_a_bridge_that_was_there_is_awaited_though_it_is_gone_for_a_moment(held_service, node, monkeypatch):
-    bridge = held_service(GetParameters, '/held/get_parameters')
+def test_a_bridge_that_was_there_is_awaited_though_it_is_gone_for_a_moment(
+    bridge_parameters, node, monkeypatch
+):
     tags = Tags(Settings(drive='simulated', tag_sequence='1', **READER))
     tags.find(node, lambda: False, lambda: None, lambda: None)
-    bridge.wait_for_request()
+    bridge_parameters.wait_for_request()
     assert tags.is_waiting_for_tags()
     monkeypatch.setattr(Client, 'service_is_ready', lambda _client: False)
     assert tags.is_waiting_for_tags()
 
 
-def test_requests_without_a_reply_are_given_up(held_service, node, monkeypatch):
+def test_requests_without_a_reply_are_given_up(bridge_parameters, node, monkeypatch):
     """ROS would keep each of them for ever."""
     monkeypatch.setattr(tags_of_bridge, 'MOST_PENDING_REQUESTS', 3)
-    bridge = held_service(GetParameters, '/held/get_parameters')
     tags = Tags(Settings(drive='simulated', **READER))
     found = threading.Event()
     tags.find(node, lambda: False, found.set, lambda: None)
     for _ in range(6):
-        bridge.wait_for_request()
+        bridge_parameters.wait_for_request()
         assert len(pending_requests(tags._parameters_client)) <= 3
     for _ in range(6):
-        bridge.answer(values=[ParameterValue(string_array_value=['7']), ParameterValue()])
+        bridge_parameters.answer_tags('7')
     assert found.wait(PATIENCE_SECONDS)
     assert not pending_requests(tags._parameters_client)
 
 
-def test_a_sequence_has_no_poses_if_the_bridge_has_its_own_tag_file(start_mission, held_service, twin, node):
+def test_a_sequence_has_no_poses_if_the_bridge_has_its_own_tag_file(
+    start_mission, held_service, bridge_parameters, twin, node, states_of
+):
     """The mission awaits the bridge's word before it reads a tag."""
-    bridge = held_service(GetParameters, '/held/get_parameters')
     subscriber = twin()
     mission = start_mission(**READER, tag_sequence='1')
-    bridge.wait_for_request()
+    bridge_parameters.wait_for_request()
     reader = held_service(GetTagReading, '/held/get_tag_reading')
     wait_until(lambda: has_found_a_client(node, reader.name))
-    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    states = states_of(mission)
     for _ in range(3):  # the mission's steps are more frequent
-        states.wait_for(lambda _state: True)
+        states.wait_for()
     assert reader.tag_ids == []
-    own_file = ParameterValue(string_value='/home/me/tags.json')
-    bridge.answer(values=[ParameterValue(string_array_value=['1']), own_file])
+    bridge_parameters.answer_tags('1', tag_file='/home/me/tags.json')
     reader.answer_ok('1', co2=1.0)
     assert mission.end() == 0
-    assert subscriber.wait_for(lambda _received: True).tag_pose_in_map.orientation.w == 0.0
+    assert subscriber.wait_for().tag_pose_in_map.orientation.w == 0.0
     (warning,) = mission.warnings()
     assert "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file" in warning

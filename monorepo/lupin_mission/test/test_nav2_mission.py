@@ -21,12 +21,10 @@ from lupin_mission import planner
 from lupin_mission.announcer import Announcer
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
-from lupin_msgs.msg import MissionState, Observation
+from lupin_msgs.msg import Observation
 from lupin_msgs.srv import StartMission
-from mission_helpers import CAMERA, READER, WEB_QOS, Subscriber
+from mission_helpers import CAMERA, READER
 from nav_msgs.msg import OccupancyGrid
-from rcl_interfaces.msg import ParameterValue
-from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -105,11 +103,10 @@ def publish_map(node, monkeypatch):
 
 
 def test_the_map_that_is_there_at_the_start_moves_a_pose(
-    start_mission, reader, navigator, operate, publish_map
+    start_waiting_mission, reader, navigator, publish_map
 ):
     (usual, *_) = goals_of()[0]['1']
-    mission = start_mission(**NAV2, tag_sequence='1', wait_for_start=True, map_topic='/held/map')
-    operator = operate(mission)
+    mission, operator = start_waiting_mission(**NAV2, tag_sequence='1', map_topic='/held/map')
     publish_map([(2.0, 2.5)], frame_id='odom')  # which is not used
     for _ in range(2):
         started = operator.start()
@@ -129,9 +126,8 @@ def test_the_map_that_is_there_at_the_start_moves_a_pose(
     ]
 
 
-def test_a_map_of_another_place_rejects_the_start(start_mission, navigator, operate, publish_map):
-    mission = start_mission(**NAV2, tag_sequence='1', wait_for_start=True, map_topic='/held/map')
-    operator = operate(mission)
+def test_a_map_of_another_place_rejects_the_start(start_waiting_mission, navigator, publish_map):
+    mission, operator = start_waiting_mission(**NAV2, tag_sequence='1', map_topic='/held/map')
     publish_map(origin=(50.0, 0.0))
     for _ in range(2):
         assert 'the map holds only 0 of the ' in operator.rejection()
@@ -183,15 +179,14 @@ def test_tags_that_are_cut_off_from_the_dock_keep_their_order_with_a_warning(
 
 
 def test_a_tag_that_cannot_be_reached_is_unreachable_with_its_reason(
-    start_mission, reader, navigator, operate, twin
+    start_waiting_mission, reader, navigator, twin
 ):
     """One tag has no pose; the drives to the other are aborted."""
     _, unreachable = goals_of(robot_radius_m=0.3)
     (no_pose, reason), goal = next(iter(unreachable.items())), '1'
     assert goal not in unreachable
     subscriber = twin()
-    mission = start_mission(**NAV2, tag_sequence=f'{no_pose} {goal}', robot_radius_m=0.3, wait_for_start=True)
-    operator = operate(mission)
+    mission, operator = start_waiting_mission(**NAV2, tag_sequence=f'{no_pose} {goal}', robot_radius_m=0.3)
     started = operator.start(tag_sequence=[no_pose, goal])
     for _ in range(2):
         navigator.end(navigator.accept(), 'abort')
@@ -253,10 +248,9 @@ def held_plans(monkeypatch):
 
 
 def test_state_and_estop_answer_while_the_mission_plans(
-    start_mission, reader, navigator, operate, node, held_plans
+    start_waiting_mission, reader, navigator, node, held_plans
 ):
-    mission = start_mission(**NAV2, tag_sequence='1', wait_for_start=True, estop_topic='/held/estop')
-    operator = operate(mission)
+    mission, operator = start_waiting_mission(**NAV2, tag_sequence='1', estop_topic='/held/estop')
     estop = node.create_publisher(Bool, '/held/estop', 10)
     start = node.create_client(StartMission, f'{mission.namespace}/mission/start')
     assert start.wait_for_service(PATIENCE_SECONDS)
@@ -293,10 +287,9 @@ def test_a_signal_ends_a_mission_that_plans(start_mission, held_plans):
 
 
 def test_the_estop_cancels_the_goal_and_a_resume_sends_it_again(
-    start_mission, reader, navigator, operate, node
+    start_waiting_mission, reader, navigator, node
 ):
-    mission = start_mission(**NAV2, tag_sequence='1', wait_for_start=True, estop_topic='/held/estop')
-    operator = operate(mission)
+    mission, operator = start_waiting_mission(**NAV2, tag_sequence='1', estop_topic='/held/estop')
     estop = node.create_publisher(Bool, '/held/estop', 10)
     operator.start()
     goal = navigator.accept()
@@ -314,9 +307,8 @@ def test_the_estop_cancels_the_goal_and_a_resume_sends_it_again(
     mission.stop()
 
 
-def test_a_skip_on_the_way_cancels_the_goal_before_the_next_one_is_sent(start_mission, navigator, operate):
-    mission = start_mission(**NAV2, tag_sequence='1 2', wait_for_start=True)
-    operator = operate(mission)
+def test_a_skip_on_the_way_cancels_the_goal_before_the_next_one_is_sent(start_waiting_mission, navigator):
+    mission, operator = start_waiting_mission(**NAV2, tag_sequence='1 2')
     operator.start()
     first = navigator.accept()
     assert operator.trigger('skip_current')
@@ -345,13 +337,13 @@ def by_a_fatal_error(_mission, monkeypatch):
 
 @pytest.mark.parametrize(('end', 'exit_code'), [(by_a_signal, 1), (by_a_fatal_error, 2)])
 def test_what_ends_the_mission_cancels_the_goal_awaits_its_end_and_sends_no_other(
-    start_mission, navigator, clock, node, monkeypatch, end, exit_code
+    start_mission, navigator, clock, states_of, monkeypatch, end, exit_code
 ):
     """The clock stands still: the mission would wait for ever."""
     mission = start_mission(**NAV2, tag_sequence='1')
     goal = navigator.accept()
-    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
-    states.wait_for(lambda _state: True)
+    states = states_of(mission)
+    states.wait_for()
     clock.pass_seconds(3.0)  # a drive sends its next goal after 2 s at the latest
     end(mission, monkeypatch)
     navigator.wait_for_cancel()
@@ -365,10 +357,12 @@ def test_what_ends_the_mission_cancels_the_goal_awaits_its_end_and_sends_no_othe
 
 
 @pytest.mark.usefixtures('clock')  # it stands still: the mission would wait for ever
-def test_a_goal_that_is_pending_at_the_end_is_cancelled_when_it_is_accepted(start_mission, navigator, node):
+def test_a_goal_that_is_pending_at_the_end_is_cancelled_when_it_is_accepted(
+    start_mission, navigator, states_of
+):
     mission = start_mission(**NAV2, tag_sequence='1')
     navigator.wait_for_goal()
-    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    states = states_of(mission)
     for _ in range(3):  # no callback waits for the server
         states.wait_for(lambda state: state.mission_phase == 'NAVIGATING')
     mission.ask_to_end()
@@ -377,11 +371,11 @@ def test_a_goal_that_is_pending_at_the_end_is_cancelled_when_it_is_accepted(star
     assert mission.end() == 1
 
 
-def test_the_end_of_a_goal_is_awaited_for_2_s(start_mission, navigator, clock, node):
+def test_the_end_of_a_goal_is_awaited_for_2_s(start_mission, navigator, clock, states_of):
     mission = start_mission(**NAV2, tag_sequence='1')
     navigator.accept()
-    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
-    states.wait_for(lambda _state: True)
+    states = states_of(mission)
+    states.wait_for()
     mission.ask_to_end()
     navigator.wait_for_cancel()  # and never answered
     clock.pass_seconds(1.9)
@@ -436,12 +430,10 @@ def test_sigterm_stops_the_robot(start_process, navigator):
 
 
 @pytest.mark.parametrize('parameters', [{}, {'tag_sequence': '7'}])
-def test_without_its_layout_the_robot_does_not_drive(start_mission, held_service, parameters):
+def test_without_its_layout_the_robot_does_not_drive(start_mission, bridge_parameters, parameters):
     """The positions of the shipped tag file are wrong for a bridge with its own."""
-    bridge = held_service(GetParameters, '/held/get_parameters')
     mission = start_mission(**NAV2, **parameters)
-    own_file = ParameterValue(string_value='/home/me/tags.json')
-    bridge.answer(values=[ParameterValue(string_array_value=['7']), own_file])
+    bridge_parameters.answer_tags('7', tag_file='/home/me/tags.json')
     refusal = mission.refusal(exit_code=2)
     assert "the layout is unknown: set tag_locations_file to the bridge's tag_file" in refusal
 

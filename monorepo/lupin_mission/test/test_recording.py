@@ -2,7 +2,7 @@
 
 from lupin_greenhouse_bridge.display.input_file import read_file
 from lupin_greenhouse_bridge.testing._helpers import executable, wait_until
-from lupin_msgs.msg import MissionState, TagReading
+from lupin_msgs.msg import TagReading
 from mission_helpers import READER, REAL, TWIN_QOS, Subscriber
 from rclpy.qos import QoSProfile
 
@@ -23,9 +23,9 @@ def test_the_reading_of_each_tag_that_was_read_is_published_and_latched(start_mi
     assert [each.tag_id for each in late.received] == ['9', '1']
 
 
-def test_a_mission_can_wait_for_a_subscriber_of_its_readings(start_mission, reader, node):
+def test_a_mission_can_wait_for_a_subscriber_of_its_readings(start_mission, reader, node, states_of):
     mission = start_mission(**READER, tag_sequence='1', wait_for_subscriber=True)
-    state = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', QoSProfile(depth=10))
+    state = states_of(mission)
     # A mission that does not wait starts before it can publish this.
     state.wait_for(lambda each: each.last_event == '1 tag known (simulated drive)')
     recorder = Subscriber(node, TagReading, f'{mission.namespace}/{READINGS}', QoSProfile(depth=10))
@@ -44,12 +44,11 @@ def test_a_mission_without_a_subscriber_starts_after_its_patience(start_mission,
 
 
 def test_a_recorded_mission_leaves_every_value_of_its_report(
-    start_mission, start_bridge, start_node, operate, tmp_path
+    start_waiting_mission, start_bridge, start_node, tmp_path
 ):
     """The recorder starts when the mission is done, and receives what the mission latched."""
     service = start_bridge(debug_time_of_day=12.0).service_name
-    mission = start_mission(bridge_service_name=service, wait_for_start=True, **REAL)
-    operator = operate(mission)
+    mission, operator = start_waiting_mission(bridge_service_name=service, **REAL)
     operator.wait_for(lifecycle_state='READY')
     mission_id = operator.start()
     operator.wait_for(lifecycle_state='DONE', mission_id=mission_id)

@@ -18,8 +18,6 @@ from lupin_mission.mission_orchestrator import MissionNode
 from lupin_msgs.msg import MissionState, Observation, TagReading
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Operator, Subscriber
-from rcl_interfaces.msg import ParameterValue
-from rcl_interfaces.srv import GetParameters
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Bool, String
 
@@ -45,7 +43,7 @@ def received_tags(subscriber) -> list[str]:
 
 
 def test_a_twin_that_joins_in_the_middle_has_every_tag_at_the_end(
-    start_mission, reader, twin, node, shipped_tags
+    start_mission, reader, twin, states_of, shipped_tags
 ):
     """The mission stands at its third tag until the twin has joined, and exits after its last."""
     mission = start_mission(**READER, tag_sequence='9 7 1 29')
@@ -54,7 +52,7 @@ def test_a_twin_that_joins_in_the_middle_has_every_tag_at_the_end(
     assert [reader.wait_for_request() for _ in range(3)] == ['9', '7', '1']
     late = twin()
     wait_until(lambda: received_tags(late) == ['9', '7'])
-    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    states = states_of(mission)
     states.wait_for(lambda state: state.current_target == '1')
     reader.answer_ok('1', co2=1.0)
     reader.answer_ok('29', co2=29.0)
@@ -84,7 +82,7 @@ def test_an_observation_of_a_tag_that_was_not_read_names_it_in_its_detail_alone(
     mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
     operate(mission).start()
     reader.answer(status=1, error_message='tag 1: who?')
-    received = subscriber.wait_for(lambda _observation: True)
+    received = subscriber.wait_for()
     assert received.status == Observation.STATUS_SCAN_FAILED
     # Named once, though the reply names it too.
     assert received.status_detail == 'tag 1: UNKNOWN_TAG: who? (simulated drive)'
@@ -94,37 +92,8 @@ def test_an_observation_of_a_tag_that_was_not_read_names_it_in_its_detail_alone(
     assert mission.stop() == 1
 
 
-@pytest.mark.parametrize(
-    ('parameters', 'has_pose'),
-    [
-        ({}, True),
-        ({'tag_poses_in_map': False}, False),
-        ({'tag_poses_in_map': 'false'}, False),
-        ({'require_visual_confirmation': True}, False),
-        ({'require_visual_confirmation': True, 'tag_poses_in_map': True}, True),
-    ],
-)
-def test_poses_are_published_where_the_ids_are_trusted_or_as_told(
-    start_mission, reader, confirmer, operate, twin, parameters, has_pose
-):
-    subscriber = twin()
-    mission = start_mission(
-        **READER,
-        visual_confirmation_service=confirmer.name,
-        tag_sequence='1',
-        wait_for_start=True,
-        **parameters,
-    )
-    operate(mission).start()
-    confirmer.answer(detected=True, detection_confidence=1.0)
-    reader.answer_ok('1', co2=1.0)
-    received = subscriber.wait_for(lambda _observation: True)
-    assert (received.tag_pose_in_map.orientation.w == 1.0) == has_pose
-    assert mission.stop() == 0
-
-
 def test_the_shipped_places_are_not_those_of_a_bridge_with_its_own_tag_file(
-    start_mission, start_bridge, operate, twin, tmp_path
+    start_waiting_mission, start_bridge, twin, tmp_path
 ):
     tag_file = tmp_path / 'tags.json'
     tag_file.write_text(json.dumps({'1': {'x': 9.0, 'y': 9.5, 'sensors': ['co2']}}))
@@ -132,11 +101,10 @@ def test_the_shipped_places_are_not_those_of_a_bridge_with_its_own_tag_file(
     subscriber = twin()
 
     def position(**parameters):
-        mission = start_mission(**service, **parameters, wait_for_start=True)
-        operator = operate(mission)
+        mission, operator = start_waiting_mission(**service, **parameters)
         operator.wait_for(lifecycle_state='READY')
         operator.start()
-        pose = subscriber.wait_for(lambda _observation: True).tag_pose_in_map
+        pose = subscriber.wait_for().tag_pose_in_map
         assert mission.stop() == 0
         is_warned = any('the positions of the tags are unknown' in line for line in mission.warnings())
         assert is_warned == (pose.orientation.w == 0.0)
@@ -146,13 +114,12 @@ def test_the_shipped_places_are_not_those_of_a_bridge_with_its_own_tag_file(
     assert position(tag_locations_file=f'"{tag_file}"') == (9.0, 9.5)
 
 
-def test_a_web_client_receives_every_state_that_lasts(start_mission, reader, confirmer, operate, node):
-    mission = start_mission(**CAMERA, tag_sequence='1 2', flower_scan_dwell_s=HOUR, wait_for_start=True)
-    operator = operate(mission)
+def test_a_web_client_receives_every_state_that_lasts(start_waiting_mission, reader, confirmer, states_of):
+    mission, operator = start_waiting_mission(**CAMERA, tag_sequence='1 2', flower_scan_dwell_s=HOUR)
     started = operator.start()
     confirmer.wait_for_request()
-    web = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
-    state = web.wait_for(lambda _state: True)  # joins in the middle, and receives the next one
+    web = states_of(mission)
+    state = web.wait_for()  # joins in the middle, and receives the next one
     assert (state.lifecycle_state, state.mission_phase) == ('INSPECTING', 'CONFIRMING')
     assert (state.mission_id, state.mission_type) == (started, 'InspectionMission')
     assert (state.current_target, state.targets_total, state.battery_percentage) == ('1', 2, 1.0)
@@ -180,10 +147,10 @@ def test_a_web_client_receives_every_state_that_lasts(start_mission, reader, con
     assert mission.stop() == 0
 
 
-def test_the_state_comes_within_a_second_even_if_nothing_changes(start_mission, reader, node):
+def test_the_state_comes_within_a_second_even_if_nothing_changes(start_mission, reader, states_of):
     mission = start_mission(**READER, tag_sequence='1')
     reader.wait_for_request()
-    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    states = states_of(mission)
 
     def has_two_within_a_second():
         stamps = [each.header.stamp.sec + each.header.stamp.nanosec / 1e9 for each in states.received]
@@ -194,11 +161,10 @@ def test_the_state_comes_within_a_second_even_if_nothing_changes(start_mission, 
     assert mission.end() == 0
 
 
-def test_abort_and_skip_over_ros(start_mission, confirmer, operate, twin):
+def test_abort_and_skip_over_ros(start_waiting_mission, confirmer, twin):
     """Both arrive while the mission waits for the camera."""
     subscriber = twin()
-    mission = start_mission(**CAMERA, tag_sequence='1 2 3', wait_for_start=True)
-    operator = operate(mission)
+    mission, operator = start_waiting_mission(**CAMERA, tag_sequence='1 2 3')
     started = operator.start()
     assert confirmer.wait_for_request() == '1'
     assert operator.trigger('skip_current')
@@ -239,11 +205,10 @@ def test_at_tag_names_the_tag_that_the_robot_stands_at(start_mission, reader, no
     ('sequence', 'visited'), [(None, ['9', '10', 'a', 'b']), ('b 10 9 a', ['b', '10', '9', 'a'])]
 )
 def test_a_start_without_a_sequence_takes_the_parameters_or_else_all_tags_in_numeric_order(
-    start_mission, reader, operate, tag_file, sequence, visited
+    start_waiting_mission, reader, tag_file, sequence, visited
 ):
     parameters = {'tag_sequence': sequence} if sequence else tag_file('b', '10', '9', 'a')
-    mission = start_mission(**READER, **parameters, wait_for_start=True)
-    operator = operate(mission)
+    mission, operator = start_waiting_mission(**READER, **parameters)
     for tag_id in visited:
         reader.answer_ok(tag_id, co2=1.0)
     operator.start()
@@ -252,33 +217,31 @@ def test_a_start_without_a_sequence_takes_the_parameters_or_else_all_tags_in_num
     assert reader.tag_ids == visited
 
 
-def test_a_start_may_name_any_tag_of_the_greenhouse(start_mission, reader, operate, tag_file):
-    mission = start_mission(**READER, **tag_file('1', '2', '3'), tag_sequence='1', wait_for_start=True)
-    operator = operate(mission)
+def test_a_start_may_name_any_tag_of_the_greenhouse(start_waiting_mission, reader, tag_file):
+    _, operator = start_waiting_mission(**READER, **tag_file('1', '2', '3'), tag_sequence='1')
     reader.answer_ok('3', co2=1.0)
     operator.start(tag_sequence=['3'])
     operator.wait_for(lifecycle_state='DONE', targets_completed=1)
 
 
-def test_a_start_names_a_tag_of_the_bridge_once_it_has_replied(start_mission, held_service, reader, operate):
-    bridge = held_service(GetParameters, '/held/get_parameters')
-    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
-    operator = operate(mission)
+def test_a_start_names_a_tag_of_the_bridge_once_it_has_replied(
+    start_waiting_mission, bridge_parameters, reader
+):
+    _, operator = start_waiting_mission(**READER, tag_sequence='1')
     assert operator.rejection(tag_sequence=['3']) == 'the tags are not known yet: start the bridge'
-    bridge.answer(values=[ParameterValue(string_array_value=['1', '3']), ParameterValue()])
+    bridge_parameters.answer_tags('1', '3')
     while operator._call('start', tag_sequence=['3']).accepted is False:
-        operator.states.wait_for(lambda _state: True)
+        operator.states.wait_for()
     reader.answer_ok('3', co2=1.0)
     operator.wait_for(lifecycle_state='DONE', targets_completed=1)
 
 
 def test_a_mission_waits_for_its_start_and_lives_on_after_it(
-    start_mission, start_bridge, operate, twin, shipped_tags
+    start_waiting_mission, start_bridge, twin, shipped_tags
 ):
     """With every tag of the real bridge."""
     bridge = start_bridge(debug_time_of_day=12.0)
-    mission = start_mission(bridge_service_name=bridge.service_name, wait_for_start=True, **REAL)
-    operator = operate(mission)
+    mission, operator = start_waiting_mission(bridge_service_name=bridge.service_name, **REAL)
     state = operator.wait_for(lifecycle_state='READY')
     assert (state.mission_id, state.mission_type, state.targets_total) == ('', '', 0)
 
@@ -326,9 +289,8 @@ def test_the_tags_and_their_places_come_from_the_world(start_mission, reader, op
     assert [(place.x, place.y) for place in places] == [(1.5, 8.5), (2.5, 8.5), (0.0, 0.0)]
 
 
-def test_the_error_of_one_mission_is_not_that_of_the_next(start_mission, reader, operate):
-    mission = start_mission(**READER, tag_sequence='"1 99"', wait_for_start=True)
-    operator = operate(mission)
+def test_the_error_of_one_mission_is_not_that_of_the_next(start_waiting_mission, reader):
+    _, operator = start_waiting_mission(**READER, tag_sequence='"1 99"')
     reader.answer(status=1, error_message='who?')
     reader.answer_ok('1', co2=1.0)
     for tag_id, error in (('99', "tag '99': scan failed after 1 requests: UNKNOWN_TAG: who?"), ('1', '')):
@@ -348,18 +310,16 @@ def test_the_error_of_one_mission_is_not_that_of_the_next(start_mission, reader,
     ],
 )
 def test_a_start_that_cannot_be_is_rejected_with_the_reason(
-    start_mission, operate, tag_file, request_fields, reason
+    start_waiting_mission, tag_file, request_fields, reason
 ):
-    mission = start_mission(**READER, **tag_file('1', '2', '3'), tag_sequence='1 2', wait_for_start=True)
-    operator = operate(mission)
+    _, operator = start_waiting_mission(**READER, **tag_file('1', '2', '3'), tag_sequence='1 2')
     assert operator.rejection(**request_fields) == reason
     state = operator.wait_for(last_event=f'start rejected: {reason} (simulated drive)')
     assert (state.lifecycle_state, state.last_event_severity) == ('READY', MissionState.SEVERITY_WARN)
 
 
-def test_the_estop_stops_a_mission_and_rejects_a_start(start_mission, operate, node, reader):
-    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True, flower_scan_dwell_s=HOUR)
-    operator = operate(mission)
+def test_the_estop_stops_a_mission_and_rejects_a_start(start_waiting_mission, node, reader):
+    mission, operator = start_waiting_mission(**READER, tag_sequence='1', flower_scan_dwell_s=HOUR)
     estop = node.create_publisher(Bool, '/e_stop_state', 10)
     wait_until(lambda: estop.get_subscription_count() == 1)
     estop.publish(Bool(data=True))
@@ -383,10 +343,9 @@ def test_the_estop_stops_a_mission_and_rejects_a_start(start_mission, operate, n
     assert mission.stop() == 0
 
 
-def test_the_robot_docks_and_goes_on(start_mission, operate, clock, reader):
+def test_the_robot_docks_and_goes_on(start_waiting_mission, clock, reader):
     docked = {'dock_pose': '[1.0, 0.5, 3.14]', 'drive_seconds': HOUR}
-    mission = start_mission(**READER, **docked, tag_sequence='1', wait_for_start=True)
-    operator = operate(mission)
+    mission, operator = start_waiting_mission(**READER, **docked, tag_sequence='1')
     answers = [operator.dock()]
     operator.start()
     answers.append(operator.dock())
@@ -414,14 +373,13 @@ def test_the_robot_docks_and_goes_on(start_mission, operate, clock, reader):
     assert mission.stop() == 0
 
 
-def test_without_a_dock_the_robot_does_not_dock(start_mission, operate):
-    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
-    operator = operate(mission)
+def test_without_a_dock_the_robot_does_not_dock(start_waiting_mission):
+    _, operator = start_waiting_mission(**READER, tag_sequence='1')
     operator.start()
     assert operator.dock() == (False, 'there is no dock: set dock_pose')
 
 
-def test_two_servers_of_a_service_are_named_once(start_mission, reader, operate, node, monkeypatch):
+def test_two_servers_of_a_service_are_named_once(start_waiting_mission, reader, node, monkeypatch):
     """One more mission runs after that which has found both servers."""
     name, doubts = '/two/confirm_tag', []
     monkeypatch.setattr(
@@ -430,8 +388,7 @@ def test_two_servers_of_a_service_are_named_once(start_mission, reader, operate,
         lambda *about: doubts.append(duplicate_server_warning(*about)) or doubts[-1],
     )
     camera = {**CAMERA, 'visual_confirmation_service': name, 'visual_confirmation_timeout_s': 1.0}
-    mission = start_mission(**camera, tag_sequence='1', wait_for_start=True, max_attempts=1000)
-    operator = operate(mission)
+    mission, operator = start_waiting_mission(**camera, tag_sequence='1', max_attempts=1000)
 
     def run_mission():
         mission_id = operator.start()
@@ -471,11 +428,13 @@ def test_two_robots_have_missions_of_their_own(start_process, node, reader, held
     assert other_reader.tag_ids == []
 
 
-def test_simulated_time_reaches_the_stamps_and_delays_nothing(start_mission, operate, node, reader):
+def test_simulated_time_reaches_the_stamps_and_delays_nothing(
+    start_mission, operate, node, reader, states_of
+):
     mission = start_mission(**READER, tag_sequence='1', wait_for_start=True, use_sim_time=True)
     clock = node.create_publisher(ClockMessage, '/clock', 10)
     wait_until(lambda: clock.get_subscription_count() >= 1)
-    states = Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+    states = states_of(mission)
 
     def is_simulated(state):
         clock.publish(ClockMessage(clock=Time(sec=1234)))
@@ -490,11 +449,10 @@ def test_simulated_time_reaches_the_stamps_and_delays_nothing(start_mission, ope
 
 @pytest.mark.parametrize(('name', 'skipped'), [('abort', 2), ('skip_current', 1), ('pause', 0)])
 def test_what_was_started_can_be_aborted_skipped_and_paused_before_its_next_step(
-    start_mission, operate, monkeypatch, name, skipped
+    start_waiting_mission, monkeypatch, name, skipped
 ):
     monkeypatch.setattr(mission_orchestrator, 'STEP_SECONDS', HOUR)
-    mission = start_mission(**READER, tag_sequence='1 2', wait_for_start=True, drive_seconds=HOUR)
-    operator = operate(mission)
+    _, operator = start_waiting_mission(**READER, tag_sequence='1 2', drive_seconds=HOUR)
     operator.start()
     assert operator.trigger(name)
     operator.wait_for(targets_skipped=skipped, paused=name == 'pause')
@@ -512,9 +470,8 @@ def test_an_error_is_published_and_logged_as_one(node, capfd):
     assert [severity.value for severity in Severity] == severities
 
 
-def test_a_start_is_rejected_while_a_mission_runs(start_mission, reader, operate):
-    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
-    operator = operate(mission)
+def test_a_start_is_rejected_while_a_mission_runs(start_waiting_mission, reader):
+    _, operator = start_waiting_mission(**READER, tag_sequence='1')
     first = operator.start()
     reader.wait_for_request()
     assert operator.rejection() == f'mission already running: abort {first}, or wait for its end'
@@ -523,10 +480,9 @@ def test_a_start_is_rejected_while_a_mission_runs(start_mission, reader, operate
 
 
 def test_a_start_is_rejected_while_another_mission_of_that_name_lives(
-    start_mission, reader, operate, node, clock
+    start_waiting_mission, reader, node, clock
 ):
-    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
-    operator = operate(mission)
+    mission, operator = start_waiting_mission(**READER, tag_sequence='1')
     other = node.create_publisher(MissionState, f'{mission.namespace}/mission/state', TWIN_QOS)
     wait_until(lambda: other.get_subscription_count() == 2)  # of the mission and of the operator
     other.publish(MissionState(lifecycle_state='READY'))
@@ -539,9 +495,8 @@ def test_a_start_is_rejected_while_another_mission_of_that_name_lives(
     operator.wait_for(lifecycle_state='DONE')
 
 
-def test_a_start_is_rejected_before_the_tags_are_known(start_mission, operate):
-    mission = start_mission(bridge_service_name='/nobody/get_tag_reading', wait_for_start=True)
-    operator = operate(mission)
+def test_a_start_is_rejected_before_the_tags_are_known(start_waiting_mission):
+    _, operator = start_waiting_mission(bridge_service_name='/nobody/get_tag_reading')
     operator.wait_for(lifecycle_state='BOOT')
     assert operator.rejection() == 'the tags are not known yet: start the bridge'
 
