@@ -1,110 +1,91 @@
 // Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 'use strict';
 // Draws the page of readings from the data in it. The chosen tag is the fragment of the address: #tag=28.
-const data = JSON.parse(document.getElementById('data').textContent);
-const PAPER = { map: [440, 740], tab: [104, 158], chart: [222, 165] };  // pixels in print
+const element = id => document.getElementById(id);
+const data = JSON.parse(element('data').textContent);
+const PAPER = { map: [440, 740], chart: [222, 165] };  // pixels in print
+const TAB = [108, 170];
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const LINES = 'Each line is a tag with its number';
 const POINTS = 'Each point is a reading of another tag, so values differ by place as well as by time';
 const TEXT_HEIGHT = 13;
-const DAY_SECONDS = 86400;
-const ARROW = 'M5 0L-4 -3.5L-4 3.5Z';
-const element = id => document.getElementById(id);
+const DAY_SECONDS = 86400, DAY_MS = DAY_SECONDS * 1000;
+const WALL_STEPS_MS = [
+  1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, DAY_SECONDS,
+].map(seconds => seconds * 1000);
+const KEY_STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
 data.tags.forEach((tag, number) => { tag.number = number; });
-const tags_by_id = new Map(data.tags.map(tag => [tag.id, tag]));
 const placed_tags = data.tags.filter(tag => tag.x !== null);
 const state = { sensor: 0, clock: 'wall', sort: null, is_descending: false, is_printed: false };
 const pen = document.createElement('canvas').getContext('2d');
 pen.font = '11px system-ui, sans-serif';
 
-const add = (parent, name, text = '', className = '') => {
-  const child = parent.appendChild(document.createElement(name));
-  child.textContent = text;
-  if (className) child.className = className;
-  return child;
-};
-const draw = (parent, name, attributes = {}, text = '') => {
-  const child = parent.appendChild(document.createElementNS('http://www.w3.org/2000/svg', name));
+// Appends an element of HTML or SVG, whichever the parent is, with the texts or elements in it.
+function mark(parent, name, attributes = {}, ...children) {
+  const space = name === 'svg' ? 'http://www.w3.org/2000/svg' : parent.namespaceURI;
+  const child = parent.appendChild(document.createElementNS(space, name));
   for (const [key, value] of Object.entries(attributes)) child.setAttribute(key, value);
-  if (text) child.textContent = text;
+  child.append(...children);
   return child;
-};
-const drawing = (parent, width, height, more) => {
+}
+
+function start_drawing(parent, width, height, more) {
   parent.replaceChildren();
-  return draw(parent, 'svg', { width, height, viewBox: `0 0 ${width} ${height}`, ...more });
-};
-// Writes texts with a dot between them: a line never ends with it.
-const pieces = (place, texts, is_bad = () => false) => {
+  return mark(parent, 'svg', { width, height, viewBox: `0 0 ${width} ${height}`, ...more });
+}
+
+// Writes texts with a dot between them, with which no line begins or ends.
+function write_pieces(place, texts, is_bad = () => false) {
   place.replaceChildren();
   place.classList.toggle('pieces', texts.length > 0);
   texts.forEach((text, number) => {
-    const piece = add(place, 'span');
-    add(piece, 'i', number ? ' · ' : '');
-    add(piece, 'span', text, is_bad(number) ? 'bad' : '');
+    const piece = mark(place, 'span');
+    mark(piece, 'i', {}, number ? ' · ' : '');
+    mark(piece, 'span', { class: is_bad(number) ? 'bad' : '' }, text);
   });
-};
-const write = (svg, x, y, text, anchor = 'start') =>
-  draw(svg, 'text', { class: 'muted', x, y, 'text-anchor': anchor }, text);
+}
+
+const write = (svg, x, y, text, anchor, name = 'muted') =>
+  mark(svg, 'text', { class: name, x, y, 'text-anchor': anchor }, text);
+const path_of = points => `M${points.map(point => point.map(each => each.toFixed(1)).join()).join('L')}`;
+const cross_at = (x, y, arm) => `M${x - arm} ${y - arm}l${2 * arm} ${2 * arm}m${-2 * arm} 0l${2 * arm} ${-2 * arm}`;
 const width_of = text => pen.measureText(text).width;
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
-const grouped = number => number.toLocaleString('en');
 const short = (number, digits) => String(Number(number.toPrecision(digits)));
 const pad = number => String(number).padStart(2, '0');
 const clock = ms => new Date(ms).toTimeString().slice(0, 8);
 const date = ms => new Date(ms).toLocaleDateString('en-GB', { day: 'numeric', month: 'short', year: 'numeric' });
 const day_time = seconds => `${pad(Math.floor(seconds / 3600))}:${pad(Math.floor(seconds / 60) % 60)}`;
-const written = (sensor, value) => value.toFixed(sensor.decimals);
-const with_unit = (sensor, value) => `${written(sensor, value)} ${sensor.unit}`.trim();
-const address = tag => `#tag=${encodeURIComponent(tag.id)}`;
+const with_unit = (sensor, value) => `${value.toFixed(sensor.decimals)} ${sensor.unit}`.trim();
+const address = id => `#tag=${encodeURIComponent(id)}`;
 const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
+const is_one_day = new Set(data.span_ms.map(date)).size <= 1;
+const dates_in_table = [...new Set(data.tags.filter(tag => tag.stamp_ms !== null).map(tag => date(tag.stamp_ms)))];
 // If all failures have the same word, it stands in the key and not beside each tag.
 const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(tag => tag.outcome))];
-const is_one_day = new Set(data.span_ms.map(date)).size <= 1;
-
-function chosen_tag() {
-  try {
-    return tags_by_id.get(decodeURIComponent(location.hash.replace(/^#tag=/, '')));
-  } catch {
-    return undefined;  // not an address of ours
-  }
-}
-
-function choose(tag) {
-  if (tag) location.hash = address(tag);
-  else {
-    history.replaceState(null, '', location.pathname + location.search);
-    show_chosen();
-  }
-}
 
 // The head
 
 function write_head() {
-  document.title = `Readings of ${data.title}`;
-  const parts = [`${grouped(data.read_count)} of ${grouped(data.tag_count)} tags read`];
-  parts.push(...data.counts.map(([word, count]) => `${grouped(count)} ${word}`));
+  const parts = data.counts.map(([text]) => text);
   if (data.span_ms.length) {
     const [from, to] = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`);
     parts.push(from === to ? from : `${from} to ${to} (${data.duration})`, data.greenhouse_times);
   }
-  pieces(document.querySelector('h1'), parts, number => data.counts[number - 1]?.[2]);
+  write_pieces(document.querySelector('h1'), parts, number => data.counts[number]?.[1]);
   const day = is_one_day && data.span_ms.length ? date(data.span_ms[0]) : '';
-  pieces(element('file'), [data.title, day, `times in ${zone}`, data.speed].filter(Boolean));
-  data.failures.forEach(write_failure);
-  data.notes.forEach(note => add(element('notes'), 'p', note));
-}
-
-function write_failure({ word, reason, tags, count }) {
-  const line = add(element('failures'), 'li');
-  line.append(count > 1 ? 'Tags ' : 'Tag ');
-  tags.forEach((number, place) => {
-    if (place) line.append(place + 1 < count ? ', ' : ' and ');
-    add(line, 'a', data.tags[number].id).href = address(data.tags[number]);
-  });
-  if (count > tags.length) line.append(` and ${grouped(count - tags.length)} more`);
-  line.append(' ');
-  add(line, 'span', word, 'bad');
-  if (reason) line.append(`: ${reason}`);
+  write_pieces(element('file'), [data.title, day, `times in ${zone}`, data.speed].filter(Boolean));
+  for (const { word, reason, tags, more } of data.failures) {
+    const line = mark(element('failures'), 'li', {}, tags.length + Boolean(more) > 1 ? 'Tags ' : 'Tag ');
+    tags.forEach((id, number) => {
+      if (number) line.append(number + 1 < tags.length || more ? ', ' : ' and ');
+      mark(line, 'a', { href: address(id) }, id);
+    });
+    line.append(more, ' ');
+    mark(line, 'span', { class: 'bad' }, word);
+    if (reason) line.append(`: ${reason}`);
+  }
+  data.notes.forEach(note => mark(element('notes'), 'p', {}, note));
 }
 
 // Boxes [left, top, right, bottom] and the places of labels
@@ -115,8 +96,8 @@ const common = (a, b) => Math.max(Math.min(a[2], b[2]) - Math.max(a[0], b[0]), 0
 
 // Returns the box beside a dot in which a label covers least, how much it covers there, and whether it
 // is so far from the dot that it needs a line. A label may cross the `route`, if it must.
-function place_label(x, y, radius, width, { taken, room, route = [], most_places = Infinity }) {
-  const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1;
+function place_label(x, y, radius, width, { taken, room, route = [] }, most_places = Infinity) {
+  const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1, area = width * TEXT_HEIGHT;
   const mirrored = (dx, dy) => [[dx, dy], [-dx, dy], [dx, -dy], [-dx, -dy]];
   const cross = (dx, dy) => [[dx, 0], [-dx, 0], [0, -dy], [0, dy]];
   const near = [...cross(aside, above), ...mirrored(aside / 2, -above), ...mirrored(aside, 0.75 * above)];
@@ -124,60 +105,56 @@ function place_label(x, y, radius, width, { taken, room, route = [], most_places
   const reach = around(x, y, 4 * aside + width, 6 * above + TEXT_HEIGHT);
   const [boxes, steps] = [taken, route].map(each => each.filter(box => common(reach, box) > 0));
   const shared_with = (box, others) => others.reduce((sum, other) => sum + common(box, other), 0);
-  let best = { cost: Infinity };
-  [...near, ...far].slice(0, most_places).forEach(([dx, dy], number) => {
-    const box = around(x + dx, y + dy, width, TEXT_HEIGHT), area = width * TEXT_HEIGHT;
+  const choices = [...near, ...far].slice(0, most_places).map(([dx, dy], number) => {
+    const box = around(x + dx, y + dy, width, TEXT_HEIGHT);
     const covered = shared_with(box, boxes), outside = area - common(box, room);
     const cost = covered + 5 * shared_with(box, steps) + 2 * outside + number * 0.01 * area;
-    if (cost < best.cost) best = { box, cost, covered, outside, is_far: number >= near.length };
+    return { box, cost, covered, outside, is_far: number >= near.length };
   });
-  return best;
+  return choices.reduce((best, each) => each.cost < best.cost ? each : best);
 }
 
-const write_label = (parent, box, className, text = '') =>
-  draw(parent, 'text', { class: className, x: (box[0] + box[2]) / 2, y: box[3] - 3, 'text-anchor': 'middle' }, text);
+const write_in = (parent, [left, , right, bottom], name, text = '') =>
+  write(parent, (left + right) / 2, bottom - 3, text, 'middle', name);
 const draw_leader = (parent, x, y, [left, top, right, bottom]) =>
-  draw(parent, 'line', { class: 'leader', x1: x, y1: y, x2: clamp(x, left, right), y2: clamp(y, top, bottom) });
+  mark(parent, 'line', { class: 'leader', x1: x, y1: y, x2: clamp(x, left, right), y2: clamp(y, top, bottom) });
 
-// The map
+// The map, and the small ones of the tabs
 
-const view = (() => {
-  const corners = [data.walls, ...data.tables].flatMap(box => [box.slice(0, 2), box.slice(2)]);
-  const points = [...corners, ...data.route, ...placed_tags.map(tag => [tag.x, tag.y])];
-  const [x0, y0] = [0, 1].map(axis => points.reduce((least, point) => Math.min(least, point[axis]), Infinity));
-  const [x1, y1] = [0, 1].map(axis => points.reduce((most, point) => Math.max(most, point[axis]), -Infinity));
-  return { x0, y0, x1, y1, width: x1 - x0, height: y1 - y0 };
-})();
-
-function frame_of(width, height, margin) {
-  const inner_width = width - margin.left - margin.right;
-  const fitting = Math.min(inner_width / view.width, (height - margin.top - margin.bottom) / view.height);
-  const scale = Math.max(fitting, 1e-6), high = view.height * scale;
-  return {
-    scale, width: Math.max(width, 1), height: high + margin.top + margin.bottom,
-    x: x => margin.left + (inner_width - view.width * scale) / 2 + (x - view.x0) * scale,
-    y: y => margin.top + high - (y - view.y0) * scale,
-  };
+// Returns how metres become pixels in a picture of at most this size.
+function frame_of(width, height, { left, right, top, bottom }) {
+  const [x0, y0, x1, y1] = data.view, inner_width = width - left - right;
+  const scale = Math.max(Math.min(inner_width / (x1 - x0), (height - top - bottom) / (y1 - y0)), 1e-6);
+  const start = left + (inner_width - (x1 - x0) * scale) / 2, x = at => start + (at - x0) * scale;
+  const y = at => top + (y1 - at) * scale;
+  return { scale, x, y, width: Math.max(width, 1), height: y(y0) + bottom, room: [x(x0), y(y1), x(x1), y(y0)] };
 }
 
 function draw_ground(svg, { x, y, scale }) {
-  const box = ([x0, y0, x1, y1], name) => draw(svg, 'rect', {
-    class: name, x: x(x0), y: y(y1), width: (x1 - x0) * scale, height: (y1 - y0) * scale,
-  });
-  box(data.walls, 'wall');
-  data.tables.forEach(corners => box(corners, 'bench'));
+  [data.walls, ...data.tables].forEach(([x0, y0, x1, y1], number) => mark(svg, 'rect', {
+    class: number ? 'bench' : 'wall', x: x(x0), y: y(y1), width: (x1 - x0) * scale, height: (y1 - y0) * scale,
+  }));
 }
 
 function draw_route(svg, { x, y }) {
   if (data.route.length < 2) return;
-  draw(svg, 'path', { class: 'route', d: path_of(data.route.map(point => [x(point[0]), y(point[1])])) });
+  const points = data.route.map(point => [x(point[0]), y(point[1])]), [start, end] = [points[0], points.at(-1)];
+  mark(svg, 'path', { class: 'route', d: path_of(points) });
   for (const [at_x, at_y, heading] of data.arrows) {
-    const turn = `translate(${x(at_x)} ${y(at_y)}) rotate(${-heading * 180 / Math.PI})`;
-    draw(svg, 'path', { class: 'arrow', d: ARROW, transform: turn });
+    const transform = `translate(${x(at_x)} ${y(at_y)}) rotate(${-heading * 180 / Math.PI})`;
+    mark(svg, 'path', { class: 'arrow', d: 'M5 0L-4 -3.5L-4 3.5Z', transform });
   }
-  const [start, end] = [data.route[0], data.route.at(-1)].map(point => [x(point[0]), y(point[1])]);
-  draw(svg, 'circle', { class: 'end', cx: start[0], cy: start[1], r: 4.5 });
-  draw(svg, 'rect', { class: 'end', x: end[0] - 4, y: end[1] - 4, width: 8, height: 8 });
+  mark(svg, 'circle', { class: 'end', cx: start[0], cy: start[1], r: 4.5 });
+  mark(svg, 'rect', { class: 'end', x: end[0] - 4, y: end[1] - 4, width: 8, height: 8 });
+}
+
+function draw_axes(svg, { x, y, scale, room: [left, top, right, bottom] }) {
+  const [x0, y0, x1, y1] = data.view, step = nice_step(60 / scale);
+  for (const at of ticks_of(x0, x1, step)) write(svg, x(at), bottom + 15, short(at, 6), 'middle');
+  for (const at of ticks_of(y0, y1, step)) write(svg, left - 7, y(at) + 4, short(at, 6), 'end');
+  write(svg, (left + right) / 2, bottom + 30, 'x (m)', 'middle');
+  const turned = mark(svg, 'g', { transform: `translate(${left - 30} ${(top + bottom) / 2}) rotate(-90)` });
+  write(turned, 0, 0, 'y (m)', 'middle');
 }
 
 function draw_map() {
@@ -186,181 +163,144 @@ function draw_map() {
   const on_screen = [place.clientWidth, innerWidth < 704 ? Infinity : Math.max(free_height, 460)];
   const frame = frame_of(...state.is_printed ? PAPER.map : on_screen, { left: 40, right: 12, top: 6, bottom: 34 });
   const name = 'Map of the greenhouse. The arrow keys choose the next tag.';
-  const svg = drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': name });
-  const room = [frame.x(view.x0), frame.y(view.y1), frame.x(view.x1), frame.y(view.y0)];
-  draw_axes(svg, frame, room);
+  const svg = start_drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': name });
+  draw_axes(svg, frame);
   draw_ground(svg, frame);
   draw_route(svg, frame);
-  const value_of = tag => tag.values[number] ?? null;
-  const extremes = new Set(sensor?.extremes.flatMap(([, numbers]) => numbers.map(each => data.tags[each])));
   const largest = clamp(data.closest_m * frame.scale / 2 - 1, 2.5, 9);  // the closest dots do not touch
   const dots = placed_tags.map(tag => {
-    const is_large = tag.has_failed || value_of(tag) !== null;
-    const radius = is_large ? largest : Math.min(largest, 4.5), ringed = radius + (extremes.has(tag) ? 3 : 0);
-    return { tag, x: frame.x(tag.x), y: frame.y(tag.y), radius, ringed, urgency: is_large + tag.has_failed };
+    const value = tag.values[number] ?? null, is_large = tag.has_failed || value !== null;
+    const is_extreme = sensor?.extremes.some(([, ids]) => ids.includes(tag.id));
+    const radius = is_large ? largest : Math.min(largest, 4.5), outer = radius + (is_extreme ? 3 : 0);
+    return { tag, value, x: frame.x(tag.x), y: frame.y(tag.y), radius, outer, urgency: is_large + tag.has_failed };
   });
   const boxes = {
-    taken: dots.map(({ x, y, ringed }) => around(x, y, 2 * ringed, 2 * ringed)), room,
+    taken: dots.map(({ x, y, outer }) => around(x, y, 2 * outer, 2 * outer)), room: frame.room,
     route: data.route_steps.map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)),
   };
   for (const [word, [x, y]] of Object.entries(data.route_ends)) {
     const { box } = place_label(frame.x(x), frame.y(y), 5, width_of(word) + 16, boxes);
     boxes.taken.push(around(frame.x(x), frame.y(y), 10, 10), box);
-    write_label(svg, box, 'muted halo', word);
+    write_in(svg, box, 'muted halo', word);
   }
-  const leaders = draw(svg, 'g');
-  dots.sort((one, other) => other.urgency - one.urgency);
-  for (const dot of dots) draw_tag(svg, leaders, dot, value_of(dot.tag), boxes);
-  write_key();
+  const leaders = mark(svg, 'g');
+  dots.sort((one, other) => other.urgency - one.urgency).forEach(dot => draw_tag(svg, leaders, dot, boxes));
+  write_key(sensor);
   show_chosen();
 }
 
-function draw_tag(svg, leaders, { tag, x, y, radius, ringed, urgency }, value, boxes) {
-  const group = draw(svg, 'a', { href: address(tag), 'data-tag': tag.id, tabindex: -1 });
-  group.classList.toggle('failed', tag.has_failed);
-  const circle = (className, r, more) => draw(group, 'circle', { class: className, cx: x, cy: y, r, ...more });
-  draw(group, 'title', {}, hover_of(tag));  // its name for a screen reader, too
-  if (ringed > radius) circle('extreme', ringed);
+function draw_tag(svg, leaders, { tag, value, x, y, radius, outer, urgency }, boxes) {
+  const name = tag.has_failed ? 'failed' : '';
+  const group = mark(svg, 'a', { class: name, href: address(tag.id), 'data-tag': tag.id, tabindex: -1 });
+  const circle = (className, r, more) => mark(group, 'circle', { class: className, cx: x, cy: y, r, ...more });
+  mark(group, 'title', {}, facts_of(tag).join(' · '));  // its name for a screen reader, too
+  if (outer > radius) circle('extreme', outer);
   circle('ring', radius + 3);
   if (value === null) circle('dot empty', radius);
   else circle('dot', radius, { fill: data.sensors[state.sensor].colours[tag.number] });
-  if (tag.has_failed) draw(group, 'path', { class: 'cross', d: cross_at(x, y, radius / 2) });
+  if (tag.has_failed) mark(group, 'path', { class: 'cross', d: cross_at(x, y, radius / 2) });
   const text = label_of(tag, value), width = width_of(tag.id + text) + Math.min(tag.id.length, 12) + 6;
-  const { box, covered, is_far } = place_label(x, y, ringed, width, boxes);
+  const { box, covered, is_far } = place_label(x, y, outer, width, boxes);
   if (covered > 0.12 * width * TEXT_HEIGHT) return;
   boxes.taken.push(box);
   if (is_far) draw_leader(leaders, x, y, box);
-  const label = write_label(group, box, urgency ? 'halo' : 'muted halo');
-  draw(label, 'tspan', { class: urgency ? 'id' : '' }, tag.id);
-  if (text) draw(label, 'tspan', {}, text);
+  const label = write_in(group, box, urgency ? 'halo' : 'muted halo');
+  mark(label, 'tspan', { class: urgency ? 'id' : '' }, tag.id);
+  if (text) mark(label, 'tspan', {}, text);
 }
 
 function label_of(tag, value) {
   if (tag.has_failed) return failure_words.length > 1 ? ` ${tag.outcome}` : '';
   if (value === null) return '';
-  const sensor = data.sensors[state.sensor], [low, high] = sensor.limits;
-  return `: ${written(sensor, value)}${value > high ? ' ▲' : value < low ? ' ▼' : ''}`;
+  const { decimals, limits: [low, high] } = data.sensors[state.sensor];
+  return `: ${value.toFixed(decimals)}${value > high ? ' ▲' : value < low ? ' ▼' : ''}`;
 }
 
-const cross_at = (x, y, arm) => `M${x - arm} ${y - arm}l${2 * arm} ${2 * arm}m${-2 * arm} 0l${2 * arm} ${-2 * arm}`;
-
-function draw_axes(svg, frame, [left, top, right, bottom]) {
-  const step = nice_step(60 / frame.scale);
-  for (const x of ticks_of(view.x0, view.x1, step)) write(svg, frame.x(x), bottom + 15, short(x, 6), 'middle');
-  for (const y of ticks_of(view.y0, view.y1, step)) write(svg, left - 7, frame.y(y) + 4, short(y, 6), 'end');
-  write(svg, (left + right) / 2, bottom + 30, 'x (m)', 'middle');
-  const turned = draw(svg, 'g', { transform: `translate(${left - 30} ${(top + bottom) / 2}) rotate(-90)` });
-  write(turned, 0, 0, 'y (m)', 'middle');
-}
-
-function write_key() {
-  const sensor = data.sensors[state.sensor], [low, high] = sensor?.limits ?? [];
+function write_key(sensor) {
   document.querySelector('#scale p').hidden = !sensor;
-  if (sensor) {
-    element('low').textContent = short(low, 4);
-    element('high').textContent = `${short(high, 4)} ${sensor.unit}`;
-    document.querySelector('#scale .colours').ariaLabel = `Colours from ${low} to ${high} ${sensor.unit}`;
-  }
+  if (!sensor) return;
+  const [low, high] = sensor.limits;
+  element('low').textContent = short(low, 4);
+  element('high').textContent = `${short(high, 4)} ${sensor.unit}`;
+  document.querySelector('#scale .colours').ariaLabel = `Colours from ${low} to ${high} ${sensor.unit}`;
   const values = data.tags.map(tag => tag.values[state.sensor]).filter(value => value !== null);
   const outside = values.filter(value => value < low || value > high).length;
   element('outside').textContent = outside ? `▲ above, ▼ below the scale: ${outside}` : '';
-  element('without').textContent = sensor ? `no ${sensor.name}` : 'tag';
+  element('without').textContent = `no ${sensor.name}`;
 }
 
-// The tabs: a small map of each sensor
-
-function draw_tabs() {
-  element('tabs').replaceChildren();
-  const tabs = data.sensors.map(() => add(element('tabs'), 'button'));  // all, before one is measured
-  tabs.forEach((tab, number) => draw_tab(tab, data.sensors[number], number));
-  mark_tab();
-}
-
-function draw_tab(tab, sensor, number) {
-  tab.type = 'button';
-  tab.setAttribute('role', 'tab');
-  tab.setAttribute('aria-controls', 'panel');
+function draw_tab(sensor, number) {
+  const tab = mark(element('tabs'), 'button', { type: 'button', role: 'tab', 'aria-controls': 'panel' });
   tab.addEventListener('click', () => pick(number));
-  add(tab, 'b', sensor.name);
-  const size = state.is_printed ? PAPER.tab : [Math.max(tab.clientWidth - 12, 20), 170];
-  const frame = frame_of(...size, { left: 2, right: 2, top: 2, bottom: 2 });
-  const svg = draw(tab, 'svg', { width: frame.width, height: frame.height, 'aria-hidden': true });
+  mark(tab, 'b', {}, sensor.name);
+  const frame = frame_of(...TAB, { left: 2, right: 2, top: 2, bottom: 2 });
+  const svg = mark(tab, 'svg', { viewBox: `0 0 ${frame.width} ${frame.height}`, 'aria-hidden': true });
   draw_ground(svg, frame);
   const r = clamp(frame.scale * 0.22, 1.5, 6);
   for (const tag of placed_tags) {
-    const [cx, cy] = [frame.x(tag.x), frame.y(tag.y)], fill = sensor.colours[tag.number];
-    if (tag.has_failed) draw(svg, 'path', { class: 'cross thin', d: cross_at(cx, cy, r * 0.8) });
-    else if (fill) draw(svg, 'circle', { cx, cy, r, fill, stroke: 'currentColor', 'stroke-width': 0.7 });
+    const [cx, cy, fill] = [frame.x(tag.x), frame.y(tag.y), sensor.colours[tag.number]];
+    if (tag.has_failed) mark(svg, 'path', { class: 'cross thin', d: cross_at(cx, cy, r * 0.8) });
+    else if (fill) mark(svg, 'circle', { cx, cy, r, fill, stroke: 'currentColor', 'stroke-width': 0.7 });
   }
-  add(tab, 'span', sensor.value_range);
-  if (state.is_printed) {
-    const [low, high] = sensor.limits.map(each => short(each, 3)), key = add(tab, 'span', `${low} `, 'key');
-    add(key, 'i', '', 'colours');
-    key.append(` ${high}`);
-  }
+  mark(tab, 'span', {}, sensor.value_range);
+  const [low, high] = sensor.limits.map(each => short(each, 3));
+  const key = mark(tab, 'span', { class: 'key' }, `${low} `);
+  mark(key, 'i', { class: 'colours' });
+  key.append(` ${high}`);
   const unbroken = text => text.replace(/ (?=\S+ at )/, '\u00a0');
-  for (const [text] of sensor.extremes) add(tab, 'span', unbroken(text), 'extremes');  // on paper
-}
-
-function mark_tab() {
-  [...element('tabs').children].forEach((tab, n) => {
-    tab.setAttribute('aria-selected', n === state.sensor);
-    tab.tabIndex = n === state.sensor ? 0 : -1;
-  });
-  const sensor = data.sensors[state.sensor];
-  element('shown').textContent = sensor ? sensor.label : 'No tag was read';
-  pieces(element('extremes'), (sensor?.extremes ?? []).map(([text], n) => n ? text : `ringed: ${text}`));
+  for (const [text] of sensor.extremes) mark(tab, 'span', { class: 'extremes' }, unbroken(text));
 }
 
 function pick(number) {
-  state.sensor = (number + data.sensors.length) % data.sensors.length;
-  mark_tab();
+  const count = data.sensors.length, sensor = data.sensors[state.sensor = (number + count) % count];
+  [...element('tabs').children].forEach((tab, n) => {
+    tab.ariaSelected = n === state.sensor;
+    tab.tabIndex = n === state.sensor ? 0 : -1;
+  });
+  element('shown').textContent = sensor.label;
+  write_pieces(element('extremes'), sensor.extremes.map(([text], n) => n ? text : `ringed: ${text}`));
   draw_map();
 }
 
 // The table
 
-const named_value = (sensor, value) => `${sensor.name} ${with_unit(sensor, value)}`;
 const facts_of = tag => [
   `tag ${tag.id}: ${tag.outcome}${tag.reason ? ` (${tag.reason})` : ''}`,
-  ...tag.values.map((value, n) => value === null ? '' : named_value(data.sensors[n], value)),
+  ...tag.values.map((value, n) => value === null ? '' : `${data.sensors[n].name} ${with_unit(data.sensors[n], value)}`),
   tag.stamp_ms === null ? '' : `${clock(tag.stamp_ms)} (greenhouse ${day_time(tag.time_of_day)})`,
   tag.attempts > 1 ? `${tag.attempts} attempts` : '',
 ].filter(Boolean);
-const hover_of = tag => facts_of(tag).join(' · ');
 
-const dates = new Set(data.tags.filter(tag => tag.stamp_ms !== null).map(tag => date(tag.stamp_ms)));
-const has_attempts = data.tags.some(tag => tag.attempts > 1);
-const time_in_table = ms => dates.size > 1 ? `${date(ms)} ${clock(ms)}` : clock(ms);
 // What a column shows, and by what it sorts. A failed tag has its reason in place of the numbers.
+const is_over_days = dates_in_table.length > 1;
 const columns = [
   { name: 'tag', key: tag => tag.number },
   { name: 'outcome', key: tag => tag.outcome },
   ...data.sensors.map((sensor, n) => ({
-    name: sensor.name, unit: sensor.unit, key: tag => tag.values[n], text: value => written(sensor, value),
+    name: sensor.name, unit: sensor.unit, key: tag => tag.values[n], text: value => value.toFixed(sensor.decimals),
   })),
-  { name: 'time', unit: dates.size > 1 ? '' : [...dates].join(), key: tag => tag.stamp_ms, text: time_in_table },
+  {
+    name: 'time', unit: is_over_days ? '' : dates_in_table.join(), key: tag => tag.stamp_ms,
+    text: ms => is_over_days ? `${date(ms)} ${clock(ms)}` : clock(ms),
+  },
   { name: 'greenhouse', unit: 'time of day', key: tag => tag.time_of_day, text: day_time },
-  ...has_attempts ? [{ name: 'attempts', key: tag => tag.attempts, text: String }] : [],
+  ...data.tags.some(tag => tag.attempts > 1) ? [{ name: 'attempts', key: tag => tag.attempts, text: String }] : [],
 ];
 
 function write_table() {
-  const table = document.querySelector('table'), head = add(add(table, 'thead'), 'tr');
+  const table = document.querySelector('table'), head = mark(mark(table, 'thead'), 'tr');
   columns.forEach((column, number) => {
-    const cell = add(head, 'th', '', column.text ? 'number' : '');
-    cell.scope = 'col';
-    const button = add(cell, 'button', column.name);
-    button.type = 'button';
-    if (column.unit) add(cell, 'small', column.unit);
-    button.addEventListener('click', () => {
+    const cell = mark(head, 'th', { scope: 'col', class: column.text ? 'number' : '' });
+    mark(cell, 'button', { type: 'button' }, column.name).addEventListener('click', () => {
       state.is_descending = state.sort === number && !state.is_descending;
       state.sort = number;
-      [...head.children].forEach(each => each.removeAttribute('aria-sort'));
-      cell.setAttribute('aria-sort', state.is_descending ? 'descending' : 'ascending');
+      for (const each of head.children) each.removeAttribute('aria-sort');
+      cell.ariaSort = state.is_descending ? 'descending' : 'ascending';
       sort_table();
     });
+    if (column.unit) mark(cell, 'small', {}, column.unit);
   });
-  const body = add(table, 'tbody');
+  const body = mark(table, 'tbody');
   data.tags.forEach(tag => write_row(body, tag));
   const search = document.querySelector('input[type=search]');
   search.hidden = data.tags.length <= 50;
@@ -370,19 +310,15 @@ function write_table() {
 }
 
 function write_row(body, tag) {
-  tag.row = add(body, 'tr', '', tag.has_failed ? 'failed' : '');
-  const first = add(tag.row, 'th');
-  first.scope = 'row';
-  first.title = tag.id;
-  add(first, 'a', tag.id).href = address(tag);
-  add(tag.row, 'td', tag.outcome);
+  tag.row = mark(body, 'tr', { class: tag.has_failed ? 'failed' : '', 'data-tag': tag.id });
+  mark(mark(tag.row, 'th', { scope: 'row', title: tag.id }), 'a', { href: address(tag.id) }, tag.id);
+  mark(tag.row, 'td', {}, tag.outcome);
   if (tag.has_failed) {
-    const cell = add(tag.row, 'td', '', 'reason');
-    cell.colSpan = data.sensors.length + 2;
-    add(cell, 'div', tag.reason);
+    const cell = mark(tag.row, 'td', { class: 'reason', colspan: data.sensors.length + 2 });
+    mark(cell, 'div', {}, tag.reason);
   }
   for (const { key, text } of columns.slice(tag.has_failed ? data.sensors.length + 4 : 2)) {
-    add(tag.row, 'td', key(tag) === null ? '' : text(key(tag)), 'number');
+    mark(tag.row, 'td', { class: 'number' }, key(tag) === null ? '' : text(key(tag)));
   }
   tag.row.addEventListener('click', () => choose(tag));
 }
@@ -392,7 +328,7 @@ function sort_table() {
   const compare = (one, other) => {
     if (one.has_failed !== other.has_failed) return one.has_failed ? -1 : 1;
     const [a, b] = [one, other].map(key);
-    if (a === b || a === null || b === null) return (a === null) - (b === null) || one.number - other.number;
+    if (a === b || a === null || b === null) return (a === null) - (b === null);
     return a < b ? -sign : sign;
   };
   document.querySelector('tbody').append(...[...data.tags].sort(compare).map(tag => tag.row));
@@ -400,18 +336,15 @@ function sort_table() {
 
 // The charts
 
-const nice_step = least => {
+function nice_step(least) {
   const power = 10 ** Math.floor(Math.log10(least));
   return [1, 2, 5, 10].map(each => each * power).find(each => each >= least * 0.999);
-};
-const ticks_of = (low, high, step) => {
+}
+
+function ticks_of(low, high, step) {
   const first = Math.ceil(low / step - 1e-9), count = Math.floor(high / step + 1e-9) - first + 1;
   return Array.from({ length: Math.max(count, 0) }, (_, n) => (first + n) * step);
-};
-const WALL_STEPS_MS = [
-  1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, DAY_SECONDS,
-].map(seconds => seconds * 1000);
-const DAY_MS = DAY_SECONDS * 1000;
+}
 
 function wall_axis(width) {
   const [first, last] = data.span_ms, slack = Math.max((last - first) * 0.01, 250);
@@ -428,7 +361,6 @@ function day_axis(width) {
   return { low: 0, high: DAY_SECONDS, ticks, text: day_time, start: 0 };
 }
 
-// Returns the ticks of the values, and with how many decimals they are written.
 function value_axis(sensor, height) {
   const [least, greatest] = sensor.extent;
   const least_step = Math.max((greatest - least) / (height / 40), Math.abs(greatest) * 1e-6, 10 ** -sensor.decimals);
@@ -441,11 +373,11 @@ function value_axis(sensor, height) {
 function draw_charts() {
   element('figures').replaceChildren();
   const figures = data.sensors.filter(sensor => sensor.lines.length).map(sensor => {
-    const figure = add(element('figures'), 'figure'), caption = add(figure, 'figcaption');
-    add(caption, 'b', sensor.label);
-    return [sensor, add(figure, 'div', '', 'charting'), add(caption, 'span')];  // all, before one is measured
+    const figure = mark(element('figures'), 'figure'), caption = mark(figure, 'figcaption');
+    mark(caption, 'b', {}, sensor.label);
+    return [sensor, mark(figure, 'div', { class: 'charting' }), mark(caption, 'span')];
   });
-  figures.forEach(([sensor, place, readout]) => draw_chart(sensor, place, readout));
+  figures.forEach(each => draw_chart(...each));  // after all figures are there, which changes their widths
   const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
   const axis = state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : '';
   element('series').textContent = `${is_line ? LINES : POINTS}${axis}.`;
@@ -454,33 +386,32 @@ function draw_charts() {
 
 function draw_chart(sensor, place, readout) {
   const [width, height] = state.is_printed ? PAPER.chart : [Math.max(place.clientWidth, 120), 220];
-  const values = value_axis(sensor, height);
-  const left = 10 + Math.max(...values.ticks.map(each => width_of(values.text(each)))), right = width - 34;
+  const values = value_axis(sensor, height), right = width - 34;
+  const left = 10 + Math.max(...values.ticks.map(each => width_of(values.text(each))));
   const times = (state.clock === 'wall' ? wall_axis : day_axis)(right - left);
   const x = at => left + (at - times.low) / (times.high - times.low) * (right - left);
   const y = value => 8 + (values.top - value) / (values.top - values.bottom) * (height - 34);
   const axis_name = state.clock === 'wall' ? 'wall time' : 'time of day in the greenhouse';
   const name = `${sensor.label} of ${sensor.lines.length} tags against ${axis_name}`;
-  const svg = drawing(place, width, height, { role: 'img', 'aria-label': name });
+  const svg = start_drawing(place, width, height, { role: 'img', 'aria-label': name });
   for (const value of values.ticks) {
-    draw(svg, 'path', { class: 'grid', d: `M${left} ${y(value)}H${right}` });
+    mark(svg, 'path', { class: 'grid', d: `M${left} ${y(value)}H${right}` });
     write(svg, left - 6, y(value) + 4, values.text(value), 'end');
   }
   for (const at of times.ticks) {
-    draw(svg, 'path', { class: 'grid', d: `M${x(at)} ${y(values.bottom)}v4` });
+    mark(svg, 'path', { class: 'grid', d: `M${x(at)} ${y(values.bottom)}v4` });
     write(svg, x(at), height - 8, times.text(at), 'middle');
   }
   const lines = sensor.lines.map(line => {
-    const tag = data.tags[line.tag], points = line[state.clock].map(([offset, value, low, high]) => {
+    const tag = data.tags[line.tag], points = line[state.clock].map(([offset, value, low = value, high = value]) => {
       const at = times.start + offset;
-      return { tag, at, value, low, high, x: x(at), y: y(value), y_low: y(low ?? value), y_high: y(high ?? value) };
+      return { tag, at, value, low, high, x: x(at), y: y(value), y_low: y(low), y_high: y(high) };
     });
     return { points, group: draw_line(svg, tag, points) };
   });
-  const points = lines.flatMap(line => line.points);
-  label_lines(lines, points, [left, 0, width, y(values.bottom) + 8]);
+  label_lines(lines, [left, 0, width, y(values.bottom) + 8]);
   const nearest = event => {
-    const corner = svg.getBoundingClientRect();
+    const corner = svg.getBoundingClientRect(), points = lines.flatMap(line => line.points);
     const distance = p => Math.hypot(p.x - event.clientX + corner.left, p.y - event.clientY + corner.top);
     return points.reduce((best, p) => distance(p) < (best ? distance(best) : 40) ? p : best, null);
   };
@@ -490,38 +421,15 @@ function draw_chart(sensor, place, readout) {
 }
 
 function draw_line(svg, tag, points) {
-  const group = draw(svg, 'g', { class: points.length > 1 ? 'series line' : 'series', 'data-tag': tag.id });
+  const group = mark(svg, 'g', { class: points.length > 1 ? 'series line' : 'series', 'data-tag': tag.id });
   const runs = runs_of(points).filter(run => run.length > 1);
-  for (const run of runs.filter(each => each.some(p => p.low !== undefined))) {
+  for (const run of runs.filter(each => each.some(p => p.low < p.high))) {
     const band = [...run.map(p => [p.x, p.y_high]), ...run.map(p => [p.x, p.y_low]).reverse()];
-    draw(group, 'path', { class: 'band', d: path_of(band) });
+    mark(group, 'path', { class: 'band', d: path_of(band) });
   }
-  for (const run of runs) draw(group, 'path', { d: path_of(run.map(p => [p.x, p.y])) });
-  if (points.length < 30) points.forEach(p => draw(group, 'circle', { cx: p.x, cy: p.y, r: 2.5 }));
+  for (const run of runs) mark(group, 'path', { d: path_of(run.map(p => [p.x, p.y])) });
+  if (points.length < 30) points.forEach(p => mark(group, 'circle', { cx: p.x, cy: p.y, r: 2.5 }));
   return group;
-}
-
-// Labels the last point of each line. A label without a free place is shown if its tag is chosen.
-function label_lines(lines, points, room) {
-  const taken = points.map(p => around(p.x, p.y, 5, 5)), shown = lines.filter(line => line.points.length);
-  for (const { group, points } of shown) {
-    const { tag, x, y } = points.at(-1), most_places = points.length > 1 ? 1 : Infinity;
-    const { box, covered, outside, is_far } = place_label(x, y, 1, width_of(tag.id), { taken, room, most_places });
-    const is_free = shown.length <= MOST_LABELLED && covered + outside < 1;
-    if (is_free) taken.push(box);
-    if (is_free && is_far) draw_leader(group, x, y, box);
-    const aside = (5 + width_of(tag.id) / 2) * (x + 5 + width_of(tag.id) > room[2] ? -1 : 1);
-    write_label(group, is_free ? box : around(x + aside, y, 0, TEXT_HEIGHT), is_free ? 'halo' : 'halo spare', tag.id);
-  }
-}
-
-const path_of = points => `M${points.map(point => point.map(each => each.toFixed(1)).join()).join('L')}`;
-
-function readout_of(sensor, point) {
-  if (!point) return '';
-  const { tag, at, value, low, high } = point, time = state.clock === 'wall' ? clock(at) : day_time(at);
-  const range = low === undefined ? '' : ` (${written(sensor, low)} to ${written(sensor, high)})`;
-  return `tag ${tag.id}, ${time}: ${with_unit(sensor, value)}${range}`;
 }
 
 // Returns the points of a line in pieces: a gap of many times the usual distance has no line.
@@ -535,46 +443,69 @@ function runs_of(points) {
   return runs;
 }
 
-// The chosen tag
-
-function show_chosen() {
-  const tag = chosen_tag();
-  pieces(element('chosen'), tag ? facts_of(tag) : []);
-  if (!tag) {
-    const hint = add(element('chosen'), 'span', 'Choose a tag in the map, the table or a chart', 'muted');
-    hint.id = 'hint';
-    add(hint, 'span', ', or with the arrow keys in the map', 'keys');
-    hint.append('.');
-  }
-  const dots = [...document.querySelectorAll('#map a')], focused = document.activeElement;
-  for (const each of [...dots, ...document.querySelectorAll('.series')]) {
-    const is_chosen = tag !== undefined && each.dataset.tag === tag.id;
-    each.classList.toggle('chosen', is_chosen);
-    if (is_chosen && each.nextSibling) each.parentNode.append(each);  // above the others
-  }
-  const current = dots.find(dot => dot.dataset.tag === tag?.id) ?? dots[0];
-  for (const dot of dots) {
-    dot.setAttribute('tabindex', dot === current ? 0 : -1);
-    dot.removeAttribute('aria-current');
-  }
-  if (dots.includes(focused)) focused.focus({ preventScroll: true });  // it was moved
-  if (tag) current?.setAttribute('aria-current', 'true');
-  for (const each of data.tags) {
-    const link = each.row.querySelector('a');
-    each.row.classList.toggle('chosen', each === tag);
-    if (each === tag) link.setAttribute('aria-current', 'true');
-    else link.removeAttribute('aria-current');
+// Labels the last point of each line. A label without a free place is shown if its tag is chosen.
+function label_lines(lines, room) {
+  const taken = lines.flatMap(line => line.points.map(p => around(p.x, p.y, 5, 5)));
+  for (const { group, points } of lines) {
+    const { tag, x, y } = points.at(-1), most_places = points.length > 1 ? 1 : Infinity, width = width_of(tag.id);
+    const { box, covered, outside, is_far } = place_label(x, y, 1, width, { taken, room }, most_places);
+    if (lines.length <= MOST_LABELLED && covered + outside < 1) {
+      taken.push(box);
+      if (is_far) draw_leader(group, x, y, box);
+      write_in(group, box, 'halo', tag.id);
+    } else {
+      const aside = (5 + width / 2) * (x + 5 + width > room[2] ? -1 : 1);
+      write_in(group, around(x + aside, y, 0, TEXT_HEIGHT), 'halo spare', tag.id);
+    }
   }
 }
 
-const KEY_STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
-element('map').addEventListener('keydown', event => {
-  const step = KEY_STEPS[event.key];
-  if (!step || !placed_tags.length) return;
-  event.preventDefault();
-  const here = placed_tags.findIndex(tag => tag.id === document.activeElement.dataset.tag);
-  choose(placed_tags[(here + step + placed_tags.length) % placed_tags.length]);
+function readout_of(sensor, point) {
+  if (!point) return '';
+  const { tag, at, value, low, high } = point, time = state.clock === 'wall' ? clock(at) : day_time(at);
+  const range = low < high ? ` (${low.toFixed(sensor.decimals)} to ${high.toFixed(sensor.decimals)})` : '';
+  return `tag ${tag.id}, ${time}: ${with_unit(sensor, value)}${range}`;
+}
+
+// The chosen tag
+
+function chosen_tag() {
+  try {
+    const id = decodeURIComponent(location.hash.replace(/^#tag=/, ''));
+    return data.tags.find(tag => tag.id === id);
+  } catch {
+    return undefined;  // not an address of ours
+  }
+}
+
+function choose(tag) {
+  if (tag) location.hash = address(tag.id);
+  else history.replaceState(null, '', location.pathname + location.search);
   show_chosen();
+}
+
+function show_chosen() {
+  const tag = chosen_tag(), focused = document.activeElement;
+  write_pieces(element('facts'), tag ? facts_of(tag) : []);
+  element('hint').hidden = Boolean(tag);
+  for (const each of document.querySelectorAll('[data-tag]')) {
+    const is_chosen = each.dataset.tag === tag?.id;
+    each.classList.toggle('chosen', is_chosen);
+    each.ariaCurrent = is_chosen ? 'true' : null;
+    if (is_chosen && each.localName !== 'tr' && each.nextSibling) each.parentNode.append(each);  // above the others
+  }
+  const dots = [...document.querySelectorAll('#map a')];
+  const current = dots.find(dot => dot.dataset.tag === tag?.id) ?? dots[0];
+  for (const dot of dots) dot.setAttribute('tabindex', dot === current ? 0 : -1);
+  if (dots.includes(focused)) focused.focus({ preventScroll: true });  // it was moved
+}
+
+element('map').addEventListener('keydown', event => {
+  const step = KEY_STEPS[event.key], focused = document.activeElement.dataset.tag;
+  if (!step) return;
+  event.preventDefault();
+  const here = placed_tags.findIndex(tag => tag.id === focused);
+  choose(placed_tags[(here + step + placed_tags.length) % placed_tags.length]);
   document.querySelector('#map a.chosen')?.focus();
 });
 element('tabs').addEventListener('keydown', event => {
@@ -584,14 +515,15 @@ element('tabs').addEventListener('keydown', event => {
   element('tabs').children[state.sensor].focus();
 });
 document.addEventListener('keydown', event => { if (event.key === 'Escape') choose(); });
-document.querySelectorAll('[name=clock]').forEach(each => each.addEventListener('change', () => {
-  state.clock = each.value;
-  draw_charts();
-}));
+for (const each of document.querySelectorAll('[name=clock]')) {
+  each.addEventListener('change', () => {
+    state.clock = each.value;
+    draw_charts();
+  });
+}
 
-function draw_all(is_printed = state.is_printed) {
+function draw_all(is_printed = false) {
   state.is_printed = is_printed;
-  draw_tabs();
   draw_map();
   draw_charts();
 }
@@ -606,7 +538,10 @@ element('zone').textContent = `wall time (${zone})`;
 element('charts').hidden = !data.sensors.length;
 write_head();
 write_table();
-draw_all();
+data.sensors.forEach(draw_tab);
+if (data.sensors.length) pick(0);
+else draw_map();
+draw_charts();
 addEventListener('hashchange', show_chosen);
 let drawn_width = innerWidth;
 addEventListener('resize', () => {
@@ -615,4 +550,4 @@ addEventListener('resize', () => {
   draw_all();
 });
 addEventListener('beforeprint', () => draw_all(true));
-addEventListener('afterprint', () => draw_all(false));
+addEventListener('afterprint', () => draw_all());

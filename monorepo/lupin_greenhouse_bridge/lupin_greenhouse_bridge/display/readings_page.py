@@ -8,11 +8,13 @@ The page is one HTML file that needs no server and no network. Does not import R
 import argparse
 import base64
 import hashlib
+import html
+import itertools
 import json
-import re
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
+from string import Template
 from typing import Any
 
 import numpy as np
@@ -50,90 +52,77 @@ def main(arguments: list[str] | None = None) -> int:
 def _page_of(options: argparse.Namespace, file: ReadingFile) -> bytes:
     if not (file.rows or file.visits):
         raise command.NothingToDraw(f"'{options.file}': holds no readings: there is no page")
-    layout, walls, colour_ranges = command.greenhouse_of(options, file)
-    data = data_of(file, layout, walls, colour_ranges) | route_data(command.read_route(options.route), walls)
-    data['title'] = escaped(options.file.name, LONGEST_NAME)
-    return fill(data).encode()
+    greenhouse, route = command.greenhouse_of(options, file), command.read_route(options.route)
+    return fill(escaped(options.file.name, LONGEST_NAME), data_of(file, *greenhouse, route)).encode()
 
 
-def fill(data: dict[str, Any]) -> str:
+def fill(title: str, data: dict[str, Any]) -> str:
     """Return the page. No text in a file can close the element with the data, or run as a script."""
     script = SCRIPT.read_text(encoding='utf-8')
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    text = json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(',', ':'))
-    parts = {'HASH': digest, 'SCRIPT': script, 'DATA': text.replace('<', '\\u003c')}
-    return re.sub(
-        r'(?<=sha256-)HASH|(?<=>)(SCRIPT|DATA)(?=<)',
-        lambda match: parts[match[0]],
-        TEMPLATE.read_text(encoding='utf-8'),
+    text = json.dumps(data | {'title': title}, allow_nan=False, ensure_ascii=False, separators=(',', ':'))
+    return Template(TEMPLATE.read_text(encoding='utf-8')).substitute(
+        hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        title=html.escape(title),
+        data=text.replace('<', '\\u003c'),
+        script=script,
     )
 
 
 def data_of(
-    file: ReadingFile, layout: Layout, walls: Walls, colour_ranges: Mapping[str, tuple[float, float]]
+    file: ReadingFile,
+    layout: Layout,
+    walls: Walls,
+    colour_ranges: Mapping[str, tuple[float, float]],
+    route: list[placing.Point],
 ) -> dict[str, Any]:
     """Return what the page shows. Stamps are in milliseconds, everything else is as in Row."""
-    sensors = sorted({row.sensor for row in file.rows}, key=sensor_order)
-    tags = tags_of(file, layout, sensors)
-    shown = dict(list(tags.items())[:MOST_TAGS])
-    numbers = {tag_id: number for number, tag_id in enumerate(shown)}
-    lines = lines_of(file.rows, numbers)
-    values = {sensor: [row.value for row in file.rows if row.sensor == sensor] for sensor in sensors}
-    limits = {sensor: colour_limits(values[sensor], colour_ranges.get(sensor)) for sensor in sensors}
+    rows, failures = file.rows, summary.failures_of(file.visits)
+    sensors = sorted({row.sensor for row in rows}, key=sensor_order)
+    all_tags = tags_of(file, layout, sensors)
+    tags = dict(itertools.islice(all_tags.items(), MOST_TAGS))
+    numbers = {tag_id: number for number, tag_id in enumerate(tags)}
+    lines = lines_of(rows, numbers)
+    points = [*(tag[:2] for tag in layout.tags.values()), *route]
+    boxes = np.array([walls, *layout.tables.values(), *(point * 2 for point in points)])
     notes = []
-    if len(tags) > MOST_TAGS:
-        notes.append(f'The map, the table and the charts show {MOST_TAGS:,} of {len(tags):,} tags.')
-    if lost := [tag['id'] for tag in tags.values() if tag['x'] is None]:
+    if len(all_tags) > MOST_TAGS:
+        notes.append(f'The map, the table and the charts show {MOST_TAGS:,} of {len(all_tags):,} tags.')
+    if lost := [tag['id'] for tag in all_tags.values() if tag['x'] is None]:
         notes.append(
             f'Tags without a position: {len(lost):,}, such as {lost[0]}. Name the layout with --tag-file.'
         )
-    failed = Counter(tag['outcome'] for tag in tags.values() if tag['has_failed'])
-    unread = Counter(
-        tag['outcome'] for tag in tags.values() if tag['stamp_ms'] is None and not tag['has_failed']
-    )
     return {
         'colours': STOPS,
         'sensors': [
-            _sensor_data(sensor, [tag['values'][place] for tag in shown.values()], limits[sensor], numbers)
-            | {'lines': lines[sensor], 'extent': (min(values[sensor]), max(values[sensor]))}
-            for place, sensor in enumerate(sensors)
+            _sensor_data(each, rows, tags, colour_ranges.get(each)) | {'lines': lines[each]}
+            for each in sensors
         ],
-        'tags': list(shown.values()),
-        'read_count': len(tags) - failed.total() - unread.total(),
-        'tag_count': len(tags),
-        'counts': [
-            (outcome, count, counter is failed)
-            for counter in (failed, unread)
-            for outcome, count in counter.most_common()
-        ],
-        'failures': [
-            {
-                'word': word,
-                'reason': reason,
-                'count': len(tag_ids),
-                'tags': [numbers[tag_id] for tag_id in tag_ids if tag_id in numbers][:MOST_NAMED],
-            }
-            for word, reason, tag_ids in summary.failures_of(file.visits)
-        ],
-        'span_ms': [row.stamp_ns // NS_PER_MS for row in (*file.rows[:1], *file.rows[-1:])],
-        'duration': summary.duration_text(file.rows[0].stamp_ns, file.rows[-1].stamp_ns) if file.rows else '',
-        'greenhouse_times': summary.greenhouse_times(file.rows) if file.rows else '',
-        'speed': summary.speed_text(file.rows),
-        'is_binned': any('is_binned' in line for each in lines.values() for line in each),
+        'tags': [tag | {'values': list(tag['values'].values())} for tag in tags.values()],
+        'counts': _counts_of(all_tags, failures, 'not visited' if file.visits else 'not in the file'),
+        'failures': [_failure_data(each, tags) for each in failures],
+        'span_ms': [row.stamp_ns // NS_PER_MS for row in (*rows[:1], *rows[-1:])],
+        'duration': summary.duration_text(rows[0].stamp_ns, rows[-1].stamp_ns) if rows else '',
+        'greenhouse_times': summary.greenhouse_times(rows) if rows else '',
+        'speed': summary.speed_text(rows),
+        'is_binned': any(line['is_binned'] for each in lines.values() for line in each),
         'closest_m': placing.closest_m([tag[:2] for tag in layout.tags.values()]),
         'walls': walls,
         'tables': list(layout.tables.values()),
+        'view': [*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0)],
         'notes': notes,
+        **_route_data(route, walls),
     }
 
 
 def _sensor_data(
-    sensor: str, values: list[float | None], limits: tuple[float, float], numbers: dict[str, int]
+    sensor: str, rows: list[Row], tags: dict[str, dict[str, Any]], colour_range: tuple[float, float] | None
 ) -> dict[str, Any]:
-    """Return the texts, the colours and the limits of a sensor, from the value of each tag."""
-    known = {tag_id: value for tag_id, value in zip(numbers, values, strict=True) if value is not None}
+    """Return the texts, the colours and the limits of a sensor."""
+    all_values = [row.value for row in rows if row.sensor == sensor]
+    limits = colour_limits(all_values, colour_range)
+    values = {tag_id: tag['values'][sensor] for tag_id, tag in tags.items()}
+    known = {tag_id: value for tag_id, value in values.items() if value is not None}
     colours = dict(zip(known, hex_colours_of(list(known.values()), *limits), strict=True))
-    extremes = summary.extremes_of(sensor, known)
     ends = dict.fromkeys(value_text(sensor, pick(known.values())) for pick in (min, max) if known)
     return {
         'name': escaped(sensor.replace('_', ' '), LONGEST_NAME),
@@ -141,13 +130,42 @@ def _sensor_data(
         'unit': unit_of(sensor),
         'decimals': decimals_of(sensor),
         'limits': limits,
-        'colours': [colours.get(tag_id) for tag_id in numbers],
+        'extent': (min(all_values), max(all_values)),
+        'colours': [colours.get(tag_id) for tag_id in tags],
         'value_range': f'{" to ".join(ends)} {unit_of(sensor)}'.strip() if known else 'no value',
-        'extremes': [(text, [numbers[tag_id] for tag_id in tag_ids]) for text, tag_ids in extremes],
+        'extremes': [
+            (text, [tags[tag_id]['id'] for tag_id in tag_ids])
+            for text, tag_ids in summary.extremes_of(sensor, known)
+        ],
     }
 
 
-def route_data(route: list[placing.Point], walls: Walls) -> dict[str, Any]:
+def _counts_of(
+    tags: dict[str, dict[str, Any]], failures: list[summary.Failures], unread_word: str
+) -> list[tuple[str, bool]]:
+    """Return how many tags were read and how many were not, each as a text and whether it is bad."""
+    failed = summary.failure_counts(failures)
+    unread = sum(tag['stamp_ms'] is None and not tag['has_failed'] for tag in tags.values())
+    read = len(tags) - unread - sum(failed.values())
+    return [
+        (f'{read:,} of {len(tags):,} tags read', False),
+        *((f'{count:,} {word}', True) for word, count in failed.items()),
+        *([(f'{unread:,} {unread_word}', False)] if unread else []),
+    ]
+
+
+def _failure_data(failure: summary.Failures, tags: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    shown = [tags[tag_id]['id'] for tag_id in failure.tag_ids if tag_id in tags][:MOST_NAMED]
+    more = len(failure.tag_ids) - len(shown)
+    return {
+        'word': failure.word,
+        'reason': failure.reason,
+        'tags': shown,
+        'more': f' and {more:,} more' if more else '',
+    }
+
+
+def _route_data(route: list[placing.Point], walls: Walls) -> dict[str, Any]:
     """Return the route of a robot in metres, with its arrows, and with points that labels avoid."""
     step_m = max(LABEL_STEP_M, placing.length_m(route) / MOST_STEPS)
     arrow_m = max(placing.ARROW_EVERY_M, (walls.y1 - walls.y0) / MOST_ARROWS_ACROSS, step_m)
@@ -164,15 +182,15 @@ def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, 
     """Return the last reading and the last visit of each tag: failures first, then tags without a reading."""
     readings, visits = last_reading_of_each_tag(file.rows), {each.tag_id: each for each in file.visits}
     tags = {}
-    for tag_id in dict.fromkeys([*layout.tags, *readings, *visits]):
+    for tag_id in sorted({*layout.tags, *readings, *visits}, key=natural_order):
         place, visit, reading = layout.tags.get(tag_id), visits.get(tag_id), readings.get(tag_id, {})
         row = next(iter(reading.values()), None)
         has_failed = visit is not None and visit.outcome != 'OK'
-        values = [reading[sensor].value if sensor in reading else None for sensor in sensors]
         if visit or row:
             outcome = summary.outcome_text(visit.outcome if visit else 'OK')
         else:
             outcome = 'not visited' if file.visits else 'not in the file'
+        shown = {} if has_failed else reading  # which is of an earlier visit
         tags[tag_id] = {
             'id': escaped(tag_id, LONGEST_NAME),
             'x': place and place.x,
@@ -183,15 +201,10 @@ def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, 
             'attempts': visit and visit.attempts,
             'stamp_ms': row and row.stamp_ns // NS_PER_MS,
             'time_of_day': row and row.sim_time_of_day_seconds,
-            'values': [None] * len(sensors) if has_failed else values,  # of an earlier visit
+            'values': {each: shown[each].value if each in shown else None for each in sensors},
         }
-    return dict(sorted(tags.items(), key=_urgency))
-
-
-def _urgency(item: tuple[str, dict[str, Any]]) -> tuple[Any, ...]:
-    """Return what sorts tags: failures first, then those without a reading, then by number."""
-    tag_id, tag = item
-    return not tag['has_failed'], tag['stamp_ms'] is not None, natural_order(tag_id)
+    is_first = {tag_id: (not tag['has_failed'], tag['stamp_ms'] is not None) for tag_id, tag in tags.items()}
+    return dict(sorted(tags.items(), key=lambda item: is_first[item[0]]))
 
 
 def lines_of(rows: list[Row], numbers: dict[str, int]) -> dict[str, list[dict[str, Any]]]:
@@ -199,24 +212,25 @@ def lines_of(rows: list[Row], numbers: dict[str, int]) -> dict[str, list[dict[st
     Return the lines of the charts by sensor, one for each tag: over wall time and over the time of day.
 
     A point is [time, value], or [mean time, median, lowest, highest] of the values in a bin. Wall time is in
-    milliseconds since the first row. It has bins only if a line has more values than bins.
+    milliseconds since the first row. A bin of it is a millisecond, or longer if there are too many values.
     """
     groups = defaultdict(list)
     for row in rows:
         if row.tag_id in numbers:
-            groups[row.sensor, row.tag_id].append((row.stamp_ns, row.sim_time_of_day_seconds, row.value))
+            ms = (row.stamp_ns - rows[0].stamp_ns) // NS_PER_MS
+            groups[row.sensor, row.tag_id].append((ms, row.sim_time_of_day_seconds, row.value))
     most_bins = max(MOST_BINS // max(len(groups), 1), 1)
+    wall_bins, day_bins = min(WALL_BINS, most_bins), min(DAY_BINS, most_bins)
     lines = defaultdict(list)
     for (sensor, tag_id), group in sorted(groups.items(), key=lambda item: numbers[item[0][1]]):
-        stamps_ns, times_of_day, values = (np.array(each) for each in zip(*group, strict=True))
-        stamps_ms = (stamps_ns - rows[0].stamp_ns) // NS_PER_MS
-        line: dict[str, Any] = {'tag': numbers[tag_id]}
-        if len(values) > (wall_bins := min(WALL_BINS, most_bins)):
-            span_ms = int(stamps_ms[-1]) + 1
-            line |= {'wall': binned(stamps_ms, values, span_ms / wall_bins), 'is_binned': True}
-        else:
-            line['wall'] = [[int(ms), rounded(value)] for ms, value in zip(stamps_ms, values, strict=True)]
-        line['day'] = binned(times_of_day, values, DAY_SECONDS / min(DAY_BINS, most_bins))
+        stamps_ms, times_of_day, values = np.array(group).T
+        is_binned = len(group) > wall_bins
+        line = {
+            'tag': numbers[tag_id],
+            'is_binned': is_binned,
+            'wall': binned(stamps_ms, values, (stamps_ms[-1] + 1) / wall_bins if is_binned else 1),
+            'day': binned(times_of_day, values, DAY_SECONDS / day_bins),
+        }
         lines[sensor].append(line)
     return lines
 

@@ -85,23 +85,17 @@ def test_the_failures_are_counted_and_grouped_by_reason_the_largest_first(report
             visit('2', co2=1.0),
         )
     )
-    ids = [tag['id'] for tag in data['tags']]
-    groups = [
-        (each['count'], each['word'], each['reason'], [ids[number] for number in each['tags']])
-        for each in data['failures']
+    assert [tuple(each.values()) for each in data['failures']] == [
+        ('unreachable', 'cut off', ['9', '10'], ''),
+        ('timeout', 'no reply', ['7'], ''),
+        ('unreachable', 'no pose', ['5'], ''),
     ]
-    assert groups == [
-        (2, 'unreachable', 'cut off', ['9', '10']),
-        (1, 'timeout', 'no reply', ['7']),
-        (1, 'unreachable', 'no pose', ['5']),
-    ]
-    unvisited = len(shipped_tags) - 6
     assert data['counts'] == [
-        ['unreachable', 3, True],
-        ['timeout', 1, True],
-        ['not visited', unvisited, False],
+        [f'2 of {len(shipped_tags)} tags read', False],
+        ['3 unreachable', True],
+        ['1 timeout', True],
+        [f'{len(shipped_tags) - 6} not visited', False],
     ]
-    assert (data['read_count'], data['tag_count']) == (2, len(shipped_tags))
 
 
 def test_the_lowest_and_the_highest_values_are_those_of_read_tags_and_all_tags_with_them(report):
@@ -114,22 +108,23 @@ def test_the_lowest_and_the_highest_values_are_those_of_read_tags_and_all_tags_w
             visit('12', 'TIMEOUT', 'no reply'),
         )
     )
-    ids = [tag['id'] for tag in data['tags']]
     (sensor,) = data['sensors']
-    assert [(text, [ids[number] for number in numbers]) for text, numbers in sensor['extremes']] == [
-        ('lowest 600 ppm at tag 5', ['5']),
-        ('highest 700 ppm at tags 1 and 3', ['1', '3']),
+    assert sensor['extremes'] == [
+        ['lowest 600 ppm at tag 5', ['5']],
+        ['highest 700 ppm at tags 1 and 3', ['1', '3']],
     ]
     assert sensor['limits'] == [600.0, 800.0]
 
 
 def test_more_tags_than_are_shown_are_counted(report):
     count = readings_page.MOST_TAGS + 2
-    data = shown(report(*(visit(f't{number}', co2=1.0) for number in range(count))))
-    total = count + len(find_layout('').tags)
-    assert (data['read_count'], data['tag_count']) == (count, total)
+    failed = [visit(f'f{number}', 'TIMEOUT') for number in range(readings_page.MOST_NAMED + 7)]
+    data = shown(report(*(visit(f't{number}', co2=1.0) for number in range(count)), *failed))
+    total = count + len(failed) + len(find_layout('').tags)
+    assert data['counts'][0] == [f'{count:,} of {total:,} tags read', False]
     assert len(data['tags']) == readings_page.MOST_TAGS
     assert data['notes'][0] == f'The map, the table and the charts show 1,000 of {total:,} tags.'
+    assert data['failures'][0]['more'] == ' and 7 more'
 
 
 def test_the_route_that_a_robot_drove_is_shown(report, tmp_path):
@@ -192,7 +187,7 @@ def test_a_day_of_the_simulator_shows_each_tag_in_each_half_hour():
             rows.append(Row(ns, '', tag_id, sensor, value, '', tag.x, tag.y, sim_time, 'test'))
             low, high = bounds[sensor, tag_id, sim_time]
             bounds[sensor, tag_id, sim_time] = min(low, value), max(high, value)
-    data = readings_page.data_of(ReadingFile(rows, []), layout, find_walls(layout), {})
+    data = readings_page.data_of(ReadingFile(rows, []), layout, find_walls(layout), {}, [])
     seen = set()
     for sensor in data['sensors']:
         for line in sensor['lines']:
@@ -205,59 +200,40 @@ def test_a_day_of_the_simulator_shows_each_tag_in_each_half_hour():
                 seen.add((name, tag_id, at))
     assert seen == set(bounds)
     assert len(seen) == 48 * len(series)
-    assert len(readings_page.fill(data)) < 5e6
+    assert len(readings_page.fill('a day', data)) < 5e6
 
 
 def test_only_the_script_of_the_page_itself_may_run(report):
-    path = report(visit('1', co2=1.0))
-    shown(path)
+    """No text of a file ends the data of the page."""
+    path = report(visit(EVIL, 'UNKNOWN_TAG', EVIL), visit('1', **{EVIL: 1.0}))
+    data = shown(path)
+    assert (data['tags'][0]['id'], data['tags'][0]['reason']) == (EVIL, EVIL)
+    assert data['sensors'][0]['name'] == EVIL
     page = path.with_suffix('.html').read_text(encoding='utf-8')
     (digest,) = re.findall("script-src 'sha256-([^']+)'", page)
     (script,) = re.findall('<script>(.*?)</script>', page, re.DOTALL)
     assert base64.b64decode(digest) == hashlib.sha256(script.encode()).digest()
 
 
-def test_no_text_of_a_file_ends_the_data_of_the_page(report):
-    data = shown(report(visit(EVIL, 'UNKNOWN_TAG', EVIL), visit('1', **{EVIL: 1.0})))
-    assert (data['tags'][0]['id'], data['tags'][0]['reason']) == (EVIL, EVIL)
-    assert data['sensors'][0]['name'] == EVIL
-
-
-def test_a_detail_that_cannot_be_encoded_is_escaped(report):
-    assert shown(report(visit('1', 'TIMEOUT', '\ud800')))['tags'][0]['reason'] == '\\ud800'
-
-
-def test_a_tag_id_of_any_length_and_a_file_of_any_name_are_shown(report, tmp_path):
+def test_names_of_any_kind_are_shown(report, tmp_path):
     number = '9' * 5000  # more digits than Python converts to a number
-    path = report(visit(number, co2=1.0)).rename(tmp_path / os.fsdecode(b'\xff.jsonl'))
-    data = shown(path)
-    assert data['title'] == '\\udcff.jsonl'
-    assert f'{number[:64]}...' in [tag['id'] for tag in data['tags']]
+    visits = visit('1', 'TIMEOUT', '\ud800'), visit(number, co2=1.0)
+    data = shown(report(*visits).rename(tmp_path / os.fsdecode(b'<\xff.jsonl')))
+    assert data['title'] == '<\\udcff.jsonl'
+    assert data['tags'][0]['reason'] == '\\ud800'
+    name = f'{number[:64]}...'
+    assert name in [tag['id'] for tag in data['tags']]
+    lost = f'Tags without a position: 1, such as {name}. Name the layout with --tag-file.'
+    assert data['notes'] == [lost]
 
 
-def test_a_tag_without_a_position_is_named(report):
-    data = shown(report(visit('stranger', co2=1.0)))
-    assert data['notes'] == ['Tags without a position: 1, such as stranger. Name the layout with --tag-file.']
-
-
-@pytest.mark.parametrize(
-    ('arguments', 'fragment'),
-    [
-        (['/missing.csv'], "'/missing.csv': No such file"),
-        (['REPORT', '--sim-config-file', 'REPORT'], 'visualization is missing'),
-        (['REPORT', '-o', '/missing/page.html'], "--output '/missing/page.html': No such file"),
-        (['REPORT', '--route', 'REPORT'], 'is not a CSV file of x,y in metres'),
-        (['NAN'], 'nan'),
-        (['.'], 'not a regular file'),
-    ],
-)
-def test_what_cannot_be_shown_is_said_in_one_line(report, tmp_path, capsys, arguments, fragment):
-    known = {'REPORT': str(report(visit('1', co2=1.0))), 'NAN': str(tmp_path / 'nan.jsonl')}
-    (tmp_path / 'nan.jsonl').write_text(json.dumps(visit('1', co2=float('nan'))), encoding='utf-8')
-    assert readings_page.main([known.get(each, each) for each in arguments]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith('readings_page: ')
-    assert fragment in line
+def test_what_cannot_be_shown_is_said_in_one_line(report, capsys):
+    """The other files that both commands refuse are in test_plot_report.py."""
+    path = report(visit('1', co2=float('nan')))
+    assert readings_page.main([str(path)]) == 2
+    assert re.fullmatch(
+        'readings_page: .*: value of co2 is nan: must be a finite number\n', capsys.readouterr().err
+    )
 
 
 def test_of_a_file_without_rows_there_is_no_page(recording, capsys):

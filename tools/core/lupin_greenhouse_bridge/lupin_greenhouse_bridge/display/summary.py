@@ -1,6 +1,7 @@
 """What a file of readings tells, in words: the head of every page and picture. Does not import ROS."""
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
@@ -34,6 +35,14 @@ def failures_of(visits: Iterable[Observation]) -> list[Failures]:
             groups.setdefault(key, []).append(visit.tag_id)
     largest_first = sorted(groups.items(), key=lambda item: -len(item[1]))
     return [Failures(*key, sorted(tag_ids, key=natural_order)) for key, tag_ids in largest_first]
+
+
+def failure_counts(failures: Iterable[Failures]) -> dict[str, int]:
+    """Return how many tags failed with each word, the most frequent first."""
+    counts = Counter[str]()
+    for each in failures:
+        counts[each.word] += len(each.tag_ids)
+    return dict(counts.most_common())
 
 
 def outcome_text(outcome: str) -> str:
