@@ -10,12 +10,10 @@ Exit code: 0 only the allowed divergence, 1 drift, 2 the trees cannot be compare
 """
 
 import argparse
-import ast
 import difflib
 import json
 import os
 import re
-import stat
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -80,43 +78,40 @@ class Tree:
         """Read the tree; raises CannotCompareError, OSError."""
         self.name = name
         self.root = root
-        if not root.is_dir():
-            raise CannotCompareError(f'{root}: is not a folder')
-        for package in (MSGS[name], BRIDGE):
-            if not (root / package / 'package.xml').is_file():
-                raise CannotCompareError(f'{root}: has no package {package}: is it the {name}?')
-        paths = [path for path in self._listed() if path.is_symlink() or path.is_file()]
-        folders = {folder for path in paths for folder in path.parents if root in folder.parents}
-        self.symlinks = sorted(path for path in folders.union(paths) if path.is_symlink())
+        for path in (MSGS[name], NODE_FILE):
+            if not (root / path).exists():
+                raise CannotCompareError(f'{root}: has no {path}: is it the {name}?')
+        paths = self._listed()
+        with_folders = {each for path in paths for each in (path, *path.parents) if root in each.parents}
+        self.symlinks = sorted(path for path in with_folders if path.is_symlink())
         self.files = {
             path.relative_to(root).as_posix().replace(MSGS[name], MSGS['monorepo']): path
             for path in paths
-            if not path.is_symlink()
+            if path.is_file()
         }
         self.contents = {name: path.read_bytes() for name, path in self.files.items()}
-        if NODE_FILE not in self.files:
-            raise CannotCompareError(f'{root}: has no {NODE_FILE}')
 
-    def _listed(self) -> Iterator[Path]:
-        """Yield all paths of the mirror; in the monorepo, those of the bridge and the three interfaces."""
+    def _listed(self) -> list[Path]:
+        """Return all paths of the mirror; in the monorepo, those of the bridge and of the contract."""
         messages, bridge = self.root / MSGS[self.name], self.root / BRIDGE
-        if self.name == 'monorepo':
-            yield from (messages / interface for interface in INTERFACES)
         # rglob() follows only the symlink that it starts at, so it starts at each package.
-        tops = [self.root, messages, bridge] if self.name == 'mirror' else [bridge]
+        paths = set(bridge.rglob('*'))
+        if self.name == 'mirror':
+            paths.update(self.root.rglob('*'), messages.rglob('*'))
+        else:
+            paths.update(messages / interface for interface in INTERFACES)
+            paths.update(folder / marker for folder in (self.root, messages) for marker in IGNORE_MARKERS)
         tracked = tracked_files(self.root)
-        for path in sorted({path for top in tops for path in top.rglob('*')}):
-            name = path.relative_to(self.root).as_posix()
-            if name in tracked or not LEFT_BY_TOOLS.fullmatch(name):
-                yield path
+        return [path for path in sorted(paths) if self._is_compared(path, tracked)]
 
-    def undone(self, name: str) -> bytes:
-        """Return a file's content with the monorepo's names."""
-        return self.contents[name].replace(MSGS[self.name].encode(), MSGS['monorepo'].encode())
+    def _is_compared(self, path: Path, tracked: set[str]) -> bool:
+        name = path.relative_to(self.root).as_posix()
+        is_wanted = name in tracked or not LEFT_BY_TOOLS.fullmatch(name)
+        return is_wanted and (path.is_symlink() or path.is_file())
 
-    def lines(self, name: str) -> list[str]:
-        """Return the lines of a file."""
-        return self.contents[name].decode(errors='replace').splitlines()
+    def text(self, name: str) -> str:
+        """Return a file as text."""
+        return self.contents[name].decode(errors='surrogateescape')
 
 
 def tracked_files(root: Path) -> set[str]:
@@ -129,37 +124,27 @@ def tracked_files(root: Path) -> set[str]:
 
 
 def compare(monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
-    """Yield every drift between two trees; raises CannotCompareError."""
-    for path in monorepo.symlinks + mirror.symlinks:
-        yield Finding('symlink', path, f'is a symlink to {path.readlink()}: put a plain file or folder there')
-    yield from _ignore_markers(monorepo, mirror)
+    """Yield every drift between two trees."""
     for tree, other in ((monorepo, mirror), (mirror, monorepo)):
+        for path in tree.symlinks:
+            message = f'is a symlink to {path.readlink()}: put a plain file or folder there'
+            yield Finding('symlink', path, message)
+        for path in tree.files.values():
+            if path.name in IGNORE_MARKERS and path != mirror.root / 'COLCON_IGNORE':
+                yield Finding('COLCON_IGNORE', path, 'hides packages from colcon: delete it')
         yield from _left_over_names(tree, MSGS[other.name])
+        yield from _divergence(tree)
         for name in sorted(tree.files.keys() - other.files.keys() - MIRROR_ALONE):
-            if Path(name).name not in IGNORE_MARKERS:
-                message = f'only the {tree.name} has this file, and it is not on the list of own files'
-                yield Finding('only one side', tree.files[name], message)
-    for name in sorted(MIRROR_ALONE - mirror.files.keys() - IGNORE_MARKERS):
+            message = f'only the {tree.name} has this file, and it is not on the list of own files'
+            yield Finding('only one side', tree.files[name], message)
+    for name in sorted(MIRROR_ALONE - mirror.files.keys()):
         path = mirror.root / name.replace(MSGS['monorepo'], MSGS['mirror'])
         yield Finding('missing', path, 'is missing; the mirror keeps it by hand: put it back')
+    if mirror.contents.get('COLCON_IGNORE'):
+        message = 'is not empty: an empty one keeps a clone out of the workspace of the monorepo'
+        yield Finding('COLCON_IGNORE', mirror.files['COLCON_IGNORE'], message)
     for name in sorted(monorepo.files.keys() & mirror.files.keys()):
-        yield from _modes(name, monorepo, mirror)
-        yield from _contents(name, monorepo, mirror)
-    yield from _divergence(monorepo)
-    yield from _divergence(mirror)
-
-
-def _ignore_markers(monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
-    wanted = mirror.root / 'COLCON_IGNORE'
-    if mirror.contents.get('COLCON_IGNORE') != b'':
-        message = 'is missing or not empty: an empty one keeps a clone out of the workspace of the monorepo'
-        yield Finding('COLCON_IGNORE', wanted, message)
-    not_listed = [
-        monorepo.root / folder / marker for folder in ('', MSGS['monorepo']) for marker in IGNORE_MARKERS
-    ]
-    for path in sorted([*monorepo.files.values(), *mirror.files.values(), *not_listed]):
-        if path.name in IGNORE_MARKERS and path != wanted and path.exists():
-            yield Finding('COLCON_IGNORE', path, 'hides packages from colcon: delete it')
+        yield from _difference(name, monorepo, mirror)
 
 
 def _left_over_names(tree: Tree, foreign: str) -> Iterator[Finding]:
@@ -167,80 +152,48 @@ def _left_over_names(tree: Tree, foreign: str) -> Iterator[Finding]:
     pattern = re.compile(re.escape(foreign).replace('_', '[_-]'), re.IGNORECASE)
     message = f'names {foreign}; in the {tree.name} that package is {MSGS[tree.name]}'
     for name, path in tree.files.items():
-        for number, line in [(1, str(path.relative_to(tree.root))), *enumerate(tree.lines(name), start=1)]:
+        lines = [(1, str(path.relative_to(tree.root))), *enumerate(tree.text(name).splitlines(), start=1)]
+        for number, line in lines:
             if pattern.search(line):
-                yield Finding('left-over name', path, message, number, f'{line}\n')
-
-
-def _modes(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
-    ours, theirs = (tree.files[name].stat().st_mode & stat.S_IXUSR for tree in (monorepo, mirror))
-    if ours != theirs:
-        message = f'is executable in the {"monorepo" if ours else "mirror"} only'
-        yield Finding('file mode', mirror.files[name], message)
-
-
-def _contents(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
-    """Compare a file. In bridge_node.py, each tree must have its own form of the one line."""
-    contents = [monorepo.undone(name), mirror.undone(name)]
-    heading, meaning = 'package file', ''
-    if name == NODE_FILE:
-        heading = 'bridge_node.py'
-        contents = [
-            content.replace(f'{DIVERGENT_LINE[side]}\n'.encode(), b'    return <the allowed divergence>\n')
-            for side, content in zip(MSGS, contents, strict=True)
-        ]
-    elif name.endswith(('.msg', '.srv')):
-        heading, meaning = 'interface', _difference_in_meaning(*contents)
-    if contents[0] == contents[1]:
-        return
-    # ascii() shows what a person cannot see: trailing spaces, line endings, look-alike letters.
-    ours, theirs = (
-        [ascii(line) for line in content.decode(errors='surrogateescape').splitlines(keepends=True)]
-        for content in contents
-    )
-    same = [our == their for our, their in zip(ours, theirs, strict=False)]
-    first = same.index(False) + 1 if False in same else len(same) + 1
-    diff = difflib.unified_diff(ours, theirs, str(monorepo.files[name]), str(mirror.files[name]), lineterm='')
-    message = f'differs beyond the rename{meaning}'
-    yield Finding(heading, mirror.files[name], message, first, ''.join(f'{line}\n' for line in diff))
-
-
-def _difference_in_meaning(ours: bytes, theirs: bytes) -> str:
-    """Return which fields and constants of an interface differ, or ''."""
-    our_fields, their_fields = _fields(ours), _fields(theirs)
-    words = [f'the monorepo has {field}' for field in our_fields if field not in their_fields]
-    words += [f'the mirror has {field}' for field in their_fields if field not in our_fields]
-    if our_fields != their_fields and not words:
-        words = ['the same fields are in another order']
-    return f': {"; ".join(words)}' if words else ''
-
-
-def _fields(content: bytes) -> list[str]:
-    """Return the fields, constants and --- of an interface in order, without comments and spacing."""
-    string_or_comment = re.compile(r"""("[^"\n]*"|'[^'\n]*')|#.*""")
-    text = string_or_comment.sub(lambda match: match[1] or '', content.decode(errors='replace'))
-    return [' '.join(line.replace('=', ' = ').split()) for line in text.splitlines() if line.strip()]
+                yield Finding('left-over name', path, message, number)
 
 
 def _divergence(tree: Tree) -> Iterator[Finding]:
     """Require the tree's own line, once, as the whole body of the one function."""
-    heading, path, lines = 'allowed divergence', tree.files[NODE_FILE], tree.lines(NODE_FILE)
-    own, foreign = DIVERGENT_LINE[tree.name], next(DIVERGENT_LINE[n] for n in MSGS if n != tree.name)
-    try:
-        module = ast.parse(tree.contents[NODE_FILE])
-    except (SyntaxError, ValueError) as error:
-        raise CannotCompareError(f'{path}: is not Python: {error}') from error
-    bodies = [
-        [ast.unparse(part) for part in node.body if not isinstance(part, ast.Expr)]  # a docstring is an Expr
-        for node in ast.walk(module)
-        if isinstance(node, ast.FunctionDef) and node.name == DIVERGENT_FUNCTION
-    ]
-    if foreign in lines:
-        message = f'wrong direction: this line is for the other tree; the {tree.name} has {own.strip()!r}'
-        yield Finding(heading, path, message, lines.index(foreign) + 1, f'{foreign}\n')
-    elif bodies != [[own.strip()]] or lines.count(own) != 1:
-        message = f'{own.strip()!r} must be all that {DIVERGENT_FUNCTION} does, and be in this file only once'
-        yield Finding(heading, path, message)
+    line, text = DIVERGENT_LINE[tree.name], tree.text(NODE_FILE)
+    signature = rf'^def {DIVERGENT_FUNCTION}\('
+    function = rf'{signature}.*\n(    """.*"""\n)?{re.escape(line)}(?=\n\n|\n?\Z)'
+    found = [re.findall(each, text, re.MULTILINE) for each in (signature, function, f'^{re.escape(line)}$')]
+    if [len(each) for each in found] != [1, 1, 1]:
+        message = (
+            f'{line.strip()!r} must be all that {DIVERGENT_FUNCTION} does, and be in this file only once'
+        )
+        yield Finding('allowed divergence', tree.files[NODE_FILE], message)
+
+
+def _difference(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
+    """Compare a file. In bridge_node.py, each tree must have its own form of the one line."""
+    path = mirror.files[name]
+    executable = [tree.name for tree in (monorepo, mirror) if os.access(tree.files[name], os.X_OK)]
+    if len(executable) == 1:
+        yield Finding('file mode', path, f'is executable in the {executable[0]} only')
+    texts = [tree.text(name).replace(MSGS[tree.name], MSGS['monorepo']) for tree in (monorepo, mirror)]
+    heading = 'interface' if name.endswith(('.msg', '.srv')) else 'package file'
+    if name == NODE_FILE:
+        heading = 'bridge_node.py'
+        lines = DIVERGENT_LINE.values()
+        texts = [
+            text.replace(line, '    return <the allowed divergence>')
+            for text, line in zip(texts, lines, strict=True)
+        ]
+    if texts[0] == texts[1]:
+        return
+    # ascii() shows what a person cannot see: trailing spaces, line endings, look-alike letters.
+    ours, theirs = ([ascii(line) for line in text.splitlines(keepends=True)] for text in texts)
+    same = [our == their for our, their in zip(ours, theirs, strict=False)]
+    first = same.index(False) + 1 if False in same else len(same) + 1
+    diff = difflib.unified_diff(ours, theirs, str(monorepo.files[name]), str(path), lineterm='')
+    yield Finding(heading, path, 'differs beyond the rename', first, ''.join(f'{line}\n' for line in diff))
 
 
 def report(findings: list[Finding], compared: int, form: str) -> str:

@@ -4,7 +4,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from commits import git
+from commits import commit, git
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -25,29 +25,30 @@ def pytest_terminal_summary(terminalreporter):
 def packed_repositories(tmp_path_factory):
     """Return a folder with a copy of this repository, and a clone of the mirror split out of it."""
     folder = tmp_path_factory.mktemp('packed')
-    monorepo = folder / 'repository'
-    monorepo.mkdir()
-    shutil.copy(ROOT / '.gitignore', monorepo)
-    ignore = shutil.ignore_patterns('__pycache__', '.pytest_cache', '.hypothesis')
-    for path in ROOT.glob('[!.]*'):
-        if path.is_dir():
-            shutil.copytree(path, monorepo / path.name, ignore=ignore)
-        else:
-            shutil.copy(path, monorepo)
-    git(monorepo, 'init', '--quiet', '--initial-branch=main')
-    git(monorepo, 'config', 'user.name', 'Teammate')
-    git(monorepo, 'config', 'user.email', 'teammate@example.org')
-    git(monorepo, 'add', '--all')
-    git(monorepo, 'commit', '--quiet', '--message', 'Everything')
-    git(monorepo, 'subtree', '-q', 'split', '--prefix=lupin_greenhouse_ros', '--branch', 'mirror')
-    git(folder, 'clone', '--quiet', '--branch', 'mirror', f'file://{monorepo}', 'clone')
-    git(monorepo, 'repack', '--quiet', '-a', '-d')  # one file is copied faster than hundreds
+    repository = folder / 'repository'
+    hidden_or_left_by_tools = shutil.ignore_patterns(
+        '.git', '.[!g]*', '__pycache__', '.pytest_cache', '.hypothesis'
+    )
+    shutil.copytree(ROOT, repository, ignore=hidden_or_left_by_tools)
+    git(repository, 'init', '--quiet', '--initial-branch=main')
+    git(repository, 'config', 'user.name', 'Teammate')
+    git(repository, 'config', 'user.email', 'teammate@example.org')
+    commit(repository, 'Everything')
+    git(repository, 'subtree', '-q', 'split', '--prefix=lupin_greenhouse_ros', '--branch', 'mirror')
+    git(folder, 'clone', '--quiet', '--branch', 'mirror', f'file://{repository}', 'clone')
+    git(repository, 'repack', '--quiet', '-a', '-d')  # one file is copied faster than hundreds
     return folder
 
 
 @pytest.fixture
-def repositories(packed_repositories, tmp_path):
+def repository(packed_repositories, tmp_path):
+    """Return a copy of this repository."""
+    shutil.copytree(packed_repositories / 'repository', tmp_path / 'repository', symlinks=True)
+    return tmp_path / 'repository'
+
+
+@pytest.fixture
+def repositories(repository, packed_repositories, tmp_path):
     """Return a copy of this repository, and a clone of the mirror split out of it."""
-    for name in ('repository', 'clone'):
-        shutil.copytree(packed_repositories / name, tmp_path / name, symlinks=True)
-    return tmp_path / 'repository', tmp_path / 'clone'
+    shutil.copytree(packed_repositories / 'clone', tmp_path / 'clone', symlinks=True)
+    return repository, tmp_path / 'clone'

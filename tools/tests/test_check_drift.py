@@ -7,11 +7,9 @@ import subprocess
 import sys
 
 import check_drift
-import generate
 import pytest
-from commits import git
+from commits import edit, git
 
-ROOT = generate.ROOT
 TREES = {'monorepo': 'monorepo', 'mirror': 'lupin_greenhouse_ros'}
 BRIDGE = 'lupin_greenhouse_bridge'
 NODE = f'{BRIDGE}/{BRIDGE}/bridge_node.py'
@@ -31,23 +29,14 @@ IGNORE, MODE, LINK, MISSING = 'COLCON_IGNORE', 'file mode', 'symlink', 'missing'
 
 
 class Trees:
-    """A copy of both trees to change."""
+    """A clone of both trees to change."""
 
     def __init__(self, base):
         self.base = base
-        for folder in TREES.values():
-            ignore = shutil.ignore_patterns('__pycache__', '.pytest_cache', '.hypothesis')
-            shutil.copytree(ROOT / folder, base / folder, ignore=ignore)
 
     def path(self, side, name):
         """Return a file of a tree; MSGS stands for the tree's own message package."""
         return self.base / TREES[side] / name.replace('MSGS', check_drift.MSGS[side])
-
-    def edit(self, side, name, old, new):
-        path = self.path(side, name)
-        content = path.read_bytes()
-        assert old.encode() in content, f'{old!r} is not in {name}'
-        path.write_bytes(content.replace(old.encode(), new.encode(), 1))
 
     def check(self, form='text'):
         sides = [word for side, folder in TREES.items() for word in (f'--{side}', str(self.base / folder))]
@@ -55,8 +44,8 @@ class Trees:
 
 
 @pytest.fixture
-def trees(tmp_path):
-    return Trees(tmp_path)
+def trees(repository):
+    return Trees(repository)
 
 
 # heading, sides, file, old text, new text
@@ -131,63 +120,40 @@ EDITS = [
 ]  # fmt: skip
 
 
-MEANINGS = [
-    (
-        SENSOR,
-        'float64 value',
-        'float32 value',
-        'the monorepo has float64 value; the mirror has float32 value',
-    ),
-    (SRV, '---\n', '---\nbool extra\n', 'the mirror has bool extra'),
-    (SRV, 'STATUS_UNKNOWN_TAG=1', 'STATUS_UNKNOWN_TAG=7', 'the monorepo has uint8 STATUS_UNKNOWN_TAG = 1'),
-    (SENSOR, '# One', '# A', 'differs beyond the rename\n'),
-]
+def rewrite(side, name, change):
+    """Change all lines of a file."""
+
+    def mutate(trees):
+        path = trees.path(side, name)
+        path.write_bytes(b''.join(change(path.read_bytes().splitlines(keepends=True))))
+
+    return mutate
 
 
-@pytest.mark.parametrize(('name', 'old', 'new', 'meaning'), MEANINGS)
-def test_an_interface_differs_by_its_fields(trees, name, old, new, meaning, capsys):
-    trees.edit('mirror', name, old, new)
-    assert trees.check() == 1
-    assert meaning in capsys.readouterr().out
+def swapped(first, second):
+    """Return a function that swaps the first two lines that begin like this."""
 
+    def swap(lines):
+        one, two = (
+            next(n for n, line in enumerate(lines) if line.startswith(each)) for each in (first, second)
+        )
+        lines[one], lines[two] = lines[two], lines[one]
+        return lines
 
-def swap_two_fields(trees):
-    trees.edit('mirror', SENSOR, 'string name', 'float64 moved')
-    trees.edit('mirror', SENSOR, 'float64 value', 'string name')
-    trees.edit('mirror', SENSOR, 'float64 moved', 'float64 value')
-
-
-def move_a_field_over_the_dashes(trees):
-    path = trees.path('mirror', SRV)
-    lines = path.read_text().splitlines(keepends=True)
-    field = next(line for line in lines if line.startswith('string error_message'))
-    lines.remove(field)
-    lines.insert(lines.index('---\n'), field)
-    path.write_text(''.join(lines))
-
-
-def reorder_constants(trees):
-    path = trees.path('monorepo', SRV)
-    lines = path.read_text().splitlines(keepends=True)
-    first, second = (next(i for i, line in enumerate(lines) if f'={number} ' in line) for number in (0, 1))
-    lines[first], lines[second] = lines[second], lines[first]
-    path.write_text(''.join(lines))
+    return swap
 
 
 def moved_line(trees):
     """Move the right line into another function, in both trees."""
     for side, line in (('monorepo', WRAP), ('mirror', PLAIN)):
-        trees.edit(side, NODE, f'    {line}\n', '    return _elsewhere(value)\n')
-        trees.edit(side, NODE, 'def main(', f'def _elsewhere(value):\n    {line}\n\n\ndef main(')
+        node = trees.path(side, NODE)
+        edit(node, f'    {line}\n', '    return _elsewhere(value)\n')
+        edit(node, 'def main(', f'def _elsewhere(value):\n    {line}\n\n\ndef main(')
 
 
-def touch(side, name, content=''):
-    def mutate(trees):
-        path = trees.path(side, name)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(content)
-
-    return mutate
+def add(side, name, content=''):
+    """Add a file, or text at the end of it."""
+    return lambda trees: edit(trees.path(side, name), '', content)
 
 
 def delete(side, name):
@@ -222,47 +188,51 @@ def track(side, name):
     """Commit a file in a clone, where git knows it."""
 
     def mutate(trees):
-        touch(side, name)(trees)
-        git(trees.base, 'init', '--quiet')
+        add(side, name)(trees)
         git(trees.base, 'add', '--force', str(trees.path(side, name)))
 
     return mutate
 
 
-def crlf(side, name):
+def with_crlf(lines):
+    return [line.replace(b'\n', b'\r\n') for line in lines]
+
+
+def edit_in(sides, name, old, new):
     def mutate(trees):
-        path = trees.path(side, name)
-        path.write_bytes(path.read_bytes().replace(b'\n', b'\r\n'))
+        for side in TREES if sides == 'both' else [sides]:
+            edit(trees.path(side, name), old, new)
 
     return mutate
 
 
 CHANGES = [
-    (INTERFACE, 'two fields swapped', swap_two_fields),
-    (INTERFACE, 'a field over the dashes', move_a_field_over_the_dashes),
-    (INTERFACE, 'constants reordered', reorder_constants),
+    (INTERFACE, 'two fields swapped', rewrite('mirror', SENSOR, swapped(b'string name', b'float64 value'))),
+    (INTERFACE, 'a field over the dashes', rewrite('mirror', SRV, swapped(b'---', b'string error_message'))),
+    (INTERFACE, 'constants reordered', rewrite('monorepo', SRV, swapped(b'uint8 STATUS_OK', b'uint8 STATUS_UNK'))),
     (DIVERGENCE, 'the line moved in both', moved_line),
-    (ONE_SIDE, 'a new file in the mirror', touch('mirror', f'{BRIDGE}/{BRIDGE}/extra.py')),
-    (ONE_SIDE, 'a new file in the monorepo', touch('monorepo', f'{BRIDGE}/test/test_extra.py')),
-    (ONE_SIDE, 'a message only there', touch('mirror', 'MSGS/msg/Extra.msg', 'bool extra\n')),
-    (ONE_SIDE, 'ConfirmTag in the mirror', touch('mirror', 'MSGS/srv/ConfirmTag.srv', 'string a\n---\n')),
-    (ONE_SIDE, 'an unlisted repository file', touch('mirror', 'NOTES.md')),
-    (ONE_SIDE, 'a file named like build output', touch('mirror', f'{BRIDGE}/log')),
-    (ONE_SIDE, 'a module named like build output', touch('mirror', f'{BRIDGE}/{BRIDGE}/build/__init__.py')),
-    (ONE_SIDE, 'a third package in the mirror', touch('mirror', 'lupin_extra/package.xml')),
+    (ONE_SIDE, 'a new file in the mirror', add('mirror', f'{BRIDGE}/{BRIDGE}/extra.py')),
+    (ONE_SIDE, 'a new file in the monorepo', add('monorepo', f'{BRIDGE}/test/test_extra.py')),
+    (ONE_SIDE, 'a message only there', add('mirror', 'MSGS/msg/Extra.msg', 'bool extra\n')),
+    (ONE_SIDE, 'ConfirmTag in the mirror', add('mirror', 'MSGS/srv/ConfirmTag.srv', 'string a\n---\n')),
+    (ONE_SIDE, 'an unlisted repository file', add('mirror', 'NOTES.md')),
+    (ONE_SIDE, 'a file named like build output', add('mirror', f'{BRIDGE}/log')),
+    (ONE_SIDE, 'a module named like build output', add('mirror', f'{BRIDGE}/{BRIDGE}/build/__init__.py')),
+    (ONE_SIDE, 'a third package in the mirror', add('mirror', 'lupin_extra/package.xml')),
     (ONE_SIDE, 'a deleted test', delete('mirror', f'{BRIDGE}/test/test_node.py')),
     (ONE_SIDE, 'a deleted resource marker', delete('mirror', f'{BRIDGE}/resource/{BRIDGE}')),
+    (ONE_SIDE, 'a deleted manifest', delete('monorepo', f'{BRIDGE}/package.xml')),
     (ONE_SIDE, 'a deleted service', delete('monorepo', SRV)),
-    (LEFT_OVER, 'a file named after the old package', touch('mirror', f'{BRIDGE}/test/lupin_msgs.txt')),
-    (LEFT_OVER, 'the old package beside the new', touch('mirror', 'lupin_msgs/msg/SensorReading.msg', 'bool a\n')),
+    (LEFT_OVER, 'a file named after the old package', add('mirror', f'{BRIDGE}/test/lupin_msgs.txt')),
+    (LEFT_OVER, 'the old package beside the new', add('mirror', 'lupin_msgs/msg/SensorReading.msg', 'bool a\n')),
     (MISSING, 'a file kept by hand', delete('mirror', 'README.md')),
     (MISSING, 'a file of the messages kept by hand', delete('mirror', 'MSGS/CHANGELOG.rst')),
-    (IGNORE, 'COLCON_IGNORE missing', delete('mirror', 'COLCON_IGNORE')),
-    (IGNORE, 'COLCON_IGNORE not empty', touch('mirror', 'COLCON_IGNORE', '\n')),
-    (IGNORE, 'COLCON_IGNORE in the monorepo', touch('monorepo', 'COLCON_IGNORE')),
-    (IGNORE, 'COLCON_IGNORE in a package', touch('mirror', f'{BRIDGE}/COLCON_IGNORE')),
-    (IGNORE, 'AMENT_IGNORE in both packages', lambda t: [touch(side, f'{BRIDGE}/AMENT_IGNORE')(t) for side in TREES]),
-    (IGNORE, 'CATKIN_IGNORE in the messages', touch('monorepo', 'MSGS/CATKIN_IGNORE')),
+    (MISSING, 'COLCON_IGNORE missing', delete('mirror', 'COLCON_IGNORE')),
+    (IGNORE, 'COLCON_IGNORE not empty', add('mirror', 'COLCON_IGNORE', '\n')),
+    (IGNORE, 'COLCON_IGNORE in the monorepo', add('monorepo', 'COLCON_IGNORE')),
+    (IGNORE, 'COLCON_IGNORE in a package', add('mirror', f'{BRIDGE}/COLCON_IGNORE')),
+    (IGNORE, 'AMENT_IGNORE in both packages', edit_in('both', f'{BRIDGE}/AMENT_IGNORE', '', '')),
+    (IGNORE, 'CATKIN_IGNORE in the messages', add('monorepo', 'MSGS/CATKIN_IGNORE')),
     (MODE, 'executable in the mirror', chmod('mirror', NODE, 0o755)),
     (MODE, 'executable in the monorepo', chmod('monorepo', READING, 0o755)),
     (LINK, 'a symlink out of the tree', link('mirror', SIMULATION, '/etc/hostname')),
@@ -273,29 +243,21 @@ CHANGES = [
     (LINK, 'a folder of messages that is a symlink', link_to_a_copy('monorepo', 'MSGS/msg')),
     (LINK, 'a folder of a package that is a symlink', link_to_a_copy('mirror', f'{BRIDGE}/doc')),
     *((ONE_SIDE, f'{name} that git tracks', track('mirror', name)) for name in (f'{BRIDGE}/build/a.py', 'MSGS/log/a', '.vscode/a', 'a~')),
-    (PACKAGE_DIFFERS, 'CRLF in a whole file', crlf('mirror', LAUNCH)),
-    (INTERFACE, 'CRLF in a message', crlf('monorepo', SENSOR)),
+    (PACKAGE_DIFFERS, 'CRLF in a whole file', rewrite('mirror', LAUNCH, with_crlf)),
+    (INTERFACE, 'CRLF in a message', rewrite('monorepo', SENSOR, with_crlf)),
     (PACKAGE_DIFFERS, 'a binary resource marker', lambda t: t.path('mirror', f'{BRIDGE}/resource/{BRIDGE}').write_bytes(b'\xff')),
 ]  # fmt: skip
 
 
-def edit(sides, name, old, new):
-    def mutate(trees):
-        for side in TREES if sides == 'both' else [sides]:
-            trees.edit(side, name, old, new)
-
-    return mutate
-
-
 MUTANTS = [
-    *((heading, f'{sides}, {name}: {new!r}', edit(sides, name, old, new)) for heading, sides, name, old, new in EDITS),
+    *((heading, f'{sides}, {name}: {new!r}', edit_in(sides, name, old, new)) for heading, sides, name, old, new in EDITS),
     *CHANGES,
 ]  # fmt: skip
 
 
 def test_every_heading_has_a_mutant_and_all_differ():
     assert len({name for _, name, _ in MUTANTS}) == len(MUTANTS)
-    headings = set(re.findall(r"Finding\(\s*'([^']+)'", (ROOT / 'tools/check_drift.py').read_text()))
+    headings = set(re.findall(r"Finding\(\s*'([^']+)'", check_drift.Path(check_drift.__file__).read_text()))
     assert headings
     assert headings <= {heading for heading, _, _ in MUTANTS}
 
@@ -309,15 +271,6 @@ def test_mutant(trees, heading, mutate, capsys):
     assert all(finding['message'] and finding['line'] >= 1 for finding in findings)
 
 
-def both(name, old, new):
-    return edit('both', name, old, new)
-
-
-def same_new_file(trees):
-    for side in TREES:
-        touch(side, f'{BRIDGE}/test/test_new.py', 'import lupin\n')(trees)
-
-
 # What tools leave in a clone of the mirror, or in a folder of it.
 LEFT_BY_TOOLS = [
     '.DS_Store', '.hypothesis/x', '.idea/x', '.mypy_cache/x', '.pixi/x', '.pytest_cache/x', '.ruff_cache/x',
@@ -326,27 +279,17 @@ LEFT_BY_TOOLS = [
 ]  # fmt: skip
 HARMLESS = [
     ('nothing', lambda _trees: None),
-    ('the git folder of a clone', touch('mirror', '.git/config', 'lupin_msgs')),
-    ('the git file of a submodule', touch('mirror', '.git', 'gitdir: lupin_msgs')),
-    (
-        'untracked output in a clone',
-        lambda t: [track('mirror', 'README.md')(t), touch('mirror', 'build/x')(t)],
-    ),
-    *((name, touch('mirror', name, 'lupin_msgs')) for name in LEFT_BY_TOOLS),
-    *((f'{name} in a package', touch('monorepo', f'{BRIDGE}/{name}', 'x')) for name in LEFT_BY_TOOLS),
-    ('another interface of the team', touch('monorepo', 'MSGS/msg/Extra.msg', 'bool extra\n')),
-    (
-        'a file of the messages kept by hand',
-        edit('monorepo', 'MSGS/package.xml', '<version>', '<!-- x --><version>'),
-    ),
-    ('another package of the monorepo', touch('monorepo', 'lupin_mission/package.xml', 'x')),
-    ('the same edit in both', both(NODE, 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0')),
-    ('the same field in both', both(SENSOR, 'float64 value', 'float32 value')),
-    ('the same new file in both', same_new_file),
-    (
-        'an edited README of the mirror',
-        edit('mirror', 'README.md', '## What else there is', '## What else is here'),
-    ),
+    ('the git folder of a clone', add('mirror', '.git/config', 'lupin_msgs')),
+    ('the git file of a submodule', add('mirror', '.git', 'gitdir: lupin_msgs')),
+    *((name, add('mirror', name, 'lupin_msgs')) for name in LEFT_BY_TOOLS),
+    *((f'{name} in a package', add('monorepo', f'{BRIDGE}/{name}', 'x')) for name in LEFT_BY_TOOLS),
+    ('another interface of the team', add('monorepo', 'MSGS/msg/Extra.msg', 'bool extra\n')),
+    ('a file kept by hand', edit_in('monorepo', 'MSGS/package.xml', '<version>', '<!-- x --><version>')),
+    ('another package of the monorepo', add('monorepo', 'lupin_mission/package.xml', 'x')),
+    ('the same edit in both', edit_in('both', NODE, 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0')),
+    ('the same field in both', edit_in('both', SENSOR, 'float64 value', 'float32 value')),
+    ('the same new file in both', edit_in('both', f'{BRIDGE}/test/test_new.py', '', 'import lupin\n')),
+    ('an edited README of the mirror', add('mirror', 'README.md', 'x')),
     ('the mode of a folder', lambda t: t.path('mirror', f'{BRIDGE}/test').chmod(0o700)),
 ]
 
@@ -365,24 +308,18 @@ def test_git_ignores_in_the_mirror_what_tools_leave_there(trees):
     assert git(mirror, 'check-ignore', '--no-index', *names).splitlines() == names
 
 
-def no_mirror(trees):
-    shutil.rmtree(trees.base / TREES['mirror'])
-
-
-def empty_mirror(trees):
-    no_mirror(trees)
-    (trees.base / TREES['mirror']).mkdir()
-
-
 @pytest.mark.parametrize(
     ('mutate', 'reason'),
     [
-        (no_mirror, 'is not a folder'),
-        (empty_mirror, 'has no package lupin_greenhouse_msgs'),
-        (delete('monorepo', f'{BRIDGE}/package.xml'), 'has no package lupin_greenhouse_bridge'),
-        (delete('mirror', NODE), 'bridge_node.py'),
-        (touch('mirror', NODE, f'def broken(:\n    {PLAIN}\n'), 'is not Python'),
-        (touch('monorepo', NODE, f'\0\n    {WRAP}\n'), 'is not Python'),
+        (
+            lambda trees: shutil.rmtree(trees.path('mirror', '.')),
+            'lupin_greenhouse_ros: has no lupin_greenhouse_msgs',
+        ),
+        (
+            lambda trees: shutil.rmtree(trees.path('monorepo', 'MSGS')),
+            'has no lupin_msgs: is it the monorepo?',
+        ),
+        (delete('mirror', NODE), 'bridge_node.py: is it the mirror?'),
     ],
 )
 def test_trees_that_cannot_be_compared_are_exit_code_2(trees, mutate, reason, capsys):
@@ -392,26 +329,6 @@ def test_trees_that_cannot_be_compared_are_exit_code_2(trees, mutate, reason, ca
     assert output.out == ''
     (line,) = output.err.splitlines()
     assert reason in line
-
-
-def test_swapped_trees_are_not_compared(trees, capsys):
-    monorepo, mirror = (str(trees.base / folder) for folder in TREES.values())
-    assert check_drift.main(['--monorepo', mirror, '--mirror', monorepo]) == 2
-    assert 'is it the monorepo?' in capsys.readouterr().err
-
-
-def test_text_has_place_message_diff_and_remedy(trees, capsys):
-    trees.edit('mirror', LAUNCH, "output='screen'", "output='log'")
-    assert trees.check() == 1
-    first, *rest = capsys.readouterr().out.splitlines()
-    assert re.fullmatch(
-        r'.*/greenhouse_bridge\.launch\.py:\d+: \[package file\] differs beyond the rename', first
-    )
-    assert any(re.match(r"-.*output='screen'", line) for line in rest)
-    assert any(re.match(r"\+.*output='log'", line) for line in rest)
-    assert any('make generate' in line for line in rest)
-    assert any('tools/twins.toml' in line for line in rest)
-    assert any(re.match(r'1 finding in \d+ files compared\.', line) for line in rest)
 
 
 @pytest.mark.parametrize(
@@ -424,14 +341,19 @@ def test_text_has_place_message_diff_and_remedy(trees, capsys):
         ('from pathlib import Path  # \u200b\n', r"+'from pathlib import Path  # \u200b\n'"),
     ],
 )
-def test_the_diff_shows_what_is_invisible(trees, new, shown, capsys):
-    trees.edit('mirror', NODE, IMPORT, new)
+def test_text_has_place_message_remedy_and_a_diff_of_what_is_invisible(trees, new, shown, capsys):
+    edit(trees.path('mirror', NODE), IMPORT, new)
     assert trees.check() == 1
-    assert shown in capsys.readouterr().out.splitlines()
+    place, *rest = capsys.readouterr().out.splitlines()
+    assert re.fullmatch(r'.*/bridge_node\.py:\d+: \[bridge_node\.py\] differs beyond the rename', place)
+    assert shown in rest
+    assert 'make generate' in rest[-3]
+    assert 'tools/twins.toml' in rest[-2]
+    assert re.fullmatch(r'1 finding in \d+ files compared\.', rest[-5])
 
 
 def test_github_gets_one_annotation_per_finding_on_one_line(trees, capsys):
-    trees.edit('mirror', LAUNCH, "output='screen'", "output='100%'")
+    edit(trees.path('mirror', LAUNCH), "output='screen'", "output='100%'")
     assert trees.check('github') == 1
     (line,) = capsys.readouterr().out.splitlines()
     assert re.match(r'::error file=.*launch\.py,line=\d+,title=drift%3A package file::differs', line)
@@ -440,8 +362,10 @@ def test_github_gets_one_annotation_per_finding_on_one_line(trees, capsys):
 
 
 def test_it_runs_alone_on_any_two_checkouts(trees):
-    """With the standard library only, from any folder, without the rest of this repository."""
-    shutil.copy(ROOT / 'tools/check_drift.py', trees.base)
+    """With the standard library only, from any folder, without git and the rest of this repository."""
+    shutil.rmtree(trees.base / '.git')
+    add('mirror', 'build/x')(trees)
+    shutil.copy(check_drift.__file__, trees.base)
     sides = ['--monorepo', 'monorepo', '--mirror', 'lupin_greenhouse_ros']
     command = [sys.executable, '-I', '-S', 'check_drift.py', *sides]
     result = subprocess.run(command, cwd=trees.base, env={}, capture_output=True, text=True, check=False)
