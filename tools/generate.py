@@ -18,6 +18,7 @@ import re
 import stat
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -33,18 +34,19 @@ else:
 
 ROOT = Path(__file__).resolve().parent.parent
 CORE = 'tools/core'
+MESSAGES = 'lupin_msgs'  # the message package in the core
 # One text for both trees, so that they do not differ by it; each has a page of this name.
 HEADER = 'Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md'
 COMMENTS = dict.fromkeys(('.cfg', '.msg', '.py', '.rviz', '.srv', '.yaml'), '# {}\n')
-COMMENTS |= dict.fromkeys(('.html', '.md', '.xml'), '<!-- {} -->\n') | {'.js': '// {}\n'}
-COMMENTS['.rst'] = '.. {}\n\n'  # a blank line ends it
+COMMENTS |= dict.fromkeys(('.html', '.md', '.xml'), '<!-- {} -->\n')
+COMMENTS |= {'.js': '// {}\n', '.rst': '.. {}\n\n'}
 FIRST_LINES = re.compile(
     rb'(#!.*\n|#.*(PYTHON_ARGCOMPLETE_OK|coding[:=]).*\n|<\?xml.*\?>\n|<!doctype .*>\n)*', re.IGNORECASE
 )
 # Where the mirror's README has the mirror's address.
 ADDRESS = re.compile(rb'(?<=git clone --branch ready )\S+(?= src/)|(?<=    url: )\S+')
 File = tuple[bytes, int]  # content, and mode as git keeps it
-Rendered = dict[str, File]  # by path below the root, with /
+Files = dict[str, File]  # by path, with /
 Table = dict[str, Any]
 
 
@@ -60,44 +62,34 @@ def load_table(root: Path) -> Table:
         raise RefusedError(f'tools/twins.toml: {error}') from error
 
 
-def render(root: Path, table: Table) -> Rendered:
+def render(root: Path, table: Table) -> Files:
     """Return every generated file of both trees; raises RefusedError if table and core do not match."""
     core = _read_core(root)
-    rendered: Rendered = {}
+    rendered = {}
     for name, tree in table['trees'].items():
-        for core_path, (content, mode) in _substituted(name, tree, core).items():
+        for core_path, (content, mode) in _diverged(tree, core).items():
             path = tree_path(tree, core_path)
+            text = with_header(path, content.replace(MESSAGES.encode(), tree['messages'].encode()))
             for word in tree['forbidden']:
-                if word.lower() in path.lower() or word.lower().encode() in content.lower():
-                    raise RefusedError(
-                        f'twins.toml, {name}: {word!r} is left over in {path}:'
-                        ' add the file, with its number of matches, to a substitution'
-                    )
-            rendered[path] = with_header(path, content), mode
+                if word.lower().encode() in path.lower().encode() + text.lower():
+                    raise RefusedError(f'tools/twins.toml, {name}: {word!r} must not be in {path}')
+            rendered[path] = text, mode
     return rendered | _readme_with_address(root, table['trees']['mirror'])
 
 
 def tree_path(tree: Table, core_path: str) -> str:
     """Return where a tree has a file of the core, from the root of the repository."""
-    package, slash, rest = core_path.partition('/')
-    return f'{tree["root"]}/{tree.get("folders", {}).get(package, package)}{slash}{rest}'
+    return f'{tree["root"]}/{core_path}'.replace(MESSAGES, tree['messages'])
 
 
-def _substituted(name: str, tree: Table, core: Rendered) -> Rendered:
+def _diverged(tree: Table, core: Files) -> Files:
     files = dict(core)
-    for substitution in tree.get('substitutions', []):
-        find, replace = substitution['find'], substitution['replace']
-        if not substitution['matches']:
-            raise RefusedError(f'twins.toml, {name}: the substitution of {find!r} matches no file: delete it')
-        for path, expected in substitution['matches'].items():
-            content, mode = files.get(path, (b'', 0))
-            found = content.count(find.encode())
-            if found != expected or found == 0:
-                raise RefusedError(
-                    f'twins.toml, {name}: {find!r} must match {pluralized(expected, "time")} in {path},'
-                    f' and matches {found}: correct the number there, or the core'
-                )
-            files[path] = content.replace(find.encode(), replace.encode()), mode
+    for divergence in tree.get('divergences', []):
+        path, find, replace = divergence['file'], divergence['core'], divergence['tree']
+        content, mode = files.get(path, (b'', 0))
+        if (found := content.count(find.encode())) != 1:
+            raise RefusedError(f'tools/twins.toml: {find!r} must be once in {path}, and is {found} times')
+        files[path] = content.replace(find.encode(), replace.encode()), mode
     return files
 
 
@@ -121,7 +113,7 @@ def _header_and_place(path: str, content: bytes) -> tuple[bytes, int]:
     return header, first.end() if first else 0
 
 
-def _readme_with_address(root: Path, mirror: Table) -> Rendered:
+def _readme_with_address(root: Path, mirror: Table) -> Files:
     path = f'{mirror["root"]}/README.md'
     content, count = ADDRESS.subn(mirror['address'].encode(), (root / path).read_bytes())
     if count != 2:
@@ -129,15 +121,15 @@ def _readme_with_address(root: Path, mirror: Table) -> Rendered:
     return {path: (content, _mode(root / path))}
 
 
-def _read_core(root: Path) -> Rendered:
+def _read_core(root: Path) -> Files:
     files = {}
-    for name in _listed(root, CORE):
-        path, core_path = root / name, name.removeprefix(f'{CORE}/')
-        if '/' not in core_path:
-            continue  # a file at the top, such as a README, describes the core
-        if path.is_symlink():
-            raise RefusedError(f'{path}: is a symlink: generated trees hold plain files')
-        files[core_path] = path.read_bytes(), _mode(path)
+    for path in _listed(
+        root, f':(glob){CORE}/*/**'
+    ):  # a file at the top, such as a README, describes the core
+        file = read(root / path)
+        if not file:
+            raise RefusedError(f'{root / path}: is a symlink: generated trees hold plain files')
+        files[path.removeprefix(f'{CORE}/')] = file
     if not files:
         raise RefusedError(f'{root / CORE}: holds no files')
     return files
@@ -170,51 +162,39 @@ def read(path: Path) -> File | None:
     return (path.read_bytes(), _mode(path)) if path.is_file() and not path.is_symlink() else None
 
 
-def extras(root: Path, rendered: Rendered, table: Table) -> list[str]:
+def extras(root: Path, rendered: Files, table: Table) -> list[str]:
     """Return the files of the owned packages that are neither rendered nor ignored by git."""
     packages = [f'{tree["root"]}/{name}' for tree in table['trees'].values() for name in table['owned']]
     return [path for path in _listed(root, *packages) if path not in rendered]
 
 
-def differing(root: Path, rendered: Rendered) -> list[str]:
+def differing(root: Path, rendered: Files) -> list[str]:
     """Return the paths whose file is not what is rendered."""
     return [path for path, file in rendered.items() if read(root / path) != file]
 
 
-def finding(root: Path, path: str, rendered: File) -> str:
-    """Return how a file differs from what is rendered."""
+def difference(root: Path, path: str, rendered: File) -> str:
+    """Return how a file of a tree differs from what is rendered."""
     file = read(root / path)
     if not file:
         return f'{path}: missing, or not a plain file'
     if file[0] == rendered[0]:
         return f'{path}: has mode {file[1]:o}, the core {rendered[1]:o}'
-    diff = _diff(path, (file[0], 'in the tree'), (rendered[0], 'generated'))
-    return f'{path}: differs from what the core generates\n{diff}'
-
-
-def _diff(path: str, *versions: tuple[bytes, str]) -> str:
-    """Return the diff between two versions of a file, each with its name."""
     try:
-        old, new = (content.decode().splitlines(keepends=True) for content, _ in versions)
+        old, new = (content.decode().split('\n') for content, _ in (rendered, file))
     except UnicodeDecodeError:
-        return f'{path} is binary: {" and ".join(str(len(content)) for content, _ in versions)} bytes\n'
-    old_name, new_name = (f'{path} ({name})' for _, name in versions)
-    lines = difflib.unified_diff(old, new, old_name, new_name)
-    return ''.join(
-        line if line.endswith('\n') else f'{line}\n\\ No newline at end of file\n' for line in lines
-    )
+        return f'{path}: differs from what the core generates, and is not text'
+    diff = difflib.unified_diff(old, new, f'{path} (generated)', f'{path} (in the tree)', lineterm='')
+    return '\n'.join([f'{path}: differs from what the core generates', *diff])
 
 
 def edited(root: Path, paths: list[str]) -> list[str]:
     """Return the files whose content is neither that of HEAD nor what was written last."""
     existing = [path for path in paths if (root / path).is_file()]
-    if not existing:
-        return []
     known = set(git(root, 'ls-tree', '-r', 'HEAD').split())
     if _last_written(root).exists():
         known.update(_last_written(root).read_text().split())
-    blobs = git(root, 'hash-object', '--', *existing).split()
-    return [path for path, blob in zip(existing, blobs, strict=True) if blob not in known]
+    return [path for path, blob in zip(existing, _blobs(root, existing), strict=True) if blob not in known]
 
 
 def _last_written(root: Path) -> Path:
@@ -222,30 +202,11 @@ def _last_written(root: Path) -> Path:
     return root / git(root, 'rev-parse', '--git-path', 'generated_from_core').strip()
 
 
-def refuse_unknown(paths: list[str]) -> None:
-    """Raise RefusedError, because a package has these files that are not from the core."""
-    files = ''.join(f'\ngenerate: {path}: is not from the core' for path in paths)
-    raise RefusedError(
-        'nothing was written. Move a file of your own into tools/core, or out of the package;'
-        f' remove what a rename left behind with: make generate ARGS=--prune{files}'
-    )
+def _blobs(root: Path, paths: Iterable[str]) -> list[str]:
+    return git(root, 'hash-object', '--stdin-paths', text='\n'.join(paths)).split()
 
 
-def refuse_edits(root: Path, rendered: Rendered) -> None:
-    """Raise RefusedError if somebody has edited a file that would be overwritten."""
-    diffs = [
-        _diff(path, (rendered[path][0], 'generated'), ((root / path).read_bytes(), 'in the tree'))
-        for path in edited(root, differing(root, rendered))
-    ]
-    if diffs:
-        raise RefusedError(
-            'nothing was written. Somebody has edited what is generated. Make this edit in tools/core'
-            ' (of the address, in tools/twins.toml);'
-            f' to drop it: make generate ARGS=--force\n{"".join(diffs)}'.rstrip()
-        )
-
-
-def write(root: Path, rendered: Rendered) -> list[str]:
+def write(root: Path, rendered: Files) -> list[str]:
     """Write the rendered files, and remember what was written; return the paths that changed."""
     changed = differing(root, rendered)
     for path in changed:
@@ -254,8 +215,43 @@ def write(root: Path, rendered: Rendered) -> list[str]:
         (root / path).unlink(missing_ok=True)  # it may be a symlink
         (root / path).write_bytes(content)
         (root / path).chmod(mode)
-    _last_written(root).write_text(git(root, 'hash-object', '--', *rendered))
+    _last_written(root).write_text('\n'.join(_blobs(root, rendered)))
     return changed
+
+
+def generate(root: Path, *, is_check: bool, is_prune: bool, is_force: bool) -> int:
+    """Generate or compare, and print what changed; return the exit code. Raises RefusedError."""
+    table = load_table(root)
+    rendered = render(root, table)
+    unknown = extras(root, rendered, table)
+    if is_check:
+        findings = [difference(root, path, rendered[path]) for path in differing(root, rendered)]
+        findings += [f'{path}: not generated from the core' for path in unknown]
+        counted = pluralized(len(findings), 'finding')
+        advice = f'{counted}. Edit tools/core, never a generated file; then: make generate'
+        end = advice if findings else f'{len(rendered)} generated files are what the core generates'
+        print(*findings, end, sep='\n')
+        return int(bool(findings))
+    if unknown and not is_prune:
+        raise RefusedError(
+            'nothing was written. Move a file of your own into tools/core, or out of the package;'
+            ' remove what a rename left behind with: make generate ARGS=--prune\n'
+            + '\n'.join(f'{path}: is not from the core' for path in unknown)
+        )
+    edits = [] if is_force else edited(root, differing(root, rendered))
+    if edits:
+        raise RefusedError(
+            'nothing was written. Somebody has edited what is generated. Make this edit in tools/core (of the'
+            ' address, in tools/twins.toml); to drop it: make generate ARGS=--force\n'
+            + '\n'.join(difference(root, path, rendered[path]) for path in edits)
+        )
+    changed = write(root, rendered)
+    for path in unknown:
+        (root / path).unlink()
+    for line in [*changed, *(f'{path} (removed)' for path in unknown)]:
+        print(line)
+    print(f'{pluralized(len(rendered), "file")} generated, {len(changed)} changed')
+    return 0
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -267,42 +263,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--force', action='store_true', help='overwrite edits of generated files')
     parser.add_argument('--root', type=Path, default=ROOT, help='the checkout; default: this one')
     options = parser.parse_args(arguments)
-    root = options.root
     try:
-        table = load_table(root)
-        rendered = render(root, table)
-        unknown = extras(root, rendered, table)
-        if options.check:
-            findings = [finding(root, path, rendered[path]) for path in differing(root, rendered)]
-            findings += [f'{path}: not generated from the core' for path in unknown]
-            return _report(findings, len(rendered))
-        if unknown and not options.prune:
-            refuse_unknown(unknown)
-        if not options.force:
-            refuse_edits(root, rendered)
-        changed = write(root, rendered)
-        for path in unknown:
-            (root / path).unlink()
+        return generate(options.root, is_check=options.check, is_prune=options.prune, is_force=options.force)
     except (RefusedError, OSError) as error:
         print(f'generate: {error}', file=sys.stderr)
-        return 2
     except KeyError as error:
         print(f'generate: tools/twins.toml: {error} is missing', file=sys.stderr)
-        return 2
-    for line in [*changed, *(f'{path} (removed)' for path in unknown)]:
-        print(line)
-    print(f'{pluralized(len(rendered), "file")} generated, {len(changed)} changed')
-    return 0
-
-
-def _report(findings: list[str], count: int) -> int:
-    if not findings:
-        print(f'{count} generated files are what the core generates')
-        return 0
-    print(*findings, sep='\n')
-    counted = pluralized(len(findings), 'finding')
-    print(f'{counted}. Edit tools/core, never a generated file; then: make generate')
-    return 1
+    return 2
 
 
 if __name__ == '__main__':

@@ -16,45 +16,39 @@ import sys
 import tempfile
 from pathlib import Path
 
+import check_drift
 import generate
-from check_drift import MIRROR_ALONE
-from generate import CORE, ROOT, RefusedError, Table, git
+from generate import CORE, MESSAGES, ROOT, RefusedError, Table, git
 
-NO_FILE = '000000'  # as git's mode
-PLAIN_MODES = (NO_FILE, '100644', '100755')
+DELETED = '000000'  # git's mode of a file that is not there
+PLAIN_MODES = (DELETED, '100644', '100755')
 
 
 def core_path_of(path: str, table: Table, checkout: Path) -> str:
     """Return where the core has a file of the mirror, '' if it is kept by hand; raises RefusedError."""
     mirror = table['trees']['mirror']
-    if path in [generate.tree_path(mirror, name) for name in MIRROR_ALONE]:
-        return ''
-    names = {package: package for package in table['owned']} | mirror['folders']
-    for package, package_there in names.items():
-        folder = f'{mirror["root"]}/{package_there}/'
-        core_path = f'{package}/{path.removeprefix(folder)}'
-        is_known = package in table['owned'] or (checkout / CORE / core_path).is_file()
-        if path.startswith(folder) and is_known:
-            return core_path
+    name = path.removeprefix(f'{mirror["root"]}/').replace(mirror['messages'], MESSAGES)
+    if path == generate.tree_path(mirror, name):
+        if name in check_drift.MIRROR_ALONE:
+            return ''
+        if name.partition('/')[0] in table['owned'] or (checkout / CORE / name).is_file():
+            return name
     raise RefusedError(f'{path}: is not a file of the mirror')
 
 
 def core_content(core_path: str, content: bytes, mirror: Table) -> bytes:
     """Return what the core must contain for a file of the mirror; raises RefusedError."""
     content = generate.without_header(core_path, content)
-    for substitution in reversed(mirror['substitutions']):
-        find, replace = substitution['find'], substitution['replace']
-        matches = substitution['matches'].get(core_path, 0)
-        if matches:
-            is_line = replace.endswith('\n')
-            pattern = b'^' * is_line + re.escape(replace.encode())
-            content, found = re.subn(pattern, find.encode(), content, flags=re.MULTILINE)
-            if is_line and found != matches:
+    for divergence in mirror['divergences']:
+        ours, theirs = divergence['core'], divergence['tree']
+        if core_path == divergence['file']:
+            if content.count(theirs.encode()) != 1:
                 raise RefusedError(
-                    f'{core_path}: {replace.strip()!r} differs from the monorepo on purpose:'
+                    f'{core_path}: {theirs.strip()!r} differs from the monorepo on purpose:'
                     ' leave this line as it is'
                 )
-    return content
+            content = content.replace(theirs.encode(), ours.encode())
+    return content.replace(mirror['messages'].encode(), MESSAGES.encode())
 
 
 def take_over(checkout: Path, before: str, table: Table) -> None:
@@ -68,7 +62,7 @@ def take_over(checkout: Path, before: str, table: Table) -> None:
         target = checkout / CORE / core_path
         if mode not in PLAIN_MODES:
             raise RefusedError(f'{path}: is not a plain file')
-        if core_path and mode == NO_FILE:
+        if core_path and mode == DELETED:
             git(checkout, 'rm', '--quiet', '--', str(target))
         elif core_path:
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -80,6 +74,9 @@ def take_over(checkout: Path, before: str, table: Table) -> None:
         git(checkout, 'rm', '--quiet', '--', path)
     generate.write(checkout, rendered)
     git(checkout, 'add', '--force', '--', *added, *rendered)
+    trees = (check_drift.Tree(name, checkout / tree['root']) for name, tree in table['trees'].items())
+    for found in check_drift.compare(*trees):
+        raise RefusedError(f'{found.path.relative_to(checkout)}: {found.message}')
 
 
 def import_patch(checkout: Path, patch: Path, table: Table) -> bool:
@@ -164,7 +161,7 @@ def main() -> int:
             return 2
         with tempfile.TemporaryDirectory(prefix='mirror-import-') as folder:
             import_series(series, Path(folder))
-    except (RefusedError, OSError) as error:
+    except (RefusedError, check_drift.CannotCompareError, OSError) as error:
         print(f'mirror-import: nothing was changed: {error}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:

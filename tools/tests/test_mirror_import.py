@@ -325,19 +325,25 @@ def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
     assert git(monorepo, 'status', '--porcelain') == ''
 
 
-def test_a_deleted_file_is_deleted_in_both_trees(repositories):
+def test_renamed_and_deleted_files_are_renamed_and_deleted_everywhere(repositories):
     monorepo, mirror = repositories
     (mirror / f'{BRIDGE}/interfaces.py').rename(mirror / f'{BRIDGE}/messages.py')
-    result = import_patch(monorepo, commit_in(mirror))
-    assert result.returncode == 1  # interfaces.py is in the table, which must say where it is now
-    assert "'Mend it': twins.toml, " in refused(result)
-
-    git(mirror, 'reset', '--quiet', '--hard', 'HEAD~1')
     (mirror / 'lupin_greenhouse_bridge/test/test_package.py').unlink()
     result = import_patch(monorepo, commit_in(mirror))
     assert result.returncode == 0, result.stderr
-    assert not (monorepo / 'monorepo/lupin_greenhouse_bridge/test/test_package.py').exists()
+    for tree in ('tools/core', 'monorepo'):
+        assert not (monorepo / tree / BRIDGE / 'interfaces.py').exists()
+        assert 'import lupin_greenhouse_msgs' not in (monorepo / tree / BRIDGE / 'messages.py').read_text()
+        assert not (monorepo / tree / 'lupin_greenhouse_bridge/test/test_package.py').exists()
     assert checks_pass(monorepo)
+
+
+@pytest.mark.parametrize('name', ['LICENSE', 'lupin_greenhouse_msgs/package.xml', 'COLCON_IGNORE'])
+def test_a_file_that_the_mirror_keeps_by_hand_cannot_be_deleted(repositories, name):
+    monorepo, mirror = repositories
+    (mirror / name).unlink()
+    reason = refused(import_patch(monorepo, commit_in(mirror)))
+    assert reason.startswith(f"'Mend it': lupin_greenhouse_ros/{name}: ")
 
 
 def test_a_file_without_a_patch_is_refused_in_one_line(repositories):
