@@ -24,16 +24,12 @@ MIRROR = 'lupin_greenhouse_ros'
 PACKAGES = ('lupin_greenhouse_msgs', 'lupin_greenhouse_bridge')
 MAIN, READY = 'refs/heads/main', 'refs/heads/ready'
 CHANGELOG_SECTION = re.compile(r'^(.+)\n-+$', re.MULTILINE)
-# On these hosts a repository has the same path by https as by ssh.
-HTTPS_TOO = ('github.com', 'gitlab.com', 'gitlab.tudelft.nl', 'codeberg.org')
 
 
 def address_of(remote: str) -> str:
-    """Return the address that a reader can clone: without credentials, and with https if possible."""
+    """Return the address that a reader can clone: by https, without credentials; a folder is unchanged."""
     by_ssh = re.fullmatch(r'(?:ssh://)?git@([^:/]+)(?::\d+/|[:/])(.+)', remote)
-    if by_ssh and by_ssh[1] in HTTPS_TOO:
-        return f'https://{by_ssh[1]}/{by_ssh[2]}'
-    return re.sub(r'^(https?://)[^/@]*@', r'\1', remote)
+    return f'https://{by_ssh[1]}/{by_ssh[2]}' if by_ssh else re.sub(r'^(https?://)[^/@]*@', r'\1', remote)
 
 
 def check_this_checkout(here: Path) -> None:

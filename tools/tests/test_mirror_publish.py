@@ -153,7 +153,7 @@ def test_another_default_branch_is_told_with_what_to_set(remote, publish, branch
         ('git@gitlab.com:group/sub/name.git', 'https://gitlab.com/group/sub/name.git'),
         ('ssh://git@github.com/owner/name.git', 'https://github.com/owner/name.git'),
         ('ssh://git@github.com:22/owner/name.git', 'https://github.com/owner/name.git'),
-        ('git@git.example.org:owner/name.git', 'git@git.example.org:owner/name.git'),
+        ('git@git.example.org:owner/name.git', 'https://git.example.org/owner/name.git'),
         ('https://me:secret@gitlab.com/owner/name', 'https://gitlab.com/owner/name'),
         ('/srv/mirror.git', '/srv/mirror.git'),
     ],
