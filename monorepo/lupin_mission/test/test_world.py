@@ -1,7 +1,5 @@
 """The tags of an SDF world, read as data."""
 
-import os
-
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_mission.world import read_world
@@ -13,9 +11,9 @@ MODEL = '<model name="tag_{}"><pose>{}</pose></model>'
 def world_file(tmp_path):
     """Return a function that writes a world with these models and returns its path."""
 
-    def write(*models, text='<sdf version="1.6"><world name="w">{}</world></sdf>', encoding='utf-8'):
+    def write(*models, text='<sdf version="1.6"><world name="w">{}</world></sdf>'):
         path = tmp_path / 'world.sdf'
-        path.write_bytes(text.replace('{}', ''.join(models)).encode(encoding))
+        path.write_bytes(text.replace('{}', ''.join(models)).encode())
         return str(path)
 
     return write
@@ -41,7 +39,7 @@ def test_the_tags_come_in_numeric_order_with_their_places(world_file):
         (['<model name="tag_7"/>'], 'the model tag_7 has no pose'),
         ([MODEL.format(7, '1')], 'the model tag_7 has no pose'),
         ([MODEL.format(7, 'a b c')], 'the model tag_7 has no pose'),
-        ([MODEL.format(7, 'nan 0 0')], 'the pose of tag_7 is not finite'),
+        ([MODEL.format(7, 'nan 0 0')], 'the model tag_7 has no pose'),
         (['<model'], 'is not an SDF world'),
     ],
 )
@@ -50,17 +48,21 @@ def test_a_world_without_clear_tags_is_refused(world_file, models, fragment):
         read_world(world_file(*models))
 
 
-@pytest.mark.parametrize('encoding', ['utf-8', 'utf-16'])
-def test_entities_are_refused(world_file, encoding):
-    header = f'<?xml version="1.0" encoding="{encoding}"?>'
-    text = header + '<!DOCTYPE sdf [<!ENTITY x "xxxx">]><sdf><world name="w">{}&x;</world></sdf>'
-    with pytest.raises(StartUpError, match='it has a document type'):
-        read_world(world_file(MODEL.format(7, '0 0 0'), text=text, encoding=encoding))
+def test_entities_that_expand_to_gigabytes_are_refused(world_file):
+    entities = ['<!ENTITY x0 "xxxxxxxxxx">']
+    entities += [f'<!ENTITY x{each + 1} "{f"&x{each};" * 10}">' for each in range(8)]
+    text = f'<!DOCTYPE sdf [{"".join(entities)}]><sdf><world name="w">{{}}&x8;</world></sdf>'
+    with pytest.raises(StartUpError, match='is not an SDF world'):
+        read_world(world_file(MODEL.format(7, '0 0 0'), text=text))
 
 
 @pytest.mark.parametrize(
     ('content', 'fragment'),
-    [(b'', 'is not an SDF world'), (b'\xff\xfe\x00', 'is not an SDF world'), (None, 'cannot be read')],
+    [
+        (b'', 'is not an SDF world'),
+        (b'\xff\xfe\x00', 'is not UTF-8 text'),
+        (None, "^world_file '.*world.sdf': cannot be read"),
+    ],
 )
 def test_a_file_that_is_no_world_is_refused(tmp_path, content, fragment):
     path = tmp_path / 'world.sdf'
@@ -70,25 +72,9 @@ def test_a_file_that_is_no_world_is_refused(tmp_path, content, fragment):
         read_world(str(path))
 
 
-def test_a_folder_is_refused(tmp_path):
-    with pytest.raises(StartUpError, match='is not a regular file'):
-        read_world(str(tmp_path))
-
-
-def test_a_file_of_64_mib_is_read_and_a_byte_more_is_refused(tmp_path):
+def test_a_file_of_more_than_64_mib_is_refused(tmp_path):
     path = tmp_path / 'world.sdf'
     with path.open('wb') as file:
-        file.truncate(64 * 2**20)  # sparse: it takes no room
-    with pytest.raises(StartUpError, match='is not an SDF world'):
+        file.truncate(64 * 2**20 + 1)  # sparse: it takes no room
+    with pytest.raises(StartUpError, match=r'world\.sdf.: is larger than 64 MiB'):
         read_world(str(path))
-    os.truncate(path, 64 * 2**20 + 1)
-    with pytest.raises(StartUpError, match=r'world\.sdf. has more than 64 MiB: name an SDF world'):
-        read_world(str(path))
-
-
-@pytest.mark.parametrize('path', ['pipe', '/dev/zero'])
-def test_what_is_no_regular_file_is_refused(tmp_path, monkeypatch, path):
-    monkeypatch.chdir(tmp_path)
-    os.mkfifo('pipe')
-    with pytest.raises(StartUpError, match='is not a regular file: name an SDF world'):
-        read_world(path)

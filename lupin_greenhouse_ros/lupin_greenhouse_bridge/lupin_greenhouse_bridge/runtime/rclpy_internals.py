@@ -5,13 +5,15 @@ What the packages use of rclpy that is not public, or that is not the same in al
 Every other module uses only names that Humble, Jazzy, Kilted and Lyrical document.
 """
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Any
 
 from rclpy.client import Client
+from rclpy.clock import Clock, ClockType  # type: ignore[attr-defined]  # Humble has no clock_type
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 
 try:
     from rclpy.event_handler import SubscriptionEventCallbacks
@@ -24,6 +26,7 @@ __all__ = [
     'parameter_overrides',
     'pending_requests',
     'rclpy_implementation',
+    'steady_timer',
     'take_message',
 ]
 
@@ -39,6 +42,11 @@ def parameter_overrides(node: Node) -> Collection[str]:
 def pending_requests(client: 'Client[Any, Any]') -> Collection[Any]:
     """Return the futures of the requests that wait for a reply. No distro has a public list; for tests."""
     return client._pending_requests.values()
+
+
+def steady_timer(node: Node, seconds: float, callback: Callable[[], None]) -> Timer:
+    """Return a timer that `use_sim_time` does not affect."""
+    return node.create_timer(seconds, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def take_message(subscription: 'Subscription[Any]') -> Any:

@@ -31,7 +31,7 @@ KINDS = {
 
 def read_json(path: str | Path, where: str, largest_bytes: int) -> Any:
     """Return the value in a JSON file; raises a StartUpError that begins with `where`."""
-    return _parse_json(_read_text(path, where, largest_bytes), where)
+    return _parse_json(read_text(path, where, largest_bytes), where)
 
 
 def read_yaml(path: str | Path, where: str, wanted: str, *, is_typed: bool = True) -> dict[str, Any]:
@@ -41,7 +41,7 @@ def read_yaml(path: str | Path, where: str, wanted: str, *, is_typed: bool = Tru
     If not typed, every scalar is text and a tab is a space, as in yaml-cpp, whose callers choose the types.
     Raises a StartUpError that begins with `where` if the file is unreadable, malformed or not `wanted`.
     """
-    text = _read_text(path, where, LARGEST_YAML_BYTES)
+    text = read_text(path, where, LARGEST_YAML_BYTES)
     if not is_typed:
         data = _parse_yaml(text.replace('\t', ' '), where, 'BaseLoader')
     elif str(path).endswith('.json'):  # 1e3 is a number in JSON, and text in YAML 1.1
@@ -99,7 +99,8 @@ def kind_of(value: object) -> str:
     return KINDS.get(type(value), f'a {type(value).__name__}')
 
 
-def _read_text(path: str | Path, where: str, largest_bytes: int) -> str:
+def read_text(path: str | Path, where: str, largest_bytes: int) -> str:
+    """Return the text of a file; raises a StartUpError that begins with `where` if it cannot be read."""
     try:
         mode = os.stat(path).st_mode
         if stat.S_ISDIR(mode):
