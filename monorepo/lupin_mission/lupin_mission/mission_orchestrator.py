@@ -8,6 +8,7 @@ import contextlib
 import time
 import uuid
 from collections.abc import Callable
+from concurrent.futures import Future as PlanFuture
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,11 +20,11 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, 
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.process import NO_OUTPUT
+from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 from lupin_msgs.srv import StartMission
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
-from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -104,7 +105,7 @@ class MissionNode(Node):
         else:
             self._drive = Nav2Drive(self, settings, self.note)
             self._planner = Planner(self, settings, self._tags)
-        self._first_plan: Future[Drives] | None = None
+        self._first_plan: PlanFuture[Drives] | None = None
         for name, verb, operate in (
             ('pause', 'pause', Mission.pause),
             ('resume', 'resume', Mission.resume),
@@ -117,9 +118,8 @@ class MissionNode(Node):
         own_group = MutuallyExclusiveCallbackGroup()
         self.create_service(StartMission, 'mission/start', self._start, callback_group=own_group)
         self.create_subscription(Bool, settings.estop_topic, self._on_estop, QoSProfile(depth=10))
-        clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it.
-        self.create_timer(1.0 / settings.state_publish_rate_hz, self._publish_state, clock=clock)
-        self.create_timer(STEP_SECONDS, self._step, clock=clock)
+        steady_timer(self, 1.0 / settings.state_publish_rate_hz, self._publish_state)
+        steady_timer(self, STEP_SECONDS, self._step)
         has_service = partial(self._transport.is_available, Service.READ)
         self._tags.find(self, has_service, self._on_tags, self._on_tag_positions)
 
@@ -200,17 +200,9 @@ class MissionNode(Node):
         if self._planner:
             self._first_plan = self._planner.plan(self._chosen_ids())
 
-    def _take_plans(self, planner: Planner) -> None:
-        """Complete what has been planned; raises StartUpError for a first plan that failed."""
-        planner.poll()
-        if self._first_plan and self._first_plan.done():
-            first, self._first_plan = self._first_plan, None
-            if drives := first.result():
-                self._take(drives)
-
     def _take(self, drives: Drives) -> None:
         if isinstance(self._drive, Nav2Drive):
-            self._drive.goals, self._drive.unreachable = drives.goals, drives.unreachable
+            self._drive.goals, self._drive.unreachable = drives.plan.goals, drives.plan.unreachable
         for warning in drives.warnings:
             self.note(warning, Severity.WARN)
 
@@ -225,9 +217,11 @@ class MissionNode(Node):
         if self._planner:
             robot = self._positions.robot_position
             robot_m = (robot.x, robot.y) if robot else None
-            if drives := await self._planner.plan_mission(to_visit, robot_m):
-                self._take(drives)
-                to_visit = drives.tag_ids
+            planned: Future[PlanFuture[Drives]] = Future()
+            self._planner.plan_mission(to_visit, robot_m).add_done_callback(planned.set_result)
+            drives = (await planned).result()
+            self._take(drives)
+            to_visit = drives.tag_ids
         if not report:
             report = self._open_report(mission_id)
             if self.report:
@@ -251,8 +245,9 @@ class MissionNode(Node):
         self.mission.step(time.monotonic())
 
     def _step(self) -> None:
-        if self._planner:
-            self._take_plans(self._planner)
+        if self._first_plan and self._first_plan.done():
+            drives, self._first_plan = self._first_plan.result(), None
+            self._take(drives)
         if self._deadline_for_subscriber is not None:
             self._begin_when_heard(self._deadline_for_subscriber)
         if self.mission is None or self._is_ending or self._tags.is_waiting_for_tags():

@@ -14,6 +14,8 @@ from lupin_greenhouse_bridge.simulator.layout import Layout
 
 from lupin_mission.settings import Settings
 
+Place = tuple[float, float]  # x and y in metres
+
 
 class Plan:
     """The approach poses of a layout in the map, and the paths between them."""
@@ -26,15 +28,15 @@ class Plan:
         occupancy: OccupancyMap | None = None,
     ):
         """Find the poses, with room in the map if there is one; raises StartUpError."""
-        overrides, self.warnings = {}, []
         self._map_in_layout = _inverse(layout_in_map)
+        overrides: dict[str, Override] = {}
+        self.warnings: list[str] = []
         if path := settings.approach_overrides_file:
             in_map, self.warnings = read_overrides(path, layout.tags)
             overrides = {tag_id: self._in_layout(tag_id, each, path) for tag_id, each in in_map.items()}
-        walls = find_walls(layout, settings.sim_config_file, settings.walls)
         found = find_approaches(
             layout,
-            walls,
+            find_walls(layout, settings.sim_config_file, settings.walls),
             settings.viewing_limits,
             overrides=overrides,
             most_per_tag=settings.max_poses,
@@ -51,10 +53,7 @@ class Plan:
         }
 
     def shortest(
-        self,
-        tag_ids: list[str],
-        robot_in_map_m: tuple[float, float] | None = None,
-        dock_in_map_m: tuple[float, float] | None = None,
+        self, tag_ids: list[str], robot_in_map_m: Place | None = None, dock_in_map_m: Place | None = None
     ) -> list[str]:
         """
         Return the tags in the order of the shortest path, and then those without a pose.
@@ -70,7 +69,7 @@ class Plan:
         )
         return [*route.tag_ids, *(tag_id for tag_id in tag_ids if tag_id not in self._poses)]
 
-    def _free_in_layout(self, place_in_map_m: tuple[float, float] | None) -> tuple[float, float] | None:
+    def _free_in_layout(self, place_in_map_m: Place | None) -> Place | None:
         """Transform a position from the map into the layout; None if it is unknown, or not free."""
         if place_in_map_m is None:
             return None
@@ -79,7 +78,7 @@ class Plan:
 
     def _in_layout(self, tag_id: str, override: Override, path: str) -> Override:
         """Transform an override, which the team sets in the map, into the layout."""
-        x, y = override.goal_x, override.goal_y
+        x, y, yaw = override.goal_x, override.goal_y, override.yaw
         if (x is None) != (y is None) and self._map_in_layout.yaw:
             raise StartUpError(
                 f"approach_overrides_file '{escaped(path, 500)}': tag '{escaped(tag_id, 64)}' has only"
@@ -87,7 +86,7 @@ class Plan:
             )
         goal_x, goal_y = self._map_in_layout.point(x or 0.0, y or 0.0)
         return override._replace(
-            yaw=None if override.yaw is None else self._map_in_layout.heading(override.yaw),
+            yaw=None if yaw is None else self._map_in_layout.heading(yaw),
             goal_x=None if x is None else goal_x,
             goal_y=None if y is None else goal_y,
         )

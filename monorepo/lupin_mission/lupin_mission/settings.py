@@ -49,6 +49,15 @@ def _seconds(default: float, description: str, smallest: float = 0.0) -> Any:
     return parameter(default, description, smallest=smallest, largest=LONGEST_SECONDS)
 
 
+def _count(default: int, description: str, largest: int = 1000) -> Any:
+    return parameter(default, description, smallest=1, largest=largest)
+
+
+def _limit(name: str, smallest: float, largest: float, description: str) -> Any:
+    """Return the field of a parameter whose default is that of the approach poses."""
+    return parameter(getattr(ViewingLimits, name), description, smallest=smallest, largest=largest)
+
+
 def _text_or_array(default: str, description: str) -> Any:
     """Return the field of a parameter that the dataclass splits into words itself."""
     return parameter(default, description, of_any_type=True)
@@ -81,44 +90,33 @@ class Settings:
     drive_seconds: float = _seconds(0.0, 'With drive simulated: seconds for the drive to a tag.')
     nav_action_name: str = parameter('navigate_to_pose', 'The NavigateToPose action.')
     nav_timeout_s: float = _seconds(60.0, 'Seconds for one drive with Nav2; 0.0: no limit.')
-    nav_max_attempts: int = parameter(
-        Limits.max_drives,
-        'How often the robot tries to drive to one pose, or to the dock.',
-        smallest=1,
-        largest=1000,
+    nav_max_attempts: int = _count(
+        Limits.max_drives, 'How often the robot tries to drive to one pose, or to the dock.'
     )
-    max_poses: int = parameter(
-        2, 'With nav2: the most poses that the robot tries at a tag.', smallest=1, largest=10
-    )
+    max_poses: int = _count(2, 'With nav2: the most poses that the robot tries at a tag.', largest=10)
     robot_radius_m: float = parameter(
         0.2, 'Radius of the robot in metres, for its approach poses.', smallest=0.0, largest=0.75
     )
     approach_standoff_m: float = parameter(
         0.5, 'Preferred distance from the robot to a tag in metres.', smallest=0.2, largest=1.5
     )
-    approach_clearance_m: float = parameter(
-        ViewingLimits.clearance_m,
-        "Room at each approach pose beyond the robot's radius, in metres, where there is as much.",
-        smallest=0.0,
-        largest=1.0,
+    approach_clearance_m: float = _limit(
+        'clearance_m',
+        0.0,
+        1.0,
+        "Room at each pose beyond the robot's radius in metres, where there is as much.",
     )
-    arrival_tolerance_m: float = parameter(
-        ViewingLimits.arrival_tolerance_m,
-        "How far from its pose the robot may stop, in metres, like Nav2's xy_goal_tolerance.",
-        smallest=0.0,
-        largest=1.0,
+    arrival_tolerance_m: float = _limit(
+        'arrival_tolerance_m', 0.0, 1.0, 'How far from its pose the robot may stop, in metres.'
     )
-    arrival_tolerance_rad: float = parameter(
-        ViewingLimits.arrival_tolerance_rad,
-        "How far the robot may be turned from its pose, in radians, like Nav2's yaw_goal_tolerance.",
-        smallest=0.0,
-        largest=math.pi,
+    arrival_tolerance_rad: float = _limit(
+        'arrival_tolerance_rad', 0.0, math.pi, 'How far the robot may be turned from its pose, in radians.'
     )
-    camera_offset_m: float = parameter(
-        ViewingLimits.camera_offset_m,
+    camera_offset_m: float = _limit(
+        'camera_offset_m',
+        -LARGEST_CAMERA_OFFSET_M,
+        LARGEST_CAMERA_OFFSET_M,
         "How far the camera is in front of the robot's centre, in metres.",
-        smallest=-LARGEST_CAMERA_OFFSET_M,
-        largest=LARGEST_CAMERA_OFFSET_M,
     )
     approach_overrides_file: str = parameter(
         '', 'A YAML file of poses in the map, such as overrides: {"7": {yaw: 1.57, standoff: 0.4}}.'
@@ -128,8 +126,7 @@ class Settings:
     )
     walls: str = walls_parameter()
     map_topic: str = parameter(
-        'map',
-        "A latched OccupancyGrid with the robot's map: with nav2, the poses keep clear of its obstacles.",
+        'map', "With nav2: a latched OccupancyGrid; the poses keep clear of the map's obstacles."
     )
     dock_pose: str = _text_or_array(
         '[0.0, 0.0, 0.0]',
@@ -144,11 +141,8 @@ class Settings:
         'The mission waits this many seconds, plus 3, for each reply of ConfirmTag.',
         smallest=0.001,
     )
-    max_attempts: int = parameter(
-        Limits.max_attempts,
-        'How many requests the mission sends to each service from one pose.',
-        smallest=1,
-        largest=1000,
+    max_attempts: int = _count(
+        Limits.max_attempts, 'How many requests the mission sends to each service from one pose.'
     )
     retry_delay_seconds: float = _seconds(
         Limits.retry_delay_seconds,
@@ -164,8 +158,7 @@ class Settings:
         False, 'With wait_for_start false: wait for a subscriber of mission/readings, such as a recorder.'
     )
     dependency_timeout_s: float = _seconds(
-        30.0,
-        "Seconds to wait for Nav2; with wait_for_start false, also for the bridge's tags and a subscriber.",
+        30.0, "Seconds to wait for Nav2; without wait_for_start, also for the bridge's tags and a subscriber."
     )
     mission_id_prefix: str = parameter('lupin', 'The first word of each mission id.')
     frame_id: str = parameter('map', 'The frame of the poses, and of the headers of all messages.')
@@ -181,9 +174,7 @@ class Settings:
         '', 'The file of register_layout: where the layout lies in the map; empty: at the origin of the map.'
     )
     tag_poses_in_map: str = _text_or_array(
-        '',
-        'true: publish the positions of the layout; false: those of perception or of the robot; empty: true'
-        ' with layout_in_map or without a camera.',
+        '', 'true: publish the positions of the layout; false: those of perception or of the robot.'
     )
 
     def __post_init__(self) -> None:

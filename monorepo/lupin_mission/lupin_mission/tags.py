@@ -14,10 +14,10 @@ from lupin_greenhouse_bridge.contract import (
 )
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.registration import Transform, read_transform
+from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
 from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.layout import Layout, read_layout
 from rcl_interfaces.srv import GetParameters
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -89,8 +89,7 @@ class Tags:
         self._deadline = time.monotonic() + self._settings.dependency_timeout_s
         if not is_given:
             node.get_logger().info(f'waiting for the tags of {self._parameters_client.srv_name}')
-        clock = Clock(clock_type=ClockType.STEADY_TIME)  # use_sim_time does not affect it.
-        self._timer = node.create_timer(ASK_EVERY_SECONDS, self._ask_the_bridge, clock=clock)
+        self._timer = steady_timer(node, ASK_EVERY_SECONDS, self._ask_the_bridge)
 
     def is_waiting_for_tags(self) -> bool:
         """Return whether the bridge was available, and may still reply that it has its own tag file."""
