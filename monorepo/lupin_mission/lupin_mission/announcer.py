@@ -1,6 +1,7 @@
 """Publish the mission's observations and state, write its log, and show a progress line at a terminal."""
 
 import math
+import sys
 import time
 from collections import deque
 
@@ -10,6 +11,7 @@ from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime.output import ProgressLine
 from lupin_greenhouse_bridge.units import sensor_order, value_text
 from lupin_msgs.msg import MissionState, TagReading
 from lupin_msgs.msg import Observation as ObservationMessage
@@ -20,7 +22,6 @@ from std_msgs.msg import Header, String
 
 from lupin_mission.messages import observation_message, state_message
 from lupin_mission.mission import Mission, Severity
-from lupin_mission.progress import ProgressLine
 
 LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS = 5.0
 ACKNOWLEDGED_WITHIN_SECONDS = 0.2
@@ -43,7 +44,7 @@ class Announcer:
         self._other_mission_at = -math.inf
         node.create_subscription(MissionState, 'mission/state', self._on_state, QoSProfile(depth=10))
         self._tag_at_hand: str | None = None
-        self._progress = ProgressLine()
+        self._progress = ProgressLine(sys.stdout)
         self._event, self._severity, self._last_error = 'the node has started', Severity.INFO, ''
 
     def note(self, event: str, severity: Severity) -> None:

@@ -217,11 +217,12 @@ class MissionNode(Node):
         if self._planner:
             robot = self._positions.robot_position
             robot_m = (robot.x, robot.y) if robot else None
-            planned: Future[PlanFuture[Drives]] = Future()
-            self._planner.plan_mission(to_visit, robot_m).add_done_callback(planned.set_result)
-            drives = (await planned).result()
-            self._take(drives)
-            to_visit = drives.tag_ids
+            plan = self._planner.plan_mission(to_visit, robot_m)
+            is_planned: Future[None] = Future()
+            plan.add_done_callback(lambda _plan: is_planned.set_result(None))
+            await is_planned
+            self._take(plan.result())
+            to_visit = plan.result().tag_ids
         if not report:
             report = self._open_report(mission_id)
             if self.report:
