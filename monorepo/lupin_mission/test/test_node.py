@@ -16,6 +16,7 @@ from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
     executable,
     has_found_a_client,
+    overrides,
     wait_until,
 )
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
@@ -29,21 +30,46 @@ from rclpy.executors import SingleThreadedExecutor
 
 OK = Outcome.OK
 OF_OTHER_MISSIONS = ('battery_low_threshold', 'battery_topic', 'discovered_tags_topic', 'monitoring_sweeps')
-# One of each part of a run; the bridge's tests signal the same code in many more.
+# One of each part but the run itself; the bridge's tests signal the same code in many more.
 MOMENTS = {
     'rclpy/__init__.py:<module>': 'signalled in',  # the import
     'rclpy/node.py:__init__': 'signalled in',  # the start
-    'rclpy/executors.py:spin_once': 'signalled in',  # the run
     'rclpy/executors.py:shutdown': 'waiting for the tags of',  # the end, which other signals bring about
 }
 
 
-def test_every_tag_that_the_bridge_has_loaded_is_read(start_process, start_bridge, shipped_tags):
-    mission = start_process(bridge_service_name=start_bridge().service_name, **REAL)
+@pytest.fixture
+def without_simulator(tmp_path):
+    """Return the environment of a process that cannot import mdp-greenhouse."""
+    (tmp_path / 'sitecustomize.py').write_text(
+        'import sys\n'
+        'class Without:\n'
+        '    def __init__(self, finder):\n'
+        '        self.finder = finder\n'
+        '    def find_spec(self, name, *arguments):\n'
+        "        is_hidden = name.split('.')[0] == 'greenhouse_sim'\n"
+        '        return None if is_hidden else self.finder.find_spec(name, *arguments)\n'
+        '    def __getattr__(self, name):\n'
+        '        return getattr(self.finder, name)\n'
+        'sys.meta_path[:] = map(Without, sys.meta_path)\n'
+    )
+    return {'PYTHONPATH': os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])}
+
+
+def test_every_tag_of_the_bridge_is_read_by_a_process_that_has_no_simulator(
+    start_process, start_bridge, shipped_tags, without_simulator
+):
+    service = start_bridge().service_name
+    mission = start_process(bridge_service_name=service, environment=without_simulator, **REAL)
     assert mission.end() == 0
     assert mission.outcomes() == [(tag_id, OK) for tag_id in sorted(shipped_tags, key=int)]
     assert {each.drive for each in mission.observations()} == {'simulated'}
     assert mission.log[-1] == f'{len(shipped_tags)}/{len(shipped_tags)} tags read'
+    command = [sys.executable, '-c', 'import greenhouse_sim']  # shows that the check above can fail
+    assert (
+        "ModuleNotFoundError: No module named 'greenhouse_sim'"
+        in start_process(command, without_simulator).rest_of_log()
+    )
 
 
 def test_without_tags_and_without_a_bridge_the_mission_is_refused_after_30_s(
@@ -62,18 +88,18 @@ def test_without_tags_and_without_a_bridge_the_mission_is_refused_after_30_s(
 
 
 def test_a_mission_that_waits_for_its_start_waits_for_its_bridge_too(
-    start_mission, bridge_parameters, clock, states_of
+    start_waiting_mission, bridge_parameters, clock
 ):
-    mission = start_mission(**READER, wait_for_start=True)
+    mission, operator = start_waiting_mission(**READER)
     bridge_parameters.wait_for_request()
-    states = states_of(mission)
-    clock.pass_seconds(3600.0)
+    clock.pass_seconds(HOUR)
     for _ in range(2):  # it still asks
         bridge_parameters.wait_for_request()
-    assert states.wait_for().lifecycle_state == 'BOOT'
+    assert operator.wait_for().lifecycle_state == 'BOOT'
+    assert operator.rejection() == 'the tags are not known yet: start the bridge'
     bridge_parameters.answer()  # to the first request
     bridge_parameters.answer_tags('7')
-    assert states.wait_for(lambda state: state.lifecycle_state != 'BOOT').lifecycle_state == 'READY'
+    operator.wait_for(lifecycle_state='READY')
     mission.stop()
     assert len([line for line in mission.log if 'waiting for the tags of' in line]) == 1
 
@@ -81,13 +107,19 @@ def test_a_mission_that_waits_for_its_start_waits_for_its_bridge_too(
 def test_without_a_shipped_file_a_node_that_does_not_tell_its_tags_is_asked_again(
     start_mission, bridge_parameters, reader, monkeypatch
 ):
+    """Tags that it then tells twice start one mission."""
     monkeypatch.setattr(tags, 'shipped_file', lambda _name: None)
     mission = start_mission(**READER)
+    for _ in range(3):
+        bridge_parameters.wait_for_request()
     bridge_parameters.answer()
-    bridge_parameters.answer_tags('5', '7')
+    for _ in range(2):
+        bridge_parameters.answer_tags('5', '7')
+    assert reader.wait_for_request() == '5'
     reader.answer_ok('5', co2=1.0)
     reader.answer_ok('7', co2=1.0)
     assert mission.end() == 0
+    assert len([line for line in mission.log if '2 tags to visit' in line]) == 1
     assert reader.tag_ids == ['5', '7']
 
 
@@ -123,57 +155,6 @@ def test_a_service_without_the_parameters_of_a_bridge_is_asked_for_the_shipped_t
     assert 'no node offers /held/get_parameters: using those of ' in warning
 
 
-def test_the_tags_that_arrive_twice_start_one_mission(start_mission, bridge_parameters, reader):
-    mission = start_mission(**READER)
-    for _ in range(2):
-        bridge_parameters.wait_for_request()
-    for _ in range(2):
-        bridge_parameters.answer_tags('7')
-    assert reader.wait_for_request() == '7'
-    reader.answer_ok('7', co2=1.0)
-    assert mission.end() == 0
-    assert len([line for line in mission.log if '1 tag to visit' in line]) == 1
-    assert reader.tag_ids == ['7']
-
-
-@pytest.fixture
-def without_simulator(tmp_path):
-    """Return the environment of a process that cannot import mdp-greenhouse."""
-    (tmp_path / 'sitecustomize.py').write_text(
-        'import sys\n'
-        'class Without:\n'
-        '    def __init__(self, finder):\n'
-        '        self.finder = finder\n'
-        '    def find_spec(self, name, *arguments):\n'
-        "        is_hidden = name.split('.')[0] == 'greenhouse_sim'\n"
-        '        return None if is_hidden else self.finder.find_spec(name, *arguments)\n'
-        '    def __getattr__(self, name):\n'
-        '        return getattr(self.finder, name)\n'
-        'sys.meta_path[:] = map(Without, sys.meta_path)\n'
-    )
-    return {'PYTHONPATH': os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])}
-
-
-def test_the_mission_needs_no_simulator_on_its_machine(start_process, reader, without_simulator):
-    mission = start_process(**READER, tag_sequence='1', environment=without_simulator)
-    reader.answer_ok('1', co2=1.0)
-    assert mission.end() == 0
-    command = [sys.executable, '-c', 'import greenhouse_sim']  # shows that the check above can fail
-    assert (
-        "ModuleNotFoundError: No module named 'greenhouse_sim'"
-        in start_process(command, without_simulator).rest_of_log()
-    )
-
-
-def test_a_service_that_starts_after_the_mission_is_waited_for(start_mission, held_service, states_of):
-    mission = start_mission(**READER, tag_sequence='1')
-    states = states_of(mission)
-    states.wait_for(lambda state: state.mission_phase == 'SCANNING')
-    held_service(GetTagReading, READER['bridge_service_name']).answer_ok('1', co2=1.0)
-    assert mission.end() == 0
-    assert mission.outcomes() == [('1', OK)]
-
-
 def test_a_bridge_killed_and_started_again_costs_no_reading(start_waiting_mission, start_bridge):
     bridge_node = executable('lupin_greenhouse_bridge', 'bridge_node')
     run = [bridge_node, '--ros-args', '-r', '~/get_tag_reading:=/real/get_tag_reading']
@@ -196,31 +177,26 @@ def test_a_bridge_killed_and_started_again_costs_no_reading(start_waiting_missio
     assert mission.outcomes(started) == [('1', OK), ('2', OK)]
 
 
-def test_a_mission_that_is_killed_goes_on_where_it_was(start_process, start_mission, reader, held_service):
+def test_a_report_is_continued_with_the_tags_that_were_not_read(
+    start_process, start_mission, reader, held_service
+):
+    """After a kill and after failed readings alike."""
     killed = start_process(**READER, tag_sequence='1 2 3')
     reader.answer_ok('1', co2=1.0)
     assert [reader.wait_for_request(), reader.wait_for_request()] == ['1', '2']
     killed.close()
     other_reader = held_service(GetTagReading, '/other/get_tag_reading')
-    mission = start_mission(bridge_service_name=other_reader.name, tag_sequence='1 2 3')
-    other_reader.answer_ok('2', co2=2.0)
+    other_reader.answer_ok('2')
     other_reader.answer_ok('3', co2=3.0)
-    assert mission.end() == 0
-    assert mission.outcomes() == [(tag_id, OK) for tag_id in '123']
-    assert other_reader.tag_ids == ['2', '3']
-
-
-def test_a_report_is_continued_with_the_tags_that_were_not_read(start_mission, reader):
-    reader.answer_ok('1', co2=1.0)
-    reader.answer_ok('2')
-    reader.answer_ok('2', co2=2.0)
+    other_reader.answer_ok('2', co2=2.0)
     for tags_left, exit_code in ((2, 1), (1, 0), (0, 0)):
-        mission = start_mission(**READER, tag_sequence='1 2', max_attempts=1)
+        mission = start_mission(bridge_service_name=other_reader.name, tag_sequence='1 2 3', max_attempts=1)
         assert mission.end() == exit_code
         to_visit = pluralized(tags_left, 'tag')
-        start = f'{to_visit} to visit, {2 - tags_left} read before; report: {mission.report_file}'
+        start = f'{to_visit} to visit, {3 - tags_left} read before; report: {mission.report_file}'
         assert any(line.endswith(start) for line in mission.log), mission.log
-    assert reader.tag_ids == ['1', '2', '2']
+    assert [tag_id for tag_id, outcome in mission.outcomes() if outcome is OK] == ['1', '3', '2']
+    assert other_reader.tag_ids == ['2', '3', '2']
 
 
 def test_a_report_without_a_name_lies_in_the_current_folder(start_mission, reader, tmp_path, monkeypatch):
@@ -231,13 +207,14 @@ def test_a_report_without_a_name_lies_in_the_current_folder(start_mission, reade
     assert [each.tag_id for each in observations_in(report)] == ['1']
 
 
-def test_a_bridge_that_never_comes_fails_every_scan_and_ends_the_mission(start_mission):
-    mission = start_mission(
-        bridge_service_name='/nobody/get_tag_reading', tag_sequence='1 2', scan_timeout_s=0.1
-    )
+@pytest.mark.parametrize('sequence', ['[5, 7]', '["5", "7"]'])
+def test_a_bridge_that_never_comes_fails_every_scan_and_ends_the_mission(start_mission, sequence):
+    """The tags are an array of numbers or of texts."""
+    service = {'bridge_service_name': '/nobody/get_tag_reading', 'scan_timeout_s': 0.01}
+    mission = start_mission(**service, tag_sequence=sequence, max_attempts=2)
     assert mission.end() == 1
-    assert mission.outcomes() == [('1', Outcome.NO_SERVICE), ('2', Outcome.NO_SERVICE)]
-    assert {each.attempts for each in mission.observations()} == {3}
+    assert mission.outcomes() == [('5', Outcome.NO_SERVICE), ('7', Outcome.NO_SERVICE)]
+    assert {each.attempts for each in mission.observations()} == {2}
 
 
 def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader):
@@ -272,40 +249,23 @@ def test_a_late_answer_is_not_taken_for_the_next_ones(start_mission, reader, clo
 
 
 def test_a_mission_without_a_failure_logs_no_warning(start_mission, reader, confirmer):
-    mission = start_mission(**CAMERA, tag_sequence='1 2')
+    """The arguments of the team that have no effect are named in one line."""
+    unused = {'discovery_goal': 5, 'map_yaml_path': '/map.yaml', **dict.fromkeys(OF_OTHER_MISSIONS, '0.5')}
+    mission = start_mission(**CAMERA, tag_sequence='1 2', **unused)
     for tag_id in '12':
         confirmer.answer(detected=True)
         reader.answer_ok(tag_id, co2=1.0)
     assert mission.end() == 0
     assert mission.warnings() == []
-
-
-def test_a_pause_in_the_dwell_does_not_scan_the_tag_again(start_waiting_mission, reader):
-    mission, operator = start_waiting_mission(**READER, tag_sequence='1 2', flower_scan_dwell_s=HOUR)
-    operator.start()
-    reader.answer_ok('1', co2=1.0)
-    operator.wait_for(mission_phase='SCANNING', targets_completed=1)
-    assert operator.trigger('pause')
-    assert not operator.trigger('pause')
-    operator.wait_for(paused=True, mission_phase='SCANNING')
-    assert operator.trigger('resume')
-    assert not operator.trigger('resume')
-    operator.wait_for(paused=False, mission_phase='SCANNING', current_target='1')
-    assert operator.trigger('skip_current')  # the rest of the dwell
-    reader.answer_ok('2', co2=2.0)
-    operator.wait_for(mission_phase='SCANNING', targets_completed=2)
-    assert operator.trigger('skip_current')
-    assert mission.stop() == 0
-    assert reader.tag_ids == ['1', '2']
+    (line,) = [line for line in mission.log if 'without effect' in line]
+    assert line.endswith('without effect in this node: ' + ', '.join(sorted(unused)))
 
 
 @pytest.fixture
 def mission_and_executor(settings):
     """Return the node of a mission to tag 1, and an executor for it that the test spins."""
     parameters = {**settings, **READER, 'tag_sequence': '"1"'}
-    rclpy.init(
-        args=['--ros-args', *(w for item in parameters.items() for w in ('-p', '{}:={}'.format(*item)))]
-    )
+    rclpy.init(args=['--ros-args', *overrides(parameters)])
     node = mission_orchestrator.MissionNode()
     executor = SingleThreadedExecutor()
     executor.add_node(node)
@@ -320,8 +280,8 @@ def test_a_request_that_waits_for_its_service_is_not_sent_in_a_pause(mission_and
     node, executor = mission_and_executor
     node.mission.pause()
     reader = held_service(GetTagReading, READER['bridge_service_name'])
-    client = node._transport._clients[Service.READ]
-    wait_until(client.service_is_ready)
+    clients = node._transport._clients
+    wait_until(clients[Service.READ].service_is_ready)
     node._step()
     assert node._transport._future is None
     node.mission.resume()
@@ -331,12 +291,8 @@ def test_a_request_that_waits_for_its_service_is_not_sent_in_a_pause(mission_and
     while node.mission.state is not State.DONE:
         executor.spin_once(timeout_sec=PATIENCE_SECONDS)
     assert node.mission.outcomes == {'1': OK}
-
-
-def test_its_clients_keep_as_many_replies_to_others_as_the_bridge_sends(mission_and_executor):
-    node, _ = mission_and_executor
-    clients = node._transport._clients.values()
-    assert [each.qos_profile for each in clients] == [SERVICE_QOS] * len(Service)
+    # They keep as many replies to others as the bridge sends.
+    assert [each.qos_profile for each in clients.values()] == [SERVICE_QOS] * len(Service)
 
 
 @pytest.mark.usefixtures('reader')
@@ -388,29 +344,13 @@ def test_a_report_that_is_lost_ends_the_mission_with_its_table(
     assert reader.tag_ids == ['1', '2']
 
 
-def test_a_report_that_is_deleted_after_the_last_tag_is_not_a_success(start_waiting_mission, reader):
-    mission, operator = start_waiting_mission(**READER, tag_sequence='1')
-    started = operator.start()
-    reader.answer_ok('1', co2=1.0)
-    operator.wait_for(lifecycle_state='DONE')
-    mission.report_file.with_name(f'report-{started}.jsonl').unlink()
-    assert mission.stop() == 4
-
-
-@pytest.mark.parametrize('output', ['/dev/full', 'a closed pipe'])
-def test_a_table_that_cannot_be_printed_is_one_line_and_the_report_is_kept(
-    reader, settings, tmp_path, output
-):
-    if output == 'a closed pipe':
-        read_end, write_end = os.pipe()
-        os.close(read_end)
-    else:
-        write_end = os.open(output, os.O_WRONLY)
+def test_a_table_that_cannot_be_printed_is_one_line_and_the_report_is_kept(reader, settings, tmp_path):
     parameters = {**settings, **READER, 'tag_sequence': '"1"'}
-    words = [word for item in parameters.items() for word in ('-p', '{}:={}'.format(*item))]
-    command = [executable('lupin_mission', 'mission_orchestrator'), '--ros-args', *words]
-    with subprocess.Popen(command, stdout=write_end, stderr=subprocess.PIPE, text=True) as process:
-        os.close(write_end)
+    command = [executable('lupin_mission', 'mission_orchestrator'), '--ros-args', *overrides(parameters)]
+    with (
+        open('/dev/full', 'w', encoding='utf-8') as full,
+        subprocess.Popen(command, stdout=full, stderr=subprocess.PIPE, text=True) as process,
+    ):
         reader.answer_ok('1', co2=1.0)
         log = process.communicate(timeout=PATIENCE_SECONDS)[1]
     assert process.returncode == 4, log
@@ -419,12 +359,11 @@ def test_a_table_that_cannot_be_printed_is_one_line_and_the_report_is_kept(
     assert [each.tag_id for each in observations_in(tmp_path / 'report.jsonl')] == ['1']
 
 
-@pytest.mark.parametrize('signals', ['Ctrl-C twice', 'SIGTERM'])
-def test_a_signal_ends_the_mission_with_the_table_so_far(start_process, reader, signals):
+def test_a_signal_ends_the_mission_with_the_table_so_far(start_process, reader):
     mission = start_process(**READER, tag_sequence='1 2')
     reader.answer_ok('1', co2=1.0)
     assert [reader.wait_for_request(), reader.wait_for_request()] == ['1', '2']
-    mission.send(*SIGNALS[signals])
+    mission.send(*SIGNALS['Ctrl-C twice'])
     assert mission.end() == 1
     assert mission.log[-1] == '1/2 tags read'
 
@@ -444,7 +383,6 @@ def test_a_signal_at_any_moment_ends_the_mission_with_a_table(start_process, mom
 @pytest.mark.parametrize(
     ('name', 'value', 'fragment'),
     [
-        ('tag_sequence', '1 2 1', "names '1' twice"),
         ('max_attempts', 0, 'must be a whole number from 1 to 1000'),
         ('bridge_service_name', 'no such name', 'is not a service name'),
         ('visual_confirmation_service', 'no such name', 'is not a service name'),
@@ -458,10 +396,6 @@ def test_what_cannot_be_is_refused_in_one_line(start_mission, name, value, fragm
     assert fragment in start_mission(**{name: value}).refusal(exit_code=2)
 
 
-def test_a_refusal_is_the_exit_code_of_the_process(start_process):
-    assert 'must be a whole number' in start_process(max_attempts=0).refusal(exit_code=2)
-
-
 @pytest.mark.parametrize('name', ['tag_sequence', 'dock_pose'])
 def test_an_empty_array_is_no_tag_and_no_dock(start_mission, bridge_parameters, reader, name):
     bridge_parameters.answer_tags('7')
@@ -471,25 +405,8 @@ def test_an_empty_array_is_no_tag_and_no_dock(start_mission, bridge_parameters, 
     assert mission.outcomes() == [('7', OK)]
 
 
-@pytest.mark.parametrize(('sequence', 'tag_ids'), [('[5, 7]', '57'), ('["5", "7"]', '57'), (5, '5')])
-def test_tag_ids_may_be_a_number_or_an_array(start_mission, sequence, tag_ids):
-    mission = start_mission(tag_sequence=sequence, max_attempts=1, scan_timeout_s=0.01)
-    assert mission.end() == 1
-    assert mission.outcomes() == [(tag_id, Outcome.NO_SERVICE) for tag_id in tag_ids]
-
-
-def test_the_arguments_of_the_team_that_have_no_effect_are_named_in_one_line(start_mission, reader):
-    unused = {'discovery_goal': 5, 'map_yaml_path': '/map.yaml', **dict.fromkeys(OF_OTHER_MISSIONS, '0.5')}
-    mission = start_mission(**READER, tag_sequence='7', **unused)
-    reader.answer_ok('7', co2=1.0)
-    assert mission.end() == 0
-    assert mission.warnings() == []
-    (line,) = [line for line in mission.log if 'without effect' in line]
-    assert line.endswith('without effect in this node: ' + ', '.join(sorted(unused)))
-
-
 def test_a_mistyped_parameter_is_named_and_changes_nothing(start_mission):
-    mission = start_mission(tag_sequence='1', tags='2', max_attempts=1, scan_timeout_s=0.01)
+    mission = start_mission(tag_sequence=1, tags='2', max_attempts=1, scan_timeout_s=0.01)
     assert mission.end() == 1
     assert [tag_id for tag_id, _ in mission.outcomes()] == ['1']
     assert len([line for line in mission.log if 'parameter tags is unknown and ignored' in line]) == 1

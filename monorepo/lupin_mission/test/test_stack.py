@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from builtin_interfaces.msg import Time
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.display.input_file import read_file
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
-from lupin_greenhouse_bridge.testing._helpers import spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
 from lupin_mission import mission_orchestrator, transport
 from lupin_mission.announcer import Announcer
 from lupin_mission.mission import Severity
@@ -22,6 +23,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Bool, String
 
 OK = Outcome.OK
+READINGS = 'mission/readings'
 
 
 @pytest.fixture
@@ -43,53 +45,38 @@ def received_tags(subscriber) -> list[str]:
 
 
 def test_a_twin_that_joins_in_the_middle_has_every_tag_at_the_end(
-    start_mission, reader, twin, states_of, shipped_tags
+    start_mission, reader, twin, node, shipped_tags
 ):
     """The mission stands at its third tag until the twin has joined, and exits after its last."""
     mission = start_mission(**READER, tag_sequence='9 7 1 29')
     reader.answer_ok('9', co2=9.0)
     reader.answer_ok('7', co2=7.0, temperature=20.5)
     assert [reader.wait_for_request() for _ in range(3)] == ['9', '7', '1']
-    late = twin()
-    wait_until(lambda: received_tags(late) == ['9', '7'])
-    states = states_of(mission)
-    states.wait_for(lambda state: state.current_target == '1')
+    late, readings = twin(), Subscriber(node, TagReading, f'{mission.namespace}/{READINGS}', TWIN_QOS)
+    wait_until(lambda: received_tags(late) == ['9', '7'] and len(readings.received) == 2)
     reader.answer_ok('1', co2=1.0)
-    reader.answer_ok('29', co2=29.0)
-    assert mission.end() == 0
-    wait_until(lambda: len(late.received) == 4)
-    done = states.wait_for(lambda state: state.lifecycle_state == 'DONE')
-    assert done.targets_completed == 4
-    observations = mission.observations()
-    assert received_tags(late) == [each.tag_id for each in observations] == ['9', '7', '1', '29']
-    for received, written in zip(late.received, observations, strict=True):
+    reader.answer(status=1, error_message='tag 29: who?')
+    assert mission.end() == 1
+    wait_until(lambda: len(late.received) == 4 and len(readings.received) == 3)
+    *written, _ = mission.observations()
+    *read, unread = late.received
+    assert [each.tag_reading for each in read] == readings.received
+    assert [each.tag_id for each in readings.received] == [each.tag_id for each in written] == ['9', '7', '1']
+    for received, observation in zip(read, written, strict=True):
         assert (received.kind, received.status) == (Observation.KIND_TAG_READING, Observation.STATUS_OK)
         assert received.status_detail == 'simulated drive'
-        assert received.header.frame_id == 'map'
-        assert received.header.stamp.sec > 0
-        assert {each.name: each.value for each in received.tag_reading.readings} == written.reading.values
+        assert {each.name: each.value for each in received.tag_reading.readings} == observation.reading.values
         assert received.tag_reading.sim_time_of_day_seconds == 12 * 3600.0
-        place, pose = shipped_tags[written.tag_id], received.tag_pose_in_map
+        place, pose = shipped_tags[observation.tag_id], received.tag_pose_in_map
         assert (pose.position.x, pose.position.y, pose.orientation.w) == (place['x'], place['y'], 1.0)
-    assert {each.mission_id for each in late.received} == {done.mission_id}
-    assert {each.source for each in late.received} == {'InspectionMission'}
-
-
-def test_an_observation_of_a_tag_that_was_not_read_names_it_in_its_detail_alone(
-    start_mission, reader, operate, twin
-):
-    subscriber = twin()
-    mission = start_mission(**READER, tag_sequence='1', wait_for_start=True)
-    operate(mission).start()
-    reader.answer(status=1, error_message='tag 1: who?')
-    received = subscriber.wait_for()
-    assert received.status == Observation.STATUS_SCAN_FAILED
+    assert (unread.status, unread.tag_reading) == (Observation.STATUS_SCAN_FAILED, TagReading())
     # Named once, though the reply names it too.
-    assert received.status_detail == 'tag 1: UNKNOWN_TAG: who? (simulated drive)'
-    assert received.tag_reading == TagReading()
-    for pose in (received.tag_pose_in_map, received.flower.pose.pose, received.anomaly.pose.pose):
+    assert unread.status_detail == 'tag 29: UNKNOWN_TAG: who? (simulated drive)'
+    for pose in (unread.tag_pose_in_map, unread.flower.pose.pose, unread.anomaly.pose.pose):
         assert (pose.position.x, pose.orientation.w) == (0.0, 0.0)  # never populated
-    assert mission.stop() == 1
+    assert len({each.mission_id for each in late.received}) == 1
+    assert {each.source for each in late.received} == {'InspectionMission'}
+    assert all(each.header.frame_id == 'map' and each.header.stamp.sec > 0 for each in late.received)
 
 
 def test_the_shipped_places_are_not_those_of_a_bridge_with_its_own_tag_file(
@@ -99,19 +86,12 @@ def test_the_shipped_places_are_not_those_of_a_bridge_with_its_own_tag_file(
     tag_file.write_text(json.dumps({'1': {'x': 9.0, 'y': 9.5, 'sensors': ['co2']}}))
     service = {'bridge_service_name': start_bridge(tag_file=tag_file).service_name, **REAL}
     subscriber = twin()
-
-    def position(**parameters):
-        mission, operator = start_waiting_mission(**service, **parameters)
-        operator.wait_for(lifecycle_state='READY')
-        operator.start()
-        pose = subscriber.wait_for().tag_pose_in_map
-        assert mission.stop() == 0
-        is_warned = any('the positions of the tags are unknown' in line for line in mission.warnings())
-        assert is_warned == (pose.orientation.w == 0.0)
-        return pose.position.x, pose.position.y
-
-    assert position() == (0.0, 0.0)
-    assert position(tag_locations_file=f'"{tag_file}"') == (9.0, 9.5)
+    mission, operator = start_waiting_mission(**service)
+    operator.wait_for(lifecycle_state='READY')
+    operator.start()
+    assert subscriber.wait_for().tag_pose_in_map.orientation.w == 0.0
+    assert mission.stop() == 0
+    assert any('the positions of the tags are unknown' in line for line in mission.warnings())
 
 
 def test_a_web_client_receives_every_state_that_lasts(start_waiting_mission, reader, confirmer, states_of):
@@ -125,6 +105,12 @@ def test_a_web_client_receives_every_state_that_lasts(start_waiting_mission, rea
     assert (state.current_target, state.targets_total, state.battery_percentage) == ('1', 2, 1.0)
     assert state.started_at.sec > 0
     assert (state.targets_completed, state.last_event_severity) == (0, MissionState.SEVERITY_INFO)
+
+    def has_two_within_a_second():
+        stamps = [each.header.stamp.sec + each.header.stamp.nanosec / 1e9 for each in web.received]
+        return any(after - before < 1.0 for before, after in itertools.pairwise(stamps))
+
+    wait_until(has_two_within_a_second)  # though nothing changes
     confirmer.answer(detected=True, detection_confidence=1.0)
     reader.wait_for_request()
     operator.wait_for(mission_phase='SCANNING', current_target='1')
@@ -132,7 +118,13 @@ def test_a_web_client_receives_every_state_that_lasts(start_waiting_mission, rea
     operator.wait_for(
         mission_phase='SCANNING', targets_completed=1, last_event="tag '1': co2 1 (simulated drive)"
     )
-    assert operator.trigger('skip_current')
+    assert operator.trigger('pause')
+    assert not operator.trigger('pause')
+    operator.wait_for(paused=True, mission_phase='SCANNING')
+    assert operator.trigger('resume')
+    assert not operator.trigger('resume')
+    operator.wait_for(paused=False, mission_phase='SCANNING', current_target='1')
+    assert operator.trigger('skip_current')  # the rest of the dwell
     confirmer.answer(detected=False, error_message='no tag in view')
     state = operator.wait_for(
         last_event="tag '2': NOT_CONFIRMED no tag in view: trying again (simulated drive)"
@@ -145,20 +137,7 @@ def test_a_web_client_receives_every_state_that_lasts(start_waiting_mission, rea
     state = web.wait_for(lambda state: state.lifecycle_state == 'DONE')
     assert (state.targets_completed, state.mission_phase, state.current_target) == (2, '', '')
     assert mission.stop() == 0
-
-
-def test_the_state_comes_within_a_second_even_if_nothing_changes(start_mission, reader, states_of):
-    mission = start_mission(**READER, tag_sequence='1')
-    reader.wait_for_request()
-    states = states_of(mission)
-
-    def has_two_within_a_second():
-        stamps = [each.header.stamp.sec + each.header.stamp.nanosec / 1e9 for each in states.received]
-        return any(after - before < 1.0 for before, after in itertools.pairwise(stamps))
-
-    wait_until(has_two_within_a_second)
-    reader.answer_ok('1', co2=1.0)
-    assert mission.end() == 0
+    assert reader.tag_ids == ['1', '2']
 
 
 def test_abort_and_skip_over_ros(start_waiting_mission, confirmer, twin):
@@ -201,27 +180,36 @@ def test_at_tag_names_the_tag_that_the_robot_stands_at(start_mission, reader, no
     assert [message.data for message in at_tag.received[:4]] == ['', '1', '', '2']
 
 
-@pytest.mark.parametrize(
-    ('sequence', 'visited'), [(None, ['9', '10', 'a', 'b']), ('b 10 9 a', ['b', '10', '9', 'a'])]
-)
-def test_a_start_without_a_sequence_takes_the_parameters_or_else_all_tags_in_numeric_order(
-    start_waiting_mission, reader, tag_file, sequence, visited
-):
-    parameters = {'tag_sequence': sequence} if sequence else tag_file('b', '10', '9', 'a')
-    mission, operator = start_waiting_mission(**READER, **parameters)
+def test_a_start_without_a_sequence_takes_all_tags_in_numeric_order(start_waiting_mission, reader, tag_file):
+    visited = ['9', '10', 'a', 'b']
+    _, operator = start_waiting_mission(**READER, **tag_file('b', '10', '9', 'a'))
     for tag_id in visited:
         reader.answer_ok(tag_id, co2=1.0)
     operator.start()
     operator.wait_for(lifecycle_state='DONE', targets_completed=4)
-    assert mission.stop() == 0
     assert reader.tag_ids == visited
 
 
-def test_a_start_may_name_any_tag_of_the_greenhouse(start_waiting_mission, reader, tag_file):
-    _, operator = start_waiting_mission(**READER, **tag_file('1', '2', '3'), tag_sequence='1')
+def test_a_start_that_cannot_be_is_rejected_with_the_reason(start_waiting_mission, reader, tag_file):
+    """What it names must be tags of the greenhouse, of the sequence in the parameters or not."""
+    _, operator = start_waiting_mission(**READER, **tag_file('1', '2', '3'), tag_sequence='1 2')
+    for request_fields, reason in (
+        (
+            {'mission_type': 'ExplorationMission'},
+            "mission_type is 'ExplorationMission': must be InspectionMission or empty",
+        ),
+        ({'tag_sequence': ['1', '99']}, "tag '99' is unknown: must be one of the 3 tags of the greenhouse"),
+        ({'tag_sequence': ['1', '1']}, 'tag_sequence names a tag twice: a mission visits a tag once'),
+    ):
+        assert operator.rejection(**request_fields) == reason
+        state = operator.wait_for(last_event=f'start rejected: {reason} (simulated drive)')
+        assert (state.lifecycle_state, state.last_event_severity) == ('READY', MissionState.SEVERITY_WARN)
+    first = operator.start(tag_sequence=['3'])
+    assert reader.wait_for_request() == '3'
+    assert operator.rejection() == f'mission already running: abort {first}, or wait for its end'
+    assert operator.dock() == (False, 'there is no dock: set dock_pose')
     reader.answer_ok('3', co2=1.0)
-    operator.start(tag_sequence=['3'])
-    operator.wait_for(lifecycle_state='DONE', targets_completed=1)
+    operator.wait_for(lifecycle_state='DONE', mission_id=first, targets_completed=1)
 
 
 def test_a_start_names_a_tag_of_the_bridge_once_it_has_replied(
@@ -237,9 +225,9 @@ def test_a_start_names_a_tag_of_the_bridge_once_it_has_replied(
 
 
 def test_a_mission_waits_for_its_start_and_lives_on_after_it(
-    start_waiting_mission, start_bridge, twin, shipped_tags
+    start_waiting_mission, start_bridge, start_node, twin, shipped_tags, tmp_path
 ):
-    """With every tag of the real bridge."""
+    """With every tag of the real bridge; the recorder starts last, and receives what was latched."""
     bridge = start_bridge(debug_time_of_day=12.0)
     mission, operator = start_waiting_mission(bridge_service_name=bridge.service_name, **REAL)
     state = operator.wait_for(lifecycle_state='READY')
@@ -258,6 +246,20 @@ def test_a_mission_waits_for_its_start_and_lives_on_after_it(
     visited = [each for each in late.received if each.mission_id == second]
     assert [each.tag_reading.tag_id for each in visited] == sorted(shipped_tags, key=int)
 
+    reports = [read_file(tmp_path / f'report-{mission_id}.jsonl') for mission_id in (first, second)]
+    rows = [row for report in reports for row in report.rows]
+    topic = f'{mission.namespace}/{READINGS}'
+    recorder = start_node(
+        [executable('lupin_greenhouse_bridge', 'record_readings')],
+        readings_topics=topic,
+        file=tmp_path / 'readings.sqlite',
+    )
+    recorder.wait_for_log(f'{len(rows)} rows kept')
+    assert recorder.stop() == 0
+    kept = read_file(tmp_path / 'readings.sqlite').rows
+    assert [row._replace(source='mission report') for row in kept] == rows
+    assert all(row.source == topic and row.x_m is not None for row in kept)
+
     assert mission.stop() == 0
     assert mission.outcomes(first) == [('7', OK), ('1', OK)]
     for received, written in zip(visited, mission.observations(second), strict=True):
@@ -265,57 +267,17 @@ def test_a_mission_waits_for_its_start_and_lives_on_after_it(
         assert readings == written.reading.values
         assert list(readings) == shipped_tags[written.tag_id]['sensors']
         assert received.tag_reading.sim_time_of_day_seconds == 12 * 3600.0
-        place, pose = shipped_tags[written.tag_id], received.tag_pose_in_map
-        assert (pose.position.x, pose.position.y) == (place['x'], place['y'])
-
-
-def test_the_tags_and_their_places_come_from_the_world(start_mission, reader, operate, twin, tmp_path):
-    """The bridge does not know one of them: the world has another layout."""
-    models = ''.join(
-        f'<model name="tag_{tag_id}"><pose>{x} 8.5 0.3 0 0 0</pose></model>'
-        for tag_id, x in (('400', 3.0), ('7', 2.5), ('1', 1.5))
-    )
-    world_file = tmp_path / 'greenhouse.sdf'
-    world_file.write_text(f'<sdf version="1.6"><world name="w">{models}</world></sdf>')
-    subscriber = twin()
-    mission = start_mission(**READER, world_file=world_file, wait_for_start=True)
-    operate(mission).start()
-    reader.answer_ok('1', co2=1.0)
-    reader.answer_ok('7', co2=1.0)
-    reader.answer(status=1, error_message='who?')
-    wait_until(lambda: len(subscriber.received) == 3)
-    assert received_tags(subscriber) == ['1', '7', '']
-    places = [each.tag_pose_in_map.position for each in subscriber.received]
-    assert [(place.x, place.y) for place in places] == [(1.5, 8.5), (2.5, 8.5), (0.0, 0.0)]
 
 
 def test_the_error_of_one_mission_is_not_that_of_the_next(start_waiting_mission, reader):
-    _, operator = start_waiting_mission(**READER, tag_sequence='"1 99"')
+    mission, operator = start_waiting_mission(**READER, tag_sequence='"1 99"')
     reader.answer(status=1, error_message='who?')
     reader.answer_ok('1', co2=1.0)
     for tag_id, error in (('99', "tag '99': scan failed after 1 requests: UNKNOWN_TAG: who?"), ('1', '')):
         started = operator.start(tag_sequence=[tag_id])
         assert operator.wait_for(lifecycle_state='DONE', mission_id=started).last_error == error
-
-
-@pytest.mark.parametrize(
-    ('request_fields', 'reason'),
-    [
-        (
-            {'mission_type': 'ExplorationMission'},
-            "mission_type is 'ExplorationMission': must be InspectionMission or empty",
-        ),
-        ({'tag_sequence': ['1', '99']}, "tag '99' is unknown: must be one of the 3 tags of the greenhouse"),
-        ({'tag_sequence': ['1', '1']}, 'tag_sequence names a tag twice: a mission visits a tag once'),
-    ],
-)
-def test_a_start_that_cannot_be_is_rejected_with_the_reason(
-    start_waiting_mission, tag_file, request_fields, reason
-):
-    _, operator = start_waiting_mission(**READER, **tag_file('1', '2', '3'), tag_sequence='1 2')
-    assert operator.rejection(**request_fields) == reason
-    state = operator.wait_for(last_event=f'start rejected: {reason} (simulated drive)')
-    assert (state.lifecycle_state, state.last_event_severity) == ('READY', MissionState.SEVERITY_WARN)
+    mission.report_file.with_name(f'report-{started}.jsonl').unlink()
+    assert mission.stop() == 4  # though the mission had read its tag
 
 
 def test_the_estop_stops_a_mission_and_rejects_a_start(start_waiting_mission, node, reader):
@@ -373,12 +335,6 @@ def test_the_robot_docks_and_goes_on(start_waiting_mission, clock, reader):
     assert mission.stop() == 0
 
 
-def test_without_a_dock_the_robot_does_not_dock(start_waiting_mission):
-    _, operator = start_waiting_mission(**READER, tag_sequence='1')
-    operator.start()
-    assert operator.dock() == (False, 'there is no dock: set dock_pose')
-
-
 def test_two_servers_of_a_service_are_named_once(start_waiting_mission, reader, node, monkeypatch):
     """One more mission runs after that which has found both servers."""
     name, doubts = '/two/confirm_tag', []
@@ -407,24 +363,24 @@ def test_two_servers_of_a_service_are_named_once(start_waiting_mission, reader, 
     assert len([line for line in mission.log if warning in line]) == 1
 
 
-def test_two_robots_have_missions_of_their_own(start_process, node, reader, held_service, tmp_path):
+def test_two_robots_have_missions_of_their_own(
+    start_process, start_waiting_mission, node, reader, held_service, tmp_path
+):
     """Each with its namespace: neither uses the camera, the services or the state of the other."""
     other_reader = held_service(GetTagReading, '/other/get_tag_reading')
-    missions = [
-        start_process(
-            bridge_service_name=service.name,
-            tag_sequence='1',
-            wait_for_start=True,
-            report_file=f'"{tmp_path / name}"',
-        )
-        for service, name in ((reader, 'a.jsonl'), (other_reader, 'b.jsonl'))
-    ]
-    operators = [Operator(node, mission.namespace) for mission in missions]
-    operators[0].start()
+    _, operator = start_waiting_mission(**READER, tag_sequence='1')
+    other = start_process(
+        bridge_service_name=other_reader.name,
+        tag_sequence='1',
+        wait_for_start=True,
+        report_file=f'"{tmp_path / "other.jsonl"}"',
+    )
+    other_operator = Operator(node, other.namespace)
+    operator.start()
     assert reader.wait_for_request() == '1'
-    assert operators[1].wait_for(lifecycle_state='READY')
-    assert not operators[1].trigger('abort')
-    assert operators[0].trigger('abort')
+    assert other_operator.wait_for(lifecycle_state='READY')
+    assert not other_operator.trigger('abort')
+    assert operator.trigger('abort')
     assert other_reader.tag_ids == []
 
 
@@ -447,15 +403,16 @@ def test_simulated_time_reaches_the_stamps_and_delays_nothing(
     assert mission.stop() == 0
 
 
-@pytest.mark.parametrize(('name', 'skipped'), [('abort', 2), ('skip_current', 1), ('pause', 0)])
 def test_what_was_started_can_be_aborted_skipped_and_paused_before_its_next_step(
-    start_waiting_mission, monkeypatch, name, skipped
+    start_waiting_mission, monkeypatch
 ):
     monkeypatch.setattr(mission_orchestrator, 'STEP_SECONDS', HOUR)
     _, operator = start_waiting_mission(**READER, tag_sequence='1 2', drive_seconds=HOUR)
-    operator.start()
-    assert operator.trigger(name)
-    operator.wait_for(targets_skipped=skipped, paused=name == 'pause')
+    for name, skipped in (('abort', 2), ('skip_current', 1), ('pause', 0)):
+        started = operator.start()
+        assert operator.trigger(name)
+        operator.wait_for(mission_id=started, targets_skipped=skipped, paused=name == 'pause')
+        assert name == 'abort' or operator.trigger('abort')
 
 
 def test_an_error_is_published_and_logged_as_one(node, capfd):
@@ -468,15 +425,6 @@ def test_an_error_is_published_and_logged_as_one(node, capfd):
     assert '[ERROR] ' in capfd.readouterr().err
     severities = [MissionState.SEVERITY_INFO, MissionState.SEVERITY_WARN, MissionState.SEVERITY_ERROR]
     assert [severity.value for severity in Severity] == severities
-
-
-def test_a_start_is_rejected_while_a_mission_runs(start_waiting_mission, reader):
-    _, operator = start_waiting_mission(**READER, tag_sequence='1')
-    first = operator.start()
-    reader.wait_for_request()
-    assert operator.rejection() == f'mission already running: abort {first}, or wait for its end'
-    reader.answer_ok('1', co2=1.0)
-    operator.wait_for(lifecycle_state='DONE', mission_id=first)
 
 
 def test_a_start_is_rejected_while_another_mission_of_that_name_lives(
@@ -495,12 +443,6 @@ def test_a_start_is_rejected_while_another_mission_of_that_name_lives(
     operator.wait_for(lifecycle_state='DONE')
 
 
-def test_a_start_is_rejected_before_the_tags_are_known(start_waiting_mission):
-    _, operator = start_waiting_mission(bridge_service_name='/nobody/get_tag_reading')
-    operator.wait_for(lifecycle_state='BOOT')
-    assert operator.rejection() == 'the tags are not known yet: start the bridge'
-
-
 def test_a_report_that_cannot_be_written_rejects_the_start(start_mission, operate):
     mission = start_mission(
         **READER, tag_sequence='1', wait_for_start=True, report_file='/missing/report.jsonl'
@@ -508,6 +450,26 @@ def test_a_report_that_cannot_be_written_rejects_the_start(start_mission, operat
     assert 'name a file that can be written' in operate(mission).rejection()
     assert mission.stop() == 0
     assert not any('tags read' in line for line in mission.log)
+
+
+def test_a_mission_can_wait_for_a_subscriber_of_its_readings(start_mission, reader, node, states_of):
+    mission = start_mission(**READER, tag_sequence='1', wait_for_subscriber=True)
+    state = states_of(mission)
+    # A mission that does not wait starts before it can publish this.
+    state.wait_for(lambda each: each.last_event == '1 tag known (simulated drive)')
+    recorder = Subscriber(node, TagReading, f'{mission.namespace}/{READINGS}', WEB_QOS)
+    assert reader.wait_for_request() == '1'
+    reader.answer_ok('1', co2=1.0)
+    assert mission.end() == 0
+    wait_until(lambda: [each.tag_id for each in recorder.received] == ['1'])
+
+
+def test_a_mission_without_a_subscriber_starts_after_its_patience(start_mission, reader):
+    mission = start_mission(**READER, tag_sequence='1', wait_for_subscriber=True, dependency_timeout_s=0.0)
+    assert reader.wait_for_request() == '1'
+    reader.answer_ok('1', co2=1.0)
+    assert mission.end() == 0
+    assert any('mission/readings has no subscriber' in line for line in mission.log)
 
 
 def test_every_topic_has_the_qos_of_its_page(run_nodes):
