@@ -11,7 +11,7 @@ import docs_check
 import domain_coordinator
 import pytest
 from conftest import ROOT, of_a_user, succeed
-from lupin_greenhouse_bridge.display.input_file import read_file
+from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS
 
 PAGES = Path('tools/core/lupin_greenhouse_bridge/doc')

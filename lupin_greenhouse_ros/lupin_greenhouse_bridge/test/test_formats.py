@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 import yaml
 from lupin_greenhouse_bridge.display.colours import read_colour_ranges
-from lupin_greenhouse_bridge.display.drawing_command import read_route
-from lupin_greenhouse_bridge.display.field import scaled
-from lupin_greenhouse_bridge.display.input_file import read_file
+from lupin_greenhouse_bridge.display.drawing_command import read_file, read_route
+from lupin_greenhouse_bridge.display.markers import scaled
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.planning import approach_poses

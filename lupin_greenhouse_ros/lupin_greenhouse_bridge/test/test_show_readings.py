@@ -17,14 +17,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.display import show_readings
 from lupin_greenhouse_bridge.display.colours import STOPS, colours_of, read_colour_ranges
-from lupin_greenhouse_bridge.display.field import FieldGrid, grid_over, interpolate, scaled
 from lupin_greenhouse_bridge.display.markers import (
     FIELD_NAMESPACE,
     STALE_ALPHA,
     WHITE,
+    FieldGrid,
     Scale,
     Scene,
     field_marker,
+    grid_over,
+    interpolate,
+    scaled,
 )
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from builtin_interfaces.msg import Time
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
-from lupin_greenhouse_bridge.display.input_file import read_file
+from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until

@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 
 import domain_coordinator
-from lupin_greenhouse_bridge.display.input_file import read_file
+from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
 from lupin_greenhouse_bridge.planning.walls import find_walls, parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows

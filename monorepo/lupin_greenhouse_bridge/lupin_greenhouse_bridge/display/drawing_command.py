@@ -3,17 +3,20 @@
 
 import argparse
 import csv
-import itertools
 import math
+import sqlite3
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from lupin_greenhouse_bridge.display.colours import read_colour_ranges
-from lupin_greenhouse_bridge.display.input_file import ReadingFile, read_file
+from lupin_greenhouse_bridge.display.report_line import Observation, has_report, parse_report
 from lupin_greenhouse_bridge.display.summary import tags_text
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
+from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, parse_rows, with_places
+from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order, require_layout
 
@@ -30,6 +33,31 @@ MOST_NAMED = 4  # tags outside the walls in a warning
 
 class NothingToDraw(OneLineError):
     """A file has no reading that can be drawn."""
+
+
+class ReadingFile(NamedTuple):
+    """The contents of a file."""
+
+    rows: list[Row]  # in the order of their stamps
+    visits: list[Observation]  # of a report, in its order; a continued mission visits a tag again
+
+
+def read_file(path: Path | str, tag_file: str = '') -> ReadingFile:
+    """
+    Return the contents of a report, or of a file that read_rows() takes, whose errors it raises.
+
+    A row without a position gets the position of its tag in `tag_file`, or in the shipped layout for ''.
+    """
+    path = Path(path)
+    try:
+        if path.is_file() and has_report(path):
+            visits, _ = parse_report(path.read_bytes())
+            rows = [row for each in visits if each.reading for row in each.reading.rows]
+        else:
+            rows, visits = parse_rows(path), []
+    except (OSError, sqlite3.Error, ValueError) as error:
+        raise ReadingFileError(path, error) from error
+    return ReadingFile(with_places(rows, tag_file), visits)
 
 
 def parser_of(prog: str, description: str, output_help: str) -> argparse.ArgumentParser:
@@ -60,22 +88,51 @@ def parser_of(prog: str, description: str, output_help: str) -> argparse.Argumen
     return parser
 
 
+def draw_file(
+    parser: argparse.ArgumentParser,
+    arguments: list[str] | None,
+    suffix: str,
+    draw: Callable[[argparse.Namespace, ReadingFile], bytes],
+) -> int:
+    """Run a command of parser_of(): write what draw() returns to --output, and return the exit code."""
+    options = parser.parse_args(arguments)
+    folder, name = options.file.parent, options.file.stem
+    for option, ending in COMPANION_ENDINGS.items():
+        companion = folder / f'{name}{ending}'
+        if not getattr(options, option) and companion.is_file() and companion != options.file:
+            setattr(options, option, str(companion))
+    output = options.output = options.output or folder / f'{name}{suffix}'
+    try:
+        file = read_file(options.file, options.tag_file)
+        if output.exists() and output.samefile(options.file):
+            raise StartUpError(f"--output '{output}' is the file of readings itself: name another")
+        drawing = draw(options, file)
+        try:
+            output.write_bytes(drawing)
+        except OSError as error:
+            raise StartUpError(f"--output '{output}': {error.strerror}: name another file") from error
+    except (OneLineError, ImportError) as error:
+        hint = ': sudo apt install python3-matplotlib' if isinstance(error, ImportError) else ''
+        print(f'{parser.prog}: {error}{hint}', file=sys.stderr)
+        return NO_ROWS if isinstance(error, NothingToDraw) else USAGE
+    print_line(f'{"page" if suffix == ".html" else "picture"}: {escaped(str(output), 500)}')
+    return DONE
+
+
 def greenhouse_of(
     options: argparse.Namespace, file: ReadingFile
 ) -> tuple[Layout, Walls, dict[str, tuple[float, float]]]:
     """Return the layout, the walls and the ranges of the colours; warn of tags outside the walls."""
-    layout = layout_of(file, options.tag_file)
+    layout = _layout_of(file, options.tag_file)
     walls = find_walls(layout, options.sim_config_file, options.walls)
     if outside := [tag_id for tag_id, tag in layout.tags.items() if not walls.has_inside(tag.x, tag.y)]:
-        print(
-            f'{options.prog}: outside the walls ({walls}): {tags_text(outside, MOST_NAMED)}: set --walls or'
-            ' --sim-config-file',
-            file=sys.stderr,
-        )
+        named = tags_text(outside, MOST_NAMED)
+        problem = f'outside the walls ({walls}): {named}: set --walls or --sim-config-file'
+        print(f'{options.prog}: {problem}', file=sys.stderr)
     return layout, walls, read_colour_ranges(options.sim_config_file)
 
 
-def layout_of(file: ReadingFile, tag_file: str) -> Layout:
+def _layout_of(file: ReadingFile, tag_file: str) -> Layout:
     """
     Return the layout of tag_file, or the shipped one for '', with the positions of tags that the rows have.
 
@@ -88,8 +145,7 @@ def layout_of(file: ReadingFile, tag_file: str) -> Layout:
     }
     layout = (find_layout(tag_file) or Layout({}, {})) if placed else require_layout(tag_file)
     tag_ids = {row.tag_id for row in file.rows} | {visit.tag_id for visit in file.visits}
-    strangers = tag_ids - set(layout.tags)
-    if tag_file and strangers:
+    if tag_file and (strangers := tag_ids - set(layout.tags)):
         raise StartUpError(
             f"--tag-file '{tag_file}': {len(strangers)} of the file's {pluralized(len(tag_ids), 'tag')} are"
             f" not in it, such as '{escaped(min(strangers, key=natural_order), 64)}':"
@@ -106,50 +162,6 @@ def layout_of(file: ReadingFile, tag_file: str) -> Layout:
     return layout._replace(tags=layout.tags | placed)
 
 
-def draw_file(
-    parser: argparse.ArgumentParser,
-    arguments: list[str] | None,
-    suffix: str,
-    draw: Callable[[argparse.Namespace, ReadingFile], bytes],
-) -> int:
-    """Run a command of parser_of(): write what draw() returns to --output, and return the exit code."""
-    options, exit_code = parser.parse_args(arguments), USAGE
-    file = options.file
-    if file.name:
-        _find_companions(options)
-    output = options.output = options.output or (
-        file.with_suffix(suffix) if file.name else Path(f'readings{suffix}')
-    )
-    try:
-        if output.exists() and file.exists() and output.samefile(file):
-            raise StartUpError(f"--output '{output}' is the file of readings itself: name another")
-        drawing = draw(options, read_file(file, options.tag_file))
-        try:
-            output.write_bytes(drawing)
-        except OSError as error:
-            raise StartUpError(f"--output '{output}': {error.strerror}: name another file") from error
-    except NothingToDraw as error:
-        problem, exit_code = str(error), NO_ROWS
-    except ImportError as error:
-        problem = f'{error}: sudo apt install python3-matplotlib'
-    except OneLineError as error:
-        problem = str(error)
-    else:
-        kind = 'page' if suffix == '.html' else 'picture'
-        print_line(f'{kind}: {escaped(str(output), 500)}')
-        return DONE
-    print(f'{parser.prog}: {problem}', file=sys.stderr)
-    return exit_code
-
-
-def _find_companions(options: argparse.Namespace) -> None:
-    """Set each option that is not set to the file that a mission keeps for it beside the report, if any."""
-    for name, ending in COMPANION_ENDINGS.items():
-        companion = options.file.with_name(f'{options.file.stem}{ending}')
-        if not getattr(options, name) and companion.is_file() and companion != options.file:
-            setattr(options, name, str(companion))
-
-
 def read_route(name: str | Path) -> list[tuple[float, float]]:
     """Return x and y in metres of each point of a CSV file, or none for ''; raises StartUpError."""
     if not name:
@@ -164,6 +176,6 @@ def read_route(name: str | Path) -> list[tuple[float, float]]:
         raise StartUpError(f"--route '{path}': {error.strerror}: name another") from error
     except (KeyError, TypeError, ValueError, csv.Error):
         route = []
-    if not (route and all(map(math.isfinite, itertools.chain(*route)))):
+    if not route or not all(math.isfinite(each) for point in route for each in point):
         raise StartUpError(f"--route '{path}': is not a CSV file of x,y in metres: name another")
     return route

@@ -31,9 +31,15 @@ VIEW_MARGIN_M = 0.15
 Style = dict[str, Any]  # of what matplotlib draws
 CENTRED: Style = {'ha': 'center', 'va': 'center'}
 DASHED = (0, (4, 2))
-TAG: Style = {'color': 'black', 'linestyle': '', 'marker': 's', 'markersize': 5}
 TAG_M, UNREACHABLE_M = 0.14, 0.24
-UNREACHABLE: Style = {'color': colours.FAILED, 'linestyle': '', 'marker': 'X', 'markersize': 8}
+
+
+def point_style(marker: str, colour: str, size: float, **more: Any) -> Style:
+    """Return the style of points without a line between them."""
+    return {'marker': marker, 'color': colour, 'markersize': size, 'linestyle': '', **more}
+
+
+TAG, UNREACHABLE = point_style('s', 'black', 5), point_style('X', colours.FAILED, 8)
 
 
 class LabelSize(NamedTuple):
@@ -172,28 +178,24 @@ def draw_route(
     points = [(x, y) for path in (*sights, route.points_m) for x, y, _ in steps_of(path, PATH_WIDTH_M)]
     lines = [Box(*point, PATH_WIDTH_M, PATH_WIDTH_M) for point in points]
     _draw_tags(axes, layout, unreachable, route, [*stops.values(), *lines])
-    stop_mark = {
-        'color': colours.ROUTE,
-        'linestyle': '',
-        'marker': 'o',
-        'markersize': 10,
-        'markerfacecolor': 'white',
-    }
-    marks: list[tuple[str, Style]] = [
-        ('route, in the direction of its arrows', {'color': colours.ROUTE, 'marker': '>', 'markersize': 5}),
-        ('stop of the robot, in order; close ones share a mark', stop_mark),
-        ('from a stop to its tag', sight),
-        ('tag and its id', TAG),
-        ('table', {'color': colours.TABLE, 'linestyle': '', 'marker': 's', 'markersize': 9}),
-        ('tag without a pose', UNREACHABLE),
-        ('obstacle in the map', {'color': colours.OBSTACLE, 'linestyle': '', 'marker': 's', 'markersize': 8}),
+    marks: list[tuple[str, Style, bool]] = [
+        (
+            'route, in the direction of its arrows',
+            {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
+            True,
+        ),
+        (
+            'stop of the robot, in order; close ones share a mark',
+            point_style('o', colours.ROUTE, 10, markerfacecolor='white'),
+            True,
+        ),
+        ('from a stop to its tag', sight, True),
+        ('tag and its id', TAG, True),
+        ('table', point_style('s', colours.TABLE, 9), True),
+        ('tag without a pose', UNREACHABLE, bool(unreachable)),
+        ('obstacle in the map', point_style('s', colours.OBSTACLE, 8), occupancy is not None),
     ]
-    is_shown = [True] * 5 + [bool(unreachable), occupancy is not None]
-    shown = [
-        (label, {'linewidth': 0.9, **mark})
-        for (label, mark), each in zip(marks, is_shown, strict=True)
-        if each
-    ]
+    shown = [(label, {'linewidth': 0.9, **mark}) for label, mark, is_shown in marks if is_shown]
     write_key(axes, shown, columns=2, fontsize=9, borderaxespad=3.6)  # below the label of the x axis
     return figure
 

@@ -21,13 +21,19 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_ranges
-from lupin_greenhouse_bridge.display.field import FieldGrid, grid_over, interpolate, scaled
-from lupin_greenhouse_bridge.display.markers import Scale, Scene, field_marker
+from lupin_greenhouse_bridge.display.markers import (
+    Scale,
+    Scene,
+    field_marker,
+    grid_over,
+    interpolate,
+    scaled,
+)
 from lupin_greenhouse_bridge.display.summary import extremes_of
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_transform
-from lupin_greenhouse_bridge.planning.walls import Walls, find_walls, parse_walls, walls_parameter
+from lupin_greenhouse_bridge.planning.walls import find_walls, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.recording.subscription import subscribe_to_readings, topics_of, topics_parameter
 from lupin_greenhouse_bridge.runtime.parameters import (
     check_parameters,
@@ -37,7 +43,7 @@ from lupin_greenhouse_bridge.runtime.parameters import (
 )
 from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.runtime.run import run
-from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
+from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_greenhouse_bridge.units import label_of
 
 NODE_NAME = 'show_readings'
@@ -98,15 +104,18 @@ class ShowReadingsNode(Node):
         self._settings = settings = declare_parameters(self, Settings)
         layout = require_layout(settings.tag_file, 'tag_file')
         walls = find_walls(layout, settings.sim_config_file, settings.walls)
-        self._layout_in_map = (
-            read_transform(settings.layout_in_map, settings.map_frame)
-            if settings.layout_in_map
-            else Transform()
-        )
+        in_map = Transform()
+        if settings.layout_in_map:
+            in_map = read_transform(settings.layout_in_map, settings.map_frame)
         self._range = Scale(settings.sensor, _colour_range_of(settings))
-        self._grid = _grid_of(settings, layout, walls)
-        self._tags = layout.tags
-        self._scene = Scene(layout, walls, self._layout_in_map, self._range)
+        self._grid = grid = grid_over(layout, walls, settings.resolution_m)
+        if grid.columns * grid.rows > MOST_CELLS:
+            raise StartUpError(
+                f'parameter resolution_m is {settings.resolution_m:g}: the field would have {grid.columns} x'
+                f' {grid.rows} cells: must be larger, for at most {MOST_CELLS} cells'
+            )
+        self._tags, self._layout_in_map = layout.tags, in_map
+        self._scene = Scene(layout, walls, in_map, self._range)
         self._received: dict[str, ReceivedReading] = {}  # the newest reading of each tag
         self._extremes: list[float] = []  # of all readings so far: the colours do not flicker
         self._has_warned = False
@@ -123,17 +132,15 @@ class ShowReadingsNode(Node):
 
     def _on_reading(self, reading: TagReading, topic: str) -> None:
         tag_id = reading.tag_id
-        if tag_id not in self._tags:
-            if tag_id not in self._unknown_ids and len(self._unknown_ids) < MOST_UNKNOWN_IDS_LOGGED:
-                self._unknown_ids.add(tag_id)
-                self.get_logger().warning(
-                    f"tag '{escaped(tag_id, 64)}' is not in the layout: its readings are not shown"
-                )
-            return
-        new, last = self._timed(reading, topic), self._received.get(tag_id)
-        if last is None or self._is_newer(new, last):
-            self._received[tag_id] = new
-            self._cells = None
+        if tag_id in self._tags:
+            new, last = self._timed(reading, topic), self._received.get(tag_id)
+            if last is None or self._is_newer(new, last):
+                self._received[tag_id] = new
+                self._cells = None
+        elif tag_id not in self._unknown_ids and len(self._unknown_ids) < MOST_UNKNOWN_IDS_LOGGED:
+            self._unknown_ids.add(tag_id)
+            shown = escaped(tag_id, 64)
+            self.get_logger().warning(f"tag '{shown}' is not in the layout: its readings are not shown")
 
     def _timed(self, reading: TagReading, topic: str) -> ReceivedReading:
         """Compare the stamp with the nearest clock, which can be the system clock even with use_sim_time."""
@@ -142,10 +149,8 @@ class ShowReadingsNode(Node):
         nearest = min(lags, key=lambda clock: abs(lags[clock]))
         if lags[here] < -MOST_APART_SECONDS:
             self._warn(reading)
-        is_simulated = here.ros_time_is_active and nearest is here
-        return ReceivedReading(
-            reading, topic, lags[nearest], _now(STEADY), _now(here) if is_simulated else None
-        )
+        simulated = _now(here) if here.ros_time_is_active and nearest is here else None
+        return ReceivedReading(reading, topic, lags[nearest], _now(STEADY), simulated)
 
     def _is_newer(self, new: ReceivedReading, last: ReceivedReading) -> bool:
         """Compare the stamps, as latched readings can arrive late; compare the arrivals if these disagree."""
@@ -174,28 +179,26 @@ class ShowReadingsNode(Node):
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.map_frame)
         samples = self._samples()
         if self._cells is None:
-            shown = [*self._extremes, *(value for *_, value in samples.values())]
-            self._extremes = [min(shown), max(shown)] if shown else []
-            limits = colour_limits(self._extremes, self._range.limits)
-            self._scene.scale = self._range._replace(limits=limits)
-            field = interpolate(self._grid, list(samples.values()), self._settings.radius_m)
-            self._cells = array.array('b', scaled(field, *self._range.limits).tobytes())
-            if field.size <= MOST_CELLS_MARKED:
-                self._field_marker = field_marker(self._grid, field, self._scene.scale, self._layout_in_map)
-        x, y = self._layout_in_map.point(self._grid.x, self._grid.y)
-        info = MapMetaData(
-            map_load_time=header.stamp,
-            resolution=float(self._grid.resolution_m),
-            width=self._grid.columns,
-            height=self._grid.rows,
-            origin=pose_message(x, y, self._layout_in_map.yaw),
-        )
+            self._update_field(samples)
+        grid, in_map = self._grid, self._layout_in_map
+        origin = pose_message(*in_map.point(grid.x, grid.y), in_map.yaw)
+        size = {'resolution': float(grid.resolution_m), 'width': grid.columns, 'height': grid.rows}
+        info = MapMetaData(map_load_time=header.stamp, origin=origin, **size)
         self._field.publish(OccupancyGrid(header=header, info=info, data=self._cells))
         readings = {tag_id: (each.reading, self._age_of(each)) for tag_id, each in self._received.items()}
         stale_seconds, caption = self._settings.stale_seconds, self._caption(samples)
         self._markers.publish(
             self._scene.markers(header, readings, stale_seconds, caption, self._field_marker)
         )
+
+    def _update_field(self, samples: dict[str, tuple[float, float, float]]) -> None:
+        shown = [*self._extremes, *(value for *_, value in samples.values())]
+        self._extremes = [min(shown), max(shown)] if shown else []
+        self._scene.scale = self._range._replace(limits=colour_limits(self._extremes, self._range.limits))
+        field = interpolate(self._grid, list(samples.values()), self._settings.radius_m)
+        self._cells = array.array('b', scaled(field, *self._range.limits).tobytes())
+        if field.size <= MOST_CELLS_MARKED:
+            self._field_marker = field_marker(self._grid, field, self._scene.scale, self._layout_in_map)
 
     def _samples(self) -> dict[str, tuple[float, float, float]]:
         """Return x and y in the layout and the value of each reading of the sensor, by tag id."""
@@ -236,16 +239,6 @@ def _colour_range_of(settings: Settings) -> tuple[float, float]:
             f' for it (it has {", ".join(ranges) or "none"}): choose one of these, or set sim_config_file'
         )
     return lowest, highest
-
-
-def _grid_of(settings: Settings, layout: Layout, walls: Walls) -> FieldGrid:
-    grid = grid_over(layout, walls, settings.resolution_m)
-    if grid.columns * grid.rows > MOST_CELLS:
-        raise StartUpError(
-            f'parameter resolution_m is {settings.resolution_m:g}: the field would have {grid.columns} x'
-            f' {grid.rows} cells: must be larger, for at most {MOST_CELLS} cells'
-        )
-    return grid
 
 
 def main(args: list[str] | None = None) -> int:

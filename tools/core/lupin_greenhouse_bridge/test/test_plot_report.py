@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_ranges
-from lupin_greenhouse_bridge.display.input_file import read_file
+from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.display.placing import Box, place_labels
 from lupin_greenhouse_bridge.display.plot_report import main
 from lupin_greenhouse_bridge.errors import StartUpError

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge.display import readings_page
-from lupin_greenhouse_bridge.display.input_file import ReadingFile
+from lupin_greenhouse_bridge.display.drawing_command import ReadingFile
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store

@@ -1,4 +1,4 @@
-"""The markers that show the greenhouse and the last reading of each tag."""
+"""Markers of the greenhouse and its last readings, and the field that is interpolated from these."""
 
 import math
 from typing import Any, NamedTuple
@@ -9,7 +9,6 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from lupin_greenhouse_bridge.display.colours import colours_of
-from lupin_greenhouse_bridge.display.field import FieldGrid
 from lupin_greenhouse_bridge.display.placing import Box, place_labels
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.interfaces import TagReading
@@ -27,6 +26,7 @@ TEXT_HEIGHT_M = 0.45  # above everything else
 LETTER_M, LETTER_WIDTH_M, LINE_M = 0.08, 0.045, 0.09
 STALE_ALPHA, FIELD_ALPHA = 0.5, 0.35
 KEY_M, KEY_STEPS = 1.5, 30  # length of the key of the colours
+NEAREST_M = 1e-6  # a value of the field that is nearer counts as if it were at this distance
 Colour = tuple[float, ...]  # red, green, blue and, if it is not opaque, alpha, from 0 to 1
 # As on the page of readings in its dark scheme; a read tag without the shown sensor is white.
 TABLE, GREY, WHITE, BLACK = (0.26, 0.3, 0.34), (0.45, 0.5, 0.55), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
@@ -44,44 +44,64 @@ class Scale(NamedTuple):
         values = [each.value for each in reading.readings if each.name == self.sensor]
         if not values or math.isnan(values[0]):
             return WHITE
-        red, green, blue = colours_of(values[:1], *self.limits)[0].tolist()
-        return red, green, blue
+        return tuple(colours_of(values[:1], *self.limits)[0].tolist())
 
 
-class Plate(NamedTuple):
-    """A tag in the map: where its id is, its direction in radians, and where its label is."""
+class FieldGrid(NamedTuple):
+    """The square cells of a field, in the layout's frame."""
 
-    dot: Box
-    facing: float
-    label: Box
-
-    def marker(self, number: int, colour: Colour) -> Marker:
-        """Return the marker of the tag."""
-        size = (TILE_M, TILE_M, TILE_THICKNESS_M)
-        at = pose_message(self.dot.x, self.dot.y, self.facing, TAG_HEIGHT_M)
-        return _marker('tags', number, Marker.CUBE, colour, size, pose=at)
+    x: float  # of the corner with the lowest coordinates, in metres
+    y: float
+    resolution_m: float
+    columns: int  # along x
+    rows: int  # along y
 
 
-def place_plates(layout: Layout, walls: Walls, layout_in_map: Transform) -> dict[str, Plate]:
-    """Return the tags in the map, by id; raises StartUpError for a table without an area."""
-    tag_poses = find_tag_poses(layout, walls)
-    dots = {
-        tag_id: Box(*layout_in_map.point(each.x, each.y), max(len(tag_id) * LETTER_WIDTH_M, TILE_M), TILE_M)
-        for tag_id, each in tag_poses.items()
-    }
-    # As wide and as high as a label of three or four digits for each sensor of the tag.
-    texts = [
-        [_value_line(each, 999.9) for each in sorted(tag.sensors, key=sensor_order)]
-        for tag in layout.tags.values()
-    ]
-    sizes = [(max(map(len, lines)) * LETTER_WIDTH_M, (len(lines) + 1) * LINE_M) for lines in texts]
-    places = place_labels(
-        list(dots.values()), [(dot, *size) for dot, size in zip(dots.values(), sizes, strict=True)]
-    )
-    return {
-        tag_id: Plate(dot, layout_in_map.heading(tag_poses[tag_id].facing), Box(*place, *size))
-        for (tag_id, dot), place, size in zip(dots.items(), places, sizes, strict=True)
-    }
+def grid_over(layout: Layout, walls: Walls, resolution_m: float) -> FieldGrid:
+    """Return the grid that covers the walls, the tables and the tags."""
+    boxes = np.array([walls, *layout.tables.values(), *(tag[:2] * 2 for tag in layout.tags.values())])
+    corner, opposite = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+    columns, rows = (max(math.ceil(each), 1) for each in (opposite - corner) / resolution_m)
+    return FieldGrid(float(corner[0]), float(corner[1]), resolution_m, columns, rows)
+
+
+def interpolate(grid: FieldGrid, samples: list[tuple[float, float, float]], radius_m: float) -> np.ndarray:
+    """
+    Return a value for each cell, by row and column; NaN where no sample lies within the radius.
+
+    A sample is x, y and its value. Each cell gets the weighted average of the samples within the radius. The
+    weights are those of Franke and Little: ((radius - distance) / (radius * distance))**2. At the radius, the
+    weight of a sample is zero, so that the field has no steps. In its own cell, a sample has all the weight.
+    """
+    xs = grid.x + (np.arange(grid.columns) + 0.5) * grid.resolution_m
+    ys = grid.y + (np.arange(grid.rows) + 0.5)[:, np.newaxis] * grid.resolution_m
+    to_corner_m = grid.resolution_m / math.sqrt(2)  # from the centre of a cell
+    weights, sums = np.zeros((2, grid.rows, grid.columns))
+    for x, y, value in samples:
+        distances_m = np.maximum(np.hypot(xs - x, ys - y) - to_corner_m, NEAREST_M)
+        weight = (np.maximum(radius_m - distances_m, 0.0) / (radius_m * distances_m)) ** 2
+        weights += weight
+        sums += weight * value
+    return np.divide(sums, weights, out=np.full_like(sums, np.nan), where=weights > 0.0)
+
+
+def scaled(values: np.ndarray, lowest: float, highest: float) -> np.ndarray:
+    """Return values as whole numbers: 0 at the lowest or below, 100 at the highest or above, -1 for NaN."""
+    shares = np.clip(np.rint(100.0 * (values - lowest) / (highest - lowest)), 0.0, 100.0)
+    return np.where(np.isnan(shares), -1.0, shares).astype(np.int8)
+
+
+def field_marker(
+    grid: FieldGrid, values: np.ndarray, scale: Scale, layout_in_map: Transform
+) -> Marker | None:
+    """Return the cells that have a value, in their colours; None if there are none."""
+    rows, columns = np.nonzero(~np.isnan(values))
+    if not len(rows):
+        return None
+    places = (np.stack([columns, rows], axis=-1) + 0.5) * grid.resolution_m
+    colours = colours_of(values[rows, columns], *scale.limits)
+    origin = pose_message(*layout_in_map.point(grid.x, grid.y), layout_in_map.yaw)
+    return _rectangles('field', origin, (grid.resolution_m,) * 2, places, colours, FIELD_ALPHA)
 
 
 class Scene:
@@ -89,15 +109,33 @@ class Scene:
 
     def __init__(self, layout: Layout, walls: Walls, layout_in_map: Transform, scale: Scale):
         """Compute the positions of all markers; raises StartUpError for a table without an area."""
-        self._layout_in_map, self.scale = layout_in_map, scale
-        self._tables = tables_of(layout)
-        self._plates = place_plates(layout, walls, layout_in_map)
-        labels = [plate.label for plate in self._plates.values()]
-        middle_x = sum(each.x for each in labels) / len(labels)
+        self.scale = scale
+        tag_poses = find_tag_poses(layout, walls)
+        self._dots: dict[str, Box] = {}
+        self._facing: dict[str, float] = {}
+        sizes = []
+        for tag_id, tag in layout.tags.items():
+            x, y, facing = tag_poses[tag_id]
+            id_width_m = max(len(tag_id) * LETTER_WIDTH_M, TILE_M)
+            self._dots[tag_id] = Box(*layout_in_map.point(x, y), id_width_m, TILE_M)
+            self._facing[tag_id] = layout_in_map.heading(facing)
+            # As wide and as high as a label of three or four digits for each sensor of the tag.
+            widest = max(len(_value_line(sensor, 999.9)) for sensor in tag.sensors)
+            sizes.append((widest * LETTER_WIDTH_M, (len(tag.sensors) + 1) * LINE_M))
+        dots = list(self._dots.values())
+        places = place_labels(dots, [(dot, *size) for dot, size in zip(dots, sizes, strict=True)])
+        self._label_places = dict(zip(self._dots, places, strict=True))
+        middle_x = sum(x for x, _ in places) / len(places)
         corners = [layout_in_map.point(x, y) for x in walls[::2] for y in walls[1::2]]
-        lowest_y = min(*(each.y - each.height / 2 for each in labels), *(y for _, y in corners))
-        self._key_place = middle_x - KEY_M / 2, lowest_y - 2 * LINE_M
+        lowest_of_labels = min(y - height / 2 for (_, y), (_, height) in zip(places, sizes, strict=True))
+        lowest_y = min(lowest_of_labels, *(y for _, y in corners))
         self._caption_place = middle_x, lowest_y - 5 * LINE_M
+        self._background = [_key(middle_x - KEY_M / 2, lowest_y - 2 * LINE_M)]
+        for number, table in enumerate(tables_of(layout)):
+            x, y = layout_in_map.point((table.x0 + table.x1) / 2, (table.y0 + table.y1) / 2)
+            size = (table.x1 - table.x0, table.y1 - table.y0, TABLE_HEIGHT_M)
+            at = pose_message(x, y, layout_in_map.yaw, TABLE_HEIGHT_M / 2)
+            self._background.append(_marker('tables', number, Marker.CUBE, TABLE, size, pose=at))
 
     def markers(
         self,
@@ -113,9 +151,8 @@ class Scene:
         The readings are given by tag id, with their ages in seconds. A reading that is older than
         `stale_seconds` is faded.
         """
-        markers = [self._table(number) for number in range(len(self._tables))]
-        markers += [self._key()] + [field] * (field is not None)
-        for number, (tag_id, plate) in enumerate(self._plates.items()):
+        markers = [*self._background, *([field] if field else [])]
+        for number, (tag_id, dot) in enumerate(self._dots.items()):
             colour: Colour = GREY
             alpha = 1.0
             if tag_id in readings:
@@ -125,44 +162,18 @@ class Scene:
                 values = sorted(reading.readings, key=lambda each: sensor_order(each.name))
                 lines = [_value_line(each.name, each.value) for each in values]
                 text = '\n'.join([*lines, age_text(age)])
-                markers.append(_text('readings', number, plate.label, text, alpha))
-            is_bright = np.dot(colour, LUMA) > BRIGHTEST and plate.dot.width <= TILE_M
+                markers.append(_text('readings', number, self._label_places[tag_id], text, alpha))
+            at = pose_message(dot.x, dot.y, self._facing[tag_id], TAG_HEIGHT_M)
+            tile = (TILE_M, TILE_M, TILE_THICKNESS_M)
+            is_bright = np.dot(colour, LUMA) > BRIGHTEST and dot.width <= TILE_M
             markers += [
-                plate.marker(number, (*colour, alpha)),
-                _text('ids', number, plate.dot, escaped(tag_id, 40), colour=BLACK if is_bright else WHITE),
+                _marker('tags', number, Marker.CUBE, (*colour, alpha), tile, pose=at),
+                _text('ids', number, dot[:2], escaped(tag_id, 40), colour=BLACK if is_bright else WHITE),
             ]
         markers.append(_text(FIELD_NAMESPACE, 0, self._caption_place, caption))
         for each in markers:
             each.header = header
         return MarkerArray(markers=markers)
-
-    def _table(self, number: int) -> Marker:
-        table = self._tables[number]
-        x, y = self._layout_in_map.point((table.x0 + table.x1) / 2, (table.y0 + table.y1) / 2)
-        size = (table.x1 - table.x0, table.y1 - table.y0, TABLE_HEIGHT_M)
-        at = pose_message(x, y, self._layout_in_map.yaw, TABLE_HEIGHT_M / 2)
-        return _marker('tables', number, Marker.CUBE, TABLE, size, pose=at)
-
-    def _key(self) -> Marker:
-        """Return a bar of the colours, from the lowest value on the left to the highest."""
-        step_m = KEY_M / KEY_STEPS
-        steps = np.arange(KEY_STEPS) + 0.5
-        colours = colours_of(steps, 0, KEY_STEPS)
-        places = np.stack([steps * step_m, 0 * steps], axis=-1)
-        return _rectangles('key', pose_message(*self._key_place, 0.0), (step_m, LINE_M), places, colours, 1.0)
-
-
-def field_marker(
-    grid: FieldGrid, values: np.ndarray, scale: Scale, layout_in_map: Transform
-) -> Marker | None:
-    """Return the cells that have a value, in their colours; None if there are none."""
-    rows, columns = np.nonzero(~np.isnan(values))
-    if not len(rows):
-        return None
-    places = (np.stack([columns, rows], axis=-1) + 0.5) * grid.resolution_m
-    colours = colours_of(values[rows, columns], *scale.limits)
-    origin = pose_message(*layout_in_map.point(grid.x, grid.y), layout_in_map.yaw)
-    return _rectangles('field', origin, (grid.resolution_m,) * 2, places, colours, FIELD_ALPHA)
 
 
 def age_text(seconds: float) -> str:
@@ -180,9 +191,17 @@ def plain(text: str) -> str:
 
 
 def _value_line(sensor: str, value: float) -> str:
-    return plain(
-        f'{escaped(sensor.replace("_", " "), 40)} {value_text(sensor, value)} {unit_of(sensor)}'.rstrip()
-    )
+    name = escaped(sensor.replace('_', ' '), 40)
+    return plain(f'{name} {value_text(sensor, value)} {unit_of(sensor)}'.rstrip())
+
+
+def _key(x: float, y: float) -> Marker:
+    """Return a bar of the colours, from the lowest value on the left to the highest."""
+    step_m = KEY_M / KEY_STEPS
+    steps = np.arange(KEY_STEPS) + 0.5
+    places = np.stack([steps * step_m, 0 * steps], axis=-1)
+    colours = colours_of(steps, 0, KEY_STEPS)
+    return _rectangles('key', pose_message(x, y, 0.0), (step_m, LINE_M), places, colours, 1.0)
 
 
 def _rectangles(
@@ -194,35 +213,24 @@ def _rectangles(
     alpha: float,
 ) -> Marker:
     """Return one flat marker of rectangles around these places from its origin."""
-    return _marker(
-        namespace,
-        0,
-        Marker.CUBE_LIST,
-        (*WHITE, alpha),
-        (*size, 0.01),
-        pose=origin,
-        points=[Point(x=x, y=y) for x, y in places.tolist()],
-        colors=[ColorRGBA(r=r, g=g, b=b, a=alpha) for r, g, b in colours.tolist()],
-    )
+    points = [Point(x=x, y=y) for x, y in places.tolist()]
+    colors = [ColorRGBA(r=r, g=g, b=b, a=alpha) for r, g, b in colours.tolist()]
+    kind, look = Marker.CUBE_LIST, ((*WHITE, alpha), (*size, 0.01))
+    return _marker(namespace, 0, kind, *look, pose=origin, points=points, colors=colors)
 
 
 def _text(
     namespace: str,
     number: int,
-    place: Box | tuple[float, float],
+    place: tuple[float, float],
     text: str,
     alpha: float = 1.0,
     colour: Colour = WHITE,
 ) -> Marker:
-    return _marker(
-        namespace,
-        number,
-        Marker.TEXT_VIEW_FACING,
-        (*colour, alpha),
-        (LETTER_WIDTH_M / 2, 0.0, LETTER_M),  # RViz takes the width of a space from x
-        pose=pose_message(place[0], place[1], 0.0, TEXT_HEIGHT_M),
-        text=plain(text),
-    )
+    size = LETTER_WIDTH_M / 2, 0.0, LETTER_M  # RViz takes the width of a space from x
+    at = pose_message(*place, 0.0, TEXT_HEIGHT_M)
+    kind = Marker.TEXT_VIEW_FACING
+    return _marker(namespace, number, kind, (*colour, alpha), size, pose=at, text=plain(text))
 
 
 def _marker(

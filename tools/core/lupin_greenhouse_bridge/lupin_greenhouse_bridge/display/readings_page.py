@@ -21,7 +21,7 @@ import numpy as np
 from lupin_greenhouse_bridge.display import drawing_command as command
 from lupin_greenhouse_bridge.display import placing, summary
 from lupin_greenhouse_bridge.display.colours import STOPS, colour_limits, hex_colours_of
-from lupin_greenhouse_bridge.display.input_file import ReadingFile
+from lupin_greenhouse_bridge.display.drawing_command import ReadingFile
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
