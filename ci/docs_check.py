@@ -28,6 +28,7 @@ Indented code blocks have no language, so they are refused.
 Exit code: 0 no findings, 1 findings, one line each.
 """
 
+import dataclasses
 import functools
 import importlib
 import importlib.metadata
@@ -42,7 +43,7 @@ from typing import NamedTuple
 from urllib.parse import unquote
 
 from lupin_greenhouse_bridge.errors import pluralized
-from lupin_greenhouse_bridge.runtime.parameters import launch_arguments
+from lupin_greenhouse_bridge.runtime.parameters import default_text
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.units import unit_of
@@ -152,8 +153,8 @@ def wrong_parameters(document: Document) -> Iterator[str]:
             yield f'mark this table with `parameters of`: {table.rows[0][:60]}'
             continue
         module, _, name = settings.rpartition('.')
-        arguments = launch_arguments(getattr(importlib.import_module(module), name))
-        right = [f'| {name} | {default or "empty"} |' for name, default, *_ in arguments]
+        parameters = dataclasses.fields(getattr(importlib.import_module(module), name))
+        right = [f'| {each.name} | {default_text(each) or "empty"} |' for each in parameters]
         written = ['| {} | {} |'.format(*cells_of(row)).replace("''", 'empty') for row in table.rows]
         yield from wrong_rows(settings, written, right)
 

@@ -1,21 +1,38 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""The node in the ROS graph: one service, read-only parameters, one handler at a time."""
+"""The node: one service that survives any request, in the ROS graph that its SROS2 policy allows."""
 
 import contextlib
 import dataclasses
+import signal
 import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from xml.etree import ElementTree
 
+import pytest
 import rclpy
 from greenhouse_sim import simulator
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, tag_ids_of, tag_ids_request
-from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
+from lupin_greenhouse_bridge.reading import read_tag
+from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, greet, spinning_node, wait_until
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.utilities import get_rmw_implementation_identifier
+
+OK = GetTagReading.Response.STATUS_OK
+UNKNOWN_TAG = GetTagReading.Response.STATUS_UNKNOWN_TAG
+SIMULATOR_ERROR = GetTagReading.Response.STATUS_SIMULATOR_ERROR
+FORGED = '1\n[FATAL] [0.0] [greenhouse_bridge]: forged\r\x1b[2J'
+POLICY = ElementTree.parse(Path(__file__).resolve().parent.parent / 'security/policy.xml').getroot()
+# Distros before Jazzy do not have it; an unused right does no harm.
+NOT_EVERYWHERE = {'get_type_description'}
 
 
 def call_node_service(bridge, service_type, name, request):
@@ -26,11 +43,15 @@ def call_node_service(bridge, service_type, name, request):
     return call(client, request)
 
 
-def test_every_parameter_is_described_and_read_only_and_a_number_has_a_range(noon_bridge):
-    arguments = dataclasses.fields(Settings)
-    names = [*(each.name for each in arguments), 'loaded_tag_ids']
+def test_every_parameter_is_described_and_read_only_and_a_number_has_its_range(start_bridge, shipped_tags):
+    bridge = start_bridge(debug_time_of_day=12.0, loaded_tag_ids='[none]')  # this output ignores overrides
+    response = call_node_service(bridge, GetParameters, 'get_parameters', tag_ids_request())
+    assert tag_ids_of(response) == list(shipped_tags)
+
+    parameters = dataclasses.fields(Settings)
+    names = [*(each.name for each in parameters), 'loaded_tag_ids']
     response = call_node_service(
-        noon_bridge, DescribeParameters, 'describe_parameters', DescribeParameters.Request(names=names)
+        bridge, DescribeParameters, 'describe_parameters', DescribeParameters.Request(names=names)
     )
     assert [each.name for each in response.descriptors if each.read_only and each.description] == names
     ranges = {
@@ -38,23 +59,14 @@ def test_every_parameter_is_described_and_read_only_and_a_number_has_a_range(noo
         for descriptor in response.descriptors
         for limits in (*descriptor.floating_point_range, *descriptor.integer_range)
     }
-    numbers = {each.name: each.metadata['limits'] for each in arguments if each.type in (int, float)}
-    assert ranges == numbers != {}
+    assert ranges == {each.name: each.metadata['limits'] for each in parameters if each.type in (int, float)}
 
-
-def test_a_parameter_cannot_be_set_while_the_bridge_runs(noon_bridge):
     value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=6.0)
     request = SetParameters.Request(parameters=[Parameter(name='debug_time_of_day', value=value)])
-    (result,) = call_node_service(noon_bridge, SetParameters, 'set_parameters', request).results
+    (result,) = call_node_service(bridge, SetParameters, 'set_parameters', request).results
     assert not result.successful
     assert 'read-only' in result.reason
-    assert noon_bridge.call('1').reading.sim_time_of_day_seconds == 12 * 3600.0
-
-
-def test_the_loaded_tag_ids_are_a_parameter_that_ignores_overrides(start_bridge, shipped_tags):
-    bridge = start_bridge(loaded_tag_ids='[none]')
-    response = call_node_service(bridge, GetParameters, 'get_parameters', tag_ids_request())
-    assert tag_ids_of(response) == list(shipped_tags)
+    assert bridge.call('1').reading.sim_time_of_day_seconds == 12 * 3600.0
 
 
 def test_the_ready_line_names_tags_sensors_clock_and_rmw(bridge_here, shipped_tags):
@@ -118,3 +130,209 @@ def test_at_most_one_handler_is_in_the_simulator_whatever_the_executor(monkeypat
         wait_until(lambda: all(each.done() for each in asked))
         assert [each.result().status for each in asked] == [GetTagReading.Response.STATUS_OK] * 24
         assert HeldSimulator.most == 1
+
+
+@settings(max_examples=300, suppress_health_check=HealthCheck)  # one bridge answers every example
+@given(tag_id=st.text(max_size=80).map(lambda text: text.replace('\0', '')))
+@example(tag_id='')
+@example(tag_id=' ')
+@example(tag_id='1 ')
+@example(tag_id='01')
+@example(tag_id='１')  # noqa: RUF001
+@example(tag_id='\u202e1\u202c')
+@example(tag_id='🍅')
+@example(tag_id="'; DROP TABLE tags; --")
+@example(tag_id='%s%n{0}${HOME}')
+@example(tag_id='../../etc/passwd')
+@example(tag_id='1\n[FATAL] [greenhouse_bridge]: forged')
+@example(tag_id='\x1b[2J\x1b]0;owned\x07')
+def test_any_other_id_is_an_unknown_tag_and_the_next_request_is_answered(noon_bridge, shipped_tags, tag_id):
+    response = noon_bridge.call(tag_id)
+    if tag_id in shipped_tags:
+        assert response.status == OK
+        return
+    assert (response.status, response.reading) == (UNKNOWN_TAG, TagReading())
+    assert response.error_message.isprintable()
+    assert f'({len(shipped_tags)} tags known).' in response.error_message
+    assert noon_bridge.values('1')
+
+
+def test_a_megabyte_of_id_is_an_unknown_tag_in_a_short_message(noon_bridge):
+    response = noon_bridge.call('x' * 2**20)
+    assert response.status == UNKNOWN_TAG
+    assert response.error_message.startswith(f"Tag '{'x' * 64}...' is not in the loaded greenhouse")
+    assert noon_bridge.values('1')
+
+
+def test_a_nul_ends_an_id_in_the_client_and_never_reaches_a_longer_tag(noon_bridge):
+    """ROS strings end at a NUL: rclpy sends the part before it."""
+    assert noon_bridge.call('99\0').status == UNKNOWN_TAG
+    assert noon_bridge.call('\x001').status == UNKNOWN_TAG
+    assert noon_bridge.call('1\x002').reading.tag_id in ('1', '')
+
+
+@pytest.mark.parametrize('checks_fields', ['0', '1'])
+def test_faults_are_reported_logged_now_and_then_and_survived(start_bridge, altered, checks_fields):
+    environment = {'ROS_PYTHON_CHECK_FIELDS': checks_fields}
+    bridge = start_bridge(altered('faulty_simulator'), environment=environment)
+    bridge.connect(greeting=FORGED)
+    for _ in range(100):
+        response = bridge.call('fault')
+        assert (response.status, response.reading) == (SIMULATOR_ERROR, TagReading())
+        assert 'RuntimeError: the sensor is on fire two' in response.error_message
+        assert response.error_message.isprintable()
+        assert bridge.call('99').status == UNKNOWN_TAG
+    assert bridge.values('good') == {'co2': 21.5}
+    assert bridge.values('numpy') == {'co2': 3.0}
+    bridge.stop()
+    assert 1 <= len([line for line in bridge.log if 'the sensor is on fire' in line]) <= 20
+    unknown = [line for line in bridge.log if 'is not in the loaded greenhouse' in line]
+    assert 1 <= len(unknown) <= 20
+    assert unknown[0].startswith('[WARN]')
+    assert '\\n[FATAL]' in unknown[0]
+    assert unknown[0].isprintable()
+
+
+def test_a_reply_that_cannot_be_sent_is_a_warning_and_the_next_request_is_answered(start_bridge, altered):
+    bridge = start_bridge(altered('unsendable_reply'))
+    lost = bridge.connect().call_async(GetTagReading.Request(tag_id='1'))
+    bridge.wait_for_log('continued after: failed to send response')
+    assert bridge.values('1')
+    assert not lost.done()
+
+
+def test_sixteen_clients_at_once_lose_nothing_and_get_their_own_answers(noon_bridge, shipped_tags):
+    noon_bridge.connect()
+    tag_ids = list(shipped_tags)
+    clients = [
+        noon_bridge.node.create_client(GetTagReading, noon_bridge.service_name, qos_profile=SERVICE_QOS)
+        for _ in range(16)
+    ]
+    for client in clients:  # the clients and the bridge have discovered each other
+        assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+        greet(client, GetTagReading.Request(tag_id='1'))
+    with ThreadPoolExecutor(len(clients)) as pool:
+        for shift in range(20):
+            asked = [tag_ids[(number + shift) % len(tag_ids)] for number in range(len(clients))]
+            requests = [GetTagReading.Request(tag_id=tag_id) for tag_id in asked]
+            answered = [response.reading.tag_id for response in pool.map(call, clients, requests)]
+            assert answered == asked
+
+
+def allowed(node, kind, right):
+    """Return the names in a node's profile of the policy, without the node's own name."""
+    (profile,) = [each for each in POLICY.iter('profile') if each.get('node') == node]
+    groups = [group for group in profile if group.get(right) == 'ALLOW']
+    return {name.text.replace('~/', '') for group in groups for name in group if group.tag == kind}
+
+
+def names(listed, node, namespace):
+    return {name.removeprefix(f'{namespace}/{node}/').replace(namespace, '', 1) for name, _ in listed}
+
+
+def test_the_policy_has_the_form_of_sros2_0_2_0():
+    assert (POLICY.tag, POLICY.attrib) == ('policy', {'version': '0.2.0'})
+    enclaves = list(POLICY.iter('enclave'))
+    assert [each.get('path') for each in enclaves] == ['/greenhouse_bridge', '/read_tag']
+    for profile in POLICY.iter('profile'):
+        assert profile.attrib.keys() == {'ns', 'node'}
+        for group in profile:
+            assert group.tag in ('topics', 'services')
+            rights = {'topics': {'publish', 'subscribe'}, 'services': {'request', 'reply'}}[group.tag]
+            assert group.attrib.keys() <= rights
+            assert set(group.attrib.values()) == {'ALLOW'}
+            assert {each.tag for each in group} == {group.tag.removesuffix('s')}
+
+
+def test_the_bridge_offers_one_service_and_may_do_nothing_more(noon_bridge):
+    noon_bridge.connect()
+    graph, node = noon_bridge.node, 'greenhouse_bridge'
+    namespace = noon_bridge.service_name.partition('/greenhouse_bridge/')[0]
+
+    def services():
+        if (node, namespace) not in graph.get_node_names_and_namespaces():
+            return set()
+        return names(graph.get_service_names_and_types_by_node(node, namespace), node, namespace)
+
+    replies = allowed(node, 'services', 'reply')
+    wait_until(lambda: services() >= replies - NOT_EVERYWHERE)
+    assert services() | NOT_EVERYWHERE == replies
+    of_any_node = names(graph.get_service_names_and_types_by_node('bridge_test', '/'), 'bridge_test', '')
+    assert services() - of_any_node == {'get_tag_reading'}
+    published = {name for name, _ in graph.get_publisher_names_and_types_by_node(node, namespace)}
+    assert published == allowed(node, 'topics', 'publish') == {'/parameter_events', '/rosout'}
+    assert graph.get_subscriber_names_and_types_by_node(node, namespace) == []
+    assert graph.get_client_names_and_types_by_node(node, namespace) == []
+
+
+@pytest.mark.parametrize(('arguments', 'asks_for_parameters'), [(['1'], False), (['--all'], True)])
+def test_the_client_may_do_what_it_does_and_nothing_more(
+    noon_bridge, read_tag_here, monkeypatch, arguments, asks_for_parameters
+):
+    noon_bridge.connect()
+    graph, node = noon_bridge.node, 'read_tag'
+    requests = {name.rpartition('/')[2] for name in allowed(node, 'services', 'request')}
+    if not asks_for_parameters:
+        requests.remove('get_parameters')
+    looks = []
+
+    def asked():
+        if (node, '/') not in graph.get_node_names_and_namespaces():
+            return set()
+        return {name.rpartition('/')[2] for name, _ in graph.get_client_names_and_types_by_node(node, '/')}
+
+    def look(_seconds):
+        """Look at the graph while read_tag waits for the next round."""
+        wait_until(lambda: asked() >= requests)
+        assert asked() == requests
+        served = names(graph.get_service_names_and_types_by_node(node, '/'), f'/{node}', '')
+        assert {name.rpartition('/')[2] for name in served} <= allowed(node, 'services', 'reply')
+        published = {name for name, _ in graph.get_publisher_names_and_types_by_node(node, '/')}
+        assert published <= allowed(node, 'topics', 'publish')
+        assert graph.get_subscriber_names_and_types_by_node(node, '/') == []
+        looks.append(True)
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(process, 'sleep', look)
+    wait_until(lambda: (node, '/') not in graph.get_node_names_and_namespaces())  # of the test before
+    ended = read_tag_here(*arguments, '--watch', '1', '--service', noon_bridge.service_name)
+    assert (ended.code, looks) == (0, [True])
+
+
+@pytest.mark.parametrize(
+    ('keystore', 'fragment'),
+    [
+        ('', 'security is enabled, but ROS_SECURITY_KEYSTORE is not set: set it to the path of the keystore'),
+        ('nowhere', 'security is enabled (ROS_SECURITY_ENABLE): check the enclave'),
+        # The Fast DDS of the wheels has no security; elsewhere these keys are invalid.
+        ('keys', 'security is enabled (ROS_SECURITY_ENABLE): check the enclave'),
+    ],
+)
+def test_a_start_without_usable_keys_is_one_line(
+    run_here, bridge_here, tmp_path, monkeypatch, keystore, fragment
+):
+    enclave = tmp_path / 'keys/enclaves/greenhouse_bridge'
+    enclave.mkdir(parents=True)
+    for name in ('identity_ca.cert', 'cert', 'key', 'permissions_ca.cert'):
+        (enclave / f'{name}.pem').write_text('none')
+    for name in ('governance', 'permissions'):
+        (enclave / f'{name}.p7s').write_text('none')
+    monkeypatch.setenv('ROS_SECURITY_ENABLE', 'true')
+    monkeypatch.setenv('ROS_SECURITY_STRATEGY', 'Enforce')
+    monkeypatch.setenv('ROS_SECURITY_KEYSTORE', str(tmp_path / keystore) if keystore else '')
+    bridge = bridge_here('--enclave', '/greenhouse_bridge')
+    assert fragment in bridge.refusal
+    assert 'RuntimeWarning' not in bridge.err
+
+    ended = run_here(read_tag.main, '1', '--ros-args', '--enclave', '/greenhouse_bridge')
+    assert ended.code == 2
+    assert fragment in ended.said
+
+
+def test_read_tag_names_security_among_the_causes(run_here, monkeypatch):
+    """Without enforcement, a node without keys starts but finds no other node."""
+    monkeypatch.setenv('ROS_SECURITY_ENABLE', 'true')
+    monkeypatch.setenv('ROS_SECURITY_STRATEGY', 'Permissive')
+    ended = run_here(read_tag.main, '1', '--service', '/nobody/get_tag_reading', '--timeout', '0.01')
+    assert ended.code == 3
+    assert 'the bridge needs the same keystore, and keys for this domain' in ended.said

@@ -1,7 +1,6 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Signals and exit codes: the bridge and read_tag end as documented at any moment."""
 
-import dataclasses
 import io
 import subprocess
 import sys
@@ -15,7 +14,6 @@ from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
 from lupin_greenhouse_bridge.runtime.output import Progress, ProgressLine
-from lupin_greenhouse_bridge.runtime.parameters import launch_arguments, parameter
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, ManualClock, spinning_node
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from rclpy.executors import SingleThreadedExecutor
@@ -205,18 +203,6 @@ def test_a_line_tells_of_work_that_takes_more_than_3_seconds(monkeypatch, is_ter
         ''.join(f'\r\x1b[K{text}' for text in (*map(line, (1, 2, 3)), '')) if is_terminal else ''
     )
     assert pipe.getvalue() == ('' if is_terminal else f'{line(1)}\n{line(3)}\n')
-
-
-def test_launch_gets_every_parameter_as_it_writes_defaults():
-    @dataclasses.dataclass
-    class Example:
-        hours: float = parameter(-1.0, 'A number.', smallest=-1.0, largest=24.0)
-        is_on: bool = parameter(False, 'A switch.')
-
-    assert launch_arguments(Example) == [
-        ('hours', '-1.0', float, 'A number.'),
-        ('is_on', 'false', bool, 'A switch.'),
-    ]
 
 
 @pytest.mark.parametrize(('namespace', 'warnings'), [('/', 1), ('/other', 0)])

@@ -5,6 +5,7 @@ import copy
 import dataclasses
 import importlib.metadata
 import json
+from importlib.metadata import PackageNotFoundError
 
 import pytest
 import yaml
@@ -20,7 +21,9 @@ from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.testing._helpers import check_settings
 
-PARAMETER_FILE = get_package_share_path('lupin_greenhouse_bridge') / 'config/greenhouse_bridge.yaml'
+SHARE = get_package_share_path('lupin_greenhouse_bridge')
+PARAMETER_FILE = SHARE / 'config/greenhouse_bridge.yaml'
+LAUNCH_FILE = SHARE / 'launch/greenhouse_bridge.launch.py'
 
 
 def time_after_start_up(**arguments):
@@ -137,6 +140,59 @@ def test_a_parameter_file_sets_the_parameters(bridge_here, tmp_path, namespace):
     assert 'clock frozen at 6.0 h' in ended.err
 
 
+@pytest.fixture
+def description(launch):
+    """Return the source of the launch file's description."""
+    return launch.launch_description_sources.PythonLaunchDescriptionSource(str(LAUNCH_FILE))
+
+
+@pytest.fixture
+def launched(launch, description):
+    """Return a function that launches the bridge until it is ready; it returns exit code and log."""
+    log = []
+
+    def stop_when_ready(event):
+        log.append(event.text.decode())
+        return launch.actions.Shutdown() if 'ready: ' in log[-1] else None
+
+    def run(**arguments):
+        given = [(name, str(value)) for name, value in arguments.items()]
+        bridge = launch.actions.IncludeLaunchDescription(description, launch_arguments=given)
+        on_output = launch.event_handlers.OnProcessIO(on_stderr=stop_when_ready)
+        service = launch.LaunchService()
+        service.include_launch_description(
+            launch.LaunchDescription([bridge, launch.actions.RegisterEventHandler(on_output)])
+        )
+        return service.run(), ''.join(log)
+
+    return run
+
+
+def test_launch_forwards_what_is_set_with_the_type_of_the_node(launched):
+    """Whole numbers, as people type them; they override the parameter file."""
+    numbers = {'debug_time_of_day': 6, 'speedup_factor': 3600, 'debug_seed': 7}
+    code, log = launched(**numbers, params_file=PARAMETER_FILE, namespace='robot1', log_level='debug')
+    assert code == 0
+    for part in ('clock frozen at 6.0 h', '[robot1.greenhouse_bridge]', '[DEBUG]'):
+        assert part in log
+
+
+def test_launch_names_a_parameter_file_that_is_missing(launched, caplog):
+    assert launched(params_file='/missing.yaml') == (1, '')
+    assert "params_file '/missing.yaml' is not a file: name a YAML file" in caplog.text
+
+
+def test_the_arguments_of_launch_are_described_and_default_to_the_parameters(launch, description):
+    declared = {
+        action.name: (''.join(part.text for part in action.default_value), action.description)
+        for action in description.get_launch_description(launch.LaunchContext()).entities
+        if isinstance(action, launch.actions.DeclareLaunchArgument)
+    }
+    for field in dataclasses.fields(Settings):
+        assert declared.pop(field.name) == (str(field.default), field.metadata['description'])
+    assert list(declared) == ['namespace', 'log_level', 'params_file', 'respawn']
+
+
 @pytest.mark.parametrize('node', [settings, read_on_sight, record_readings, show_readings])
 def test_each_parameter_has_its_type_and_its_limits(node):
     check_settings(node.Settings)
@@ -168,23 +224,19 @@ def test_a_simulator_before_1_0_7_is_refused(monkeypatch, version):
     assert str(refusal.value) == message
 
 
-def test_a_simulator_that_cannot_be_imported_is_refused(monkeypatch):
+@pytest.mark.parametrize(
+    ('called', 'error', 'message'),
+    [
+        ('importlib.import_module', ImportError('no yaml'), r'be imported \(no yaml\): sudo apt install'),
+        ('importlib.metadata.version', PackageNotFoundError(), 'is not installed: pip install --upgrade'),
+    ],
+)
+def test_a_simulator_that_is_missing_or_broken_is_refused(monkeypatch, called, error, message):
     def fail(_name):
-        raise ImportError("No module named 'yaml'")
+        raise error
 
-    monkeypatch.setattr(importlib, 'import_module', fail)
-    with pytest.raises(
-        StartUpError, match=r"cannot be imported \(No module named 'yaml'\): sudo apt install"
-    ):
-        simulation.require_simulator()
-
-
-def test_no_simulator_at_all_is_refused(monkeypatch):
-    def nothing_installed(name):
-        raise importlib.metadata.PackageNotFoundError(name)
-
-    monkeypatch.setattr(importlib.metadata, 'version', nothing_installed)
-    with pytest.raises(StartUpError, match='is not installed: pip install --upgrade'):
+    monkeypatch.setattr(called, fail)
+    with pytest.raises(StartUpError, match=message):
         simulation.require_simulator()
 
 

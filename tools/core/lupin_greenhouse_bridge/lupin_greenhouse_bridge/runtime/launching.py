@@ -2,25 +2,35 @@
 
 import os
 from collections.abc import Collection
+from dataclasses import dataclass, fields
 from typing import Any
 
-from launch import LaunchContext
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.launch_context import LaunchContext
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from lupin_greenhouse_bridge.runtime.parameters import launch_arguments
+from lupin_greenhouse_bridge.runtime.parameters import default_text, parameter
 
-_Argument = tuple[str, str, str, list[str] | None]  # name, default, description, choices
-SWITCH = ['true', 'false']
-ARGUMENTS: tuple[_Argument, ...] = (  # of every node
-    ('namespace', '', 'Namespace of the node.', None),
-    ('log_level', 'info', 'Least severe messages to log: debug, info, warn, error or fatal.', None),
-    ('params_file', '', 'YAML file with parameters; an argument that is given here overrides it.', None),
-    ('respawn', 'false', 'true: start the node again whenever it ends.', SWITCH),
-)
-SIM_TIME: _Argument = ('use_sim_time', 'false', 'true: take the time from /clock.', SWITCH)
+
+@dataclass
+class EveryNode:
+    """The arguments that every node takes beside its parameters."""
+
+    namespace: str = parameter('', 'Namespace of the node.')
+    log_level: str = parameter('info', 'Least severe messages to log: debug, info, warn, error or fatal.')
+    params_file: str = parameter(
+        '', 'YAML file with parameters; an argument that is given here overrides it.'
+    )
+    respawn: bool = parameter(False, 'true: start the node again whenever it ends.')
+
+
+@dataclass
+class SimTime:
+    """The argument of a node that can follow a simulated clock."""
+
+    use_sim_time: bool = parameter(False, 'true: take the time from /clock.')
 
 
 def node_with_arguments(
@@ -33,22 +43,16 @@ def node_with_arguments(
     forwards only arguments that are set: the values of the others come from params_file or from the node's
     defaults. It also forwards the arguments in `without_effect`, and the node logs that they have no effect.
     """
-    settings = launch_arguments(settings_type)
-    kinds = {name: kind for name, _, kind, _ in settings} | dict.fromkeys(without_effect)
-    declared: list[_Argument] = [
-        (name, default, description, None) for name, default, _, description in settings
-    ]
-    if has_sim_time:
-        kinds['use_sim_time'] = bool
-        declared.append(SIM_TIME)
+    parameters = [*fields(settings_type), *(fields(SimTime) if has_sim_time else ())]
+    kinds = {each.name: each.type for each in parameters} | dict.fromkeys(without_effect)
     given: set[str] = set()
 
     def note_given(context: LaunchContext) -> None:
         given.update(context.launch_configurations)
 
     def start(context: LaunchContext) -> list[Node]:
-        values = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
-        params_file = values['params_file']
+        own = {each.name: LaunchConfiguration(each.name).perform(context) for each in fields(EveryNode)}
+        params_file = own['params_file']
         if params_file and not os.path.isfile(params_file):
             raise FileNotFoundError(f"params_file '{params_file}' is not a file: name a YAML file")
         forwarded = {
@@ -58,16 +62,21 @@ def node_with_arguments(
         }
         return [
             Node(
-                namespace=values['namespace'],
-                arguments=['--ros-args', '--log-level', values['log_level']],
+                namespace=own['namespace'],
+                arguments=['--ros-args', '--log-level', own['log_level']],
                 parameters=[each for each in (params_file, forwarded) if each],
-                respawn=values['respawn'] == 'true',
+                respawn=own['respawn'] == 'true',
                 **node,
             )
         ]
 
     declarations = [
-        DeclareLaunchArgument(name, default_value=default, description=description, choices=choices)
-        for name, default, description, choices in (*declared, *ARGUMENTS)
+        DeclareLaunchArgument(
+            each.name,
+            default_value=default_text(each),
+            description=each.metadata['description'],
+            choices=['true', 'false'] if each.name in ('respawn', 'use_sim_time') else None,
+        )
+        for each in (*parameters, *fields(EveryNode))
     ]
     return [OpaqueFunction(function=note_given), *declarations, OpaqueFunction(function=start)]
