@@ -4,16 +4,29 @@ TREE ?= monorepo
 DISTRO ?= kilted
 PYTHON ?= python3
 VENV ?= .venv
-ARGS ?=
 TAG ?= 1
 SIDE ?= 40
 TREES := monorepo lupin_greenhouse_ros
+TARGETS := help run smoke read mission page world world-check tags \
+    env build bridge generate generate-check drift test test-tree lint docs-check figure clean lock \
+    bench soak test-network test-heavy matrix test-apriltag test-22-04 \
+    mirror-publish mirror-publish-check mirror-import
+SWITCHES := CAMERA DRIVE PAGE SHORT WORLD
+VARIABLES := TREE DISTRO PYTHON VENV CC CXX ARGS TAG NAMESPACE SIDE FILE RECORD $(SWITCHES) PACKAGES WORKERS \
+    REFUSALS SIGNALS PYTHONS DISTROS SIMULATORS REMOTE RELEASE PATCH
+# What a typing mistake would otherwise leave without effect.
+UNKNOWN := $(foreach each,$(.VARIABLES),$(if $(findstring command line,$(origin $(each))),$(filter-out $(VARIABLES),$(each))))
+ifneq ($(strip $(UNKNOWN)),)
+$(error there is no variable $(strip $(UNKNOWN)): the variables are $(VARIABLES))
+endif
 ifeq ($(filter $(TREE),$(TREES)),)
 $(error TREE=$(TREE) is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros)
 endif
 ifeq ($(filter $(DISTRO),kilted jazzy),)
 $(error DISTRO=$(DISTRO) has no wheels: set DISTRO=kilted or DISTRO=jazzy)
 endif
+# DRIVE=0 is off, as DRIVE= is.
+$(foreach each,$(SWITCHES),$(eval override $(each) := $(filter-out 0 no off false,$($(each)))))
 override VENV := $(if $(filter /%,$(VENV)),$(VENV),$(CURDIR)/$(VENV))
 export TREE VENV
 SHELL := bash
@@ -27,17 +40,19 @@ KILL_TREE := python ci/kill_tree.py
 RUN_TESTS := $(IN_ENV) $(KILL_TREE) python ci/run_tests.py
 # These two start with every `make run`: -ES, because the environment's own modules take 0.1 s to find.
 QUICK_PYTHON := $(PYTHON) -ES
-BUILD := '$(VENV)/bin/python' -ES ci/build.py
-WITHIN := '$(VENV)/bin/python' -ES ci/within.py
+BUILD := "$$VENV/bin/python" -ES ci/build.py
+WITHIN := "$$VENV/bin/python" -ES ci/within.py
 
 # Their programs use packages that only the monorepo has, whatever TREE says.
 bench docs-check figure soak tags test-network world world-check: override TREE := monorepo
 
-.PHONY: help bridge run smoke read mission page world world-check tags env build generate generate-check drift test test-tree lint docs-check figure clean lock bench soak test-network test-heavy matrix test-apriltag test-22-04 mirror-publish mirror-publish-check mirror-import
+.PHONY: $(TARGETS) page-file
+.DEFAULT:
+	@echo 'make: there is no target $@: the targets are $(TARGETS)' >&2; exit 2
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
-	@echo; echo 'TREE=monorepo|lupin_greenhouse_ros, DISTRO=kilted|jazzy (without a sourced ROS), PYTHON, VENV'
+	@echo; echo 'TREE=monorepo|lupin_greenhouse_ros, DISTRO=kilted|jazzy (without a sourced ROS), PYTHON, VENV; $(SWITCHES): 1 is on, 0 is off'
 
 # use
 
@@ -56,11 +71,14 @@ mission: $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CA
 	    $(call EXECUTABLE,lupin_simulation,inspection) --output '$(CURDIR)/.mission' \
 	    $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(if $(DRIVE),--drive) $(if $(RECORD),--record '$(RECORD)') $(ARGS)
 
-page: bridge  ## make a page of the readings of the last mission, or of FILE=readings.sqlite (or .csv, .jsonl)
-	@file='$(FILE)'; file=$${file:-$$(find .mission -name '*.jsonl' -size +0 -printf '%T@ %p\n' 2>/dev/null | sort -n | tail -1 | cut -d' ' -f2- || true)}; \
-	    [ "$$file" ] || { echo 'page: .mission holds no report: make mission, or make page FILE=readings.sqlite' >&2; exit 2; }; \
-	    $(if $(FILE),,echo "page: of the newest report, $$file";) \
-	    $(IN_ENV) "$$LUPIN_EXECUTABLES/readings_page" "$$file" $(ARGS)
+page: export READINGS = $(or $(FILE),$(shell find .mission -name '*.jsonl' -size +0 -printf '%T@ %p\n' 2>/dev/null | sort -n | tail -1 | cut -d' ' -f2-))
+page: page-file bridge  ## make a page of the readings of the last mission, or of FILE=readings.sqlite (or .csv, .jsonl)
+	@$(IN_ENV) "$$LUPIN_EXECUTABLES/readings_page" "$$READINGS" $(ARGS)
+
+page-file:
+	@[ "$$READINGS" ] || { echo 'page: .mission holds no report: make mission, or make page FILE=readings.sqlite' >&2; exit 2; }
+	@[ -e "$$READINGS" ] || { echo "page: there is no file '$$READINGS': name a file of readings" >&2; exit 2; }
+	@$(if $(FILE),,echo "page: of the newest report, $$READINGS")
 
 world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"
 	@$(IN_ENV) $(call EXECUTABLE,lupin_simulation,generate_world) $(ARGS)
@@ -75,8 +93,8 @@ tags: build  ## make a PDF of the tags to print, SIDE millimetres each: make tag
 
 env:  ## make the Python environment (.venv) of all targets
 	@$(QUICK_PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null \
-	    || { echo 'environment: $(PYTHON) is not Python 3.10 or newer: sudo apt install python3, or make PYTHON=python3.12' >&2; exit 1; }
-	@$(QUICK_PYTHON) ci/environment.py '$(VENV)' $(DISTRO)
+	    || { echo 'environment: $(PYTHON) is not Python 3.10 or newer: sudo apt install python3, or make $(or $(MAKECMDGOALS),run) PYTHON=python3.12' >&2; exit 1; }
+	@$(QUICK_PYTHON) ci/environment.py "$$VENV" $(DISTRO)
 
 build: env  ## build TREE with colcon
 	@$(BUILD) $(PACKAGES)
@@ -119,7 +137,7 @@ figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-
 	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
 
 clean:  ## remove what was built (not the environment .venv, and not .mission, .tags and .world)
-	rm -rf '$(VENV)'*/workspace .mypy_cache .pytest_cache .ruff_cache .hypothesis .bench
+	rm -rf "$$VENV"*/workspace .mypy_cache .pytest_cache .ruff_cache .hypothesis .bench
 
 lock:  ## pin every wheel of ci/requirements/*.in, direct and transitive, for Python 3.10 and newer (needs uv)
 	@cd ci/requirements && for distro in kilted jazzy; do \

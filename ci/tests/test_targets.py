@@ -2,12 +2,13 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 
 import domain_coordinator
 import pytest
-from conftest import ROOT, make
+from conftest import ROOT, make, of_a_user, run
 
 REPORT = {
     'tag_id': '7',
@@ -72,6 +73,35 @@ def test_without_a_report_make_page_names_the_command_that_makes_one(tmp_path):
     result = make('page', cwd=tmp_path)
     assert result.returncode == 2
     assert result.stderr.startswith('page: .mission holds no report: make mission, or make page FILE=')
+
+
+def test_a_file_that_is_not_there_is_named_before_anything_is_built():
+    result = run('make', 'page', 'FILE=nothing.csv', 'VENV=/nowhere', env=of_a_user(), cwd=ROOT)
+    assert result.returncode == 2
+    assert result.stderr.splitlines()[0] == "page: there is no file 'nothing.csv': name a file of readings"
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (['red'], 'there is no target red: the targets are help run smoke read '),
+        (['read', 'tag=7'], 'there is no variable tag: the variables are TREE DISTRO '),
+        (['read', 'tag=7', 'Args='], 'there is no variable '),
+    ],
+)
+def test_a_target_or_variable_that_there_is_not_is_named_with_those_that_there_are(words, said):
+    result = make(*words)
+    assert result.returncode == 2
+    assert said in result.stderr.splitlines()[0]
+
+
+@pytest.mark.parametrize('off', ['0', 'no', 'off', 'false', ''])
+def test_a_switch_is_off_with_0_and_on_with_1(off):
+    switches = ('DRIVE', 'CAMERA', 'WORLD')
+    shown = make('mission', '--dry-run', *(f'{each}={off}' for each in switches)).stdout
+    assert not re.search('--(drive|camera|world|drake)', shown)
+    shown = make('mission', '--dry-run', *(f'{each}=1' for each in switches)).stdout
+    assert '--camera image --world --drive' in shown
 
 
 @pytest.mark.parametrize(
