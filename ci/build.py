@@ -12,14 +12,16 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import shlex
 import shutil
 import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from jobs import Build, Word, locked, run
+from jobs import Build, Word, end, lack_of_space, locked, run
 
 ROOT = Path(__file__).resolve().parents[1]
+NEEDED_MB = 100
 SHOWN = re.compile(r'^--- stderr:(?s:.*?)^---$|^.*WARNING.*$|^Summary.*$', re.MULTILINE)
 
 
@@ -42,7 +44,8 @@ class Workspace(NamedTuple):
         self, *command: Word, is_overlaid: bool = True, above: tuple[Workspace, ...] = ()
     ) -> list[str]:
         """Return what runs a command in this environment, with its packages and those of other workspaces."""
-        script = 'source ci/ros_env.bash' if is_overlaid else 'source ci/ros_env.bash without-overlay'
+        script = f'source {shlex.quote(str(ROOT))}/ci/ros_env.bash'
+        script += '' if is_overlaid else ' without-overlay'
         for each in above:
             script += f' && source "$VIRTUAL_ENV/workspace/{each.tree}/install/local_setup.bash"'
         settings = [f'VENV={self.venv}', f'TREE={self.tree}']
@@ -90,6 +93,9 @@ def build(workspace: Workspace, packages: list[Path]) -> int:
                     shutil.rmtree(folder / 'install' / package.name, ignore_errors=True)
         if not changed:
             return 0
+        if problem := lack_of_space(folder, NEEDED_MB):
+            print(f'build: {problem}', file=sys.stderr)
+            return 1
         code = run_colcon(workspace, packages, [mark.stem for mark in changed])
         if not code:
             for mark, now in changed.items():
@@ -116,7 +122,5 @@ def run_colcon(workspace: Workspace, packages: list[Path], names: list[str]) -> 
 
 
 if __name__ == '__main__':
-    try:
-        sys.exit(build(here(), [Path(name).absolute() for name in sys.argv[1:]] or here().packages()))
-    except KeyboardInterrupt:
-        sys.exit(130)
+    named = [Path(name).absolute() for name in sys.argv[1:]]
+    end(lambda: build(here(), named or here().packages()), 'build')

@@ -35,13 +35,13 @@ import importlib.metadata
 import os
 import re
 import subprocess
-import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote
 
+from jobs import end
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.runtime.parameters import default_text
 from lupin_greenhouse_bridge.settings import Settings
@@ -279,4 +279,4 @@ def main(root: Path = ROOT) -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    end(main, 'docs')

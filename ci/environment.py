@@ -21,22 +21,39 @@ import os
 import re
 import shlex
 import shutil
+import string
 import subprocess
 import sys
 import sysconfig
 import time
 from pathlib import Path
 
-from jobs import TICK_SECONDS, Status, locked
+from jobs import TICK_SECONDS, Status, end, lack_of_space, locked
 
 HERE = Path(__file__).resolve().parent
 REQUIREMENTS = HERE / 'requirements'
 BUILD_PYTHON = r'/opt/python/cp3\d+-cp3\d+'  # of the container that the wheels were built in
+NO_CONNECTION = re.compile(
+    'ProxyError|NewConnectionError|NameResolutionError|ConnectTimeout|Network is unreachable'
+)
+NEEDED_MB = 750
 MARK = '.lupin-environment'  # its text: 'incomplete', or the fingerprint of what was installed
 
 
 class Stopped(Exception):
     """The environment cannot be made; the message says why."""
+
+
+class NoNetwork(Stopped):
+    """pip reaches no index of packages."""
+
+
+def unusable_characters(folder: Path) -> str:
+    """Return the characters in a path that CMake, Make or the first line of a script cannot have."""
+    allowed = string.ascii_letters + string.digits + '/._+@~!^-'
+    return ''.join(
+        each for each in str(folder) if each not in allowed and (each.isascii() or not each.isprintable())
+    )
 
 
 def missing_prerequisites(ros_distro: str | None) -> list[str]:
@@ -81,17 +98,23 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
                 ' move it away, or name another folder with make VENV=...'
             )
         shutil.rmtree(venv)
+    if problem := lack_of_space(venv.parent, NEEDED_MB):
+        raise Stopped(problem)
     venv.mkdir(parents=True)
     (venv / MARK).write_text('incomplete', encoding='utf-8')
     log = venv / 'install.log'
+    is_shared = ['--system-site-packages'] if ros_distro else []
+    # In a shell that is in the old environment, `python3` has just been removed with it.
+    version = f'python{sys.version_info.major}.{sys.version_info.minor}'
+    python = sys.executable if Path(sys.executable).exists() else f'{sys.base_prefix}/bin/{version}'
+    run('the virtual environment', [python, '-m', 'venv', *is_shared, str(venv)], log)
     if ros_distro:
         pip = pip_install(venv)
-        run([sys.executable, '-m', 'venv', '--system-site-packages', str(venv)], log)
-        run([*pip, '--requirement', str(REQUIREMENTS / 'sourced.txt')], log)
+        run('the packages', [*pip, '--requirement', str(REQUIREMENTS / 'sourced.txt')], log)
         # Without its GUI's dependencies, which would shadow the NumPy that ROS was built with.
-        run([*pip, '--no-deps', '--requirement', str(REQUIREMENTS / 'simulator.txt')], log)
+        simulator = ['--no-deps', '--requirement', str(REQUIREMENTS / 'simulator.txt')]
+        run('the simulator', [*pip, *simulator], log)
     else:
-        run([sys.executable, '-m', 'venv', str(venv)], log)
         install_pinned(venv, REQUIREMENTS / f'{distro}.txt', log)
         repair_cmake(venv)
         (venv / 'local_setup.bash').write_text(setup_script(venv, distro), encoding='utf-8')
@@ -106,55 +129,65 @@ def pip_install(venv: Path) -> list[str]:
 
 def install_pinned(venv: Path, pins: Path, log: Path) -> None:
     """Install a list of pinned packages with uv, or with pip if uv cannot do it here."""
-    pip = pip_install(venv)
+    pip, uv = pip_install(venv), shutil.which('uv')
     try:
-        uv = shutil.which('uv')
         if not uv:
             uv = str(venv / 'bin/uv')
-            run([*pip, '--no-deps', '--constraint', str(pins), 'uv'], log)
-        python = str(venv / 'bin/python')
-        run(
-            [uv, 'pip', 'install', '--quiet', '--no-deps', '--python', python, '--requirement', str(pins)],
-            log,
-        )
+            run('uv, which installs the packages', [*pip, '--no-deps', '--constraint', str(pins), 'uv'], log)
+        python = ['--python', str(venv / 'bin/python')]
+        command = [uv, 'pip', 'install', '--quiet', '--no-deps', *python, '--requirement', str(pins)]
+        run('the packages', command, log)
+    except NoNetwork:
+        raise
     except (Stopped, OSError):
         print('environment: uv cannot install here, so pip does (a minute longer)', file=sys.stderr)
-        run([*pip, '--requirement', str(pins)], log)
+        run('the packages', [*pip, '--requirement', str(pins)], log)
 
 
-def run(command: list[str], log: Path) -> None:
-    """Run one step, with its output in the log; if it fails, print the end of the log and raise Stopped."""
+def run(what: str, command: list[str], log: Path) -> None:
+    """Run one step, with its output in the log; raises Stopped if it fails, with the end of the log."""
     status, started_s = Status(), time.monotonic()
-    with log.open('a', encoding='utf-8') as output:
+    with log.open('a+', encoding='utf-8', errors='replace') as output:
+        output.seek(0, os.SEEK_END)
+        start = output.tell()
         step = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
         while step.poll() is None:
-            status.show(f'environment: {Path(command[-1]).name} ({time.monotonic() - started_s:.0f} s)')
+            status.show(f'environment: installing {what} ({time.monotonic() - started_s:.0f} s)')
             with contextlib.suppress(subprocess.TimeoutExpired):
                 step.wait(TICK_SECONDS)
+        output.seek(start)
+        printed = output.read()
     status.clear()
+    if step.returncode and 'pip' in command and NO_CONNECTION.search(printed):
+        proxies = [
+            f'{name}={value}' for name, value in os.environ.items() if name.lower().endswith('s_proxy')
+        ]
+        behind = f' ({", ".join(proxies)})' if proxies else ''
+        raise NoNetwork(f'{what} cannot be downloaded: check the network{behind}; details are in {log}')
     if step.returncode:
-        end_of_log = log.read_text(encoding='utf-8', errors='replace').splitlines()[-15:]
-        print(*end_of_log, sep='\n', file=sys.stderr)
+        print(*printed.splitlines()[-15:], sep='\n', file=sys.stderr)
         raise Stopped(f'making the environment stopped at: {shlex.join(command)}')
 
 
 def repair_cmake(venv: Path) -> list[Path]:
     """
-    Correct the paths of Python in the exported CMake files of the wheels; return the files that changed.
+    Correct the exported CMake files of the wheels; return the files that changed.
 
     They name folders of the container that built them. CMake then fails with "Imported target ... includes
-    non-existent path". A second run changes nothing.
+    non-existent path". And rosidl reads a list of files as ASCII, which splits the path of a folder such as
+    Büro. A second run changes nothing.
     """
     (packages,) = venv.glob('lib/python3*/site-packages')
-    folders = (
+    repairs = (
         (re.compile(BUILD_PYTHON + r'/include/python3\.\d+'), sysconfig.get_path('include')),
         (re.compile(BUILD_PYTHON + r'/lib/python3\.\d+/site-packages'), str(packages)),
+        (re.compile(r'(?<="\$\{idl_output\}" idl_tuples)(?=\))'), ' ENCODING UTF-8'),
     )
     changed = []
     for path in sorted(venv.glob('share/*/cmake/**/*.cmake')):
         before = after = path.read_text(encoding='utf-8')
-        for build_folder, here in folders:
-            after = here.join(build_folder.split(after))
+        for wrong, right in repairs:
+            after = right.join(wrong.split(after))
         if after != before:
             # A new file: the old one may be a hard link into the cache of uv, which other environments share.
             path.unlink()
@@ -180,6 +213,13 @@ export ROS_DISTRO={distro} ROS_VERSION=2 ROS_PYTHON_VERSION=3
 
 def main(venv: Path, distro: str) -> int:
     """Make the environment in this absolute folder if it is not complete; return the exit code."""
+    if characters := unusable_characters(venv):
+        print(
+            f'environment: {str(venv)!r} cannot be used, because CMake and scripts fail with {characters!r}'
+            ' in a path: move the clone to a folder whose path has letters, digits and ._+@~!^- alone',
+            file=sys.stderr,
+        )
+        return 1
     ros_distro = sourced_ros()
     missing = missing_prerequisites(ros_distro)
     if missing:
@@ -204,4 +244,4 @@ def main(venv: Path, distro: str) -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main(Path(sys.argv[1]), sys.argv[2]))
+    end(lambda: main(Path(sys.argv[1]), sys.argv[2]), 'environment')

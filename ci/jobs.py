@@ -11,9 +11,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TextIO, TypeAlias
+from typing import NoReturn, TextIO, TypeAlias
 
 Word: TypeAlias = 'str | Path'  # of a command
 Events: TypeAlias = 'queue.SimpleQueue[tuple[Job, str | None]]'  # each line of a job, and None at its end
@@ -35,6 +35,21 @@ def locked(path: str | Path, name: str) -> Iterator[None]:
             print(f'{name}: waiting for another make, which does the same', file=sys.stderr, flush=True)
             fcntl.flock(lock, fcntl.LOCK_EX)
         yield
+
+
+def lack_of_space(folder: Path, needed_mb: int) -> str:
+    """Return what to do if the disk of a folder has less room than this, or ''."""
+    free_mb = shutil.disk_usage(folder).free / 1e6
+    return '' if free_mb >= needed_mb else f'{folder} has {free_mb:.0f} MB free: make room for {needed_mb} MB'
+
+
+def end(main: Callable[[], int], name: str) -> NoReturn:
+    """End this process with the exit code of its main function, or after Ctrl-C with one line and 130."""
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        print(f'{name}: interrupted', file=sys.stderr)
+        sys.exit(130)
 
 
 class Job:
@@ -168,15 +183,20 @@ class Status:
 
 def follow(job: Job, events: Events) -> None:
     """Run a job; put each line of its output, and None at its end."""
-    job.log.parent.mkdir(parents=True, exist_ok=True)
-    with job.log.open('w', encoding='utf-8') as log, subprocess.Popen(
-        job.command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors='replace'
-    ) as process:  # fmt: skip
-        for line in process.stdout or ():
-            log.write(line)
-            log.flush()
-            events.put((job, line.rstrip('\n')))
-        job.exit_code = process.wait()
+    try:
+        job.log.parent.mkdir(parents=True, exist_ok=True)
+        with job.log.open('w', encoding='utf-8') as log, subprocess.Popen(
+            job.command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            errors='replace',
+        ) as process:  # fmt: skip
+            for line in process.stdout or ():
+                log.write(line)
+                log.flush()
+                events.put((job, line.rstrip('\n')))
+            job.exit_code = process.wait()
+    except OSError as error:  # such as a full disk
+        job.exit_code = 1
+        job.failures.append(f'{job.log}: {error.strerror}')
     events.put((job, None))
 
 

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import domain_coordinator
+from jobs import end
 
 EXECUTABLES = Path(os.environ['LUPIN_EXECUTABLES'])
 TIMEOUT_SECONDS = 60
@@ -37,4 +38,4 @@ def main() -> int:
 
 
 if __name__ == '__main__':
-    sys.exit(main())
+    end(main, 'smoke')

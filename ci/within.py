@@ -1,5 +1,5 @@
 """
-Run a command in the project's environment, with what it needs beside the packages of TREE.
+Run a command in the project's environment, in the folder where you are, with what it needs beside TREE.
 
     python ci/within.py [--stand-ins] [--drake] COMMAND [ARGUMENT...]
 
@@ -16,9 +16,10 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import NoReturn
 
 from build import ROOT, Workspace, build, here
-from jobs import Word
+from jobs import Word, end
 
 MESSAGES = ('apriltag_msgs', 'nav2_msgs')
 DRAKE = ROOT / 'ci/requirements/world.txt'
@@ -70,7 +71,7 @@ def within(
     return workspace.inside(*command, above=stand_ins(workspace) if has_stand_ins else ())
 
 
-def main() -> None:
+def main() -> NoReturn:
     """Replace this process by the command."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('--stand-ins', action='store_true', help='with apriltag_msgs and nav2_msgs')
@@ -78,9 +79,8 @@ def main() -> None:
     parser.add_argument('command', nargs=argparse.REMAINDER, help='what to run')
     options = parser.parse_args()
     command = within(here(), *options.command, has_stand_ins=options.stand_ins, has_drake=options.drake)
-    os.chdir(ROOT)
     os.execvp(command[0], command)  # noqa: S606 - no shell is wanted
 
 
 if __name__ == '__main__':
-    main()
+    end(main, 'within')

@@ -2,6 +2,8 @@
 
 import os
 import shutil
+import signal
+import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -18,7 +20,7 @@ def commands(monkeypatch):
     """Record the commands instead of running pip and venv; no ROS is sourced."""
     ran = []
 
-    def record(command, _log):
+    def record(_what, command, _log):
         ran.append(command)
         if 'venv' in command:
             (Path(command[-1]) / 'bin').mkdir()
@@ -95,7 +97,7 @@ def test_another_distro_makes_it_again_from_that_set(commands, tmp_path):
 
 
 def test_an_interrupted_making_is_recognised_and_made_again(commands, tmp_path, monkeypatch):
-    def interrupted(command, _log):
+    def interrupted(_what, command, _log):
         if 'pip' in command:
             raise KeyboardInterrupt
 
@@ -248,9 +250,61 @@ def test_a_sourced_ros_is_found_used_and_only_completed(tmp_path):
     assert not [name for name in installed if name.startswith(('rclpy', 'ros_', 'fastdds', 'rosidl'))]
 
 
-@pytest.mark.parametrize(
-    ('given', 'used'), [('.venv-x', f'{ROOT}/.venv-x'), ('/a b/.venv', '/a b/.venv'), ('x y', f'{ROOT}/x y')]
-)
-def test_make_takes_any_folder_for_the_environment(given, used):
-    result = make('--silent', '--eval', "show:; @echo '$(VENV)'", 'show', f'VENV={given}')
-    assert result.stdout == f'{used}\n'
+@pytest.mark.parametrize('given', ['.venv-x', '/x/Büro/.venv', '/x/a+b@c~d!e^f-g.h_1'])
+def test_a_folder_for_the_environment_is_taken_as_it_is(given):
+    result = make('--silent', '--eval', 'show:; @echo "$$VENV"', 'show', f'VENV={given}')
+    assert result.stdout == f'{given if given[0] == "/" else ROOT / given}\n'
+    assert environment.unusable_characters(result.stdout.strip()) == ''
+
+
+@pytest.mark.parametrize('character', [*' \'"$#%,=;:&()*?[]{}<>|`\\', '\u00a0', '\udcfc'])
+def test_a_folder_in_which_nothing_can_be_built_is_refused_before_anything_is_installed(
+    commands, tmp_path, capsys, character
+):
+    assert environment.main(tmp_path / f'a{character}b', 'kilted') == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f'fail with {character!r} in a path: move the clone' in line
+    assert commands == []
+
+
+def test_make_says_so_in_one_line(tmp_path):
+    clone = tmp_path / "My 'green' house"
+    clone.mkdir()
+    for each in ('ci', 'tools', 'monorepo', 'Makefile'):
+        (clone / each).symlink_to(ROOT / each)
+    result = run('make', 'run', cwd=clone, env=of_a_user(VENV='.venv'))
+    first, last = result.stderr.splitlines()
+    assert first.startswith('environment: ')
+    assert 'move the clone to a folder whose path has letters' in first
+    assert last.startswith('make: *** ')
+
+
+def test_a_full_disk_is_named_before_anything_is_installed(commands, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(shutil, 'disk_usage', lambda _folder: shutil._ntuple_diskusage(1, 1, 9e6))
+    assert make_it(tmp_path) == 1
+    (_, line) = capsys.readouterr().err.splitlines()
+    assert line == f'environment: {tmp_path} has 9 MB free: make room for 750 MB'
+    assert commands == []
+
+
+@pytest.mark.heavy
+def test_without_a_network_one_line_names_it(tmp_path):
+    dead = dict.fromkeys(('HTTPS_PROXY', 'HTTP_PROXY', 'ALL_PROXY'), 'http://127.0.0.1:9')
+    empty = {'UV_CACHE_DIR': str(tmp_path / 'uv'), 'PIP_CACHE_DIR': str(tmp_path / 'pip')}
+    pip = {'PIP_RETRIES': '1', 'PIP_CONFIG_FILE': os.devnull, 'PIP_FIND_LINKS': '', 'UV_FIND_LINKS': ''}
+    command = (sys.executable, 'ci/environment.py', tmp_path / 'venv', 'kilted')
+    result = run(*command, env=os.environ | dead | empty | pip)
+    assert result.returncode == 1
+    assert 'cannot be downloaded: check the network (' in result.stderr.splitlines()[-1]
+    assert 'HTTPS_PROXY=http://127.0.0.1:9' in result.stderr.splitlines()[-1]
+    assert 'ResolutionImpossible' not in result.stderr
+
+
+def test_ctrl_c_ends_it_in_one_line(tmp_path):
+    command = [sys.executable, 'ci/environment.py', tmp_path / 'venv', 'kilted']
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True) as process:
+        while not (tmp_path / 'venv/install.log').exists():
+            assert process.poll() is None
+        os.killpg(process.pid, signal.SIGINT)
+        *_, last = process.stderr.read().splitlines()
+    assert (process.returncode, last) == (130, 'environment: interrupted')

@@ -132,6 +132,14 @@ def test_a_test_run_that_fails_without_a_failed_test_shows_the_end_of_its_output
     assert 'cannot import rclpy' in capsys.readouterr().out
 
 
+def test_a_log_that_cannot_be_written_fails_the_job_and_the_others_run(tmp_path, capsys):
+    full = jobs.Job('full', [sys.executable, '-c', 'print("more")'], Path('/dev/full'))
+    assert not jobs.run([full, make_job('good', 'print("yes")', tmp_path)])
+    printed = capsys.readouterr().out
+    assert 'good: yes\n' in printed
+    assert printed.endswith('failed: full: /dev/full: No space left on device\n')
+
+
 def test_who_waits_for_a_lock_says_so_and_goes_on(tmp_path, capsys):
     path, entered = tmp_path / 'lock', threading.Event()
 
