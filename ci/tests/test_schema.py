@@ -13,7 +13,7 @@ from ament_index_python.packages import get_package_share_directory
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.simulator.files import read_tag_file, shipped_file
+from lupin_greenhouse_bridge.simulator.layout import read_layout, shipped_file
 
 ROOT = Path(__file__).resolve().parents[2]
 SCHEMA = Path(get_package_share_directory('lupin_greenhouse_bridge'), 'schema/tag_locations.schema.json')
@@ -39,7 +39,7 @@ def is_read(folder: Path, document) -> bool:
     path = folder / 'tag_locations.json'
     path.write_text(json.dumps(document), encoding='utf-8')
     try:
-        read_tag_file(path)
+        read_layout(path)
     except StartUpError as error:
         return 'no tag has a sensor' in str(error)  # which a schema cannot say
     return True

@@ -27,8 +27,7 @@ from lupin_greenhouse_bridge.planning.route import plan_route
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.settings import Settings
-from lupin_greenhouse_bridge.simulator.files import shipped_file
-from lupin_greenhouse_bridge.simulator.layout import require_layout
+from lupin_greenhouse_bridge.simulator.layout import require_layout, shipped_file
 from lupin_greenhouse_bridge.simulator.simulation import load
 from lupin_greenhouse_bridge.units import clock_time, label_of
 from matplotlib import pyplot

@@ -16,8 +16,14 @@ from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
-from lupin_greenhouse_bridge.simulator.files import read_config, shipped_file
-from lupin_greenhouse_bridge.simulator.layout import Tag, find_layout, natural_order, read_layout
+from lupin_greenhouse_bridge.simulator.config import read_config
+from lupin_greenhouse_bridge.simulator.layout import (
+    Tag,
+    find_layout,
+    natural_order,
+    read_layout,
+    shipped_file,
+)
 
 PARAMETERS = ('tag_file', 'sim_config_file')
 MISSING = object()

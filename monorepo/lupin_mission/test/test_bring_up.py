@@ -10,7 +10,7 @@ import pytest
 from ament_index_python.packages import get_package_share_path
 from launch.actions import IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from lupin_greenhouse_bridge.simulator.files import shipped_file
+from lupin_greenhouse_bridge.simulator.layout import shipped_file
 
 TAG_FILE = str(shipped_file('tag_locations.json'))
 

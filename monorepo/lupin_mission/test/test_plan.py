@@ -7,8 +7,7 @@ import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.registration import Transform
-from lupin_greenhouse_bridge.simulator.files import shipped_file
-from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, read_layout
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, read_layout, shipped_file
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
 

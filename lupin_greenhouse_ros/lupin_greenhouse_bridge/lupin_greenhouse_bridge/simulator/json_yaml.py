@@ -18,6 +18,7 @@ LARGEST_YAML_BYTES = 2**20  # PyYAML takes seconds for a megabyte
 LARGEST_YAML_VALUES = 100_000  # after its aliases are expanded
 # No product of two such numbers overflows, so a finite config cannot give an infinite reading.
 LARGEST_NUMBER = 1e12
+TOO_DEEP = 'is too deeply nested: use at most 4 levels'
 KINDS = {
     dict: 'an object',
     str: 'text',
@@ -103,22 +104,19 @@ def read_text(path: str | Path, where: str, largest_bytes: int) -> str:
     """Return the text of a file; raises a StartUpError that begins with `where` if it cannot be read."""
     try:
         mode = os.stat(path).st_mode
-        if stat.S_ISDIR(mode):
-            raise StartUpError(f'{where}: is a folder: set the path of a file')
         if not stat.S_ISREG(mode):
-            raise StartUpError(f'{where}: is not a regular file: set the path of a file')
+            kind = 'a folder' if stat.S_ISDIR(mode) else 'not a regular file'
+            raise StartUpError(f'{where}: is {kind}: set the path of a file')
         with open(path, 'rb') as file:
             content = file.read(largest_bytes + 1)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError) as error:  # the latter: a NUL in the path
         reason = getattr(error, 'strerror', None) or error
-        raise StartUpError(
-            f'{where}: cannot be read ({reason}) in the folder {os.getcwd()}: set an absolute path'
-            ' (~ is not expanded)'
-        ) from error
+        hint = 'set an absolute path (~ is not expanded)'
+        raise StartUpError(f'{where}: cannot be read ({reason}): {hint}') from error
     if len(content) > largest_bytes:
         raise StartUpError(f'{where}: is larger than {largest_bytes // 2**20} MiB: use a smaller file')
     try:
-        return content.decode('utf-8')
+        return content.decode()
     except UnicodeDecodeError as error:
         raise StartUpError(f'{where}: is not UTF-8 text ({error}): save it as UTF-8') from error
 
@@ -128,16 +126,13 @@ def _parse_json(text: str, where: str) -> Any:
         raise StartUpError(f'{where}: starts with a UTF-8 byte order mark: save it as UTF-8 without BOM')
 
     def without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        unique = dict(pairs)
-        if len(unique) < len(pairs):
-            twice = Counter(key for key, _ in pairs).most_common(1)[0][0]
-            raise StartUpError(f'{where}: {twice!r} appears twice in one object: keep one of them')
-        return unique
+        _refuse_duplicates([key for key, _ in pairs], 'one object', where)
+        return dict(pairs)
 
     try:
         return json.loads(text, object_pairs_hook=without_duplicates)
     except RecursionError as error:
-        raise StartUpError(f'{where}: is too deeply nested: use at most 4 levels') from error
+        raise StartUpError(f'{where}: {TOO_DEEP}') from error
     except ValueError as error:
         raise StartUpError(f'{where}: is not JSON: {error}') from error
 
@@ -159,7 +154,7 @@ def _parse_yaml(text: str, where: str, loader_name: str = 'SafeLoader') -> Any:
     except StartUpError:
         raise
     except RecursionError as error:
-        raise StartUpError(f'{where}: is too deeply nested: use at most 4 levels') from error
+        raise StartUpError(f'{where}: {TOO_DEEP}') from error
     except Exception as error:  # PyYAML's constructors leak KeyError, IndexError and others on bad scalars
         raise StartUpError(f'{where}: is not YAML: {type(error).__name__}: {error}') from error
 
@@ -174,14 +169,14 @@ def _count_values(node: Any, counts: dict[int, float], where: str) -> float:
         counts[id(node)] = math.inf
         children = node.value if isinstance(node.value, list) else []  # a scalar holds a string
         if node.id == 'mapping':
-            keys = Counter(key.value for key, _ in children if key.id == 'scalar' and key.value != '<<')
-            for key, count in keys.items():
-                if count > 1:
-                    line = node.start_mark.line + 1
-                    raise StartUpError(
-                        f'{where}: {escaped(repr(key), 60)} appears twice in the mapping of line {line}:'
-                        ' keep one of them'
-                    )
+            keys = [key.value for key, _ in children if key.id == 'scalar' and key.value != '<<']
+            _refuse_duplicates(keys, f'the mapping of line {node.start_mark.line + 1}', where)
             children = [part for pair in children for part in pair]
         counts[id(node)] = 1 + sum(_count_values(child, counts, where) for child in children)
     return counts[id(node)]
+
+
+def _refuse_duplicates(keys: list[str], place: str, where: str) -> None:
+    if len(set(keys)) < len(keys):
+        twice, _ = Counter(keys).most_common(1)[0]
+        raise StartUpError(f'{where}: {start_of(twice)} appears twice in {place}: keep one of them')

@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.runtime.parameters import parameter
-from lupin_greenhouse_bridge.simulator.files import shipped_file
 from lupin_greenhouse_bridge.simulator.json_yaml import mapping_of, number, read_yaml
-from lupin_greenhouse_bridge.simulator.layout import Layout
+from lupin_greenhouse_bridge.simulator.layout import Layout, shipped_file
 
 SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0
 MARGIN_M = 1.6  # without a config, the robot can stand 1.5 m in front of every tag

@@ -16,8 +16,7 @@ from lupin_greenhouse_bridge.display.drawing_command import ReadingFile
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
-from lupin_greenhouse_bridge.simulator.files import shipped_file
-from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_greenhouse_bridge.simulator.layout import find_layout, shipped_file
 from reading_helpers import START_S, visit, write_report
 
 EVIL = '</script><script>alert(1)</script>'

@@ -6,8 +6,7 @@ import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.tag_poses import EAST, NORTH, SOUTH, WEST, Table, find_tag_poses
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls, parse_walls
-from lupin_greenhouse_bridge.simulator.files import shipped_file
-from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, shipped_file
 
 LONG = (1.0, 1.0, 3.0, 1.5)  # x0, y0, x1, y1
 FAR = Walls(-50.0, -50.0, 50.0, 50.0)

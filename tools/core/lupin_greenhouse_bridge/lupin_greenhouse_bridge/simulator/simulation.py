@@ -12,8 +12,8 @@ from packaging.version import InvalidVersion, Version
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.settings import SECONDS_PER_DAY, Settings
-from lupin_greenhouse_bridge.simulator.files import read_config, read_tag_file, shipped_file
-from lupin_greenhouse_bridge.simulator.layout import read_layout
+from lupin_greenhouse_bridge.simulator.config import read_config
+from lupin_greenhouse_bridge.simulator.layout import Layout, read_layout, shipped_file
 
 OLDEST_SIMULATOR = '1.0.7'
 INSTALL_COMMAND = f"pip install --upgrade 'mdp-greenhouse>={OLDEST_SIMULATOR}'"
@@ -47,12 +47,11 @@ def load(
     from greenhouse_sim.simulator import GreenhouseSimulator
 
     tag_path = tag_file or _require_shipped_file('tag_locations.json')
-    tags, _ = read_tag_file(tag_path, has_tables=False)
-    tag_ids = [tag_id for tag_id, tag in tags.items() if tag['sensors']]
+    layout = read_layout(tag_path, has_tables=False)
     config_path = sim_config_file or _require_shipped_file('greenhouse_config.yaml')
     sensors = read_config(config_path, settings, AVAILABLE_SENSORS, AVAILABLE_DYNAMICS)['sensors']
-    for tag_id, tag in tags.items():
-        if unknown := [name for name in tag['sensors'] if name not in sensors]:
+    for tag_id, tag in layout.tags.items():
+        if unknown := [name for name in tag.sensors if name not in sensors]:
             raise StartUpError(
                 f"tag_file '{tag_path}': tag '{escaped(tag_id, 64)}' has the sensor {unknown[0]!r}, which"
                 f" sim_config_file '{config_path}' does not have: add it there, or use one of"
@@ -70,14 +69,15 @@ def load(
             f"mdp-greenhouse {version} cannot load tag_file '{tag_path}' and sim_config_file '{config_path}':"
             f' {type(error).__name__}: {error}'
         ) from error
-    if sim.tags() != list(tags):
+    if set(sim.tags()) != {*layout.tags, *layout.tags_without_sensors}:
         raise StartUpError(
             f"tag_file '{tag_path}': the simulator reads it with another text encoding than UTF-8:"
             ' set PYTHONUTF8=1'
         )
-    _apply_overrides(sim, settings)
-    _prove_readable(sim, tag_ids)
-    return LoadedGreenhouse(sim, tag_ids, _warnings(sim, tags, settings), _summary(sim, tag_ids, version))
+    _apply_overrides(sim.sim_config['time'], settings)
+    _prove_readable(sim, layout)
+    summary = f'{_summary(sim, layout)}; mdp-greenhouse {version}'
+    return LoadedGreenhouse(sim, list(layout.tags), _warnings(sim, layout, settings), summary)
 
 
 def served_tag_ids(tag_file: str) -> list[str]:
@@ -131,19 +131,13 @@ def read(sim: Any, tag_id: str) -> tuple[float, dict[str, float]]:
     try:
         values = {str(name): _finite(value, name) for name, value in sim.get_sensor_data(tag_id).items()}
         sim_time = values.pop('timestamp')
-    except ReadingError:
-        raise
+        if not 0.0 <= sim_time < SECONDS_PER_DAY:
+            raise ValueError(f'the time of day {sim_time} s, which is outside [0, 86400)')
+        if not values:
+            raise ValueError('no value')
     except Exception as error:
-        raise ReadingError(
-            f"the simulator failed at tag '{escaped(tag_id, 64)}': {type(error).__name__}: {error}"
-        ) from error
-    if not 0.0 <= sim_time < SECONDS_PER_DAY:
-        raise ReadingError(
-            f"the simulator returned the time of day {sim_time} s at tag '{escaped(tag_id, 64)}',"
-            ' which is outside [0, 86400)'
-        )
-    if not values:
-        raise ReadingError(f"the simulator returned no value at tag '{escaped(tag_id, 64)}'")
+        problem = f'{type(error).__name__}: {error}'
+        raise ReadingError(f"the simulator failed at tag '{escaped(tag_id, 64)}': {problem}") from error
     return sim_time, values
 
 
@@ -151,29 +145,26 @@ def _finite(value: Any, name: str) -> float:
     # The simulator has floats, and an int for its clock; the look at an abstract class takes longer.
     is_number = isinstance(value, (float, int, numbers.Real)) and not isinstance(value, bool)
     if not is_number or not math.isfinite(value):
-        raise ReadingError(f'the simulator returned {value!r} for {name}, not a finite number')
+        raise ValueError(f'{value!r} for {name}, not a finite number')
     return float(value)
 
 
-def _apply_overrides(sim: Any, settings: Settings) -> None:
+def _apply_overrides(time: dict[str, Any], settings: Settings) -> None:
     """Override the loaded config with every setting that is not a sentinel, and seed the noise."""
-    time = sim.sim_config['time']
     if settings.debug_time_of_day >= 0.0:
-        time['debug_mode'] = True
-        time['debug_time_of_day'] = settings.debug_time_of_day
+        time.update(debug_mode=True, debug_time_of_day=settings.debug_time_of_day)
     if settings.speedup_factor > 0.0:
         time['speedup_factor'] = settings.speedup_factor
     if settings.debug_seed >= 0:
-        time['debug_mode'] = True
-        time['debug_seed'] = settings.debug_seed
+        time.update(debug_mode=True, debug_seed=settings.debug_seed)
         # The simulator seeds only in its constructor, which has already run: this line makes the seed work.
         random.seed(settings.debug_seed)
 
 
-def _prove_readable(sim: Any, tag_ids: list[str]) -> None:
+def _prove_readable(sim: Any, layout: Layout) -> None:
     """Read every tag once, then restore the noise: a seeded sequence starts with the first request."""
     state = random.getstate()
-    for tag_id in tag_ids:
+    for tag_id in layout.tags:
         try:
             read(sim, tag_id)
         except ReadingError as error:
@@ -183,21 +174,20 @@ def _prove_readable(sim: Any, tag_ids: list[str]) -> None:
     random.setstate(state)
 
 
-def _warnings(sim: Any, tags: dict[str, dict[str, Any]], settings: Settings) -> list[str]:
+def _warnings(sim: Any, layout: Layout, settings: Settings) -> list[str]:
     warnings = []
-    if bare := [escaped(tag_id, 64) for tag_id, tag in tags.items() if not tag['sensors']]:
-        some = ', '.join(f"'{tag_id}'" for tag_id in bare[:5])
+    if bare := layout.tags_without_sensors:
+        some = ', '.join(f"'{escaped(tag_id, 64)}'" for tag_id in bare[:5])
         warnings.append(f'{pluralized(len(bare), "tag")} without sensors, treated as unknown: {some}')
     if settings.speedup_factor > 0.0 and sim.sim_config['time']['debug_mode']:
         warnings.append('speedup_factor has no effect: debug mode freezes the simulated clock')
     return warnings
 
 
-def _summary(sim: Any, tag_ids: list[str], version: str) -> str:
+def _summary(sim: Any, layout: Layout) -> str:
     time = sim.sim_config['time']
     if time['debug_mode']:
         clock = f'clock frozen at {time["debug_time_of_day"]} h'
     else:
         clock = f'clock live, {time["speedup_factor"]} simulated seconds per second'
-    tags, sensors = pluralized(len(tag_ids), 'tag'), ', '.join(sim.sensors())
-    return f'{tags}; sensors {sensors}; {clock}; mdp-greenhouse {version}'
+    return f'{pluralized(len(layout.tags), "tag")}; sensors {", ".join(sim.sensors())}; {clock}'

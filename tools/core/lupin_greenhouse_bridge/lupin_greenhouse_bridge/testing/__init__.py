@@ -38,7 +38,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.interfaces import GetTagReading
-from lupin_greenhouse_bridge.simulator.files import shipped_file
+from lupin_greenhouse_bridge.simulator.layout import shipped_file
 from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
     call,
