@@ -1,8 +1,10 @@
 """The README's first commands print what it shows, and the check of the documents can fail."""
 
+import ast
 import os
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import docs_check
@@ -17,13 +19,16 @@ def without_numbers(text: str) -> list[str]:
 
 
 def test_the_two_commands_of_the_readme():
-    """Each `$ command` of its first console block prints what is shown below it."""
-    blocks = docs_check.Document(ROOT, Path('README.md')).shell_blocks()
+    """Each `$ command` of its console block prints what is shown below it, and its client reads tag 1."""
+    document = docs_check.Document(ROOT, Path('README.md'))
+    blocks = document.shell_blocks()
+    (client,) = re.findall(r'^```python\n(.*?)^```$', document.text, re.MULTILINE | re.DOTALL)
     shown = next(block.text for block in blocks if block.language == 'console')
     serving, *asking = [each.partition('\n') for each in shown.removeprefix('$ ').split('\n$ ')]
     assert [each[0] for each in asking] == ['make read TAG=1', 'make read TAG=99']
     with domain_coordinator.domain_id() as domain_id:
-        environment = of_a_user(ROS_DOMAIN_ID=str(domain_id), ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
+        alone = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+        environment = of_a_user(**alone)
         server = subprocess.Popen(
             ['bash', '-c', f'exec {serving[0]}'],
             cwd=ROOT,
@@ -39,6 +44,9 @@ def test_the_two_commands_of_the_readme():
             for command, _, printed in asking:
                 result = run('bash', '-c', f'{command} 2>&1', env=environment)
                 assert without_numbers(result.stdout) == without_numbers(printed.strip())
+            values = ast.literal_eval(succeed(sys.executable, '-c', client, env=os.environ | alone))
+            assert values['temperature'] == pytest.approx(22.7, abs=0.05)
+            assert values.keys() == {'temperature', 'co2'}
         finally:
             os.killpg(server.pid, 15)
             server.wait()
