@@ -11,7 +11,7 @@ from lupin_msgs.msg import Observation as ObservationMessage
 from lupin_msgs.srv import GetTagReading
 
 from lupin_mission.mission import Mission, State
-from lupin_mission.visit import Request, Service
+from lupin_mission.visit import Service
 
 MISSION_TYPE = 'InspectionMission'
 LIFECYCLE_STATES = {
@@ -43,14 +43,14 @@ def reading_of(message: TagReading) -> Reading:
     )
 
 
-def accept_response(mission: Mission, request: Request, response: Any) -> bool:
-    """Pass the response to a request to its mission; return False if the mission no longer waits for it."""
-    if request.service is Service.CONFIRM:
-        return mission.on_confirmation(request.number, response.detected, response.error_message)
+def reply_of(service: Service, response: Any) -> tuple[Outcome, str, Reading | None]:
+    """Return what Mission.on_reply() takes from the response of a service."""
+    if service is Service.CONFIRM:
+        return Outcome.OK if response.detected else Outcome.NOT_CONFIRMED, response.error_message, None
     if response.status == GetTagReading.Response.STATUS_OK:
-        return mission.on_reading(request.number, reading_of(response.reading))
-    outcome = REFUSALS.get(STATUS_NAMES.get(response.status, ''), Outcome.BAD_READING)
-    return mission.on_refusal(request.number, outcome, response.error_message)
+        return Outcome.OK, '', reading_of(response.reading)
+    refusal = REFUSALS.get(STATUS_NAMES.get(response.status, ''), Outcome.BAD_READING)
+    return refusal, response.error_message, None
 
 
 def observation_message(

@@ -4,7 +4,7 @@ The mission's state machine: visits each tag once, and records one outcome for e
 The caller passes the time to step(), in seconds of a monotonic clock. doc/state_machine.md draws the states.
 """
 
-import itertools
+from collections import deque
 from collections.abc import Callable, Iterable
 from enum import Enum, IntEnum
 from functools import partial
@@ -13,7 +13,7 @@ from typing import Protocol
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 
 from lupin_mission.drive import Arrival, Drive
-from lupin_mission.visit import NO_REPLY, SERVICES, Attempts, Limits, Phase, Request, Visit
+from lupin_mission.visit import NO_REPLY, SERVICES, Attempts, Limits, Phase, Request, Service, Visit
 
 STUCK_DRIVES = 2  # After so many in a row, the robot needs a person.
 
@@ -46,7 +46,7 @@ class MissionPorts(Protocol):
     """The interface that the mission needs; the node implements it."""
 
     def send(self, request: Request) -> None:
-        """Start a request without waiting. The reply arrives by on_confirmation, on_reading or on_refusal."""
+        """Start a request without waiting. The reply arrives by on_reply()."""
 
     def abandon(self, request: Request) -> Outcome:
         """Give up a request; return TIMEOUT, or NO_SERVICE if the service was never available."""
@@ -59,7 +59,7 @@ class MissionPorts(Protocol):
 
 
 class Mission:
-    """Drives to each tag, has it confirmed if required, reads it, and records one outcome, whatever it is."""
+    """Drives to each tag, has it confirmed if required, reads it, and records one outcome."""
 
     def __init__(
         self,
@@ -71,10 +71,8 @@ class Mission:
         require_visual_confirmation: bool = False,
         returns_to_dock: bool = False,
     ):
-        """Visit `tag_ids` in this order, each once; raises ValueError if one is repeated."""
+        """Visit `tag_ids`, which are all different, in this order."""
         self.tag_ids = tuple(tag_ids)
-        if len(set(self.tag_ids)) != len(self.tag_ids):
-            raise ValueError('a tag id appears twice')
         self.state = State.READY
         self.is_paused = False
         self.is_estop_engaged = False
@@ -86,14 +84,13 @@ class Mission:
         self._first_phase = Phase.CONFIRMING if require_visual_confirmation else Phase.SCANNING
         self._now = 0.0
         self._active_seconds = 0.0  # This clock stops during a pause. All but the timeouts use it.
-        self._to_visit = iter(self.tag_ids)
+        self._to_visit = deque(self.tag_ids)
         self._visit = Visit('')
         self._dwell_end = 0.0
         self._attempts = Attempts(0.0, 0.0)
         self._is_under_way = False
         self._stuck_drives = 0
         self._tag_held_for_stuck_drives: str | None = None
-        self._numbers = itertools.count(1)
         self._request: Request | None = None
 
     @property
@@ -158,9 +155,8 @@ class Mission:
     # The drives
 
     def _drive_on(self) -> None:
-        tag_id = next(self._to_visit, None)
-        if tag_id is not None:
-            self._visit = Visit(tag_id)
+        if self._to_visit:
+            self._visit = Visit(self._to_visit.popleft())
             self._depart(State.DRIVING)
         elif self._returns_to_dock:
             self._depart(State.RETURNING)
@@ -295,7 +291,7 @@ class Mission:
         self._ports.note('heading to dock', Severity.INFO)
         self._stop_work()
         if not self._scan_reading_done:
-            self._to_visit = itertools.chain([self._visit.tag_id], self._to_visit)
+            self._to_visit.appendleft(self._visit.tag_id)
         self.is_paused = self.is_estop_engaged
         self._depart(State.DOCKING)
         return True
@@ -329,8 +325,8 @@ class Mission:
             self._drive.stop()
         elif not has_not_set_off:
             self._leave('aborted')
-        for tag_id in self._to_visit:
-            self._visit = Visit(tag_id)
+        while self._to_visit:
+            self._visit = Visit(self._to_visit.popleft())
             self._close(Outcome.SKIPPED, 'aborted')
         if has_not_set_off or is_returning:
             self._end()
@@ -368,44 +364,33 @@ class Mission:
         self._attempts.count += 1
         service = SERVICES[self._visit.phase]
         deadline_seconds = self._now + self._limits.timeout_seconds(service)
-        self._request = Request(next(self._numbers), service, self._visit.tag_id, deadline_seconds)
+        self._request = Request(service, self._visit.tag_id, deadline_seconds)
         self._ports.send(self._request)
 
-    def on_confirmation(self, number: int, confirmed: bool, message: str) -> bool:
-        """Accept the reply to a CONFIRM request; return False if it is no longer pending."""
-        if not self._is_awaited(number):
-            return False
-        self._visit.seen = confirmed
-        if confirmed:
-            self._turn_to(Phase.SCANNING)
-        else:
-            self._attempt_failed(Outcome.NOT_CONFIRMED, message)
-        return True
+    def on_reply(
+        self, request: Request, outcome: Outcome, detail: str = '', reading: Reading | None = None
+    ) -> bool:
+        """
+        Accept the reply to a request; return False if it is no longer pending.
 
-    def on_reading(self, number: int, reading: Reading) -> bool:
-        """Accept an OK reply to a READ request; return False if it is no longer pending."""
-        if not self._is_awaited(number):
+        OK means that the camera sees the tag, or that the bridge sends this reading.
+        """
+        if request is not self._request:
             return False
-        tag_id = self._visit.tag_id
-        if reading.tag_id != tag_id:
+        self._request = None
+        tag_id = request.tag_id
+        if request.service is Service.CONFIRM:
+            self._visit.seen = outcome is Outcome.OK
+        if outcome is not Outcome.OK:
+            self._attempt_failed(outcome, detail)
+        elif reading is None:
+            self._turn_to(Phase.SCANNING)
+        elif reading.tag_id != tag_id:
             self._attempt_failed(Outcome.WRONG_TAG, f'asked for {tag_id!r}, got {reading.tag_id!r}')
         elif reading.fault:
             self._attempt_failed(Outcome.BAD_READING, reading.fault)
         else:
             self.mark_scan_ok(tag_id, reading)
-        return True
-
-    def on_refusal(self, number: int, outcome: Outcome, message: str) -> bool:
-        """Accept a reply that reports a failure; return False if the request is no longer pending."""
-        if not self._is_awaited(number):
-            return False
-        self._attempt_failed(outcome, message)
-        return True
-
-    def _is_awaited(self, number: int) -> bool:
-        if self._request is None or self._request.number != number:
-            return False
-        self._request = None
         return True
 
     def _attempt_failed(self, outcome: Outcome, detail: str) -> None:

@@ -34,7 +34,7 @@ from std_srvs.srv import Trigger
 
 from lupin_mission.announcer import Announcer
 from lupin_mission.drive import Drive, SimulatedDrive
-from lupin_mission.messages import MISSION_TYPE, accept_response
+from lupin_mission.messages import MISSION_TYPE, reply_of
 from lupin_mission.mission import Mission, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.planner import Drives, Planner
@@ -276,7 +276,7 @@ class MissionNode(Node):
         return self._transport.abandon(request)
 
     def _on_response(self, mission: Mission, request: Request, response: Any) -> None:
-        if not accept_response(mission, request, response):
+        if not mission.on_reply(request, *reply_of(request.service, response)):
             self.note(f'ignored a late reply for tag {request.tag_id!r}', Severity.WARN)
         self._step()
 

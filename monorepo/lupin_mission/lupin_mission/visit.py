@@ -36,11 +36,10 @@ NO_REPLY = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Request:
-    """One request to one service. Its unique number distinguishes a late reply from a current one."""
+    """One request to one service. No two are equal, so a late reply is not taken for a current one."""
 
-    number: int
     service: Service
     tag_id: str
     deadline_seconds: float
