@@ -50,28 +50,25 @@ class Announcer:
     def note(self, event: str, severity: Severity) -> None:
         """Put an event into the state, and log it unless it is routine."""
         self._event, self._severity = escaped(event, 1000), severity
-        if severity is not Severity.INFO:
-            self._log()
+        if severity is Severity.INFO:
+            return
+        self._progress.clear()
+        # rclpy ties a severity to the line of the call.
+        if severity is Severity.WARN:
+            self._node.get_logger().warning(self._event)
+        else:
+            self._node.get_logger().error(self._event)
+
+    def _inform(self, event: str) -> None:
+        """Put a routine event into the state, and log it."""
+        self.note(event, Severity.INFO)
+        self._progress.clear()
+        self._node.get_logger().info(self._event)
 
     def started(self, event: str) -> None:
         """Log the start of a mission, and clear the error of the previous one."""
         self._last_error = ''
         self._inform(event)
-
-    def _inform(self, event: str) -> None:
-        self.note(event, Severity.INFO)
-        self._log()
-
-    def _log(self) -> None:
-        self._progress.clear()
-        # Each call in a line of its own: rclpy ties a severity to the line of the call.
-        logger = self._node.get_logger()
-        if self._severity is Severity.INFO:
-            logger.info(self._event)
-        elif self._severity is Severity.WARN:
-            logger.warning(self._event)
-        else:
-            logger.error(self._event)
 
     def closed(self, observation: Observation, mission_id: str, position: Point | None) -> None:
         """Publish the observation of a tag, and its reading if it was read, and log its outcome."""

@@ -1,5 +1,6 @@
 """Convert between the mission's objects and the team's messages."""
 
+from collections import Counter
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -23,7 +24,6 @@ LIFECYCLE_STATES = {
     State.RETURNING: 'RETURNING',
     State.DONE: 'DONE',
 }
-LARGEST_UINT16 = 2**16 - 1
 # The other outcomes are failed scans.
 STATUSES = {
     Outcome.OK: ObservationMessage.STATUS_OK,
@@ -33,24 +33,17 @@ STATUSES = {
 REFUSALS = {outcome.value: outcome for outcome in (Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR)}
 
 
-def reading_of(message: TagReading) -> Reading:
-    """Return the contents of a TagReading."""
-    return Reading(
-        message.tag_id,
-        (message.stamp.sec, message.stamp.nanosec),
-        message.sim_time_of_day_seconds,
-        {each.name: each.value for each in message.readings},
-    )
-
-
 def reply_of(service: Service, response: Any) -> tuple[Outcome, str, Reading | None]:
     """Return what Mission.on_reply() takes from the response of a service."""
     if service is Service.CONFIRM:
         return Outcome.OK if response.detected else Outcome.NOT_CONFIRMED, response.error_message, None
-    if response.status == GetTagReading.Response.STATUS_OK:
-        return Outcome.OK, '', reading_of(response.reading)
-    refusal = REFUSALS.get(STATUS_NAMES.get(response.status, ''), Outcome.BAD_READING)
-    return refusal, response.error_message, None
+    if response.status != GetTagReading.Response.STATUS_OK:
+        refusal = REFUSALS.get(STATUS_NAMES.get(response.status, ''), Outcome.BAD_READING)
+        return refusal, response.error_message, None
+    message = response.reading
+    values = {each.name: each.value for each in message.readings}
+    stamp = message.stamp.sec, message.stamp.nanosec
+    return Outcome.OK, '', Reading(message.tag_id, stamp, message.sim_time_of_day_seconds, values)
 
 
 def observation_message(
@@ -63,19 +56,20 @@ def observation_message(
     assume that a tag was inspected if its id is in a reading.
     """
     message = ObservationMessage(
-        kind=ObservationMessage.KIND_TAG_READING, mission_id=mission_id, source=MISSION_TYPE
+        kind=ObservationMessage.KIND_TAG_READING,
+        mission_id=mission_id,
+        source=MISSION_TYPE,
+        status=STATUSES.get(observation.outcome, ObservationMessage.STATUS_SCAN_FAILED),
+        tag_pose_in_map=pose_at(position if observation.reading else None),
     )
     message.flower.pose.pose = message.anomaly.pose.pose = pose_at(None)
-    message.status = STATUSES.get(observation.outcome, ObservationMessage.STATUS_SCAN_FAILED)
     if observation.reading:
         message.status_detail = f'read from pose {observation.pose}' if observation.pose > 1 else ''
         message.tag_reading = tag_reading_message(observation.reading)
-        message.tag_pose_in_map = pose_at(position)
     else:
         tag = f'tag {observation.tag_id}: '
         detail = observation.detail.removeprefix(tag)  # The camera's reply begins with the tag too.
         message.status_detail = f'{tag}{observation.outcome.value}: {detail}'
-        message.tag_pose_in_map = pose_at(None)
     return message
 
 
@@ -97,20 +91,22 @@ def pose_at(position: Point | None) -> Pose:
 
 def state_message(mission: Mission | None, mission_id: str, lifecycle_if_none: str) -> MissionState:
     """Return the state of a mission, or of a node without one; the caller adds stamps and events."""
-    message = MissionState(lifecycle_state=lifecycle_if_none, battery_percentage=1.0)
-    if mission:
-        message.mission_id = mission_id
-        message.mission_type = MISSION_TYPE
-        message.lifecycle_state = LIFECYCLE_STATES[mission.state]
-        message.mission_phase = mission.phase
-        message.current_target = mission.target or ''
-        message.targets_total = min(len(mission.tag_ids), LARGEST_UINT16)
-        completed = mission.count(Outcome.OK)
-        skipped, unreachable = mission.count(Outcome.SKIPPED), mission.count(Outcome.UNREACHABLE)
-        failed = len(mission.outcomes) - completed - skipped - unreachable
-        message.targets_completed = min(completed, LARGEST_UINT16)
-        message.targets_skipped = min(skipped, LARGEST_UINT16)
-        message.targets_unreachable = min(unreachable, LARGEST_UINT16)
-        message.targets_failed = min(failed, LARGEST_UINT16)
-        message.paused = mission.is_paused
-    return message
+    if not mission:
+        return MissionState(lifecycle_state=lifecycle_if_none, battery_percentage=1.0)
+    counts = Counter(mission.outcomes.values())
+    completed, skipped = counts[Outcome.OK], counts[Outcome.SKIPPED]
+    unreachable = counts[Outcome.UNREACHABLE]
+    return MissionState(
+        mission_id=mission_id,
+        mission_type=MISSION_TYPE,
+        lifecycle_state=LIFECYCLE_STATES[mission.state],
+        mission_phase=mission.phase,
+        current_target=mission.target or '',
+        targets_total=len(mission.tag_ids),
+        targets_completed=completed,
+        targets_skipped=skipped,
+        targets_unreachable=unreachable,
+        targets_failed=len(mission.outcomes) - completed - skipped - unreachable,
+        paused=mission.is_paused,
+        battery_percentage=1.0,
+    )

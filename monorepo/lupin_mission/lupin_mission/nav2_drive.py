@@ -1,6 +1,7 @@
 """Drive with Nav2: an action client of nav2_msgs/action/NavigateToPose. No call blocks."""
 
 import importlib
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -48,9 +49,7 @@ class Nav2Drive(Drive):
         """Create the client; raises StartUpError for an invalid name, or without nav2_msgs."""
         self.goals: dict[str, list[PoseInPlane]] = {}
         self.unreachable: dict[str, str] = {}
-        self._node = node
-        self._settings = settings
-        self._note = note
+        self._node, self._settings, self._note = node, settings, note
         self._action = navigate_to_pose()
         self._name = settings.nav_action_name
         try:
@@ -58,7 +57,7 @@ class Nav2Drive(Drive):
         except ValueError as error:
             raise StartUpError(f'{self._name!r} is not an action name: {error}') from error
         self._status_by_goal_id: dict[bytes, int] = {}
-        self._own_goal_ids: set[bytes] = set()
+        self._own_goal_ids: deque[bytes] = deque(maxlen=100)
         self._tolerated_goal_ids: set[bytes] = set()
         self._status_topic = f'{self._name}/_action/status'
         node.create_subscription(
@@ -67,10 +66,9 @@ class Nav2Drive(Drive):
         self._goal: Any = None
         self._reason_without_goal = ''
         self._sent: SentGoal | None = None
+        self._position_m: tuple[float, float] | None = None  # at the end of the drives before
         self._not_over: list[SentGoal] = []
-        # The start of the wait for a server, or the time of the last goal; None after a pause.
-        self._since: float | None = None
-        self._rejected_since: float | None = None
+        self._waiting_since: float | None = None  # for a server that accepts the goal; None after a pause
         self._has_warned_of_server = False
 
     def start(self, tag_id: str, now_seconds: float, pose: int = 1) -> None:
@@ -88,59 +86,64 @@ class Nav2Drive(Drive):
         self._set_off(PoseInPlane(*self._settings.dock), now_seconds)
 
     def _set_off(self, pose: PoseInPlane | None, now_seconds: float) -> None:
-        self._goal = self._goal_at(pose) if pose else None
-        self._sent = self._rejected_since = None
-        self._since = now_seconds
-
-    def _goal_at(self, pose: PoseInPlane) -> Any:
-        goal = self._action.Goal()
-        goal.pose.header.frame_id = self._settings.frame_id  # Without a stamp: at the latest transform.
-        goal.pose.pose = pose_message(*pose)
-        return goal
+        self._position_m = self.position_m()
+        self._goal = self._sent = None
+        self._waiting_since = now_seconds
+        if pose:
+            self._goal = self._action.Goal()
+            self._goal.pose.header.frame_id = self._settings.frame_id  # No stamp: the latest transform.
+            self._goal.pose.pose = pose_message(*pose)
 
     def arrival(self, now_seconds: float) -> Arrival | None:
         """Return how the drive ended; None while the robot drives, or waits for its server."""
         if self._goal is None:
             return Arrival(self._reason_without_goal, is_final=True)
-        if self._since is None:
-            self._since = now_seconds
-        elapsed_seconds = now_seconds - self._since
-        are_all_over = self.is_over()
+        if self._waiting_since is None:
+            self._waiting_since = now_seconds
+        waited_seconds = now_seconds - self._waiting_since
+        is_free = self.is_over() or waited_seconds >= LONGEST_END_SECONDS
         sent = self._sent
         # A robot that was there at the moment of a pause need not go again.
         if sent is None or (sent.is_given_up and not sent.has_succeeded()):
-            is_free = are_all_over or elapsed_seconds >= LONGEST_END_SECONDS
-            return self._send_when_ready(now_seconds, elapsed_seconds, is_free)
+            return self._send_when_ready(now_seconds, waited_seconds, is_free)
         if sent.state is GoalState.REJECTED:
-            return self._after_rejection(now_seconds, elapsed_seconds)
+            return self._after_rejection(sent, now_seconds, waited_seconds)
         if sent.state is GoalState.ENDED:
             return self._after_end(sent, now_seconds)
-        failure = self._failure_under_way(sent, elapsed_seconds)
+        failure = self._failure_under_way(sent, now_seconds - sent.sent_at_seconds)
         if not failure:
             return None
         sent.give_up()
         return Arrival(failure, is_stuck=sent.is_stuck())
 
-    def _send_when_ready(self, now_seconds: float, elapsed_seconds: float, is_free: bool) -> Arrival | None:
+    def _send_when_ready(self, now_seconds: float, waited_seconds: float, is_free: bool) -> Arrival | None:
         """Send the goal once the server is there, and free of the previous goal."""
         if self._client.server_is_ready():
             if is_free:
                 self._send(now_seconds)
-        elif elapsed_seconds >= self._settings.dependency_timeout_s:
+        elif waited_seconds >= self._settings.dependency_timeout_s:
             return Arrival(f'there is no action server {self._name}: start Nav2', needs_person=True)
-        elif elapsed_seconds >= DISCOVERY_SECONDS:
+        elif waited_seconds >= DISCOVERY_SECONDS:
             self._warn_once(f'waiting for the action server {self._name}: start Nav2')
+        return None
+
+    def _after_rejection(self, sent: SentGoal, now_seconds: float, waited_seconds: float) -> Arrival | None:
+        if waited_seconds >= self._settings.dependency_timeout_s:
+            return Arrival(f'{self._name} rejects every goal: activate Nav2', needs_person=True)
+        self._warn_once(f'{self._name} rejects goals: activate Nav2; trying again')
+        if not self._client.server_is_ready():
+            self._sent = None
+        elif now_seconds - sent.sent_at_seconds >= RESEND_SECONDS:
+            self._send(now_seconds)
         return None
 
     def _failure_under_way(self, sent: SentGoal, elapsed_seconds: float) -> str:
         """Return why the drive has failed without a word of its server; '' if it has not."""
-        if not self._client.server_is_ready():
-            self._not_over.clear()
-            return f'{self._name} has gone'
         servers = self._servers()
-        if sent.servers and servers - sent.servers:
+        has_gone = not self._client.server_is_ready()
+        if has_gone or (sent.servers and servers - sent.servers):
             self._not_over.clear()
-            return f'{self._name} has restarted'
+            return f'{self._name} has {"gone" if has_gone else "restarted"}'
         sent.servers = sent.servers or servers
         if sent.state is GoalState.SENT:
             is_late = elapsed_seconds >= LONGEST_REPLY_SECONDS
@@ -154,18 +157,6 @@ class Nav2Drive(Drive):
         """Return an id of each server; one that starts again under the same name has another id."""
         publishers = self._node.get_publishers_info_by_topic(self._status_topic)
         return {bytes(each.endpoint_gid) for each in publishers}
-
-    def _after_rejection(self, now_seconds: float, elapsed_seconds: float) -> Arrival | None:
-        if self._rejected_since is None:
-            self._rejected_since = now_seconds
-            self._warn_once(f'{self._name} rejects goals: activate Nav2; trying again')
-        if now_seconds - self._rejected_since >= self._settings.dependency_timeout_s:
-            return Arrival(f'{self._name} rejects every goal: activate Nav2', needs_person=True)
-        if not self._client.server_is_ready():
-            self._sent, self._since = None, now_seconds
-        elif elapsed_seconds >= RESEND_SECONDS:
-            self._send(now_seconds)
-        return None
 
     def _after_end(self, sent: SentGoal, now_seconds: float) -> Arrival | None:
         """Return how a goal ended. After a failure its status tells, too, whose goal the robot has now."""
@@ -182,7 +173,7 @@ class Nav2Drive(Drive):
 
     def _goal_ids_of_others(self) -> set[bytes]:
         moving = {goal_id for goal_id, status in self._status_by_goal_id.items() if status in MOVING}
-        return moving - self._own_goal_ids
+        return moving.difference(self._own_goal_ids)
 
     def _on_statuses(self, message: GoalStatusArray) -> None:
         self._status_by_goal_id = {
@@ -195,8 +186,8 @@ class Nav2Drive(Drive):
             self._note(event, Severity.WARN)
 
     def _send(self, now_seconds: float) -> None:
-        self._sent, self._since = SentGoal(self._client, self._goal, self._name, self._note), now_seconds
-        self._own_goal_ids.add(self._sent.goal_id)
+        self._sent = SentGoal(self._client, self._goal, self._name, self._note, now_seconds)
+        self._own_goal_ids.append(self._sent.goal_id)
         self._not_over.append(self._sent)
 
     def stop(self) -> None:
@@ -207,7 +198,7 @@ class Nav2Drive(Drive):
     def pause(self) -> None:
         """Cancel the goal. After the pause, it is sent again, unless the robot has already arrived."""
         self.stop()
-        self._since = self._rejected_since = None
+        self._waiting_since = None
 
     def resume(self) -> None:
         """Continue to the same goal, even if another client drives the robot now."""
@@ -223,6 +214,10 @@ class Nav2Drive(Drive):
             each.update()
         self._not_over = [each for each in self._not_over if not each.is_over()]
         return not (self._not_over and self._client.server_is_ready())
+
+    def position_m(self) -> tuple[float, float] | None:
+        """Return x and y of the last feedback of the server."""
+        return (self._sent and self._sent.position_m) or self._position_m
 
     def close(self) -> None:
         """Destroy the client: rclpy does not do it with the node, which then would stay on the graph."""

@@ -17,6 +17,7 @@ from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_msgs.msg import MissionState, Observation, TagReading
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from std_msgs.msg import Header
 
 from lupin_mission.messages import pose_at
 from lupin_mission.tag_positions import TagPositions
@@ -41,17 +42,12 @@ class Settings:
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     layout_in_map: str = parameter(
-        '',
-        'The file that register_layout has written: where the layout lies in the map; empty: the position of'
-        ' a tag comes from perception/discovered_tags, or else is that of the robot.',
+        '', 'The file of register_layout: where the layout lies in the map; empty: as perception tells.'
     )
     tag_file: str = parameter(
         '', "The bridge's tag_locations.json for layout_in_map; empty: the one of mdp-greenhouse."
     )
-    observations_topic: str = parameter(
-        'floranova/observations',
-        'The topic of the observations; a relative name is in the namespace of the node.',
-    )
+    observations_topic: str = parameter('floranova/observations', 'The topic of the observations.')
     map_frame: str = parameter('map', 'The frame of the poses, and of the headers of all messages.')
 
     def __post_init__(self) -> None:
@@ -100,14 +96,13 @@ class PassiveObserver(Node):
             self.get_logger().warning(f"reading of tag '{tag}' ignored: {fault}", throttle_duration_sec=1.0)
             return
         observation = Observation(
+            header=Header(stamp=self.get_clock().now().to_msg(), frame_id=self._frame_id),
             source=SOURCE,
             kind=Observation.KIND_TAG_READING,
             status=Observation.STATUS_OK,
             tag_reading=reading,
+            tag_pose_in_map=pose_at(self._positions.position_of(reading.tag_id)),
         )
-        observation.header.stamp = self.get_clock().now().to_msg()
-        observation.header.frame_id = self._frame_id
-        observation.tag_pose_in_map = pose_at(self._positions.position_of(reading.tag_id))
         observation.flower.pose.pose = observation.anomaly.pose.pose = pose_at(None)
         self._observations.publish(observation)
 

@@ -28,22 +28,30 @@ class GoalState(Enum):
 class SentGoal:
     """A goal that one action client has sent, and that can be given up."""
 
-    def __init__(self, client: Any, goal: Any, name: str, note: Callable[[str, Severity], None]):
+    def __init__(
+        self,
+        client: Any,
+        goal: Any,
+        name: str,
+        note: Callable[[str, Severity], None],
+        sent_at_seconds: float,
+    ):
         """Send a goal to the action `name`; `note` gets an event if the server refuses a cancel."""
+        self.goal_id = uuid.uuid4().bytes
         self.state = GoalState.SENT
         self.failure = ''
         self.is_given_up = False
         self.servers: set[bytes] = set()
+        self.sent_at_seconds = sent_at_seconds
         self.ended_at_seconds: float | None = None
+        self.position_m: tuple[float, float] | None = None  # the last one that the server told
         self._start: tuple[float, float] | None = None
         self._farthest_m = 0.0
-        self._name = name
-        self._note = note
+        self._name, self._note = name, note
         self._handle: Any = None
         self._awaited: list[tuple[Any, Callable[[Any], None]]] = []
-        self.goal_id = uuid.uuid4().bytes
-        goal_uuid = UUID(uuid=list(self.goal_id))
-        self._await(client.send_goal_async(goal, self._on_feedback, goal_uuid), self._on_reply)
+        reply = client.send_goal_async(goal, self._on_feedback, UUID(uuid=list(self.goal_id)))
+        self._await(reply, self._on_reply)
 
     def is_over(self) -> bool:
         """Return whether the server has rejected or ended the goal."""
@@ -83,9 +91,9 @@ class SentGoal:
 
     def _on_feedback(self, message: Any) -> None:
         position = message.feedback.current_pose.pose.position
-        at = (position.x, position.y)
-        self._start = self._start or at
-        self._farthest_m = max(self._farthest_m, math.dist(self._start, at))
+        self.position_m = (position.x, position.y)
+        self._start = self._start or self.position_m
+        self._farthest_m = max(self._farthest_m, math.dist(self._start, self.position_m))
 
     def _on_reply(self, handle: Any) -> None:
         if not handle.accepted:

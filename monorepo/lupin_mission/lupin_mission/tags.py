@@ -36,21 +36,20 @@ class Tags:
         """Read the files of the settings; raises StartUpError."""
         self.ids: list[str] = []
         self.positions_m: dict[str, tuple[float, float]] = {}
-        self._tag_file: str | Path | None = None
         self.layout_in_map = Transform()
         if settings.layout_in_map:
             self.layout_in_map = read_transform(settings.layout_in_map, settings.frame_id)
-        self._parameters_client: Any = None
-        self._pending_requests: deque[Any] = deque()
-        self._is_settled = False  # The bridge has replied, or has no parameters.
-        self._reply_deadline: float | None = None
-        self._parameters_deadline: float | None = None
         self._settings = settings
+        self._tag_file: str | Path | None = None
         self._world = read_world(settings.world_file) if settings.world_file else {}
         if self._world:
             self.ids = list(self._world)
         elif settings.tag_locations_file:
             self.ids = list(read_layout(settings.tag_locations_file, has_tables=False).tags)
+        self._is_settled = bool(self.ids)  # by a file, or because the bridge has replied or has no parameters
+        self._bridge_found_at: float | None = None
+        self._service_found_at: float | None = None
+        self._requests: deque[Any] = deque()
 
     def layout(self) -> Layout:
         """Return the layout, once the tags are known; raises StartUpError."""
@@ -79,42 +78,43 @@ class Tags:
         if is_given:
             self._find_positions(is_custom_file=False)
             on_found()
-        if self.ids:
+        if self._is_settled:
             return
         self._node, self._has_service = node, has_service
         self._on_tags = on_positions_lost if is_given else on_found
         service = parameter_service_of(node.resolve_service_name(self._settings.bridge_service_name))
-        self._parameters_client = create_client(node, GetParameters, service)
+        self._client = create_client(node, GetParameters, service)
         self._deadline = time.monotonic() + self._settings.dependency_timeout_s
         if not is_given:
-            node.get_logger().info(f'waiting for the tags of {self._parameters_client.srv_name}')
+            node.get_logger().info(f'waiting for the tags of {self._client.srv_name}')
         self._timer = steady_timer(node, ASK_EVERY_SECONDS, self._ask_the_bridge)
 
     def is_waiting_for_tags(self) -> bool:
         """Return whether the bridge was available, and may still reply that it has its own tag file."""
-        if self._is_settled or not self._parameters_client:
+        if self._is_settled:
             return False
-        if self._reply_deadline is None and self._parameters_client.service_is_ready():
-            self._reply_deadline = time.monotonic() + self._settings.dependency_timeout_s
-        return self._reply_deadline is not None and time.monotonic() < self._reply_deadline
+        if self._bridge_found_at is None and self._client.service_is_ready():
+            self._bridge_found_at = time.monotonic()
+        found_at = self._bridge_found_at
+        return found_at is not None and time.monotonic() < found_at + self._settings.dependency_timeout_s
 
     def _ask_the_bridge(self) -> None:
         """Ask the bridge for its tags. Repeat the request, because DDS can drop an early one."""
-        service, is_over = self._parameters_client.srv_name, time.monotonic() >= self._deadline
-        if self._is_settled:
-            self._timer.cancel()
-        elif is_over and not (self.has_tags_to_visit() or self._settings.wait_for_start):
+        now, service = time.monotonic(), self._client.srv_name
+        if now >= self._deadline and not (self.has_tags_to_visit() or self._settings.wait_for_start):
             raise StartUpError(
                 f'{service} did not return the tags within {self._settings.dependency_timeout_s:g} s:'
                 ' start the bridge, or set tag_sequence or tag_locations_file'
             )
-        elif self._parameters_client.service_is_ready():
-            if len(self._pending_requests) == MOST_PENDING_REQUESTS:
-                self._parameters_client.remove_pending_request(self._pending_requests.popleft())
-            self._pending_requests.append(self._parameters_client.call_async(tag_ids_request()))
-            self._pending_requests[-1].add_done_callback(self._on_reply)
-        elif self._has_no_parameters():
-            self._take_shipped(f'no node offers {service}', self._node.get_logger().warning)
+        if self._client.service_is_ready():
+            if len(self._requests) == MOST_PENDING_REQUESTS:
+                self._client.remove_pending_request(self._requests.popleft())
+            self._requests.append(self._client.call_async(tag_ids_request()))
+            self._requests[-1].add_done_callback(self._on_reply)
+        elif self._has_service():
+            self._service_found_at = self._service_found_at or now
+            if now >= self._service_found_at + LONGEST_WITHOUT_PARAMETERS_SECONDS:
+                self._take_shipped(f'no node offers {service}', self._node.get_logger().warning)
 
     def _on_reply(self, future: 'Future[Any]') -> None:
         response = future.result()
@@ -133,29 +133,23 @@ class Tags:
             self._settle(list(read_layout(shipped, has_tables=False).tags), is_custom_file=False)
 
     def _settle(self, tag_ids: list[str], *, is_custom_file: bool) -> None:
-        while self._pending_requests:
-            self._parameters_client.remove_pending_request(self._pending_requests.popleft())
+        self._timer.cancel()
+        for request in self._requests:
+            self._client.remove_pending_request(request)
         is_given = self.has_tags_to_visit()
         self.ids, self._is_settled = tag_ids, True
         if is_custom_file or not is_given:
             self._find_positions(is_custom_file=is_custom_file)
             self._on_tags()
 
-    def _has_no_parameters(self) -> bool:
-        """Return whether the reading service has been there for a while without the bridge's parameters."""
-        if self._parameters_deadline is None and self._has_service():
-            self._parameters_deadline = time.monotonic() + LONGEST_WITHOUT_PARAMETERS_SECONDS
-        return self._parameters_deadline is not None and time.monotonic() >= self._parameters_deadline
-
     def _find_positions(self, *, is_custom_file: bool) -> None:
         # The shipped positions are wrong for a bridge with a custom tag file.
         shipped = None if is_custom_file else shipped_file('tag_locations.json')
         self._tag_file = self._settings.tag_locations_file or shipped
-        self.positions_m = {}
-        if not self._settings.has_poses_in_map:
-            return
         in_layout = self._world
         if not in_layout and self._tag_file:
             tags = read_layout(self._tag_file, has_tables=False).tags
             in_layout = {tag_id: (tag.x, tag.y) for tag_id, tag in tags.items()}
-        self.positions_m = {tag_id: self.layout_in_map.point(*place) for tag_id, place in in_layout.items()}
+        self.positions_m = {}
+        if self._settings.has_poses_in_map:
+            self.positions_m = {each: self.layout_in_map.point(*place) for each, place in in_layout.items()}

@@ -124,11 +124,11 @@ def test_requests_without_a_reply_are_given_up(bridge_parameters, node, monkeypa
     tags.find(node, lambda: False, found.set, lambda: None)
     for _ in range(6):
         bridge_parameters.wait_for_request()
-        assert len(pending_requests(tags._parameters_client)) <= 3
+        assert len(pending_requests(tags._client)) <= 3
     for _ in range(6):
         bridge_parameters.answer_tags('7')
     assert found.wait(PATIENCE_SECONDS)
-    assert not pending_requests(tags._parameters_client)
+    assert not pending_requests(tags._client)
 
 
 def test_a_sequence_has_no_poses_if_the_bridge_has_its_own_tag_file(

@@ -388,7 +388,7 @@ def test_a_signal_at_any_moment_ends_the_mission_with_a_table(start_process, mom
         ('visual_confirmation_service', 'no such name', 'is not a service name'),
         ('tag_locations_file', '/missing/tags.json', '/missing/tags.json'),
         ('report_file', '/missing/report.jsonl', 'name a file that can be written'),
-        ('world_file', '/missing.sdf', "world_file '/missing.sdf' cannot be read"),
+        ('world_file', '/missing.sdf', "world_file '/missing.sdf': cannot be read"),
         ('layout_in_map', '/none.yaml', "registration '/none.yaml': cannot be read"),
     ],
 )
