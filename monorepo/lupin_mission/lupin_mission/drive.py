@@ -50,6 +50,10 @@ class Drive(ABC):
         """Return whether all stopped drives have ended."""
         return True
 
+    def position_m(self) -> tuple[float, float] | None:
+        """Return x and y in the map where the robot was last; None if that is unknown."""
+        return None
+
     def close(self) -> None:  # noqa: B027
         """Release what the drive has of its node. Nothing may spin the node then."""
 

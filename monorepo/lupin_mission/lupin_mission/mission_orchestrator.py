@@ -37,6 +37,7 @@ from lupin_mission.drive import Drive, SimulatedDrive
 from lupin_mission.messages import MISSION_TYPE, reply_of
 from lupin_mission.mission import Mission, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
+from lupin_mission.plan import Place
 from lupin_mission.planner import Drives, Planner
 from lupin_mission.report import Report, ReportError, read_tags, summary_table
 from lupin_mission.settings import WITHOUT_EFFECT, Settings
@@ -51,14 +52,6 @@ STEP_SECONDS = 0.02
 LONGEST_STOP_SECONDS = 2.0
 NOT_KNOWN_YET = 'the tags are not known yet: start the bridge'
 OTHER_MISSION = 'another mission publishes mission/state: end it, or give one of them a namespace'
-ALREADY_RETURNING = (True, 'already returning to dock')
-REPLIES_WITHOUT_DOCKING = {
-    State.READY: (True, 'no mission runs: nothing moves'),
-    State.DOCKING: ALREADY_RETURNING,
-    State.DOCKED: ALREADY_RETURNING,
-    State.RETURNING: ALREADY_RETURNING,
-    State.DONE: (False, 'cannot dock in state DONE'),
-}
 RELEASE_ESTOP = 'the e-stop is engaged: release it first'
 
 
@@ -106,13 +99,13 @@ class MissionNode(Node):
             self._drive = Nav2Drive(self, settings, self.note)
             self._planner = Planner(self, settings, self._tags)
         self._first_plan: PlanFuture[Drives] | None = None
-        for name, verb, operate in (
-            ('pause', 'pause', Mission.pause),
-            ('resume', 'resume', Mission.resume),
-            ('skip_current', 'skip', Mission.skip),
-            ('abort', 'abort', Mission.abort),
+        for name, operate in (
+            ('pause', Mission.pause),
+            ('resume', Mission.resume),
+            ('skip_current', Mission.skip),
+            ('abort', Mission.abort),
         ):
-            self.create_service(Trigger, f'mission/{name}', partial(self._trigger, verb, operate))
+            self.create_service(Trigger, f'mission/{name}', partial(self._trigger, operate))
         self.create_service(Trigger, 'mission/dock', self._dock)
         # mission/start waits for the plan, and no other callback may wait for mission/start.
         own_group = MutuallyExclusiveCallbackGroup()
@@ -215,9 +208,7 @@ class MissionNode(Node):
         read_before = read_tags(report.observations) if report else set()
         to_visit = [tag_id for tag_id in tag_ids if tag_id not in read_before]
         if self._planner:
-            robot = self._positions.robot_position
-            robot_m = (robot.x, robot.y) if robot else None
-            plan = self._planner.plan_mission(to_visit, robot_m)
+            plan = self._planner.plan_mission(to_visit, self._robot_m())
             is_planned: Future[None] = Future()
             plan.add_done_callback(lambda _plan: is_planned.set_result(None))
             await is_planned
@@ -244,6 +235,12 @@ class MissionNode(Node):
         if self._is_estop_engaged:
             self.mission.engage_estop()
         self.mission.step(time.monotonic())
+
+    def _robot_m(self) -> Place | None:
+        """Return where the robot is in the map, as its localization or the last drive has told."""
+        if robot := self._positions.robot_position:
+            return robot.x, robot.y
+        return self._drive.position_m()
 
     def _step(self) -> None:
         if self._first_plan and self._first_plan.done():
@@ -328,12 +325,9 @@ class MissionNode(Node):
             self.note('e-stop released: call mission/resume to go on', Severity.WARN)
 
     def _trigger(
-        self,
-        verb: str,
-        operate: Callable[[Mission], bool],
-        _request: Trigger.Request,
-        response: Trigger.Response,
+        self, operate: Callable[[Mission], bool], _request: Trigger.Request, response: Trigger.Response
     ) -> Trigger.Response:
+        verb = operate.__name__
         response.success = bool(self.mission and operate(self.mission))
         response.message = f'{verb}: done' if response.success else f'there is nothing to {verb}'
         if operate is Mission.resume and self._is_estop_engaged:
@@ -343,12 +337,16 @@ class MissionNode(Node):
 
     def _dock(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         state = self.mission.state if self.mission else State.READY
-        if state in REPLIES_WITHOUT_DOCKING:
-            response.success, response.message = REPLIES_WITHOUT_DOCKING[state]
-        elif self.mission and self.mission.dock():
-            response.success, response.message = True, 'heading to dock'
+        response.success = True
+        if self.mission and self.mission.dock():
+            response.message = 'heading to dock'
+        elif state is State.READY:
+            response.message = 'no mission runs: nothing moves'
+        elif state in (State.DOCKING, State.DOCKED, State.RETURNING):
+            response.message = 'already returning to dock'
         else:
-            response.success, response.message = False, 'there is no dock: set dock_pose'
+            reason = 'cannot dock in state DONE' if state is State.DONE else 'there is no dock: set dock_pose'
+            response.success, response.message = False, reason
         self._step()
         return response
 

@@ -26,8 +26,13 @@ class Plan:
         settings: Settings,
         layout_in_map: Transform,
         occupancy: OccupancyMap | None = None,
+        start_in_map_m: Place | None = None,
     ):
-        """Find the poses, with room in the map if there is one; raises StartUpError."""
+        """
+        Find the poses that the robot can reach from a free start, with room in the map if there is one.
+
+        Without a start, all poses are in the region from which most tags can be reached. Raises StartUpError.
+        """
         self._map_in_layout = _inverse(layout_in_map)
         overrides: dict[str, Override] = {}
         self.warnings: list[str] = []
@@ -38,11 +43,12 @@ class Plan:
             layout,
             find_walls(layout, settings.sim_config_file, settings.walls),
             settings.viewing_limits,
+            start_m=start_in_map_m and self._map_in_layout.point(*start_in_map_m),
             overrides=overrides,
             most_per_tag=settings.max_poses,
             occupancy=occupancy and occupancy.in_layout(layout_in_map),
         )
-        self._free_space, self._poses = found.free_space, found.poses
+        self._free_space, self._region, self._poses = found.free_space, found.region, found.poses
         self.unreachable, self.room_warnings = found.unreachable, found.room_warnings
         self.goals = {
             tag_id: [
@@ -51,6 +57,11 @@ class Plan:
             ]
             for tag_id, best in found.poses.items()
         }
+
+    def is_for(self, robot_in_map_m: Place | None) -> bool:
+        """Return whether the robot can reach the poses, or its place is unknown, or not free."""
+        robot_m = self._free_in_layout(robot_in_map_m)
+        return robot_m is None or int(self._free_space.regions_of([robot_m])[0]) == self._region
 
     def shortest(
         self, tag_ids: list[str], robot_in_map_m: Place | None = None, dock_in_map_m: Place | None = None

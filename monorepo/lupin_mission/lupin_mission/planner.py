@@ -39,7 +39,7 @@ class Planner:
 
     def plan(self, tag_ids: list[str]) -> 'Future[Drives]':
         """Plan the drives anew, and without a map."""
-        return self._thread.submit(self._drives, tag_ids, None, is_new=True)
+        return self._thread.submit(self._drives, tag_ids, is_new=True)
 
     def plan_mission(self, tag_ids: list[str], robot_m: Place | None) -> 'Future[Drives]':
         """Plan a mission from the robot to these tags, with the newest map."""
@@ -68,26 +68,40 @@ class Planner:
         )
         return message
 
-    def _drives(self, tag_ids: list[str], message: OccupancyGrid | None, *, is_new: bool = False) -> Drives:
-        """Return the drives in the given order, by the plan there is if it is of the same map."""
+    def _drives(
+        self,
+        tag_ids: list[str],
+        message: OccupancyGrid | None = None,
+        robot_m: Place | None = None,
+        *,
+        is_new: bool = False,
+    ) -> Drives:
+        """Return the drives in the given order; plan again for another map, or a robot in another region."""
+        plan, is_planned = self._plan, not is_new and message is self._planned_map
+        if not (plan and is_planned):
+            plan = self._new_plan(message)
+        if not plan.is_for(robot_m):
+            plan = self._new_plan(message, robot_m)
         warnings: list[str] = []
-        if is_new or self._plan is None or message is not self._planned_map:
-            occupancy = message and OccupancyMap(
-                message.info.width,
-                message.info.height,
-                message.info.resolution,
-                pose_in_plane(message.info.origin),
-                message.data,
-            )
-            self._plan = Plan(self._tags.layout(), self._settings, self._tags.layout_in_map, occupancy)
-            self._planned_map = message
-            of_rooms = self._plan.room_warnings
-            warnings = [*self._plan.warnings, *(of_rooms[each] for each in tag_ids if each in of_rooms)]
-        return Drives(self._plan, tag_ids, warnings)
+        if plan is not self._plan:
+            of_rooms = plan.room_warnings
+            warnings = [*plan.warnings, *(of_rooms[each] for each in tag_ids if each in of_rooms)]
+        self._plan, self._planned_map = plan, message
+        return Drives(plan, tag_ids, warnings)
+
+    def _new_plan(self, message: OccupancyGrid | None, robot_m: Place | None = None) -> Plan:
+        occupancy = message and OccupancyMap(
+            message.info.width,
+            message.info.height,
+            message.info.resolution,
+            pose_in_plane(message.info.origin),
+            message.data,
+        )
+        return Plan(self._tags.layout(), self._settings, self._tags.layout_in_map, occupancy, robot_m)
 
     def _mission(self, tag_ids: list[str], message: OccupancyGrid | None, robot_m: Place | None) -> Drives:
         """Return the drives in the order of the settings."""
-        drives = self._drives(tag_ids, message)
+        drives = self._drives(tag_ids, message, robot_m)
         if self._settings.order != 'shortest':
             return drives
         dock = self._settings.dock

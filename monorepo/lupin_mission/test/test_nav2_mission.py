@@ -9,6 +9,7 @@ import sys
 import threading
 
 import pytest
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.errors import OneLineError
@@ -24,6 +25,7 @@ from lupin_msgs.msg import Observation
 from lupin_msgs.srv import StartMission
 from mission_helpers import CAMERA, READER
 from nav_msgs.msg import OccupancyGrid
+from rclpy.duration import Duration
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
@@ -154,18 +156,49 @@ def test_the_shortest_order_starts_at_the_dock_and_ends_there(start_mission, rea
     assert places(navigator)[-1] == (x, y)
 
 
-def test_tags_that_are_cut_off_from_the_dock_keep_their_order_with_a_warning(
-    start_mission, reader, navigator, tmp_path
-):
-    # The dock is in a yard whose entrance is too narrow, and the tags are outside.
+@pytest.fixture
+def yard(tmp_path):
+    """Return the parameters of a layout: tag 3 is in a yard whose entrance is too narrow; 1 and 2 are not."""
     edges = {'s': (0, 0, 3, 0.5), 'n': (0, 3, 3, 3.5), 'w': (0, 0.5, 0.5, 3), 'e': (2.5, 0.5, 3, 2.9)}
     tables = {name: dict(zip(('x0', 'y0', 'x1', 'y1'), each, strict=True)) for name, each in edges.items()}
-    tags = {tag_id: {'x': x, 'y': 0.0, 'sensors': ['co2']} for tag_id, x in (('1', 0.5), ('2', 2.5))}
+    places = {'1': (0.5, 0.0), '2': (2.5, 0.0), '3': (1.5, 0.5)}
+    tags = {tag_id: {'x': x, 'y': y, 'sensors': ['co2']} for tag_id, (x, y) in places.items()}
     tag_file = tmp_path / 'yard.json'
     tag_file.write_text(json.dumps({'tags': tags, 'tables': tables}), encoding='utf-8')
-    walls = '"-1.6 -1.6 4.6 5.1"'
-    yard = {'tag_locations_file': str(tag_file), 'dock_pose': '"1.5 1.75 0.0"', 'walls': walls}
-    mission = start_mission(**NAV2, **yard, tag_sequence='2 1', order='shortest')
+    return {**NAV2, 'tag_locations_file': str(tag_file), 'walls': '"-1.6 -1.6 4.6 5.1"', 'dock_pose': '[]'}
+
+
+def test_the_robot_visits_the_tags_of_the_room_that_it_stands_in(
+    start_waiting_mission, reader, navigator, node, yard
+):
+    """Most tags are outside the yard."""
+    mission, operator = start_waiting_mission(**yard, nav_max_attempts=1)
+    poses = node.create_publisher(PoseWithCovarianceStamped, f'{mission.namespace}/amcl_pose', latched())
+    pose = PoseWithCovarianceStamped()
+    pose.header.frame_id = 'map'
+    wait_until(poses.get_subscription_count)
+    for (x, y), reached in (((1.5, 1.75), '3'), ((-0.8, -0.8), '12')):
+        pose.pose.pose.position.x, pose.pose.pose.position.y = x, y
+        poses.publish(pose)
+        assert poses.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+        started = operator.start()
+        for tag_id in reached:
+            navigator.end(navigator.accept(), 'succeed')
+            assert reader.wait_for_request() == tag_id
+            reader.answer_ok(tag_id, co2=1.0)
+        operator.wait_for(lifecycle_state='DONE', mission_id=started)
+        read = [tag_id for tag_id, outcome in mission.outcomes(started) if outcome is Outcome.OK]
+        assert read == list(reached)
+        for each in mission.observations(started):
+            is_cut_off = f'cut off from the start at ({x:g}, {y:g})' in each.detail
+            assert is_cut_off == (each.tag_id not in reached)
+
+
+def test_tags_that_are_cut_off_from_the_dock_keep_their_order_with_a_warning(
+    start_mission, reader, navigator, yard
+):
+    yard['dock_pose'] = '"1.5 1.75 0.0"'
+    mission = start_mission(**yard, tag_sequence='2 1', order='shortest')
     for tag_id in '21':
         navigator.end(navigator.accept(), 'succeed')
         assert reader.wait_for_request() == tag_id
