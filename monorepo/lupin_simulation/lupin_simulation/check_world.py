@@ -33,21 +33,15 @@ DISTANCES_M = (0.3, 0.5, 1.0)
 ANGLES_DEGREES = (0, 30, 45)
 ROBOT_RADIUS_M = 0.15
 RADII_M = (0.15, 0.20, 0.30)  # of the robots whose approach poses are checked
-SAME_M = 1e-9
-
-
-class TagViews(NamedTuple):
-    """Views of one tag, and whether the detector must read it in all of them; one is enough otherwise."""
-
-    views: list[View]
-    in_all: bool = True
+ROUNDING_M = 1e-9
 
 
 class Setting(NamedTuple):
     """The views from one distance and angle, or from the poses of one robot."""
 
     name: str
-    views: dict[int, TagViews]  # by the number of the tag
+    # By the number of a tag, groups of views: the detector must read the tag in all views of any group.
+    views: dict[int, list[list[View]]]
     note: str = ''
     is_legible: bool = True  # False: no tag may be read
 
@@ -61,9 +55,9 @@ def tags_read(world: RenderedWorld, setting: Setting, progress: Progress) -> set
         return any(each.tag_number == number and not each.flaw(settings) for each in found)
 
     read = set()
-    for done, (number, (views, in_all)) in enumerate(setting.views.items()):
+    for done, (number, groups) in enumerate(setting.views.items()):
         progress(setting.name, done, len(setting.views))
-        if (all if in_all else any)(shows(view, number) for view in views):
+        if any(all(shows(view, number) for view in group) for group in groups):
             read.add(number)
     progress.end()
     return read
@@ -71,46 +65,46 @@ def tags_read(world: RenderedWorld, setting: Setting, progress: Progress) -> set
 
 def matches_layout(world: RenderedWorld, layout: Layout, walls: Walls) -> bool:
     """Return whether the tags and tables are where the layout has them, and each tag faces the right way."""
-    expected = {
-        int(tag_id): (pose.x, pose.y, math.cos(pose.facing), math.sin(pose.facing))
-        for tag_id, pose in find_tag_poses(layout, walls).items()
-    }
-    found = {number: (*tag.centre[:2], *tag.out[:2]) for number, tag in world.tags.items()}
+    poses = find_tag_poses(layout, walls)
+    expected = [
+        (int(tag_id), x, y, math.cos(facing), math.sin(facing)) for tag_id, (x, y, facing) in poses.items()
+    ]
+    found = [(number, *tag.centre[:2], *tag.out[:2]) for number, tag in world.tags.items()]
     tables = tables_of(layout)
     return (
-        found.keys() == expected.keys()
-        and all(np.allclose(found[number], expected[number], rtol=0, atol=SAME_M) for number in found)
-        and len(tables) == len(world.tables)
-        and bool(np.allclose(tables, world.tables, rtol=0, atol=SAME_M))
+        (len(found), len(world.tables)) == (len(expected), len(tables))
+        and np.allclose(sorted(found), sorted(expected), rtol=0, atol=ROUNDING_M)
+        and np.allclose(world.tables, tables, rtol=0, atol=ROUNDING_M)
     )
 
 
 def settings_of(world: RenderedWorld, layout: Layout, walls: Walls, side: str) -> Iterator[Setting]:
     """Yield each distance with each angle, then the approach poses of each robot, then the tags' backs."""
+    x0, y0, x1, y1 = walls
     tables = tables_of(layout)
 
     def can_stand(eye: np.ndarray) -> bool:
-        x, y = eye[:2]
-        to_wall_m = min(x - walls.x0, y - walls.y0, walls.x1 - x, walls.y1 - y)
-        return min([to_wall_m, *(each.distance_m(x, y) for each in tables)]) > ROBOT_RADIUS_M
+        x, y = map(float, eye[:2])
+        free_m = min([x - x0, y - y0, x1 - x, y1 - y, *(each.distance_m(x, y) for each in tables)])
+        return free_m > ROBOT_RADIUS_M
 
     for distance_m, angle_degrees in itertools.product(DISTANCES_M, ANGLES_DEGREES):
         views, free = {}, 0
         for number, tag in sorted(world.tags.items()):
             eyes = [viewpoint(tag, distance_m, turn * angle_degrees) for turn in (1, -1)]
-            standing = [eye for eye in eyes if can_stand(eye)]
+            standing = [View(eye, tag.centre) for eye in eyes if can_stand(eye)]
             free += bool(standing)
             # Where a robot cannot stand, a picture from above the tables counts, from either side.
-            views[number] = TagViews([View(eye, tag.centre) for eye in standing or eyes], bool(standing))
+            views[number] = [standing] if standing else [[View(eye, tag.centre)] for eye in eyes]
         name, note = f'{side}, {distance_m:g} m, {angle_degrees}°', f' (a robot can stand there at {free})'
         yield Setting(name, views, note)
     for radius_m in RADII_M:
         poses = find_approaches(layout, walls, ViewingLimits(radius_m)).poses
         # The camera looks along the robot's x axis.
-        views = {int(tag_id): TagViews([view_ahead(*each[:3])]) for tag_id, each in poses.items()}
+        views = {int(tag_id): [[view_ahead(*each[:3])]] for tag_id, each in poses.items()}
         yield Setting(f'{side}, approach poses of a robot of radius {radius_m:.2f} m', views)
-    backs = {number: viewpoint(tag, -DISTANCES_M[0], 0.0) for number, tag in world.tags.items()}
-    views = {number: TagViews([View(eye, world.tags[number].centre)]) for number, eye in backs.items()}
+    behind_m = -DISTANCES_M[0]
+    views = {n: [[View(viewpoint(tag, behind_m, 0.0), tag.centre)]] for n, tag in world.tags.items()}
     yield Setting(f'{side}, from behind', views, is_legible=False)
 
 
