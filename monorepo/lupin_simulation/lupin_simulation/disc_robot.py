@@ -9,29 +9,11 @@ import numpy as np
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 
+from lupin_simulation.navigator_settings import Settings
+
 TURN_RAD_PER_S = 1.5
 
 Point = tuple[float, float]
-
-
-class ArrivalError:
-    """A random error between the pose of a goal and the pose at which a robot stops."""
-
-    def __init__(self, largest_m: float, largest_rad: float, seed: int, free_space: FreeSpace) -> None:
-        self._largest_m, self._largest_rad = largest_m, largest_rad
-        self._random = random.Random(seed)  # noqa: S311 - not for cryptography
-        self._free_space = free_space
-
-    def applied_to(self, goal: PoseInPlane) -> PoseInPlane:
-        """Return the pose at which the robot stops. An obstacle on the way to it stops the robot earlier."""
-        distance_m = self._random.uniform(0.0, self._largest_m)
-        direction = self._random.uniform(-math.pi, math.pi)
-        yaw = goal.yaw + self._random.uniform(-self._largest_rad, self._largest_rad)
-        step_m = distance_m * np.array([math.cos(direction), math.sin(direction)])
-        points = goal[:2] + np.linspace(0.0, 1.0, 50)[:, None] * step_m
-        is_free = self._free_space.are_free(points)
-        reached = points[-1] if is_free.all() else points[max(np.argmin(is_free) - 1, 0)]
-        return PoseInPlane(float(reached[0]), float(reached[1]), yaw)
 
 
 class DiscRobot:
@@ -45,7 +27,7 @@ class DiscRobot:
 
     def follow(self, path: Iterable[Point], yaw: float) -> None:
         """Follow a new path, which begins where the robot is, and turn to this direction at its end."""
-        here, is_passed = self.pose, self._arrivals <= self._seconds
+        here, is_passed = self.pose, self._times[::2] <= self._seconds
         driven = [*self.route, *itertools.compress(self._points, is_passed), here[:2]]
         self.route = [point for point, _ in itertools.groupby(driven)]
         self._plan(here, path, yaw)
@@ -77,18 +59,29 @@ class DiscRobot:
         return float(self._driven_m[-1] - np.interp(self._seconds, self._times, self._driven_m))
 
     def _plan(self, start: PoseInPlane, path: Iterable[Point], yaw: float) -> None:
-        """Compute the times of a drive: the robot turns at each point, and then drives to the next one."""
+        """Compute the times of a drive, with two poses at each point: before and after the turn there."""
         self._points = [point for point, _ in itertools.groupby([start[:2], *path])]
         self._end = PoseInPlane(*self._points[-1], yaw)
         x, y = np.array(self._points).T
         headings = np.arctan2(np.diff(y), np.diff(x))
         yaws = np.unwrap([start.yaw, *headings, yaw])  # so that each turn is the shorter one
-        # Two poses for each point: before and after the turn there.
         self._poses = np.column_stack([np.repeat(x, 2), np.repeat(y, 2), np.repeat(yaws, 2)[1:-1]])
         dx, dy, turn = np.diff(self._poses, axis=0).T
         steps_m = np.hypot(dx, dy)
-        steps_seconds = steps_m / self._speed_m_per_s + np.abs(turn) / TURN_RAD_PER_S
         self._driven_m = np.cumsum([0.0, *steps_m])
-        self._times = np.cumsum([0.0, *steps_seconds])
-        self._arrivals = self._times[::2]  # at each point
+        self._times = np.cumsum([0.0, *(steps_m / self._speed_m_per_s + np.abs(turn) / TURN_RAD_PER_S)])
         self._seconds = 0.0
+
+
+def arrival_at(
+    goal: PoseInPlane, settings: Settings, chance: random.Random, free_space: FreeSpace
+) -> PoseInPlane:
+    """Return the pose at which a robot stops, with a random error. An obstacle stops it earlier."""
+    distance_m = chance.uniform(0.0, settings.arrival_error_m)
+    direction = chance.uniform(-math.pi, math.pi)
+    yaw = goal.yaw + chance.uniform(-settings.arrival_error_rad, settings.arrival_error_rad)
+    step_m = distance_m * np.array([math.cos(direction), math.sin(direction)])
+    points = goal[:2] + np.linspace(0.0, 1.0, 50)[:, None] * step_m
+    is_free = free_space.are_free(points)
+    x, y = points[-1] if is_free.all() else points[max(np.argmin(is_free) - 1, 0)]
+    return PoseInPlane(float(x), float(y), yaw)

@@ -14,16 +14,15 @@ from typing import Any
 import cv2
 import numpy as np
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses
-from lupin_greenhouse_bridge.planning.walls import find_walls, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.reading.detections import detection_messages
-from lupin_greenhouse_bridge.runtime.parameters import check_parameters, parameter
+from lupin_greenhouse_bridge.runtime.parameters import parameter
 from lupin_greenhouse_bridge.runtime.run import run
-from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_tag_confirmation.confirmation import TAG_NUMBERS, Detection
 from lupin_tag_confirmation.settings import TOPICS, check_source
 from sensor_msgs.msg import CompressedImage, Image
 
 from lupin_simulation.camera_node import NODE_NAME, CameraNode, from_odometry_parameter, image_of
+from lupin_simulation.layout_settings import LayoutSettings
 from lupin_simulation.pinhole_camera import PinholeCamera
 
 FRAMES_PER_SECOND = 8
@@ -31,19 +30,20 @@ JPEG_QUALITY = 80
 
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(LayoutSettings):
     """The validated parameters of one run. Raises StartUpError for an invalid value."""
 
     publishes: str = parameter('image', 'What the camera publishes: image, compressed, or detections.')
     from_odometry: bool = from_odometry_parameter()
-    tag_file: str = parameter('', "The bridge's tag_locations.json; empty: the simulator's.")
-    sim_config_file: str = parameter('', "The bridge's greenhouse_config.yaml; empty: the simulator's.")
-    walls: str = walls_parameter()
 
     def __post_init__(self) -> None:
-        check_parameters(self)
-        parse_walls(self.walls)
+        super().__post_init__()
         check_source('publishes', self.publishes)
+
+    def tag_poses(self) -> dict[int, TagPose]:
+        """Return the pose of each tag of tag36h11 in the layout by its number; raises StartUpError."""
+        poses = find_tag_poses(*self.read_layout())
+        return {TAG_NUMBERS[tag_id]: each for tag_id, each in poses.items() if tag_id in TAG_NUMBERS}
 
 
 class FakeCamera(CameraNode):
@@ -53,7 +53,7 @@ class FakeCamera(CameraNode):
         """Read the layout for a camera on the robot; raises StartUpError."""
         super().__init__(Settings)
         self._camera = PinholeCamera()
-        self._tag_poses = tag_poses_by_number(self._settings) if self._settings.from_odometry else {}
+        self._tag_poses = self._settings.tag_poses() if self._settings.from_odometry else {}
         message_type, self._message_of = message_maker(self._settings.publishes)
         self._start(message_type, TOPICS[self._settings.publishes], FRAMES_PER_SECOND)
 
@@ -69,14 +69,6 @@ class FakeCamera(CameraNode):
         else:
             scene = self._camera.wall(random)
         return self._message_of(self._camera.expose(scene, random, blur_pixels, noise_levels))
-
-
-def tag_poses_by_number(settings: Settings) -> dict[int, TagPose]:
-    """Return the pose of each tag of tag36h11 in a layout by its number; raises StartUpError."""
-    layout = require_layout(settings.tag_file, 'tag_file')
-    walls = find_walls(layout, settings.sim_config_file, settings.walls)
-    tag_poses = find_tag_poses(layout, walls)
-    return {TAG_NUMBERS[tag_id]: each for tag_id, each in tag_poses.items() if tag_id in TAG_NUMBERS}
 
 
 def message_maker(publishes: str) -> tuple[type, Callable[[np.ndarray], Any]]:
@@ -103,15 +95,17 @@ def detections_of(tags: list[Detection]) -> Any:
     """Return the message of detected tags."""
     messages = detection_messages()
     array = messages.AprilTagDetectionArray()
-    for tag in tags:
-        x, y = np.mean(tag.corners, axis=0)
+    for number, hamming, margin, corners in tags:
+        centre, *points = (
+            messages.Point(x=float(x), y=float(y)) for x, y in [corners.mean(axis=0), *corners]
+        )
         detection = messages.AprilTagDetection(
             family='tag36h11',
-            id=tag.tag_number,
-            hamming=tag.hamming,
-            decision_margin=tag.decision_margin,
-            centre=messages.Point(x=x, y=y),
-            corners=[messages.Point(x=float(x), y=float(y)) for x, y in tag.corners],
+            id=number,
+            hamming=hamming,
+            decision_margin=margin,
+            centre=centre,
+            corners=points,
         )
         array.detections.append(detection)
     return array

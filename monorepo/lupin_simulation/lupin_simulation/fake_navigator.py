@@ -11,12 +11,13 @@ until it is active. `~/change_state` changes its state, as for each managed node
 """
 
 import math
+import random
 import time
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from geometry_msgs.msg import PoseWithCovariance, PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
@@ -34,7 +35,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
-from lupin_simulation.disc_robot import ArrivalError, DiscRobot
+from lupin_simulation.disc_robot import DiscRobot, arrival_at
 from lupin_simulation.navigator_settings import Settings
 
 GoalHandle: TypeAlias = 'ServerGoalHandle[Any, Any, Any]'
@@ -55,13 +56,9 @@ class FakeNavigator(LifecycleNode):
         self._server: ActionServer[Any, Any, Any] | None = None  # from on_configure() to on_cleanup()
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
-        self._free_space = settings.free_space(settings.padding_m)
-        self._arrival_error = ArrivalError(
-            settings.arrival_error_m,
-            settings.arrival_error_rad,
-            settings.arrival_seed,
-            settings.free_space(),  # without the padding: only a table stops the robot
-        )
+        self._planner_space = settings.free_space(settings.padding_m)
+        self._robot_space = settings.free_space()
+        self._chance = random.Random(settings.arrival_seed)  # noqa: S311 - not for cryptography
         self._action = navigate_to_pose()
         try:
             validate_topic_name(settings.nav_action_name)
@@ -69,12 +66,9 @@ class FakeNavigator(LifecycleNode):
             raise StartUpError(f'parameter nav_action_name: {error}') from error
         self._robot = DiscRobot(settings.start, settings.speed_m_per_s)
         self._goal: GoalHandle | None = None  # of the drive that the robot is on
-        self._results_due = 0
-        self._goals_reached = 0
-        self._is_wedged = settings.wedged_after == 0
-        self._stuck_seconds = 0.0
-        self._is_active = False
-        self._moved_at = time.monotonic()
+        self._results_due = self._goals_reached = 0
+        self._is_active, self._is_wedged = False, settings.wedged_after == 0
+        self._stuck_seconds, self._moved_at = 0.0, time.monotonic()
         self._odometry = self.create_publisher(Odometry, 'odom', QoSProfile(depth=10))
         self._poses = self.create_publisher(PoseWithCovarianceStamped, 'amcl_pose', latched())
         self.create_service(SetBool, '~/set_wedged', self._on_set_wedged)
@@ -111,20 +105,17 @@ class FakeNavigator(LifecycleNode):
             self._end(self._goal, 'the navigator was deactivated')
         return TransitionCallbackReturn.SUCCESS
 
-    def on_cleanup(self, _state: LifecycleState) -> TransitionCallbackReturn:
+    def on_cleanup(self, _state: LifecycleState | None = None) -> TransitionCallbackReturn:
         """Withdraw the action."""
-        self._destroy_server()
-        return TransitionCallbackReturn.SUCCESS
-
-    def destroy_node(self) -> None:
-        """Destroy the action server too."""
-        self._destroy_server()
-        super().destroy_node()
-
-    def _destroy_server(self) -> None:
         if self._server:
             self._server.destroy()
         self._server = None
+        return TransitionCallbackReturn.SUCCESS
+
+    def destroy_node(self) -> None:
+        """Withdraw the action too."""
+        self.on_cleanup()
+        super().destroy_node()
 
     def send_results(self) -> int:
         """Send the results that are due, because rclpy warns of missing ones; return the exit code."""
@@ -141,7 +132,7 @@ class FakeNavigator(LifecycleNode):
             self.get_logger().warning('goal rejected: the navigator is inactive')
             return GoalResponse.REJECT
         is_finite = all(map(math.isfinite, pose_in_plane(request.pose.pose)))
-        if request.pose.header.frame_id == MAP_FRAME and is_finite:
+        if is_finite and request.pose.header.frame_id == MAP_FRAME:
             return GoalResponse.ACCEPT
         self.get_logger().warning(f'goal rejected: must be finite and in the frame {MAP_FRAME}')
         return GoalResponse.REJECT
@@ -151,13 +142,13 @@ class FakeNavigator(LifecycleNode):
             self._end(self._goal, 'a newer goal has come')
         self._goal, self._stuck_seconds = goal, 0.0
         start, target = self._robot.pose, pose_in_plane(goal.request.pose.pose)
-        path = self._free_space.path(start[:2], target[:2])
+        path = self._planner_space.path(start[:2], target[:2])
         if path is None:
             failure = f'no path from {start.x:.2f}, {start.y:.2f} to {target.x:.2f}, {target.y:.2f}'
-            is_free = self._free_space.is_free(*start[:2])
+            is_free = self._planner_space.is_free(*start[:2])
             self._end(goal, failure, NO_VALID_PATH if is_free else START_OCCUPIED)
         else:
-            arrival = self._arrival_error.applied_to(target)
+            arrival = arrival_at(target, self._settings, self._chance, self._robot_space)
             self._robot.follow([*path, arrival[:2]], arrival.yaw)
 
     def _step(self) -> None:
@@ -180,10 +171,9 @@ class FakeNavigator(LifecycleNode):
         elif self._stuck_seconds >= PROGRESS_SECONDS:
             self._end(goal, 'the robot does not move', FAILED_TO_MAKE_PROGRESS)
         else:
-            feedback = self._action.Feedback(distance_remaining=self._robot.left_m)
-            feedback.current_pose.header = self._header(MAP_FRAME)
-            feedback.current_pose.pose = pose_message(*self._robot.pose)
-            goal.publish_feedback(feedback)
+            pose = PoseStamped(header=self._header(MAP_FRAME), pose=pose_message(*self._robot.pose))
+            left_m = self._robot.left_m
+            goal.publish_feedback(self._action.Feedback(current_pose=pose, distance_remaining=left_m))
 
     def _end(self, goal: GoalHandle, failure: str = '', error_code: int = 0) -> None:
         """Stand still, and end the goal."""
@@ -200,10 +190,9 @@ class FakeNavigator(LifecycleNode):
         result = self._action.Result()
         if failure:
             self.get_logger().warning(f'goal aborted: {failure}')
-            if hasattr(result, 'error_code'):  # since Iron
-                result.error_code = error_code
-            if hasattr(result, 'error_msg'):  # since Kilted
-                result.error_msg = failure
+            for name, value in (('error_code', error_code), ('error_msg', failure)):
+                if hasattr(result, name):  # error_code since Iron, error_msg since Kilted
+                    setattr(result, name, value)
             goal.abort()
         elif goal.is_cancel_requested:
             goal.canceled()
@@ -222,14 +211,12 @@ class FakeNavigator(LifecycleNode):
         self._poses.publish(PoseWithCovarianceStamped(header=self._header(MAP_FRAME), pose=pose))
 
     def _write_route(self) -> None:
-        if not self._settings.route_file:
-            return
-        path = Path(self._settings.route_file)
-        lines = ['x,y', *(f'{x:.3f},{y:.3f}' for x, y in self._robot.route), '']
-        try:
-            path.write_text('\n'.join(lines), encoding='utf-8')
-        except OSError as error:
-            raise StartUpError(f"route_file '{path}': {error.strerror}: name another file") from error
+        if path := self._settings.route_file:
+            lines = ['x,y', *(f'{x:.3f},{y:.3f}' for x, y in self._robot.route), '']
+            try:
+                Path(path).write_text('\n'.join(lines), encoding='utf-8')
+            except OSError as error:
+                raise StartUpError(f"route_file '{path}': {error.strerror}: name another file") from error
 
 
 def main(args: list[str] | None = None) -> int:

@@ -21,13 +21,12 @@ from pathlib import Path
 import domain_coordinator
 from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
-from lupin_greenhouse_bridge.planning.walls import find_walls, parse_numbers
+from lupin_greenhouse_bridge.planning.walls import parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import key_of
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.process import install_signal_handlers, is_asked_to_end, sleep
-from lupin_greenhouse_bridge.simulator.layout import require_layout
 
 from lupin_simulation.generate_world import make_world
 from lupin_simulation.inspection_nodes import (
@@ -38,8 +37,9 @@ from lupin_simulation.inspection_nodes import (
     executable,
     value_of,
 )
+from lupin_simulation.layout_settings import LayoutSettings
 
-USAGE = 2
+USAGE, INTERRUPTED = 2, 130
 LOOK_EVERY_SECONDS = 0.2
 WORLD_SIDE_M = 0.04  # of the tags
 
@@ -62,7 +62,7 @@ def new_report(options: argparse.Namespace) -> Path:
 
 
 def prepare(options: argparse.Namespace, report: Path) -> None:
-    """Make the folder, the recorder's file, and the copies beside the report; raises StartUpError."""
+    """Make the output, the recorder's file and the SDF world, before a node starts; raises OneLineError."""
     try:
         options.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -74,19 +74,15 @@ def prepare(options: argparse.Namespace, report: Path) -> None:
             except OSError as error:
                 reason = error.strerror or error
                 raise StartUpError(f"{name} '{path}': {reason}: name a file that can be read") from error
-    if options.record:  # here, because no node shall start if it cannot be written
+    if options.record:
         open_store(options.record)
-
-
-def make_own_world(options: argparse.Namespace) -> None:
-    """Write the SDF world of the run into the output; raises OneLineError."""
-    if not importlib.util.find_spec('pydrake'):
-        raise StartUpError('Drake is missing, which renders the world: pip install drake')
-    tag_file, sim_config_file, walls = (value_of(options.arguments, name) for name in LAYOUT)
-    layout = require_layout(tag_file, 'tag_file')
-    found_walls = find_walls(layout, sim_config_file, walls)
-    sdf_file = make_world(options.output / 'world', layout, found_walls, WORLD_SIDE_M)
-    print_line(f'{sdf_file}: {len(layout.tags)} tags, {len(layout.tables)} tables')
+    if options.world:
+        if not importlib.util.find_spec('pydrake'):
+            raise StartUpError('Drake is missing, which renders the world: pip install drake')
+        values = {name: value_of(options.arguments, name) for name in LAYOUT}
+        layout, walls = LayoutSettings(**values).read_layout()
+        sdf_file = make_world(options.output / 'world', layout, walls, WORLD_SIDE_M)
+        print_line(f'{sdf_file}: {len(layout.tags)} tags, {len(layout.tables)} tables')
 
 
 def run_mission(options: argparse.Namespace) -> int:
@@ -96,8 +92,6 @@ def run_mission(options: argparse.Namespace) -> int:
     report = new_report(options)
     commands = commands_of(options, report)
     prepare(options, report)
-    if options.world:
-        make_own_world(options)
     exit_code = run_nodes(commands)
     if exit_code == USAGE:
         return USAGE
@@ -124,10 +118,8 @@ def run_nodes(commands: list[list[str]]) -> int:
             raise_if_asked_to_end()
             for each, (path, *_) in zip(others, commands, strict=False):
                 if each.poll() is not None:
-                    raise NodeEnded(
-                        f'{Path(path).name} ended before the mission, with exit code {each.returncode}:'
-                        ' its log is above'
-                    )
+                    ended = f'ended before the mission, with exit code {each.returncode}'
+                    raise NodeEnded(f'{Path(path).name} {ended}: its log is above')
             sleep(LOOK_EVERY_SECONDS)
         raise_if_asked_to_end()
         return mission.returncode
@@ -165,7 +157,7 @@ def check_record(file: str, report: Path) -> int:
     if lost:
         rows, verb = pluralized(lost, 'row'), 'was' if lost == 1 else 'were'
         print(f'mission: {rows} of {report} {verb} not recorded: see the log above', file=sys.stderr)
-    return 1 if lost else 0
+    return int(lost > 0)
 
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
@@ -201,4 +193,4 @@ def main(arguments: list[str] | None = None) -> int:
         print(f'mission: {error}', file=sys.stderr)
         return 1 if isinstance(error, NodeEnded) else USAGE
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED

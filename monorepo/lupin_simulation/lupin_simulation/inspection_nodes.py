@@ -1,9 +1,11 @@
 """The nodes of an inspection as commands, with the parameters that each of them gets. Does not import ROS."""
 
 import argparse
+import json
 import textwrap
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from lupin_greenhouse_bridge import settings as bridge_settings
@@ -13,12 +15,13 @@ from lupin_mission import settings as mission_settings
 from lupin_tag_confirmation import settings as confirm_tag_settings
 
 from lupin_simulation import navigator_settings
+from lupin_simulation.layout_settings import LayoutSettings
 
 DRIVING_SPEEDUP = 20
 RENDERING_SECONDS = 10.0  # for enough images of the SDF world, on a busy machine
 # The inspection itself sets these parameters of the nodes.
 SET_HERE = {'report_file', 'wait_for_start', 'wait_for_subscriber', 'route_file'}
-LAYOUT = ('tag_file', 'sim_config_file', 'walls')
+LAYOUT = {each.name for each in fields(LayoutSettings)}
 
 
 class UnknownArgument(Exception):
@@ -46,15 +49,15 @@ def value_of(arguments: list[str], name: str) -> str:
 
 def arguments_by_node(options: argparse.Namespace) -> dict[str, list[str]]:
     """Return the arguments of each node: its parameters. Raises UnknownArgument for one that no node has."""
-    types = {'bridge_node': bridge_settings.Settings, 'mission_orchestrator': mission_settings.Settings}
+    modules = {'bridge_node': bridge_settings, 'mission_orchestrator': mission_settings}
     if options.camera:
-        types['confirm_tag'] = confirm_tag_settings.Settings
+        modules['confirm_tag'] = confirm_tag_settings
     if options.drive:
-        types['fake_navigator'] = navigator_settings.Settings
-    names = {node: {each.name for each in fields(settings_type)} for node, settings_type in types.items()}
+        modules['fake_navigator'] = navigator_settings
+    names = {node: {each.name for each in fields(module.Settings)} for node, module in modules.items()}
     settable = set().union(*names.values()) - SET_HERE
     names['mission_orchestrator'] |= set(mission_settings.WITHOUT_EFFECT)
-    names |= {'record_readings': {'tag_file'}, 'fake_camera': set(LAYOUT), 'world_camera': set()}
+    names |= {'record_readings': {'tag_file'}, 'fake_camera': LAYOUT, 'world_camera': set()}
     for each in options.arguments:
         name, is_assigned, _ = each.partition(':=')
         if not is_assigned or name not in settable | set(mission_settings.WITHOUT_EFFECT):
@@ -70,39 +73,36 @@ def commands_of(options: argparse.Namespace, report: Path) -> list[list[str]]:
     """Return the commands of the nodes. The last one is the mission; the first one ends last."""
     arguments = arguments_by_node(options)
 
-    def node(package: str, name: str, *assignments: str) -> list[str]:
+    def node(package: str, name: str, **parameters: Any) -> list[str]:
         """Return the command of a node with these parameters, before those of the user, which count."""
-        words = [word for each in (*assignments, *arguments[name]) for word in ('-p', each)]
+        own = [f'{key}:={json.dumps(value, ensure_ascii=False)}' for key, value in parameters.items()]
+        words = [word for each in (*own, *arguments[name]) for word in ('-p', each)]
         return [executable(package, name), '--ros-args', *words]
 
     nodes = [node('lupin_greenhouse_bridge', 'bridge_node')]
-    mission = [f'report_file:="{report}"', 'wait_for_start:=false']
+    mission: dict[str, Any] = {'report_file': str(report), 'wait_for_start': False, 'drive': 'simulated'}
     if options.record:
-        nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', f'file:="{options.record}"'))
-        mission.append('wait_for_subscriber:=true')
+        nodes.insert(0, node('lupin_greenhouse_bridge', 'record_readings', file=options.record))
+        mission['wait_for_subscriber'] = True
     if options.drive:
-        route = companion(report, 'route')
-        driving = [f'speedup:={DRIVING_SPEEDUP}', f'route_file:="{route}"']
-        nodes.append(node('lupin_simulation', 'fake_navigator', *driving))
+        route = str(companion(report, 'route'))
+        nodes.append(node('lupin_simulation', 'fake_navigator', speedup=DRIVING_SPEEDUP, route_file=route))
         dock = value_of(options.arguments, 'start_pose') or navigator_settings.Settings.start_pose
-        mission += ['drive:=nav2', 'order:=shortest', f'dock_pose:="{dock}"']
-    else:
-        mission.append('drive:=simulated')
-    world = f'world_file:="{options.output / "world/greenhouse.sdf"}"'
+        mission |= {'drive': 'nav2', 'order': 'shortest', 'dock_pose': dock}
+    world_file = str(options.output / 'world/greenhouse.sdf')
     tag_file = value_of(options.arguments, 'tag_file')
     if options.world and not options.drive:  # a world file does not name the tables to drive around
-        mission.append(world)
+        mission['world_file'] = world_file
     elif tag_file:
-        mission.append(f'tag_locations_file:="{tag_file}"')
+        mission['tag_locations_file'] = tag_file
     if options.camera:
-        mission += ['require_visual_confirmation:=true', 'drive_seconds:=0.2']
-        on_robot = f'from_odometry:={str(options.drive).lower()}'
+        mission |= {'require_visual_confirmation': True, 'drive_seconds': 0.2}
+        confirming: dict[str, Any] = {'source': options.camera}
+        camera, shown = 'fake_camera', {'publishes': options.camera}
         if options.world:
-            mission.append(f'visual_confirmation_timeout_s:={RENDERING_SECONDS}')
-            confirming = [f'timeout_seconds:={RENDERING_SECONDS}', 'max_image_age_seconds:=5.0']
-            camera = node('lupin_simulation', 'world_camera', world, on_robot)
-        else:
-            confirming = [f'source:={options.camera}']
-            camera = node('lupin_simulation', 'fake_camera', f'publishes:={options.camera}', on_robot)
-        nodes += [node('lupin_tag_confirmation', 'confirm_tag', *confirming), camera]
-    return [*nodes, node('lupin_mission', 'mission_orchestrator', *mission)]
+            mission['visual_confirmation_timeout_s'] = RENDERING_SECONDS
+            confirming = {'timeout_seconds': RENDERING_SECONDS, 'max_image_age_seconds': 5.0}
+            camera, shown = 'world_camera', {'world_file': world_file}
+        nodes.append(node('lupin_tag_confirmation', 'confirm_tag', **confirming))
+        nodes.append(node('lupin_simulation', camera, from_odometry=options.drive, **shown))
+    return [*nodes, node('lupin_mission', 'mission_orchestrator', **mission)]

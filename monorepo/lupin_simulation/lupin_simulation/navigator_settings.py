@@ -5,16 +5,17 @@ from dataclasses import dataclass
 
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
-from lupin_greenhouse_bridge.planning.walls import find_walls, parse_numbers, parse_walls, walls_parameter
-from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
+from lupin_greenhouse_bridge.planning.walls import parse_numbers
+from lupin_greenhouse_bridge.runtime.parameters import invalid, parameter
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
-from lupin_greenhouse_bridge.simulator.layout import require_layout
+
+from lupin_simulation.layout_settings import LayoutSettings
 
 LARGEST_INT = 2**31 - 1
 
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(LayoutSettings):
     """
     The validated parameters of one run; raises StartUpError for an invalid value.
 
@@ -22,11 +23,6 @@ class Settings:
     """
 
     nav_action_name: str = parameter('navigate_to_pose', 'The NavigateToPose action to serve.')
-    tag_file: str = parameter('', "The bridge's tag_locations.json, for the tables; empty: the simulator's.")
-    sim_config_file: str = parameter(
-        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the simulator's."
-    )
-    walls: str = walls_parameter()
     robot_radius_m: float = parameter(0.2, 'The radius of the robot in metres.', smallest=0.01, largest=10.0)
     padding_m: float = parameter(
         0.0, "Metres that the planner adds to the robot's radius.", smallest=0.0, largest=1.0
@@ -53,12 +49,11 @@ class Settings:
     route_file: str = parameter('', 'A CSV file to write, with x and y of the driven path in metres.')
 
     def __post_init__(self) -> None:
-        check_parameters(self)
-        parse_walls(self.walls)
+        super().__post_init__()
         if len(parse_numbers(self.start_pose)) != 3:
             raise invalid('start_pose', self.start_pose, 'x, y and yaw: "0.5 0.5 0.0", or an array')
-        are_rectangles = all(x0 < x1 and y0 < y1 for x0, y0, x1, y1 in self.obstacles)
         numbers = parse_numbers(self.blocked)
+        are_rectangles = all(x0 < x1 and y0 < y1 for x0, y0, x1, y1 in self.obstacles)
         if not are_rectangles or len(numbers) % 4 or (self.blocked and not numbers):
             accepted = 'empty, or x0 y0 x1 y1 of each rectangle: "0.0 2.0 1.0 2.5", with x0 < x1 and y0 < y1'
             raise invalid('blocked', self.blocked, accepted)
@@ -70,16 +65,15 @@ class Settings:
 
     @property
     def obstacles(self) -> list[tuple[float, float, float, float]]:
-        """x0, y0, x1 and y1 of each obstacle."""
+        """x0, y0, x1 and y1 of each obstacle in metres."""
         edges = iter(parse_numbers(self.blocked))
         return list(zip(edges, edges, edges, edges, strict=False))
 
     def free_space(self, padding_m: float = 0.0) -> FreeSpace:
         """Return the free space, with the obstacles; raises StartUpError if the robot cannot start there."""
-        layout = require_layout(self.tag_file, 'tag_file')
-        walls = find_walls(layout, self.sim_config_file, self.walls)
+        layout, walls = self.read_layout()
         obstacles = {f'blocked {number}': edges for number, edges in enumerate(self.obstacles, 1)}
-        layout = layout._replace(tables={**layout.tables, **obstacles})
+        layout = layout._replace(tables=layout.tables | obstacles)
         free_space = FreeSpace(layout, walls, self.robot_radius_m + padding_m)
         if not free_space.is_free(*self.start[:2]):
             raise StartUpError(

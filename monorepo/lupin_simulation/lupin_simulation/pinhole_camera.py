@@ -16,6 +16,7 @@ MODULE_PIXELS = 30  # of a marker that is drawn in perspective
 SUPERSAMPLING = 3  # smooths the edges of a tag, which has no grey pixels
 NEAREST_M = 0.05  # a tag that is nearer is not drawn
 BACK = np.full((MODULES, MODULES), 255, np.uint8)  # of every tag
+PAPER_CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])  # right and down
 
 
 @dataclass(frozen=True)
@@ -43,12 +44,7 @@ class PinholeCamera:
     def scene_of_tag(
         self, tag_number: int, random: np.random.Generator, distance_m: float, angle_degrees: float = 0.0
     ) -> np.ndarray:
-        """
-        Return a scene with one tag.
-
-        It is turned by `angle_degrees` about an axis of a random direction in its plane, and rolled and
-        shifted a little.
-        """
+        """Return a scene with one tag: turned about an axis in its plane, and rolled and shifted a little."""
         scene, paper = self.wall(random), _paper(marker(tag_number, MODULE_PIXELS), random)
         direction = random.uniform(0.0, 2 * np.pi)
         axis = np.radians(angle_degrees) * np.array([np.cos(direction), np.sin(direction), 0.0])
@@ -94,8 +90,8 @@ class PinholeCamera:
         picture = cv2.resize(scene, (self.width, self.height), interpolation=cv2.INTER_AREA)
         if blur_pixels > 0.0:
             picture = cv2.GaussianBlur(picture, (0, 0), blur_pixels)
-        noise = random.normal(0.0, noise_levels, picture.shape)
-        noisy: np.ndarray = picture + noise
+        noisy = random.normal(0.0, noise_levels, picture.shape)
+        noisy += picture
         return noisy.clip(0, 255).astype(np.uint8)
 
     def _draw(self, paper: np.ndarray, axes: np.ndarray, centre: np.ndarray, scene: np.ndarray) -> None:
@@ -104,27 +100,22 @@ class PinholeCamera:
 
         The columns of `axes` are the directions across and down the paper, in the camera's frame.
         """
-        pixels = len(paper)
         side_m = TAG_SIDE_M * (MODULES + 2) / MODULES
-        scale, shift = side_m / pixels, -side_m / 2
-        to_plane = np.array([[scale, 0.0, shift], [0.0, scale, shift], [0.0, 0.0, 1.0]])
-        height, width = scene.shape
-        focal = SUPERSAMPLING * self.focal_length_pixels
-        intrinsics = np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])
-        homography = intrinsics @ np.column_stack([axes, centre]) @ to_plane
-        corners = homography @ np.array([[0, pixels, pixels, 0], [0, 0, pixels, pixels], [1, 1, 1, 1]])
-        if corners[2].min() < NEAREST_M:
+        corners = centre + side_m * PAPER_CORNERS @ axes.T
+        if corners[:, 2].min() < NEAREST_M:
             return
-        points = corners[:2] / corners[2]
+        size = np.array(scene.shape[::-1])
+        points = SUPERSAMPLING * self.focal_length_pixels * corners[:, :2] / corners[:, 2:] + size / 2
         # Only the part of the scene around the tag is computed.
-        x0, y0 = np.clip(np.floor(points.min(axis=1)), 0, (width, height)).astype(int)
-        x1, y1 = np.clip(np.ceil(points.max(axis=1)) + 1, 0, (width, height)).astype(int)
+        x0, y0 = np.clip(np.floor(points.min(axis=0)), 0, size).astype(int)
+        x1, y1 = np.clip(np.ceil(points.max(axis=0)) + 1, 0, size).astype(int)
         if x0 == x1 or y0 == y1:
             return
-        homography = np.array([[1, 0, -x0], [0, 1, -y0], [0, 0, 1]]) @ homography
-        size = (int(x1 - x0), int(y1 - y0))
-        warped = cv2.warpPerspective(paper, homography, size, flags=cv2.INTER_LINEAR)
-        mask = cv2.warpPerspective(np.ones_like(paper), homography, size, flags=cv2.INTER_NEAREST)
+        on_paper = len(paper) * (PAPER_CORNERS + 0.5)
+        homography = cv2.getPerspectiveTransform(*np.array([on_paper, points - (x0, y0)], np.float32))
+        part = (int(x1 - x0), int(y1 - y0))
+        warped = cv2.warpPerspective(paper, homography, part, flags=cv2.INTER_LINEAR)
+        mask = cv2.warpPerspective(np.ones_like(paper), homography, part, flags=cv2.INTER_NEAREST)
         np.copyto(scene[y0:y1, x0:x1], warped, where=mask > 0)
 
 

@@ -61,30 +61,24 @@ class RenderedWorld:
 
         For pictures from far away, set a large `nearest_m`: otherwise the plate of a tag can hide the tag.
         """
-        self.tags: dict[int, TagModel] = {}
-        self.tables: list[tuple[float, float, float, float]] = []
         try:
-            self._load(str(sdf_file), width, height, focal_length_pixels, nearest_m)
+            from pydrake import geometry
+            from pydrake.math import RigidTransform
+            from pydrake.multibody.parsing import Parser
+            from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+            from pydrake.systems.framework import DiagramBuilder
+            from pydrake.systems.sensors import CameraInfo
         except ImportError as error:
             raise StartUpError(f'Drake is missing ({error}): pip install drake') from error
-        except RuntimeError as error:
-            problem = f"'{sdf_file}' is not an SDF world: use a world made by generate_world"
-            raise StartUpError(f'{problem}: {error}') from error
-
-    def _load(
-        self, sdf_file: str, width: int, height: int, focal_length_pixels: float, nearest_m: float
-    ) -> None:
-        from pydrake import geometry
-        from pydrake.math import RigidTransform
-        from pydrake.multibody.parsing import Parser
-        from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-        from pydrake.systems.framework import DiagramBuilder
-        from pydrake.systems.sensors import CameraInfo
 
         logging.getLogger('drake').setLevel(logging.ERROR)  # it warns of the lights
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
-        models = Parser(plant).AddModels(sdf_file)
+        try:
+            models = Parser(plant).AddModels(str(sdf_file))
+        except RuntimeError as error:
+            problem = f"'{sdf_file}' is not an SDF world: use a world made by generate_world"
+            raise StartUpError(f'{problem}: {error}') from error
         lights = [
             geometry.LightParameter(type='directional', frame='world', direction=each)
             for each in LIGHT_DIRECTIONS
@@ -94,19 +88,18 @@ class RenderedWorld:
         plant.Finalize()
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
-        self._query = scene_graph.get_query_output_port().Eval(
-            scene_graph.GetMyContextFromRoot(self._context)
-        )
+        scene_context = scene_graph.GetMyContextFromRoot(self._context)
+        self._query = scene_graph.get_query_output_port().Eval(scene_context)
         self._frame = scene_graph.world_frame_id()
-        width, height, focal = (
-            SUPERSAMPLING * width,
-            SUPERSAMPLING * height,
-            SUPERSAMPLING * focal_length_pixels,
-        )
+        self._size = (width, height)
+        width, height = SUPERSAMPLING * width, SUPERSAMPLING * height
+        focal = SUPERSAMPLING * focal_length_pixels
         info = CameraInfo(width, height, focal, focal, width / 2, height / 2)
         clipping = geometry.ClippingRange(nearest_m, FARTHEST_M)
         core = geometry.RenderCameraCore('vtk', info, clipping, RigidTransform())
         self._camera = geometry.ColorRenderCamera(core)
+        self.tags: dict[int, TagModel] = {}
+        self.tables: list[tuple[float, float, float, float]] = []
         for model in models:
             name = plant.GetModelInstanceName(model)
             body = plant.get_body(plant.GetBodyIndices(model)[0])
@@ -127,8 +120,5 @@ class RenderedWorld:
         right = np.cross(ahead, (0.0, 0.0, 1.0))
         right /= np.linalg.norm(right)
         pose = RigidTransform(RotationMatrix(np.column_stack([right, np.cross(ahead, right), ahead])), eye)
-        picture = self._query.RenderColorImage(self._camera, self._frame, pose).data
-        height, width, _ = picture.shape
-        size = (width // SUPERSAMPLING, height // SUPERSAMPLING)
-        smaller: np.ndarray = cv2.resize(picture[..., :3], size, interpolation=cv2.INTER_AREA)
-        return smaller
+        picture: np.ndarray = self._query.RenderColorImage(self._camera, self._frame, pose).data
+        return cv2.resize(picture[..., :3], self._size, interpolation=cv2.INTER_AREA)

@@ -5,13 +5,15 @@ import math
 from xml.etree.ElementTree import fromstring, indent, tostring
 
 import numpy as np
-from lupin_greenhouse_bridge.planning.tag_poses import Table, TagPose, find_tag_poses, tables_of
+from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses, tables_of
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 from lupin_tag_confirmation.confirmation import tag_number
 from PIL import Image
 
 from lupin_simulation.tag36h11 import MODULES, printed_marker
+
+Rectangle = tuple[float, float, float, float]  # x0, y0, x1 and y1 in metres
 
 SDF_FILE = 'greenhouse.sdf'
 # The heights suit the camera of a small mobile robot, 0.3 m above the floor.
@@ -24,13 +26,7 @@ GAP_M = 0.0005  # between the plate and the tag on it
 TEXTURE_MODULE_PIXELS = 16  # sharp at 0.2 m, and coarse enough for renderers without mipmaps
 WHITE, GREY, BROWN, GREEN = '0.9 0.9 0.9', '0.6 0.6 0.6', '0.45 0.35 0.25', '0.35 0.45 0.35'
 # From above and from each side, so that no tag is dark.
-LIGHT_DIRECTIONS = {
-    'above': '0 0 -1',
-    'south': '0 1 -0.5',
-    'north': '0 -1 -0.5',
-    'west': '1 0 -0.5',
-    'east': '-1 0 -0.5',
-}
+LIGHT_DIRECTIONS = ('0 0 -1', '0 1 -0.5', '0 -1 -0.5', '1 0 -0.5', '-1 0 -0.5')
 
 HEADER = b"""<?xml version="1.0"?>
 <!-- Made by generate_world of lupin_simulation. Do not edit: make it again. -->
@@ -44,7 +40,7 @@ WORLD = """
   {models}
 </world></sdf>"""
 LIGHT = """
-<light name="{name}" type="directional">
+<light name="light_{number}" type="directional">
   <pose>0 0 10 0 0 0</pose><cast_shadows>false</cast_shadows>
   <diffuse>0.35 0.35 0.35 1</diffuse><specular>0 0 0 1</specular><direction>{direction}</direction>
 </light>"""
@@ -52,13 +48,11 @@ MODEL = """
 <model name="{name}"><static>true</static><pose>{pose}</pose><link name="link">
   {in_front}
   <visual name="{part}">
-    <pose>0 0 {z} 0 0 0</pose><geometry><box><size>{size}</size></box></geometry>
-    <material><ambient>{colour} 1</ambient><diffuse>{colour} 1</diffuse></material>
+    {box}<material><ambient>{colour} 1</ambient><diffuse>{colour} 1</diffuse></material>
   </visual>
-  <collision name="{part}">
-    <pose>0 0 {z} 0 0 0</pose><geometry><box><size>{size}</size></box></geometry>
-  </collision>
+  <collision name="{part}">{box}</collision>
 </link></model>"""
+BOX = '<pose>0 0 {z} 0 0 0</pose><geometry><box><size>{size}</size></box></geometry>'
 TAG_VISUAL = '<visual name="tag"><geometry><mesh><uri>{mesh}</uri></mesh></geometry></visual>'
 
 MESH = """mtllib tag_{number}.mtl
@@ -113,45 +107,36 @@ def _texture(number: int) -> bytes:
 
 
 def _sdf(layout: Layout, walls: Walls, tag_poses: dict[int, TagPose], paper_m: float) -> bytes:
-    (x0, y0, x1, y1), thick = walls, THICKNESS_M
+    x0, y0, x1, y1 = walls
+    west, south, east, north = x0 - THICKNESS_M, y0 - THICKNESS_M, x1 + THICKNESS_M, y1 + THICKNESS_M
     models = [
-        _box('floor', Table(*walls), -thick, 0.0, GREEN),
-        _box('wall_south', Table(x0 - thick, y0 - thick, x1 + thick, y0), 0.0, WALL_HEIGHT_M, GREY),
-        _box('wall_north', Table(x0 - thick, y1, x1 + thick, y1 + thick), 0.0, WALL_HEIGHT_M, GREY),
-        _box('wall_west', Table(x0 - thick, y0, x0, y1), 0.0, WALL_HEIGHT_M, GREY),
-        _box('wall_east', Table(x1, y0, x1 + thick, y1), 0.0, WALL_HEIGHT_M, GREY),
+        _box('floor', walls, -THICKNESS_M, 0.0, GREEN),
+        _box('wall_south', (west, south, east, y0), 0.0, WALL_HEIGHT_M, GREY),
+        _box('wall_north', (west, y1, east, north), 0.0, WALL_HEIGHT_M, GREY),
+        _box('wall_west', (west, y0, x0, y1), 0.0, WALL_HEIGHT_M, GREY),
+        _box('wall_east', (x1, y0, east, y1), 0.0, WALL_HEIGHT_M, GREY),
     ]
     for number, table in enumerate(tables_of(layout), 1):
         models.append(_box(f'table_{number}', table, 0.0, TABLE_HEIGHT_M, BROWN))
     models += [_tag(number, tag_pose, paper_m) for number, tag_pose in tag_poses.items()]
-    lights = [LIGHT.format(name=name, direction=each) for name, each in LIGHT_DIRECTIONS.items()]
+    lights = [LIGHT.format(number=n, direction=each) for n, each in enumerate(LIGHT_DIRECTIONS, 1)]
     sdf = fromstring(WORLD.format(lights=''.join(lights), models=''.join(models)))  # noqa: S314 - from here
     indent(sdf)
     return HEADER + tostring(sdf) + b'\n'
 
 
-def _box(name: str, footprint: Table, bottom_m: float, top_m: float, colour: str) -> str:
+def _box(name: str, footprint: Rectangle, bottom_m: float, top_m: float, colour: str) -> str:
     """Return the model of a box."""
     x0, y0, x1, y1 = footprint
     pose = f'{(x0 + x1) / 2} {(y0 + y1) / 2} {(bottom_m + top_m) / 2} 0 0 0'
-    size = f'{x1 - x0} {y1 - y0} {top_m - bottom_m}'
-    return MODEL.format(name=name, pose=pose, in_front='', part='body', z='0', size=size, colour=colour)
+    box = BOX.format(z=0, size=f'{x1 - x0} {y1 - y0} {top_m - bottom_m}')
+    return MODEL.format(name=name, pose=pose, in_front='', part='body', box=box, colour=colour)
 
 
 def _tag(number: int, tag_pose: TagPose, paper_m: float) -> str:
-    """Return the model of a tag on its plate."""
-    roll, pitch, yaw = roll_pitch_yaw(tag_pose)
-    return MODEL.format(
-        name=f'tag_{number}',
-        pose=f'{tag_pose.x} {tag_pose.y} {TAG_HEIGHT_M} {roll} {pitch} {yaw}',
-        in_front=TAG_VISUAL.format(mesh=f'models/tag_{number}/tag_{number}.obj'),
-        part='plate',
-        z=-GAP_M - PLATE_THICKNESS_M / 2,
-        size=f'{paper_m} {paper_m} {PLATE_THICKNESS_M}',
-        colour=WHITE,
-    )
-
-
-def roll_pitch_yaw(tag_pose: TagPose) -> tuple[float, float, float]:
-    """Return the pose of a frame whose z points out of the tag's face, x to the viewer's right, and y up."""
-    return math.pi / 2, 0.0, tag_pose.facing + math.pi / 2
+    """Return the model of a tag on its plate. In its frame, z is out of the face, x to the viewer's right."""
+    x, y, facing = tag_pose
+    pose = f'{x} {y} {TAG_HEIGHT_M} {math.pi / 2} 0.0 {facing + math.pi / 2}'
+    tag = TAG_VISUAL.format(mesh=f'models/tag_{number}/tag_{number}.obj')
+    plate = BOX.format(z=-GAP_M - PLATE_THICKNESS_M / 2, size=f'{paper_m} {paper_m} {PLATE_THICKNESS_M}')
+    return MODEL.format(name=f'tag_{number}', pose=pose, in_front=tag, part='plate', box=plate, colour=WHITE)

@@ -1,36 +1,28 @@
-"""The robot of the fake navigator: how it moves, and its parameters. No time passes."""
+"""The robot of the fake navigator: how it moves, and the parameters of the nodes. No time passes."""
 
 import importlib.util
 import math
+import random
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.testing._helpers import check_settings
 from lupin_simulation import fake_camera, navigator_settings, world_camera
-from lupin_simulation.disc_robot import TURN_RAD_PER_S, ArrivalError, DiscRobot
+from lupin_simulation.disc_robot import TURN_RAD_PER_S, DiscRobot, arrival_at
 from lupin_simulation.navigator_settings import Settings
 
-START = PoseInPlane(0.0, 0.0, 0.0)
 NORTH = math.pi / 2
 PATH = [(0.0, 0.0), (1.0, 0.0), (1.0, 2.0)]  # 3 m, with one turn
 DURATION_SECONDS = 3.0 / 0.5 + NORTH / TURN_RAD_PER_S + NORTH / TURN_RAD_PER_S
 
 
-def robot_on(path, yaw: float = 0.0) -> DiscRobot:
-    robot = DiscRobot(START, speed_m_per_s=0.5)
-    robot.follow(path, yaw)
+@pytest.fixture
+def robot():
+    """Return a robot at the start of its path."""
+    robot = DiscRobot(PoseInPlane(0.0, 0.0, 0.0), speed_m_per_s=0.5)
+    robot.follow(PATH, 0.0)
     return robot
-
-
-def test_it_drives_straight_and_turns_on_the_spot_before_it_drives_on():
-    robot = robot_on(PATH)
-    robot.advance(1.0)
-    assert robot.pose == pytest.approx((0.5, 0.0, 0.0))
-    assert robot.left_m == pytest.approx(2.5)
-    robot = robot_on(PATH)
-    robot.advance(2.0 + 0.5 * NORTH / TURN_RAD_PER_S)
-    assert robot.pose == pytest.approx((1.0, 0.0, NORTH / 2))
 
 
 @pytest.mark.parametrize(('start', 'yaw'), [(-3.0, 3.0), (3.0, -3.0), (0.5, -0.5)])
@@ -41,33 +33,34 @@ def test_it_turns_the_shorter_way_round(start, yaw):
     robot.advance(0.99 * seconds)
     assert robot.is_moving
     robot.advance(0.02 * seconds)
-    assert robot.pose.yaw == yaw
-    assert not robot.is_moving
+    assert (robot.pose.yaw, robot.is_moving) == (yaw, False)
+
+
+def test_it_drives_straight_and_turns_on_the_spot_before_it_drives_on(robot):
+    robot.advance(1.0)
+    assert robot.pose == pytest.approx((0.5, 0.0, 0.0))
+    assert robot.left_m == pytest.approx(2.5)
+    robot.advance(1.0 + 0.5 * NORTH / TURN_RAD_PER_S)
+    assert robot.pose == pytest.approx((1.0, 0.0, NORTH / 2))
 
 
 @pytest.mark.parametrize('steps', [1, 7, 400])
-def test_it_ends_at_the_end_of_its_path_however_the_time_is_cut(steps):
-    robot = robot_on(PATH)
+def test_it_ends_at_the_end_of_its_path_however_the_time_is_cut(robot, steps):
     for _ in range(steps):
-        assert robot.is_moving
         robot.advance(0.999 * DURATION_SECONDS / steps)
-    assert robot.is_moving
+        assert robot.is_moving
     robot.advance(0.01 * DURATION_SECONDS)
-    assert not robot.is_moving
-    assert isinstance(robot.left_m, float)  # a message takes no int
-    assert robot.left_m == 0.0
-    assert robot.pose == (1.0, 2.0, 0.0)
+    assert (robot.is_moving, robot.pose) == (False, (1.0, 2.0, 0.0))
+    assert (type(robot.left_m), robot.left_m) == (float, 0.0)  # a message takes no int
     robot.stop()
     assert robot.route == PATH
 
 
-def test_a_robot_that_is_stopped_stays_and_its_route_ends_there():
-    robot = robot_on(PATH)
+def test_a_robot_that_is_stopped_stays_and_its_route_ends_there(robot):
     robot.advance(1.0)
     robot.stop()
-    assert not robot.is_moving
     robot.advance(100.0)
-    assert robot.pose == pytest.approx((0.5, 0.0, 0.0))
+    assert (robot.is_moving, robot.pose) == (False, pytest.approx((0.5, 0.0, 0.0)))
     robot.follow([robot.pose[:2], (0.5, 1.0)], NORTH)
     robot.advance(100.0)
     robot.stop()
@@ -78,7 +71,6 @@ def test_a_robot_that_is_stopped_stays_and_its_route_ends_there():
     ('blocked', 'obstacles'),
     [
         ('', []),
-        ('0 1 2 3', [(0.0, 1.0, 2.0, 3.0)]),
         ('0,1,2,3, -1 -1 0 0.5', [(0.0, 1.0, 2.0, 3.0), (-1.0, -1.0, 0.0, 0.5)]),
         ([0.0, 1.0, 2.0, 3.0], [(0.0, 1.0, 2.0, 3.0)]),
     ],
@@ -106,23 +98,21 @@ def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
         Settings().free_space()
 
 
-@pytest.mark.parametrize('blocked', ['1 2 3', 'here', '0 1 2 nan', '2 1 0 3', '0 0 0 1', 7, [1.0, 2.0]])
-def test_obstacles_that_are_no_rectangles_are_refused(blocked):
-    with pytest.raises(StartUpError) as refusal:
-        Settings(blocked=blocked)
-    assert str(refusal.value) == (
-        f'parameter blocked is {blocked!r}: must be empty, or x0 y0 x1 y1 of each rectangle:'
-        ' "0.0 2.0 1.0 2.5", with x0 < x1 and y0 < y1'
-    )
+RECTANGLES = 'empty, or x0 y0 x1 y1 of each rectangle: "0.0 2.0 1.0 2.5", with x0 < x1 and y0 < y1'
 
 
-@pytest.mark.parametrize('start_pose', ['', '1 2', '1 2 up', '1 2 inf', '1 2 3 4'])
-def test_a_start_that_is_no_pose_is_refused(start_pose):
-    with pytest.raises(StartUpError) as refusal:
-        Settings(start_pose=start_pose)
-    assert str(refusal.value) == (
-        f'parameter start_pose is {start_pose!r}: must be x, y and yaw: "0.5 0.5 0.0", or an array'
-    )
+@pytest.mark.parametrize(
+    ('name', 'values', 'accepted'),
+    [
+        ('blocked', ['1 2 3', 'here', '0 1 2 nan', '2 1 0 3', '0 0 0 1', 7, [1.0, 2.0]], RECTANGLES),
+        ('start_pose', ['', '1 2 up', '1 2 inf', '1 2 3 4'], 'x, y and yaw: "0.5 0.5 0.0", or an array'),
+    ],
+)
+def test_wrong_numbers_are_refused(name, values, accepted):
+    for value in values:
+        with pytest.raises(StartUpError) as refusal:
+            Settings(**{name: value})
+        assert str(refusal.value) == f'parameter {name} is {value!r}: must be {accepted}'
 
 
 @pytest.mark.parametrize('node', [navigator_settings, fake_camera, world_camera])
@@ -132,30 +122,24 @@ def test_each_parameter_has_its_type_and_its_limits(node):
 
 def arrivals(goal: PoseInPlane, seed: int = 0, **parameters) -> list[PoseInPlane]:
     """Return where a robot arrives that is sent to one goal a hundred times."""
-    error = ArrivalError(0.06, 0.15, seed, Settings(**parameters).free_space())
-    return [error.applied_to(goal) for _ in range(100)]
+    settings, chance = Settings(**parameters), random.Random(seed)
+    free_space = settings.free_space()
+    return [arrival_at(goal, settings, chance, free_space) for _ in range(100)]
 
 
 def test_a_robot_arrives_beside_its_goal_within_the_errors_and_each_seed_repeats_itself():
-    goal = PoseInPlane(0.5, 0.5, 1.0)
-    found = arrivals(goal)
+    goal, errors = PoseInPlane(0.5, 0.5, 1.0), {'arrival_error_m': 0.06, 'arrival_error_rad': 0.15}
+    found = arrivals(goal, **errors)
     assert 0.05 < max(math.dist(each[:2], goal[:2]) for each in found) <= 0.06
     assert 0.14 < max(abs(each.yaw - goal.yaw) for each in found) <= 0.15
     assert len(set(found)) == 100
-    assert arrivals(goal) == found
-    assert arrivals(goal, seed=1) != found
-    assert ArrivalError(0.0, 0.0, 0, Settings().free_space()).applied_to(goal) == goal
+    assert arrivals(goal, **errors) == found != arrivals(goal, seed=1, **errors)
+    assert set(arrivals(goal)) == {goal}
 
 
 def test_a_table_stops_a_robot_that_arrives_beside_its_goal():
-    settings = {'robot_radius_m': 0.2, 'blocked': '0.0 1.0 1.0 1.5'}
+    settings = {'arrival_error_m': 0.06, 'blocked': '0.0 1.0 1.0 1.5'}
     found = arrivals(PoseInPlane(0.5, 0.79, 0.0), **settings)
     assert Settings(**settings).free_space().are_free([each[:2] for each in found]).all()
-    assert max(each.y for each in found) > 0.79
     assert min(each.y for each in found) < 0.75  # the way from the table is free
-
-
-def test_the_padding_keeps_the_planner_farther_from_a_table():
-    settings = Settings(robot_radius_m=0.2, blocked='0.0 1.0 1.0 1.5')
-    assert settings.free_space().is_free(0.5, 0.785)
-    assert not settings.free_space(0.02).is_free(0.5, 0.785)
+    assert max(each.y for each in found) > 0.79

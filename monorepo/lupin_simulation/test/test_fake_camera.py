@@ -5,13 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from confirming import Confirming
-from geometry_msgs.msg import Pose
-from lupin_greenhouse_bridge.contract import latched
+from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.runtime.poses import pose_message
-from lupin_greenhouse_bridge.testing._helpers import wait_until
-from lupin_simulation.fake_camera import FakeCamera, Settings, message_maker, tag_poses_by_number
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_message
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, greet, wait_until
+from lupin_msgs.srv import ConfirmTag
+from lupin_simulation.fake_camera import FakeCamera, Settings, message_maker
 from lupin_simulation.pinhole_camera import PinholeCamera
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
 from lupin_tag_confirmation.detector import TagDetector
@@ -20,69 +19,79 @@ from lupin_tag_confirmation.sources import open_source
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
-AT_TAG = '/mission/at_tag'
 CAMERA = PinholeCamera(width=320, height=240, focal_length_pixels=300.0)
-RANDOM = np.random.default_rng(0)
-WALL = CAMERA.expose(CAMERA.wall(RANDOM), RANDOM)
 
 
-@pytest.fixture(scope='session')
+@pytest.fixture(scope='module')
 def tag_7():
-    return CAMERA.expose(CAMERA.scene_of_tag(7, RANDOM, distance_m=0.3, angle_degrees=30), RANDOM)
+    random = np.random.default_rng(0)
+    return CAMERA.expose(CAMERA.scene_of_tag(7, random, distance_m=0.3, angle_degrees=30), random)
 
 
-def sight_of(source: str, message):
-    return open_source(ConfirmTagSettings(source=source))[1](message)
+def sight_of(source: str, picture: np.ndarray):
+    """Return what confirm_tag gets from the message of a picture, and this message."""
+    message_type, message_of = message_maker(source)
+    message = message_of(picture)
+    assert type(message) is message_type
+    return open_source(ConfirmTagSettings(source=source))[1](message), message
 
 
 def test_another_kind_is_refused():
     with pytest.raises(
         StartUpError, match="parameter publishes is 'video': must be image, compressed or det"
     ):
-        Settings('video')
+        Settings(publishes='video')
 
 
-def test_an_image_has_the_pixels_of_the_picture(tag_7):
-    _, image_of = message_maker('image')
-    assert (sight_of('image', image_of(tag_7)).picture == tag_7).all()
-
-
-def test_a_compressed_image_has_the_tag_of_the_picture(tag_7):
-    _, compressed_image_of = message_maker('compressed')
-    message = compressed_image_of(tag_7)
-    assert message.format == 'mono8; jpeg compressed '
+def test_each_message_has_the_picture_or_what_a_detector_finds_in_it(tag_7):
+    sight, _ = sight_of('image', tag_7)
+    assert (sight.picture == tag_7).all()
+    sight, message = sight_of('compressed', tag_7)
+    assert (message.format, [each.tag_number for each in sight.detections]) == (
+        'mono8; jpeg compressed ',
+        [7],
+    )
     assert len(message.data) < tag_7.size / 2
-    sight = sight_of('compressed', message)
-    assert [tag.tag_number for tag in sight.detections] == [7]
     assert np.abs(sight.picture.astype(int) - tag_7).mean() < 5
-
-
-def test_detections_are_those_of_the_picture(tag_7):
-    message_type, detections_of = message_maker('detections')
-    (expected,) = TagDetector().detect(tag_7)
-    message = detections_of(tag_7)
-    assert type(message) is message_type
-    (found,) = sight_of('detections', message).detections
+    sight, message = sight_of('detections', tag_7)
+    (found,), (expected,) = sight.detections, TagDetector().detect(tag_7)
     assert found[:2] == expected[:2]
     assert found.decision_margin == pytest.approx(expected.decision_margin)
     assert np.allclose(found.corners, expected.corners)
-    (centre,) = [(tag.centre.x, tag.centre.y) for tag in message.detections]
-    assert centre == pytest.approx(expected.corners.mean(axis=0), abs=0.01)
-    assert not detections_of(WALL).detections
+    centre = message.detections[0].centre
+    assert (centre.x, centre.y) == pytest.approx(expected.corners.mean(axis=0), abs=0.01)
+
+
+@pytest.fixture
+def run_camera(run_nodes):
+    """Return a function that runs both nodes; it returns a third node, and a function that asks for a tag."""
+
+    def run(**parameters):
+        every = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0}
+        *_, node = run_nodes(FakeCamera, ConfirmTagNode, **every, **parameters)
+        client = node.create_client(ConfirmTag, '/perception/confirm_tag', qos_profile=SERVICE_QOS)
+        assert client.wait_for_service(timeout_sec=PATIENCE_SECONDS)
+        greet(client, ConfirmTag.Request())  # an empty id is refused at once
+
+        def reason(tag_id: str) -> str:
+            """Return why confirm_tag does not confirm a tag; '' if it does."""
+            return call(client, ConfirmTag.Request(expected_tag_id=tag_id)).error_message
+
+        return node, reason
+
+    return run
 
 
 @pytest.mark.parametrize('source', ['image', 'compressed', 'detections'])
-def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(run_nodes, source):
-    parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0}
-    *_, node = run_nodes(FakeCamera, ConfirmTagNode, publishes=source, source=source, **parameters)
-    at_tag = node.create_publisher(String, AT_TAG, latched())
-    confirming = Confirming(node)
+def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(run_camera, source):
+    node, reason = run_camera(publishes=source, source=source)
+    at_tag = node.create_publisher(String, '/mission/at_tag', latched())
     for tag_id in ('7', '587', 'seven', '586', ''):
         at_tag.publish(String(data=tag_id))
         if tag_id in ('7', '586'):
-            wait_until(lambda tag_id=tag_id: confirming.confirm(tag_id).detected)
+            wait_until(lambda tag_id=tag_id: reason(tag_id) == '')
         else:
-            confirming.confirm_until('no tag in view in 4 images')
+            wait_until(lambda: 'no tag in view in 4 images' in reason('7'))
 
 
 def test_an_id_outside_the_family_has_no_place_in_the_picture(tmp_path):
@@ -90,27 +99,25 @@ def test_an_id_outside_the_family_has_no_place_in_the_picture(tmp_path):
     tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
     tags = {'7': tag, '587': tag, 'seven': tag, '-1': tag}
     tag_file.write_text(json.dumps({'tags': tags, 'tables': {}}), encoding='utf-8')
-    assert set(tag_poses_by_number(Settings(tag_file=str(tag_file)))) == {7}
+    assert set(Settings(tag_file=str(tag_file)).tag_poses()) == {7}
 
 
-def test_a_camera_on_the_robot_sees_its_tag_only_from_where_the_robot_really_stands(run_nodes):
-    parameters = {'timeout_seconds': 0.0, 'max_image_age_seconds': 3600.0, 'from_odometry': True}
-    *_, node = run_nodes(FakeCamera, ConfirmTagNode, **parameters)
-    at_tag = node.create_publisher(String, AT_TAG, latched())
-    at_tag.publish(String(data='7'))  # what the mission believes counts for nothing
+def test_a_camera_on_the_robot_sees_its_tag_only_from_where_the_robot_really_stands(run_camera):
+    node, reason = run_camera(from_odometry=True)
+    node.create_publisher(String, '/mission/at_tag', latched()).publish(
+        String(data='7')
+    )  # counts for nothing
+    wait_until(lambda: 'no tag in view in 4 images' in reason('7'))  # no odometry yet
     odometry = node.create_publisher(Odometry, '/odom', 1)
-    confirming = Confirming(node)
-    confirming.confirm_until('no tag in view in 4 images')  # no odometry yet
-    tag = tag_poses_by_number(Settings())[7]
-    x, y = tag.x + 0.4 * math.cos(tag.facing), tag.y + 0.4 * math.sin(tag.facing)
-    towards, aside = pose_message(x, y, tag.facing + math.pi), pose_message(x, y, tag.facing)
+    x, y, facing = Settings().tag_poses()[7]
+    stand = PoseInPlane(x + 0.4 * math.cos(facing), y + 0.4 * math.sin(facing), facing + math.pi)
 
-    def stands_at(pose: Pose):
+    def reason_at(pose: PoseInPlane) -> str:
         message = Odometry()
-        message.pose.pose = pose
+        message.pose.pose = pose_message(*pose)
         odometry.publish(message)
-        return confirming.confirm('7')
+        return reason('7')
 
-    wait_until(lambda: stands_at(towards).detected)
-    wait_until(lambda: 'no tag in view' in stands_at(aside).error_message)
-    wait_until(lambda: stands_at(towards).detected)
+    wait_until(lambda: reason_at(stand) == '')
+    wait_until(lambda: 'no tag in view' in reason_at(stand._replace(yaw=facing)))
+    wait_until(lambda: reason_at(stand) == '')

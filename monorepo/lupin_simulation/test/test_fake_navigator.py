@@ -134,6 +134,12 @@ class Client:
         clock.pass_seconds(HOUR)
         return self.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
 
+    def stays_at(self, here: PoseInPlane, clock) -> None:
+        """Fail if the robot moves in the next hour."""
+        clock.pass_seconds(HOUR)
+        for _ in range(3):
+            assert self.wait_until_robot(lambda _pose: True) == here
+
     def wait_until_robot(self, is_it) -> PoseInPlane:
         """Return the pose of the robot once this is true of it."""
         heard = len(self.odometry)
@@ -172,7 +178,16 @@ def start(monkeypatch, clock):  # noqa: ARG001 - the robot has its clock from th
 
 def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(start, clock, tmp_path):
     client = start(route_file=str(tmp_path / 'route.csv'), robot_radius_m=0.2)
-    assert client.arrives_at(FAR, clock)
+    goal = client.send(FAR)
+    wait_until(lambda: client.feedback)
+    clock.pass_seconds(5.0)
+    wait_until(lambda: client.feedback[-1].feedback.distance_remaining < FreeSpace.length_m([START, FAR[:2]]))
+    feedback = client.feedback[-1].feedback
+    assert feedback.current_pose.header.frame_id == 'map'
+    assert 0.0 < feedback.distance_remaining < client.feedback[0].feedback.distance_remaining
+    wait_until(lambda: client.odometry[-1].pose.pose == feedback.current_pose.pose)  # two topics
+    clock.pass_seconds(HOUR)
+    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
     wait_until(lambda: pose_in_plane(client.estimates[-1].pose.pose) == pytest.approx(FAR))
     client.wait_until_robot(lambda pose: pose == pytest.approx(FAR))  # a topic of its own
     assert (client.odometry[-1].header.frame_id, client.odometry[-1].child_frame_id) == ('odom', 'base_link')
@@ -182,6 +197,9 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
     assert (header, route[0], route[-1]) == ('x,y', START, pytest.approx(FAR[:2], abs=1e-3))
     assert FreeSpace.length_m(route) > math.dist(START, FAR[:2]) + 0.1
     assert FreeSpace(LAYOUT, WALLS, 0.19).are_in_sight(route[:-1], route[1:]).all()
+    client.send(FAR._replace(yaw=FAR.yaw + 3.0))
+    clock.pass_seconds(0.1)  # it only turns
+    wait_until(lambda: client.feedback[-1].feedback.distance_remaining == 0.0)
 
 
 @pytest.mark.parametrize(
@@ -199,24 +217,19 @@ def test_a_goal_behind_an_obstacle_is_aborted_with_the_reason_that_the_distro_ca
     assert client.arrives_at(NEAR, clock)
 
 
-def test_a_cancelled_goal_stops_the_robot_where_it_is(start, clock):
-    client = start()
+def test_a_goal_that_is_cancelled_or_replaced_ends_and_one_that_is_no_pose_in_the_map_is_rejected(
+    start, clock
+):
+    client = start(speedup=20)
+    for pose, frame_id in ((FAR, 'odom'), (FAR, ''), (PoseInPlane(math.nan, 1.0, 0.0), 'map')):
+        assert not client.send(pose, frame_id).accepted
     goal = client.send(FAR)
-    clock.pass_seconds(5.0)
-    client.wait_until_robot(lambda pose: math.dist(pose[:2], START) > 0.5)
+    clock.pass_seconds(5.0 / 20)
+    here = client.wait_until_robot(lambda pose: math.dist(pose[:2], START) > 0.5)
     result_of(goal.cancel_goal_async())
+    client.stays_at(here, clock)
     assert client.end_of(goal)[0] == GoalStatus.STATUS_CANCELED
-    here = client.wait_until_robot(lambda _pose: True)
-    clock.pass_seconds(HOUR)
-    for _ in range(3):
-        assert client.wait_until_robot(lambda _pose: True) == here
-    assert client.arrives_at(NEAR, clock)
-
-
-def test_a_newer_goal_aborts_the_one_before(start, clock):
-    client = start()
-    first = client.send(FAR)
-    second = client.send(NEAR)
+    first, second = client.send(FAR), client.send(NEAR)
     status, result = client.end_of(first)
     assert status == GoalStatus.STATUS_ABORTED
     assert told_by(result).get('error_msg', 'a newer goal has come') == 'a newer goal has come'
@@ -226,74 +239,37 @@ def test_a_newer_goal_aborts_the_one_before(start, clock):
 
 
 @pytest.mark.parametrize(
-    ('pose', 'frame_id'), [(FAR, 'odom'), (FAR, ''), (PoseInPlane(math.nan, 1.0, 0.0), 'map')]
+    ('parameters', 'problem'),
+    [
+        (
+            {'route_file': '/none/route.csv'},
+            "'/none/route.csv': No such file or directory: name another file",
+        ),
+        ({'nav_action_name': 'a b'}, 'parameter nav_action_name: Invalid topic name'),
+    ],
 )
-def test_a_goal_that_is_not_a_pose_in_the_map_is_rejected(start, pose, frame_id):
-    assert not start().send(pose, frame_id).accepted
-
-
-def test_the_robot_drives_as_many_times_faster_as_it_is_told(start, clock):
-    client = start(speedup=20)
-    client.send(FAR)
-    clock.pass_seconds(HOUR / 20 / 100)
-    client.wait_until_robot(lambda pose: math.dist(pose[:2], START) > 5.0)
-
-
-def test_a_route_that_cannot_be_written_is_refused(start):
-    problem = "'/none/route.csv': No such file or directory: name another file"
+def test_a_route_that_cannot_be_written_and_a_wrong_action_name_are_refused(start, parameters, problem):
     with pytest.raises(StartUpError, match=problem):
-        start(route_file='/none/route.csv')
+        start(**parameters)
 
 
-def test_an_action_name_that_ros_does_not_allow_is_refused(start):
-    with pytest.raises(StartUpError, match='parameter nav_action_name: Invalid topic name'):
-        start(nav_action_name='a b')
-
-
-def test_a_goal_on_its_way_tells_where_the_robot_is_and_how_far_it_has_to_go(start, clock):
-    client = start()
-    client.send(FAR)
-    wait_until(lambda: client.feedback)
-    clock.pass_seconds(5.0)
-    wait_until(lambda: client.feedback[-1].feedback.distance_remaining < FreeSpace.length_m([START, FAR[:2]]))
-    feedback = client.feedback[-1].feedback
-    assert feedback.current_pose.header.frame_id == 'map'
-    wait_until(lambda: client.odometry[-1].pose.pose == feedback.current_pose.pose)  # two topics
-    assert 0.0 < feedback.distance_remaining < client.feedback[0].feedback.distance_remaining
-    client.send(client.wait_until_robot(lambda _pose: True)._replace(yaw=3.0))
-    clock.pass_seconds(0.1)  # it only turns
-    wait_until(lambda: client.feedback[-1].feedback.distance_remaining == 0.0)
-
-
-def test_a_navigator_that_is_configured_offers_its_action_and_rejects_goals_until_it_is_active(start, clock):
+def test_the_life_cycle_decides_whether_there_is_an_action_and_whether_it_accepts_goals(start, clock):
     client = start(autostart=False)
     client.change_state(Transition.TRANSITION_CONFIGURE)
     client.wait_for_server()
     assert not client.send(NEAR).accepted
     client.change_state(Transition.TRANSITION_ACTIVATE)
-    assert client.arrives_at(NEAR, clock)
-
-
-def test_a_navigator_that_is_deactivated_aborts_its_goal_and_stops_the_robot(start, clock):
-    client = start()
     goal = client.send(FAR)
     clock.pass_seconds(5.0)
-    client.wait_until_robot(lambda pose: math.dist(pose[:2], START) > 0.5)
+    here = client.wait_until_robot(lambda pose: math.dist(pose[:2], START) > 0.5)
     client.change_state(Transition.TRANSITION_DEACTIVATE)
+    client.stays_at(here, clock)
     status, result = client.end_of(goal)
     assert status == GoalStatus.STATUS_ABORTED
     assert told_by(result).get('error_msg', DEACTIVATED) == DEACTIVATED
-    here = client.wait_until_robot(lambda _pose: True)
-    clock.pass_seconds(HOUR)
-    assert client.wait_until_robot(lambda _pose: True) == here
     assert client.has_server()
     assert not client.send(NEAR).accepted
-
-
-def test_a_navigator_that_is_restarted_withdraws_its_action_and_does_not_know_the_goals_before(start, clock):
-    client = start()
-    goal = client.send(FAR)
-    client.change_state(Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP)
+    client.change_state(Transition.TRANSITION_CLEANUP)
     wait_until(lambda: not client.has_server())
     client.change_state(Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
     client.wait_for_server()

@@ -110,26 +110,50 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path):
     assert 'Traceback' not in result.stderr
 
 
-def test_a_world_with_another_camera_is_refused_in_one_line(tmp_path, capsys):
-    assert inspection.main(['--camera', 'detections', '--world', '--output', str(tmp_path)]) == 2
-    error = 'mission: --world publishes images only: leave --camera out, or name image\n'
-    assert capsys.readouterr().err == error
-
-
-@pytest.mark.usefixtures('stand_in')
-def test_an_output_that_is_no_folder_is_refused_in_one_line(tmp_path, capsys):
+@pytest.mark.parametrize(
+    ('arguments', 'error'),
+    [
+        (['--camera', 'detections', '--world'], '--world publishes images only: leave --camera out, or name'),
+        (['--world'], 'Drake is missing, which renders the world: pip install drake'),
+        (['--output', '{folder}/file'], "--output '{folder}/file': File exists: name a folder"),
+        (['--record', 'kept.txt'], "file 'kept.txt' ends in none of .sqlite, .db, .csv"),
+        (['--record', '/none/kept.csv'], "file '/none/kept.csv': No such file or directory"),
+        (
+            ['tag_file:=/none.json'],
+            "tag_file '/none.json': No such file or directory: name a file that can be read",
+        ),
+        (['tag_locations_file:=/none.json'], "tag_file '/none.json': No such file or directory"),
+    ],
+)
+def test_what_cannot_run_is_refused_in_one_line_before_a_node_starts(
+    tmp_path, monkeypatch, capsys, stand_in, arguments, error
+):
+    stand_in('bridge_node', f'touch {tmp_path}/started')
     (tmp_path / 'file').touch()
-    assert inspection.main(['--output', str(tmp_path / 'file')]) == 2
-    assert capsys.readouterr().err == f"mission: --output '{tmp_path}/file': File exists: name a folder\n"
-
-
-@pytest.mark.usefixtures('stand_in')
-def test_a_world_without_drake_is_refused_before_anything_starts(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
-    assert inspection.main(['--world', '--output', str(tmp_path)]) == 2
-    assert capsys.readouterr().err == (
-        'mission: Drake is missing, which renders the world: pip install drake\n'
-    )
+    given = [each.format(folder=tmp_path) for each in arguments]
+    assert inspection.main(['--output', str(tmp_path / 'output'), *given]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f'mission: {error.format(folder=tmp_path)}')
+    assert not (tmp_path / 'started').exists()
+
+
+@pytest.mark.parametrize(
+    ('argument', 'options'),
+    [
+        ('debug_sed:=3', ['--drive']),
+        ('blocked:=0 0 1 1', []),
+        ('min_frames:=1', ['--drive']),
+        ('debug_seed', ['--drive']),
+        ('report_file:=x.jsonl', ['--drive']),
+    ],
+)
+def test_an_argument_of_no_node_is_refused_with_those_that_there_are(tmp_path, capsys, argument, options):
+    assert inspection.main(['--output', str(tmp_path / 'output'), *options, argument]) == 2
+    error, *names = capsys.readouterr().err.splitlines()
+    assert error == f"mission: '{argument}' sets no parameter of this run: write name:=value, with one of"
+    assert {'debug_seed', 'tag_file', 'tag_sequence'} <= set(''.join(names).replace(',', ' ').split())
+    assert not (tmp_path / 'output').exists()
 
 
 @pytest.mark.parametrize(
@@ -188,54 +212,23 @@ def test_a_signal_ends_what_comes_after_a_mission(tmp_path, stand_in, name):
 
 
 def test_each_argument_reaches_each_node_that_has_such_a_parameter():
-    found = commands(
-        'robot_radius_m:=0.3',
-        'order:=numeric',
-        'blocked:=0 0 1 1',
-        'debug_seed:=3',
-        'min_frames:=4',
-        camera='image',
-        drive=True,
-    )
-    assert 'debug_seed:=3' in found['bridge_node']
-    assert {'robot_radius_m:=0.3', 'order:=numeric'} <= set(found['mission_orchestrator'])
-    assert {'robot_radius_m:=0.3', 'blocked:=0 0 1 1'} <= set(found['fake_navigator'])
-    assert 'min_frames:=4' in found['confirm_tag']
+    given = ['robot_radius_m:=0.3', 'order:=numeric', 'blocked:=0 0 1 1', 'debug_seed:=3', 'min_frames:=4']
+    found = commands(*given, 'tag_file:="a b.json"', camera='image', drive=True, record='r.sqlite')
+    expected = {
+        'record_readings': {'tag_file:="a b.json"'},
+        'bridge_node': {'debug_seed:=3', 'tag_file:="a b.json"'},
+        'fake_navigator': {'robot_radius_m:=0.3', 'blocked:=0 0 1 1', 'tag_file:="a b.json"'},
+        'confirm_tag': {'min_frames:=4'},
+        'fake_camera': {'tag_file:="a b.json"'},
+        'mission_orchestrator': {'robot_radius_m:=0.3', 'order:=numeric'},
+    }
+    reached = {name: {*given, 'tag_file:="a b.json"'} & set(words) for name, words in found.items()}
+    assert reached == expected
+    assert list(found) == list(expected)  # the recorder starts first, and ends last
     assert 'from_odometry:=true' in found['fake_camera']
-    assert {'drive:=nav2', 'order:=shortest'} <= set(found['mission_orchestrator'])
-    given = [word.partition(':=')[0] for command in found.values() for word in command]
-    assert [given.count(name) for name in ('robot_radius_m', 'blocked', 'debug_seed')] == [2, 1, 1]
-    assert found['mission_orchestrator'][-1] == 'order:=numeric'  # the last assignment counts
-
-
-@pytest.mark.parametrize(
-    ('argument', 'drive'),
-    [
-        ('debug_sed:=3', True),
-        ('blocked:=0 0 1 1', False),
-        ('min_frames:=1', True),
-        ('debug_seed', True),
-        ('report_file:=x.jsonl', True),
-    ],
-)
-def test_an_argument_of_no_node_ends_the_run_before_it_starts(tmp_path, capsys, stand_in, argument, drive):
-    stand_in('bridge_node', f'touch {tmp_path}/started')
-    options = ['--output', str(tmp_path / 'output'), *(['--drive'] if drive else [])]
-    assert inspection.main([*options, argument]) == 2
-    error, *names = capsys.readouterr().err.splitlines()
-    assert error == f"mission: '{argument}' sets no parameter of this run: write name:=value, with one of"
-    assert {'debug_seed', 'tag_file', 'tag_sequence'} <= set(''.join(names).replace(',', ' ').split())
-    assert not (tmp_path / 'started').exists()
-    assert not (tmp_path / 'output').exists()
-
-
-def test_your_own_greenhouse_reaches_all_that_plan_or_draw():
-    found = commands('tag_file:="a b.json"', camera='image', drive=True, record='r.sqlite')
-    assert 'tag_locations_file:="a b.json"' in found['mission_orchestrator']
-    for name in ('fake_navigator', 'fake_camera', 'bridge_node'):
-        assert 'tag_file:="a b.json"' in found[name], name
-    assert next(iter(found)) == 'record_readings'  # starts first and ends last
-    assert 'tag_file:="a b.json"' in found['record_readings']
+    mission = found['mission_orchestrator']
+    assert {'drive:="nav2"', 'order:="shortest"', 'tag_locations_file:="a b.json"'} <= set(mission)
+    assert mission.index('order:="shortest"') < mission.index('order:=numeric')  # the last assignment counts
 
 
 @pytest.mark.parametrize(('drive', 'source'), [(False, 'world_file'), (True, 'tag_locations_file')])
@@ -271,23 +264,6 @@ def test_your_own_greenhouse_is_served_visited_recorded_and_drawn(tmp_path, monk
     assert '"own"' in report.with_suffix('.html').read_text(encoding='utf-8')
 
 
-@pytest.mark.parametrize(
-    ('name', 'error'),
-    [
-        ('kept.txt', "file '{path}' ends in none of .sqlite, .db, .csv"),
-        ('none/kept.csv', "file '{path}': No such file or directory"),
-    ],
-)
-def test_a_recorder_that_cannot_start_ends_the_run_before_anything_else(
-    tmp_path, capsys, stand_in, name, error
-):
-    stand_in('bridge_node', f'touch {tmp_path}/started')
-    path = str(tmp_path / name)
-    assert inspection.main(['--output', str(tmp_path / 'output'), '--record', path]) == 2
-    assert capsys.readouterr().err.startswith(f'mission: {error.format(path=path)}')
-    assert not (tmp_path / 'started').exists()
-
-
 def test_a_reading_of_the_report_that_was_not_recorded_is_said(tmp_path, capfd, monkeypatch, stand_in):
     """The recorder of this run keeps nothing."""
     report = tmp_path / 'output/now.jsonl'
@@ -309,15 +285,6 @@ def test_a_reading_of_the_report_that_was_not_recorded_is_said(tmp_path, capfd, 
         stand_in(name, '')
     assert inspection.main(['--output', str(report.parent), '--record', str(tmp_path / 'kept.csv')]) == 1
     assert capfd.readouterr().err == f'mission: 2 rows of {report} were not recorded: see the log above\n'
-
-
-@pytest.mark.usefixtures('stand_in')
-@pytest.mark.parametrize('name', ['tag_file', 'tag_locations_file'])
-def test_a_tag_file_that_cannot_be_read_is_refused_in_one_line(tmp_path, capsys, name):
-    assert inspection.main(['--output', str(tmp_path), f'{name}:=/none.json']) == 2
-    assert capsys.readouterr().err == (
-        "mission: tag_file '/none.json': No such file or directory: name a file that can be read\n"
-    )
 
 
 def test_two_runs_in_one_second_have_a_report_each(tmp_path):

@@ -1,7 +1,8 @@
-"""The camera in the world: its viewpoints, and its topics. The world is a stand-in: there may be no Drake."""
+"""The world that Drake renders: its camera and its check. ci/tests/test_world.py has what needs Drake."""
 
 import contextlib
 import math
+import subprocess
 from functools import partial
 from types import SimpleNamespace
 
@@ -11,43 +12,53 @@ import rclpy
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.testing._helpers import executable, running, wait_until
-from lupin_simulation import world_camera
-from lupin_simulation.rendered_world import TagModel
+from lupin_simulation import check_world, world_camera
+from lupin_simulation.pinhole_camera import PinholeCamera
+from lupin_simulation.rendered_world import TagModel, View, viewpoint
 from lupin_simulation.world_camera import WorldCamera, view_of
 from nav_msgs.msg import Odometry
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-TAG = TagModel(np.array([2.0, 1.0, 0.3]), *np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]))
+SOUTHWARDS = TagModel(
+    np.array([2.0, 1.0, 0.3]), *np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+)
 WHITE, BLACK = 255, 0
+
+
+@pytest.mark.parametrize(
+    ('angle_degrees', 'place'),
+    [(0, (2.0, 0.5, 0.3)), (90, (2.5, 1.0, 0.3)), (-90, (1.5, 1.0, 0.3)), (60, (2.433013, 0.75, 0.3))],
+)
+def test_a_viewpoint_is_in_front_of_a_tag_and_turned_to_its_right(angle_degrees, place):
+    assert viewpoint(SOUTHWARDS, 0.5, angle_degrees) == pytest.approx(place)
+
+
+def test_the_camera_stands_in_front_of_the_tag_and_looks_at_it_and_without_a_tag_at_the_sky():
+    random = np.random.default_rng(1)
+    for _ in range(200):
+        eye, at = view_of(SOUTHWARDS, random)
+        right, up, out = (
+            axis @ (eye - SOUTHWARDS.centre) for axis in (SOUTHWARDS.to_right, SOUTHWARDS.up, SOUTHWARDS.out)
+        )
+        assert up == 0.0
+        assert out > abs(right)  # less than 45 degrees from the normal
+        assert 0.3 - 0.03 < np.hypot(right, out) < 1.0 + 0.03
+        assert np.linalg.norm(at - SOUTHWARDS.centre) < 0.03 + 1.0 * np.tan(world_camera.LARGEST_YAW)
+    eye, at = view_of(None, random)
+    assert at[2] > eye[2] > 0.0
 
 
 def look(_eye, at) -> np.ndarray:
     """Return a white picture of the tag, and a black one of anything else."""
-    return np.full((24, 32, 3), WHITE if np.linalg.norm(at - TAG.centre) < 0.2 else BLACK, np.uint8)
-
-
-def test_the_camera_stands_in_front_of_the_tag_and_looks_at_it():
-    random = np.random.default_rng(1)
-    for _ in range(200):
-        eye, at = view_of(TAG, random)
-        right, up, out = (axis @ (eye - TAG.centre) for axis in (TAG.to_right, TAG.up, TAG.out))
-        assert up == 0.0
-        assert out > abs(right)  # less than 45 degrees from the normal
-        assert 0.3 - 0.03 < np.hypot(right, out) < 1.0 + 0.03
-        assert np.linalg.norm(at - TAG.centre) < 0.03 + 1.0 * np.tan(world_camera.LARGEST_YAW)
-
-
-def test_without_a_tag_the_camera_looks_at_the_sky():
-    eye, at = view_of(None, np.random.default_rng(1))
-    assert at[2] > eye[2] > 0.0
+    return np.full((24, 32, 3), WHITE if np.linalg.norm(at - SOUTHWARDS.centre) < 0.2 else BLACK, np.uint8)
 
 
 @pytest.fixture
 def run_camera(monkeypatch):
     """Return a function that runs a camera beside a robot whose mission stands at tag 7 already."""
-    world = SimpleNamespace(tags={7: TAG}, look=look)
+    world = SimpleNamespace(tags={7: SOUTHWARDS}, look=look)
     monkeypatch.setattr(world_camera, 'RenderedWorld', lambda _file: world)
     with contextlib.ExitStack() as stack:
 
@@ -92,6 +103,40 @@ def test_a_camera_on_the_robot_looks_from_its_odometry_and_not_from_the_mission(
     wait_until(lambda: shows(BLACK))  # no odometry yet
     wait_until(lambda: shows_from(2.0, 0.0, math.pi / 2, WHITE))
     wait_until(lambda: shows_from(2.0, 0.0, 0.0, BLACK))
+
+
+def test_a_tag_is_read_in_all_views_of_a_group_and_the_tags_are_counted(monkeypatch, capsys):
+    for name in ('FIRST_SECONDS', 'NEXT_SECONDS'):
+        monkeypatch.setattr(check_world.Progress, name, 0.0)
+    camera, random = PinholeCamera(), np.random.default_rng(0)
+    front = camera.expose(camera.scene_of_tag(7, random, distance_m=0.5), random)
+    blank = np.full_like(front, 255)
+    world = SimpleNamespace(look=lambda eye, _at: np.stack([eye] * 3, axis=-1))
+    views = [View(blank, blank), View(front, blank)]
+
+    def tags_read(groups: list[list[View]]) -> set[int]:
+        setting = check_world.Setting('here', {7: groups, 8: groups})
+        return check_world.tags_read(world, setting, check_world.Progress('check_world'))
+
+    assert tags_read([[each] for each in views]) == {7}
+    assert capsys.readouterr().err.splitlines() == ['check_world: here: 0 of 2', 'check_world: here: 1 of 2']
+    assert tags_read([views]) == set()
+
+
+@pytest.mark.usefixtures('without_drake')
+@pytest.mark.parametrize(
+    ('arguments', 'error'),
+    [
+        ([], 'Drake is missing (No Drake in this test): pip install drake'),
+        (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
+    ],
+)
+def test_a_check_that_cannot_be_made_is_refused_in_one_line(arguments, error):
+    command = [executable('lupin_simulation', 'check_world'), *arguments]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stdout) == (2, ''), result.stderr
+    (line,) = result.stderr.splitlines()
+    assert line.startswith(f'check_world: {error}')
 
 
 @pytest.mark.usefixtures('without_drake')
