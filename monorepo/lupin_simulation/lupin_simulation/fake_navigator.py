@@ -22,12 +22,11 @@ from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane, pose_message
+from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_mission.nav2_drive import navigate_to_pose
 from nav_msgs.msg import Odometry
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.action.server import ServerGoalHandle
-from rclpy.clock import Clock, ClockType
+from rclpy.action.server import ActionServer, CancelResponse, GoalResponse, ServerGoalHandle
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
@@ -75,7 +74,7 @@ class FakeNavigator(LifecycleNode):
         if settings.autostart:
             self.trigger_configure()
             self.trigger_activate()
-        self.create_timer(STEP_SECONDS, self._step, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(self, STEP_SECONDS, self._step)
         self._publish()
         self._write_route()
         self.get_logger().info(f'ready: a robot of radius {settings.robot_radius_m:g} m')

@@ -90,9 +90,8 @@ class PinholeCamera:
         picture = cv2.resize(scene, (self.width, self.height), interpolation=cv2.INTER_AREA)
         if blur_pixels > 0.0:
             picture = cv2.GaussianBlur(picture, (0, 0), blur_pixels)
-        noisy = random.normal(0.0, noise_levels, picture.shape)
-        noisy += picture
-        return noisy.clip(0, 255).astype(np.uint8)
+        noise = random.normal(0.0, noise_levels, (self.height, self.width))
+        return (noise + picture).clip(0, 255).astype(np.uint8)
 
     def _draw(self, paper: np.ndarray, axes: np.ndarray, centre: np.ndarray, scene: np.ndarray) -> None:
         """

@@ -10,11 +10,10 @@ from typing import Any
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
-from lupin_greenhouse_bridge.runtime.rclpy_internals import take_message
+from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer, take_message
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_msgs.srv import ConfirmTag
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.task import Future
@@ -58,10 +57,8 @@ class ConfirmTagNode(Node):
         self._pictures = self.create_publisher(Image, f'{SERVICE}/seen', 1)
         group = ReentrantCallbackGroup()  # several callers can wait at once
         self.create_service(ConfirmTag, SERVICE, self._confirm, qos_profile=SERVICE_QOS, callback_group=group)
-        # Runs only while a request waits, on a monotonic clock.
-        clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timer = self.create_timer(LOOK_EVERY_SECONDS, self._let_requests_look, clock=clock)
-        self._timer.cancel()
+        self._timer = steady_timer(self, LOOK_EVERY_SECONDS, self._let_requests_look)
+        self._timer.cancel()  # it runs only while a request waits
         self.get_logger().info(f'ready: images from {self._camera.topic_name}')
 
     def _on_message(self, message: Any) -> None:
