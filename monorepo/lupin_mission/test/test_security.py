@@ -6,7 +6,8 @@ from xml.etree import ElementTree
 import pytest
 from lupin_greenhouse_bridge.testing._helpers import executable, wait_until
 
-POLICY = ElementTree.parse(Path(__file__).resolve().parent.parent / 'security/policy.xml').getroot()
+OWN_POLICY = Path(__file__).resolve().parent.parent / 'security/policy.xml'
+POLICY = ElementTree.parse(OWN_POLICY).getroot()
 BRIDGES_POLICY = Path(__file__).resolve().parents[2] / 'lupin_greenhouse_bridge/security/policy.xml'
 # Distros before Jazzy do not have it; an unused right does no harm.
 NOT_EVERYWHERE = 'get_type_description'
@@ -49,6 +50,15 @@ def created_by(graph, node: str, namespace: str) -> dict[str, set[str]]:
 
 def without_optional(rights: dict[str, set[str]]) -> dict[str, set[str]]:
     return {right: {each for each in names if NOT_EVERYWHERE not in each} for right, names in rights.items()}
+
+
+@pytest.mark.parametrize('path', [OWN_POLICY, BRIDGES_POLICY], ids=['mission', 'bridge'])
+def test_ros2_security_generate_artifacts_can_read_it(path):
+    """It takes every child of <enclaves> for an enclave, a comment too."""
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    enclaves = ElementTree.parse(path, parser).getroot().find('enclaves')
+    assert [each.tag for each in enclaves] == ['enclave'] * len(list(enclaves.iter('enclave')))
+    assert all(each.get('path').startswith('/') for each in enclaves)
 
 
 @pytest.mark.parametrize(
