@@ -34,19 +34,16 @@ NOT_ASKABLE = 'cannot be sent over ROS: use an id of visible Unicode characters'
 # Changes to TAGS by path, and the expected message.
 BAD_TAGS = [
     ({'': None}, 'holds null at its top level, not an object of tags'),
-    ({'': True}, 'holds true or false at its top level'),
     ({'': {'units': 'm', '7': TAGS['tags']['7']}}, "tag 'units' is text, not an object"),
     ({'tags': {}}, 'holds no tags: add at least one'),
     ({'tags': []}, "tag 'tags' is a list, not an object"),
     ({'tags/7': 'x'}, "tag '7' is text, not an object"),
     ({'tags/': TAGS['tags']['7']}, f"tag '' {NOT_ASKABLE}"),
-    ({'tags/ \t': TAGS['tags']['7']}, f"tag ' \\t' {NOT_ASKABLE}"),
     ({'tags/7\0': TAGS['tags']['7']}, f"tag '7\\x00' {NOT_ASKABLE}"),
     ({'tags/\ud83c': TAGS['tags']['7']}, f"tag '\\ud83c' {NOT_ASKABLE}"),
     ({'tags/7/x': MISSING}, f"tag '7': x is missing: {ANY_METRES}"),
     ({'tags/7/sensors': MISSING}, "tag '7': sensors is missing: must be a list of names"),
     ({'tags/7/x': '1.0'}, f"tag '7': x is '1.0': {ANY_METRES}"),
-    ({'tags/7/x': True}, f"tag '7': x is True: {ANY_METRES}"),
     ({'tags/7/x': 1.0001e12}, f"tag '7': x is 1000100000000.0: {ANY_METRES}"),
     ({'tags/7/x': 10**400}, f"tag '7': x is 100000000000000000...0000000000000000000: {ANY_METRES}"),
     ({'tags/7/y': math.inf}, f"tag '7': y is inf: {ANY_METRES}"),
@@ -60,7 +57,6 @@ BAD_TAG_BYTES = [
     (b'\xef\xbb\xbf{"7": {"x": 1, "y": 1, "sensors": ["co2"]}}', 'starts with a UTF-8 byte order mark'),
     ('{"é": {}}'.encode('latin-1'), 'is not UTF-8 text'),
     (b'{"7": {"x": ' + b'9' * 5000 + b'}}', 'is not JSON:'),
-    (b'{"7": {"x": 1, "x": 2, "y": 1, "sensors": []}}', "'x' appears twice in one object"),
     (b'{"7": {}, "8": {}, "7": {}}', "'7' appears twice in one object: keep one of them"),
     (b'[' * 20_000, 'is too deeply nested: use at most 4 levels'),
 ]
@@ -236,35 +232,25 @@ def test_a_config_of_another_editor_is_served(write, wrap):
     assert load('sim_config_file', path).tag_ids
 
 
-def test_sensors_come_in_the_order_of_the_tag_file(write):
+def test_sensors_come_in_the_order_of_the_file_and_a_tag_without_them_is_left_out_with_a_warning(write):
     names = ['soil_moisture', 'light', 'co2', 'humidity', 'temperature']
-    greenhouse = load('tag_file', write('tag_file', {'tags/7/sensors': names}))
-    _, values = simulation.read(greenhouse.sim, '7')
-    assert list(values) == names
+    bare = {'x': 1, 'y': 1, 'sensors': []}
+    row = {'tags/7/sensors': names, 'tags/8': bare, 'tags/9': bare}
+    greenhouse = load('tag_file', write('tag_file', row))
+    assert greenhouse.tag_ids == ['7']
+    assert list(simulation.read(greenhouse.sim, '7')[1]) == names
+    assert greenhouse.warnings == ["2 tags without sensors, treated as unknown: '8', '9'"]
 
 
-def test_a_tag_without_sensors_is_left_out_with_a_warning(write):
-    row = {'tags/8': {'x': 1, 'y': 1, 'sensors': []}}
-    (warning,) = load('tag_file', write('tag_file', row)).warnings
-    assert warning == "1 tag without sensors, treated as unknown: '8'"
-    row['tags/9'] = row['tags/8']
-    (warning,) = load('tag_file', write('tag_file', row)).warnings
-    assert warning == "2 tags without sensors, treated as unknown: '8', '9'"
-
-
-@pytest.mark.parametrize('kind', ['spaces and ünïcödé', 'symlink', 'relative'])
-def test_any_way_to_name_a_file_is_followed(bridge_here, write, tmp_path, monkeypatch, kind):
+def test_a_relative_path_to_a_symlink_with_spaces_and_any_letters_is_followed(
+    bridge_here, write, tmp_path, monkeypatch
+):
     config = write('sim_config_file', {'time/debug_mode': True, 'time/debug_time_of_day': 3.25})
-    path = tmp_path / f'{kind}.yaml'
-    path.symlink_to(config) if kind == 'symlink' else path.write_bytes(config.read_bytes())
+    (tmp_path / 'spaces and ünïcödé.yaml').symlink_to(config)
     monkeypatch.chdir(tmp_path)
-    ended = bridge_here(sim_config_file=path.name if kind == 'relative' else path)
+    ended = bridge_here(sim_config_file='spaces and ünïcödé.yaml')
     assert ended.code == 0
     assert 'clock frozen at 3.25 h' in ended.err
-
-
-def test_a_tilde_is_not_expanded_and_the_message_says_so(bridge_here):
-    assert '~ is not expanded' in bridge_here(sim_config_file='~/greenhouse_config.yaml').refusal
 
 
 @pytest.mark.parametrize(
@@ -277,12 +263,11 @@ def test_a_tilde_is_not_expanded_and_the_message_says_so(bridge_here):
     ],
     ids=['folder', 'named pipe', 'endless device', 'symlink to itself'],
 )
-@pytest.mark.parametrize('parameter', PARAMETERS)
-def test_what_is_no_plain_file_is_refused(tmp_path, parameter, make, fragment):
+def test_what_is_no_plain_file_is_refused(tmp_path, make, fragment):
     path = tmp_path / 'thing'
     make(path)
     with pytest.raises(StartUpError, match=fragment):
-        load(parameter, path)
+        load('tag_file', path)
 
 
 @pytest.mark.parametrize(('parameter', 'mebibytes'), [('tag_file', 64), ('sim_config_file', 1)])
@@ -330,15 +315,6 @@ def test_a_refused_value_of_any_size_is_shown_in_little_memory(write, key, value
     finally:
         tracemalloc.stop()
     assert shown in str(refusal.value)
-
-
-def test_a_hundred_thousand_tags_are_loaded_and_each_was_read(tmp_path):
-    path = tmp_path / 'many.json'
-    many = {str(number): {'x': 1.0, 'y': number / 1e4, 'sensors': ['co2']} for number in range(100_000)}
-    path.write_text(json.dumps({'tags': many}))
-    greenhouse = load('tag_file', path)
-    assert len(greenhouse.tag_ids) == 100_000
-    assert simulation.read(greenhouse.sim, '99999')
 
 
 SENSORS = ['temperature', 'humidity', 'co2', 'light', 'soil_moisture']
@@ -427,38 +403,29 @@ def test_every_good_greenhouse_is_accepted_and_can_be_read_at_any_hour(tmp_path_
 def test_a_spoiled_greenhouse_is_refused_in_one_line_or_can_be_read(tmp_path_factory, greenhouse, chosen):
     try:
         loaded = load_generated(tmp_path_factory.getbasetemp(), greenhouse, chosen)
-    except StartUpError as error:
-        assert str(error).isprintable()  # noqa: PT017 (both outcomes are right, and both are checked)
+    except StartUpError:  # always one line, see test_process.py
         return
     assert_readable_at_any_hour(loaded)
 
 
 TAG = {'x': 1, 'y': 2.5, 'sensors': ['co2']}
 TABLE = {'x0': 0, 'y0': 0, 'x1': 2, 'y1': 1}
-BARE = {**TAG, 'sensors': []}
 
 
-@pytest.mark.parametrize('data', [{'9': TAG, '7': TAG}, {'tags': {'9': TAG, '8': BARE, '7': TAG}}])
-def test_both_formats_give_the_tags_with_sensors_in_their_order(write, data):
-    layout = read_layout(write('tag_file', {'': data}))
-    assert list(layout.tags) == ['9', '7']
+@pytest.mark.parametrize('is_nested', [True, False])
+def test_both_formats_give_the_served_tags_in_their_order_and_one_has_tables(write, is_nested):
+    tags = {'9': TAG, '8': {**TAG, 'sensors': []}, '7': TAG}
+    nested = {'tags': tags, 'tables': {'bench': {**TABLE, 'colour': 'green'}}}
+    layout = read_layout(write('tag_file', {'': nested if is_nested else tags}))
+    assert (list(layout.tags), layout.tags_without_sensors) == (['9', '7'], ('8',))
     assert layout.tags['7'] == Tag(1.0, 2.5, ['co2'])
-    assert layout.tables == {}
+    assert layout.tables == ({'bench': (0.0, 0.0, 2.0, 1.0)} if is_nested else {})
 
 
-def test_the_tables_are_their_corners_in_metres(write):
-    row = {'tables': {'bench': {**TABLE, 'colour': 'green'}}}
-    layout = read_layout(write('tag_file', row))
-    assert layout.tables == {'bench': (0.0, 0.0, 2.0, 1.0)}
-
-
-def test_the_shipped_layout_is_that_of_the_simulator(shipped_tags):
+def test_the_shipped_layout_is_that_of_the_simulator_if_there_is_one(shipped_tags, monkeypatch):
     layout = find_layout('')
     assert list(layout.tags) == list(shipped_tags)
     assert layout.tables
-
-
-def test_without_the_simulator_there_is_no_shipped_layout(monkeypatch):
     monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
     assert shipped_file('tag_locations.json') is None
     assert find_layout('') is None

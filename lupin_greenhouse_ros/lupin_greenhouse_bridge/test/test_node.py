@@ -31,8 +31,9 @@ UNKNOWN_TAG = GetTagReading.Response.STATUS_UNKNOWN_TAG
 SIMULATOR_ERROR = GetTagReading.Response.STATUS_SIMULATOR_ERROR
 FORGED = '1\n[FATAL] [0.0] [greenhouse_bridge]: forged\r\x1b[2J'
 POLICY = ElementTree.parse(Path(__file__).resolve().parent.parent / 'security/policy.xml').getroot()
+RIGHTS = {'reply': 'service', 'request': 'client', 'publish': 'publisher', 'subscribe': 'subscriber'}
 # Distros before Jazzy do not have it; an unused right does no harm.
-NOT_EVERYWHERE = {'get_type_description'}
+NOT_EVERYWHERE = {'~/get_type_description'}
 
 
 def call_node_service(bridge, service_type, name, request):
@@ -219,25 +220,35 @@ def test_sixteen_clients_at_once_lose_nothing_and_get_their_own_answers(noon_bri
             assert answered == asked
 
 
-def allowed(node, kind, right):
-    """Return the names in a node's profile of the policy, without the node's own name."""
+def allowed(node):
+    """Return what a node's profile of the policy allows, as what_has() returns what a node has."""
     (profile,) = [each for each in POLICY.iter('profile') if each.get('node') == node]
-    groups = [group for group in profile if group.get(right) == 'ALLOW']
-    return {name.text.replace('~/', '') for group in groups for name in group if group.tag == kind}
+    return {
+        right: {name.text for group in profile if group.get(right) == 'ALLOW' for name in group}
+        for right in RIGHTS
+    }
 
 
-def names(listed, node, namespace):
-    return {name.removeprefix(f'{namespace}/{node}/').replace(namespace, '', 1) for name, _ in listed}
+def what_has(graph, node, namespace):
+    """Return the names of what a node has on the graph, by the right that it needs for them."""
+    if (node, namespace or '/') not in graph.get_node_names_and_namespaces():
+        return {right: set() for right in RIGHTS}
+    own = f'{namespace}/{node}/'
+    return {
+        right: {
+            name.replace(own, '~/').removeprefix(namespace)
+            for name, _ in getattr(graph, f'get_{kind}_names_and_types_by_node')(node, namespace or '/')
+        }
+        for right, kind in RIGHTS.items()
+    }
 
 
 def test_the_policy_has_the_form_of_sros2_0_2_0():
     assert (POLICY.tag, POLICY.attrib) == ('policy', {'version': '0.2.0'})
-    enclaves = list(POLICY.iter('enclave'))
-    assert [each.get('path') for each in enclaves] == ['/greenhouse_bridge', '/read_tag']
+    assert [each.get('path') for each in POLICY.iter('enclave')] == ['/greenhouse_bridge', '/read_tag']
     for profile in POLICY.iter('profile'):
         assert profile.attrib.keys() == {'ns', 'node'}
         for group in profile:
-            assert group.tag in ('topics', 'services')
             rights = {'topics': {'publish', 'subscribe'}, 'services': {'request', 'reply'}}[group.tag]
             assert group.attrib.keys() <= rights
             assert set(group.attrib.values()) == {'ALLOW'}
@@ -246,57 +257,39 @@ def test_the_policy_has_the_form_of_sros2_0_2_0():
 
 def test_the_bridge_offers_one_service_and_may_do_nothing_more(noon_bridge):
     noon_bridge.connect()
-    graph, node = noon_bridge.node, 'greenhouse_bridge'
-    namespace = noon_bridge.service_name.partition('/greenhouse_bridge/')[0]
+    graph, rights = noon_bridge.node, allowed('greenhouse_bridge')
 
-    def services():
-        if (node, namespace) not in graph.get_node_names_and_namespaces():
-            return set()
-        return names(graph.get_service_names_and_types_by_node(node, namespace), node, namespace)
+    def has():
+        found = what_has(graph, 'greenhouse_bridge', noon_bridge.namespace)
+        return {**found, 'reply': found['reply'] | NOT_EVERYWHERE}
 
-    replies = allowed(node, 'services', 'reply')
-    wait_until(lambda: services() >= replies - NOT_EVERYWHERE)
-    assert services() | NOT_EVERYWHERE == replies
-    of_any_node = names(graph.get_service_names_and_types_by_node('bridge_test', '/'), 'bridge_test', '')
-    assert services() - of_any_node == {'get_tag_reading'}
-    published = {name for name, _ in graph.get_publisher_names_and_types_by_node(node, namespace)}
-    assert published == allowed(node, 'topics', 'publish') == {'/parameter_events', '/rosout'}
-    assert graph.get_subscriber_names_and_types_by_node(node, namespace) == []
-    assert graph.get_client_names_and_types_by_node(node, namespace) == []
+    wait_until(lambda: has() == rights)
+    of_any_node = what_has(graph, 'bridge_test', '')['reply']
+    assert has()['reply'] - of_any_node - NOT_EVERYWHERE == {'~/get_tag_reading'}
 
 
-@pytest.mark.parametrize(('arguments', 'asks_for_parameters'), [(['1'], False), (['--all'], True)])
+@pytest.mark.parametrize(('arguments', 'without'), [(['1'], 'get_parameters'), (['--all'], 'nothing')])
 def test_the_client_may_do_what_it_does_and_nothing_more(
-    noon_bridge, read_tag_here, monkeypatch, arguments, asks_for_parameters
+    noon_bridge, read_tag_here, monkeypatch, arguments, without
 ):
     noon_bridge.connect()
-    graph, node = noon_bridge.node, 'read_tag'
-    requests = {name.rpartition('/')[2] for name in allowed(node, 'services', 'request')}
-    if not asks_for_parameters:
-        requests.remove('get_parameters')
+    graph, rights = noon_bridge.node, allowed('read_tag')
+    requests = {
+        f'{noon_bridge.namespace}{name}' for name in rights.pop('request') if not name.endswith(without)
+    }
     looks = []
-
-    def asked():
-        if (node, '/') not in graph.get_node_names_and_namespaces():
-            return set()
-        return {name.rpartition('/')[2] for name, _ in graph.get_client_names_and_types_by_node(node, '/')}
 
     def look(_seconds):
         """Look at the graph while read_tag waits for the next round."""
-        wait_until(lambda: asked() >= requests)
-        assert asked() == requests
-        served = names(graph.get_service_names_and_types_by_node(node, '/'), f'/{node}', '')
-        assert {name.rpartition('/')[2] for name in served} <= allowed(node, 'services', 'reply')
-        published = {name for name, _ in graph.get_publisher_names_and_types_by_node(node, '/')}
-        assert published <= allowed(node, 'topics', 'publish')
-        assert graph.get_subscriber_names_and_types_by_node(node, '/') == []
-        looks.append(True)
+        wait_until(lambda: what_has(graph, 'read_tag', '')['request'] == requests)
+        found = what_has(graph, 'read_tag', '')
+        looks.append([right for right, names in rights.items() if not found[right] <= names])
         signal.raise_signal(signal.SIGTERM)
 
     monkeypatch.setattr(process, 'sleep', look)
-    wait_until(lambda: (node, '/') not in graph.get_node_names_and_namespaces())  # of the test before
+    wait_until(lambda: not what_has(graph, 'read_tag', '')['publish'])  # of the test before
     ended = read_tag_here(*arguments, '--watch', '1', '--service', noon_bridge.service_name)
-    assert (ended.code, looks) == (0, [True])
+    assert (ended.code, looks) == (0, [[]])
 
 
 @pytest.mark.parametrize(
