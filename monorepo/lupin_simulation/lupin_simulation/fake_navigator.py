@@ -21,7 +21,7 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovariance, PoseWithCovarianc
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
-from lupin_greenhouse_bridge.runtime.poses import pose_in_plane, pose_message
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_mission.nav2_drive import navigate_to_pose
@@ -34,7 +34,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
-from lupin_simulation.disc_robot import DiscRobot, arrival_at
+from lupin_simulation.disc_robot import DiscRobot, arrival_at, path_towards
 from lupin_simulation.navigator_settings import Settings
 
 GoalHandle: TypeAlias = 'ServerGoalHandle[Any, Any, Any]'
@@ -141,13 +141,14 @@ class FakeNavigator(LifecycleNode):
             self._end(self._goal, 'a newer goal has come')
         self._goal, self._stuck_seconds = goal, 0.0
         start, target = self._robot.pose, pose_in_plane(goal.request.pose.pose)
-        path = self._planner_space.path(start[:2], target[:2])
+        path = path_towards(self._planner_space, start[:2], target[:2], self._settings.tolerance)
         if path is None:
             failure = f'no path from {start.x:.2f}, {start.y:.2f} to {target.x:.2f}, {target.y:.2f}'
             is_free = self._planner_space.is_free(*start[:2])
             self._end(goal, failure, NO_VALID_PATH if is_free else START_OCCUPIED)
         else:
-            arrival = arrival_at(target, self._settings, self._chance, self._robot_space)
+            planned = PoseInPlane(*path[-1], target.yaw)
+            arrival = arrival_at(planned, self._settings, self._chance, self._robot_space)
             self._robot.follow([*path, arrival[:2]], arrival.yaw)
 
     def _step(self) -> None:

@@ -27,6 +27,9 @@ class Settings(LayoutSettings):
     padding_m: float = parameter(
         0.0, "Metres that the planner adds to the robot's radius.", smallest=0.0, largest=1.0
     )
+    tolerance: float = parameter(  # the name of Nav2's planner, whose default is 0.5
+        0.0, 'How far from a goal that is not free the drive may end, in metres.', smallest=0.0, largest=5.0
+    )
     arrival_error_m: float = parameter(
         0.0, 'The robot stops up to this far from its goal, in metres.', smallest=0.0, largest=1.0
     )

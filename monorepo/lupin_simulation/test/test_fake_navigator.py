@@ -217,6 +217,19 @@ def test_a_goal_behind_an_obstacle_is_aborted_with_the_reason_that_the_distro_ca
     assert client.arrives_at(NEAR, clock)
 
 
+def test_with_a_tolerance_a_drive_to_a_goal_in_an_obstacle_succeeds_at_the_nearest_free_point(start, clock):
+    """The robot needs 0.3 m to the middle of the small obstacle, and 0.7 m to that of the large one."""
+    blocked = f'{FAR.x - 0.1} {FAR.y - 0.1} {FAR.x + 0.1} {FAR.y + 0.1} 0.0 2.0 1.0 3.0'
+    client = start(blocked=blocked, tolerance=0.5)
+    assert client.arrives_at(FAR, clock)
+    pose = client.wait_until_robot(lambda pose: pose.yaw == pytest.approx(FAR.yaw))
+    assert 0.3 <= math.dist(pose[:2], FAR[:2]) <= 0.36
+    assert client.arrives_at(NEAR, clock)
+    client.wait_until_robot(lambda pose: pose == pytest.approx(NEAR))
+    status, result = client.end_of(client.send(PoseInPlane(0.5, 2.5, 0.0)))
+    assert (status, told_by(result).get('error_code', 208)) == (GoalStatus.STATUS_ABORTED, 208)
+
+
 def test_a_goal_that_is_cancelled_or_replaced_ends_and_one_that_is_no_pose_in_the_map_is_rejected(
     start, clock
 ):
