@@ -1,19 +1,22 @@
 """Publish the mirror to a remote: no rewritten history, all or nothing, and twice is once."""
 
+import os
 import re
+from pathlib import Path
 from xml.etree import ElementTree
 
 import generate
 import mirror_publish
+import mirror_publish_check
 import pytest
-from commits import git
+from commits import commit, edit, git
 from test_mirror_import import BRIDGE, LOG_MORE, NEW_TITLE, commit_in, import_patch
 
+MIRROR = mirror_publish.ROOT / mirror_publish.MIRROR
 README = 'lupin_greenhouse_ros/README.md'
-VERSION = ElementTree.parse(
-    mirror_publish.ROOT / mirror_publish.MIRROR / 'lupin_greenhouse_bridge/package.xml'
-).findtext('version')
+VERSION = ElementTree.parse(MIRROR / 'lupin_greenhouse_bridge/package.xml').findtext('version')
 REFS = ['refs/heads/main', 'refs/heads/ready']
+PAGES = [(MIRROR / path).read_text() for path in mirror_publish_check.PAGES]
 
 
 @pytest.fixture
@@ -24,12 +27,12 @@ def remote(tmp_path):
 
 
 @pytest.fixture
-def publish(repositories, remote, capsys):
+def publish(repository, remote, capsys):
     """Return a function that publishes the repository and returns exit code and output."""
-    set_address(repositories[0], remote)
+    set_address(repository, remote)
 
     def publish_to(*arguments: str, to=remote):
-        code = mirror_publish.main([str(to), '--root', str(repositories[0]), *arguments])
+        code = mirror_publish.main([str(to), '--root', str(repository), *arguments])
         printed = capsys.readouterr()
         return code, printed.out.partition('only the allowed divergence\n')[2] + printed.err
 
@@ -41,27 +44,22 @@ def set_address(folder, address):
     path = folder / 'tools/twins.toml'
     path.write_text(re.sub('(?<=^address = ).*', f'"{address}"', path.read_text(), flags=re.MULTILINE))
     assert generate.main(['--root', str(folder)]) == 0
-    git(folder, 'commit', '--quiet', '--all', '--message', 'Set the address')
+    commit(folder)
 
 
-def change(folder, path=README, text='\nMore.\n', message='Change it'):
+def change(folder, path=README, text='\nMore.\n'):
     """Commit a change of a file."""
-    with (folder / path).open('a') as file:
-        file.write(text)
-    git(folder, 'add', '--all')
-    git(folder, 'commit', '--quiet', '--message', message)
+    edit(folder / path, '', text)
+    commit(folder)
 
 
 def finish_release(folder):
     """Give the entries since the last release, if there are any, this version."""
-    paths = [folder / each for each in git(folder, 'ls-files', '*CHANGELOG.rst').splitlines()]
     heading = f'{VERSION} (2026-01-01)'
-    for path in paths:
-        path.write_text(
-            path.read_text().replace('Forthcoming\n-----------', f'{heading}\n{"-" * len(heading)}')
-        )
-    if git(folder, 'status', '--porcelain'):
-        change(folder)
+    for path in git(folder, 'ls-files', '*CHANGELOG.rst').splitlines():
+        text = (folder / path).read_text()
+        (folder / path).write_text(text.replace('Forthcoming\n---', f'{heading}\n{"-" * len(heading)}'))
+    git(folder, 'commit', '--quiet', '--all', '--allow-empty', '--message', 'Finish')
 
 
 def refs(remote) -> dict[str, str]:
@@ -73,50 +71,53 @@ def tree(folder, commit) -> str:
     return git(folder, 'rev-parse', f'{commit}^{{tree}}')
 
 
-def test_main_is_the_mirror_and_ready_is_main_without_colcon_ignore(repositories, remote, publish):
-    finish_release(repositories[0])
+def test_main_is_the_mirror_and_ready_is_main_without_colcon_ignore(repository, remote, publish):
+    finish_release(repository)
+    code, printed = publish('--dry-run')
+    assert (code, refs(remote)) == (0, {})
+    assert re.sub('[0-9a-f]{10}', 'COMMIT', printed) == ''.join(
+        f'would push {ref} new -> COMMIT\n' for ref in REFS[::-1]
+    )
     code, printed = publish('--release', VERSION)
     assert code == 0, printed
     assert list(refs(remote)) == [*REFS, f'refs/tags/{VERSION}']
-    assert tree(remote, 'main') == git(repositories[0], 'rev-parse', 'HEAD:lupin_greenhouse_ros')
+    assert tree(remote, 'main') == git(repository, 'rev-parse', 'HEAD:lupin_greenhouse_ros')
     files = {
         name: git(remote, 'ls-tree', '-r', '--name-only', name).splitlines() for name in ('main', 'ready')
     }
     assert [name for name in files['main'] if name != 'COLCON_IGNORE'] == files['ready']
     assert git(remote, 'rev-parse', f'{VERSION}^{{commit}}') == git(remote, 'rev-parse', 'main')
+    before = refs(remote)
     assert publish('--release', VERSION) == (0, 'nothing to publish\n')
+    change(repository)
+    code, printed = publish('--release', VERSION)
+    assert (code, 'choose another version' in printed, refs(remote)) == (1, True, before)
 
 
-def test_another_remote_than_that_of_the_address_is_refused_with_what_to_set(repositories, publish):
-    other = repositories[0].parent / 'other.git'
-    git(other.parent, 'init', '--quiet', '--bare', str(other))
-    code, printed = publish(to=other)
-    advice = (
-        f'set address = "{other}" under [trees.mirror] in tools/twins.toml, run make generate, and commit\n'
-    )
-    assert code == 1
-    assert printed.endswith(advice)
-    assert refs(other) == {}
-    code, printed = publish('--dry-run', to=other)
-    assert (code, printed.count('would push')) == (0, 2)
-    assert printed.endswith(advice)
-
-    set_address(repositories[0], other)
-    assert publish(to=other)[0] == 0
-    text = git(other, 'show', 'ready:README.md')
-    assert f'git clone --branch ready {other} src/lupin_greenhouse_ros' in text
-    assert f'    url: {other}\n' in text
-
-
-def test_a_repository_that_moved_keeps_its_history_and_gets_its_new_address(repositories, remote, publish):
+def test_another_remote_than_that_of_the_address_is_refused_with_what_to_set(repository, remote, publish):
+    """A repository that moved keeps its history and gets its new address."""
     publish()
     moved = remote.parent / 'moved.git'
     git(remote.parent, 'clone', '--quiet', '--mirror', str(remote), str(moved))
     before = refs(moved)
-    set_address(repositories[0], moved)
+    code, printed = publish(to=moved)
+    advice = (
+        f'set address = "{moved}" under [trees.mirror] in tools/twins.toml, run make generate, and commit\n'
+    )
+    assert code == 1
+    assert printed.endswith(advice)
+    change(repository)
+    code, printed = publish('--dry-run', to=moved)
+    assert (code, printed.count('would push')) == (0, 2)
+    assert printed.endswith(advice)
+    assert refs(moved) == before
+
+    set_address(repository, moved)
     assert publish(to=moved)[0] == 0
-    assert git(moved, 'rev-parse', 'main~1').strip() == before['refs/heads/main']
-    assert str(moved) in git(moved, 'show', 'main:README.md')
+    assert git(moved, 'rev-parse', 'main~2').strip() == before['refs/heads/main']
+    text = git(moved, 'show', 'ready:README.md')
+    assert f'git clone --branch ready {moved} src/lupin_greenhouse_ros' in text
+    assert f'    url: {moved}\n' in text
 
 
 def test_a_clone_of_the_default_branch_has_no_colcon_ignore(remote, publish):
@@ -162,20 +163,12 @@ def test_the_address_is_one_that_a_reader_can_clone(remote, address):
     assert mirror_publish.address_of(remote) == address
 
 
-def test_a_dry_run_pushes_nothing(remote, publish):
-    code, printed = publish('--dry-run')
-    assert code == 0
-    assert sorted(line.split()[2] for line in printed.splitlines()) == REFS
-    assert all(line.startswith('would push') for line in printed.splitlines())
-    assert refs(remote) == {}
-
-
-def test_ready_moves_with_main_only(repositories, remote, publish):
+def test_ready_moves_with_main_only(repository, remote, publish):
     publish()
     first = refs(remote)
-    change(repositories[0], 'README.md')  # of this repository, not of the mirror
+    change(repository, 'README.md')  # of this repository, not of the mirror
     assert publish() == (0, 'nothing to publish\n')
-    change(repositories[0])
+    change(repository)
     assert publish()[0] == 0
     second = refs(remote)
     parents = git(remote, 'show', '-s', '--format=%P', 'ready').split()
@@ -185,14 +178,6 @@ def test_ready_moves_with_main_only(repositories, remote, publish):
     assert git(remote, 'show', 'ready:README.md').endswith('More.\n')
 
 
-def commit_on(remote, branch):
-    """Commit to a branch of the remote."""
-    clone = remote.parent / f'clone-{branch}'
-    git(remote.parent, 'clone', '--quiet', '--branch', branch, str(remote), str(clone))
-    change(clone, 'README.md', message='Their own')
-    git(clone, 'push', '--quiet', 'origin', f'HEAD:{branch}')
-
-
 @pytest.mark.parametrize(
     ('branch', 'reason'),
     [
@@ -200,75 +185,58 @@ def commit_on(remote, branch):
         ('ready', 'the branch ready has changes of its own: move them to main by a patch'),
     ],
 )
-def test_commits_of_others_are_not_overwritten(repositories, remote, publish, branch, reason):
+def test_commits_of_others_are_not_overwritten(repository, remote, publish, branch, reason):
     publish()
-    commit_on(remote, branch)
+    theirs = remote.parent / 'theirs'
+    git(remote.parent, 'clone', '--quiet', '--branch', branch, str(remote), str(theirs))
+    change(theirs, 'README.md', 'Their own.')
+    git(theirs, 'push', '--quiet', 'origin', f'HEAD:{branch}')
     before = refs(remote)
-    change(repositories[0])
+    change(repository)
     code, printed = publish()
     assert (code, reason in printed) == (1, True), printed
     assert refs(remote) == before
-
-
-def spoil_generation(folder):
-    change(folder, f'monorepo/{BRIDGE}/bridge_node.py', '\n# by hand\n')
-
-
-def leave_uncommitted(folder):
-    (folder / README).write_text('changed')
 
 
 def begin_next_release(folder):
     finish_release(folder)
     path = folder / 'lupin_greenhouse_ros/lupin_greenhouse_msgs/CHANGELOG.rst'
     section = f'\n{VERSION} ('
-    path.write_text(path.read_text().replace(section, f'\nForthcoming\n-----------\n* More.\n{section}', 1))
-    change(folder)
+    edit(path, section, f'\nForthcoming\n-----------\n* More.\n{section}')
+    commit(folder)
 
 
 @pytest.mark.parametrize(
     ('spoil', 'arguments', 'reason'),
     [
         (begin_next_release, ['--release', VERSION], 'begins with Forthcoming: give this section'),
-        (spoil_generation, [], 'the trees are not what tools/core generates'),
-        (leave_uncommitted, [], 'there are uncommitted changes: commit or stash them'),
-        (None, ['--release', '9.9.9'], f'lupin_greenhouse_msgs/package.xml has version {VERSION}'),
+        (
+            lambda folder: change(folder, f'monorepo/{BRIDGE}/bridge_node.py'),
+            [],
+            'the trees are not what tools/core generates',
+        ),
+        (lambda folder: edit(folder / README, '', 'x'), [], 'uncommitted changes: commit or stash them'),
+        (lambda _: None, ['--release', '9.9.9'], f'lupin_greenhouse_msgs/package.xml has version {VERSION}'),
     ],
     ids=['entries of the next release', 'not generated', 'uncommitted', 'another version'],
 )
-def test_a_spoiled_checkout_is_not_published(repositories, remote, publish, spoil, arguments, reason):
-    if spoil:
-        spoil(repositories[0])
+def test_a_spoiled_checkout_is_not_published(repository, remote, publish, spoil, arguments, reason):
+    spoil(repository)
     code, printed = publish(*arguments)
     assert (code, reason in printed) == (1, True), printed
     assert refs(remote) == {}
 
 
-def test_a_release_is_not_moved(repositories, remote, publish):
-    finish_release(repositories[0])
-    publish('--release', VERSION)
-    before = refs(remote)
-    change(repositories[0])
-    code, printed = publish('--release', VERSION)
-    assert (code, 'choose another version' in printed) == (1, True), printed
-    assert refs(remote) == before
-
-
-@pytest.mark.usefixtures('publish')
-def test_a_shallow_clone_is_not_published(repositories, remote, capsys):
-    shallow = remote.parent / 'shallow'
-    git(remote.parent, 'clone', '--quiet', '--depth=1', f'file://{repositories[0]}', str(shallow))
-    assert mirror_publish.main([str(remote), '--root', str(shallow)]) == 1
+def test_a_wrong_remote_and_a_shallow_clone_are_refused_in_one_line(repository, remote, publish, capsys):
+    for name in ('', 'nobody', '/nowhere/at/all'):
+        code, printed = publish(to=name)
+        assert (code, printed.splitlines()[-1].startswith('mirror-publish: ')) == (1, True)
+    git(remote.parent, 'clone', '--quiet', '--depth=1', f'file://{repository}', 'shallow')
+    assert mirror_publish.main([str(remote), '--root', str(remote.parent / 'shallow')]) == 1
     assert 'git fetch --unshallow' in capsys.readouterr().err
 
 
-def test_a_wrong_remote_is_refused_in_one_line(repositories, capsys):
-    for name in ('', 'nobody', '/nowhere/at/all'):
-        assert mirror_publish.main([name, '--root', str(repositories[0])]) == 1
-        assert capsys.readouterr().err.startswith('mirror-publish: ')
-
-
-def test_an_imported_series_is_published_unchanged(repositories, remote, publish):
+def test_an_imported_series_is_published_unchanged(repository, remote, publish):
     """From a clone of the published mirror into the core by patches, and back."""
     publish()
     contributor = remote.parent / 'contributor'
@@ -276,12 +244,9 @@ def test_an_imported_series_is_published_unchanged(repositories, remote, publish
     base = git(contributor, 'rev-parse', 'HEAD').strip()
     commit_in(contributor, LOG_MORE)
     commit_in(contributor, ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One simulated', 'A simulated'))
-    (contributor / 'lupin_greenhouse_bridge/test/test_more.py').write_text(
-        f'# {generate.HEADER}\n"""More."""\n'
-    )
     commit_in(contributor, NEW_TITLE)
     series = git(contributor, 'format-patch', '--stdout', base)
-    result = import_patch(repositories[0], series)
+    result = import_patch(repository, series)
     assert result.returncode == 0, result.stderr
     assert publish()[0] == 0
     assert tree(remote, 'ready') == tree(contributor, 'HEAD')
@@ -289,3 +254,38 @@ def test_an_imported_series_is_published_unchanged(repositories, remote, publish
     assert git(remote, 'log', '--no-merges', told, f'{base}..ready') == git(
         contributor, 'log', told, f'{base}..HEAD'
     )
+
+
+def test_the_marked_blocks_of_the_pages_are_followed_word_for_word():
+    first = PAGES[0].partition('```bash\n')[2].partition('```')[0]
+    assert 'sudo apt install' in first
+    assert 'read_tag 1' in first
+    alone, among_others = mirror_publish_check.scripts(PAGES, Path('/srv/other')).values()
+    assert first in alone
+    assert 'cp -r /srv/other src/other_team' in among_others
+    assert 'source /opt/ros/jazzy/setup.bash' in among_others
+
+
+@pytest.mark.parametrize(
+    ('page', 'old', 'reason'),
+    [
+        (0, '<!-- followed by', 'README.md: no bash block is marked'),
+        (0, 'git clone', 'does not make a workspace and clone into it'),
+        (2, '<!-- followed by', 'doc/tests.md: no bash block is marked'),
+    ],
+)
+def test_a_page_without_its_commands_fails(page, old, reason):
+    pages = [text.replace(old, 'x') if number == page else text for number, text in enumerate(PAGES)]
+    with pytest.raises(mirror_publish_check.CheckFailedError, match=reason):
+        mirror_publish_check.scripts(pages, Path('/srv/other'))
+
+
+def test_a_command_that_fails_ends_the_bridge_and_is_shown_with_its_output(tmp_path):
+    script = f'{mirror_publish_check.UBUNTU}set -m\nsleep 600 & echo $!\nexit 3'
+    with pytest.raises(mirror_publish_check.CheckFailedError) as failure:
+        mirror_publish_check.run(script, tmp_path / 'log', {'PATH': '/usr/bin:/bin'}, tmp_path)
+    child, *_ = str(failure.value).splitlines()
+    assert f'\nexit code 3 of:\n{script}' in str(failure.value)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(child), 0)
+    mirror_publish_check.run(f'{mirror_publish_check.UBUNTU}true', tmp_path / 'log', {}, tmp_path)  # no child
