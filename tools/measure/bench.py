@@ -19,20 +19,18 @@ import shlex
 import statistics
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from functools import partial
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import rclpy
-from lupin_greenhouse_bridge.contract import SERVICE_QOS
-from lupin_greenhouse_bridge.errors import pluralized
+from lupin_greenhouse_bridge.errors import OneLineError, pluralized
 from lupin_greenhouse_bridge.interfaces import GetTagReading
-from rclpy.client import Client
+from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.task import Future
 from shared import (
     PATIENCE_SECONDS,
     Server,
@@ -74,12 +72,6 @@ class NamedServer(Server):
         self.service = f'/{name}/greenhouse_bridge/get_tag_reading'
         super().__init__(*shlex.split(command), namespace=f'/{name}', **parameters)
 
-    def __enter__(self) -> 'NamedServer':
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def cpu_seconds(self) -> float:
         """Return the processor time of all its threads so far, to the nanosecond."""
         tasks = Path(f'/proc/{self.process.pid}/task').glob('*/schedstat')
@@ -87,15 +79,20 @@ class NamedServer(Server):
 
 
 class Asker:
-    """A client of one participant: asks services, one call at a time."""
+    """A client of one participant: asks services for tag 1, one call at a time."""
 
-    def __init__(self) -> None:
+    def __init__(self, *services: str):
+        """Return when each service has replied once: discovery is complete then. Raises NoAnswer."""
         self._context = Context()
         rclpy.init(args=[], context=self._context)
         self._node = rclpy.create_node(f'bench_{os.getpid()}', context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._clients: dict[str, Client[Any, Any]] = {}
+        self._patient = Client(self._executor, self._node, PATIENCE_SECONDS)
+        self._hasty = Client(self._executor, self._node, LOST_AFTER_SECONDS)
+        self._clients = {service: self._patient.connect(GetTagReading, service) for service in services}
+        for service in services:
+            self._microseconds(service)
 
     def close(self) -> None:
         """Leave the domain."""
@@ -103,107 +100,46 @@ class Asker:
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def connect(self, *services: str) -> None:
-        """Return when each service has replied once; discovery is complete then."""
-        for service in services:
-            client: Client[Any, Any] = self._node.create_client(
-                GetTagReading, service, qos_profile=SERVICE_QOS
-            )
-            self._clients[service] = client
-            end = time.monotonic() + PATIENCE_SECONDS
-            while not client.service_is_ready():
-                self._executor.spin_once(timeout_sec=0.001)
-                if time.monotonic() > end:
-                    raise SystemExit(f'bench: no service {service}')
-            # The server may not have found this client yet; until then DDS drops its replies.
-            while not self._is_answered(client):
-                if time.monotonic() > end:
-                    raise SystemExit(f'bench: {service} does not answer')
-
-    def _is_done(self, future: 'Future[Any]', seconds: float) -> bool:
-        """Spin until a call is answered, or for this long."""
-        end = time.monotonic() + seconds
-        while not future.done() and (left := end - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=left)
-        return future.done()
-
-    def _is_answered(self, client: 'Client[Any, Any]') -> bool:
-        future = client.call_async(GetTagReading.Request(tag_id='1'))
-        if not self._is_done(future, LOST_AFTER_SECONDS):
-            client.remove_pending_request(future)
-        return future.done()
-
-    def _microseconds(self, service: str, tag_id: str) -> float:
+    def _microseconds(self, service: str) -> float:
         """Return how long a call takes."""
-        client, request = self._clients[service], GetTagReading.Request(tag_id=tag_id)
         started = time.perf_counter_ns()
-        if not self._is_done(client.call_async(request), PATIENCE_SECONDS):
-            raise SystemExit(f'bench: a call of {service} was lost')
+        self._patient.call(self._clients[service], GetTagReading.Request(tag_id='1'))
         return (time.perf_counter_ns() - started) / 1000
 
-    def latencies(self, services: list[str], calls: int, tag_id: str = '1') -> list[list[float]]:
+    def latencies(self, services: Sequence[str], calls: int) -> list[list[float]]:
         """Return the durations of this many calls to each service in microseconds, sorted."""
-        measures = [partial(self._microseconds, service, tag_id) for service in services]
+        measures = [partial(self._microseconds, service) for service in services]
         return [sorted(of_service) for of_service in zip(*in_turns(measures, calls), strict=True)]
 
-    def medians(self, services: list[str], calls: int, tag_id: str = '1') -> tuple[float, ...]:
+    def medians(self, services: Sequence[str], calls: int) -> tuple[float, ...]:
         """Return the median duration of a call to each service in microseconds."""
-        return tuple(percentile(each, 0.5) for each in self.latencies(services, calls, tag_id))
+        return tuple(percentile(each, 0.5) for each in self.latencies(services, calls))
 
     def calls_within(self, service: str, seconds: float) -> tuple[int, int]:
         """Return how many calls, one after the other, were answered, and how many were lost."""
         end = time.monotonic() + seconds
         calls = lost = 0
         while time.monotonic() < end:
-            if self._is_answered(self._clients[service]):
+            try:
+                self._hasty.call(self._clients[service], GetTagReading.Request(tag_id='1'))
                 calls += 1
-            else:
+            except NoAnswer:
                 lost += 1
         return calls, lost
 
-    def hurry(self, service: str, calls: int) -> None:
-        """Make this many calls as fast as possible, 16 at the same time."""
-        client, request = self._clients[service], GetTagReading.Request(tag_id='1')
-        for _ in range(calls // 16):
-            for future in [client.call_async(request) for _ in range(16)]:
-                self._is_done(future, PATIENCE_SECONDS)
+
+ASKER_OF_PROCESS: list[Asker] = []  # of one of many client processes
 
 
-def serve_calls(pipe: 'Connection[Any, Any]', services: list[str]) -> None:
-    """Be one of many clients: connect, then call whenever the pipe says which service and for how long."""
-    asker = Asker()
-    asker.connect(*services)
-    pipe.send('connected')
-    while (order := pipe.recv()) is not None:
-        pipe.send(asker.calls_within(*order))
-    asker.close()
+def begin_client_process(all_are_connected: Any, services: list[str]) -> None:
+    """Connect to services, and wait until the other client processes have done so."""
+    ASKER_OF_PROCESS.append(Asker(*services))
+    all_are_connected.wait()
 
 
-@contextlib.contextmanager
-def many_clients(count: int, services: list[str]) -> Iterator[Callable[[str, float], tuple[int, int]]]:
-    """Yield a function that returns the calls that this many processes make, and their lost calls."""
-    context = multiprocessing.get_context('spawn')
-    pipes = []
-    workers = []
-    for _ in range(count):
-        ours, theirs = context.Pipe()
-        worker = context.Process(target=serve_calls, args=(theirs, services), daemon=True)
-        worker.start()
-        pipes.append(ours)
-        workers.append(worker)
-    for pipe in pipes:
-        pipe.recv()
-
-    def call(service: str, seconds: float) -> tuple[int, int]:
-        for pipe in pipes:
-            pipe.send((service, seconds))
-        calls, lost = map(sum, zip(*(pipe.recv() for pipe in pipes), strict=True))
-        return calls, lost
-
-    yield call
-    for pipe, worker in zip(pipes, workers, strict=True):
-        pipe.send(None)
-        worker.join(PATIENCE_SECONDS)
+def calls_of_process(service: str, seconds: float) -> tuple[int, int]:
+    """Return the calls that a client process makes within this time, and the lost ones."""
+    return ASKER_OF_PROCESS[0].calls_within(service, seconds)
 
 
 def verdict(ratio: float, low: float, high: float, target: float, side: Side) -> str:
@@ -256,12 +192,10 @@ class Bench:
 
         def durations(order: list[int]) -> list[list[float]]:
             with contextlib.ExitStack() as stack:
-                started = {
-                    side: stack.enter_context(NamedServer(commands[side], f's{side}')) for side in order
-                }
-                services = [started[side].service for side in range(len(commands))]
-                asker = stack.enter_context(contextlib.closing(Asker()))
-                asker.connect(*services)
+                for side in order:
+                    stack.enter_context(closing(NamedServer(commands[side], f's{side}')))
+                services = [f'/s{side}/greenhouse_bridge/get_tag_reading' for side in range(len(commands))]
+                asker = stack.enter_context(closing(Asker(*services)))
                 asker.latencies(services, 200)  # the first calls are slower
                 return asker.latencies(services, calls)
 
@@ -275,10 +209,17 @@ class Bench:
     def throughput(self) -> None:
         """Count the calls per second of several client processes at once."""
         seconds = 0.2 if self.options.short else 0.7
+        context = multiprocessing.get_context('spawn')
         for count in (1, 4, 16):
-            with many_clients(count, self.services) as call:
-                call(self.services[0], seconds)  # the first calls are slower
-                sides = [partial(call, service, seconds) for service in self.services]
+            begin = context.Barrier(count), self.services
+            with context.Pool(count, begin_client_process, begin) as clients:
+
+                def calls_and_losses(service: str, count: int = count, clients: Any = clients) -> list[int]:
+                    orders = [(service, seconds)] * count
+                    return [*map(sum, zip(*clients.starmap(calls_of_process, orders, 1), strict=True))]
+
+                calls_and_losses(self.services[0])  # the first calls are slower
+                sides = [partial(calls_and_losses, service) for service in self.services]
                 results = in_turns(sides, max(4, self.rounds // 2))
             name = pluralized(count, 'client')
             rates = [(ours[0] / seconds, theirs[0] / seconds) for ours, theirs in results]
@@ -293,8 +234,7 @@ class Bench:
 
         def milliseconds(command: str) -> float:
             started = time.perf_counter()
-            with NamedServer(command, 'started') as server, contextlib.closing(Asker()) as asker:
-                asker.connect(server.service)
+            with closing(NamedServer(command, 'started')) as server, closing(Asker(server.service)):
                 return 1000 * (time.perf_counter() - started)
 
         sides = [partial(milliseconds, command) for command in self.commands]
@@ -317,35 +257,27 @@ class Bench:
         """Compare bridges with many tags, and after many calls, with a small and a fresh one."""
         calls = 200 if self.options.short else 500
         with contextlib.ExitStack() as stack:
-            small, large, huge = (
-                stack.enter_context(
-                    NamedServer(self.options.subject, f'tags{count}', tag_file=tag_file)
-                ).service
-                for count, tag_file in grown_tag_files(self.options.output, (29, 1000, 100_000))
-            )
-            asker = stack.enter_context(contextlib.closing(Asker()))
-            asker.connect(small, large, huge)
+            services = []
+            for count in (29, 1000, 100_000):
+                tag_file = self.options.output / f'{count}.json'
+                tag = {'x': 1.0, 'y': 1.0, 'sensors': ['temperature', 'co2']}
+                tag_file.write_text(json.dumps({str(number): tag for number in range(1, count + 1)}))
+                server = NamedServer(self.options.subject, f'tags{count}', tag_file=f'"{tag_file}"')
+                services.append(stack.enter_context(closing(server)).service)
+            small, large, huge = services
+            asker = stack.enter_context(closing(Asker(*services)))
             for figure, service in (('1,000 tags to 29', large), ('100,000 tags to 29', huge)):
                 asker.latencies([service, small], 100)  # the first calls are slower
                 pairs = [asker.medians([service, small], calls) for _ in range(self.rounds)]
                 self.ratio(f'{figure}: p50', 'us', pairs)
-        with NamedServer(self.options.subject, 'many') as server, contextlib.closing(Asker()) as asker:
-            asker.connect(server.service)
+        server = NamedServer(self.options.subject, 'many')
+        with closing(server), closing(Asker(server.service)) as asker:
             calls = 7000 if self.options.short else 200_000
             first = [asker.medians([server.service], 500) for _ in range(6)]
-            asker.hurry(server.service, calls - 6000)
+            asker.latencies([server.service], calls - 6000)
             last = [asker.medians([server.service], 500) for _ in range(6)]
             pairs = [(late, early) for (late,), (early,) in zip(last, first, strict=True)]
             self.ratio(f'call {calls:,} to call 1: p50', 'us', pairs)
-
-
-def grown_tag_files(folder: Path, counts: tuple[int, ...]) -> Iterator[tuple[int, str]]:
-    """Write a tag file with each number of tags; yield the number and the parameter."""
-    for count in counts:
-        tag_file = folder / f'{count}.json'
-        tag = {'x': 1.0, 'y': 1.0, 'sensors': ['temperature', 'co2']}
-        tag_file.write_text(json.dumps({str(number): tag for number in range(1, count + 1)}))
-        yield count, f'"{tag_file}"'
 
 
 def main() -> int:
@@ -360,14 +292,17 @@ def main() -> int:
     options.output.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
     print_head('', 'bridge', 'plain wrapper, or as named', 'ratio [middle half]', 'target')
-    with own_domain(), contextlib.ExitStack() as stack:
-        subject, baseline = (
-            stack.enter_context(NamedServer(command, name))
-            for command, name in ((options.subject, 'subject'), (options.baseline, 'baseline'))
-        )
-        bench = Bench(options, subject, baseline)
-        for part in options.only:
-            getattr(bench, part)()
+    try:
+        with (
+            own_domain(),
+            closing(NamedServer(options.subject, 'subject')) as subject,
+            closing(NamedServer(options.baseline, 'baseline')) as baseline,
+        ):
+            bench = Bench(options, subject, baseline)
+            for part in options.only:
+                getattr(bench, part)()
+    except OneLineError as error:
+        sys.exit(f'bench: {error}')
     conditions = {
         'python': platform.python_version(),
         'ros_distro': os.environ.get('ROS_DISTRO'),

@@ -29,7 +29,6 @@ from traffic import Bridge, ClientProcess, Counts
 
 HOSTS = (f'robot{os.getpid()}', f'laptop{os.getpid()}')
 ROBOT, LAPTOP = (('ip', 'netns', 'exec', host) for host in HOSTS)  # prefix of a command that runs there
-READ_TAG = (*LAPTOP, f'{os.environ["LUPIN_EXECUTABLES"]}/read_tag', '--timeout')
 CALL_SECONDS = 120
 NO_ANSWER = 3  # read_tag's exit code
 CANNOT_RUN = 3  # exit code
@@ -138,7 +137,7 @@ def across_a_bad_cable(scale: int) -> Promises:
             ('after', 0.0, 0.0, 40 * scale),
         ):
             carried, lost = cable.carried, cable.lost
-            counts = calls_from(LAPTOP, calls)
+            counts = calls_of_laptop(calls)
             fewest, most = fewest + calls + 1, most + calls + counts.greetings
             carried, lost = cable.carried - carried, cable.lost - lost
             text = f'{summary_of(counts)}, {counts.swapped} swapped; {lost} of {carried + lost} frames lost'
@@ -159,9 +158,15 @@ def across_a_bad_cable(scale: int) -> Promises:
         yield text, exit_code == 0 and fewest <= handled <= most
 
 
-def calls_from(host: tuple[str, ...], calls: int) -> Counts:
-    """Return the counts of a client in a host that calls this often."""
-    return ClientProcess('--calls', calls, '--timeout', CALL_SECONDS, prefix=host).counts()
+def calls_of_laptop(calls: int) -> Counts:
+    """Return the counts of a client that calls this often."""
+    return ClientProcess('--calls', calls, '--timeout', CALL_SECONDS, prefix=LAPTOP).counts()
+
+
+def read_tags(timeout_seconds: int, *tag_ids: str) -> 'subprocess.CompletedProcess[str]':
+    """Run read_tag on the laptop."""
+    command = [f'{os.environ["LUPIN_EXECUTABLES"]}/read_tag', '--timeout', str(timeout_seconds), *tag_ids]
+    return subprocess.run([*LAPTOP, *command], capture_output=True, text=True, check=False)
 
 
 def summary_of(counts: Counts) -> str:
@@ -170,12 +175,12 @@ def summary_of(counts: Counts) -> str:
 
 
 @contextlib.contextmanager
-def discovery_server(host: tuple[str, ...]) -> Iterator[None]:
-    """Run a discovery server in a host, and use it in each process started from here."""
+def discovery_server() -> Iterator[None]:
+    """Run a discovery server on the robot, and use it in each process started from here."""
     address, _, port = DISCOVERY_SERVER.partition(':')
     # 42 stands for `server`, which `fastdds discovery`, the command for people, fills in.
     command = ['fast-discovery-server', '42', '-i', '0', '-l', address, '-p', port]
-    server = subprocess.Popen([*host, *command], stdout=subprocess.DEVNULL)
+    server = subprocess.Popen([*ROBOT, *command], stdout=subprocess.DEVNULL)
     os.environ['ROS_DISCOVERY_SERVER'] = DISCOVERY_SERVER
     try:
         yield
@@ -190,7 +195,7 @@ def an_id_that_is_no_text(_scale: int) -> Promises:
     with two_hosts() as cable:
         cable.miswritten = (b'no-UTF-8', NOT_UTF_8)
         bridge = Bridge(*ROBOT, debug_time_of_day=12.0)
-        run = subprocess.run([*READ_TAG, '60', 'no-UTF-8', '1'], capture_output=True, text=True, check=False)
+        run = read_tags(60, 'no-UTF-8', '1')
         refusal, summary = run.stderr.strip(), run.stdout.splitlines()[-1]
         is_refused = '\ufffd' in refusal and 'is not in the loaded greenhouse' in refusal
         yield f'{refusal}; {summary}', is_refused and summary == '1/2 tags read'
@@ -202,15 +207,15 @@ def without_multicast(scale: int) -> Promises:
     with two_hosts() as cable:
         cable.blocks_multicast = True
         bridge = Bridge(*ROBOT)
-        seconds = str(1 + scale)
-        exit_code = subprocess.run([*READ_TAG, seconds, '1'], capture_output=True, check=False).returncode
+        seconds = 1 + scale
+        exit_code = read_tags(seconds, '1').returncode
         bridge.stop()
         yield f'without a server: exit code {exit_code} after {seconds} s', exit_code == NO_ANSWER
 
-        with discovery_server(ROBOT):
+        with discovery_server():
             bridge = Bridge(*ROBOT)
-            exit_code = subprocess.run([*READ_TAG, '60', '1'], capture_output=True, check=False).returncode
-            counts = calls_from(LAPTOP, 40 * scale)
+            exit_code = read_tags(60, '1').returncode
+            counts = calls_of_laptop(40 * scale)
             text = f'with a server: read_tag exit code {exit_code}, {summary_of(counts)}'
             yield text, (exit_code, counts.answered) == (0, counts.calls)
             bridge.stop()
@@ -238,7 +243,7 @@ rclpy.spin(node)
 
 def the_graph_behind_a_server(scale: int) -> Promises:
     """List the topics of a node that shares none with the observer: only a super client sees them."""
-    with two_hosts() as cable, discovery_server(ROBOT), contextlib.ExitStack() as stack:
+    with two_hosts() as cable, discovery_server(), contextlib.ExitStack() as stack:
         cable.blocks_multicast = True
         foreign = subprocess.Popen([*ROBOT, sys.executable, '-c', FOREIGN], stdout=subprocess.DEVNULL)
         stack.callback(foreign.wait)
@@ -265,7 +270,7 @@ def a_robot_with_two_addresses(scale: int) -> Promises:
             ip(f'-n {HOSTS[0]} link set {end} up')
         ip(f'-n {HOSTS[0]} address add 10.66.0.1/24 dev arm0')
         bridge = Bridge(*ROBOT, debug_time_of_day=12.0)
-        counts = calls_from(LAPTOP, 40 * scale)
+        counts = calls_of_laptop(40 * scale)
         bridge.stop()
         text = f'a second address that cannot be reached: {summary_of(counts)}'
         yield text, counts.answered == counts.calls

@@ -46,13 +46,18 @@ class Server(NodeProcess):
         self.wait_for_log('ready:')
 
     def status(self, key: str) -> int:
-        """Return a number of /proc/PID/status, such as VmRSS (kB) or Threads."""
-        text = Path(f'/proc/{self.process.pid}/status').read_text()
-        return int(next(line for line in text.splitlines() if line.startswith(f'{key}:')).split()[1])
+        """Return a number of the process, such as VmRSS (kB) or Threads."""
+        return int(status_of(self.process.pid, key))
 
     def open_files(self) -> int:
         """Return the number of open file descriptors."""
         return len(list(Path(f'/proc/{self.process.pid}/fd').iterdir()))
+
+
+def status_of(pid: int, key: str) -> str:
+    """Return a value of /proc/PID/status, without its unit."""
+    text = Path(f'/proc/{pid}/status').read_text()
+    return next(line for line in text.splitlines() if line.startswith(f'{key}:')).split()[1]
 
 
 def in_turns(measures: Sequence[Callable[[], T]], rounds: int) -> list[tuple[T, ...]]:

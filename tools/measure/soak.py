@@ -14,7 +14,6 @@ import contextlib
 import os
 import random
 import re
-import shlex
 import signal
 import sqlite3
 import subprocess
@@ -22,9 +21,10 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from itertools import count, islice, repeat
+from functools import partial
+from itertools import repeat
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,11 +40,14 @@ from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from shared import PATIENCE_SECONDS, Promises, check_promises, own_domain, parser_of
-from traffic import Bridge, ClientProcess, Counts
+from shared import PATIENCE_SECONDS, Promises, check_promises, own_domain, parser_of, status_of
+from traffic import Bridge, ClientProcess, total_of
 
 GROWTH = {'RSS in kB': 4096, 'open files': 2, 'threads': 0}  # the largest during many calls
-RECORD_READINGS = [executable('lupin_greenhouse_bridge', 'record_readings')]
+BRIDGE_NODE, READ_TAG, READ_ON_SIGHT, RECORD_READINGS = (
+    [executable('lupin_greenhouse_bridge', name)]
+    for name in ('bridge_node', 'read_tag', 'read_on_sight', 'record_readings')
+)
 START_NS = 1_795_189_976_000_000_000
 LATCHED = latched(50)
 
@@ -55,14 +58,6 @@ class Load(NamedTuple):
     scale: int
     refusals: int
     signals: int
-
-
-def counts_of(clients: Sequence[ClientProcess]) -> Counts:
-    """Return the sum of what clients have counted, and their slowest call."""
-    found = [client.counts() for client in clients]
-    names = ('greetings', 'calls', 'answered', 'timed_out', 'swapped')
-    sums = {name: sum(getattr(each, name) for each in found) for name in names}
-    return Counts(**sums, slowest_seconds=max(each.slowest_seconds for each in found))
 
 
 def a_moment(longest_seconds: float) -> float:
@@ -99,7 +94,7 @@ def bridge_killed_and_restarted(load: Load) -> Promises:
         bridge.close()
         bridge = Bridge(debug_time_of_day=12.0)  # returns when it is ready, despite what the killed one left
         time.sleep(2.0)
-    found = counts_of(clients)
+    found = total_of(clients)
     # After a kill, sending itself may take a second: Fast DDS then checks the queues in shared memory.
     timeouts = f'{found.timed_out} timed out after 2 s (slowest {found.slowest_seconds} s)'
     text = f'{2 * load.scale} kills, {found.answered} calls answered, {found.swapped} swapped, {timeouts}'
@@ -121,7 +116,7 @@ def sixteen_clients(load: Load) -> Promises:
         client.wait_for_first_answer()
     for client in clients:
         client.go()
-    found, calls = counts_of(clients), 1600 * load.scale
+    found, calls = total_of(clients), 1600 * load.scale
     lost = calls - found.answered
     yield f'{calls} calls, {lost} lost, {found.swapped} swapped', (lost, found.swapped) == (0, 0)
     exit_code, handled = bridge.handled()
@@ -163,7 +158,7 @@ def terminated_during_calls(load: Load) -> Promises:
         time.sleep(a_moment(0.1))
         exit_codes.append(bridge.stop())
         clients[-1].process.wait(PATIENCE_SECONDS)
-    found = counts_of(clients)
+    found = total_of(clients)
     calls = f'{found.answered} calls answered, {found.timed_out} timed out after 0.5 s'
     yield f'{3 * load.scale} times, {calls}, exit codes {set(exit_codes)}', set(exit_codes) == {0}
 
@@ -184,8 +179,7 @@ def recorder_killed(load: Load) -> Promises:
     topic = '/soak/readings'
     acknowledged = lost = 0
     with tempfile.TemporaryDirectory() as folder, spinning_node('robot') as node:
-        files = [Path(folder, name) for name in ('readings.sqlite', 'readings.csv')]
-        rows: dict[Path, list[Row]] = {file: [] for file in files}
+        rows: dict[Path, list[Row]] = {Path(folder, f'readings.{suffix}'): [] for suffix in ('sqlite', 'csv')}
         readings = node.create_publisher(TagReading, topic, LATCHED)
 
         def publish() -> None:
@@ -194,65 +188,56 @@ def recorder_killed(load: Load) -> Promises:
 
         node.create_timer(0.01, publish)
         for _ in range(10 * load.scale):
-            recorders = [NodeProcess(RECORD_READINGS, readings_topics=topic, file=file) for file in files]
+            recorders = [NodeProcess(RECORD_READINGS, readings_topics=topic, file=file) for file in rows]
             for recorder in recorders:
                 recorder.wait_for_log('rows kept')
             time.sleep(a_moment(1.0))
-            for recorder, file in zip(recorders, files, strict=True):
+            for recorder, file in zip(recorders, rows, strict=True):
                 recorder.close()
                 kept, before = rows_in_log(recorder)['kept'], len(rows[file])
                 rows[file] = read_rows(file)
                 acknowledged += kept
                 lost += max(before + kept - len(rows[file]), 0)
-        in_database = [key_of(row) for row in rows[files[0]]]
+        in_database = [key_of(row) for row in rows[Path(folder, 'readings.sqlite')]]
     twice = len(in_database) - len(set(in_database))
     text = f'{20 * load.scale} kills, {acknowledged} rows acknowledged, {lost} of them lost'
     yield f'{text}, {twice} twice in the database', lost == twice == 0 < acknowledged
 
 
-def rows_in_log(recorder: NodeProcess) -> dict[str, int]:
-    """Return how many rows a recorder that has ended says it has kept and lost."""
-    counted = {'kept': 0, 'lost': 0}
-    for line in recorder.rest_of_log():
-        if match := re.search(r'(\d+) rows (kept|lost)$', line):
-            counted[match[2]] = int(match[1])
-    return counted
+def rows_in_log(recorder: NodeProcess) -> 'Counter[str]':
+    """Return how many rows a recorder that has ended says it has `kept` and `lost`."""
+    found = re.findall(r'(\d+) rows (kept|lost)$', '\n'.join(recorder.rest_of_log()), re.MULTILINE)
+    return Counter({what: int(number) for number, what in found})
 
 
 def recorder_locked(load: Load) -> Promises:
     """Lock the databases of recorders under 300 values a second, and end them; no value is lost silently."""
-    longest_seconds, runs = 6.0 * load.scale, 2 * load.scale
     with (
         tempfile.TemporaryDirectory() as folder,
         spinning_node('robot') as node,
-        ThreadPoolExecutor(runs) as pool,
+        ThreadPoolExecutor(2 * load.scale) as pool,
     ):
-        files = [Path(folder, f'recorder_{number}.sqlite') for number in range(runs)]
-        is_killed = [number % 2 == 0 for number in range(runs)]
-        runs_of = pool.map(record_while_locked, repeat(node), files, repeat(longest_seconds), is_killed)
-        found = list(runs_of)
-    killed, ended = found[::2], found[1::2]
-    total = Recorded(*map(sum, zip(*ended, strict=True)))
-    text = f'{len(ended)} recorders ended: {total.published} rows published, {total.in_file} kept'
-    is_kept = all(each.published == each.in_file + each.lost for each in ended)
-    yield f'{text}, {total.lost} counted as lost', is_kept
-    total = Recorded(*map(sum, zip(*killed, strict=True)))
-    text = f'{len(killed)} recorders killed: {total.published} rows published'
-    is_kept = all(each.acknowledged <= each.in_file <= each.published for each in killed)
-    yield f'{text}, {total.acknowledged} acknowledged, {total.in_file} kept', is_kept
+        files = [Path(folder, f'recorder_{number}.sqlite') for number in range(2 * load.scale)]
+        record = partial(record_while_locked, node, 6.0 * load.scale)
+        ended = pool.map(partial(record, is_killed=False), files[::2])
+        killed = pool.map(partial(record, is_killed=True), files[1::2])
+        ended_runs, killed_runs = list(ended), list(killed)
+    total = sum(ended_runs, Counter())
+    text = f'{load.scale} recorders ended: {total["published"]} rows published, {total["in file"]} kept'
+    is_kept = all(each['published'] == each['in file'] + each['lost'] for each in ended_runs)
+    yield f'{text}, {total["lost"]} counted as lost', is_kept
+    total = sum(killed_runs, Counter())
+    text = f'{load.scale} recorders killed: {total["published"]} rows published'
+    is_kept = all(each['kept'] <= each['in file'] <= each['published'] for each in killed_runs)
+    yield f'{text}, {total["kept"]} acknowledged, {total["in file"]} kept', is_kept
 
 
-class Recorded(NamedTuple):
-    """What became of the values that were published to a recorder."""
+def record_while_locked(node: Node, longest_seconds: float, file: Path, *, is_killed: bool) -> 'Counter[str]':
+    """
+    Publish to a recorder until a random moment, during or after a random lock of its file, and end it.
 
-    published: int
-    acknowledged: int
-    lost: int  # as the recorder says
-    in_file: int
-
-
-def record_while_locked(node: Node, file: Path, longest_seconds: float, is_killed: bool) -> Recorded:
-    """Publish to a recorder until a random moment, during or after a random lock of its file, and end it."""
+    Returns the numbers of rows: `published`, `kept` and `lost` as the recorder says, and `in file`.
+    """
     topic, published = f'/soak/{file.stem}', 0
     recorder = NodeProcess(RECORD_READINGS, readings_topics=topic, file=file)
     recorder.wait_for_log('ready: ')
@@ -274,8 +259,7 @@ def record_while_locked(node: Node, file: Path, longest_seconds: float, is_kille
         else:
             readings.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
             recorder.stop()
-    counted = rows_in_log(recorder)
-    return Recorded(published, counted['kept'], counted['lost'], len(read_rows(file)))
+    return rows_in_log(recorder) + Counter({'published': published, 'in file': len(read_rows(file))})
 
 
 def recorder_of_many_rows(load: Load) -> Promises:
@@ -291,21 +275,17 @@ def recorder_of_many_rows(load: Load) -> Promises:
             recorder = NodeProcess(RECORD_READINGS, readings_topics='/soak/none', file=Path(folder, name))
             recorder.wait_for_log('ready: ')
             seconds = time.monotonic() - start
-            status = Path(f'/proc/{recorder.process.pid}/status').read_text()
-            (peak_kb,) = re.findall(r'VmHWM:\s*(\d+) kB', status)
-            megabytes = int(peak_kb) / 1000
+            megabytes = int(status_of(recorder.process.pid, 'VmHWM')) / 1000
             recorder.stop()
         yield f'{name} of {size:,} rows: ready after {seconds:.1f} s, {megabytes:.0f} MB', megabytes < 150
 
 
-def results_of(
-    commands: Iterable[list[str]], signals: Sequence[signal.Signals] = ()
-) -> Iterator[tuple[int, str]]:
+def results_of(commands: Iterable[list[str]], *, is_signalled: bool) -> list[tuple[int, str]]:
     """
-    Run commands, two at a time; yield exit code and output of each.
+    Run commands, two at a time; return exit code and output of each.
 
-    With signals, one to three arrive at random moments of the first second. Each process is alone on
-    its domain: Fast DDS 3.2 can crash in a process that closes while another one asks for its types.
+    If they are signalled, one to three signals arrive at random moments of the first second. Each process is
+    alone on its domain: Fast DDS 3.2 can crash in a process that closes while another one asks for its types.
     """
 
     def result_of(command: list[str]) -> tuple[int, str]:
@@ -314,74 +294,68 @@ def results_of(
             process = subprocess.Popen(
                 command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
             )
-            while signals and not takes_signals(process.pid) and process.poll() is None:
-                time.sleep(0.001)
-            for number in random.choices(signals, k=random.randint(1, 3)) if signals else ():  # noqa: S311
-                time.sleep(random.choice([0.0, a_moment(1.0)]))  # noqa: S311
-                process.send_signal(number)
             try:
+                if is_signalled:
+                    send_signals(process)
                 output, _ = process.communicate(timeout=PATIENCE_SECONDS)
-            except subprocess.TimeoutExpired:
+            finally:
                 process.kill()
-                return -signal.SIGKILL, f'hung for {PATIENCE_SECONDS:g} s: {shlex.join(command)}'
             return process.returncode, output
 
     with ThreadPoolExecutor(2) as pool:
-        yield from pool.map(result_of, commands)
+        return list(pool.map(result_of, commands))
 
 
-def takes_signals(pid: int) -> bool:
-    """Return whether a process has a handler for SIGTERM; without one, the signal ends Python."""
-    try:
-        status = Path(f'/proc/{pid}/status').read_text()
-    except OSError:
-        return False
-    caught = next(line for line in status.splitlines() if line.startswith('SigCgt:')).split()[1]
-    return bool(int(caught, 16) >> (signal.SIGTERM - 1) & 1)
+def send_signals(process: 'subprocess.Popen[str]') -> None:
+    """Send one to three signals to a process as soon as it handles SIGTERM, which would end Python before."""
+    handled = 0
+    while not handled >> (signal.SIGTERM - 1) & 1 and process.poll() is None:
+        time.sleep(0.001)
+        handled = int(status_of(process.pid, 'SigCgt'), 16)
+    for number in random.choices([signal.SIGINT, signal.SIGINT, signal.SIGTERM], k=random.randint(1, 3)):  # noqa: S311
+        time.sleep(random.choice([0.0, a_moment(1.0)]))  # noqa: S311
+        process.send_signal(number)
 
 
 def refused_starts(load: Load) -> Promises:
     """Start the bridge with a parameter that it refuses; each start ends cleanly with exit code 1."""
-    command = [executable('lupin_greenhouse_bridge', 'bridge_node'), '--ros-args', '-p', 'debug_seed:=-5']
-    codes = Counter(code for code, _ in results_of(repeat(command, load.refusals)))
+    command = [*BRIDGE_NODE, '--ros-args', '-p', 'debug_seed:=-5']
+    results = results_of(repeat(command, load.refusals), is_signalled=False)
+    codes = Counter(code for code, _ in results)
     yield f'{load.refusals} refused, exit codes {dict(codes)}', set(codes) == {1}
 
 
 def signalled_at_any_moment(load: Load) -> Promises:
     """Send Ctrl-C and SIGTERM at random, up to three of them; each process ends as documented."""
-    bridge_node, read_tag, read_on_sight, record_readings = (
-        [executable('lupin_greenhouse_bridge', name)]
-        for name in ('bridge_node', 'read_tag', 'read_on_sight', 'record_readings')
-    )
-    read_nobody = [*read_tag, '1', '--service', '/nobody/get_tag_reading', '--timeout', '60']
+    read_nobody = [*READ_TAG, '1', '--service', '/nobody/get_tag_reading', '--timeout', '60']
     mission = [executable('lupin_mission', 'mission_orchestrator'), '--ros-args']
-    mission += ['-p', 'drive:=simulated', '-p', 'wait_for_start:=false', '-p']
-    with tempfile.TemporaryDirectory() as folder:
-        files = (f'file:={folder}/{number}.sqlite' for number in count())
-        reports = (f'report_file:={folder}/{number}.jsonl' for number in count())
-        cases: list[tuple[str, Iterable[list[str]], set[int]]] = [
-            ('bridge_node', repeat(bridge_node), {0}),
-            ('read_tag', repeat(read_nobody), {130}),
-            ('read_tag --watch', repeat([*read_nobody, '--watch', '1']), {130}),
-            ('read_on_sight', repeat(read_on_sight), {0}),
-            ('record_readings', ([*record_readings, '--ros-args', '-p', file] for file in files), {0}),
-            ('mission_orchestrator', ([*mission, report] for report in reports), {0, 1}),
-            ('confirm_tag', repeat([executable('lupin_tag_confirmation', 'confirm_tag')]), {0}),
-        ]
-        for name, commands, documented in cases:
-            signals = (signal.SIGINT, signal.SIGINT, signal.SIGTERM)
-            results = list(results_of(islice(commands, load.signals), signals))
-            codes = dict(Counter(code for code, _ in results))
-            tracebacks = sum('Traceback' in output for _, output in results)
-            text = f'{name}: {load.signals} times, exit codes {codes}, {pluralized(tracebacks, "traceback")}'
-            is_kept = set(codes) <= documented and not tracebacks
-            if name == 'mission_orchestrator':
-                tables = sum('tags read' in output for _, output in results)
-                text += f', {pluralized(tables, "table")}'
-                is_kept = is_kept and tables == load.signals
-            yield text, is_kept
-            odd = [output for code, output in results if code not in documented or 'Traceback' in output]
-            print(*odd[:1], sep='', end='')
+    mission += ['-p', 'drive:=simulated', '-p', 'wait_for_start:=false', '-p', 'report_file:=NEW_FILE.jsonl']
+    for name, command, documented in (
+        ('bridge_node', BRIDGE_NODE, {0}),
+        ('read_tag', read_nobody, {130}),
+        ('read_tag --watch', [*read_nobody, '--watch', '1'], {130}),
+        ('read_on_sight', READ_ON_SIGHT, {0}),
+        ('record_readings', [*RECORD_READINGS, '--ros-args', '-p', 'file:=NEW_FILE.sqlite'], {0}),
+        ('mission_orchestrator', mission, {0, 1}),
+        ('confirm_tag', [executable('lupin_tag_confirmation', 'confirm_tag')], {0}),
+    ):
+        with tempfile.TemporaryDirectory() as folder:
+            commands = [
+                [word.replace('NEW_FILE', f'{folder}/{number}') for word in command]
+                for number in range(load.signals)
+            ]
+            results = results_of(commands, is_signalled=True)
+        codes = Counter(code for code, _ in results)
+        tracebacks = sum('Traceback' in output for _, output in results)
+        text = f'{load.signals} times, exit codes {dict(codes)}, {pluralized(tracebacks, "traceback")}'
+        is_kept = set(codes) <= documented and not tracebacks
+        if name == 'mission_orchestrator':
+            tables = sum('tags read' in output for _, output in results)
+            text += f', {pluralized(tables, "table")}'
+            is_kept = is_kept and tables == load.signals
+        yield f'{name}: {text}', is_kept
+        odd = [output for code, output in results if code not in documented or 'Traceback' in output]
+        print(*odd[:1], sep='', end='')
 
 
 SCENARIOS = (

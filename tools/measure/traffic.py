@@ -13,7 +13,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -82,6 +82,14 @@ class ClientProcess:
         """Return the counts that the client prints when it ends; raise TimeoutExpired if it does not end."""
         output, _ = self.process.communicate(timeout=10 * PATIENCE_SECONDS)
         return Counts(**json.loads(output.splitlines()[-1]))
+
+
+def total_of(clients: Sequence[ClientProcess]) -> Counts:
+    """Return the sum of what clients have counted, and their slowest call."""
+    found = [client.counts() for client in clients]
+    names = ('greetings', 'calls', 'answered', 'timed_out', 'swapped')
+    sums = {name: sum(getattr(each, name) for each in found) for name in names}
+    return Counts(**sums, slowest_seconds=max(each.slowest_seconds for each in found))
 
 
 def call_repeatedly(options: argparse.Namespace, ask: Callable[[str, float], Any]) -> Counts:
