@@ -55,8 +55,8 @@ def example(tmp_path):
 
 def test_the_tag_file_has_three_tags_and_its_tables(example):
     path = example('tag_locations.json')
-    tags, tables = read_layout(path)
-    assert (list(tags), list(tables)) == (['1', '2', '3'], ['left', 'right', 'back'])
+    layout = read_layout(path)
+    assert (list(layout.tags), list(layout.tables)) == (['1', '2', '3'], ['left', 'right', 'back'])
     assert simulation.load(Settings(), tag_file=path, sim_config_file=None).tag_ids == ['1', '2', '3']
 
 
