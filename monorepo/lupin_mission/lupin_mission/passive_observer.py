@@ -11,7 +11,12 @@ from dataclasses import dataclass
 from lupin_greenhouse_bridge.contract import fault_of_reading, latched
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.registration import read_transform
-from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
+from lupin_greenhouse_bridge.runtime.parameters import (
+    check_parameters,
+    declare_parameters,
+    invalid,
+    parameter,
+)
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_msgs.msg import MissionState, Observation, TagReading
@@ -52,6 +57,8 @@ class Settings:
 
     def __post_init__(self) -> None:
         check_parameters(self)
+        if not self.observations_topic:
+            raise invalid('observations_topic', '', 'the name of a topic')
         if self.tag_file and not self.layout_in_map:
             raise StartUpError('parameter tag_file has no effect without layout_in_map: set both')
 

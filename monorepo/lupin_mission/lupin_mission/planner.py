@@ -1,10 +1,12 @@
 """Plan the drives in a separate thread, so that a large greenhouse does not block any callback."""
 
+import threading
+import time
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 from lupin_greenhouse_bridge.contract import latched
-from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from nav_msgs.msg import OccupancyGrid
@@ -13,6 +15,10 @@ from rclpy.node import Node
 from lupin_mission.plan import Place, Plan
 from lupin_mission.settings import Settings
 from lupin_mission.tags import Tags
+
+DISCOVERY_SECONDS = 2.0  # The node may find a publisher of the map that late.
+LONGEST_MAP_SECONDS = 5.0
+LOOK_EVERY_SECONDS = 0.05
 
 
 class Drives(NamedTuple):
@@ -27,11 +33,14 @@ class Planner:
     """Handles one request for a plan after the other. The futures can raise StartUpError."""
 
     def __init__(self, node: Node, settings: Settings, tags: Tags):
-        """Subscribe to the map."""
-        self._settings, self._tags = settings, tags
-        self._logger = node.get_logger()
+        """Subscribe to the map, unless map_topic is empty."""
+        self._node, self._settings, self._tags = node, settings, tags
+        self._topic = node.resolve_topic_name(settings.map_topic) if settings.map_topic else ''
         self._newest_map: OccupancyGrid | None = None
-        self._maps = node.create_subscription(OccupancyGrid, settings.map_topic, self._on_map, latched())
+        self._need_not_wait = threading.Event()  # a map has arrived, or the node ends
+        self._discovery_end = time.monotonic() + DISCOVERY_SECONDS
+        if self._topic:
+            node.create_subscription(OccupancyGrid, self._topic, self._on_map, latched())
         self._thread = ThreadPoolExecutor(1)
         # Only the thread uses these two.
         self._plan: Plan | None = None
@@ -42,31 +51,46 @@ class Planner:
         return self._thread.submit(self._drives, tag_ids, is_new=True)
 
     def plan_mission(self, tag_ids: list[str], robot_m: Place | None) -> 'Future[Drives]':
-        """Plan a mission from the robot to these tags, with the newest map."""
-        return self._thread.submit(self._mission, tag_ids, self._usable_map(), robot_m)
+        """Plan a mission from the robot to these tags, with the newest map; wait for a first one."""
+        return self._thread.submit(self._mission, tag_ids, robot_m)
 
     def close(self) -> None:
         """End the thread after its current work, without waiting for it."""
+        self._need_not_wait.set()
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     def _on_map(self, message: OccupancyGrid) -> None:
         self._newest_map = message
+        self._need_not_wait.set()
 
-    def _usable_map(self) -> OccupancyGrid | None:
-        """Return the newest map, if it is in the right frame, and log which one it is."""
-        topic, message = self._maps.topic_name, self._newest_map
-        if message is None or message.header.frame_id != self._settings.frame_id:
-            found = 'no map' if message is None else f"a map in the frame '{message.header.frame_id}'"
-            self._logger.info(
-                f'the approach poses are planned around the tables of the layout alone: {topic} has {found}'
+    def _await_map(self) -> None:
+        """Wait until the first map is there, or its topic has no publisher, or the time is over."""
+        deadline = time.monotonic() + LONGEST_MAP_SECONDS
+        while not self._need_not_wait.wait(LOOK_EVERY_SECONDS) and time.monotonic() < deadline:
+            if time.monotonic() >= self._discovery_end and not self._node.count_publishers(self._topic):
+                return
+
+    def _usable_map(self) -> tuple[OccupancyGrid | None, list[str]]:
+        """Return the newest map, if it is in the right frame, and a warning if there is one of no use."""
+        if not self._topic:
+            return None, []
+        self._await_map()
+        message, frame_id = self._newest_map, self._settings.frame_id
+        without = f'the approach poses are planned around the tables of the layout alone: {self._topic}'
+        if message and message.header.frame_id == frame_id:
+            info = message.info
+            self._node.get_logger().info(
+                f'the approach poses are planned with the map of {self._topic}: {info.width} x {info.height}'
+                f' cells of {info.resolution:g} m'
             )
-            return None
-        info = message.info
-        self._logger.info(
-            f'the approach poses are planned with the map of {topic}: {info.width} x {info.height} cells of'
-            f' {info.resolution:g} m'
-        )
-        return message
+            return message, []
+        if message:
+            return None, [f"{without} has a map in the frame '{escaped(message.header.frame_id, 64)}'"]
+        if self._node.count_publishers(self._topic):
+            late = f'sent no map within {LONGEST_MAP_SECONDS:g} s: activate its publisher, or set map_topic'
+            return None, [f'{without} {late}']
+        self._node.get_logger().info(f'{without} has no publisher')
+        return None, []
 
     def _drives(
         self,
@@ -99,9 +123,11 @@ class Planner:
         )
         return Plan(self._tags.layout(), self._settings, self._tags.layout_in_map, occupancy, robot_m)
 
-    def _mission(self, tag_ids: list[str], message: OccupancyGrid | None, robot_m: Place | None) -> Drives:
+    def _mission(self, tag_ids: list[str], robot_m: Place | None) -> Drives:
         """Return the drives in the order of the settings."""
+        message, warnings = self._usable_map()
         drives = self._drives(tag_ids, message, robot_m)
+        drives.warnings.extend(warnings)
         if self._settings.order != 'shortest':
             return drives
         dock = self._settings.dock

@@ -126,7 +126,7 @@ class Settings:
     )
     walls: str = walls_parameter()
     map_topic: str = parameter(
-        'map', "With nav2: a latched OccupancyGrid; the poses keep clear of the map's obstacles."
+        'map', 'With nav2: a latched OccupancyGrid; the poses keep clear of its obstacles; empty: none.'
     )
     dock_pose: str = _text_or_array(
         '[0.0, 0.0, 0.0]',
@@ -167,7 +167,7 @@ class Settings:
     )
     estop_topic: str = parameter('/e_stop_state', 'A std_msgs/Bool topic: true stops the robot.')
     amcl_pose_topic: str = parameter(
-        'amcl_pose', "The robot's pose, which is published for a tag whose position is unknown."
+        'amcl_pose', "The robot's pose: the start of the plan, and the place of an unknown tag; empty: none."
     )
     observations_topic: str = parameter('/floranova/observations', 'The topic of the observations.')
     layout_in_map: str = parameter(
@@ -183,10 +183,7 @@ class Settings:
         for name, (choices, accepted) in CHOICES.items():
             if getattr(self, name) not in choices:
                 raise invalid(name, getattr(self, name), accepted)
-        if {'/', '\0'} & set(self.mission_id_prefix):  # it is a part of the report's name
-            raise invalid('mission_id_prefix', self.mission_id_prefix, 'a word without /')
-        if self.report_file and Path(self.report_file).name in ('', '..'):
-            raise invalid('report_file', self.report_file, 'the path of a file, or empty')
+        self._check_names()
         _ = self.viewing_limits  # raises StartUpError
         if self.order == 'shortest' and self.drive != 'nav2':
             raise StartUpError('order:=shortest is for a robot that drives: set drive to nav2')
@@ -203,6 +200,15 @@ class Settings:
         if twice := sorted({tag_id for tag_id in ids if ids.count(tag_id) > 1}):
             shown = escaped(twice[0], 40)
             raise StartUpError(f"parameter tag_sequence names '{shown}' twice: a mission visits a tag once")
+
+    def _check_names(self) -> None:
+        for name in ('estop_topic', 'observations_topic'):
+            if not getattr(self, name):
+                raise invalid(name, '', 'the name of a topic')
+        if {'/', '\0'} & set(self.mission_id_prefix):  # it is a part of the report's name
+            raise invalid('mission_id_prefix', self.mission_id_prefix, 'a word without /')
+        if self.report_file and Path(self.report_file).name in ('', '..'):
+            raise invalid('report_file', self.report_file, 'the path of a file, or empty')
 
     @property
     def chosen_tag_ids(self) -> list[str]:

@@ -17,14 +17,14 @@ class TagPositions:
     """
 
     def __init__(self, node: Node, frame_id: str, amcl_pose_topic: str = 'amcl_pose'):
-        """Subscribe; messages in another frame are ignored."""
+        """Subscribe, but not to an empty topic; messages in another frame are ignored."""
         self._frame_id = frame_id
         self.in_layout: dict[str, tuple[float, float]] = {}
         self._discovered: dict[str, Point] = {}
         self.robot_position: Point | None = None
         node.create_subscription(DiscoveredTags, 'perception/discovered_tags', self._on_tags, latched())
         # AMCL latches its pose, other localisers do not. Either subscription alone would miss something.
-        for qos in (latched(), QoSProfile(depth=1)):
+        for qos in (latched(), QoSProfile(depth=1)) if amcl_pose_topic else ():
             node.create_subscription(PoseWithCovarianceStamped, amcl_pose_topic, self._on_pose, qos)
 
     def position_of(self, tag_id: str) -> Point | None:

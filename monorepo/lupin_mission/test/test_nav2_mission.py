@@ -34,7 +34,8 @@ pytestmark = pytest.mark.skipif(
     reason='nav2_msgs is missing: sudo apt install ros-$ROS_DISTRO-nav2-msgs',
 )
 NAME = '/held/navigate_to_pose'
-NAV2 = {**READER, 'drive': 'nav2', 'nav_action_name': NAME, 'max_poses': 1}
+NAV2 = {**READER, 'drive': 'nav2', 'nav_action_name': NAME, 'max_poses': 1, 'map_topic': "''"}
+WITH_MAP = {**NAV2, 'map_topic': '/held/map'}
 
 
 @pytest.fixture
@@ -107,7 +108,7 @@ def test_the_map_that_is_there_at_the_start_moves_a_pose(
     start_waiting_mission, reader, navigator, publish_map
 ):
     (usual, *_) = goals_of()[0]['1']
-    mission, operator = start_waiting_mission(**NAV2, tag_sequence='1', map_topic='/held/map')
+    mission, operator = start_waiting_mission(**WITH_MAP, tag_sequence='1')
     publish_map([(2.0, 2.5)], frame_id='odom')  # which is not used
     for _ in range(2):
         started = operator.start()
@@ -127,8 +128,36 @@ def test_the_map_that_is_there_at_the_start_moves_a_pose(
     ]
 
 
+def test_the_first_map_is_awaited_if_its_topic_has_a_publisher(
+    start_mission, navigator, publish_map, monkeypatch
+):
+    for name in ('DISCOVERY_SECONDS', 'LONGEST_MAP_SECONDS'):
+        monkeypatch.setattr(planner, name, 3600.0)
+    (usual, *_) = goals_of()[0]['1']
+    mission = start_mission(**WITH_MAP, tag_sequence='1')
+    publish_map([usual[:2]])
+    goal = navigator.accept()
+    assert math.dist(places(navigator)[0], usual[:2]) > 0.2
+    mission.ask_to_end()
+    navigator.grant_cancel(goal)
+    assert mission.end() == 1
+    assert mission.warnings() == []
+
+
+@pytest.mark.usefixtures('publish_map')  # which publishes none here
+def test_a_map_that_does_not_come_is_a_warning(start_mission, navigator, monkeypatch):
+    monkeypatch.setattr(planner, 'LONGEST_MAP_SECONDS', 1.0)
+    mission = start_mission(**WITH_MAP, tag_sequence='1')
+    goal = navigator.accept()
+    mission.ask_to_end()
+    navigator.grant_cancel(goal)
+    assert mission.end() == 1
+    (warning,) = mission.warnings()
+    assert 'planned around the tables of the layout alone: /held/map sent no map within 1 s' in warning
+
+
 def test_a_map_of_another_place_rejects_the_start(start_waiting_mission, navigator, publish_map):
-    mission, operator = start_waiting_mission(**NAV2, tag_sequence='1', map_topic='/held/map')
+    mission, operator = start_waiting_mission(**WITH_MAP, tag_sequence='1')
     publish_map(origin=(50.0, 0.0))
     for _ in range(2):
         assert 'the map holds only 0 of the ' in operator.rejection()

@@ -94,6 +94,10 @@ def test_each_parameter_has_its_type_and_its_limits(node):
         ({'tag_sequence': '2 1 1'}, "tag_sequence names '1' twice: a mission visits a tag once"),
         *(({'tag_poses_in_map': each}, 'must be true, false or empty') for each in ('yes', 'True', 2, None)),
         ({'mission_id_prefix': 'a/b'}, 'parameter mission_id_prefix is .*: must be'),
+        *(
+            ({each: ''}, f'parameter {each} is .*: must be the name')
+            for each in ('estop_topic', 'observations_topic')
+        ),
         *(({'report_file': each}, 'parameter report_file is .*: must be') for each in ('.', '/', 'a/..')),
         *(
             ({'dock_pose': each}, 'parameter dock_pose is .*: must be empty, or x, y and yaw')
