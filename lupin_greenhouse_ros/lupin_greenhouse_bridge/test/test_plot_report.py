@@ -5,7 +5,6 @@ import importlib.util
 import itertools
 import json
 import os
-import re
 import sys
 from xml.etree import ElementTree
 
@@ -14,7 +13,9 @@ from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_r
 from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.display.placing import Box, place_labels
 from lupin_greenhouse_bridge.display.plot_report import main
+from lupin_greenhouse_bridge.display.summary import greenhouse_times, speed_text
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.recording.store import open_store
 from reading_helpers import visit, write_report
 
@@ -67,30 +68,43 @@ def texts_of(figures):
 
 def test_the_picture_names_sensors_units_tags_values_and_failures(report, texts_of, shipped_tags):
     drawn = texts_of(report)
-    for text in (
+    assert {
         'temperature (°C)',
         'co2 (ppm)',
         '1: 22.6',
         '5: 615',
         'y (m)',
         'lowest 22.6 °C at tag 1\nhighest 24.0 °C at tag 5',
-    ):
-        assert text in drawn
-    drawn = '\n'.join(drawn)
-    assert f'2 of {len(shipped_tags)} tags read\n·\n1 timeout\n·\n1 unknown tag\n·\n' in drawn
-    reasons = 'Tag 7 timeout: no reply before the timeout', 'Tag unknown unknown tag: no such tag'
-    for text in ('7 timeout', *reasons):
-        assert text in drawn.splitlines()
+        '7 timeout',
+        'Tag 7 timeout: no reply before the timeout',
+        'Tag unknown unknown tag: no such tag',
+    } <= set(drawn)
+    counts = f'2 of {len(shipped_tags)} tags read\n·\n1 timeout\n·\n1 unknown tag\n·\n'
+    assert counts in '\n'.join(drawn)
 
 
-def test_one_word_for_all_failures_is_in_the_key_and_not_at_each_tag(tmp_path, texts_of):
-    visits = (
-        visit('1', temperature=22.61),
-        visit('7', 'TIMEOUT', 'no reply'),
-        visit('9', 'TIMEOUT', 'no reply'),
-    )
-    drawn = texts_of(write_report(tmp_path / 'report.jsonl', *visits))
-    assert {'7', '9', 'tag that was not read: timeout'} <= set(drawn)
+@pytest.mark.parametrize('name', ['day.sqlite', 'day.csv'])
+def test_a_recording_is_drawn_like_a_report(report, tmp_path, texts_of, name):
+    store = open_store(str(tmp_path / name))
+    store.keep(read_file(report).rows)
+    assert {'temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615'} <= set(texts_of(tmp_path / name))
+
+
+def test_what_is_the_same_is_told_once(tmp_path, texts_of):
+    """The word of all failures in the key and not at each tag, and one value at one time."""
+    failed = [visit(tag_id, 'TIMEOUT', 'no reply') for tag_id in ('7', '9')]
+    drawn = texts_of(write_report(tmp_path / 'report.jsonl', visit('4', temperature=20.66), *failed))
+    assert {'7', '9', 'tag that was not read: timeout', '20.7 °C at tag 4'} <= set(drawn)
+    assert not any('lowest 2' in text or ' to ' in text for text in drawn)
+
+
+def test_the_tags_without_a_value_are_drawn_in_the_order_of_the_layout(report, figures, shipped_tags):
+    assert main([str(report)]) == 0
+    ways, temperature, _ = (axes for axes in figures[0].axes if axes.lines)
+    for axes, others in ((ways, {'1', '5', '7'}), (temperature, {'1', '5'})):
+        (dots,) = (line for line in axes.lines if line.get_color() == '0.75')
+        left = [(tag['x'], tag['y']) for tag_id, tag in shipped_tags.items() if tag_id not in others]
+        assert list(zip(*dots.get_data(), strict=True)) == left
 
 
 def test_tags_with_the_same_value_are_all_named_and_ringed(tmp_path, figures):
@@ -102,12 +116,6 @@ def test_tags_with_the_same_value_are_all_named_and_ringed(tmp_path, figures):
     assert 'lowest 600 ppm at tags 1 and 3\nhighest 700 ppm at tag 5' in texts
     (rings,) = [each for each in axes.lines if each.get_markerfacecolor() == 'none']
     assert len(rings.get_xdata()) == 3
-
-
-def test_one_value_and_one_time_are_told_once(tmp_path, texts_of):
-    drawn = texts_of(write_report(tmp_path / 'report.jsonl', visit('4', temperature=20.66)))
-    assert '20.7 °C at tag 4' in drawn
-    assert not any('lowest 2' in text or ' to ' in text for text in drawn)
 
 
 def test_the_failed_tags_come_first_and_a_code_last(tmp_path, texts_of):
@@ -134,51 +142,25 @@ def test_a_text_with_dollars_is_no_formula(tmp_path, texts_of):
     assert 'Tag $\\lost$ timeout: $\\frac$ of the path'.replace('$', '\\$') in drawn
 
 
+def rows_at(times_of_day):
+    """Return a row for each second of the wall clock and time of day in the greenhouse."""
+    return [Row(s * 10**9, '', '1', 'co2', 1.0, '', None, None, time, '') for s, time in times_of_day]
+
+
 @pytest.mark.parametrize(
     ('speed', 'gap_seconds', 'told'),
     [(1, 1, ''), (1800, 1, '1,800'), (1800, 6, ''), (20_000, 2, '20,000'), (20_000, 5, '2,700')],
 )
-def test_a_clock_of_the_greenhouse_that_is_faster_is_told(
-    report, texts_of, tmp_path, speed, gap_seconds, told
-):
+def test_a_clock_of_the_greenhouse_that_is_faster_is_told(speed, gap_seconds, told):
     """The clock wraps each day, so it can have passed more days than it shows."""
-    row = read_file(report).rows[0]
-    store = open_store(str(tmp_path / 'readings.csv'))
-    store.keep(
-        [
-            row._replace(
-                stamp_ns=row.stamp_ns + second * 10**9,
-                sim_time_of_day_seconds=float(second * speed % 86_400),
-            )
-            for second in range(0, 50, gap_seconds)
-        ]
-    )
-    drawn = ' '.join(texts_of(tmp_path / 'readings.csv'))
-    assert re.findall(r'greenhouse clock (.*) faster', drawn) == (
-        [f'at least about {told} times'] if told else []
-    )
+    rows = rows_at((second, float(second * speed % 86_400)) for second in range(0, 50, gap_seconds))
+    assert speed_text(rows) == (f'greenhouse clock at least about {told} times faster' if told else '')
 
 
-def test_a_last_visit_that_failed_leaves_no_picture(tmp_path, capsys):
-    visits = visit('1', co2=1.0), visit('1', 'TIMEOUT', 'no reply')
-    path = write_report(tmp_path / 'report.jsonl', *visits)
-    assert main([str(path)]) == 1
-    reason = 'the last visit of every tag failed: there is no picture'
-    assert capsys.readouterr().err == f"plot_report: '{path}': {reason}\n"
-
-
-def test_a_picture_of_several_days_says_so(report, texts_of, tmp_path):
-    row = read_file(report).rows[0]._replace(x_m=None, y_m=None)
-    stamped = [(1, 64_800.0, '1'), (2, 3600.0, '5'), (3, 50_000.0, '5'), (4, 1800.0, '5'), (5, 79_200.0, '5')]
-    for count, over in ((2, False), (5, True)):
-        rows = [
-            row._replace(stamp_ns=row.stamp_ns + second * 10**9, sim_time_of_day_seconds=time, tag_id=tag_id)
-            for second, time, tag_id in stamped[:count]
-        ]
-        store = open_store(str(tmp_path / f'{count}.csv'))
-        store.keep(rows)
-        drawn = ' '.join(texts_of(tmp_path / f'{count}.csv'))
-        assert ('over at least 3 days' in drawn, 'over at least' in drawn) == (over, over)
+def test_times_of_several_days_say_so():
+    times = [(1, 64_800.0), (2, 3600.0), (3, 50_000.0), (4, 1800.0), (5, 79_200.0)]
+    assert greenhouse_times(rows_at(times[:2])) == 'greenhouse 18:00 to 01:00'
+    assert greenhouse_times(rows_at(times)) == 'greenhouse 18:00 to 22:00 over at least 3 days'
 
 
 @pytest.mark.parametrize(
@@ -202,13 +184,6 @@ def test_the_colours_reach_over_the_fifths_of_the_config_in_which_the_values_lie
     assert colour_limits(values, limits) == expected
 
 
-@pytest.mark.parametrize('name', ['day.sqlite', 'day.csv'])
-def test_a_recording_is_drawn_like_a_report(report, tmp_path, texts_of, name):
-    store = open_store(str(tmp_path / name))
-    store.keep(read_file(report).rows)
-    assert {'temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615'} <= set(texts_of(tmp_path / name))
-
-
 def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report, tmp_path, figures):
     route = tmp_path / 'report-route.csv'  # taken by itself
     route.write_text('x,y\n0.5,0.5\n0.5,-3.5\n3.5,-3.5\n', encoding='utf-8')
@@ -224,12 +199,15 @@ def test_the_way_of_the_robot_is_drawn_with_its_length_wherever_it_leads(report,
     assert drawn_in[0].get_ylim()[0] < -3.5
 
 
-def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, figures):
+def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, figures, capsys):
     """In the shipped greenhouse, with a value of every sensor of every tag."""
     widest = 1234.5
     visits = [visit(tag_id, **dict.fromkeys(tag['sensors'], widest)) for tag_id, tag in shipped_tags.items()]
     report = write_report(tmp_path / 'report.jsonl', *visits)
     assert main([str(report)]) == 0
+    picture = report.with_suffix('.png')
+    assert capsys.readouterr().out == f'picture: {picture}\n'
+    assert picture.read_bytes().startswith(b'\x89PNG')
     (figure,) = figures
     figure.canvas.draw()
     for axes in (axes for axes in figure.axes if axes.texts):
@@ -270,13 +248,6 @@ def test_colours_that_no_drawing_can_use_are_refused(config, ranges, fault):
         read_colour_ranges(config(f'{{colorbar_ranges: {ranges}}}'))
 
 
-def test_the_picture_lies_beside_the_report(report, capsys):
-    assert main([str(report)]) == 0
-    picture = report.with_suffix('.png')
-    assert capsys.readouterr().out == f'picture: {picture}\n'
-    assert picture.read_bytes().startswith(b'\x89PNG')
-
-
 @pytest.mark.parametrize(
     ('arguments', 'fragment'),
     [
@@ -309,13 +280,21 @@ def test_what_cannot_be_drawn_is_said_in_one_line(report, tmp_path, capsys, argu
     assert fragment in line
 
 
-def test_of_a_file_without_rows_there_is_no_picture(tmp_path, capsys):
-    report = write_report(tmp_path / 'report.jsonl', visit('1', 'TIMEOUT'))
-    assert main([str(report)]) == 1
-    assert capsys.readouterr().err == f"plot_report: '{report}': no tag was read: there is no picture\n"
-    open_store(str(tmp_path / 'day.sqlite'))
-    assert main([str(tmp_path / 'day.sqlite')]) == 1
-    assert capsys.readouterr().err.endswith("day.sqlite': holds no readings: there is no picture\n")
+@pytest.mark.parametrize(
+    ('visits', 'reason'),
+    [
+        ([visit('1', 'TIMEOUT')], 'no tag was read'),
+        ([visit('1', co2=1.0), visit('1', 'TIMEOUT')], 'the last visit of every tag failed'),
+        ([], 'holds no readings'),
+    ],
+)
+def test_without_a_last_reading_there_is_no_picture(tmp_path, capsys, visits, reason):
+    path = tmp_path / 'day.sqlite'
+    open_store(str(path))
+    if visits:
+        path = write_report(tmp_path / 'report.jsonl', *visits)
+    assert main([str(path)]) == 1
+    assert capsys.readouterr().err == f"plot_report: '{path}': {reason}: there is no picture\n"
     assert not [*tmp_path.glob('*.png')]
 
 
