@@ -1,4 +1,4 @@
-"""The pose of a tag in its observation: by the registered layout, as discovered, or that of the robot."""
+"""The tags and their places: of a world, by the registered layout, as discovered, or that of the robot."""
 
 import json
 import math
@@ -6,12 +6,14 @@ import threading
 
 import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, has_found_a_client, wait_until
 from lupin_mission import tags as tags_of_bridge
 from lupin_mission.settings import Settings
 from lupin_mission.tags import Tags
+from lupin_mission.world import read_world
 from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import GetTagReading
 from mission_helpers import CAMERA, READER, TWIN_QOS
@@ -19,7 +21,65 @@ from rclpy.client import Client
 from rclpy.duration import Duration
 
 TRANSFORM = Transform(10.0, 20.0, math.pi / 2)
-WORLD = '<sdf version="1.6"><world name="w"><model name="tag_7"><pose>1 2 0</pose></model></world></sdf>'
+MODEL = '<model name="tag_{}"><pose>{}</pose></model>'
+NESTED_ENTITIES = ''.join(f'<!ENTITY x{each + 1} "{f"&x{each};" * 10}">' for each in range(8))
+
+
+def world(*models: str) -> str:
+    return f'<sdf version="1.6"><world name="w">{"".join(models)}</world></sdf>'
+
+
+def test_the_tags_of_a_world_come_in_numeric_order_with_their_places(tmp_path):
+    longest = '1' * 5000  # digits, more than int() takes
+    models = [
+        MODEL.format(longest, '3 4 0'),
+        MODEL.format(10, '1.5 -2 0.3 0 0 0'),
+        MODEL.format(9, '0.1 7.3 0'),
+        '<model name="table_1"/>',
+    ]
+    path = tmp_path / 'world.sdf'
+    path.write_text(world(*models))
+    tags = Tags(Settings(drive='simulated', world_file=str(path)))
+    tags.find(None, None, lambda: None, lambda: None)
+    assert tags.ids == ['9', '10', longest]
+    assert tags.positions_m == {'9': (0.1, 7.3), '10': (1.5, -2.0), longest: (3.0, 4.0)}
+
+
+@pytest.mark.parametrize(
+    ('text', 'fragment'),
+    [
+        (world(), 'has no model tag_<id>'),
+        (world(MODEL.format('x', '0 0 0'), MODEL.format('07', '0 0 0')), 'has no model tag_<id>'),
+        (world(MODEL.format(7, '0 0 0'), MODEL.format(7, '1 0 0')), 'has the model tag_7 twice'),
+        (world('<model name="tag_7"/>'), 'the model tag_7 has no pose'),
+        (world(MODEL.format(7, '1')), 'the model tag_7 has no pose'),
+        (world(MODEL.format(7, 'a b c')), 'the model tag_7 has no pose'),
+        (world(MODEL.format(7, 'nan 0 0')), 'the model tag_7 has no pose'),
+        (world('<model'), 'is not an SDF world'),
+        (
+            f'<!DOCTYPE sdf [<!ENTITY x0 "xxxxxxxxxx">{NESTED_ENTITIES}]>'
+            + world('&x8;', MODEL.format(7, '0 0 0')),
+            'is not an SDF world',
+        ),
+        ('\udcff', 'is not UTF-8 text'),
+        (None, "^world_file '.*world.sdf': cannot be read"),
+    ],
+    ids=lambda each: each[:30] if each else '',
+)
+def test_a_world_without_clear_tags_is_refused(tmp_path, text, fragment):
+    path = tmp_path / 'world.sdf'
+    if text is not None:
+        path.write_text(text, errors='surrogateescape')
+    with pytest.raises(StartUpError, match=fragment):
+        read_world(str(path))
+
+
+def test_a_world_of_more_than_64_mib_is_refused(tmp_path):
+    path = tmp_path / 'world.sdf'
+    with path.open('wb') as file:
+        file.truncate(64 * 2**20 + 1)  # sparse: it takes no room
+    with pytest.raises(StartUpError, match=r'world\.sdf.: is larger than 64 MiB'):
+        read_world(str(path))
 
 
 @pytest.fixture
@@ -66,23 +126,17 @@ def poses(start_mission, reader, confirmer, operate, twin, node):
     return run
 
 
-@pytest.mark.parametrize('frame_id', ['map', 'robot1/map'])
-def test_the_registered_layout_comes_first_then_perception_then_the_robot(
-    poses, tmp_path, shipped_tags, frame_id
-):
-    write_transform(tmp_path / 'layout.yaml', TRANSFORM, frame_id)
+def test_the_registered_layout_comes_first_then_perception_then_the_robot(poses, tmp_path, shipped_tags):
+    write_transform(tmp_path / 'layout.yaml', TRANSFORM, 'robot1/map')
     place = TRANSFORM.point(shipped_tags['1']['x'], shipped_tags['1']['y'])
-    found = poses(layout_in_map=tmp_path / 'layout.yaml', frame_id=frame_id)
+    found = poses(layout_in_map=tmp_path / 'layout.yaml', frame_id='robot1/map')
     assert found[0] == pytest.approx((*place, 1.0))
     assert found[1:] == [(7.0, 0.0, 1.0), (5.0, 0.0, 1.0)]
 
 
-@pytest.mark.parametrize('parameters', [{}, {'tag_poses_in_map': False}])
-def test_without_a_layout_in_the_map_perception_comes_first(poses, layout_file, parameters):
-    """With tag_poses_in_map set to false, a registered layout gives no pose."""
-    if parameters:
-        parameters = {**parameters, 'layout_in_map': layout_file}
-    assert poses(**parameters) == [(7.0, 0.0, 1.0), (7.0, 0.0, 1.0), (5.0, 0.0, 1.0)]
+def test_without_a_layout_in_the_map_perception_comes_first(poses, layout_file):
+    found = poses(layout_in_map=layout_file, tag_poses_in_map=False)
+    assert found == [(7.0, 0.0, 1.0), (7.0, 0.0, 1.0), (5.0, 0.0, 1.0)]
 
 
 def test_a_registration_in_another_frame_is_refused(start_mission, layout_file):
@@ -93,16 +147,18 @@ def test_a_registration_in_another_frame_is_refused(start_mission, layout_file):
 @pytest.mark.parametrize(
     ('parameter', 'text'),
     [
-        ('world_file', WORLD),
+        ('world_file', world(MODEL.format(7, '1 2 0'))),
         ('tag_locations_file', json.dumps({'7': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}})),
     ],
 )
 def test_the_tags_of_a_file_are_moved_to_the_map(tmp_path, layout_file, parameter, text):
     path = tmp_path / 'tags'
     path.write_text(text, encoding='utf-8')
-    tags = Tags(Settings(drive='simulated', **{parameter: str(path)}, layout_in_map=layout_file))
-    tags.find(None, None, lambda: None, lambda: None)
-    assert tags.positions_m == {'7': pytest.approx((8.0, 21.0))}
+    files = {parameter: str(path), 'layout_in_map': layout_file}
+    for has_poses, positions_m in ((True, {'7': pytest.approx((8.0, 21.0))}), (False, {})):
+        tags = Tags(Settings(drive='simulated', **files, tag_poses_in_map=has_poses))
+        tags.find(None, None, lambda: None, lambda: None)
+        assert (tags.ids, tags.positions_m) == (['7'], positions_m)
 
 
 def test_a_bridge_that_was_there_is_awaited_though_it_is_gone_for_a_moment(
@@ -132,21 +188,21 @@ def test_requests_without_a_reply_are_given_up(bridge_parameters, node, monkeypa
 
 
 def test_a_sequence_has_no_poses_if_the_bridge_has_its_own_tag_file(
-    start_mission, held_service, bridge_parameters, twin, node, states_of
+    start_waiting_mission, held_service, bridge_parameters, twin, node
 ):
     """The mission awaits the bridge's word before it reads a tag."""
     subscriber = twin()
-    mission = start_mission(**READER, tag_sequence='1')
+    mission, operator = start_waiting_mission(**READER, tag_sequence='1')
+    operator.start()
     bridge_parameters.wait_for_request()
     reader = held_service(GetTagReading, '/held/get_tag_reading')
     wait_until(lambda: has_found_a_client(node, reader.name))
-    states = states_of(mission)
     for _ in range(3):  # the mission's steps are more frequent
-        states.wait_for()
+        operator.wait_for()
     assert reader.tag_ids == []
     bridge_parameters.answer_tags('1', tag_file='/home/me/tags.json')
     reader.answer_ok('1', co2=1.0)
-    assert mission.end() == 0
     assert subscriber.wait_for().tag_pose_in_map.orientation.w == 0.0
-    (warning,) = mission.warnings()
+    assert mission.stop() == 0
+    warning = mission.warnings()[-1]
     assert "the positions of the tags are unknown: set tag_locations_file to the bridge's tag_file" in warning
