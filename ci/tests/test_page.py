@@ -27,6 +27,8 @@ LABELS = "[...document.querySelectorAll('#map tspan:first-child')].map(each => e
 RINGED = "[...document.querySelectorAll('#map .extreme')].map(each => each.parentNode.dataset.tag)"
 CELLS = "[...document.querySelectorAll('tbody tr > :first-child')].map(each => each.textContent)"
 TABS = "[...document.querySelectorAll('[role=tab] > b')].map(each => each.textContent)"
+SCALE = "[...document.querySelectorAll('figure text[text-anchor=end]')].map(each => each.textContent)"
+CLICK = "dispatchEvent(new MouseEvent('click', { bubbles: true, cancelable: true }))"
 LINES = "document.querySelectorAll('.series').length"
 HEAD = "document.querySelector('h1').textContent"
 CHOSEN = """[...document.querySelectorAll('.chosen')].map(
@@ -40,6 +42,19 @@ COVERED = """
             && Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2
             && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4)
         .map(([other]) => `${tag} ${other}`))
+"""
+# Each label in a chart that covers the point of another tag, or another label.
+COVERED_IN_CHARTS = """
+[...document.querySelectorAll('figure')].flatMap(figure => {
+    const texts = [...figure.querySelectorAll('.series text')].filter(each => each.getClientRects().length);
+    const boxes = [...texts, ...figure.querySelectorAll('.series circle')].map(
+        each => [each.parentNode.dataset.tag, each.getBoundingClientRect()]);
+    return boxes.slice(0, texts.length).flatMap(([tag, a], n) => boxes.slice(n + 1)
+        .filter(([other, b]) => tag !== other
+            && Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
+            && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4)
+        .map(([other]) => `${tag} ${other}`));
+})
 """
 # Elements that reach over the edge of the window, or of the box that would cut them.
 CUT = """
@@ -117,14 +132,34 @@ def contrast(one: str, other: str) -> float:
 
 def test_the_page_shows_each_tag_and_asks_no_host_for_anything(report, open_page):
     page, tags = open_page(report, width=1400), find_layout('').tags
+    failed = list(tags)[3:5]
     assert page.evaluate(HEAD).startswith(f'{len(tags) - 2} of {len(tags)} tags read · 2 timeout · ')
     assert page.evaluate(DOTS) == len(tags)
     assert sorted(page.evaluate(LABELS)) == sorted(tags)
     assert page.evaluate(COVERED) == []
+    assert page.evaluate(COVERED_IN_CHARTS) == []
     assert page.evaluate(CUT) == []
-    read = [tag for number, tag in enumerate(tags.values()) if number not in (3, 4)]
+    read = [tag for tag_id, tag in tags.items() if tag_id not in failed]
     assert page.evaluate(LINES) == sum(len(tag.sensors) for tag in read)
+    (name,) = [each for each in page.evaluate(NAMES) if each.startswith('tag 1:')]
+    values = [f'{each} {value_text(each, 20 + list(tags).index("1"))}' for each in tags['1'].sensors]
+    for fragment in ('tag 1: read', *values, 'greenhouse '):
+        assert fragment in name
+    assert f'tag {failed[0]}: timeout ({EVIL})' in page.evaluate(NAMES)
+    highest = 30.0  # of the shipped config
+    hot = [
+        each
+        for n, (each, tag) in enumerate(tags.items())
+        if 'temperature' in tag.sensors and 20 + n > highest
+    ]
+    labels = page.evaluate("[...document.querySelectorAll('#map a > text')].map(each => each.textContent)")
+    assert sorted(text.partition(':')[0] for text in labels if '▲' in text) == sorted(hot)
+    assert not any('▼' in text for text in labels)
+    assert f'scale: {len(hot)}' in page.evaluate("document.getElementById('scale').textContent")
+    script = "Object.assign(document.createElement('script'), { textContent: 'window.ran = 1' })"
     assert page.complaints == []
+    page.evaluate(f'document.body.append({script})')  # which is not the page's own
+    assert page.evaluate('window.ran') is None
     assert page.requests == [report.with_suffix('.html').as_uri()]
 
 
@@ -136,9 +171,7 @@ def test_a_sensor_is_chosen_by_its_tab_with_mouse_and_keys(report, open_page):
     assert page.evaluate("document.getElementById('shown').textContent") == 'co2 (ppm)'
     assert page.evaluate(COLOURS) != before
     named = page.evaluate("document.getElementById('extremes').textContent")
-    ringed = page.evaluate(
-        "[...document.querySelectorAll('#map a:has(.extreme)')].map(each => each.dataset.tag)"
-    )
+    ringed = page.evaluate(RINGED)
     assert sorted(re.findall(r'at tag (\w+)', named)) == sorted(ringed)
     assert len(ringed) == 2
     page.evaluate("document.querySelectorAll('[role=tab]')[2].focus()")
@@ -147,60 +180,37 @@ def test_a_sensor_is_chosen_by_its_tab_with_mouse_and_keys(report, open_page):
     assert page.evaluate("document.querySelector('[aria-selected=true] > b').textContent") == 'light'
 
 
-CLICK = "dispatchEvent(new MouseEvent('click', { bubbles: true, cancelable: true }))"
-
-
-@pytest.mark.parametrize(
-    'act',
-    [
+def test_a_tag_that_is_chosen_anywhere_is_chosen_everywhere(report, open_page):
+    page, sensors = open_page(report), find_layout('').tags['5'].sensors
+    for act in (
         "location.hash = '#tag=5'",
         f"""document.querySelector('#map a[data-tag="5"]').{CLICK}""",
         "[...document.querySelectorAll('tbody a')].find(each => each.textContent === '5').click()",
-    ],
-)
-def test_a_tag_that_is_chosen_anywhere_is_chosen_everywhere(report, open_page, act):
-    page, sensors = open_page(report), find_layout('').tags['5'].sensors
-    page.evaluate(act)
-    page.wait_for(f'{CHOSEN}.length > 0')
-    assert page.evaluate(CHOSEN) == ['5'] * (2 + len(sensors))  # in the map, the table and its charts
-    assert page.evaluate("document.getElementById('chosen').textContent").startswith(
-        'tag 5: read · temperature '
-    )
-    page.evaluate("document.querySelectorAll('[name=clock]')[1].click()")
-    assert len(page.evaluate(CHOSEN)) == 2 + len(sensors)
-    page.evaluate(PRESS.format('Escape'))
-    assert page.evaluate(CHOSEN) == []
+    ):
+        page.evaluate(act)
+        page.wait_for(f'{CHOSEN}.length > 0')
+        assert page.evaluate(CHOSEN) == ['5'] * (2 + len(sensors))  # in the map, the table and its charts
+        facts = page.evaluate("document.getElementById('chosen').textContent")
+        assert facts.startswith('tag 5: read · temperature ')
+        page.evaluate("document.querySelectorAll('[name=clock]')[1].click()")
+        assert len(page.evaluate(CHOSEN)) == 2 + len(sensors)
+        page.evaluate(PRESS.format('Escape'))
+        assert page.evaluate(CHOSEN) == []
 
 
-def test_the_arrow_keys_choose_the_next_tag_of_the_map(report, open_page):
-    page = open_page(report)
+def test_the_arrow_keys_choose_the_next_tag_of_the_map_and_keep_the_focus(report, open_page):
+    page, focused = open_page(report), 'document.activeElement.dataset.tag'
     page.evaluate('document.querySelector(\'#map a[tabindex="0"]\').focus()')
-    first = page.evaluate('document.activeElement.dataset.tag')
+    first = page.evaluate(focused)
     page.evaluate(PRESS.format('ArrowRight'))
     page.evaluate(PRESS.format('ArrowRight'))
-    chosen = page.evaluate('document.activeElement.dataset.tag')
-    cells = page.evaluate(CELLS)
+    chosen, cells = page.evaluate(focused), page.evaluate(CELLS)
     assert cells.index(chosen) == cells.index(first) + 2
     assert page.evaluate("document.querySelector('tr.chosen').firstChild.textContent") == chosen
-
-
-def test_the_dot_that_a_key_chose_keeps_the_focus(report, open_page):
-    page = open_page(report)
     page.evaluate('document.querySelector(\'#map a[data-tag="5"]\').focus()')
     page.evaluate(f'document.activeElement.{CLICK}')  # as Enter does
-    page.wait_for(f'{CHOSEN}.length > 0')
-    assert page.evaluate('document.activeElement.dataset.tag') == '5'
-
-
-def test_the_name_of_a_tag_has_its_values_outcome_and_times(report, open_page):
-    page, tags = open_page(report), find_layout('').tags
-    number = list(tags).index('1')
-    (name,) = [each for each in page.evaluate(NAMES) if each.startswith('tag 1:')]
-    values = [f'{each} {value_text(each, 20 + number)}' for each in tags['1'].sensors]
-    for fragment in ('tag 1: read', *values, 'greenhouse '):
-        assert fragment in name
-    failed = list(tags)[3]
-    assert f'tag {failed}: timeout ({EVIL})' in page.evaluate(NAMES)
+    page.wait_for(f"{CHOSEN}.includes('5')")
+    assert page.evaluate(focused) == '5'
 
 
 def test_one_value_is_told_once_on_an_axis_of_its_decimals(tmp_path, open_page):
@@ -210,14 +220,7 @@ def test_one_value_is_told_once_on_an_axis_of_its_decimals(tmp_path, open_page):
     assert page.evaluate("document.getElementById('extremes').textContent") == 'ringed: 20.0 °C at tag 5'
     assert page.evaluate("document.querySelector('#tabs button > span').textContent") == '20.0 °C'
     assert ' to ' not in page.evaluate(HEAD)
-    scale = "[...document.querySelectorAll('figure text[text-anchor=end]')].map(each => each.textContent)"
-    assert page.evaluate(scale) == ['19.9', '20.0', '20.1']
-
-
-def test_a_narrow_window_has_no_small_maps(report, open_page):
-    seen = "[...document.querySelectorAll('#tabs svg')].filter(each => each.getClientRects().length).length"
-    assert open_page(report, width=390).evaluate(seen) == 0
-    assert open_page(report, width=800).evaluate(seen) == len(UNITS)
+    assert page.evaluate(SCALE) == ['19.9', '20.0', '20.1']
 
 
 def test_the_table_sorts_by_a_column_with_failures_first(report, open_page):
@@ -246,39 +249,8 @@ def test_one_word_for_all_failures_is_in_the_key_and_not_at_each_tag(report, ope
     assert 'not read' in page.evaluate(key)
 
 
-# Each label in a chart that covers the point of another tag, or another label.
-COVERED_IN_CHARTS = """
-[...document.querySelectorAll('figure')].flatMap(figure => {
-    const texts = [...figure.querySelectorAll('.series text')].filter(each => each.getClientRects().length);
-    const boxes = [...texts, ...figure.querySelectorAll('.series circle')].map(
-        each => [each.parentNode.dataset.tag, each.getBoundingClientRect()]);
-    return boxes.slice(0, texts.length).flatMap(([tag, a], n) => boxes.slice(n + 1)
-        .filter(([other, b]) => tag !== other
-            && Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
-            && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4)
-        .map(([other]) => `${tag} ${other}`));
-})
-"""
-
-
-@pytest.mark.parametrize('width', [1400, 390])
-def test_no_label_of_a_chart_covers_a_point_or_another_label(report, open_page, width):
-    page = open_page(report, width=width)
-    assert page.evaluate(COVERED_IN_CHARTS) == []
-
-
-def test_both_clocks_of_the_charts_have_the_same_scale(report, open_page):
-    page = open_page(report)
-    scale = "[...document.querySelectorAll('figure text[text-anchor=end]')].map(each => each.textContent)"
-    before = page.evaluate(scale)
-    page.evaluate("document.querySelectorAll('[name=clock]')[1].click()")
-    assert page.evaluate(scale) == before
-    assert '12:00' in page.evaluate("document.querySelector('figure').textContent")
-    assert page.evaluate(CUT) == []
-
-
-@pytest.mark.parametrize('width', [1400, 800, 390])
-def test_the_page_fits_a_window_and_follows_its_colour_scheme(report, open_page, width):
+@pytest.mark.parametrize(('width', 'small_maps'), [(1400, len(UNITS)), (800, len(UNITS)), (390, 0)])
+def test_the_page_fits_a_window_and_follows_its_colour_scheme(report, open_page, width, small_maps):
     page = open_page(report, width=width, height=740)
     for scheme, ground, text in (('light', '>', '<'), ('dark', '<', '>')):
         page.prefer(scheme)
@@ -288,6 +260,14 @@ def test_the_page_fits_a_window_and_follows_its_colour_scheme(report, open_page,
         for name in ('text', 'muted', 'bad', 'accent'):
             for below in ('page', 'chosen', 'table'):
                 assert contrast(colours[name], colours[below]) >= LEAST_CONTRAST, (scheme, name, below)
+    seen = "[...document.querySelectorAll('#tabs svg')].filter(each => each.getClientRects().length).length"
+    assert page.evaluate(seen) == small_maps
+    assert page.evaluate(COVERED_IN_CHARTS) == []
+    scale = page.evaluate(SCALE)  # the same for both clocks
+    page.evaluate("document.querySelectorAll('[name=clock]')[1].click()")
+    assert page.evaluate(SCALE) == scale
+    assert '12:00' in page.evaluate("document.querySelector('figure').textContent")
+    assert width == 390 or page.evaluate(CUT) == []  # where the table does not scroll
     assert page.complaints == []
 
 
@@ -334,13 +314,6 @@ def test_what_a_file_holds_is_shown_as_text_and_never_run(tmp_path, open_page):
     assert page.requests == [path.with_suffix('.html').as_uri()]
 
 
-def test_a_script_that_is_not_the_page_s_own_does_not_run(report, open_page):
-    page = open_page(report)
-    script = "Object.assign(document.createElement('script'), { textContent: 'window.ran = 1' })"
-    page.evaluate(f'document.body.append({script})')
-    assert page.evaluate('window.ran') is None
-
-
 def test_a_hundred_thousand_rows_open(tmp_path, open_page):
     path = tmp_path / 'day.sqlite'
     tags = list(find_layout('').tags)
@@ -372,16 +345,6 @@ def test_of_many_tags_one_is_found_by_its_name(tmp_path, open_page):
     shown = "[...document.querySelectorAll('tbody tr')].filter(each => each.offsetHeight).length"
     assert page.evaluate(shown) == 11  # 99, and 990 to 999
     assert page.complaints == []  # none of the tags in the page has a value of co2
-
-
-def test_a_value_outside_the_scale_is_marked(report, open_page):
-    page, highest = open_page(report), 30.0  # of the shipped config
-    tags = enumerate(find_layout('').tags.items())
-    hot = [tag_id for n, (tag_id, tag) in tags if 'temperature' in tag.sensors and 20 + n > highest]
-    labels = page.evaluate("[...document.querySelectorAll('#map a > text')].map(each => each.textContent)")
-    assert sorted(text.partition(':')[0] for text in labels if '▲' in text) == sorted(hot)
-    assert not any('▼' in text for text in labels)
-    assert f'scale: {len(hot)}' in page.evaluate("document.getElementById('scale').textContent")
 
 
 def test_equal_values_of_any_size_have_a_colour(tmp_path, open_page):
