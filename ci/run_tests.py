@@ -137,7 +137,7 @@ def test_all() -> bool:
         pytest = [*PYTEST, '-n', WORKERS, '-m', 'not heavy', *folders]
         return Tests(name, [*BOUNDED, *monorepo.inside(*pytest, above=(both,))], both.folder / f'{name}.log')
 
-    jobs.append(tests('tools', 'tools/tests', 'tools/draw/tests'))
+    jobs.insert(2, tests('tools', 'tools/tests', 'tools/draw/tests'))  # long ones first
     return run(jobs, AT_ONCE) and run([tests('ci', 'ci/tests')])
 
 
