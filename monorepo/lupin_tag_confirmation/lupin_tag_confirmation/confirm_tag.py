@@ -19,15 +19,7 @@ from rclpy.qos import qos_profile_sensor_data
 from rclpy.task import Future
 from sensor_msgs.msg import Image
 
-from lupin_tag_confirmation.confirmation import (
-    Confirmer,
-    Frame,
-    Moment,
-    Sight,
-    UnknownTagId,
-    Verdict,
-    tag_number,
-)
+from lupin_tag_confirmation.confirmation import Confirmer, Frame, Moment, Sight, UnknownTagId, tag_number
 from lupin_tag_confirmation.drawing import draw
 from lupin_tag_confirmation.images import UnusableImage
 from lupin_tag_confirmation.settings import TOPICS, Settings
@@ -123,20 +115,20 @@ class ConfirmTagNode(Node):
         """Search one frame, the newest, and judge; return whether there was a frame to search."""
         now = self._now()
         has_searched = self._confirmer.choose(now, asked_at)
-        verdict = self._confirmer.judge(number, now, asked_at)
-        response.detection_confidence, response.error_message = verdict.confidence, verdict.reason
-        response.detected = not verdict.reason
-        if (has_searched or response.detected) and self._pictures.get_subscription_count():
-            self._publish_picture(verdict, number)
+        response.detection_confidence, response.error_message, sight = self._confirmer.judge(
+            number, now, asked_at
+        )
+        response.detected = not response.error_message
+        if sight and (has_searched or response.detected) and self._pictures.get_subscription_count():
+            self._publish_picture(sight, number, response.error_message)
         return has_searched
 
-    def _publish_picture(self, verdict: Verdict, number: int) -> None:
+    def _publish_picture(self, sight: Sight, number: int, reason: str) -> None:
         """Publish a picture of the verdict, unless the source has no pictures."""
-        sight = verdict.sight
-        if not sight or sight.picture is None:
+        if sight.picture is None:
             return
         try:
-            picture = draw(sight.picture, sight.detections, number, verdict.reason, self._settings)
+            picture = draw(sight.picture, sight.detections, number, reason, self._settings)
         except Exception as error:  # a picture is worth less than the node
             problem = f'cannot draw {self._pictures.topic_name}: {type(error).__name__}: {error}'
             self.get_logger().error(escaped(problem, 300), throttle_duration_sec=LOG_EVERY_SECONDS)

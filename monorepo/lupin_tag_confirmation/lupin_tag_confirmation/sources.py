@@ -28,15 +28,15 @@ def open_source(settings: Settings) -> tuple[type, Callable[[Any], Sight]]:
         raise StartUpError(problem) from error
     detector = TagDetector(settings.max_hamming)
 
-    def sight_of_image(image: Image) -> Sight:
-        picture = grey_picture(image.encoding, image.height, image.width, image.step, image.data)
+    def sight_of(message: Any) -> Sight:
+        if settings.source == 'compressed':
+            picture = decoded_picture(message.data)
+        else:
+            size = message.height, message.width, message.step
+            picture = grey_picture(message.encoding, *size, message.data)
         return Sight(detector.detect(picture), picture)
 
-    def sight_of_compressed(image: CompressedImage) -> Sight:
-        picture = decoded_picture(image.data)
-        return Sight(detector.detect(picture), picture)
-
-    return (Image, sight_of_image) if settings.source == 'image' else (CompressedImage, sight_of_compressed)
+    return {'image': Image, 'compressed': CompressedImage}[settings.source], sight_of
 
 
 def detections_of(message: Any) -> Sight:

@@ -1,17 +1,20 @@
-"""The real nodes in the test's process, with a camera and a client that the test controls."""
+"""Messages of cameras and detectors, and the real node in the test's process, with a camera and a client."""
 
+import io
 import threading
 
 import hypothesis
+import numpy as np
 import pytest
+from apriltag_msgs.msg import AprilTagDetection, AprilTagDetectionArray
 from geometry_msgs.msg import Pose, Quaternion
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_msgs.srv import ConfirmTag
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
 from lupin_tag_confirmation.settings import TOPICS
-from messages import picture_of_tag
+from PIL import Image as PictureFile
 from rclpy.qos import qos_profile_sensor_data
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import CompressedImage, Image
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
 # No test may depend on the speed of the machine.
@@ -22,6 +25,43 @@ hypothesis.settings.load_profile('unhurried')
 
 PATIENCE_SECONDS = 30.0
 TOPIC = '/tested/image'
+# The tags with these numbers, with their black borders: 8 x 8 modules of one bit.
+MODULES = {7: '0014703a14301000', 8: '005a2e7c706a0800'}
+
+
+def marker(tag_number: int) -> np.ndarray:
+    """Return a tag36h11, uint8 of the shape (80, 80), with its black border and without its white one."""
+    bits = np.unpackbits(np.frombuffer(bytes.fromhex(MODULES[tag_number]), np.uint8)).reshape(8, 8)
+    return np.kron(255 * bits, np.ones((10, 10), np.uint8))
+
+
+def picture_of_tag(tag_number: int) -> np.ndarray:
+    """Return a picture of a tag, uint8 of the shape (240, 320): on a busy machine, large images get lost."""
+    return np.pad(marker(tag_number), ((80, 80), (120, 120)), constant_values=200)
+
+
+def image_of(picture: np.ndarray, **fields) -> Image:
+    """Return a message of a grey picture, with other values of these fields."""
+    height, width = picture.shape
+    grey = {'height': height, 'width': width, 'encoding': 'mono8', 'step': width, 'data': picture.tobytes()}
+    return Image(**{**grey, **fields})
+
+
+def compressed(picture: np.ndarray, kind: str) -> CompressedImage:
+    """Return the message of a grey picture, as JPEG or PNG."""
+    data = io.BytesIO()
+    PictureFile.fromarray(picture).save(data, kind)
+    return CompressedImage(format=f'mono8; {kind.lower()} compressed ', data=data.getvalue())
+
+
+def detections(*tags: tuple, family='tag36h11') -> AprilTagDetectionArray:
+    """Return the message of a detector for tags of (number, hamming, margin)."""
+    return AprilTagDetectionArray(
+        detections=[
+            AprilTagDetection(family=family, id=number, hamming=hamming, decision_margin=margin)
+            for number, hamming, margin in tags
+        ]
+    )
 
 
 class Perception:
@@ -51,8 +91,7 @@ class Perception:
 
     def confirm(self, tag_id: str, image=None, *, is_stamped=True) -> ConfirmTag.Response:
         """Call the service, and show an image repeatedly until the reply arrives."""
-        future = self.ask(tag_id)
-        replied = threading.Event()
+        future, replied = self.ask(tag_id), threading.Event()
         future.add_done_callback(lambda _future: replied.set())
         for _ in range(int(20 * PATIENCE_SECONDS)):
             if image is not None:
@@ -65,12 +104,12 @@ class Perception:
         assert response.tag_pose_in_map == Pose(orientation=Quaternion(w=0.0))  # never populated
         return response
 
-    def confirm_until(self, fragment: str, image=None, tag_id: str = '7', *, is_stamped=True) -> str:
+    def confirm_until(self, fragment: str, image=None, tag_id: str = '7') -> str:
         """Show an image and call the service until the reason has this text; return the reason."""
         reasons = []
 
         def is_told():
-            reasons.append(self.confirm(tag_id, image, is_stamped=is_stamped).error_message)
+            reasons.append(self.confirm(tag_id, image).error_message)
             return fragment in reasons[-1]
 
         self._wait_until(is_told)
@@ -86,13 +125,9 @@ def start(run_nodes):
     """
 
     def start_perception(message_type=Image, source='image', **parameters):
-        defaults = {
-            'source': source,
-            'max_image_age_seconds': 3600.0,
-            'timeout_seconds': 2 * PATIENCE_SECONDS,
-        }
+        patient = {'max_image_age_seconds': 3600.0, 'timeout_seconds': 2 * PATIENCE_SECONDS}
         remap = ['-r', f'{TOPICS[source]}:={TOPIC}']
-        _, node = run_nodes(ConfirmTagNode, arguments=remap, **{**defaults, **parameters})
+        _, node = run_nodes(ConfirmTagNode, arguments=remap, source=source, **{**patient, **parameters})
         return Perception(node, message_type)
 
     return start_perception

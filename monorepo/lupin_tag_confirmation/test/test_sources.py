@@ -1,48 +1,39 @@
-"""Messages of cameras and detectors become detections, and confirm a tag or not. Nothing is sent over ROS."""
+"""Parameters, and messages of cameras and detectors that become detections. Nothing is sent over ROS."""
 
+import dataclasses
 import sys
+from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import yaml
 from apriltag_msgs.msg import AprilTagDetection, AprilTagDetectionArray, Point
+from conftest import compressed, detections, image_of, marker
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.testing._helpers import check_settings
 from lupin_tag_confirmation.confirmation import Confirmer, Frame, Moment
-from lupin_tag_confirmation.settings import TOPICS, Settings
+from lupin_tag_confirmation.settings import Settings
 from lupin_tag_confirmation.sources import open_source
-from messages import compressed, detections, image_of, marker
-from sensor_msgs.msg import CompressedImage, Image
 
-
-def open_with(source: str, **parameters):
-    return open_source(Settings(source=source, **parameters))
+PACKAGE = Path(__file__).resolve().parents[1]
 
 
 def judge(source: str, message, **parameters) -> str:
     """Return why tag 7 is not confirmed by one current message of this source; '' if it is."""
     settings = Settings(source=source, min_frames=1, **parameters)
     confirmer = Confirmer(settings)
-    _, sight_of = open_source(settings)
+    message_type, sight_of = open_source(settings)
+    assert type(message) is message_type
     confirmer.add(Frame(lambda: sight_of(message), 0.0, 0.0))
     now = Moment(0.0, 0.0)
     assert confirmer.choose(now, now)
     return confirmer.judge(7, now, now).reason
 
 
-@pytest.mark.parametrize(
-    ('source', 'message_type', 'topic'),
-    [
-        ('image', Image, 'camera/color/image_raw'),
-        ('compressed', CompressedImage, 'camera/color/image_raw/compressed'),
-        ('detections', AprilTagDetectionArray, 'detections'),
-    ],
-)
-def test_each_source_has_its_topic_and_message_type(source, message_type, topic):
-    assert (open_with(source)[0], TOPICS[source]) == (message_type, topic)
-
-
 @pytest.mark.parametrize('source', ['image', 'compressed'])
 def test_max_hamming_reaches_the_detector(source):
-    tag = marker(7, 10)
+    tag = marker(7)
     tag[10:20, 10:20] ^= 255
     picture = np.pad(tag, 40, constant_values=255)
     message = image_of(picture) if source == 'image' else compressed(picture, 'PNG')
@@ -71,7 +62,7 @@ def test_detections_of_another_node_are_judged(message, reason):
 def test_detections_keep_their_corners_and_have_no_picture():
     corners = [Point(x=float(n), y=10.0 + n) for n in range(4)]
     tag = AprilTagDetection(family='tag36h11', id=7, decision_margin=50.0, corners=corners)
-    sight = open_with('detections')[1](AprilTagDetectionArray(detections=[tag]))
+    sight = open_source(Settings(source='detections'))[1](AprilTagDetectionArray(detections=[tag]))
     assert sight.detections[0].corners.tolist() == [[0.0, 10.0], [1.0, 11.0], [2.0, 12.0], [3.0, 13.0]]
     assert sight.picture is None
 
@@ -83,5 +74,25 @@ def test_a_missing_apriltag_library_is_refused_with_its_package_where_it_is_need
     with pytest.raises(
         StartUpError, match=r'AprilTag library is missing .*: sudo apt install python3-apriltag$'
     ):
-        open_with(source)
-    open_with('detections')
+        open_source(Settings(source=source))
+    open_source(Settings(source='detections'))
+
+
+def test_each_parameter_has_its_type_its_limits_and_its_default_in_the_parameter_file():
+    check_settings(Settings)
+    for source in ('', 'Image', 'video'):
+        with pytest.raises(StartUpError) as refusal:
+            Settings(source=source)
+        accepted = 'image, compressed or detections'
+        assert str(refusal.value) == f'parameter source is {source!r}: must be {accepted}'
+    (nodes,) = yaml.safe_load_all((PACKAGE / 'config/confirm_tag.yaml').read_text(encoding='utf-8'))
+    parameters = nodes['/**/confirm_tag']['ros__parameters']
+    assert {name: (value, type(value)) for name, value in parameters.items()} == {
+        each.name: (each.default, type(each.default)) for each in dataclasses.fields(Settings)
+    }
+
+
+def test_the_messages_of_detectors_are_a_dependency():
+    """Only a source of detections imports apriltag_msgs, through the bridge's package."""
+    manifest = ElementTree.parse(PACKAGE / 'package.xml').getroot()
+    assert 'apriltag_msgs' in {depend.text for depend in manifest.iter('exec_depend')}
