@@ -15,9 +15,12 @@ import hashlib
 import itertools
 import random
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import matplotlib
+import numpy as np
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.display import colours, drawings, placing
@@ -32,7 +35,7 @@ from lupin_greenhouse_bridge.simulator.simulation import load
 from lupin_greenhouse_bridge.units import clock_time, label_of
 from matplotlib import pyplot
 from matplotlib.figure import Figure
-from PIL import Image
+from PIL import Image, PngImagePlugin
 
 COMMITTED = Path(__file__).resolve().parents[1] / 'core/lupin_greenhouse_bridge/doc'
 LETTERS = {'temperature': 'T', 'humidity': 'H', 'co2': 'C', 'light': 'L', 'soil_moisture': 'S'}
@@ -41,6 +44,51 @@ BAND_COLOUR = '#c9d8ea'
 SAMPLES = 300  # of the noise, at each time of the day
 TAG_M = 0.19  # the diameter of its dot
 STUB_M = 1.0
+Picture: TypeAlias = tuple[str, Callable[[], Any]]  # fingerprint of its data; what draws a Figure or an Image
+
+
+def draw_or_check(name: str, pictures: dict[Path, Picture], *, is_check: bool) -> int:
+    """Write pictures with their fingerprints, or compare these with the files'; return the exit code."""
+    stale = 0
+    for path, (fingerprint, draw) in pictures.items():
+        if not is_check:
+            save(draw(), path, fingerprint)
+            print(path)
+        elif fingerprint_of(path) != fingerprint:
+            print(f'{name}: {path} is not up to date: make figure')
+            stale = 1
+    return stale
+
+
+def save(drawing: Any, path: Path, fingerprint: str) -> None:
+    """Write a Figure or an Image as PNG with its fingerprint."""
+    if isinstance(drawing, Figure):
+        drawing.savefig(path, metadata={'Software': None, 'Description': fingerprint}, dpi=110)
+        pyplot.close(drawing)
+    else:
+        metadata = PngImagePlugin.PngInfo()
+        metadata.add_text('Description', fingerprint)
+        drawing.save(path, pnginfo=metadata)
+
+
+def fingerprint_of(path: Path) -> str:
+    """Return the fingerprint in a committed picture; '' if it has none or is missing."""
+    if not path.exists():
+        return ''
+    with Image.open(path) as image:
+        return str(image.info.get('Description', ''))
+
+
+def hash_of(*contents: bytes) -> str:
+    """Return the fingerprint of what a picture is drawn from."""
+    return hashlib.sha256(b'\0'.join(contents)).hexdigest()
+
+
+def parser_of(name: str, document: str | None) -> argparse.ArgumentParser:
+    """Return a parser with the first line of a module's docstring, and the option --check."""
+    parser = argparse.ArgumentParser(prog=name, description=(document or '').strip().splitlines()[0])
+    parser.add_argument('--check', action='store_true', help='compare the committed pictures; draw nothing')
+    return parser
 
 
 class Greenhouse:
@@ -78,11 +126,6 @@ class Greenhouse:
         return hash_of(*(path.read_bytes() for path in [*self.files, *code]), choices.encode())
 
 
-def hash_of(*contents: bytes) -> str:
-    """Return the fingerprint of what a picture is drawn from."""
-    return hashlib.sha256(b'\0'.join(contents)).hexdigest()
-
-
 def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float) -> Figure:
     """Return the figure of the layout: each tag and the letters of its sensors, over one sensor's field."""
     tags, walls = greenhouse.layout.tags, greenhouse.walls
@@ -92,10 +135,8 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float) -> Figure:
         for start, end in ((walls.x0, walls.x1), (walls.y0, walls.y1))
     )
     field = [[greenhouse.value(sensor, (x, y), hour) for x in xs] for y in ys]
-    extent = (xs[0], xs[-1], ys[0], ys[-1])
-    shades = axes.imshow(
-        field, colours.COLOUR_MAP, alpha=0.55, origin='lower', extent=extent, interpolation='bilinear'
-    )
+    style: dict[str, Any] = {'alpha': 0.55, 'origin': 'lower', 'interpolation': 'bilinear'}
+    shades = axes.imshow(field, colours.COLOUR_MAP, extent=(xs[0], xs[-1], ys[0], ys[-1]), **style)
     lines = axes.contour(xs, ys, field, colors='0.3', linewidths=0.6)
     lines.set_visible(False)  # each is drawn below, except short stubs at the walls
     for path in itertools.chain.from_iterable(lines.allsegs):
@@ -103,24 +144,19 @@ def draw_layout(greenhouse: Greenhouse, sensor: str, hour: float) -> Figure:
             axes.plot(*path.T, color='0.3', linewidth=0.6)
     drawings.draw_greenhouse(axes, greenhouse.layout, walls)
     dots = [placing.Box(tag.x, tag.y, TAG_M, TAG_M) for tag in tags.values()]
-    places = [dot.x for dot in dots], [dot.y for dot in dots]
-    text = 'tag: its id, and letters for its sensors'
-    axes.plot(*places, 'o', color='white', markeredgecolor='black', markersize=9, label=text, zorder=3)
-    texts = [f'{tag_id}  {"".join(LETTERS[name] for name in tag.sensors)}' for tag_id, tag in tags.items()]
-    labels = [(text, dot, 'black') for text, dot in zip(texts, dots, strict=True)]
+    dot_style: dict[str, Any] = {'color': 'white', 'markeredgecolor': 'black', 'markersize': 9, 'zorder': 3}
+    key = 'tag: its id, and letters for its sensors'
+    axes.plot([dot.x for dot in dots], [dot.y for dot in dots], 'o', label=key, **dot_style)
+    letters = [''.join(LETTERS[name] for name in tag.sensors) for tag in tags.values()]
+    labels = [
+        (f'{tag_id}  {text}', dot, 'black') for tag_id, text, dot in zip(tags, letters, dots, strict=True)
+    ]
     box = {'boxstyle': 'round,pad=0.12', 'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.9}
     bounds = placing.box_of(walls)
     drawings.write_labels(axes, labels, drawings.LABELS, dots, bounds, weight='bold', bbox=box, zorder=4)
     name, when = sensor.replace('_', ' '), clock_time(hour * 3600)
-    scale = figure.colorbar(
-        shades,
-        ax=axes,
-        label=f'{label_of(sensor)} at {when}',
-        location='right',
-        shrink=0.7,
-        ticks=lines.levels,
-    )
-    scale.add_lines(lines)
+    place: dict[str, Any] = {'ax': axes, 'location': 'right', 'shrink': 0.7, 'ticks': lines.levels}
+    figure.colorbar(shades, label=f'{label_of(sensor)} at {when}', **place).add_lines(lines)
     for each in greenhouse.sensors:
         count = pluralized(sum(each in tag.sensors for tag in tags.values()), 'tag')
         axes.plot([], [], ' ', label=f'{LETTERS[each]}  {each.replace("_", " ")}: {count}')
@@ -145,17 +181,27 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
             for hour in hours
         ]
         low, middle, high = ([each[int(share * SAMPLES)] for each in samples] for share in (0.05, 0.5, 0.95))
-        text = '90 % of these readings'
-        band = axes.fill_between(hours, low, high, color=BAND_COLOUR, linewidth=0, label=text)
+        band = axes.fill_between(
+            hours, low, high, color=BAND_COLOUR, linewidth=0, label='90 % of these readings'
+        )
         text = f'median of {SAMPLES:,} readings at each time'
         (line,) = axes.plot(hours, middle, color=colours.ROUTE, linewidth=1.6, label=text)
-        axes.set_title(label_of(name) + ': no noise, so no band' * (low == high), loc='left', fontsize=9)
+        curve = [greenhouse.value(name, (tag.x, tag.y), hour) for hour in hours]
+        noise = ', without noise' if low == high else ''
+        axes.set_title(f'{label_of(name)}, {extremes_of(curve, hours)}{noise}', loc='left', fontsize=9)
         axes.grid(alpha=0.3)
     all_axes[-1].set(xlabel='greenhouse time of day (h)', xlim=(0, 24), xticks=range(0, 25, 3))
-    text = f'a day at tag {tag_id} in the simulator\nnot measured: each formula has its peak at noon'
-    figure.suptitle(text, fontsize=11)
+    figure.suptitle(f'a day at tag {tag_id} in the simulator\nnot measured: made by a formula', fontsize=11)
     figure.legend(handles=[line, band], loc='outside lower center', ncols=2, frameon=False, fontsize=9)
     return figure
+
+
+def extremes_of(values: list[float], hours: list[float]) -> str:
+    """Return when a curve is highest and lowest, in words."""
+    if min(values) == max(values):
+        return 'always the same'
+    highest, lowest = (clock_time(hours[int(find(values))] * 3600) for find in (np.argmax, np.argmin))
+    return f'highest at {highest}, lowest at {lowest}'
 
 
 def draw_route(greenhouse: Greenhouse) -> Figure:
@@ -165,20 +211,6 @@ def draw_route(greenhouse: Greenhouse) -> Figure:
         greenhouse.layout, greenhouse.walls, found.poses, found.unreachable, greenhouse.route
     )
     return figure
-
-
-def save(figure: Figure, path: Path, fingerprint: str) -> None:
-    """Write a figure as PNG with its fingerprint."""
-    figure.savefig(path, metadata={'Software': None, 'Description': fingerprint}, dpi=110)
-    pyplot.close(figure)
-
-
-def fingerprint_of(path: Path) -> str:
-    """Return the fingerprint in a committed figure; '' if it has none or is missing."""
-    if not path.exists():
-        return ''
-    with Image.open(path) as image:
-        return str(image.info.get('Description', ''))
 
 
 def check_options(options: argparse.Namespace, greenhouse: Greenhouse) -> None:
@@ -197,8 +229,7 @@ def check_options(options: argparse.Namespace, greenhouse: Greenhouse) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Draw or check; exit code 0: done, 1: not up to date, 2: cannot be drawn."""
-    parser = argparse.ArgumentParser(prog='figure', description=(__doc__ or '').strip().splitlines()[0])
-    parser.add_argument('--check', action='store_true', help='compare the committed figures; draw nothing')
+    parser = parser_of('figure', __doc__)
     parser.add_argument(
         '--output', type=Path, default=COMMITTED, metavar='FOLDER', help='default: the documents'
     )
@@ -215,18 +246,14 @@ def main(arguments: list[str] | None = None) -> int:
     except OneLineError as error:
         print(f'figure: {error}', file=sys.stderr)
         return 2
+    draws: dict[str, Callable[[], Figure]] = {
+        'greenhouse': lambda: draw_layout(greenhouse, options.sensor, options.hour),
+        'day': lambda: draw_day(greenhouse, options.tag),
+        'route': lambda: draw_route(greenhouse),
+    }
     fingerprint = greenhouse.fingerprint(options)
-    paths = {name: options.output / f'{name}.png' for name in ('greenhouse', 'day', 'route')}
-    if options.check:
-        stale = [str(path) for path in paths.values() if fingerprint_of(path) != fingerprint]
-        lines = [f'figure: {each} is not up to date: make figure' for each in stale]
-        print(*(lines or [f'figure: {len(paths)} figures are up to date']), sep='\n')
-        return int(bool(stale))
-    save(draw_layout(greenhouse, options.sensor, options.hour), paths['greenhouse'], fingerprint)
-    save(draw_day(greenhouse, options.tag), paths['day'], fingerprint)
-    save(draw_route(greenhouse), paths['route'], fingerprint)
-    print(*paths.values(), sep='\n')
-    return 0
+    pictures = {options.output / f'{name}.png': (fingerprint, draw) for name, draw in draws.items()}
+    return draw_or_check('figure', pictures, is_check=options.check)
 
 
 if __name__ == '__main__':

@@ -8,18 +8,18 @@ them. Each arrow goes to the next column, or to the box below or above, so that 
 figure has a light and a dark version. Their metadata names the graph and the code: --check compares these.
 """
 
-import argparse
 import os
 import sys
 import tempfile
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import matplotlib
 import rclpy
-from figure import COMMITTED, fingerprint_of, hash_of, save
+from figure import COMMITTED, Picture, draw_or_check, hash_of, parser_of
 from lupin_greenhouse_bridge.bridge_node import GreenhouseBridgeNode
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.reading.read_on_sight import ReadOnSightNode
@@ -36,29 +36,35 @@ from rclpy.action.graph import (
 from rclpy.node import Node
 
 OF_MISSION = Path(__file__).resolve().parents[2] / 'monorepo/lupin_mission/doc'
-# The folder, and the columns of nodes from left to right; a name stands for a node of somebody else.
-USES: dict[str, tuple[Path, list[list[Any]]]] = {
-    'graph_call': (COMMITTED, [['your node'], [GreenhouseBridgeNode]]),
+
+
+# Of each figure: its folder; its columns of nodes from left to right, in which a name is a node of somebody
+# else; and what that node has: the other ends of what our nodes have.
+USES: dict[str, tuple[Path, list[list[Any]], dict[str, list[str]]]] = {
+    'graph_call': (
+        COMMITTED,
+        [['your node'], [GreenhouseBridgeNode]],
+        {'your node': ['/greenhouse_bridge/get_tag_reading']},
+    ),
     'graph_on_sight': (
         COMMITTED,
         [['your detector'], [ReadOnSightNode], [GreenhouseBridgeNode, 'your node']],
+        {'your detector': ['/detections'], 'your node': ['/read_on_sight/readings']},
     ),
-    'graph_readings': (COMMITTED, [[ReadOnSightNode], [RecordReadingsNode, ShowReadingsNode], ['RViz']]),
+    'graph_readings': (
+        COMMITTED,
+        [[ReadOnSightNode], [RecordReadingsNode, ShowReadingsNode], ['RViz']],
+        {'RViz': ['/show_readings/markers', '/show_readings/field']},
+    ),
     'graph_mission': (
         OF_MISSION,
         [['your stack', GreenhouseBridgeNode], [MissionNode], ['Nav2', ConfirmTagNode, 'your camera']],
+        {
+            'your stack': ['/mission/start', '/mission/state', '/floranova/observations'],
+            'Nav2': ['/navigate_to_pose', '/amcl_pose', '/map'],
+            'your camera': ['/camera/color/image_raw'],
+        },
     ),
-}
-# What these nodes publish, subscribe to, offer or call: the other end of what a node of ours has.
-OTHERS = {
-    'graph_call': {'your node': ['/greenhouse_bridge/get_tag_reading']},
-    'graph_on_sight': {'your detector': ['/detections'], 'your node': ['/read_on_sight/readings']},
-    'graph_readings': {'RViz': ['/show_readings/markers', '/show_readings/field']},
-    'graph_mission': {
-        'your stack': ['/mission/start', '/mission/state', '/floranova/observations'],
-        'Nav2': ['/navigate_to_pose', '/amcl_pose', '/map'],
-        'your camera': ['/camera/color/image_raw'],
-    },
 }
 INNER = ('/_action/', '/rosout', '/parameter_events')
 THEMES = {'light': ('white', '#1f2328', '#8c959f'), 'dark': ('#0d1117', '#e6edf3', '#6e7681')}
@@ -71,6 +77,9 @@ BOX, GAP, ROW, FOOT = 1.6, 2.35, 0.85, 0.5  # inches
 LONGEST_TEXT = 30  # characters on an arrow
 FOOTNOTE = """An arrow points to the subscriber of a topic, or to the server of a service or an action.
 Dashed box: a node of your own, or of another project."""
+
+
+End: TypeAlias = tuple[str, str, str]  # kind, name and type of a topic, a service or an action
 
 
 class Link(NamedTuple):
@@ -87,40 +96,41 @@ class Link(NamedTuple):
         return self.target if node == self.source else self.source
 
 
-def ends_of(node: Node) -> list[tuple[str, bool, list[tuple[str, list[str]]]]]:
-    """Return (kind, whether the node is its target, names with their types) of all that a node has."""
-    here = node.get_name(), node.get_namespace()
-    return [
-        ('topic', False, node.get_publisher_names_and_types_by_node(*here)),
-        ('topic', True, node.get_subscriber_names_and_types_by_node(*here)),
-        ('service', False, node.get_client_names_and_types_by_node(*here)),
-        ('service', True, node.get_service_names_and_types_by_node(*here)),
-        ('action', False, get_action_client_names_and_types_by_node(node, *here)),
-        ('action', True, get_action_server_names_and_types_by_node(node, *here)),
-    ]
+def ends_of(node: Node) -> Iterator[tuple[bool, End]]:
+    """Yield all that a node has, each with whether the node is its target."""
+    for kind, is_target, entries_of in (
+        ('topic', False, Node.get_publisher_names_and_types_by_node),
+        ('topic', True, Node.get_subscriber_names_and_types_by_node),
+        ('service', False, Node.get_client_names_and_types_by_node),
+        ('service', True, Node.get_service_names_and_types_by_node),
+        ('action', False, get_action_client_names_and_types_by_node),
+        ('action', True, get_action_server_names_and_types_by_node),
+    ):
+        for name, types in entries_of(node, node.get_name(), node.get_namespace()):
+            if not any(inner in name for inner in INNER):
+                yield is_target, (kind, name, types[0])
 
 
 def connections(columns: list[list[Any]], others: dict[str, list[str]]) -> tuple[list[list[str]], list[Link]]:
     """Return the names of the nodes by column, and their links; creates the nodes and destroys them."""
-    made = [[each if isinstance(each, str) else each() for each in column] for column in columns]
-    names = [[each if isinstance(each, str) else each.get_name() for each in column] for column in made]
-    sources: dict[tuple[str, str, str], set[str]] = defaultdict(set)
-    targets: dict[tuple[str, str, str], set[str]] = defaultdict(set)
-    for node in (each for column in made for each in column if not isinstance(each, str)):
-        for kind, is_target, entries in ends_of(node):
-            for name, types in entries:
-                (targets if is_target else sources)[kind, name, types[0]].add(node.get_name())
-        node.destroy_node()
-    keys = {key[1]: key for key in [*sources, *targets]}
-    for other, entered in others.items():
-        for key in map(keys.__getitem__, entered):
-            (targets if sources[key] else sources)[key].add(other)
+    names: list[list[str]] = []
+    sources: dict[End, set[str]] = defaultdict(set)
+    targets: dict[End, set[str]] = defaultdict(set)
+    for column in columns:
+        made = [each if isinstance(each, str) else each() for each in column]
+        names.append([each if isinstance(each, str) else each.get_name() for each in made])
+        for node in (each for each in made if not isinstance(each, str)):
+            for is_target, end in ends_of(node):
+                (targets if is_target else sources)[end].add(node.get_name())
+            node.destroy_node()
+    for other, entries in others.items():
+        for end in [end for end in {**sources, **targets} if end[1] in entries]:
+            (targets if sources[end] else sources)[end].add(other)
     return names, sorted(
-        Link(*key, source, target)
-        for key in keys.values()
-        if not any(each in key[1] for each in INNER)
-        for source in sources[key]
-        for target in targets[key] - {source}
+        Link(*end, source, target)
+        for end in sources
+        for source in sources[end]
+        for target in targets[end] - {source}
     )
 
 
@@ -194,26 +204,23 @@ def draw(columns: list[list[str]], links: list[Link], others: Collection[str], t
 
 def main(arguments: list[str] | None = None) -> int:
     """Draw or check; exit code 0: done, 1: not up to date."""
-    parser = argparse.ArgumentParser(prog='graph', description=(__doc__ or '').strip().splitlines()[0])
-    parser.add_argument('--check', action='store_true', help='compare the committed figures; draw nothing')
-    is_check = parser.parse_args(arguments).check
+    is_check = parser_of('graph', __doc__).parse_args(arguments).check
     matplotlib.use('Agg')
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'  # the nodes of this process, and no others
-    stale = []
+    pictures: dict[Path, Picture] = {}
     with tempfile.TemporaryDirectory() as folder:
         parameters = f'-p file:={folder}/readings.sqlite -p require_visual_confirmation:=true'
         rclpy.init(args=['--ros-args', '--log-level', 'error', *parameters.split()])
-        for use, (place, columns) in USES.items():
-            names, links = connections(columns, OTHERS[use])
+        for use, (place, columns, others) in USES.items():
+            names, links = connections(columns, others)
             fingerprint = hash_of(Path(__file__).read_bytes(), repr((names, links)).encode())
             for theme in THEMES:
-                path = place / f'{use}_{theme}.png'
-                if not is_check:
-                    save(draw(names, links, OTHERS[use], theme), path, fingerprint)
-                stale += [path] if fingerprint_of(path) != fingerprint else []
+                pictures[place / f'{use}_{theme}.png'] = (
+                    fingerprint,
+                    partial(draw, names, links, others, theme),
+                )
         rclpy.shutdown()
-    print(*(f'graph: {path} is not up to date: make figure' for path in stale), sep='\n')
-    return int(bool(stale))
+    return draw_or_check('graph', pictures, is_check=is_check)
 
 
 if __name__ == '__main__':

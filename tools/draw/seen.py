@@ -4,18 +4,17 @@ Draw what confirm_tag publishes on ~/seen at the wrong tag, for the page of lupi
     make figure
 """
 
-import argparse
 import sys
 from pathlib import Path
 
 import numpy as np
-from figure import fingerprint_of, hash_of
+from figure import draw_or_check, hash_of, parser_of
 from lupin_simulation import pinhole_camera
 from lupin_tag_confirmation import drawing
 from lupin_tag_confirmation.confirmation import Confirmer, Frame, Moment, Sight
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.settings import Settings
-from PIL import Image, PngImagePlugin
+from PIL import Image
 
 COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_tag_confirmation/doc/seen.png'
 TAG, EXPECTED_TAG = 7, 8
@@ -36,26 +35,12 @@ def draw() -> Image.Image:
     return Image.fromarray(drawing.draw(picture, sight.detections, EXPECTED_TAG, verdict.reason, settings))
 
 
-def fingerprint() -> str:
-    """Return a hash of everything that the picture is drawn from."""
-    return hash_of(
-        *(Path(file).read_bytes() for file in (__file__, drawing.__file__, pinhole_camera.__file__))
-    )
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Draw or check; exit code 0: done, 1: not up to date."""
-    parser = argparse.ArgumentParser(prog='seen', description=(__doc__ or '').strip().splitlines()[0])
-    parser.add_argument('--check', action='store_true', help='compare the committed picture; draw nothing')
-    if parser.parse_args(arguments).check:
-        is_stale = fingerprint_of(COMMITTED) != fingerprint()
-        print(f'seen: {COMMITTED} is not up to date: make figure' if is_stale else 'seen: up to date')
-        return int(is_stale)
-    info = PngImagePlugin.PngInfo()
-    info.add_text('Description', fingerprint())
-    draw().save(COMMITTED, pnginfo=info)
-    print(COMMITTED)
-    return 0
+    is_check = parser_of('seen', __doc__).parse_args(arguments).check
+    code = (__file__, drawing.__file__, pinhole_camera.__file__)
+    fingerprint = hash_of(*(Path(file).read_bytes() for file in code))
+    return draw_or_check('seen', {COMMITTED: (fingerprint, draw)}, is_check=is_check)
 
 
 if __name__ == '__main__':
