@@ -139,8 +139,9 @@ def test_an_edit_of_the_core_is_generated_in_every_situation(repository, situati
 
 def test_a_file_that_git_ignores_is_none_of_a_package_unless_git_tracks_it(repository):
     edit(repository / '.gitignore', '', '*.ignored\nmore.py\n')
+    left_by_editors = ('.DS_Store', 'setup.py~', '.vscode/settings.json', '.idea/x', '.setup.py.swp')
     for folder in (*TREES, 'tools/core'):
-        for name in ('setup.py.ignored', '__pycache__/settings.pyc'):
+        for name in ('setup.py.ignored', '__pycache__/settings.pyc', *left_by_editors):
             edit(repository / folder / BRIDGE / name, '', 'lupin_msgs lupin_greenhouse_msgs')
     before = snapshot(repository)
     assert run(repository, '--check') == run(repository) == 0
