@@ -14,7 +14,6 @@ import argparse
 import re
 import sys
 from pathlib import Path
-from xml.etree import ElementTree
 
 import check_drift
 import generate
@@ -48,9 +47,8 @@ def check_release(here: Path, main: str, release: str) -> None:
     """Raise RefusedError if a package has another version, or entries of a later one."""
     for package in PACKAGES:
         manifest = git(here, 'show', f'{main}:{package}/package.xml')
-        version = ElementTree.fromstring(manifest).findtext('version')  # noqa: S314 - our own
-        if version != release:
-            raise RefusedError(f'release {release}: {package}/package.xml has version {version}')
+        if f'<version>{release}</version>' not in manifest:
+            raise RefusedError(f'release {release}: {package}/package.xml has another version')
         newest = CHANGELOG_SECTION.findall(git(here, 'show', f'{main}:{package}/CHANGELOG.rst'))[0]
         if not newest.startswith(f'{release} ('):
             raise RefusedError(
@@ -125,9 +123,8 @@ def url_of(here: Path, remote: str) -> str:
     """Return the URL of a remote, which may be its name in this clone, or a folder."""
     if not remote:
         raise RefusedError('no remote: make mirror-publish REMOTE=URL')
-    if '/' not in remote:
-        return git(here, 'remote', 'get-url', remote).strip()
-    return str(Path(remote).resolve()) if Path(remote).is_dir() else remote
+    url = git(here, 'ls-remote', '--get-url', remote).strip()
+    return str(Path(url).resolve()) if Path(url).is_dir() else url
 
 
 def address_advice(here: Path, remote: str) -> str:
