@@ -67,7 +67,13 @@ def accepted(trip, navigator):
     return goal
 
 
-def test_the_goal_is_the_pose_in_the_map(trip, navigator):
+def test_the_goal_is_a_pose_of_the_tag_or_the_dock_in_the_map(make_trip, held_navigator):
+    trip = make_trip(dock_pose='5.0 6.0 0.0')
+    navigator = held_navigator(trip.name)
+    trip.drive.unreachable['c'] = 'cut off'
+    for tag_id, reason in (('c', 'cut off'), ('d', 'the layout does not have this tag')):
+        trip.start(tag_id)
+        assert trip.spin() == Arrival(reason, is_final=True)
     trip.start('a')
     trip.drive_until(navigator.has_goal)
     goal = navigator.wait_for_goal()
@@ -78,11 +84,6 @@ def test_the_goal_is_the_pose_in_the_map(trip, navigator):
     navigator.end(navigator.accept(), 'succeed')
     assert trip.arrival() == HERE
     assert trip.drive.is_over()
-
-
-def test_the_dock_is_a_goal_too(make_trip, held_navigator):
-    trip = make_trip(dock_pose='5.0 6.0 0.0')
-    navigator = held_navigator(trip.name)
     trip.drive.start_return(0.0)
     trip.drive_until(navigator.has_goal)
     assert navigator.wait_for_goal().pose.position.x == 5.0
@@ -90,18 +91,7 @@ def test_the_dock_is_a_goal_too(make_trip, held_navigator):
     assert trip.arrival() == HERE
 
 
-def test_a_tag_without_a_pose_fails_for_good_with_its_reason_and_without_a_drive(trip, navigator):
-    trip.drive.unreachable['c'] = 'cut off'
-    for tag_id, reason in (('c', 'cut off'), ('d', 'the layout does not have this tag')):
-        trip.start(tag_id)
-        assert trip.spin() == Arrival(reason, is_final=True)
-    trip.start('b')
-    trip.drive_until(navigator.has_goal)
-    assert navigator.wait_for_goal().pose.position.x == 3.0
-
-
-def test_without_a_server_a_drive_needs_a_person_after_its_time(make_trip):
-    trip = make_trip()
+def test_a_server_that_starts_late_is_waited_for_before_a_person_is_needed(trip, held_navigator):
     trip.now_seconds = 100.0
     trip.start('a')
     trip.now_seconds = 101.9
@@ -112,12 +102,9 @@ def test_without_a_server_a_drive_needs_a_person_after_its_time(make_trip):
         assert trip.notes == [(f'waiting for the action server {trip.name}: start Nav2', Severity.WARN)]
     trip.now_seconds = 130.0
     assert trip.spin() == Arrival(f'there is no action server {trip.name}: start Nav2', needs_person=True)
-
-
-def test_a_server_that_starts_late_is_waited_for(trip, held_navigator):
     trip.start('a')
+    trip.now_seconds = 150.0
     assert trip.spin() is None
-    trip.now_seconds = 20.0
     navigator = held_navigator(trip.name)
     navigator.end(accepted(trip, navigator), 'succeed')
     assert trip.arrival() == HERE
@@ -131,7 +118,7 @@ def rejected(trip, navigator):
     trip.drive_until(lambda: trip.drive._sent.state is GoalState.REJECTED)
 
 
-def test_a_server_that_rejects_goals_is_not_ready_and_gets_the_goal_again(trip, navigator):
+def test_a_server_that_rejects_goals_gets_the_goal_again_for_30_s(trip, navigator):
     warning = (f'{trip.name} rejects goals: activate Nav2; trying again', Severity.WARN)
     trip.start('a')
     for count in (1, 2, 3):
@@ -142,18 +129,17 @@ def test_a_server_that_rejects_goals_is_not_ready_and_gets_the_goal_again(trip, 
     navigator.end(accepted(trip, navigator), 'succeed')
     assert trip.arrival() == HERE
     assert trip.drive.is_over()
-
-
-def test_a_server_that_rejects_goals_for_30_s_needs_a_person(trip, navigator):
     trip.start('a')
+    set_off = trip.now_seconds
     rejected(trip, navigator)
     assert trip.spin() is None
-    trip.now_seconds = 29.9
+    trip.now_seconds = set_off + 29.9
     rejected(trip, navigator)
     assert trip.spin() is None
-    trip.now_seconds = 30.0
+    trip.now_seconds = set_off + 30.0
     needs_person = Arrival(f'{trip.name} rejects every goal: activate Nav2', needs_person=True)
     assert trip.spin() == needs_person
+    assert trip.notes == [warning, warning]
     trip.start('a')
     rejected(trip, navigator)
     assert trip.spin() is None  # for 30 s again
@@ -183,10 +169,15 @@ def test_a_goal_that_another_client_preempts_needs_a_person(trip, navigator, nod
 
 
 @pytest.mark.parametrize(
-    ('positions', 'is_stuck'),
-    [([], False), ([(1.0, 1.0), (1.0, 1.04)], True), ([(1.0, 1.0), (1.0, 1.06), (1.0, 1.0)], False)],
+    ('how', 'positions', 'is_stuck'),
+    [
+        ('abort', [], False),
+        ('abort', [(1.0, 1.0), (1.0, 1.04)], True),
+        ('abort', [(1.0, 1.0), (1.0, 1.06), (1.0, 1.0)], False),
+        ('is late', [(1.0, 1.0), (1.0, 1.04)], True),
+        ('is late', [(1.0, 1.0), (1.0, 1.06)], False),
+    ],
 )
-@pytest.mark.parametrize('how', ['abort', 'is late'])
 def test_a_drive_that_fails_where_it_began_is_stuck(trip, navigator, positions, is_stuck, how):
     trip.start('a')
     goal = accepted(trip, navigator)
@@ -267,17 +258,6 @@ def test_a_drive_that_takes_too_long_fails_and_is_cancelled(trip, navigator):
     trip.drive_until(lambda: len(navigator.goals) == 2)
 
 
-def test_without_a_limit_a_drive_takes_as_long_as_it_takes(make_trip, held_navigator):
-    trip = make_trip(nav_timeout_s=0.0)
-    navigator = held_navigator(trip.name)
-    trip.start('a')
-    goal = accepted(trip, navigator)
-    trip.now_seconds = HOUR
-    assert trip.spin() is None
-    navigator.end(goal, 'succeed')
-    assert trip.arrival() == HERE
-
-
 def test_a_goal_that_another_client_cancels_is_a_failed_drive(trip, navigator, node):
     trip.start('a')
     goal = accepted(trip, navigator)
@@ -320,11 +300,13 @@ def test_a_server_that_dies_under_way_is_a_failed_drive_and_its_successor_gets_t
     assert trip.drive.is_over()
 
 
-def test_a_server_that_starts_again_between_two_looks_is_noticed(make_trip, held_navigator):
+def test_without_a_limit_a_drive_lasts_until_its_server_starts_again(make_trip, held_navigator):
+    """Even between two looks."""
     trip = make_trip(nav_timeout_s=0.0)
     navigator = held_navigator(trip.name)
     trip.start('a')
     accepted(trip, navigator)
+    trip.now_seconds = HOUR
     trip.drive_until(lambda: trip.drive._sent.servers)
     navigator.close()
     held_navigator(trip.name)
