@@ -110,13 +110,12 @@ class Observation:
 def has_report(path: Path) -> bool:
     """Return whether a file starts as a report does; raises OSError."""
     with path.open('rb') as file:
-        head = file.read(len(_START))
-    return bool(head) and is_start_of_report(head)
+        return _is_start_of_line(file.read(len(_START)))
 
 
-def is_start_of_report(content: bytes) -> bool:
-    """Return whether content can be a report, or what a killed mission left of its first line."""
-    return content[: len(_START)] == _START[: len(content)]
+def _is_start_of_line(content: bytes) -> bool:
+    """Return whether a line can begin so, or what a killed mission left of it."""
+    return bool(content) and content[: len(_START)] == _START[: len(content)]
 
 
 def parse_report(content: bytes) -> tuple[list[Observation], int]:
@@ -125,17 +124,13 @@ def parse_report(content: bytes) -> tuple[list[Observation], int]:
 
     The last line may lack its newline, which an editor can remove. Raises ValueError for anything else.
     """
-    *lines, torn = content.split(b'\n')
-    observations = []
+    observations, lines = [], content.splitlines(keepends=True)
     for number, line in enumerate(lines, start=1):
         try:
             observations.append(Observation.from_line(line))
         except ValueError as error:
+            is_torn = isinstance(error.__cause__, (json.JSONDecodeError, UnicodeDecodeError))
+            if is_torn and not line.endswith(b'\n') and _is_start_of_line(line):
+                return observations, len(content) - len(line)
             raise type(error)(f'line {number} {error}') from error
-    try:
-        return [*observations, Observation.from_line(torn)], len(content)
-    except ValueError as error:
-        is_whole = not isinstance(error.__cause__, (json.JSONDecodeError, UnicodeDecodeError))
-        if is_whole or not is_start_of_report(torn):
-            raise type(error)(f'the last line {error}') from error
-    return observations, len(content) - len(torn)
+    return observations, len(content)

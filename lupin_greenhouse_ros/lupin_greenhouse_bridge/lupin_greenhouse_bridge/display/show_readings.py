@@ -10,11 +10,12 @@ them: it is not the model of the simulator, which no robot can see.
 
 import array
 import math
+import time
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from nav_msgs.msg import MapMetaData, OccupancyGrid
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock, ROSClock
 from rclpy.node import Node
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
@@ -42,6 +43,7 @@ from lupin_greenhouse_bridge.runtime.parameters import (
     parameter,
 )
 from lupin_greenhouse_bridge.runtime.poses import pose_message
+from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_greenhouse_bridge.units import label_of
@@ -51,7 +53,6 @@ PUBLISH_EVERY_SECONDS = 1.0  # web clients receive a latched topic only when it 
 MOST_CELLS, MOST_CELLS_MARKED = 1_000_000, 20_000
 MOST_UNKNOWN_IDS_LOGGED = 1000  # a publisher of random ids must not fill the memory
 MOST_APART_SECONDS = 60.0  # a stamp that disagrees more with the arrival does not tell which reading is newer
-STEADY, SYSTEM = Clock(clock_type=ClockType.STEADY_TIME), Clock(clock_type=ClockType.SYSTEM_TIME)
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ class ShowReadingsNode(Node):
         self._markers = self.create_publisher(MarkerArray, '~/markers', latched())
         self._field = self.create_publisher(OccupancyGrid, '~/field', latched())
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
-        self.create_timer(PUBLISH_EVERY_SECONDS, self._publish, clock=STEADY)
+        steady_timer(self, PUBLISH_EVERY_SECONDS, self._publish)
         self._publish()
         tags, sources = pluralized(len(self._tags), 'tag'), ' and '.join(topics)
         self.get_logger().info(f'ready: {tags}, field of {settings.sensor}, readings from {sources}')
@@ -144,13 +145,14 @@ class ShowReadingsNode(Node):
 
     def _timed(self, reading: TagReading, topic: str) -> ReceivedReading:
         """Compare the stamp with the nearest clock, which can be the system clock even with use_sim_time."""
-        here = self.get_clock()
-        lags = {clock: _now(clock) - _seconds(reading) for clock in (here, SYSTEM)}
-        nearest = min(lags, key=lambda clock: abs(lags[clock]))
-        if lags[here] < -MOST_APART_SECONDS:
+        here, stamp = self.get_clock(), _seconds(reading)
+        lag_here, lag = _now(here) - stamp, time.time() - stamp
+        simulated = None
+        if isinstance(here, ROSClock) and here.ros_time_is_active and abs(lag_here) <= abs(lag):
+            lag, simulated = lag_here, _now(here)
+        if lag_here < -MOST_APART_SECONDS:
             self._warn(reading)
-        simulated = _now(here) if here.ros_time_is_active and nearest is here else None
-        return ReceivedReading(reading, topic, lags[nearest], _now(STEADY), simulated)
+        return ReceivedReading(reading, topic, lag, time.monotonic(), simulated)
 
     def _is_newer(self, new: ReceivedReading, last: ReceivedReading) -> bool:
         """Compare the stamps, as latched readings can arrive late; compare the arrivals if these disagree."""
@@ -164,7 +166,7 @@ class ShowReadingsNode(Node):
     def _age_of(self, received: ReceivedReading) -> float:
         """Return the current age in seconds. The monotonic clock replaces a simulated one that went back."""
         passed = -1.0 if received.simulated is None else _now(self.get_clock()) - received.simulated
-        return max(received.lag, 0.0) + (passed if passed >= 0.0 else _now(STEADY) - received.steady)
+        return max(received.lag, 0.0) + (passed if passed >= 0.0 else time.monotonic() - received.steady)
 
     def _warn(self, reading: TagReading) -> None:
         if not self._has_warned:
