@@ -26,7 +26,6 @@ from lupin_simulation.layout_settings import LayoutSettings
 from lupin_simulation.pinhole_camera import PinholeCamera
 
 FRAMES_PER_SECOND = 8
-JPEG_QUALITY = 80
 
 
 @dataclass(frozen=True)
@@ -87,8 +86,8 @@ def message_maker(publishes: str) -> tuple[type, Callable[[np.ndarray], Any]]:
 
 def compressed_image_of(picture: np.ndarray) -> CompressedImage:
     """Return the message of a grey picture as JPEG."""
-    _, data = cv2.imencode('.jpg', picture, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return CompressedImage(format='mono8; jpeg compressed ', data=data.tobytes())
+    data = cv2.imencode('.jpg', picture, [cv2.IMWRITE_JPEG_QUALITY, 80])[1].tobytes()
+    return CompressedImage(format='mono8; jpeg compressed ', data=data)
 
 
 def detections_of(tags: list[Detection]) -> Any:

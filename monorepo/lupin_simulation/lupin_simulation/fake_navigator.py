@@ -166,7 +166,7 @@ class FakeNavigator(LifecycleNode):
             return
         if not self._robot.is_moving:
             self._goals_reached += not goal.is_cancel_requested
-            self._is_wedged = self._is_wedged or self._goals_reached == self._settings.wedged_after
+            self._is_wedged |= self._goals_reached == self._settings.wedged_after
             self._end(goal)
         elif self._stuck_seconds >= PROGRESS_SECONDS:
             self._end(goal, 'the robot does not move', FAILED_TO_MAKE_PROGRESS)

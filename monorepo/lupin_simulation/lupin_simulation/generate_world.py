@@ -9,7 +9,7 @@ from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
-DONE, USAGE = 0, 2
+USAGE = 2
 MANIFEST = '.generate_world'  # the files that this program writes
 SIDE_M = 0.05
 SMALLEST_SIDE_M, LARGEST_SIDE_M = 0.01, 0.15  # a larger tag would reach below the tops of the tables
@@ -35,7 +35,7 @@ def main(arguments: list[str] | None = None) -> int:
     if not layout.tables:
         print('generate_world: the layout has no tables: the tags face its middle', file=sys.stderr)
     print_line(f'{sdf_file}: {len(layout.tags)} tags, {len(layout.tables)} tables')
-    return DONE
+    return 0
 
 
 def add_layout_options(parser: argparse.ArgumentParser) -> None:
@@ -75,11 +75,9 @@ def write_files(folder: Path, files: dict[str, bytes]) -> None:
     """Replace the files of an earlier world; raises StartUpError before it would overwrite another file."""
     manifest = folder / MANIFEST
     own = set(manifest.read_text(encoding='utf-8').splitlines()) if manifest.is_file() else set()
-    for path in files:
-        if (folder / path).exists() and path not in own:
-            raise StartUpError(
-                f"'{folder / path}' exists and is not from generate_world: choose another --output"
-            )
+    for foreign in (folder / path for path in files if path not in own):
+        if foreign.exists():
+            raise StartUpError(f"'{foreign}' exists and is not from generate_world: choose another --output")
     for path in own - set(files):
         if not Path(path).is_absolute() and '..' not in Path(path).parts:
             (folder / path).unlink(missing_ok=True)

@@ -24,31 +24,20 @@ class Settings(LayoutSettings):
 
     nav_action_name: str = parameter('navigate_to_pose', 'The NavigateToPose action to serve.')
     robot_radius_m: float = parameter(0.2, 'The radius of the robot in metres.', smallest=0.01, largest=10.0)
-    padding_m: float = parameter(
-        0.0, "Metres that the planner adds to the robot's radius.", smallest=0.0, largest=1.0
-    )
-    tolerance: float = parameter(  # the name of Nav2's planner, whose default is 0.5
-        0.0, 'How far from a goal that is not free the drive may end, in metres.', smallest=0.0, largest=5.0
-    )
-    arrival_error_m: float = parameter(
-        0.0, 'The robot stops up to this far from its goal, in metres.', smallest=0.0, largest=1.0
-    )
+    padding_m: float = parameter(0.0, 'Metres that the planner adds to it.', smallest=0.0, largest=1.0)
+    # The name of Nav2's planner, whose default is 0.5.
+    tolerance: float = parameter(0.0, 'Metres that a plan may miss its goal by.', smallest=0.0, largest=5.0)
+    arrival_error_m: float = parameter(0.0, 'Metres by which it may miss a goal.', smallest=0.0, largest=1.0)
     arrival_error_rad: float = parameter(
-        0.0, 'The robot stops up to this angle from its direction, in radians.', smallest=0.0, largest=math.pi
+        0.0, 'Radians by which it may miss one.', smallest=0.0, largest=math.pi
     )
     arrival_seed: int = parameter(0, 'Seed of the arrival errors.', smallest=0, largest=LARGEST_INT)
-    wedged_after: int = parameter(
-        -1, 'After this many goals, the robot is stuck; -1: never.', smallest=-1, largest=LARGEST_INT
-    )
+    wedged_after: int = parameter(-1, 'Goals until it is stuck; -1: never.', smallest=-1, largest=LARGEST_INT)
     autostart: bool = parameter(True, 'Activate the node when it starts; false: wait for ~/change_state.')
     speed_m_per_s: float = parameter(0.5, 'The speed in metres per second.', smallest=0.001, largest=10.0)
     speedup: float = parameter(1.0, 'Simulated seconds per second.', smallest=0.001, largest=1000.0)
-    start_pose: str = parameter(
-        '0.5 0.5 0.0', 'Where the robot starts: x and y in metres, yaw in radians.', of_any_type=True
-    )
-    blocked: str = parameter(
-        '', 'Obstacles that the mission does not know: x0 y0 x1 y1 of each in metres.', of_any_type=True
-    )
+    start_pose: str = parameter('0.5 0.5 0.0', 'x, y and yaw where the robot starts.', of_any_type=True)
+    blocked: str = parameter('', 'x0 y0 x1 y1 of obstacles that the mission does not know.', of_any_type=True)
     route_file: str = parameter('', 'A CSV file to write, with x and y of the driven path in metres.')
 
     def __post_init__(self) -> None:

@@ -22,9 +22,7 @@ from lupin_simulation.rendered_world import RenderedWorld, TagModel, View, view_
 
 FRAMES_PER_SECOND = 5
 NEAREST_M, FARTHEST_M = 0.3, 1.0
-LARGEST_ANGLE_DEGREES = 30.0
-LARGEST_OFFSET_M = 0.03
-LARGEST_YAW = math.radians(4.0)
+LARGEST_ANGLE_DEGREES, LARGEST_YAW_RAD, LARGEST_OFFSET_M = 30.0, 0.07, 0.03
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ def view_of(tag: TagModel | None, random: np.random.Generator) -> View:
     distance_m = random.uniform(NEAREST_M, FARTHEST_M)
     angle = random.uniform(-LARGEST_ANGLE_DEGREES, LARGEST_ANGLE_DEGREES)
     offset = random.uniform(-LARGEST_OFFSET_M, LARGEST_OFFSET_M) * tag.to_right
-    yaw = math.tan(random.uniform(-LARGEST_YAW, LARGEST_YAW)) * distance_m * tag.to_right
+    yaw = math.tan(random.uniform(-LARGEST_YAW_RAD, LARGEST_YAW_RAD)) * distance_m * tag.to_right
     return View(viewpoint(tag, distance_m, angle) + offset, tag.centre + offset + yaw)
 
 

@@ -45,7 +45,7 @@ def test_the_camera_stands_in_front_of_the_tag_and_looks_at_it_and_without_a_tag
         assert up == 0.0
         assert out > abs(right)  # less than 45 degrees from the normal
         assert 0.3 - 0.03 < np.hypot(right, out) < 1.0 + 0.03
-        assert np.linalg.norm(at - SOUTHWARDS.centre) < 0.03 + 1.0 * np.tan(world_camera.LARGEST_YAW)
+        assert np.linalg.norm(at - SOUTHWARDS.centre) < 0.03 + 1.0 * np.tan(world_camera.LARGEST_YAW_RAD)
     eye, at = view_of(None, random)
     assert at[2] > eye[2] > 0.0
 
