@@ -45,11 +45,14 @@ class Announcer:
         node.create_subscription(MissionState, 'mission/state', self._on_state, QoSProfile(depth=10))
         self._tag_at_hand: str | None = None
         self._progress = ProgressLine(sys.stdout)
-        self._event, self._severity, self._last_error = 'the node has started', Severity.INFO, ''
+        self._event, self._severity = 'the node has started', Severity.INFO
+        self._obstacle = ''  # what stops or delays the mission now
+        self._failure = ''  # of the last tag that was not read
 
-    def note(self, event: str, severity: Severity) -> None:
-        """Put an event into the state, and log it unless it is routine."""
+    def note(self, event: str, severity: Severity, code: str = '') -> None:
+        """Put an event into the state, and log it unless it is routine: then the mission goes on."""
         self._event, self._severity = escaped(event, 1000), severity
+        self._obstacle = '' if severity is Severity.INFO else code or self._event
         if severity is Severity.INFO:
             return
         self._progress.clear()
@@ -67,7 +70,7 @@ class Announcer:
 
     def started(self, event: str) -> None:
         """Log the start of a mission, and clear the error of the previous one."""
-        self._last_error = ''
+        self._failure = ''
         self._inform(event)
 
     def closed(self, observation: Observation, mission_id: str, position: Point | None) -> None:
@@ -91,7 +94,7 @@ class Announcer:
             is_scanned = observation.outcome is not Outcome.UNREACHABLE
             scan = f'scan failed after {observation.attempts} requests: ' if is_scanned else ''
             self.note(f'{tag}: {scan}{reason}', Severity.WARN)
-            self._last_error = self._event
+            self._failure = self._event
 
     def moved(self, mission: Mission) -> None:
         """Show the progress, and publish the tag that the robot stands at if it has changed."""
@@ -109,17 +112,20 @@ class Announcer:
         self,
         mission: Mission | None,
         mission_id: str,
-        idle: str,
-        started_at: Time | None,
+        lifecycle: str,
+        started_at: Time | None = None,
         *,
         is_estop_engaged: bool = False,
+        fault: str = '',
     ) -> None:
-        """Publish the state; `idle` is the lifecycle state of a node without a mission."""
-        message = state_message(mission, mission_id, idle)
+        """Publish the state; `lifecycle` replaces that of the mission if it is not empty."""
+        message = state_message(mission, mission_id)
+        message.lifecycle_state = lifecycle or message.lifecycle_state
         self._stamp(message.header)
         message.started_at = started_at or message.started_at
         message.estop_engaged = is_estop_engaged
-        message.last_error = self._last_error
+        estop = 'estop_engaged' if is_estop_engaged else ''
+        message.last_error = fault or estop or self._obstacle or self._failure
         message.last_event = self._with_remark(self._event)
         message.last_event_severity = self._severity.value
         self._stamps_of_own_states.append((message.header.stamp.sec, message.header.stamp.nanosec))

@@ -3,18 +3,22 @@
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
+DEPENDENCY_TIMEOUT = 'dependency_timeout'
+
 
 class Arrival(NamedTuple):
     """
     The end of a drive. `failure` is the reason why the robot is not at its goal, or '' if it is.
 
     If the failure is final, another attempt would fail too. If it needs a person, the mission keeps the tag,
-    and pauses until somebody resumes it. A robot is stuck if it hardly moved.
+    and pauses until somebody resumes it; `code` is the team's for the reason. A robot is stuck if it hardly
+    moved.
     """
 
     failure: str = ''
     is_final: bool = False
     needs_person: bool = False
+    code: str = ''
     is_stuck: bool = False
 
 

@@ -89,10 +89,10 @@ def pose_at(position: Point | None) -> Pose:
     return Pose(position=position or Point(), orientation=Quaternion(w=float(position is not None)))
 
 
-def state_message(mission: Mission | None, mission_id: str, lifecycle_if_none: str) -> MissionState:
-    """Return the state of a mission, or of a node without one; the caller adds stamps and events."""
+def state_message(mission: Mission | None, mission_id: str) -> MissionState:
+    """Return the state of a mission, if there is one; the caller adds stamps and events."""
     if not mission:
-        return MissionState(lifecycle_state=lifecycle_if_none, battery_percentage=1.0)
+        return MissionState(battery_percentage=1.0)
     counts = Counter(mission.outcomes.values())
     completed, skipped = counts[Outcome.OK], counts[Outcome.SKIPPED]
     unreachable = counts[Outcome.UNREACHABLE]

@@ -12,7 +12,7 @@ from typing import Protocol
 
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 
-from lupin_mission.drive import Arrival, Drive
+from lupin_mission.drive import DEPENDENCY_TIMEOUT, Arrival, Drive
 from lupin_mission.visit import NO_REPLY, SERVICES, Attempts, Limits, Phase, Request, Service, Visit
 
 STUCK_DRIVES = 2  # After so many in a row, the robot needs a person.
@@ -52,10 +52,10 @@ class MissionPorts(Protocol):
         """Give up a request; return TIMEOUT, or NO_SERVICE if the service was never available."""
 
     def record(self, observation: Observation) -> None:
-        """Store an observation permanently; an exception ends the mission."""
+        """Store an observation permanently."""
 
-    def note(self, event: str, severity: Severity) -> None:
-        """Report an event in one line."""
+    def note(self, event: str, severity: Severity, code: str = '') -> None:
+        """Report an event in one line; the code is the team's for what stops or delays the mission."""
 
 
 class Mission:
@@ -152,6 +152,12 @@ class Mission:
             return None
         return self._ask if self.state is State.INSPECTING else self._set_off
 
+    def reorder(self, tag_ids: Iterable[str]) -> None:
+        """Visit the same tags in another order, unless the mission has begun, or was aborted."""
+        if self.state is State.READY:
+            self.tag_ids = tuple(tag_ids)
+            self._to_visit = deque(self.tag_ids)
+
     # The drives
 
     def _drive_on(self) -> None:
@@ -189,7 +195,7 @@ class Mission:
         self._is_under_way = False
         self._stuck_drives = self._stuck_drives + 1 if arrival.is_stuck else 0
         if arrival.needs_person:
-            self._hold(arrival.failure)
+            self._hold(arrival.failure, arrival.code)
         elif self._is_stuck_at_new_tag():
             self._tag_held_for_stuck_drives = self._visit.tag_id
             self._hold(f'the robot is stuck: it did not move in {STUCK_DRIVES} drives: {arrival.failure}')
@@ -212,13 +218,13 @@ class Mission:
         is_new = self._visit.tag_id != self._tag_held_for_stuck_drives
         return self.state is State.DRIVING and is_new and self._stuck_drives >= STUCK_DRIVES
 
-    def _hold(self, reason: str) -> None:
+    def _hold(self, reason: str, code: str = '') -> None:
         """Pause with an error; resume() sets off to the same goal again, with all its attempts."""
         self.is_paused = True
         self._drive.pause()
         self._depart(self.state)
         self._stuck_drives = 0
-        self._ports.note(f'{reason}: resume to go on', Severity.ERROR)
+        self._ports.note(f'{reason}: resume to go on', Severity.ERROR, code)
 
     def _end_return(self, failure: str) -> None:
         if failure:
@@ -251,11 +257,12 @@ class Mission:
     # What people ask of the mission
 
     def pause(self) -> bool:
-        """Stop driving, sending requests and dwelling; return False if already paused, or not started."""
-        if self.is_paused or self.state in (State.READY, State.DONE):
+        """Stop driving, sending requests and dwelling; return False if already paused, or done."""
+        if self.is_paused or self.state is State.DONE:
             return False
         self.is_paused = True
-        self._drive.pause()
+        if self.state is not State.READY:
+            self._drive.pause()
         self._ports.note('paused', Severity.INFO)
         return True
 
@@ -271,10 +278,7 @@ class Mission:
     def engage_estop(self) -> None:
         """Pause in any state but DONE, until the e-stop is released and resume() is called."""
         self.is_estop_engaged = True
-        if self.state is State.READY:
-            self.is_paused = True
-        else:
-            self.pause()
+        self.pause()
 
     def release_estop(self) -> None:
         """Allow resume(). The robot does not move before that call."""
@@ -311,29 +315,37 @@ class Mission:
 
     def abort(self) -> bool:
         """
-        End the mission: the target and all unvisited tags are SKIPPED; return False if no mission runs.
+        End the mission: the target and all unvisited tags are SKIPPED; return False if it is done.
 
         The robot returns to its dock if it has one. In two cases it stays where it is: if the return itself
-        is aborted, and if the mission was started under the e-stop and has not begun to drive.
+        is aborted, and if the mission has not begun to drive.
         """
-        has_not_set_off = self.state is State.READY
-        if self.state is State.DONE or (has_not_set_off and not self.is_paused):
+        if self.state is State.DONE:
             return False
         self._ports.note('aborted', Severity.WARN)
-        is_returning = self.state in (State.RETURNING, State.DOCKING, State.DOCKED)
-        if is_returning:
-            self._drive.stop()
-        elif not has_not_set_off:
-            self._leave('aborted')
-        while self._to_visit:
-            self._visit = Visit(self._to_visit.popleft())
-            self._close(Outcome.SKIPPED, 'aborted')
-        if has_not_set_off or is_returning:
-            self._end()
-        else:
+        was_visiting = bool(self.target)
+        self._skip_all('aborted')
+        if was_visiting:
             self.is_paused = self.is_estop_engaged  # then resume() lets the robot return
             self._drive_on()
+        else:
+            self._end()
         return True
+
+    def end(self, reason: str) -> None:
+        """End the mission where the robot is: the target and all unvisited tags are SKIPPED."""
+        if self.state is not State.DONE:
+            self._skip_all(reason)
+            self._end()
+
+    def _skip_all(self, detail: str) -> None:
+        if self.target:
+            self._leave(detail)
+        elif self.state is not State.READY:
+            self._drive.stop()
+        while self._to_visit:
+            self._visit = Visit(self._to_visit.popleft())
+            self._close(Outcome.SKIPPED, detail)
 
     def _stop_work(self) -> None:
         """Stop the drive to the tag, or give up the request there."""
@@ -397,7 +409,8 @@ class Mission:
         tag_id = self._visit.tag_id
         is_last = outcome is Outcome.UNKNOWN_TAG or self._attempts.count >= self._limits.max_attempts
         if not is_last:
-            self._ports.note(f'tag {tag_id!r}: {outcome.value} {detail}: trying again', Severity.WARN)
+            code = DEPENDENCY_TIMEOUT if outcome in NO_REPLY else ''
+            self._ports.note(f'tag {tag_id!r}: {outcome.value} {detail}: trying again', Severity.WARN, code)
             self._attempts.try_again(self._active_seconds)
         elif outcome is not Outcome.NOT_CONFIRMED or not self._looks_again(outcome, detail):
             self.mark_scan_failed(tag_id, outcome, detail)

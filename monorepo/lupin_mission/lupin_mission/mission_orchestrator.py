@@ -9,7 +9,7 @@ import time
 import uuid
 from collections.abc import Callable
 from concurrent.futures import Future as PlanFuture
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -53,6 +53,20 @@ LONGEST_STOP_SECONDS = 2.0
 NOT_KNOWN_YET = 'the tags are not known yet: start the bridge'
 OTHER_MISSION = 'another mission publishes mission/state: end it, or give one of them a namespace'
 RELEASE_ESTOP = 'the e-stop is engaged: release it first'
+INTERRUPTED = 'the node was ended'
+
+
+@dataclass
+class Run:
+    """One mission from its start on, with its results."""
+
+    mission_id: str
+    mission: Mission
+    tag_ids: list[str]  # those that were read before, too
+    observations: list[Observation]  # of this run, and of those that its report had before
+    started_at: Time
+    is_planning: bool = True
+    fault: str = ''  # why the report is lost
 
 
 class MissionNode(Node):
@@ -65,7 +79,7 @@ class MissionNode(Node):
     # ROS also destroys a node whose constructor has raised.
     _drive: Drive = SimulatedDrive(0.0)
     _planner: Planner | None = None
-    report: Report | None = None
+    _report: Report | None = None
 
     def __init__(self) -> None:
         """Open the report and start; raises StartUpError and ReportError."""
@@ -78,20 +92,16 @@ class MissionNode(Node):
             confirm_service=settings.visual_confirmation_service,
             read_service=settings.bridge_service_name,
         )
-        self.tag_ids: list[str] = []
-        self.mission: Mission | None = None
-        self._report_fault = ''
+        self.current: Run | None = None
+        is_simulated = settings.drive == 'simulated'
+        remark = 'simulated drive' if is_simulated else ''
+        self._announcer = Announcer(self, settings.observations_topic, settings.frame_id, remark)
         if not settings.wait_for_start:
-            self.report = self._open_report('')
-        self._mission_id = ''
-        self._started_at: Time | None = None
+            self._report = self._open_report('')
         self._deadline_for_subscriber: float | None = None
         self._is_estop_engaged = False
         self._is_ending = False
         self._stop_deadline: float | None = None
-        is_simulated = settings.drive == 'simulated'
-        remark = 'simulated drive' if is_simulated else ''
-        self._announcer = Announcer(self, settings.observations_topic, settings.frame_id, remark)
         if is_simulated:
             self._drive = SimulatedDrive(settings.drive_seconds)
             self.get_logger().info('the drive is simulated, so no robot moves: set drive:=nav2 on a robot')
@@ -116,23 +126,37 @@ class MissionNode(Node):
         has_service = partial(self._transport.is_available, Service.READ)
         self._tags.find(self, has_service, self._on_tags, self._on_tag_positions)
 
+    @property
+    def mission(self) -> Mission | None:
+        """The mission that was started last."""
+        return self.current.mission if self.current else None
+
     def is_done(self) -> bool:
-        """Return True once a mission that was not started by a call is done, or its report is lost."""
+        """Return True once a mission that was not started by a call is done."""
         is_over = bool(self.mission and self.mission.state is State.DONE)
-        return bool(self._report_fault) or (is_over and not self._settings.wait_for_start)
+        return is_over and not self._settings.wait_for_start
 
     def is_idle(self) -> bool:
         """Return True if the node still waits for its first mission/start."""
-        return self._settings.wait_for_start and self.mission is None
+        return self._settings.wait_for_start and self.current is None
 
-    def _open_report(self, mission_id: str) -> Report:
+    def _open_report(self, mission_id: str) -> Report | None:
+        """Open the report of a mission; None, with a warning, if the folder is read-only."""
         path = Path(self._settings.report_file or time.strftime('mission-%Y%m%dT%H%M%S.jsonl'))
-        return Report(path.with_name(f'{path.stem}-{mission_id}{path.suffix}') if mission_id else path)
+        try:
+            return Report(path.with_name(f'{path.stem}-{mission_id}{path.suffix}') if mission_id else path)
+        except ReportError as error:
+            if self._settings.report_file:
+                raise
+            self.note(f'the mission writes no report: {error}', Severity.WARN)
+            return None
 
     def farewell(self) -> None:
-        """Stop the robot, and publish the state once more; wait for both, with timeouts."""
+        """Stop the robot, close all tags, and publish the state once more; wait for both, with timeouts."""
         if self.executor:
             self._stop_robot(self.executor)
+        if self.mission:
+            self.mission.end(INTERRUPTED)
         self._publish_state()
         self._announcer.wait_for_subscribers()
 
@@ -157,9 +181,9 @@ class MissionNode(Node):
         self._drive = SimulatedDrive(0.0)
         if self._planner:
             self._planner.close()
-        if self.report:
-            self.report.close()
-            self.report = None
+        if self._report:
+            self._report.close()
+            self._report = None
         super().destroy_node()
 
     # The mission
@@ -180,9 +204,7 @@ class MissionNode(Node):
             self.note(event, Severity.WARN)
         self._deadline_for_subscriber = None
         if self.executor:
-            self.executor.create_task(
-                self._plan_and_begin, self._new_mission_id(), self._chosen_ids(), self.report
-            )
+            self.executor.create_task(self._plan_and_begin, self._new_mission_id(), self._chosen_ids())
 
     def _on_tag_positions(self) -> None:
         """Plan the drives: the first plan shows early what is wrong with the settings."""
@@ -203,26 +225,12 @@ class MissionNode(Node):
         """Return the tags of tag_sequence, or all tags in natural order if it is empty."""
         return self._settings.chosen_tag_ids or sorted(self._tags.ids, key=natural_order)
 
-    async def _plan_and_begin(self, mission_id: str, tag_ids: list[str], report: Report | None) -> None:
+    async def _plan_and_begin(self, mission_id: str, tag_ids: list[str]) -> None:
         """Visit the tags that have no reading in the report; raises StartUpError and ReportError."""
-        read_before = read_tags(report.observations) if report else set()
-        to_visit = [tag_id for tag_id in tag_ids if tag_id not in read_before]
-        if self._planner:
-            plan = self._planner.plan_mission(to_visit, self._robot_m())
-            is_planned: Future[None] = Future()
-            plan.add_done_callback(lambda _plan: is_planned.set_result(None))
-            await is_planned
-            self._take(plan.result())
-            to_visit = plan.result().tag_ids
-        if not report:
-            report = self._open_report(mission_id)
-            if self.report:
-                self.report.close()
-        self.report = report
-        self.tag_ids = tag_ids
-        self._mission_id = mission_id
-        self._started_at = self.get_clock().now().to_msg()
-        self.mission = Mission(
+        before = self.current
+        observations = list(self._report.observations) if self._report and not before else []
+        to_visit = [tag_id for tag_id in tag_ids if tag_id not in read_tags(observations)]
+        mission = Mission(
             to_visit,
             self,
             self._drive,
@@ -230,11 +238,35 @@ class MissionNode(Node):
             require_visual_confirmation=self._settings.require_visual_confirmation,
             returns_to_dock=bool(self._settings.dock),
         )
-        count = f'{pluralized(len(to_visit), "tag")} to visit, {len(tag_ids) - len(to_visit)} read before'
-        self._announcer.started(f'{count}; report: {report.path}')
         if self._is_estop_engaged:
-            self.mission.engage_estop()
-        self.mission.step(time.monotonic())
+            mission.engage_estop()
+        self.current = run = Run(mission_id, mission, tag_ids, observations, self.get_clock().now().to_msg())
+        try:
+            if self._planner:
+                await self._plan(self._planner, mission)
+            if self._settings.wait_for_start and mission.state is not State.DONE:
+                report = self._open_report(mission_id)
+                if self._report:
+                    self._report.close()
+                self._report = report
+        except OneLineError:
+            self.current = before
+            raise
+        run.is_planning = False
+        if mission.state is State.DONE:  # somebody has aborted it while it was planned
+            return
+        count = f'{pluralized(len(to_visit), "tag")} to visit, {len(tag_ids) - len(to_visit)} read before'
+        self._announcer.started(f'{count}; report: {self._report.path if self._report else "none"}')
+        self._step()
+
+    async def _plan(self, planner: Planner, mission: Mission) -> None:
+        """Wait for the plan of a mission without blocking the executor; raises StartUpError."""
+        plan = planner.plan_mission(list(mission.tag_ids), self._robot_m())
+        is_planned: Future[None] = Future()
+        plan.add_done_callback(lambda _plan: is_planned.set_result(None))
+        await is_planned
+        self._take(plan.result())
+        mission.reorder(plan.result().tag_ids)
 
     def _robot_m(self) -> Place | None:
         """Return where the robot is in the map, as its localization or the last drive has told."""
@@ -248,17 +280,30 @@ class MissionNode(Node):
             self._take(drives)
         if self._deadline_for_subscriber is not None:
             self._begin_when_heard(self._deadline_for_subscriber)
-        if self.mission is None or self._is_ending or self._tags.is_waiting_for_tags():
+        run = self.current
+        if run is None or run.is_planning or self._is_ending or self._tags.is_waiting_for_tags():
             return
-        if not self.mission.is_paused:
+        if run.fault:
+            run.mission.end('the report is lost')
+        if not run.mission.is_paused:
             self._transport.send_when_ready()
-        self.mission.step(time.monotonic())
-        self._announcer.moved(self.mission)
+        run.mission.step(time.monotonic())
+        self._announcer.moved(run.mission)
 
     def _publish_state(self) -> None:
-        idle = 'READY' if self._tags.has_tags_to_visit() else 'BOOT'
+        run, is_engaged = self.current, self._is_estop_engaged
+        if run is None:
+            idle = 'READY' if self._tags.has_tags_to_visit() else 'BOOT'
+            self._announcer.publish_state(None, '', idle, is_estop_engaged=is_engaged)
+            return
+        lifecycle = 'PREPARE' if run.is_planning and run.mission.state is State.READY else ''
         self._announcer.publish_state(
-            self.mission, self._mission_id, idle, self._started_at, is_estop_engaged=self._is_estop_engaged
+            run.mission,
+            run.mission_id,
+            'FAULT' if run.fault else lifecycle,
+            run.started_at,
+            is_estop_engaged=is_engaged,
+            fault=run.fault,
         )
 
     # The MissionPorts of the mission
@@ -278,34 +323,31 @@ class MissionNode(Node):
         self._step()
 
     def record(self, observation: Observation) -> None:
-        """Write an observation to the report, publish it and the state, and log it."""
-        if self._report_fault or not self.report:
-            return
-        drive = '' if self._settings.drive == 'nav2' else self._settings.drive
-        try:
-            self.report.record(replace(observation, drive=drive))
-        except ReportError as error:
-            self._report_fault = str(error)
-        if self.has_lost_report():
+        """Publish an observation, then write it to the report; the next step ends a mission without one."""
+        run = self.current
+        if run is None:
             return
         position = self._positions.position_of(observation.tag_id)
-        self._announcer.closed(observation, self._mission_id, position)
+        self._announcer.closed(observation, run.mission_id, position)
+        drive = '' if self._settings.drive == 'nav2' else self._settings.drive
+        run.observations.append(replace(observation, drive=drive))
+        if self._report and not (run.fault or run.is_planning):
+            try:
+                self._report.record(run.observations[-1])
+            except ReportError as error:
+                run.fault, run.mission.is_paused = str(error), True
+                self.note(run.fault, Severity.ERROR)
         self._publish_state()
 
-    def has_lost_report(self) -> bool:
-        """Return whether the report cannot be written, or its file was deleted; log the reason once."""
-        if self.report and not self._report_fault and not self.report.is_in_place():
-            self._report_fault = (
-                f"report_file '{self.report.path}' was deleted or replaced: start the mission again"
-            )
-        if self._report_fault and not self._is_ending:
-            self._is_ending = True
-            self.get_logger().fatal(self._report_fault)
-        return bool(self._report_fault)
+    def fault(self) -> str:
+        """Return why the report of the last mission is lost; '' if it is not."""
+        if not self.current or not self._report:
+            return ''
+        return self.current.fault or self._report.fault()
 
-    def note(self, event: str, severity: Severity) -> None:
+    def note(self, event: str, severity: Severity, code: str = '') -> None:
         """Report an event."""
-        self._announcer.note(event, severity)
+        self._announcer.note(event, severity, code)
 
     # What people ask of the mission
 
@@ -319,10 +361,12 @@ class MissionNode(Node):
             if self.mission:
                 self.mission.engage_estop()
             self.note('e-stop engaged', Severity.WARN)
-        else:
-            if self.mission:
-                self.mission.release_estop()
-            self.note('e-stop released: call mission/resume to go on', Severity.WARN)
+            return
+        if self.mission:
+            self.mission.release_estop()
+        is_paused = bool(self.mission and self.mission.is_paused)
+        what_next = ': call mission/resume to go on' if is_paused else ''
+        self.note(f'e-stop released{what_next}', Severity.WARN if is_paused else Severity.INFO)
 
     def _trigger(
         self, operate: Callable[[Mission], bool], _request: Trigger.Request, response: Trigger.Response
@@ -357,7 +401,7 @@ class MissionNode(Node):
         reason = self._reason_against(request)
         if not reason:
             try:
-                await self._plan_and_begin(mission_id, list(request.tag_sequence) or self._chosen_ids(), None)
+                await self._plan_and_begin(mission_id, list(request.tag_sequence) or self._chosen_ids())
             except (StartUpError, ReportError) as error:
                 reason = str(error)
         if reason:
@@ -373,11 +417,11 @@ class MissionNode(Node):
 
     def _reason_against(self, request: StartMission.Request) -> str:
         """Return why a mission cannot be started as requested; '' if it can."""
-        is_running = bool(self.mission and self.mission.state is not State.DONE)
-        shown = escaped(request.mission_type, 40)
+        run, shown = self.current, escaped(request.mission_type, 40)
+        is_running = bool(run and run.mission.state is not State.DONE)
         reasons = (
             (self._is_ending, 'the node is about to end'),
-            (is_running, f'mission already running: abort {self._mission_id}, or wait for its end'),
+            (is_running, f'mission already running: abort {run and run.mission_id}, or wait for its end'),
             (self._is_estop_engaged, RELEASE_ESTOP),
             (self._announcer.has_other_mission(), OTHER_MISSION),
             (not self._tags.has_tags_to_visit(), NOT_KNOWN_YET),
@@ -405,13 +449,13 @@ def main(args: list[str] | None = None) -> int:
 
 def _conclude(node: MissionNode) -> int:
     """Print the table, even of an interrupted mission; return the exit code."""
-    is_lost = bool(node.mission) and node.has_lost_report()
+    fault = node.fault()
     node.farewell()
     if node.is_idle():
         return ALL_READ
-    observations = node.report.observations if node.report else []
-    print_line(summary_table(observations, node.tag_ids))
-    if is_lost:
+    observations, tag_ids = (node.current.observations, node.current.tag_ids) if node.current else ([], [])
+    print_line(summary_table(observations, tag_ids))
+    if fault := fault or node.fault():
+        node.get_logger().fatal(fault)
         return NOT_WRITTEN
-    are_all_read = read_tags(observations).issuperset(node.tag_ids)
-    return ALL_READ if node.tag_ids and are_all_read else SOME_NOT_READ
+    return ALL_READ if tag_ids and read_tags(observations).issuperset(tag_ids) else SOME_NOT_READ

@@ -12,7 +12,7 @@ from rclpy.action.client import ActionClient
 from rclpy.node import Node
 from rclpy.qos import qos_profile_action_status_default
 
-from lupin_mission.drive import Arrival, Drive
+from lupin_mission.drive import DEPENDENCY_TIMEOUT, Arrival, Drive
 from lupin_mission.mission import Severity
 from lupin_mission.sent_goal import GoalState, SentGoal
 from lupin_mission.settings import Settings
@@ -122,14 +122,20 @@ class Nav2Drive(Drive):
             if is_free:
                 self._send(now_seconds)
         elif waited_seconds >= self._settings.dependency_timeout_s:
-            return Arrival(f'there is no action server {self._name}: start Nav2', needs_person=True)
+            return Arrival(
+                f'there is no action server {self._name}: start Nav2',
+                needs_person=True,
+                code=DEPENDENCY_TIMEOUT,
+            )
         elif waited_seconds >= DISCOVERY_SECONDS:
             self._warn_once(f'waiting for the action server {self._name}: start Nav2')
         return None
 
     def _after_rejection(self, sent: SentGoal, now_seconds: float, waited_seconds: float) -> Arrival | None:
         if waited_seconds >= self._settings.dependency_timeout_s:
-            return Arrival(f'{self._name} rejects every goal: activate Nav2', needs_person=True)
+            return Arrival(
+                f'{self._name} rejects every goal: activate Nav2', needs_person=True, code=DEPENDENCY_TIMEOUT
+            )
         self._warn_once(f'{self._name} rejects goals: activate Nav2; trying again')
         if not self._client.server_is_ready():
             self._sent = None

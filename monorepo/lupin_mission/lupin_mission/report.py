@@ -57,6 +57,8 @@ class Report:
 
     def record(self, observation: Observation) -> None:
         """Append one observation and wait until it is on the disk; raises ReportError."""
+        if fault := self.fault():
+            raise ReportError(fault)
         line = f'{observation.to_line()}\n'.encode()
         try:
             os.ftruncate(self._file, self._size)  # Removes what a write that failed has left.
@@ -70,12 +72,12 @@ class Report:
         self._size += len(line)
         self.observations.append(observation)
 
-    def is_in_place(self) -> bool:
-        """Return whether the file was neither deleted nor replaced."""
-        try:
-            return os.path.samestat(os.fstat(self._file), self.path.stat())
-        except OSError:
-            return False
+    def fault(self) -> str:
+        """Return that the file was deleted or replaced; '' if it was not."""
+        with contextlib.suppress(OSError):
+            if os.path.samestat(os.fstat(self._file), self.path.stat()):
+                return ''
+        return f"report_file '{self.path}' was deleted or replaced: start the mission again"
 
     def close(self) -> None:
         """Close the file, so that another mission can open it."""

@@ -162,6 +162,10 @@ class Operator:
         assert (response.accepted, response.error_message) == (True, '')
         return response.mission_id
 
+    def start_later(self):
+        """Ask for a mission, and return the future of the response."""
+        return self._clients['start'].call_async(StartMission.Request())
+
     def rejection(self, **fields) -> str:
         """Return why a start is rejected."""
         response = self._call('start', **fields)

@@ -101,7 +101,7 @@ class World:
         **options,
     ):
         self.now = now
-        self.sent, self.abandoned, self.recorded, self.events = [], [], [], []
+        self.sent, self.abandoned, self.recorded, self.events, self.codes = [], [], [], [], []
         self.robot = Robot(drive_seconds, arrivals, failures, poses)
         self.trace = self.robot.told
         self.mission = Mission(tag_ids, self, self.robot, limits, **options)
@@ -123,8 +123,9 @@ class World:
         pose = f'@{observation.pose}' if observation.pose > 1 else ''
         self.trace.append(f'{observation.tag_id}={observation.outcome.value}{pose}')
 
-    def note(self, event, severity):
+    def note(self, event, severity, code=''):
         self.events.append((event, severity))
+        self.codes.append(code)
 
     def wait(self, seconds):
         """Take a step after this time."""
@@ -175,6 +176,7 @@ class World:
             'refused': self.refuse,
             'unknown': lambda: self.refuse(Outcome.UNKNOWN_TAG),
             'late': self.reply_late,
+            'end': lambda: self.mission.end('the node was ended'),
         }
         for word in script.split():
             asked = word.removeprefix('no-')
@@ -392,6 +394,14 @@ SCENARIOS = {
         DOCK,
         'estop abort abort release no-resume => a read pause give-up a=SKIPPED b=SKIPPED stop => done',
     ),
+    'the end of the node closes every tag, and does not move the robot': (
+        DOCK,
+        'end end late => a read give-up a=SKIPPED b=SKIPPED => done',
+    ),
+    'the end of the node stops the robot': (
+        {'drive_seconds': 10.0, **DOCK},
+        'end => a stop a=SKIPPED b=SKIPPED => done',
+    ),
     'a robot that cannot reach a pose, or does not see the tag from it, looks from the next': (
         {'failures': {'a': 'blocked'}, **LOOKS},
         '1 1 seen answer 0 1 unseen unseen 1 unseen seen answer'
@@ -416,10 +426,16 @@ def test_what_happens_leads_to(options, scenario):
 
 
 def test_a_mission_is_ready_until_it_is_started():
-    mission = Mission('a', None, Robot(), LIMITS)
+    mission = Mission('ab', World(''), Robot(), LIMITS)
     assert (mission.state, mission.target, mission.tag_at_hand) == (State.READY, None, None)
     assert mission.phase == ''
-    assert not mission.pause()
+    mission.reorder('ba')
+    assert mission.pause()
+    mission.step(0.0)
+    assert mission.state is State.READY
+    assert mission.resume()
+    mission.step(0.0)
+    assert (mission.target, mission.tag_ids) == ('b', ('b', 'a'))
 
 
 def test_a_timeout_gives_the_request_up_and_asks_again_later_and_later():
@@ -431,6 +447,7 @@ def test_a_timeout_gives_the_request_up_and_asks_again_later_and_later():
         if len(world.sent) > before:
             times.append(world.now)
     assert times == [2.0 + 0.5, 2.5 + 2.0 + 1.0]
+    assert world.codes.count('dependency_timeout') == 2
     assert world.abandoned == world.sent
     assert world.recorded == [Observation('a', Outcome.TIMEOUT, 'read: no reply before the timeout', 3)]
 
@@ -612,8 +629,9 @@ class AnyOrder(RuleBasedStateMachine):
         self.report.record(observation)
         self.closed.append(observation.tag_id)
 
-    def note(self, event, severity):
+    def note(self, event, severity, code=''):
         assert event
+        assert code in ('', 'dependency_timeout')
         assert severity in Severity
 
     @rule(seconds=st.sampled_from([0.0, 0.02, 0.5, 1.0, 2.0, 5.0]))

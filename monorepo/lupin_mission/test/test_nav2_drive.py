@@ -101,7 +101,8 @@ def test_a_server_that_starts_late_is_waited_for_before_a_person_is_needed(trip,
         assert trip.spin() is None
         assert trip.notes == [(f'waiting for the action server {trip.name}: start Nav2', Severity.WARN)]
     trip.now_seconds = 130.0
-    assert trip.spin() == Arrival(f'there is no action server {trip.name}: start Nav2', needs_person=True)
+    failure = f'there is no action server {trip.name}: start Nav2'
+    assert trip.spin() == Arrival(failure, needs_person=True, code='dependency_timeout')
     trip.start('a')
     trip.now_seconds = 150.0
     assert trip.spin() is None
@@ -137,8 +138,8 @@ def test_a_server_that_rejects_goals_gets_the_goal_again_for_30_s(trip, navigato
     rejected(trip, navigator)
     assert trip.spin() is None
     trip.now_seconds = set_off + 30.0
-    needs_person = Arrival(f'{trip.name} rejects every goal: activate Nav2', needs_person=True)
-    assert trip.spin() == needs_person
+    failure = f'{trip.name} rejects every goal: activate Nav2'
+    assert trip.spin() == Arrival(failure, needs_person=True, code='dependency_timeout')
     assert trip.notes == [warning, warning]
     trip.start('a')
     rejected(trip, navigator)

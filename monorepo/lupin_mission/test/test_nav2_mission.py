@@ -22,7 +22,6 @@ from lupin_mission.announcer import Announcer
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
 from lupin_msgs.msg import Observation
-from lupin_msgs.srv import StartMission
 from mission_helpers import CAMERA, READER
 from nav_msgs.msg import OccupancyGrid
 from rclpy.duration import Duration
@@ -307,20 +306,17 @@ def held_plans(monkeypatch):
 def test_the_estop_holds_a_mission_that_plans_and_cancels_a_goal_which_a_resume_sends_again(
     start_waiting_mission, reader, navigator, node, held_plans
 ):
-    """The state is published, and the e-stop and an abort are answered, while the mission plans."""
+    """The state is published, and the e-stop is answered, while the mission plans."""
     mission, operator = start_waiting_mission(**NAV2, tag_sequence='1', estop_topic='/held/estop')
     estop = node.create_publisher(Bool, '/held/estop', 10)
-    start = node.create_client(StartMission, f'{mission.namespace}/mission/start')
-    assert start.wait_for_service(PATIENCE_SECONDS)
-    started = start.call_async(StartMission.Request())
+    started = operator.start_later()
     begun, released = held_plans
     assert begun.wait(PATIENCE_SECONDS)
     for _ in range(3):
-        operator.wait_for(lifecycle_state='READY')
+        operator.wait_for(lifecycle_state='PREPARE')
     wait_until(lambda: estop.get_subscription_count() == 1)
     estop.publish(Bool(data=True))
-    operator.wait_for(estop_engaged=True, lifecycle_state='READY')
-    assert not operator.trigger('abort')
+    operator.wait_for(estop_engaged=True, paused=True, lifecycle_state='PREPARE')
     released.set()
     wait_until(started.done)
     assert started.result().accepted
@@ -344,13 +340,52 @@ def test_the_estop_holds_a_mission_that_plans_and_cancels_a_goal_which_a_resume_
     mission.stop()
 
 
+def test_abort_and_pause_hold_while_the_mission_plans(start_waiting_mission, navigator, twin, held_plans):
+    subscriber = twin()
+    mission, operator = start_waiting_mission(**NAV2, tag_sequence='1')
+    begun, released = held_plans
+    start = operator.start_later()
+    assert begun.wait(PATIENCE_SECONDS)
+    assert operator.trigger('abort')
+    operator.wait_for(lifecycle_state='DONE', targets_skipped=1)
+    assert subscriber.wait_for(lambda _received: True).status_detail == 'tag 1: SKIPPED: aborted'
+    begun.clear()
+    released.set()
+    wait_until(start.done)
+    assert start.result().accepted
+    released.clear()
+    start = operator.start_later()
+    assert begun.wait(PATIENCE_SECONDS)
+    assert operator.trigger('pause')
+    released.set()
+    wait_until(start.done)
+    operator.wait_for(lifecycle_state='READY', paused=True, mission_id=start.result().mission_id)
+    assert navigator.goals == []
+    assert operator.trigger('resume')
+    navigator.wait_for_goal()
+    mission.stop()
+
+
+def test_the_state_tells_what_delays_a_mission(start_waiting_mission, held_navigator):
+    mission, operator = start_waiting_mission(**NAV2, tag_sequence='1', dependency_timeout_s=3.0)
+    operator.start()
+    operator.wait_for(last_error=f'waiting for the action server {NAME}: start Nav2', paused=False)
+    state = operator.wait_for(last_error='dependency_timeout', paused=True)
+    assert state.last_event == f'there is no action server {NAME}: start Nav2: resume to go on'
+    navigator = held_navigator(NAME)
+    assert operator.trigger('resume')
+    navigator.wait_for_goal()
+    operator.wait_for(last_error='', paused=False)
+    mission.stop()
+
+
 @pytest.mark.usefixtures('navigator')
 def test_a_signal_ends_a_mission_that_plans(start_mission, held_plans):
     begun, released = held_plans
     mission = start_mission(**NAV2, tag_sequence='1')
     assert begun.wait(PATIENCE_SECONDS)
     assert mission.stop() == 1
-    assert mission.log[-1] == '0/0 tags read'
+    assert mission.log[-1] == '0/1 tags read'
     assert not released.is_set()
 
 

@@ -23,6 +23,7 @@ from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from lupin_mission import mission_orchestrator, tags
 from lupin_mission.mission import State
 from lupin_mission.visit import Service
+from lupin_msgs.msg import Observation
 from lupin_msgs.srv import GetTagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, observations_in
 from rcl_interfaces.msg import ParameterValue
@@ -330,8 +331,9 @@ def is_full(_mission, monkeypatch):
 
 @pytest.mark.parametrize(('what', 'tag_ids'), [(is_deleted, '1 2'), (is_full, '1 2 3')])
 def test_a_report_that_is_lost_ends_the_mission_with_its_table(
-    start_mission, reader, monkeypatch, what, tag_ids
+    start_mission, reader, twin, monkeypatch, what, tag_ids
 ):
+    subscriber = twin()
     mission = start_mission(**READER, tag_sequence=tag_ids)
     reader.answer_ok('1', co2=1.0)
     assert [reader.wait_for_request(), reader.wait_for_request()] == ['1', '2']
@@ -342,6 +344,34 @@ def test_a_report_that_is_lost_ends_the_mission_with_its_table(
     assert reason in fatal
     assert mission.log[-1].endswith(f'/{len(tag_ids.split())} tags read')
     assert reader.tag_ids == ['1', '2']
+    wait_until(lambda: len(subscriber.received) == len(tag_ids.split()))
+    statuses = [Observation.STATUS_OK, Observation.STATUS_OK, Observation.STATUS_SKIPPED]
+    assert [each.status for each in subscriber.received] == statuses[: len(subscriber.received)]
+
+
+def test_a_node_that_waits_for_its_start_survives_the_loss_of_a_report(start_waiting_mission, reader):
+    mission, operator = start_waiting_mission(**READER, tag_sequence='1 2')
+    started = operator.start()
+    reader.wait_for_request()
+    mission.report_file.with_name(f'report-{started}.jsonl').unlink()
+    reader.answer_ok('1', co2=1.0)
+    state = operator.wait_for(lifecycle_state='FAULT', targets_completed=1, targets_skipped=1)
+    assert 'was deleted or replaced: start the mission again' in state.last_error
+    started = operator.start()
+    for tag_id in '12':
+        reader.answer_ok(tag_id, co2=1.0)
+    operator.wait_for(lifecycle_state='DONE', last_error='', mission_id=started)
+    assert mission.stop() == 0
+
+
+def test_without_a_writable_folder_there_is_no_report_and_a_warning(start_mission, reader, monkeypatch):
+    monkeypatch.chdir('/proc')
+    mission = start_mission(**READER, tag_sequence='1', report_file="''")
+    reader.answer_ok('1', co2=1.0)
+    assert mission.end() == 0
+    (warning,) = mission.warnings()
+    assert 'the mission writes no report: ' in warning
+    assert mission.log[-1] == '1/1 tags read'
 
 
 def test_a_table_that_cannot_be_printed_is_one_line_and_the_report_is_kept(reader, settings, tmp_path):
@@ -359,13 +389,20 @@ def test_a_table_that_cannot_be_printed_is_one_line_and_the_report_is_kept(reade
     assert [each.tag_id for each in observations_in(tmp_path / 'report.jsonl')] == ['1']
 
 
-def test_a_signal_ends_the_mission_with_the_table_so_far(start_process, reader):
+def test_a_signal_closes_the_tags_left_and_ends_the_mission_with_the_table_so_far(
+    start_process, reader, twin, states_of
+):
+    subscriber = twin()
     mission = start_process(**READER, tag_sequence='1 2')
+    states = states_of(mission)
     reader.answer_ok('1', co2=1.0)
     assert [reader.wait_for_request(), reader.wait_for_request()] == ['1', '2']
     mission.send(*SIGNALS['Ctrl-C twice'])
     assert mission.end() == 1
     assert mission.log[-1] == '1/2 tags read'
+    subscriber.wait_for(lambda each: each.status_detail.startswith('tag 2: SKIPPED: the node was ended'))
+    states.wait_for(lambda state: state.lifecycle_state == 'DONE' and state.targets_skipped == 1)
+    assert mission.outcomes() == [('1', OK), ('2', Outcome.SKIPPED)]
 
 
 @pytest.mark.parametrize(('moment', 'sign'), MOMENTS.items())

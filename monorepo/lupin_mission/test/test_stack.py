@@ -297,11 +297,18 @@ def test_the_estop_stops_a_mission_and_rejects_a_start(start_waiting_mission, no
     state = operator.wait_for(estop_engaged=True, paused=True)
     assert state.last_event == 'e-stop engaged (simulated drive)'  # not the pause that follows
     assert (state.lifecycle_state, state.mission_phase) == ('INSPECTING', 'SCANNING')
+    assert state.last_error == 'estop_engaged'
     estop.publish(Bool(data=False))
-    operator.wait_for(estop_engaged=False, paused=True)
+    event = 'e-stop released: call mission/resume to go on'
+    operator.wait_for(estop_engaged=False, paused=True, last_error=event)
     assert operator.trigger('resume')
-    operator.wait_for(paused=False)
+    operator.wait_for(paused=False, last_error='')
     assert operator.trigger('skip_current')
+    operator.wait_for(lifecycle_state='DONE')
+    for is_engaged in (True, False):
+        estop.publish(Bool(data=is_engaged))
+        state = operator.wait_for(estop_engaged=is_engaged)
+    assert (state.last_event, state.last_error) == ('e-stop released (simulated drive)', '')
     assert mission.stop() == 0
 
 
