@@ -4,6 +4,7 @@
 import contextlib
 import itertools
 import json
+import math
 import os
 import shlex
 import signal
@@ -17,13 +18,14 @@ import domain_coordinator
 import pytest
 import rclpy
 from conftest import Terminal
-from lupin_greenhouse_bridge.contract import STATUS_NAMES
-from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading
+from lupin_greenhouse_bridge.contract import answer_of
+from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading, TagReading
 from lupin_greenhouse_bridge.reading import client, read_tag
-from lupin_greenhouse_bridge.reading.table import Screen, terminal_size
-from lupin_greenhouse_bridge.recording.rows import HEADER, parse_csv, rows_of
+from lupin_greenhouse_bridge.reading.table import Csv, Table, terminal_size
+from lupin_greenhouse_bridge.recording.rows import HEADER, parse_csv
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
+from lupin_greenhouse_bridge.runtime.output import Progress
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
@@ -74,24 +76,36 @@ def times_out_when(monkeypatch):
     return install
 
 
-def test_a_reading_is_a_table(read, noon_bridge, warm_tag_id):
-    ended = read(warm_tag_id)
+def reading_of(tag_id, seconds=0.0, values=(('co2', 1.5),)) -> TagReading:
+    readings = [SensorReading(name=name, value=value) for name, value in values]
+    return TagReading(tag_id=tag_id, sim_time_of_day_seconds=seconds, readings=readings)
+
+
+def reply(request, response):
+    """Handle a request as a bridge does."""
+    response.reading = reading_of(request.tag_id)
+    return response
+
+
+@contextlib.contextmanager
+def empty_domain():
+    """Move to a domain without nodes, and yield its id."""
+    with domain_coordinator.domain_id() as domain, pytest.MonkeyPatch.context() as patch:
+        patch.setenv('ROS_DOMAIN_ID', str(domain))
+        yield domain
+
+
+def test_readings_are_a_table_with_the_number_of_tags_and_each_failure_is_a_line(
+    read, noon_bridge, warm_tag_id, shipped_tags
+):
+    ended = read('--all')
     assert (ended.code, ended.said) == (ALL_READ, '')
-    header, *rows = (line.split() for line in ended.out.splitlines())
+    header, *rows, last = (line.split() for line in ended.out.splitlines())
     assert header == ['tag', 'sim', 'time', 'sensor', 'value', 'unit']
     temperature = noon_bridge.values(warm_tag_id)['temperature']
     assert [warm_tag_id, '12:00:00', 'temperature', f'{temperature:.1f}', '°C'] in rows
-
-
-def test_all_reads_every_tag_and_counts_them(read, shipped_tags):
-    ended = read('--all')
-    assert ended.code == ALL_READ
-    *rows, last = ended.out.splitlines()[1:]
-    assert {row.split()[0] for row in rows} == set(shipped_tags)
-    assert last == f'{len(shipped_tags)}/{len(shipped_tags)} tags read'
-
-
-def test_the_good_ones_of_several_tags_are_read_and_the_others_are_typed_errors(read, shipped_tags):
+    assert {row[0] for row in rows} == set(shipped_tags)
+    assert last == [f'{len(shipped_tags)}/{len(shipped_tags)}', 'tags', 'read']
     ended = read('6', '99')
     assert ended.code == SOME_FAILED
     assert ended.out.splitlines()[-1] == '1/2 tags read'
@@ -146,29 +160,61 @@ def test_csv_that_is_added_to_a_file_has_no_second_header_and_no_failure(read, t
     assert [row.tag_id for row in rows] == ['6'] * len(lines)
 
 
+BAD_READINGS = {
+    '1': (reading_of('1', seconds=math.inf), 'it has a number that is not finite'),
+    '2': (reading_of('2', values=[('co2', math.nan)]), 'it has a number that is not finite'),
+    '3': (reading_of('3', values=[('co2', 1.0), ('co2', 2.0)]), 'it has two values of one sensor'),
+    '4': (TagReading(tag_id='4'), 'it names no tag, or has no value'),
+    '5': (reading_of('6'), "it is of tag '6'"),
+}
+
+
+@pytest.mark.parametrize('output_format', ['--csv', '--json', ''])
+def test_a_reading_that_no_bridge_sends_fails_its_tag_in_one_line(read_tag_here, output_format):
+    """The positions in CSV are empty, because this node does not tell its tag_file."""
+
+    def reply_badly(request, response):
+        bad = BAD_READINGS.get(request.tag_id)
+        response.reading = bad[0] if bad else reading_of(request.tag_id)
+        return response
+
+    with spinning_node('climate') as node:
+        node.create_service(GetTagReading, '/climate/get_tag_reading', reply_badly)
+        options = filter(None, [output_format, '--service', '/climate/get_tag_reading'])
+        ended = read_tag_here(*BAD_READINGS, '7', *options)
+    assert ended.code == SOME_FAILED
+    faults = [f"the reading of tag '{tag_id}': {fault}" for tag_id, (_, fault) in BAD_READINGS.items()]
+    if output_format == '--json':
+        found = [json.loads(line) for line in ended.out.splitlines()]
+        assert [each['error_message'] for each in found] == [*faults, '']
+        assert {each['status'] for each in found[:-1]} == {'BAD_READING'}
+    else:
+        assert ended.said.splitlines() == [f'read_tag: BAD_READING: {fault}' for fault in faults]
+    if output_format == '--csv':
+        (row,) = parse_csv(ended.out.encode())
+        assert (row.tag_id, row.value, row.unit, row.x_m, row.y_m) == ('7', 1.5, 'ppm', None, None)
+
+
 @pytest.mark.parametrize('options', [['--csv'], ['--json'], [], ['--watch', '0.01']])
 def test_a_full_disk_under_the_output_is_one_line_and_exit_code_4(noon_bridge, options):
-    command = [executable('lupin_greenhouse_bridge', 'read_tag'), '6', '--service', noon_bridge.service_name]
+    command = [READ_TAG, '6', '--service', noon_bridge.service_name, *options]
     with open('/dev/full', 'w', encoding='utf-8') as full:
         ended = subprocess.run(
-            [*command, *options], stdout=full, stderr=subprocess.PIPE, text=True, timeout=120, check=False
+            command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=120, check=False
         )
     reason = 'No space left on device'
     assert (ended.returncode, ended.stderr) == (4, f'read_tag: standard output cannot be written: {reason}\n')
 
 
-def test_csv_of_a_bridge_that_does_not_tell_its_tag_file_has_no_positions(read_tag_here):
-    with spinning_node('climate') as node:
-
-        def reply(request, response):
-            response.reading.tag_id = request.tag_id
-            response.reading.readings = [SensorReading(name='co2', value=1.5)]
-            return response
-
-        node.create_service(GetTagReading, '/climate/get_tag_reading', reply)
-        ended = read_tag_here('1', '--csv', '--service', '/climate/get_tag_reading')
-    (row,) = parse_csv(ended.out.encode())
-    assert (row.value, row.unit, row.x_m, row.y_m) == (1.5, 'ppm', None, None)
+def test_a_reader_that_closes_the_pipe_ends_the_watch(noon_bridge):
+    ask = [READ_TAG, '6', '--watch', '0.01', '--service', noon_bridge.service_name]
+    ask += ['--timeout', str(PATIENCE_SECONDS)]
+    with subprocess.Popen(ask, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.wait(PATIENCE_SECONDS) == 4
+        said = process.stderr.read()
+    assert said == 'read_tag: standard output cannot be written: Broken pipe\n'
 
 
 @pytest.mark.parametrize(
@@ -210,36 +256,10 @@ def test_a_client_that_ros_refuses_is_exit_code_2_and_names_the_security(read, m
         raise RCLError('error creating client')
 
     monkeypatch.setattr(rclpy.node.Node, 'create_client', refuse)
-    ended = read('1')
-    assert (ended.code, ended.said) == (
-        USAGE,
-        'read_tag: ROS cannot create the client: error creating client',
-    )
+    ended, problem = read('1'), 'ROS cannot create the client'
+    assert (ended.code, ended.said) == (USAGE, f'read_tag: {problem}: error creating client')
     monkeypatch.setattr(client, 'security_problem', lambda: 'security is enabled')
     assert read('1').said == 'read_tag: security is enabled: error creating client'
-
-
-def test_all_of_a_service_with_a_name_of_its_own_says_what_to_do(run_here, times_out_when):
-    times_out_when(lambda node: len(list(node.clients)) == 2)  # the second is that of the parameters
-    with empty_domain(), spinning_node('climate') as node:
-        node.create_service(GetTagReading, '/elsewhere/readings', lambda _request, response: response)
-        ended = run_here(read_tag.main, '--all', '--service', '/elsewhere/readings')
-    assert ended.code == NO_ANSWER
-    assert ended.said == (
-        'read_tag: no service /elsewhere/get_parameters within 5 s:'
-        ' --all asks the node that /elsewhere/readings is named after: name the tag ids instead'
-    )
-
-
-def test_a_reader_that_closes_the_pipe_ends_the_watch(noon_bridge):
-    ask = [READ_TAG, '6', '--watch', '0.01', '--service', noon_bridge.service_name]
-    ask += ['--timeout', str(PATIENCE_SECONDS)]
-    with subprocess.Popen(ask, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        process.stdout.readline()
-        process.stdout.close()
-        assert process.wait(PATIENCE_SECONDS) == 4
-        said = process.stderr.read()
-    assert said == 'read_tag: standard output cannot be written: Broken pipe\n'
 
 
 def test_all_of_a_bridge_with_another_tag_file_are_its_own(read_tag_here, start_bridge, altered, tmp_path):
@@ -256,14 +276,23 @@ def test_all_of_a_bridge_with_another_tag_file_are_its_own(read_tag_here, start_
     assert [json.loads(line)['tag_id'] for line in ended.out.splitlines()] == ['9', '10']
 
 
-def test_all_needs_a_bridge_that_names_its_tags(read_tag_here):
+def test_all_needs_a_bridge_that_names_its_tags(run_here, read_tag_here, times_out_when):
     with spinning_node('stranger') as node:
-        node.create_service(GetTagReading, '~/get_tag_reading', lambda _request, response: response)
+        node.create_service(GetTagReading, '~/get_tag_reading', reply)
         ended = read_tag_here('--all', '--service', '/stranger/get_tag_reading')
-    assert ended.code == USAGE
-    assert ended.said == (
+    assert (ended.code, ended.said) == (
+        USAGE,
         'read_tag: the node of /stranger/get_tag_reading has no parameter loaded_tag_ids,'
-        ' so it is a bridge older than 1.1: name the tag ids instead of --all'
+        ' so it is a bridge older than 1.1: name the tag ids instead of --all',
+    )
+    times_out_when(lambda node: len(list(node.clients)) == 2)  # the second is that of the parameters
+    with empty_domain(), spinning_node('climate') as node:
+        node.create_service(GetTagReading, '/elsewhere/readings', reply)
+        ended = run_here(read_tag.main, '--all', '--service', '/elsewhere/readings')
+    assert (ended.code, ended.said) == (
+        NO_ANSWER,
+        'read_tag: no service /elsewhere/get_parameters within 5 s:'
+        ' --all asks the node that /elsewhere/readings is named after: name the tag ids instead',
     )
 
 
@@ -271,54 +300,34 @@ def test_all_needs_a_bridge_that_names_its_tags(read_tag_here):
 def hint(run_here, times_out_when):
     """Return a function that returns the hint of a read_tag that finds no service before is_so(its node)."""
 
-    def hint(is_so=lambda _node: True, service=''):
+    def hint(is_so=lambda _node: True, service='/greenhouse_bridge/get_tag_reading'):
         times_out_when(is_so)
-        ended = run_here(read_tag.main, '1', *(['--service', service] if service else []))
-        asked_for = service or '/greenhouse_bridge/get_tag_reading'
+        ended = run_here(read_tag.main, '1', '--service', service)
         assert (ended.code, ended.out) == (NO_ANSWER, '')
-        assert ended.said.startswith(f'read_tag: no service {asked_for} within 5 s; ')
+        assert ended.said.startswith(f'read_tag: no service {service} within 5 s; ')
         return ended.said.partition('; ')[2]
 
     return hint
 
 
-@contextlib.contextmanager
-def empty_domain():
-    """Move to a domain without nodes, and yield its id."""
-    with domain_coordinator.domain_id() as domain, pytest.MonkeyPatch.context() as patch:
-        patch.setenv('ROS_DOMAIN_ID', str(domain))
-        yield domain
-
-
-@pytest.mark.parametrize(
-    ('variable', 'value'), [('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'), ('ROS_LOCALHOST_ONLY', '1')]
-)
-def test_the_hint_names_the_domain_the_discovery_and_what_is_there(hint, monkeypatch, variable, value):
-    monkeypatch.setenv(variable, value)
-    with empty_domain() as domain:
-        text = hint()
-    assert f'ROS_DOMAIN_ID {domain}, limited to this machine by ' in text
-    assert 'has no other node: start the bridge' in text
-
-
-def test_the_hint_starts_the_bridge_by_ros2_or_without_it_by_make(hint, monkeypatch, tmp_path):
+def test_the_hint_names_the_domain_and_what_starts_a_bridge(hint, monkeypatch, tmp_path):
     monkeypatch.setenv('PATH', str(tmp_path))
-    with empty_domain():
-        assert 'start the bridge (make run)' in hint()
+    with empty_domain() as domain:
+        monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        text = hint()
+        assert f'ROS_DOMAIN_ID {domain}, limited to this machine by ' in text
+        assert 'has no other node: start the bridge (make run), or ' in text
         (tmp_path / 'ros2').touch(0o755)
         assert 'start the bridge (ros2 launch lupin_greenhouse_bridge greenhouse_bridge.launch.py)' in hint()
+        with spinning_node('somebody'):
+            text = hint(lambda node: 'somebody' in node.get_node_names())
+        assert 'has other nodes but no bridge' in text
 
 
-def test_the_hint_names_a_bridge_of_another_name(hint, noon_bridge):
+def test_the_hint_names_a_service_of_another_name_or_type(hint, noon_bridge):
     name = noon_bridge.service_name
-
-    def is_discovered(node):
-        return name in dict(node.get_service_names_and_types())
-
-    assert hint(is_discovered) == f'there is {name}: name it with --service'
-
-
-def test_the_hint_names_a_service_of_another_type(hint):
+    text = hint(lambda node: name in dict(node.get_service_names_and_types()))
+    assert text == f'there is {name}: name it with --service'
     with empty_domain(), spinning_node('stranger') as stranger:
         stranger.create_service(GetParameters, '~/get_tag_reading', lambda _request, response: response)
         name, its_type = '/stranger/get_tag_reading', 'rcl_interfaces/srv/GetParameters'
@@ -331,24 +340,18 @@ def test_the_hint_names_a_service_of_another_type(hint):
     assert text.startswith(f'{name} has the type {its_type}, but this client calls {wanted}')
 
 
-def test_the_hint_says_when_there_are_nodes_but_no_bridge(hint):
-    with empty_domain(), spinning_node('somebody'):
-        assert 'has other nodes but no bridge' in hint(lambda node: 'somebody' in node.get_node_names())
-
-
 def test_waiting_for_the_service_is_shown_on_a_terminal_and_wiped_out(run_here, times_out_when, monkeypatch):
     ends = iter([False, False, True])
     times_out_when(lambda _node: next(ends))
+    monkeypatch.setattr(Progress, 'FIRST_SECONDS', 0.0)
     with Terminal() as terminal, monkeypatch.context() as patch:
         patch.setattr(sys, 'stderr', terminal.stream)
         run_here(read_tag.main, '1', '--service', '/nobody/get_tag_reading', '--timeout', '7')
-    shown = '\r\x1b[Kwaiting for /nobody/get_tag_reading, 7 s more\r\x1b[K'
-    assert terminal.text.startswith(f'{shown}read_tag: no service ')
+    shown = 'read_tag: seconds of waiting for /nobody/get_tag_reading: 0 of 7'
+    assert terminal.text.startswith(f'\r{shown}\r{" " * len(shown)}\rread_tag: no service ')
 
 
-@pytest.fixture
-def watch(read, monkeypatch):
-    """Return a function that reads three times with these arguments, and is then asked to end."""
+def test_watch_reads_from_start_to_start_until_a_signal(read, shipped_tags, monkeypatch):
     ticks = itertools.count(0.0, 30.0)  # a round takes 30 s
     slept = []
 
@@ -357,28 +360,10 @@ def watch(read, monkeypatch):
         if len(slept) == 3:
             signal.raise_signal(signal.SIGTERM)
 
-    def watch(*arguments):
-        ended = read(*arguments, '--watch', '100')
-        assert slept == [70.0] * 3  # from start to start
-        return ended
-
     monkeypatch.setattr(process, 'sleep', sleep)
     monkeypatch.setattr(read_tag, 'time', SimpleNamespace(monotonic=lambda: next(ticks)))
-    return watch
-
-
-def test_watch_updates_the_table_in_place_on_a_terminal(watch, shipped_tags, monkeypatch):
-    with Terminal() as terminal, monkeypatch.context() as patch:
-        patch.setattr(sys, 'stdout', terminal.stream)
-        assert watch('6', '99').code == SOME_FAILED
-    # A header, the readings and a failure: the number of lines to replace.
-    lines = 1 + len(shipped_tags['6']['sensors']) + 1
-    assert terminal.text.count(f'\x1b[{lines}F\x1b[J') == 2
-    assert terminal.text.count('UNKNOWN_TAG') == 3
-
-
-def test_watch_prints_plain_lines_under_one_header_into_a_pipe(watch, shipped_tags):
-    ended = watch('6', '99')
+    ended = read('6', '99', '--watch', '100')
+    assert slept == [70.0] * 3
     assert ended.code == SOME_FAILED
     header, *rows = ended.out.splitlines()
     assert header.startswith('tag')
@@ -392,11 +377,11 @@ def test_a_watch_goes_on_while_the_bridge_is_away(run_here, times_out_when, monk
     is_there, rounds = threading.Event(), itertools.count(1)
     is_there.set()
 
-    def reply(_request, response):
+    def reply_while_there(request, response):
         is_there.wait(PATIENCE_SECONDS)
         # The time in which it would ask again stands still.
         wait_until(lambda: has_found_a_client(node, service))
-        return response
+        return reply(request, response)
 
     def sleep(_seconds):
         number = next(rounds)
@@ -409,7 +394,7 @@ def test_a_watch_goes_on_while_the_bridge_is_away(run_here, times_out_when, monk
     times_out_when(lambda _node: not is_there.is_set())
     service = '/away/get_tag_reading'
     with empty_domain(), spinning_node('away') as node:
-        node.create_service(GetTagReading, service, reply)
+        node.create_service(GetTagReading, service, reply_while_there)
         ended = run_here(read_tag.main, '1', '--service', service, '--watch', '1', '--count', count)
         is_there.set()
     assert ended.code == code
@@ -426,7 +411,7 @@ def test_two_servers_of_the_service_are_named(run_here, monkeypatch, other):
     service = '/shared/get_tag_reading'
     with empty_domain(), spinning_node('first') as first, spinning_node(other) as second:
         for node in (first, second):
-            node.create_service(GetTagReading, service, lambda _request, response: response)
+            node.create_service(GetTagReading, service, reply)
         assert run_here(read_tag.main, '1', '--service', service).said == (
             f'read_tag: {service} is offered by /first and /{other}: clients use the first reply;'
             ' stop one of them, or rename it'
@@ -450,46 +435,72 @@ def test_the_shell_completes_options_and_tag_ids(tmp_path, typed, offered):
     assert offered in answer.read_text().split('\n')
 
 
-OK, UNKNOWN_TAG = 0, 1
+def answer(tag_id, seconds=0.0, **values):
+    """Return the answer with this reading."""
+    response = GetTagReading.Response(reading=reading_of(tag_id, seconds, values.items()))
+    return answer_of(tag_id, response)
 
 
-def answer(seconds=0.0, **values):
-    response = GetTagReading.Response(status=OK)
-    response.reading.sim_time_of_day_seconds = float(seconds)
-    response.reading.readings = [SensorReading(name=name, value=value) for name, value in values.items()]
-    return response
-
-
-def failure(status, message):
-    return GetTagReading.Response(status=status, error_message=message)
+def failure(message, status=GetTagReading.Response.STATUS_UNKNOWN_TAG):
+    return answer_of('9', GetTagReading.Response(status=status, error_message=message))
 
 
 def test_the_columns_are_aligned_values_to_the_right_and_the_failures_apart(capsys):
-    responses = {'7': answer(3661.9, humidity=1.25, co2=123456.7), 'long': answer(86399.9, co2=12.6)}
-    Screen(is_watched=False).show(responses | {'9': failure(9, 'new\n')}, STATUS_NAMES)
+    good = [answer('7', 3661.9, humidity=1.25, co2=123456.7), answer('long', 86399.9, co2=12.6)]
+    Table(is_watched=False).show([*good, failure('new\n', status=9), failure('y' * 1001)])
     assert capsys.readouterr() == (
         'tag   sim time  sensor     value  unit\n'
         '7     01:01:01  humidity     1.2  %\n'
         '7     01:01:01  co2       123457  ppm\n'
         'long  23:59:59  co2           13  ppm\n'
-        '2/3 tags read\n',
-        'read_tag: 9: new\\n\n',
+        '2/4 tags read\n',
+        f'read_tag: 9: new\\n\nread_tag: UNKNOWN_TAG: {"y" * 1000}...\n',
+    )
+    Table(is_watched=False).show([answer('x' * 41, ozone=0.5)])  # one tag is not counted
+    assert capsys.readouterr().out.splitlines()[1:] == [f'{"x" * 40}...  00:00:00  ozone    0.50']
+
+
+def test_a_watched_table_in_a_pipe_has_one_header_and_its_columns_never_get_narrower(capsys):
+    table, failed = Table(is_watched=True), failure('no 9')
+    table.show([failed])
+    assert capsys.readouterr().out == ''  # the header comes with the first reading
+    for value in (100000.0, 1.0):
+        table.show([answer('7', co2=value), failed])
+    assert capsys.readouterr() == (
+        'tag  sim time  sensor   value  unit\n'
+        '7    00:00:00  co2     100000  ppm\n'
+        '7    00:00:00  co2          1  ppm\n',
+        'read_tag: UNKNOWN_TAG: no 9\n' * 2,
     )
 
 
-def test_one_tag_is_not_counted_and_a_sensor_that_is_not_the_simulators_has_no_unit(capsys):
-    response = answer(ozone=0.5)
-    assert [row.unit for row in rows_of(response.reading, 'read_tag')] == ['']
-    Screen(is_watched=False).show({'7': response}, STATUS_NAMES)
-    assert capsys.readouterr().out.splitlines()[1:] == ['7    00:00:00  ozone    0.50']
+@pytest.fixture
+def shown(monkeypatch):
+    """Return a function that returns what tables of these many tags look like on a terminal of 24 rows."""
+
+    def shown(*counts, failures=()):
+        with Terminal() as terminal, monkeypatch.context() as patch:
+            patch.setattr(sys, 'stdout', terminal.stream)
+            table = Table(is_watched=True)
+            for count in counts:
+                table.show([*(answer(f'tag {number}', co2=1.0) for number in range(count)), *failures])
+        return terminal.text.replace('\r\n', '\n')
+
+    return shown
 
 
-def test_long_ids_and_messages_are_cut(capsys):
-    responses = {'x' * 41: answer(co2=1.0), '8': failure(UNKNOWN_TAG, 'y' * 1001)}
-    Screen(is_watched=False).show(responses, STATUS_NAMES)
-    out, err = capsys.readouterr()
-    assert out.splitlines()[1].startswith('x' * 40 + '...  00:00:00')
-    assert err == f'read_tag: UNKNOWN_TAG: {"y" * 1000}...\n'
+def test_on_a_terminal_a_table_replaces_the_last_one_and_is_cut_to_the_window(shown):
+    table = 'tag    sim time  sensor  value  unit\ntag 0  00:00:00  co2         1  ppm\n'
+    table += 'read_tag: UNKNOWN_TAG: no lost\n'
+    assert shown(1, 1, failures=[failure('no lost')]) == f'\x1b[J{table}\x1b[3F\x1b[J{table}'
+    whole, cut = shown(22).splitlines(), shown(23, 23).splitlines()
+    assert (len(whole), whole[-1].split()[:2]) == (23, ['tag', '21'])
+    assert cut[21].startswith('tag 20 ')
+    assert cut[22] == '... 2 more lines in a taller window'  # a line that scrolls away cannot be replaced
+    assert cut[23].startswith('\x1b[23F\x1b[J')
+    # A line that is as wide as the terminal would take two.
+    line = f'read_tag: UNKNOWN_TAG: {"x" * 60}'
+    assert shown(0, failures=[failure('x' * 60)]) == f'\x1b[J{line:.59}\n'
 
 
 @pytest.mark.parametrize(('window', 'size'), [((24, 60), (60, 24)), ((0, 0), (80, 24))])
@@ -498,55 +509,9 @@ def test_the_size_is_that_of_the_window_or_the_usual_one(window, size):
         assert terminal_size(terminal.stream) == size
 
 
-def test_a_watched_table_in_a_pipe_has_one_header_and_its_columns_never_get_narrower(capsys):
-    screen, failed = Screen(is_watched=True), {'8': failure(UNKNOWN_TAG, 'no 8')}
-    screen.show(failed, STATUS_NAMES)
-    assert capsys.readouterr().out == ''  # the header comes with the first reading
-    for value in (100000.0, 1.0):
-        screen.show({'7': answer(co2=value), **failed}, STATUS_NAMES)
-    out, err = capsys.readouterr()
-    assert out == (
-        'tag  sim time  sensor   value  unit\n'
-        '7    00:00:00  co2     100000  ppm\n'
-        '7    00:00:00  co2          1  ppm\n'
-    )
-    assert err == 'read_tag: UNKNOWN_TAG: no 8\n' * 2
-
-
-@pytest.fixture
-def shown(monkeypatch):
-    """Return a function that returns what tables of these many tags look like on a terminal of 24 rows."""
-
-    def shown(*counts, **changed):
-        with Terminal() as terminal, monkeypatch.context() as patch:
-            patch.setattr(sys, 'stdout', terminal.stream)
-            screen = Screen(is_watched=True)
-            for count in counts:
-                responses = {f'tag {number}': answer(co2=1.0) for number in range(count)}
-                screen.show(responses | changed, STATUS_NAMES)
-        return terminal.text.replace('\r\n', '\n')
-
-    return shown
-
-
-def test_on_a_terminal_a_table_replaces_the_last_one_with_its_failures(shown):
-    table = 'tag    sim time  sensor  value  unit\ntag 0  00:00:00  co2         1  ppm\n'
-    table += 'read_tag: UNKNOWN_TAG: no lost\n'
-    assert shown(1, 1, lost=failure(UNKNOWN_TAG, 'no lost')) == f'\x1b[J{table}\x1b[3F\x1b[J{table}'
-
-
-def test_a_table_that_is_taller_than_the_terminal_is_cut(shown):
-    """Lines that have scrolled away cannot be replaced."""
-    whole, cut = shown(22).splitlines(), shown(23, 23).splitlines()
-    assert len(whole) == 23
-    assert whole[-1].startswith('tag 21 ')
-    assert cut[21].startswith('tag 20 ')
-    assert cut[22] == '... 2 more lines in a taller window'
-    assert cut[23].startswith('\x1b[23F\x1b[J')
-
-
-def test_a_line_that_is_wider_than_the_terminal_is_cut(shown):
-    """A line that is as wide as the terminal would take two."""
-    assert (
-        shown(0, lost=failure(UNKNOWN_TAG, 'x' * 60)) == f'\x1b[J{"read_tag: UNKNOWN_TAG: " + "x" * 60:.59}\n'
-    )
+def test_an_output_that_is_no_file_has_the_usual_size_and_takes_a_header(tmp_path, capsys):
+    with (tmp_path / 'closed').open('w') as closed:
+        assert terminal_size(closed) == (80, 24)
+    assert terminal_size(closed) == terminal_size(sys.stdout) == (80, 24)
+    Csv({}).show([answer('7', co2=1.0)])
+    assert capsys.readouterr().out.startswith(f'{HEADER}\n')

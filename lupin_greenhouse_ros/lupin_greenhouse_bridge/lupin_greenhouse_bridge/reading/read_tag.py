@@ -9,26 +9,30 @@ import os
 import shutil
 import sys
 import time
+from typing import Any
 
 import rclpy
 from rcl_interfaces.srv import GetParameters
+from rclpy.executors import Executor
+from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
 from lupin_greenhouse_bridge.contract import (
     DEFAULT_SERVICE,
-    STATUS_NAMES,
     TAG_IDS_PARAMETER,
+    Answer,
+    answer_of,
     parameter_service_of,
     tag_ids_of,
     tag_ids_request,
 )
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.errors import Interrupted, OneLineError, StartUpError, UsageError
 from lupin_greenhouse_bridge.interfaces import GetTagReading
-from lupin_greenhouse_bridge.reading import client
-from lupin_greenhouse_bridge.reading.table import Screen, Sheet, json_line, terminal_size
+from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
+from lupin_greenhouse_bridge.reading.table import Csv, Json, Table
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
-from lupin_greenhouse_bridge.runtime.output import print_line
+from lupin_greenhouse_bridge.runtime.output import Progress
 from lupin_greenhouse_bridge.runtime.parameters import log_ignored_parameters
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator import simulation
@@ -40,137 +44,135 @@ ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
 COMPLETION_TIMEOUT_SECONDS = 0.3
 
 
-@contextlib.contextmanager
-def _progress():
-    """Yield a function that shows a line at a terminal until the block ends."""
-    is_terminal = sys.stderr.isatty()
-
-    def show(text: str) -> None:
-        if is_terminal:
-            text = text[: terminal_size(sys.stderr)[0] - 1]
-            print(f'\r\x1b[K{text}', end='', file=sys.stderr, flush=True)
-
-    try:
-        yield show
-    finally:
-        show('')
-
-
-def main(args=None):
+def main(args: list[str] | None = None) -> int:
     """Print readings as the command line asks; return the exit code."""
     try:
         with ros(args) as executor:
             words = remove_ros_args(sys.argv if args is None else args)[1:]
             options = _parser(executor).parse_args(words)
             if bool(options.tag_ids) == options.all:
-                raise client.UsageError('name one or more tag ids, or --all')
+                raise UsageError('name one or more tag ids, or --all')
             if options.count is not None and options.watch is None:
-                raise client.UsageError('--count needs --watch SECONDS')
+                raise UsageError('--count needs --watch SECONDS')
             node = _node_in(executor)
             log_ignored_parameters(node)
-            return _read(node, client.Client(executor, node, options.timeout), options)
-    except client.Interrupted:
+            return _read(node, Client(executor, node, options.timeout), options)
+    except Interrupted:
         return INTERRUPTED
     except OneLineError as error:
-        print(f'read_tag: {error}', file=sys.stderr)
-        return NO_ANSWER if isinstance(error, client.NoAnswer) else USAGE
+        _complain(str(error))
+        return NO_ANSWER if isinstance(error, NoAnswer) else USAGE
 
 
-def _node_in(executor):
+def _complain(text: str) -> None:
+    print(f'read_tag: {text}', file=sys.stderr)
+
+
+def _node_in(executor: Executor) -> Node:
     with node_creation():
         node = rclpy.create_node('read_tag', start_parameter_services=False)
     executor.add_node(node)
     return node
 
 
-def _read(node, bridge: client.Client, options) -> int:
+def _read(node: Node, client: Client, options: argparse.Namespace) -> int:
     """Read once, or round after round, and return the exit code of the last round."""
-    get_tag_reading = _connect(node, bridge, options.service)
+    get_tag_reading = _connect(node, client, options.service)
     service_name = get_tag_reading.srv_name
-    tag_ids = _all_tag_ids(bridge, service_name) if options.all else options.tag_ids
+    tag_ids = _all_tag_ids(client, service_name) if options.all else options.tag_ids
+    output = _output(client, service_name, options)
     rounds = 1 if options.watch is None else options.count
-    screen = Sheet(_positions(bridge, service_name)) if options.csv else Screen(options.watch is not None)
     exit_code, started, warning = INTERRUPTED, 0.0, ''
-    for number in itertools.islice(itertools.count(), rounds):
-        if number > 0:
-            process.sleep(started + options.watch - time.monotonic())
-        if process.is_asked_to_end() or process.has_lost_output():
-            break
-        started, responses = time.monotonic(), {}
-        try:
-            bridge.wait_for(get_tag_reading)
-            for tag_id in tag_ids:
-                responses[tag_id] = bridge.call(get_tag_reading, GetTagReading.Request(tag_id=tag_id))
-        except client.Interrupted:
-            break
-        except client.NoAnswer as error:
-            if options.watch is None:
-                raise
-            if exit_code != NO_ANSWER:
-                print(f'read_tag: {error}: still watching', file=sys.stderr)
-            exit_code = NO_ANSWER
-        else:
-            is_read = all(each.status == GetTagReading.Response.STATUS_OK for each in responses.values())
-            exit_code = ALL_READ if is_read else SOME_FAILED
-        _show(responses, screen, options)
-        warning = warning or _warn_of_other_servers(node, service_name)
+    with contextlib.suppress(Interrupted):
+        for number in itertools.islice(itertools.count(), rounds):
+            if number > 0:
+                process.sleep(started + options.watch - time.monotonic())
+            if process.is_asked_to_end() or process.has_lost_output():
+                break
+            started = time.monotonic()
+            answers, problem = _round(client, get_tag_reading, tag_ids)
+            if problem and options.watch is None:
+                raise problem
+            if problem and exit_code != NO_ANSWER:
+                _complain(f'{problem}: still watching')
+            if answers:
+                output.show(answers)
+            is_read = all(each.is_ok for each in answers)
+            exit_code = NO_ANSWER if problem else ALL_READ if is_read else SOME_FAILED
+            warning = warning or _warn_of_other_servers(node, service_name)
     return exit_code
 
 
-def _warn_of_other_servers(node, service_name: str) -> str:
+def _output(client: Client, service_name: str, options: argparse.Namespace) -> Table | Csv | Json:
+    if options.csv:
+        return Csv(_places_m(client, service_name))
+    return Json() if options.json else Table(is_watched=options.watch is not None)
+
+
+def _round(client: Client, get_tag_reading: Any, tag_ids: list[str]) -> tuple[list[Answer], NoAnswer | None]:
+    """Return the answers for the tags up to the first one without a reply, and the error of that one."""
+    answers: list[Answer] = []
+    try:
+        client.wait_for(get_tag_reading)
+        for tag_id in tag_ids:
+            response = client.call(get_tag_reading, GetTagReading.Request(tag_id=tag_id))
+            answers.append(answer_of(tag_id, response))
+    except NoAnswer as error:
+        return answers, error
+    return answers, None
+
+
+def _warn_of_other_servers(node: Node, service_name: str) -> str:
     """Print and return a warning if another node offers the service too; it has been discovered by now."""
     if warning := duplicate_server_warning(node, service_name, has_namesakes=True):
-        print(f'read_tag: {warning}', file=sys.stderr)
+        _complain(warning)
     return warning
 
 
-def _connect(node, bridge: client.Client, service: str):
-    with _progress() as show:
-        try:
-            get_tag_reading = bridge.connect(GetTagReading, service, show)
-        except client.NoAnswer as error:
-            security = f'; {SECURED}' if process.security_problem() else ''
-            cause = _likely_cause(node, node.resolve_service_name(service))
-            raise client.NoAnswer(f'{error}; {cause}{security}') from error
-    return get_tag_reading
+def _connect(node: Node, client: Client, service: str) -> Any:
+    progress = Progress('read_tag')
+    try:
+        return client.connect(GetTagReading, service, progress)
+    except NoAnswer as error:
+        security = f'; {SECURED}' if process.security_problem() else ''
+        cause = _likely_cause(node, node.resolve_service_name(service))
+        raise NoAnswer(f'{error}; {cause}{security}') from error
+    finally:
+        progress.end()
 
 
-def _show(responses: dict, screen: Screen | Sheet, options) -> None:
-    if options.json:
-        for tag_id, response in responses.items():
-            print_line(json_line(tag_id, response, STATUS_NAMES))
-    elif responses:
-        screen.show(responses, STATUS_NAMES)
+def _parameters_of(client: Client, service_name: str) -> GetParameters.Response:
+    """Return the tag ids and the tag file of the node that offers a service; raises NoAnswer."""
+    parameters = client.connect(GetParameters, parameter_service_of(service_name))
+    return client.call(parameters, tag_ids_request())
 
 
-def _all_tag_ids(bridge: client.Client, service_name: str) -> list[str]:
+def _all_tag_ids(client: Client, service_name: str) -> list[str]:
     """Return the ids that the bridge has loaded, in natural order; raises NoAnswer, UsageError."""
     try:
-        parameters = bridge.connect(GetParameters, parameter_service_of(service_name))
-        tag_ids = tag_ids_of(bridge.call(parameters, tag_ids_request()))
-    except client.NoAnswer as error:
-        raise client.NoAnswer(
+        tag_ids = tag_ids_of(_parameters_of(client, service_name))
+    except NoAnswer as error:
+        raise NoAnswer(
             f'{error}: --all asks the node that {service_name} is named after: name the tag ids instead'
         ) from error
     if not tag_ids:
-        raise client.UsageError(
+        raise UsageError(
             f'the node of {service_name} has no parameter {TAG_IDS_PARAMETER}, so it is a bridge'
             ' older than 1.1: name the tag ids instead of --all'
         )
     return sorted(tag_ids, key=natural_order)
 
 
-def _positions(bridge: client.Client, service_name: str) -> dict[str, tuple[float, float]]:
+def _places_m(client: Client, service_name: str) -> dict[str, tuple[float, float]]:
     """Return the positions of the tags in metres by id, from the bridge's tag file; {} if it is unknown."""
     try:
-        parameters = bridge.connect(GetParameters, parameter_service_of(service_name))
-        values = bridge.call(parameters, tag_ids_request()).values
+        values = _parameters_of(client, service_name).values
         return find_places(values[-1].string_value) if values else {}
-    except (client.NoAnswer, StartUpError):
+    except (NoAnswer, StartUpError):
         return {}
 
 
-def _likely_cause(node, service_name: str) -> str:
+def _likely_cause(node: Node, service_name: str) -> str:
     """Explain from the ROS graph why the service may be missing."""
     wanted = f'{GetTagReading.__module__.split(".")[0]}/srv/GetTagReading'
     services = dict(node.get_service_names_and_types())
@@ -191,25 +193,24 @@ def _likely_cause(node, service_name: str) -> str:
     return f"{domain} has {seen}: start the bridge ({command}), or set ROS_DOMAIN_ID to the bridge's domain"
 
 
-def _ids_to_complete(executor) -> list[str]:
+def _ids_to_complete(executor: Executor) -> list[str]:
     """Return the tag ids of a running bridge that answers immediately, otherwise the shipped ones."""
-    bridge = client.Client(executor, _node_in(executor), COMPLETION_TIMEOUT_SECONDS)
     try:
-        return _all_tag_ids(bridge, DEFAULT_SERVICE)
-    except (client.NoAnswer, client.UsageError):
+        client = Client(executor, _node_in(executor), COMPLETION_TIMEOUT_SECONDS)
+        return _all_tag_ids(client, DEFAULT_SERVICE)
+    except (NoAnswer, UsageError):
         return simulation.served_tag_ids('')
 
 
-def _parser(executor) -> argparse.ArgumentParser:
+def _parser(executor: Executor) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='read_tag',
         description='Read the climate at greenhouse tags from a running greenhouse_bridge.',
         epilog='Exit code: 0 all read, 1 a tag failed, 2 usage, 3 no service or no reply before the timeout,'
-        ' 4 the output cannot be written.'
-        ' With --watch, the code of the last round.',
+        ' 4 the output cannot be written. With --watch, the code of the last round.',
     )
-    ids = parser.add_argument('tag_ids', nargs='*', metavar='ID', help='a tag id, such as 1')
-    ids.completer = lambda **_: _ids_to_complete(executor)
+    tag_ids: Any = parser.add_argument('tag_ids', nargs='*', metavar='ID', help='a tag id, such as 1')
+    tag_ids.completer = lambda **_: _ids_to_complete(executor)
     parser.add_argument('--all', action='store_true', help='read every tag that the bridge has loaded')
     parser.add_argument(
         '--watch',
@@ -219,12 +220,11 @@ def _parser(executor) -> argparse.ArgumentParser:
     )
     parser.add_argument('--count', type=_rounds, metavar='N', help='end --watch after N rounds')
     formats = parser.add_mutually_exclusive_group()
-    formats.add_argument(
-        '--json', action='store_true', help='print one JSON object for each tag, on a line of its own'
-    )
-    formats.add_argument(
-        '--csv', action='store_true', help='print one line per value, with the columns of record_readings'
-    )
+    for name, text in (
+        ('--json', 'print one JSON object for each tag, on a line of its own'),
+        ('--csv', 'print one line per value, with the columns of record_readings'),
+    ):
+        formats.add_argument(name, action='store_true', help=text)
     parser.add_argument(
         '--service',
         default=DEFAULT_SERVICE,

@@ -4,23 +4,29 @@
 import os
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidTopicNameException
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.validate_topic_name import validate_topic_name
 
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.runtime.parameters import invalid, parameter
-from lupin_greenhouse_bridge.runtime.rclpy_internals import SubscriptionEventCallbacks, take_message
+from lupin_greenhouse_bridge.runtime.rclpy_internals import (
+    SubscriptionEventCallbacks,
+    steady_timer,
+    take_message,
+)
 
 NO_PUBLISHER_SECONDS, LOOK_EVERY_SECONDS = 5.0, 1.0
 DEPTH = 2000  # readings that wait while a file is written: two seconds of a thousand each
 VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
 
 
-def topics_parameter():
+def topics_parameter() -> Any:
     """Return a settings field for the parameter readings_topics, which takes a text or an array."""
     return parameter(
         '/read_on_sight/readings /mission/readings',
@@ -29,58 +35,59 @@ def topics_parameter():
     )
 
 
-def topics_of(readings_topics) -> list[str]:
+def topics_of(readings_topics: object) -> list[str]:
     """Return the topics in the value of readings_topics; raises StartUpError."""
-    is_text = isinstance(readings_topics, str)
-    topics = readings_topics.replace(',', ' ').split() if is_text else readings_topics
+    topics = readings_topics
+    if isinstance(topics, str):
+        topics = topics.replace(',', ' ').split()
     if not (isinstance(topics, Sequence) and topics and all(isinstance(each, str) for each in topics)):
         raise invalid('readings_topics', readings_topics, 'the name of a topic, or an array of names')
     return list(dict.fromkeys(topics))
 
 
 def subscribe_to_readings(
-    node, topics: list[str], on_reading: Callable[[TagReading, str], None]
+    node: Node, topics: list[str], on_reading: Callable[[TagReading, str], None]
 ) -> list[str]:
     """
     Call on_reading(reading, topic) once for each reading of these topics; return their full names.
 
     A latched topic delivers its readings again to each new subscriber, and therefore also after a restart. If
     no topic has a publisher for NO_PUBLISHER_SECONDS, the node logs one warning, and another line when the
-    first publisher appears.
+    first publisher appears. Raises StartUpError for an invalid name.
     """
-    received = {}  # the last ones: stamp, tag and sensors
-    names = {}  # the full name of each topic
+    last: dict[tuple[object, ...], None] = {}  # the keys of the last readings, oldest first
 
-    def once(reading, topic: str) -> None:
+    def once(topic: str, reading: TagReading) -> None:
         sensors = (each.name for each in reading.readings)
         key = reading.stamp.sec, reading.stamp.nanosec, reading.tag_id, *sensors
-        if key not in received:
-            received[key] = None
-            if len(received) > 2 * DEPTH:
-                del received[next(iter(received))]
-            on_reading(reading, names[topic])
+        if key not in last:
+            last[key] = None
+            if len(last) > 2 * DEPTH:
+                del last[next(iter(last))]
+            on_reading(reading, topic)
 
+    names = []
     for topic in topics:
         try:
             validate_topic_name(topic)
-            names[topic] = node.resolve_topic_name(topic)  # before a reading can arrive
+            names.append(node.resolve_topic_name(topic))
             # The latched subscription receives what was published before it, and nothing of a volatile
             # publisher, of which rclpy would warn. The other one receives both.
-            for durability, is_warning in ((LATCHED, False), (VOLATILE, True)):
+            for durability in (LATCHED, VOLATILE):
                 node.create_subscription(
                     TagReading,
                     topic,
-                    lambda reading, topic=topic: once(reading, topic),
+                    partial(once, names[-1]),
                     QoSProfile(depth=DEPTH, durability=durability),
-                    event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=is_warning),
+                    event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=durability is VOLATILE),
                 )
         except InvalidTopicNameException as error:
             raise StartUpError(f'parameter readings_topics: {error}') from error
-    _watch_publishers(node, list(names.values()))
-    return list(names.values())
+    _watch_publishers(node, names)
+    return names
 
 
-def _watch_publishers(node, topics: list[str]) -> None:
+def _watch_publishers(node: Node, topics: list[str]) -> None:
     """Log a warning if there is no publisher for a while, and when the first one comes after it."""
     has_warned, deadline = False, time.monotonic() + NO_PUBLISHER_SECONDS
 
@@ -98,13 +105,13 @@ def _watch_publishers(node, topics: list[str]) -> None:
                 ' domain of its own: record it with inspection --record FILE)'
             )
 
-    timer = node.create_timer(LOOK_EVERY_SECONDS, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    timer = steady_timer(node, LOOK_EVERY_SECONDS, look)
 
 
-def take_what_has_arrived(node) -> None:
+def take_what_has_arrived(node: Node) -> None:
     """Call on_reading for the readings that still wait in the subscriptions, after the node has stopped."""
     for subscription in node.subscriptions:
         for _ in range(DEPTH if subscription.msg_type is TagReading else 0):
             if (reading := take_message(subscription)) is None:
                 break
-            subscription.callback(reading)
+            subscription.callback(reading)  # type: ignore[call-arg]  # none of ours takes a MessageInfo

@@ -10,19 +10,16 @@ It is a client of the bridge, for robots with a detector. It never waits in a ca
 import re
 import time
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
-from rclpy.clock import Clock, ClockType
+from rclpy.client import Client
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
+from rclpy.task import Future
 
-from lupin_greenhouse_bridge.contract import (
-    DEFAULT_SERVICE,
-    SERVICE_QOS,
-    STATUS_NAMES,
-    fault_of_reading,
-    latched,
-)
+from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, SERVICE_QOS, answer_of, latched
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 from lupin_greenhouse_bridge.reading.detections import FAMILIES, Sightings, detection_messages
@@ -33,12 +30,13 @@ from lupin_greenhouse_bridge.runtime.parameters import (
     invalid,
     parameter,
 )
+from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
 from lupin_greenhouse_bridge.runtime.run import run
 
 NODE_NAME = 'read_on_sight'
 LOOK_EVERY_SECONDS = 0.1
 LOOK_FOR_SERVERS_EVERY_SECONDS = 10.0
-NOW_AND_THEN = {'throttle_duration_sec': 5.0}  # each call of the logger for itself
+LOG_EVERY_SECONDS = 5.0
 MOST_UNKNOWN_IDS_LOGGED = 1000  # a detector that reports random ids must not fill the memory
 
 
@@ -61,7 +59,7 @@ class Settings:
         3, 'Failed requests for a tag in a row before the node pauses for this tag.', smallest=1, largest=1000
     )
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_parameters(self)
         if not re.fullmatch(r'[^{}]*\{id(:0?\d{1,2}d)?\}[^{}]*', self.tag_id_format):
             accepted = "a text with {id} once, like 'tag_{id}' or '{id:03d}'"
@@ -75,36 +73,34 @@ class Settings:
 class ReadOnSightNode(Node):
     """Turns detections into readings on the topic `~/readings`."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         """Subscribe to the detector; raises StartUpError."""
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
         self._sightings = Sightings(settings)
-        self._futures = {}  # by tag id
-        self._unknown_ids = set()
+        self._futures: dict[str, Future[GetTagReading.Response]] = {}  # by tag id
+        self._unknown_ids: set[str] = set()
         self._has_warned_of_family = False
         self._next_look_for_servers = 0.0  # when to look for a second server of the service
         self._readings = self.create_publisher(TagReading, '~/readings', latched(50))
         try:
-            self._client = self.create_client(
+            self._client: Client[Any, Any] = self.create_client(
                 GetTagReading, settings.bridge_service_name, qos_profile=SERVICE_QOS
             )
         except InvalidServiceNameException as error:
-            raise StartUpError(
-                f'parameter bridge_service_name is not a service name: {escaped(str(error), 300)}'
-            ) from error
-        # Best effort is compatible with every publisher.
+            reason = escaped(str(error), 300)
+            raise StartUpError(f'parameter bridge_service_name is not a service name: {reason}') from error
         self.create_subscription(
             detection_messages().AprilTagDetectionArray,
             settings.detections_topic,
             self._on_detections,
-            qos_profile_sensor_data,
+            qos_profile_sensor_data,  # best effort is compatible with every publisher
         )
-        self.create_timer(LOOK_EVERY_SECONDS, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady_timer(self, LOOK_EVERY_SECONDS, self._look)
         topic = self.resolve_topic_name(settings.detections_topic)
         self.get_logger().info(f'ready: detections from {topic}, readings from {self._client.srv_name}')
 
-    def _on_detections(self, message) -> None:
+    def _on_detections(self, message: Any) -> None:
         for each in message.detections:
             if each.family in FAMILIES:
                 self._sightings.see(self._settings.tag_id(each.id), time.monotonic())
@@ -120,12 +116,11 @@ class ReadOnSightNode(Node):
         """Give up requests after their timeout, and send the next ones."""
         self._sightings.forget(time.monotonic())
         for tag_id in self._sightings.overdue(time.monotonic()):
-            if not (future := self._futures.pop(tag_id, None)):  # answered meanwhile, in another thread
-                continue
-            self._client.remove_pending_request(future)
+            self._client.remove_pending_request(self._futures.pop(tag_id))
             if not self._sightings.timed_out(tag_id, time.monotonic()):
                 self.get_logger().warning(
-                    f"tag '{escaped(tag_id, 64)}': no reply from {self._client.srv_name}", **NOW_AND_THEN
+                    f"tag '{escaped(tag_id, 64)}': no reply from {self._client.srv_name}",
+                    throttle_duration_sec=LOG_EVERY_SECONDS,
                 )
         self._send()
 
@@ -133,51 +128,43 @@ class ReadOnSightNode(Node):
         if not self._client.service_is_ready():
             self.get_logger().warning(
                 f'no service {self._client.srv_name}: start the bridge, or set bridge_service_name',
-                **NOW_AND_THEN,
+                throttle_duration_sec=LOG_EVERY_SECONDS,
             )
             return
-        self._warn_of_two_servers()
         while (tag_id := self._sightings.next()) is not None:
+            self._warn_of_two_servers()
             sent_at = time.monotonic()
             future = self._client.call_async(GetTagReading.Request(tag_id=tag_id))  # raises if ROS refuses it
             self._sightings.asked(tag_id, sent_at)
             self._futures[tag_id] = future
-            future.add_done_callback(lambda future, tag_id=tag_id: self._on_answer(tag_id, future))
+            future.add_done_callback(partial(self._on_reply, tag_id))
 
     def _warn_of_two_servers(self) -> None:
         """Look once in a while: the second server may be found late."""
-        if self._sightings.next() is not None and time.monotonic() >= self._next_look_for_servers:
+        if time.monotonic() >= self._next_look_for_servers:
             self._next_look_for_servers = time.monotonic() + LOOK_FOR_SERVERS_EVERY_SECONDS
             if warning := duplicate_server_warning(self, self._client.srv_name):
                 self.get_logger().warning(warning)
 
-    def _on_answer(self, tag_id: str, future) -> None:
-        if self._futures.get(tag_id) is not future:  # given up meanwhile, in a multi-threaded executor
+    def _on_reply(self, tag_id: str, future: 'Future[GetTagReading.Response]') -> None:
+        if self._futures.get(tag_id) is not future:  # given up before the executor came to this task
             return
         del self._futures[tag_id]
         self._sightings.answered(tag_id, time.monotonic())
-        response = future.result()
-        if response.status == GetTagReading.Response.STATUS_UNKNOWN_TAG:
+        answer = answer_of(tag_id, future.result())
+        if answer.is_ok:
+            self._readings.publish(answer.reading)
+        elif answer.status == 'UNKNOWN_TAG':
             if tag_id not in self._unknown_ids and len(self._unknown_ids) < MOST_UNKNOWN_IDS_LOGGED:
                 self._unknown_ids.add(tag_id)
-                self.get_logger().warning(escaped(response.error_message, 300))
-        elif fault := _fault_of(response, tag_id):
-            self.get_logger().warning(f"tag '{escaped(tag_id, 64)}': {fault}", **NOW_AND_THEN)
+                self.get_logger().warning(escaped(answer.error_message, 300))
         else:
-            self._readings.publish(response.reading)
+            self.get_logger().warning(
+                f"tag '{escaped(tag_id, 64)}': {answer.status}: {escaped(answer.error_message, 300)}",
+                throttle_duration_sec=LOG_EVERY_SECONDS,
+            )
 
 
-def _fault_of(response: GetTagReading.Response, tag_id: str) -> str:
-    """Return why the reading in a response to a request for a tag is not published; '' if it is."""
-    if response.status != GetTagReading.Response.STATUS_OK:
-        status = STATUS_NAMES.get(response.status, response.status)
-        return f'{status}: {escaped(response.error_message, 300)}'
-    fault = fault_of_reading(response.reading)
-    if not fault and response.reading.tag_id != tag_id:
-        fault = f"it is of tag '{escaped(response.reading.tag_id, 64)}'"
-    return fault and f'the reading is not published: {fault}'
-
-
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Publish until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return run(NODE_NAME, ReadOnSightNode, args)

@@ -13,7 +13,7 @@ from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.recording.store import Store, StoreError
 
 if TYPE_CHECKING:
-    from rclpy.impl.rcutils_logger import RcutilsLogger
+    from lupin_greenhouse_bridge.runtime.rclpy_internals import RcutilsLogger
 
 MOST_ROWS = 50_000
 MOST_BYTES = 64 * 2**20  # of memory
@@ -50,9 +50,10 @@ class BufferedWriter:
         """Take rows, without waiting for the file."""
         with self._lock:
             for row in rows:
-                if len(self._waiting) < MOST_ROWS and self._bytes + memory_of(row) <= MOST_BYTES:
+                size = _bytes_of(row)
+                if len(self._waiting) < MOST_ROWS and self._bytes + size <= MOST_BYTES:
                     self._waiting.append(row)
-                    self._bytes += memory_of(row)
+                    self._bytes += size
                 else:
                     self._lost += 1
 
@@ -74,7 +75,7 @@ class BufferedWriter:
             return False
         with self._lock:
             del self._waiting[: len(rows)]
-            self._bytes -= sum(map(memory_of, rows))
+            self._bytes -= sum(map(_bytes_of, rows))
         self._kept += new_count
         if new_count:
             self._logger.info(f'{pluralized(self._kept, "row")} kept')
@@ -96,6 +97,5 @@ class BufferedWriter:
         return self._lost
 
 
-def memory_of(row: Row) -> int:
-    """Return how many bytes of memory a row takes."""
+def _bytes_of(row: Row) -> int:
     return sys.getsizeof(row) + sum(map(sys.getsizeof, row))

@@ -42,6 +42,9 @@ class Row(NamedTuple):
 
 
 HEADER = ','.join(Row._fields)
+PLACE = ('x_m', 'y_m')
+NUMBERS: dict[str, type[int] | type[float]]
+NUMBERS = {'stamp_ns': int, **dict.fromkeys(('value', *PLACE, 'sim_time_of_day_seconds'), float)}
 
 
 def key_of(row: Row) -> tuple[int, str, str]:
@@ -99,9 +102,10 @@ def fault_of(row: Row) -> str:
         if name == 'stamp_ns':
             is_right = isinstance(value, int) and 0 <= value <= LATEST_STAMP_NS
             wanted = f'from 0 to {LATEST_STAMP_NS}, in nanoseconds since 1970'
-        elif name in ('value', 'x_m', 'y_m', 'sim_time_of_day_seconds'):
-            is_unknown_place = value is None and name in ('x_m', 'y_m')
-            is_right = is_unknown_place or (isinstance(value, float) and math.isfinite(value))
+        elif name in NUMBERS:
+            is_right = (isinstance(value, float) and math.isfinite(value)) or (
+                value is None and name in PLACE
+            )
             wanted = 'a finite number'
         else:
             is_right = isinstance(value, str) and not SURROGATES.search(value)
@@ -147,19 +151,20 @@ def parse_csv(content: bytes) -> list[Row]:
 def _row_of(cells: list[str]) -> Row:
     if len(cells) > len(Row._fields):
         raise ValueError(f'{len(cells)} values in place of {len(Row._fields)}')
-    stamp_ns, stamp_utc, tag_id, sensor, value, unit, x, y, sim_time, source = map(_unescaped, cells)
-    head = _number(stamp_ns, int), stamp_utc, tag_id, sensor, _number(value), unit
-    x_m, y_m = (_number(each) if each else None for each in (x, y))
-    row = Row(*head, x_m, y_m, _number(sim_time), source)
+    row = Row(*map(_parsed, Row._fields, cells))
     if fault := fault_of(row):
         raise ValueError(fault)
     return row
 
 
-def _number(cell: str, kind: type[int] | type[float] = float) -> Any:
-    """Return a number, or the cell itself if it is none: fault_of() then refuses it."""
+def _parsed(column: str, cell: str) -> Any:
+    """Return the value in a cell, or the cell itself if it must be a number and is none."""
+    if column not in NUMBERS:
+        return cell[1:] if cell.startswith("'") and cell.startswith(FORMULAS, 1) else cell
+    if not cell and column in PLACE:
+        return None
     try:
-        return kind(cell)
+        return NUMBERS[column](cell)
     except ValueError:
         return cell
 
@@ -167,7 +172,3 @@ def _number(cell: str, kind: type[int] | type[float] = float) -> Any:
 def _escaped(cell: object) -> object:
     """Return a cell that no spreadsheet takes for a formula."""
     return f"'{cell}" if isinstance(cell, str) and cell.startswith(FORMULAS) else cell
-
-
-def _unescaped(cell: str) -> str:
-    return cell[1:] if cell.startswith("'") and cell.startswith(FORMULAS, 1) else cell

@@ -1,10 +1,12 @@
-"""The names, the statuses and the QoS that the bridge and its clients share."""
+"""The names, the statuses and the QoS that the bridge and its clients share, and what a reply means."""
 
 import math
+from typing import NamedTuple
 
 from rcl_interfaces.srv import GetParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 
 NODE_NAME = 'greenhouse_bridge'
@@ -24,10 +26,42 @@ def latched(depth: int = 1) -> QoSProfile:
     return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
+class Answer(NamedTuple):
+    """The reply to a request for a tag. It has a reading if and only if the status is OK."""
+
+    tag_id: str
+    status: str  # OK, UNKNOWN_TAG, SIMULATOR_ERROR, or BAD_READING for one that no bridge can have sent
+    error_message: str
+    reading: TagReading | None
+
+    @property
+    def is_ok(self) -> bool:
+        """Whether the tag was read."""
+        return self.reading is not None
+
+
+def answer_of(tag_id: str, response: GetTagReading.Response) -> Answer:
+    """Return what a response to a request for this tag means."""
+    if response.status != GetTagReading.Response.STATUS_OK:
+        status = STATUS_NAMES.get(response.status, str(response.status))
+        return Answer(tag_id, status, response.error_message, None)
+    fault = fault_of_reading(response.reading)
+    if not fault and response.reading.tag_id != tag_id:
+        fault = f"it is of tag '{escaped(response.reading.tag_id, 64)}'"
+    if fault:
+        return Answer(tag_id, 'BAD_READING', f"the reading of tag '{escaped(tag_id, 64)}': {fault}", None)
+    return Answer(tag_id, 'OK', response.error_message, response.reading)
+
+
 def fault_of_reading(reading: TagReading) -> str:
     """Return why a bridge cannot have sent this TagReading; '' if it can."""
-    if not (reading.tag_id and reading.readings):
+    names = [each.name for each in reading.readings]
+    if not (reading.tag_id and names):
         return 'it names no tag, or has no value'
+    if len(set(names)) < len(names):
+        return 'it has two values of one sensor'
+    if reading.stamp.sec < 0:
+        return 'its stamp is before 1970'
     numbers = [reading.sim_time_of_day_seconds, *(each.value for each in reading.readings)]
     return '' if all(map(math.isfinite, numbers)) else 'it has a number that is not finite'
 

@@ -1,6 +1,7 @@
 """What an AprilTag detector sees: its messages, and which tag to request next. Importable without ROS."""
 
 import importlib
+from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,15 @@ def detection_messages() -> ModuleType:
         ) from error
 
 
+@dataclass
+class _Sighting:
+    """A tag in view."""
+
+    seen_at: float
+    sent_at: float | None = None  # when its pending request was sent; None while it waits for its turn
+    attempts: int = 0  # requests since the last reply
+
+
 class Sightings:
     """
     Keeps the tags in view and the pending requests. All times are seconds of one steady clock.
@@ -38,64 +48,55 @@ class Sightings:
     def __init__(self, settings: 'Settings') -> None:
         """Take the cooldown, the timeout and the attempts from the settings of read_on_sight."""
         self._settings = settings
-        self._seen_at: dict[str, float] = {}  # when each tag that waits or is requested was seen last
-        self._waiting: dict[str, None] = {}  # the tags to request, in the order in which they came into view
-        self._sent_at: dict[str, float] = {}  # when each pending request was sent
-        self._attempts: dict[str, int] = {}  # the requests for each tag since the last reply
+        self._tags: dict[str, _Sighting] = {}  # in the order of their turns
         self._cool_at: dict[str, float] = {}  # when each tag may be requested again
 
     def see(self, tag_id: str, now: float) -> None:
         """Note that a tag is in view."""
         if self._cool_at.get(tag_id, now) <= now:
-            self._seen_at[tag_id] = now
-            if tag_id not in self._sent_at:
-                self._waiting[tag_id] = None
+            self._tags.setdefault(tag_id, _Sighting(now)).seen_at = now
 
     def next(self) -> str | None:
         """Return the tag to request now; None if there is none, or if enough requests are pending."""
-        return next(iter(self._waiting), None) if len(self._sent_at) < MOST_IN_FLIGHT else None
+        waiting = [tag_id for tag_id, each in self._tags.items() if each.sent_at is None]
+        return waiting[0] if waiting and len(self._tags) - len(waiting) < MOST_IN_FLIGHT else None
 
     def asked(self, tag_id: str, now: float) -> None:
         """Note that the request for a tag was sent."""
-        del self._waiting[tag_id]
-        self._sent_at[tag_id] = now
-        self._attempts[tag_id] = self._attempts.get(tag_id, 0) + 1
+        self._tags[tag_id].sent_at = now
+        self._tags[tag_id].attempts += 1
 
     def answered(self, tag_id: str, now: float) -> None:
         """Note that a reply arrived for a tag, with any status."""
-        self._drop(tag_id)
+        del self._tags[tag_id]
         self._cool_at[tag_id] = now + self._settings.cooldown_seconds
 
     def timed_out(self, tag_id: str, now: float) -> bool:
         """Give up a request without a reply; return whether the tag will be requested again."""
-        settings = self._settings
-        if self._attempts[tag_id] >= settings.max_attempts:
-            self._drop(tag_id)
+        settings, sighting = self._settings, self._tags.pop(tag_id)
+        if sighting.attempts >= settings.max_attempts:
             # The bridge may return long before a whole cooldown would end.
             pause_seconds = settings.max_attempts * settings.request_timeout_seconds
             self._cool_at[tag_id] = now + min(settings.cooldown_seconds, pause_seconds)
             return False
-        if not self._is_in_view(tag_id, now):
-            self._drop(tag_id)
+        if not self._is_in_view(sighting, now):
             return False
-        del self._sent_at[tag_id]
-        self._waiting[tag_id] = None
+        sighting.sent_at = None
+        self._tags[tag_id] = sighting  # behind the others
         return True
 
     def overdue(self, now: float) -> list[str]:
         """Return the tags whose requests have taken too long."""
         longest = self._settings.request_timeout_seconds
-        return [tag_id for tag_id, sent in self._sent_at.items() if now - sent >= longest]
+        sent_at = {tag_id: each.sent_at for tag_id, each in self._tags.items()}
+        return [tag_id for tag_id, sent in sent_at.items() if sent is not None and now - sent >= longest]
 
     def forget(self, now: float) -> None:
         """Drop the tags that have gone out of view, and the cooldowns that have ended."""
-        for tag_id in [each for each in self._waiting if not self._is_in_view(each, now)]:
-            self._drop(tag_id)
+        for tag_id, each in list(self._tags.items()):
+            if each.sent_at is None and not self._is_in_view(each, now):
+                del self._tags[tag_id]
         self._cool_at = {tag_id: end for tag_id, end in self._cool_at.items() if end > now}
 
-    def _is_in_view(self, tag_id: str, now: float) -> bool:
-        return now - self._seen_at[tag_id] <= self._settings.request_timeout_seconds
-
-    def _drop(self, tag_id: str) -> None:
-        for times in (self._seen_at, self._waiting, self._sent_at, self._attempts):
-            times.pop(tag_id, None)
+    def _is_in_view(self, sighting: _Sighting, now: float) -> bool:
+        return now - sighting.seen_at <= self._settings.request_timeout_seconds

@@ -6,13 +6,16 @@ ros2 run lupin_greenhouse_bridge record_readings --ros-args -p file:=readings.cs
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rcl_interfaces.srv import GetParameters
-from rclpy.clock import Clock, ClockType
+from rclpy.client import Client
 from rclpy.node import Node
+from rclpy.task import Future
 
 from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, parameter_service_of, tag_ids_request
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.recording.buffered_writer import ERROR_EVERY_SECONDS, BufferedWriter
 from lupin_greenhouse_bridge.recording.rows import fault_of, rows_of
 from lupin_greenhouse_bridge.recording.store import open_store
@@ -23,6 +26,7 @@ from lupin_greenhouse_bridge.recording.subscription import (
     topics_parameter,
 )
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
+from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import find_places
 
@@ -30,7 +34,6 @@ NODE_NAME = 'record_readings'
 ASK_EVERY_SECONDS = 1.0
 TAG_FILE_UNKNOWN = 'the bridge has not told its tag_file'
 SHIPPED_PLACES = 'positions are those of mdp-greenhouse: set tag_file for others'
-ENDED, LOST_ROWS = 0, 1
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class Settings:
         '', "The bridge's tag_locations.json, for the positions; empty: the one that the bridge uses."
     )
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         check_parameters(self)
         topics_of(self.readings_topics)
 
@@ -53,7 +56,7 @@ class Settings:
 class RecordReadingsNode(Node):
     """Takes readings, and lets a thread write them twice a second."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         """Open the file and subscribe; raises StartUpError."""
         super().__init__(NODE_NAME)
         settings = declare_parameters(self, Settings)
@@ -63,16 +66,17 @@ class RecordReadingsNode(Node):
         store = open_store(settings.file, warn=self.get_logger().warning)
         self._writer = BufferedWriter(store, self.get_logger())
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
+        self._bridge: Client[Any, Any] = self.create_client(
+            GetParameters, parameter_service_of(DEFAULT_SERVICE)
+        )
+        self._request: Future[GetParameters.Response] | None = None
         if not self._has_places:
-            self._bridge = self.create_client(GetParameters, parameter_service_of(DEFAULT_SERVICE))
-            self._asked = None
-            clock = Clock(clock_type=ClockType.STEADY_TIME)
-            self._asking = self.create_timer(ASK_EVERY_SECONDS, self._ask_for_tag_file, clock=clock)
+            self._timer = steady_timer(self, ASK_EVERY_SECONDS, self._ask_for_tag_file)
         self._writer.start()
         file = Path(settings.file).resolve()
         self.get_logger().info(f'ready: readings from {", ".join(topics)} into {file}')
 
-    def _on_reading(self, reading, topic: str) -> None:
+    def _on_reading(self, reading: TagReading, topic: str) -> None:
         if not self._has_places:
             self._has_places = True  # say it once
             self.get_logger().warning(f'{TAG_FILE_UNKNOWN}: {SHIPPED_PLACES}')
@@ -87,19 +91,20 @@ class RecordReadingsNode(Node):
             )
 
     def _ask_for_tag_file(self) -> None:
-        if self._asked:  # DDS can drop a request that comes before discovery is complete
-            self._bridge.remove_pending_request(self._asked)
+        if self._request:  # DDS can drop a request that comes before discovery is complete
+            self._bridge.remove_pending_request(self._request)
         if self._bridge.service_is_ready():
-            self._asked = self._bridge.call_async(tag_ids_request())
-            self._asked.add_done_callback(self._on_tag_file)
+            self._request = self._bridge.call_async(tag_ids_request())
+            self._request.add_done_callback(self._on_tag_file)
 
-    def _on_tag_file(self, asked) -> None:
-        self._asking.cancel()
+    def _on_tag_file(self, request: 'Future[GetParameters.Response]') -> None:
+        self._timer.cancel()
         self._has_places = True
         try:
-            if not (values := asked.result().values):
+            response = request.result()
+            if not (response and response.values):
                 raise StartUpError(TAG_FILE_UNKNOWN)
-            if tag_file := values[-1].string_value:
+            if tag_file := response.values[-1].string_value:
                 self._places_m = find_places(tag_file)
                 self.get_logger().info(f"positions: those of the bridge's tag_file {escaped(tag_file, 500)}")
         except StartUpError as error:  # also of a bridge on another machine
@@ -108,12 +113,11 @@ class RecordReadingsNode(Node):
     def end(self) -> int:
         """Write the last rows; return the exit code."""
         take_what_has_arrived(self)
-        lost = self._writer.end()
         if self._refused:
             self.get_logger().warning(f'{pluralized(self._refused, "row")} refused: a number cannot be right')
-        if lost:
+        if lost := self._writer.end():
             self.get_logger().error(f'{pluralized(lost, "row")} lost')
-        return LOST_ROWS if lost else ENDED
+        return 1 if lost else 0
 
     def destroy_node(self) -> None:
         """End the thread, also of a node that nobody has ended."""
@@ -121,6 +125,6 @@ class RecordReadingsNode(Node):
         super().destroy_node()
 
 
-def main(args=None) -> int:
+def main(args: list[str] | None = None) -> int:
     """Record until Ctrl-C or SIGTERM (exit code 0); a start-up error is one FATAL line (exit code 1)."""
     return run(NODE_NAME, RecordReadingsNode, args, conclude=RecordReadingsNode.end)
