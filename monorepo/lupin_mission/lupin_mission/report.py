@@ -40,11 +40,7 @@ class Report:
             if not stat.S_ISREG(os.fstat(self._file).st_mode):  # /dev/zero is endless.
                 raise OSError(errno.EINVAL, 'it is not a regular file')
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            content = self.path.read_bytes()
-            self.observations, self._size = parse_report(content)
-            os.ftruncate(self._file, self._size)
-            if self._size and content[self._size - 1 : self._size] != b'\n':
-                self._size += os.write(self._file, b'\n')
+            self.observations = self._end_last_line()
         except OSError as error:
             self.close()
             cause = 'another mission is writing it' if error.errno == errno.EWOULDBLOCK else error.strerror
@@ -61,16 +57,29 @@ class Report:
             raise ReportError(fault)
         line = f'{observation.to_line()}\n'.encode()
         try:
+            if os.fstat(self._file).st_size < self._size:  # Cut by another program, such as logrotate.
+                self._end_last_line()
             os.ftruncate(self._file, self._size)  # Removes what a write that failed has left.
             if os.write(self._file, line) != len(line):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(self._file)
+        except ValueError as error:
+            raise ReportError(f"report_file '{self.path}': {error}") from error
         except OSError as error:
             with contextlib.suppress(OSError):  # The next line, or the next mission, removes it too.
                 os.ftruncate(self._file, self._size)
             raise ReportError(f"report_file '{self.path}': {error.strerror}") from error
         self._size += len(line)
         self.observations.append(observation)
+
+    def _end_last_line(self) -> list[Observation]:
+        """Remove an incomplete last line; return the observations. Raises OSError and ValueError."""
+        content = os.pread(self._file, os.fstat(self._file).st_size, 0)
+        observations, self._size = parse_report(content)
+        os.ftruncate(self._file, self._size)
+        if self._size and content[self._size - 1 : self._size] != b'\n':
+            self._size += os.write(self._file, b'\n')
+        return observations
 
     def fault(self) -> str:
         """Return that the file was deleted or replaced; '' if it was not."""

@@ -36,6 +36,19 @@ def test_a_line_that_a_kill_cut_short_is_not_there(tmp_path, cut):
     assert path.read_text(encoding='utf-8') == f'{OK.to_line()}\n{FAILED.to_line()}\n'
 
 
+@pytest.mark.parametrize(('size', 'kept'), [(0, []), (len(OK.to_line()) + 10, [OK])])
+def test_a_report_that_another_program_cuts_goes_on_without_a_gap(tmp_path, size, kept):
+    path = tmp_path / 'report.jsonl'
+    report = Report(path)
+    for _ in range(2):
+        report.record(OK)
+    os.truncate(path, size)
+    for _ in range(2):
+        report.record(FAILED)
+    report.close()
+    assert path.read_text() == ''.join(f'{each.to_line()}\n' for each in [*kept, FAILED, FAILED])
+
+
 def test_a_last_line_that_lost_only_its_newline_is_kept(tmp_path):
     path = tmp_path / 'report.jsonl'
     path.write_text(f'{OK.to_line()}\n{FAILED.to_line()}', encoding='utf-8')
