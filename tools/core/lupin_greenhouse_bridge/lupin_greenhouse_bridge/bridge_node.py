@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
@@ -71,7 +72,7 @@ class GreenhouseBridgeNode(Node):
             self.get_logger().warning(response.error_message, throttle_duration_sec=LOG_EVERY_SECONDS)
             return response
         try:
-            stamp = self.get_clock().now().to_msg()
+            stamp = Clock().now().to_msg()  # wall time, also with use_sim_time
             sim_time, values = simulation.read(self._sim, tag_id)
         except simulation.ReadingError as error:
             response.status = response.STATUS_SIMULATOR_ERROR

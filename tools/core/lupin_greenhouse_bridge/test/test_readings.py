@@ -79,8 +79,8 @@ def test_without_noise_all_five_sensors_follow_the_closed_form(
     assert seen == {'temperature', 'humidity', 'co2', 'light', 'soil_moisture'}
 
 
-def test_stamp_is_the_wall_clock_while_the_simulated_day_races(start_bridge):
-    bridge = start_bridge(speedup_factor=7200)
+def test_stamp_is_the_wall_clock_while_the_simulated_day_races_and_with_use_sim_time(start_bridge):
+    bridge = start_bridge(speedup_factor=7200, use_sim_time=True)
     bridge.connect()
     for _ in range(5):
         before = time.time_ns()
