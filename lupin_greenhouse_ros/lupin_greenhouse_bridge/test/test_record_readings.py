@@ -37,6 +37,8 @@ RECORD_READINGS = [executable('lupin_greenhouse_bridge', 'record_readings')]
 class Disk:
     """A store in memory, whose disk is full or whose file is locked while the test says so."""
 
+    refused_rows = 0
+
     def __init__(self):
         self.rows, self.is_full = [], False
         self.is_asked, self.is_free = threading.Event(), threading.Event()
@@ -186,17 +188,20 @@ def test_each_reading_is_received_once_from_latched_and_volatile_publishers(robo
     assert '[subscriber]' not in capfd.readouterr().err  # no warning of rclpy
 
 
-def test_two_readings_of_one_stamp_and_tag_with_other_sensors_are_both_received(robot, subscriber):
+def test_readings_of_one_stamp_and_tag_with_other_sensors_or_values_are_all_received(robot, subscriber):
     publisher, received = publisher_on(robot, LATCHED), []
-    for sensor in ('temperature', 'humidity'):
+    sent = [('temperature', 1.0), ('humidity', 1.0), ('humidity', 2.0)]
+    for sensor, value in sent:
         one = reading(1)
-        one.readings = [SensorReading(name=sensor, value=1.0)]
+        one.readings = [SensorReading(name=sensor, value=value)]
         publisher.publish(one)
     subscribe_to_readings(
-        subscriber.node, [TOPIC], lambda each, _topic: received.append(each.readings[0].name)
+        subscriber.node,
+        [TOPIC],
+        lambda each, _topic: received.append((each.readings[0].name, each.readings[0].value)),
     )
-    wait_until(lambda: subscriber.delivered.count(1) >= 2)
-    assert received == ['temperature', 'humidity']
+    wait_until(lambda: subscriber.delivered.count(1) >= 3)
+    assert received == sent
 
 
 @pytest.fixture

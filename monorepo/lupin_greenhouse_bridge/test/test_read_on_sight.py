@@ -413,7 +413,7 @@ def test_a_tag_without_any_reply_is_said_after_its_attempts(held_service, start_
     wait_until(lambda: reader.node._futures)
     (last,) = reader.node._futures.values()
     reader.clock.pass_seconds(2.0)
-    wait_until(lambda: f"tag '7': {said}" in log())
+    wait_until(lambda: said in log())
     assert last not in pending_requests(reader.node._client)  # rclpy would keep it for ever
 
 

@@ -22,7 +22,8 @@ from lupin_greenhouse_bridge.contract import answer_of
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading, TagReading
 from lupin_greenhouse_bridge.reading import client, read_tag
 from lupin_greenhouse_bridge.reading.table import Csv, Table, terminal_size
-from lupin_greenhouse_bridge.recording.rows import HEADER, parse_csv
+from lupin_greenhouse_bridge.recording.reading_files import parse_csv
+from lupin_greenhouse_bridge.recording.rows import HEADER
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
 from lupin_greenhouse_bridge.runtime.output import Progress

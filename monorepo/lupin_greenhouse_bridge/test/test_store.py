@@ -3,6 +3,7 @@
 
 import contextlib
 import csv
+import io
 import itertools
 import json
 import math
@@ -20,8 +21,8 @@ from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.recording import store as store_module
-from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, read_rows
-from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, parse_csv, utc_of
+from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, parse_csv, read_rows
+from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, utc_of
 from lupin_greenhouse_bridge.recording.store import StoreError, open_store
 
 STAMP_NS = 1_795_189_976_000_000_513
@@ -60,12 +61,26 @@ def test_what_was_kept_is_read_again_value_by_value_from_one_file(tmp_path, name
     assert list(tmp_path.iterdir()) == [tmp_path / name]
 
 
-def test_a_database_keeps_a_repeated_row_once_also_after_a_restart(tmp_path):
-    path, first, second = tmp_path / 'readings.sqlite', row(), row(tag_id='8')
+def test_a_database_keeps_a_repeated_row_once_and_a_row_with_another_value_too(tmp_path):
+    path, first, second = tmp_path / 'readings.sqlite', row(), row(value=468.64)
     store = open_store(str(path))
     assert [store.keep([first, first]), store.keep([first])] == [1, 0]
     assert open_store(str(path)).keep([first, second]) == 1
     assert read_rows(path) == [first, second]
+
+
+def test_an_older_database_counts_and_tells_the_rows_that_its_key_refuses(tmp_path):
+    path, said = tmp_path / 'readings.sqlite', []
+    open_store(str(path))
+    change_database(path, 'DROP TABLE readings', OLD_TABLE, 'PRAGMA user_version = 0')
+    store = open_store(str(path), said.append)
+    assert store.keep([row(), row(value=1.0), row(1), row()]) == 2
+    assert read_rows(path) == [row(), row(1)]
+    assert store.refused_rows == 1
+    assert said == [
+        f"file '{path}' of release 2.0 or older has another value with the same stamp, tag and sensor:"
+        ' 1 row lost: record into a new file'
+    ]
 
 
 def test_two_recorders_share_a_file(path):
@@ -83,6 +98,83 @@ def test_a_database_that_another_program_locks_is_written_after_it(tmp_path, mon
         with pytest.raises(StoreError, match='database is locked'):
             store.keep([row()])
     assert store.keep([row()]) == 1
+
+
+def change_database(path, *statements):
+    with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        for statement in statements:
+            connection.execute(statement)
+
+
+OLD_TABLE = store_module._TABLE.replace('sensor, value)', 'sensor)')
+
+
+@pytest.mark.parametrize(
+    ('table', 'problem'),
+    [
+        (OLD_TABLE.replace('unit TEXT', 'units TEXT'), 'table readings has no column named unit'),
+        (OLD_TABLE.replace('x_m', 'note TEXT NOT NULL, x_m'), 'NOT NULL constraint failed: readings.note'),
+        ('CREATE VIEW readings AS SELECT 1 AS value', 'readings'),
+    ],
+)
+def test_a_database_that_cannot_take_our_columns_is_refused_by_the_name_of_the_column(
+    tmp_path, table, problem
+):
+    path = tmp_path / 'readings.sqlite'
+    open_store(str(path))
+    change_database(path, 'DROP TABLE readings', table, 'PRAGMA user_version = 7')
+    before = path.read_bytes()
+    with pytest.raises(StartUpError) as raised:
+        open_store(str(path))
+    assert problem in str(raised.value)
+    assert str(raised.value).endswith('(its user_version is 7, not 1): name another file, or a new one')
+    assert path.read_bytes() == before
+
+
+def test_a_copy_of_a_database_that_another_program_keeps_in_wal_mode_has_every_row(tmp_path):
+    path = tmp_path / 'readings.sqlite'
+    store = open_store(str(path))
+    with contextlib.closing(sqlite3.connect(path)) as other:
+        other.execute('PRAGMA journal_mode = WAL')
+        other.execute('SELECT * FROM readings').fetchall()
+        assert store.keep([row(number) for number in range(100)]) == 100
+        (tmp_path / 'copy.sqlite').write_bytes(path.read_bytes())
+        assert read_rows(tmp_path / 'copy.sqlite') == [row(number) for number in range(100)]
+        other.execute('BEGIN')
+        other.execute('SELECT * FROM readings').fetchall()  # nothing can be moved out of the WAL
+        with pytest.raises(StoreError, match='another program reads it'):
+            store.keep([row(100)])
+    assert store.keep([row(100), row(101)]) == 1
+    assert len(read_rows(path)) == 102
+
+
+@pytest.mark.parametrize('fraction', [0.01, 0.1, 0.5, 0.99])
+def test_a_damaged_database_is_set_aside_and_the_rows_go_on_in_a_new_one(tmp_path, fraction):
+    path, said = tmp_path / 'readings.sqlite', []
+    store = open_store(str(path), said.append)
+    store.keep([row(number) for number in range(300)])
+    cut = path.read_bytes()[: int(path.stat().st_size * fraction)]
+    path.write_bytes(cut)
+    assert [store.keep([row(1000)]), store.keep([row(1001)])] == [1, 1]
+    assert read_rows(path) == [row(1000), row(1001)]
+    (damaged,) = tmp_path.glob('readings.sqlite.damaged-*')
+    assert damaged.read_bytes() == cut
+    (line,) = said
+    assert line.endswith(f': renamed it to {damaged.name}, and made a new one')
+
+
+@pytest.mark.parametrize('torn', [csv_text([row(7)])[:30], csv_text([row(7, tag_id='a "b"')])[:65], 'x\n\n"'])
+def test_an_unfinished_line_of_another_writer_does_not_swallow_the_next_row(csv_path, torn):
+    store = open_store(str(csv_path))
+    store.keep([row()])
+    for number in (1, 2):
+        with csv_path.open('a') as other:
+            other.write(torn)
+        store.keep([row(number)])
+    assert read_rows(csv_path) == [row(), row(1), row(2)]
+    os.truncate(csv_path, csv_path.stat().st_size - 40)
+    store.keep([row(3)])
+    assert read_rows(csv_path) == [row(), row(1), row(3)]
 
 
 @contextlib.contextmanager
@@ -388,8 +480,7 @@ def test_a_row_without_a_position_gets_that_of_the_layout(csv_path, shipped_tags
             REPORT.replace('{"co2": 468.63, "radon": 2}', '{}').encode(),
             'line 1 is not an observation (ValueE',
         ),
-        (b'SQLite format 3\0' + bytes(5000), 'not a file of readings'),
-        (b'SQLite format 3\0' + bytes(52) + b'LuRP' + bytes(5000), 'file is not a database'),
+        (b'SQLite format 3\0' + bytes(5000), 'file is not a database'),
     ],
 )
 def test_any_other_file_is_one_line_of_error(csv_path, content, reason):
@@ -417,7 +508,12 @@ LATEST = 'must be from 0 to 9223372036854775807, in nanoseconds since 1970'
         ('a.sqlite', 'value', 'warm', "row 2: value of co2 is 'warm': must be a finite number"),
         ('a.sqlite', 'value', math.inf, 'row 2: value of co2 is inf: must be a finite number'),
         ('a.sqlite', 'x_m', 'here', "row 2: x_m of co2 is 'here': must be a finite number"),
-        ('a.sqlite', 'tag_id', b'7', "row 2: tag_id of co2 is b'7': must be text in UTF-8"),
+        (
+            'a.sqlite',
+            'tag_id',
+            b'7',
+            "row 2: tag_id of co2 is b'7': must be text in UTF-8 (save a spreadsheet as 'CSV UTF-8')",
+        ),
     ],
 )
 def test_a_wrong_value_is_named_with_its_place_and_what_would_be_right(tmp_path, name, column, value, fault):
@@ -446,6 +542,79 @@ def test_a_wrong_value_of_a_report_is_named_with_its_place(tmp_path, right, wron
     assert str(raised.value) == f"'{path}': line 3 has a wrong value: {fault}"
 
 
-def test_a_csv_file_that_a_spreadsheet_saved_is_read():
-    text = f'{HEADER}\n{csv_text([row()])}'.replace('\n', '\r\n')
-    assert parse_csv(b'\xef\xbb\xbf' + text.encode()) == [row()]
+READINGS = [
+    row(0, value=0.1 + 0.2),
+    row(1, tag_id='a "b", c;d\te|f\ng', sensor='ünits', place_m=(None, None)),
+]
+
+
+def in_columns(columns, delimiter=',', quoting=csv.QUOTE_MINIMAL, end='\n', **changed):
+    """Return the readings with these columns, as another program writes them."""
+    file = io.StringIO(newline='')
+    writer = csv.writer(file, delimiter=delimiter, quoting=quoting, lineterminator=end)
+    writer.writerow(columns)
+    for number, each in enumerate(READINGS):
+        cells = {'': number, 'note': 'x', **each._asdict()}
+        writer.writerow([changed[name](cells[name]) if name in changed else cells[name] for name in columns])
+    return file.getvalue()
+
+
+def rounded(stamp_ns):
+    return f'{stamp_ns:.5E}'
+
+
+FOREIGN = {
+    'spreadsheet': b'\xef\xbb\xbf' + in_columns(Row._fields, end='\r\n').encode(),
+    'quoted (R, pandas)': in_columns(Row._fields, quoting=csv.QUOTE_ALL).encode(),
+    'index (pandas, R)': in_columns(['', *Row._fields]).encode(),
+    'other order and columns (DuckDB)': in_columns(['note', *reversed(Row._fields)]).encode(),
+    'NA (R)': in_columns(Row._fields, x_m=lambda x: 'NA' if x is None else x).encode(),
+    'semicolons': in_columns(Row._fields, ';').encode(),
+    'decimal commas': in_columns(
+        Row._fields,
+        ';',
+        stamp_ns=lambda stamp: rounded(stamp).replace('.', ','),
+        value=lambda value: str(value).replace('.', ','),
+    ).encode(),
+    'tabs in UTF-16 (Excel)': in_columns(Row._fields, '\t').encode('utf-16'),
+    'bars (sqlite3)': in_columns(Row._fields, '|').encode(),
+    'stamps as floats': in_columns(Row._fields, stamp_ns=rounded).encode(),
+    'stamps of 15 digits': in_columns(Row._fields, stamp_ns=lambda stamp: stamp // 10**4 * 10**4).encode(),
+}
+
+
+@pytest.mark.parametrize('content', FOREIGN.values(), ids=FOREIGN)
+def test_a_csv_file_that_another_program_has_saved_again_is_read(content):
+    assert parse_csv(content) == READINGS
+
+
+@pytest.mark.parametrize(
+    ('content', 'reason'),
+    [
+        (in_columns(Row._fields[1:]), 'its header lacks stamp_ns: name a file'),
+        (in_columns(Row._fields, stamp_ns=rounded, stamp_utc=str.lower), "stamp_ns of co2 is '1.79519E+18'"),
+        (csv_text(READINGS), f'which is SQLite or CSV with the header {HEADER}'),
+        (in_columns(['', *Row._fields]).replace(',stamp', 'stamp', 1), 'line 2: 11 values in place of 10'),
+        (in_columns(Row._fields).encode('latin-1'), "(save a spreadsheet as 'CSV UTF-8')"),
+    ],
+)
+def test_a_csv_file_of_another_program_that_cannot_be_read_says_why(csv_path, content, reason):
+    csv_path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(ReadingFileError) as raised:
+        read_rows(csv_path)
+    assert reason in str(raised.value)
+
+
+@pytest.mark.parametrize('kind', [str, int])
+def test_a_database_that_pandas_or_sqlite3_has_made_is_read(tmp_path, kind):
+    """Without our application_id, with another column, and with integers or text for our types."""
+    path, columns = tmp_path / 'other.sqlite', '"index", ' + HEADER
+    change_database(path, f'CREATE TABLE readings ({columns})')
+    with contextlib.closing(sqlite3.connect(path)) as connection, connection:
+        numbers = {'stamp_ns': STAMP_NS, 'tag_id': 7, 'value': 2, 'x_m': 1}
+        values = [(0, *row()._replace(**{name: kind(number) for name, number in numbers.items()}))]
+        connection.executemany(f'INSERT INTO readings VALUES ({", ".join("?" * 11)})', values)  # noqa: S608
+    assert read_rows(path) == [row(value=2.0)._replace(tag_id='7', x_m=1.0)]
+    change_database(path, 'ALTER TABLE readings DROP COLUMN unit')
+    with pytest.raises(ReadingFileError, match='no such column: unit'):
+        read_rows(path)

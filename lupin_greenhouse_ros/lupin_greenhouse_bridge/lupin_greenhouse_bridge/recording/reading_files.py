@@ -1,25 +1,37 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""Read a file of rows: that of a recorder, or of `read_tag --csv`. Does not import ROS."""
+"""Read a file of rows, also one that another program has saved again. Does not import ROS."""
 
+import codecs
 import contextlib
+import csv
+import datetime
+import io
+import re
 import sqlite3
 from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.recording.rows import (
+    FORMULAS,
     HEADER,
+    NUMBERS,
+    PLACE,
+    TEXTS,
     Row,
     WrongValueError,
     fault_of,
-    has_header,
-    parse_csv,
 )
-from lupin_greenhouse_bridge.recording.store import HEAD_BYTES, file_error_text, is_sqlite_of_readings
+from lupin_greenhouse_bridge.recording.store import SQLITE_HEAD, file_error_text
 from lupin_greenhouse_bridge.simulator.layout import find_places
 
 WANTED = "name a file of record_readings or read_tag --csv, or a mission's report"
-SELECT = f'SELECT rowid, {HEADER} FROM readings'  # noqa: S608 (no text of a user)
+SELECT = f'SELECT {HEADER} FROM readings'  # noqa: S608 (no text of a user)
+LONGEST_FIELD = 2**31 - 1  # characters; ROS does not limit the name of a sensor
+DELIMITERS = ',;\t|'
+STAMP_UTC = re.compile(r'(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d)\.(\d{9})Z', re.ASCII)
+ROUNDED_NS = 10**4  # spreadsheets keep 15 of the 19 digits
 
 
 class ReadingFileError(OneLineError):
@@ -51,11 +63,8 @@ def parse_rows(path: Path) -> list[Row]:
     if path.exists() and not path.is_file():
         raise ValueError('not a regular file')
     with path.open('rb') as file:
-        head = file.read(HEAD_BYTES)
-    if is_sqlite_of_readings(head):
-        return _rows_of_sqlite(path)
-    if not has_header(head):
-        raise ValueError('not a file of readings' if head else 'empty')
+        if file.read(len(SQLITE_HEAD)) == SQLITE_HEAD:
+            return _rows_of_sqlite(path)
     return parse_csv(path.read_bytes())
 
 
@@ -73,8 +82,93 @@ def _rows_of_sqlite(path: Path) -> list[Row]:
     rows = []
     # Writable: of a recorder that was killed in the middle of a commit, SQLite first restores the file.
     with contextlib.closing(sqlite3.connect(f'{path.resolve().as_uri()}?mode=rw', uri=True)) as connection:
-        for number, *values in connection.execute(SELECT):
-            rows.append(Row(*values))
-            if fault := fault_of(rows[-1]):  # SQLite keeps values of any type
+        for number, values in enumerate(connection.execute(SELECT), start=1):
+            row = Row(*map(_of_type, Row._fields, values))
+            if fault := fault_of(row):  # SQLite keeps values of any type
                 raise WrongValueError(f'row {number}: {fault}')
+            rows.append(row)
     return rows
+
+
+def _of_type(column: str, value: Any) -> Any:
+    """Return a value of a database; a column of another program can have text or integers for our type."""
+    if isinstance(value, int) and column != 'stamp_ns':
+        return float(value) if column in NUMBERS else str(value)
+    return _parsed(column, value) if isinstance(value, str) and column not in TEXTS else value
+
+
+def parse_csv(content: bytes) -> list[Row]:
+    """
+    Return the rows of a CSV file.
+
+    The columns can be in any order and in quotes, between commas, semicolons, tabs or bars, and beside other
+    columns. Ignores headers, and lines with fewer values than columns, which a killed writer can leave.
+    Raises WrongValueError for any other line that is not a row, and ValueError for another header.
+    """
+    csv.field_size_limit(LONGEST_FIELD)
+    is_utf_16 = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    # A torn line can end within a character: surrogates stand for its bytes.
+    text = content.decode('utf-16' if is_utf_16 else 'utf-8-sig', errors='surrogateescape')
+    delimiter, names = _header_of(text)
+    reader, rows = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter), []
+    indices = [names.index(column) for column in Row._fields]
+    try:
+        for cells in reader:
+            if len(cells) > len(names):
+                raise ValueError(f'{len(cells)} values in place of {len(names)}')
+            if len(cells) == len(names) and cells != names:
+                rows.append(_row_of([cells[index] for index in indices], has_commas=delimiter == ';'))
+    except (ValueError, csv.Error) as error:
+        raise WrongValueError(f'line {reader.line_num}: {error}') from error
+    return rows
+
+
+def _header_of(text: str) -> tuple[str, list[str]]:
+    """Return the delimiter and the names of the columns; raises ValueError if one of ours is missing."""
+    if not text:
+        raise ValueError('empty')
+    line = io.StringIO(text, newline='').readline()
+    headers = {each: next(csv.reader([line], delimiter=each), []) for each in DELIMITERS}
+    delimiter = max(headers, key=lambda each: len(set(headers[each]).intersection(Row._fields)))
+    missing = [column for column in Row._fields if column not in headers[delimiter]]
+    if len(missing) == len(Row._fields):
+        raise ValueError(f'not a file of readings, which is SQLite or CSV with the header {HEADER}')
+    if missing:
+        raise ValueError(f'its header lacks {", ".join(missing)}')
+    return delimiter, headers[delimiter]
+
+
+def _row_of(cells: list[str], *, has_commas: bool) -> Row:
+    stamp_ns, stamp_utc, *_ = cells
+    if has_commas:
+        cells = [
+            cell.replace(',', '.') if column in NUMBERS else cell
+            for column, cell in zip(Row._fields, cells, strict=True)
+        ]
+    row = Row(*map(_parsed, Row._fields, cells))._replace(stamp_ns=_unrounded(stamp_ns, stamp_utc))
+    if fault := fault_of(row):
+        raise ValueError(fault)
+    return row
+
+
+def _parsed(column: str, cell: str) -> Any:
+    """Return the value in a cell, or the cell itself if it must be a number and is none."""
+    if column in TEXTS:
+        return cell[1:] if cell.startswith("'") and cell.startswith(FORMULAS, 1) else cell
+    if column in PLACE and cell in ('', 'NA'):  # of R
+        return None
+    try:
+        return int(cell) if column == 'stamp_ns' else float(cell)
+    except ValueError:
+        return cell
+
+
+def _unrounded(cell: str, stamp_utc: str) -> Any:
+    """Return a stamp; from stamp_utc if a program has taken stamp_ns for a float, and has rounded it."""
+    is_float = not cell.isdecimal() and re.fullmatch(r'\d+[.,]?\d*E\+?\d+', cell, re.IGNORECASE)
+    if (is_float or cell.endswith('0000')) and (match := STAMP_UTC.fullmatch(stamp_utc)):
+        moment = datetime.datetime.fromisoformat(f'{match[1]}+00:00')
+        stamp_ns = int(moment.timestamp()) * 10**9 + int(match[2])
+        if is_float or (cell.isdecimal() and abs(int(cell) - stamp_ns) < ROUNDED_NS):
+            return stamp_ns
+    return _parsed('stamp_ns', cell)

@@ -1,14 +1,13 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""The rows of recorded readings, with one value each, and their CSV form in UTF-8. Does not import ROS."""
+"""The rows of recorded readings, with one value each, and how they are written. Does not import ROS."""
 
 import csv
 import datetime
-import io
 import math
 import re
 from collections.abc import Iterable, Sequence
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.units import unit_of
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
 
 LATEST_STAMP_NS = 2**63 - 1  # the largest integer of SQLite: the year 2262
 FORMULAS = ('=', '+', '-', '@', '\t', '\r', "'")  # a text cell that starts so gets an apostrophe before it
-LONGEST_FIELD = 2**31 - 1  # characters; ROS does not limit the name of a sensor
 SURROGATES = re.compile('[\ud800-\udfff]')  # stand for bytes that are not UTF-8
 
 
@@ -27,7 +25,7 @@ class WrongValueError(ValueError):
 
 
 class Row(NamedTuple):
-    """One value of one reading. Its key is the wall clock stamp, the tag id and the sensor."""
+    """One value of one reading."""
 
     stamp_ns: int  # wall clock of the bridge, since 1970
     stamp_utc: str  # the same, as ISO 8601
@@ -43,13 +41,13 @@ class Row(NamedTuple):
 
 HEADER = ','.join(Row._fields)
 PLACE = ('x_m', 'y_m')
-NUMBERS: dict[str, type[int] | type[float]]
-NUMBERS = {'stamp_ns': int, **dict.fromkeys(('value', *PLACE, 'sim_time_of_day_seconds'), float)}
+NUMBERS = ('value', *PLACE, 'sim_time_of_day_seconds')  # the columns of type float
+TEXTS = tuple(name for name in Row._fields if name not in ('stamp_ns', *NUMBERS))
 
 
-def key_of(row: Row) -> tuple[int, str, str]:
-    """Return what identifies a row."""
-    return row.stamp_ns, row.tag_id, row.sensor
+def key_of(row: Row) -> tuple[int, str, str, float]:
+    """Return what identifies a row: a row with another value is another one."""
+    return row.stamp_ns, row.tag_id, row.sensor, row.value
 
 
 def rows_of(reading: 'TagReading', source: str, place_m: tuple[float, float] | None = None) -> list[Row]:
@@ -109,7 +107,7 @@ def fault_of(row: Row) -> str:
             wanted = 'a finite number'
         else:
             is_right = isinstance(value, str) and not SURROGATES.search(value)
-            wanted = 'text in UTF-8'
+            wanted = "text in UTF-8 (save a spreadsheet as 'CSV UTF-8')"
         if not is_right:
             return f'{name} of {row.sensor} is {escaped(repr(value), 60)}: must be {wanted}'
     return ''
@@ -121,52 +119,6 @@ def csv_text(rows: Iterable[Row]) -> str:
     # The writer quotes each character of its own line end, \r\n: no tag id can end a line.
     csv.writer(SimpleNamespace(write=lines.append)).writerows(map(_escaped, row) for row in rows)
     return ''.join(f'{line[:-2]}\n' for line in lines)
-
-
-def has_header(head: bytes) -> bool:
-    """Return whether a file starts with the header; a spreadsheet can put a byte order mark before it."""
-    return head.removeprefix(b'\xef\xbb\xbf').splitlines()[:1] == [HEADER.encode()]
-
-
-def parse_csv(content: bytes) -> list[Row]:
-    """
-    Return the rows of a CSV file.
-
-    Ignores headers, and lines with fewer values than columns, which a killed writer can leave. Raises
-    WrongValueError for any other line that is not a row.
-    """
-    csv.field_size_limit(LONGEST_FIELD)
-    # A torn line can end within a character: surrogates stand for its bytes.
-    text = io.StringIO(content.decode('utf-8-sig', errors='surrogateescape'), newline='\n')
-    reader, rows = csv.reader(text), []
-    try:
-        for cells in reader:
-            if len(cells) >= len(Row._fields) and tuple(cells) != Row._fields:
-                rows.append(_row_of(cells))
-    except (ValueError, csv.Error) as error:
-        raise WrongValueError(f'line {reader.line_num}: {error}') from error
-    return rows
-
-
-def _row_of(cells: list[str]) -> Row:
-    if len(cells) > len(Row._fields):
-        raise ValueError(f'{len(cells)} values in place of {len(Row._fields)}')
-    row = Row(*map(_parsed, Row._fields, cells))
-    if fault := fault_of(row):
-        raise ValueError(fault)
-    return row
-
-
-def _parsed(column: str, cell: str) -> Any:
-    """Return the value in a cell, or the cell itself if it must be a number and is none."""
-    if column not in NUMBERS:
-        return cell[1:] if cell.startswith("'") and cell.startswith(FORMULAS, 1) else cell
-    if not cell and column in PLACE:
-        return None
-    try:
-        return NUMBERS[column](cell)
-    except ValueError:
-        return cell
 
 
 def _escaped(cell: object) -> object:

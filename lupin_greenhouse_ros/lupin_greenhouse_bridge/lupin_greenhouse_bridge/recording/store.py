@@ -1,27 +1,27 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""
-The file of recorded readings: SQLite or CSV, with the columns of Row. Does not import ROS.
+"""The file of recorded readings: SQLite or CSV, with the columns of Row. Does not import ROS."""
 
-SQLite uses its rollback journal, not WAL. When a commit returns, its rows are in this one file, so that a
-copy of the file has all of them. With WAL, some rows could still be in a second file.
-"""
-
+import codecs
 import contextlib
 import os
 import sqlite3
 import stat
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import BinaryIO
 
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, has_header
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
+from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, key_of
 
 HEAD_BYTES = 128  # of a file: enough to tell its format
+SQLITE_HEAD = b'SQLite format 3\0'
 APPLICATION_ID = 0x4C755250  # marks our SQLite files, in big-endian order at byte 68
+USER_VERSION = 1  # of our SQLite files; 0 stands for release 2.0 and older, whose key lacks the value
 LOCKED_FOR_SECONDS = 0.5  # how long a commit waits for another program; then its rows wait in memory
 _TABLE = """
-CREATE TABLE IF NOT EXISTS readings (
+CREATE TABLE readings (
     stamp_ns INTEGER NOT NULL,
     stamp_utc TEXT NOT NULL,
     tag_id TEXT NOT NULL,
@@ -32,19 +32,17 @@ CREATE TABLE IF NOT EXISTS readings (
     y_m REAL,
     sim_time_of_day_seconds REAL NOT NULL,
     source TEXT NOT NULL,
-    PRIMARY KEY (stamp_ns, tag_id, sensor)
+    PRIMARY KEY (stamp_ns, tag_id, sensor, value)
 )"""
 _MARKS = ', '.join('?' * len(Row._fields))
-_INSERT = f'INSERT OR IGNORE INTO readings ({HEADER}) VALUES ({_MARKS})'  # noqa: S608 (no text of a user)
+# Ignores only a row that is there already: OR IGNORE would also ignore one that breaks a rule of the table.
+_INSERT = f'INSERT INTO readings ({HEADER}) VALUES ({_MARKS}) ON CONFLICT DO NOTHING'  # noqa: S608 (no user text)
+_FIND = 'SELECT 1 FROM readings WHERE (stamp_ns, tag_id, sensor, value) = (?, ?, ?, ?)'
+_EXAMPLE = Row(0, '', '', '', 0.0, '', None, None, 0.0, '')
 
 
 class StoreError(OneLineError):
     """Rows cannot be written now."""
-
-
-def is_sqlite_of_readings(head: bytes) -> bool:
-    """Return whether a file that starts with these HEAD_BYTES was made by SqliteStore."""
-    return head.startswith(b'SQLite format 3\0') and head[68:72] == APPLICATION_ID.to_bytes(4, 'big')
 
 
 def open_store(path: str, warn: Callable[[str], object] = lambda _text: None) -> 'Store':
@@ -74,13 +72,14 @@ class Store(ABC):
     """
     A file of readings, which is open only while rows are added.
 
-    If it is moved, deleted or emptied, a new file with its name gets the rows.
+    If it is moved, deleted, emptied or damaged, a new file with its name gets the rows.
     """
 
     def __init__(self, path: str, warn: Callable[[str], object]) -> None:
         """Make the file, or check that it can be continued; raises StoreError."""
         self._path, self._warn = Path(path), warn
         self._identity: tuple[int, int] | None = None  # of the file that got the last rows
+        self.refused_rows = 0  # how many rows the file can never keep
         self.keep([])
 
     def keep(self, rows: Sequence[Row]) -> int:
@@ -98,6 +97,10 @@ class Store(ABC):
                     return new_count
         except (OSError, ValueError, sqlite3.Error) as error:
             self._identity = None  # a part of a row may be in the file
+            # SQLite raises subclasses of DatabaseError for all but a damaged file.
+            if rows and type(error) is sqlite3.DatabaseError:
+                self._set_aside(error)
+                return self.keep(rows)
             raise StoreError(f"file '{self._path}': {file_error_text(error)}") from error
 
     def _find(self) -> tuple[int, int] | None:
@@ -109,6 +112,14 @@ class Store(ABC):
         if not stat.S_ISREG(status.st_mode):
             raise ValueError('not a regular file')
         return (status.st_dev, status.st_ino) if status.st_size else None
+
+    def _set_aside(self, error: Exception) -> None:
+        """Rename a damaged file, and the files in which SQLite keeps parts of it."""
+        damaged = f'{self._path.name}.damaged-{time.time_ns()}'
+        for end in ('', '-journal', '-wal', '-shm'):
+            with contextlib.suppress(FileNotFoundError):
+                self._path.with_name(self._path.name + end).rename(self._path.with_name(damaged + end))
+        self._warn(f"file '{self._path}' is damaged ({error}): renamed it to {damaged}, and made a new one")
 
     @abstractmethod
     def _prepare(self) -> None:
@@ -126,53 +137,86 @@ class SqliteStore(Store):
         with self._path.open('a+b') as file:
             file.seek(0)
             head = file.read(HEAD_BYTES)
-        if head and not is_sqlite_of_readings(head):
+        # A file that was cut off before its application id is damaged, but ours.
+        is_ours = head.startswith(SQLITE_HEAD) and head[68:72] in (b'', APPLICATION_ID.to_bytes(4, 'big'))
+        if head and not is_ours:
             raise ValueError('not a file of record_readings')
         with self._transaction() as connection:
-            connection.execute(f'PRAGMA application_id = {APPLICATION_ID}')
-            connection.execute(_TABLE)
+            if not connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'readings'").fetchone():
+                connection.execute(f'PRAGMA application_id = {APPLICATION_ID}')
+                connection.execute(f'PRAGMA user_version = {USER_VERSION}')
+                connection.execute(_TABLE)
+            connection.execute('SAVEPOINT trial')
+            try:
+                connection.execute(_INSERT, _EXAMPLE)
+            except (sqlite3.IntegrityError, sqlite3.OperationalError) as error:  # names the column
+                (version,) = connection.execute('PRAGMA user_version').fetchone()
+                raise ValueError(f'{error} (its user_version is {version}, not {USER_VERSION})') from error
+            connection.execute('ROLLBACK TO trial')
 
     def _add(self, rows: Sequence[Row]) -> int:
         with self._transaction() as connection:
             connection.executemany(_INSERT, rows)
-            return connection.total_changes
+            new_count, refused = connection.total_changes, 0
+            if new_count < len(rows):
+                refused = sum(not connection.execute(_FIND, key_of(row)).fetchone() for row in rows)
+        if refused:
+            self.refused_rows += refused
+            self._warn(
+                f"file '{self._path}' of release 2.0 or older has another value with the same stamp, tag and"
+                f' sensor: {pluralized(refused, "row")} lost: record into a new file'
+            )
+        return new_count
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[sqlite3.Connection]:
         """Yield a connection; commit at the end, or roll back after an error."""
         connection = sqlite3.connect(self._path, timeout=LOCKED_FOR_SECONDS, isolation_level=None)
-        with contextlib.closing(connection), connection:
-            # With a plain BEGIN, programs that read before they write wait for each other.
-            connection.execute('BEGIN IMMEDIATE')
-            yield connection
+        with contextlib.closing(connection):
+            with connection:
+                # With a plain BEGIN, programs that read before they write wait for each other.
+                connection.execute('BEGIN IMMEDIATE')
+                (page_bytes,) = connection.execute('PRAGMA page_size').fetchone()
+                if self._path.stat().st_size % page_bytes:  # SQLite would take the rest of the page for zeros
+                    raise sqlite3.DatabaseError('its last page is cut off')
+                yield connection
+            # In WAL mode, which another program can set, the rows are in a second file until a checkpoint.
+            if connection.execute('PRAGMA wal_checkpoint(FULL)').fetchone()[0]:
+                raise OSError('another program reads it, so that the rows stay in its WAL')
 
 
 class CsvStore(Store):
     """A CSV file. Lines are only added: a row that is kept again is there again."""
 
+    _checked_bytes = 0  # up to here, the file has whole lines
+
     def _prepare(self) -> None:
-        """Write the header, or end a line that a killed writer has torn: the next row needs its own line."""
         header = f'{HEADER}\n'.encode()
+        self._checked_bytes = 0
         with self._path.open('a+b') as file:
             file.seek(0)
-            content = file.read(HEAD_BYTES)
-            if header.startswith(content):  # new, or torn when it was new
-                file.write(header[len(content) :])
-                return
-            if not has_header(content):
+            head = file.read(HEAD_BYTES)
+            if header.startswith(head):  # new, or torn when it was new
+                file.write(header[len(head) :])
+            # A spreadsheet can put a byte order mark before the header.
+            elif head.removeprefix(codecs.BOM_UTF8).splitlines()[0] != HEADER.encode():
                 raise ValueError(f'the first line is not {HEADER}')
-            quotes = content.count(b'"')
-            while part := file.read(2**20):
-                content, quotes = part, quotes + part.count(b'"')
-            if quotes % 2:  # torn within a cell
-                file.write(b'"\n')
-            elif not content.endswith(b'\n'):
-                file.write(b'\n')
 
     def _add(self, rows: Sequence[Row]) -> int:
-        file_number = os.open(self._path, os.O_WRONLY | os.O_APPEND)  # open() would make a missing file
-        with open(file_number, 'wb') as file:
-            file.write(csv_text(rows).encode())
+        file_number = os.open(self._path, os.O_RDWR | os.O_APPEND)  # open() would make a missing file
+        with open(file_number, 'a+b') as file:
+            file.write(self._end_of_line(file) + csv_text(rows).encode())
             file.flush()
             os.fsync(file_number)
+            self._checked_bytes = file.tell()
         return len(rows)
+
+    def _end_of_line(self, file: BinaryIO) -> bytes:
+        """Return what ends a line that a killed or another writer has left: a row needs its own line."""
+        if file.seek(0, os.SEEK_END) < self._checked_bytes:
+            self._checked_bytes = 0  # another program has cut the file
+        file.seek(self._checked_bytes)
+        last, quotes = b'\n', 0
+        while part := file.read(2**20):
+            last, quotes = part[-1:], quotes + part.count(b'"')
+        return b'"\n' if quotes % 2 else b'' if last == b'\n' else b'\n'

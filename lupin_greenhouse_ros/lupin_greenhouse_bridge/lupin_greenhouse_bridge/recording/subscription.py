@@ -58,8 +58,8 @@ def subscribe_to_readings(
     last: dict[tuple[object, ...], None] = {}  # the keys of the last readings, oldest first
 
     def once(topic: str, reading: TagReading) -> None:
-        sensors = (each.name for each in reading.readings)
-        key = reading.stamp.sec, reading.stamp.nanosec, reading.tag_id, *sensors
+        values = ((each.name, repr(each.value)) for each in reading.readings)  # nan differs from itself
+        key = reading.stamp.sec, reading.stamp.nanosec, reading.tag_id, *values
         if key not in last:
             last[key] = None
             if len(last) > 2 * DEPTH:

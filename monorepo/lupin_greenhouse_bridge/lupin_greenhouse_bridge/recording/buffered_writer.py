@@ -94,7 +94,7 @@ class BufferedWriter:
         any(self.write() for _ in range(LAST_TRIES))
         self._lost += len(self._waiting)
         self._waiting.clear()
-        return self._lost
+        return self._lost + self._store.refused_rows
 
 
 def _bytes_of(row: Row) -> int:
