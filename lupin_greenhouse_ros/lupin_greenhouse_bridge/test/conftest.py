@@ -5,6 +5,7 @@ import contextlib
 import fcntl
 import importlib.util
 import inspect
+import json
 import os
 import pty
 import signal
@@ -40,6 +41,7 @@ TAKES_TAG_FILES = 'greenhouse' not in GetTagReading.__module__.split('.')[
     0
 ] or 'Path(value)' in inspect.getsource(bridge_node._config_path)
 SPINS = 'rclpy/executors.py:spin_once'  # the moment at which a node is ready
+START_S = 1795190000
 
 
 def pytest_collection_modifyitems(items):
@@ -201,3 +203,23 @@ def read_tag_here(run_here):
 
     patience = ('--timeout', str(PATIENCE_SECONDS))
     return lambda *arguments, **keywords: run_here(read_tag.main, *patience, *arguments, **keywords)
+
+
+def visit(tag_id, outcome='OK', detail='', second=0, **values):
+    """Return one visit of a tag, as a line of a mission's report has it."""
+    is_read = outcome == 'OK'
+    return {
+        'tag_id': tag_id,
+        'outcome': outcome,
+        'detail': detail,
+        'attempts': 1 if is_read else 3,
+        'stamp': {'sec': START_S + second, 'nanosec': 0} if is_read else None,
+        'sim_time_of_day_seconds': 43200.0 if is_read else None,
+        'readings': values if is_read else None,
+    }
+
+
+def write_report(path: Path, *visits: dict) -> Path:
+    """Write the visits to a file, and return its path."""
+    path.write_text(''.join(f'{json.dumps(each)}\n' for each in visits), encoding='utf-8')
+    return path

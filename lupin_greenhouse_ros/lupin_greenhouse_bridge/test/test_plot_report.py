@@ -9,6 +9,7 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
+from conftest import visit, write_report
 from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_ranges
 from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.display.placing import Box, place_labels
@@ -17,7 +18,6 @@ from lupin_greenhouse_bridge.display.summary import greenhouse_times, speed_text
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.recording.store import open_store
-from reading_helpers import visit, write_report
 
 HAS_MATPLOTLIB = importlib.util.find_spec('matplotlib') is not None
 pytestmark = pytest.mark.skipif(

@@ -11,6 +11,7 @@ from collections import defaultdict
 from pathlib import Path
 
 import pytest
+from conftest import START_S, visit, write_report
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge.display import readings_page
 from lupin_greenhouse_bridge.display.drawing_command import ReadingFile
@@ -18,7 +19,6 @@ from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.simulator.layout import find_layout, shipped_file
-from reading_helpers import START_S, visit, write_report
 
 EVIL = '</script><script>alert(1)</script>'
 

@@ -128,7 +128,7 @@ def _header_of(text: str) -> tuple[str, list[str]]:
     if not text:
         raise ValueError('empty')
     line = io.StringIO(text, newline='').readline()
-    headers = {each: next(csv.reader([line], delimiter=each), []) for each in DELIMITERS}
+    headers = {each: _cells_of(line, each) for each in DELIMITERS}
     delimiter = max(headers, key=lambda each: len(set(headers[each]).intersection(Row._fields)))
     missing = [column for column in Row._fields if column not in headers[delimiter]]
     if len(missing) == len(Row._fields):
@@ -136,6 +136,12 @@ def _header_of(text: str) -> tuple[str, list[str]]:
     if missing:
         raise ValueError(f'its header lacks {", ".join(missing)}')
     return delimiter, headers[delimiter]
+
+
+def _cells_of(line: str, delimiter: str) -> list[str]:
+    with contextlib.suppress(csv.Error):  # before Python 3.11, of a file that is no text
+        return next(csv.reader([line], delimiter=delimiter), [])
+    return []
 
 
 def _row_of(cells: list[str], *, has_commas: bool) -> Row:

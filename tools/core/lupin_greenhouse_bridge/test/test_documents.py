@@ -1,4 +1,4 @@
-"""The page of formats: each example loads, and each table says what the code does."""
+"""The documents: their Python runs, each example of a format loads, and its table describes the code."""
 
 import contextlib
 import importlib.util
@@ -9,12 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rclpy
 import yaml
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.display.colours import read_colour_ranges
 from lupin_greenhouse_bridge.display.drawing_command import read_file, read_route
 from lupin_greenhouse_bridge.display.markers import scaled
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
+from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
 from lupin_greenhouse_bridge.planning.registration import read_places, read_registration
@@ -25,7 +28,11 @@ from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.simulator.layout import read_layout
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call
 from lupin_greenhouse_bridge.units import UNITS
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.task import Future
+from std_srvs.srv import Trigger
 
 PAGE = Path(__file__).resolve().parent.parent / 'doc/formats.md'
 SECTIONS = dict(
@@ -147,3 +154,87 @@ def test_every_topic_has_this_qos(run_nodes, tmp_path):
             found.append([node.get_name(), end.topic_name, direction, *policies, str(profile.depth)])
     own = [row for row in found if row[1] not in ('/parameter_events', '/rosout')]
     assert sorted(table('QoS of the topics', 6)) == sorted(own)
+
+
+SERVICE = '/greenhouse_bridge/get_tag_reading'
+
+
+def example_of(page: str) -> dict:
+    """Return the names that the Python blocks of a page define."""
+    blocks = re.findall(
+        r'^```python\n(.*?)^```', (PAGE.parent / page).read_text(encoding='utf-8'), re.M | re.S
+    )
+    names = {}
+    exec(compile(''.join(blocks), page, 'exec'), names)  # noqa: S102 (our own document)
+    return names
+
+
+@pytest.fixture
+def start_check(run_nodes):
+    """Return a function that runs the example, and returns the reply of its service."""
+
+    def start(service_name: str, serve=lambda _node: None):
+        *_, node = run_nodes(
+            example_of('clients.md')['VentilationCheck'], arguments=['-r', f'{SERVICE}:={service_name}']
+        )
+        serve(node)
+        client = node.create_client(Trigger, '/ventilation_check/has_enough_co2')
+        assert client.wait_for_service(PATIENCE_SECONDS)
+        return call(client, Trigger.Request())
+
+    return start
+
+
+@pytest.mark.parametrize('is_served', [True, False])
+def test_the_example_replies_with_the_reading_of_the_bridge_or_that_none_came(
+    start_check, noon_bridge, is_served
+):
+    reply = start_check(noon_bridge.service_name if is_served else '/nobody/get_tag_reading')
+    assert reply.success == is_served
+    assert re.fullmatch(r'\d{3} ppm' if is_served else 'the bridge did not reply', reply.message)
+
+
+def test_the_example_asks_again_for_a_lost_reply(start_check):
+    asked_for = []
+
+    def serve(node):
+        async def reply(request, response):
+            asked_for.append(request.tag_id)
+            if len(asked_for) == 1:
+                await Future()  # nothing completes it: the reply is lost
+            response.status, response.error_message = response.STATUS_UNKNOWN_TAG, 'asked twice'
+            return response
+
+        both = ReentrantCallbackGroup()  # a second request is served beside the first
+        node.create_service(GetTagReading, SERVICE, reply, qos_profile=SERVICE_QOS, callback_group=both)
+
+    reply = start_check(SERVICE, serve)
+    assert (reply.success, reply.message) == (False, 'asked twice')
+    assert set(asked_for) == {'1'}
+
+
+def test_the_test_of_the_page_about_tests_passes(start_bridge, run_nodes):
+    client = example_of('clients.md')['ReadingClient']
+
+    class PatientClient(client):
+        async def read(self, tag_id):
+            return await super().read(tag_id, attempts=1000)
+
+    page = example_of('tests.md')
+    page['ReadingClient'] = PatientClient
+    page['test_my_node'](start_bridge, run_nodes)
+
+
+def test_a_parameter_that_is_a_text_of_digits_stays_a_text(run_nodes):
+    def asking():
+        return rclpy.create_node('asking', automatically_declare_parameters_from_overrides=True)
+
+    node, _ = run_nodes(asking, tag_id='7', yes='true', seed=7)
+    assert [node.get_parameter(each).value for each in ('tag_id', 'yes', 'seed')] == ['7', 'true', 7]
+
+
+def test_json_keeps_the_keys_of_the_simulator(noon_bridge):
+    reading = noon_bridge.call('1').reading
+    found = json.loads(example_of('migrating.md')['as_json'](reading))
+    assert found['timestamp'] == 12 * 3600.0
+    assert {name for name in found if name not in ('tag_id', 'timestamp')} == set(noon_bridge.values('1'))
