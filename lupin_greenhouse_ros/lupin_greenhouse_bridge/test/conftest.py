@@ -107,9 +107,8 @@ class Ended(NamedTuple):
 
     @property
     def said(self) -> str:
-        """Return the messages of read_tag, without its progress and the lines of the middleware."""
-        lines = [line for line in self.err.splitlines() if line.startswith(('read_tag: ', 'usage: '))]
-        return '\n'.join(line for line in lines if 'seconds of waiting' not in line)
+        """Return the messages of read_tag, without the lines of the middleware."""
+        return '\n'.join(line for line in self.err.splitlines() if line.startswith(('read_tag: ', 'usage: ')))
 
     @property
     def refusal(self) -> str:

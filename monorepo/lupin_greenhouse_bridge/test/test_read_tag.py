@@ -21,12 +21,12 @@ from conftest import Terminal
 from lupin_greenhouse_bridge.contract import answer_of
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading, TagReading
 from lupin_greenhouse_bridge.reading import client, read_tag
-from lupin_greenhouse_bridge.reading.table import Csv, Table, terminal_size
+from lupin_greenhouse_bridge.reading.table import Csv, Table
 from lupin_greenhouse_bridge.recording.reading_files import parse_csv
 from lupin_greenhouse_bridge.recording.rows import HEADER
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning, servers_of
-from lupin_greenhouse_bridge.runtime.output import Progress
+from lupin_greenhouse_bridge.runtime.output import terminal_size
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
@@ -344,12 +344,11 @@ def test_the_hint_names_a_service_of_another_name_or_type(hint, noon_bridge):
 def test_waiting_for_the_service_is_shown_on_a_terminal_and_wiped_out(run_here, times_out_when, monkeypatch):
     ends = iter([False, False, True])
     times_out_when(lambda _node: next(ends))
-    monkeypatch.setattr(Progress, 'FIRST_SECONDS', 0.0)
     with Terminal() as terminal, monkeypatch.context() as patch:
         patch.setattr(sys, 'stderr', terminal.stream)
         run_here(read_tag.main, '1', '--service', '/nobody/get_tag_reading', '--timeout', '7')
-    shown = 'read_tag: seconds of waiting for /nobody/get_tag_reading: 0 of 7'
-    assert terminal.text.startswith(f'\r{shown}\r{" " * len(shown)}\rread_tag: no service ')
+    shown = '\r\x1b[Kwaiting for /nobody/get_tag_reading, 7 s more\r\x1b[K'
+    assert terminal.text.startswith(f'{shown}read_tag: no service ')
 
 
 def test_watch_reads_from_start_to_start_until_a_signal(read, shipped_tags, monkeypatch):

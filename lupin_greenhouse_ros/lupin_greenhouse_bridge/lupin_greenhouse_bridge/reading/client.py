@@ -17,7 +17,6 @@ from lupin_greenhouse_bridge.runtime.process import LONGEST_WAIT_SECONDS, is_ask
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 
 REPEAT_AFTER_SECONDS = 1.0
-Progress = Callable[[str, int, int], None]  # what, how many are done, and how many there are
 
 
 class NoAnswer(OneLineError):
@@ -34,12 +33,12 @@ class Client:
         self._timeout_seconds = timeout_seconds
 
     def connect(
-        self, service_type: Any, service_name: str, progress: Progress = lambda *_: None
+        self, service_type: Any, service_name: str, show: Callable[[str], None] = lambda _text: None
     ) -> 'ServiceClient[Any, Any]':
         """
         Wait until a service is available, and return its client.
 
-        Calls progress() often, with seconds. Raises NoAnswer, UsageError and Interrupted.
+        From time to time, `show` receives a line of progress. Raises NoAnswer, UsageError and Interrupted.
         """
         try:
             client: ServiceClient[Any, Any]
@@ -49,17 +48,17 @@ class Client:
         except RCLError as error:
             problem = security_problem() or 'ROS cannot create the client'
             raise UsageError(f'{problem}: {error}') from error
-        self.wait_for(client, progress)
+        self.wait_for(client, show)
         return client
 
-    def wait_for(self, client: 'ServiceClient[Any, Any]', progress: Progress = lambda *_: None) -> None:
+    def wait_for(
+        self, client: 'ServiceClient[Any, Any]', show: Callable[[str], None] = lambda _text: None
+    ) -> None:
         """Wait until the service of a client is available; raises NoAnswer and Interrupted."""
         deadline = time.monotonic() + self._timeout_seconds
         while not client.service_is_ready():
             left_seconds = self._left_until(deadline, f'no service {client.srv_name}')
-            what = f'seconds of waiting for {client.srv_name}'
-            waited_seconds = self._timeout_seconds - left_seconds
-            progress(what, int(waited_seconds), int(self._timeout_seconds))
+            show(f'waiting for {client.srv_name}, {left_seconds:.0f} s more')
             self._executor.spin_once(timeout_sec=min(left_seconds, 0.02))
 
     def call(self, client: 'ServiceClient[Any, Any]', request: Any) -> Any:

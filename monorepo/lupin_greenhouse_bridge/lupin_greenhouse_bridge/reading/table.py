@@ -14,7 +14,7 @@ from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.recording.rows import HEADER as CSV_HEADER
 from lupin_greenhouse_bridge.recording.rows import csv_text, rows_of
-from lupin_greenhouse_bridge.runtime.output import aligned_table, column_widths, print_line
+from lupin_greenhouse_bridge.runtime.output import aligned_table, column_widths, print_line, terminal_size
 from lupin_greenhouse_bridge.units import sensor_order, unit_of, value_text
 
 HEADER = ('tag', 'sim time', 'sensor', 'value', 'unit')
@@ -91,14 +91,6 @@ def _failures(answers: Sequence[Answer]) -> list[str]:
 
 def _print_lines(lines: Iterable[str], stream: TextIO | None = None) -> None:
     print_line(''.join(f'{line}\n' for line in lines), stream, end='')
-
-
-def terminal_size(stream: TextIO) -> tuple[int, int]:
-    """Return the columns and rows of the window, not of COLUMNS and LINES; 80 and 24 without a terminal."""
-    columns = rows = 0
-    with contextlib.suppress(OSError, ValueError):  # a closed stream raises ValueError
-        columns, rows = os.get_terminal_size(stream.fileno())
-    return columns or 80, rows or 24
 
 
 def _is_added_to_a_file() -> bool:

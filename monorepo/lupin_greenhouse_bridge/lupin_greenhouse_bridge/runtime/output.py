@@ -1,6 +1,7 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """What a command prints. Does not import ROS."""
 
+import contextlib
 import os
 import sys
 import time
@@ -41,7 +42,9 @@ def print_line(text: str, stream: TextIO | None = None, end: str = '\n') -> None
 
 def terminal_size(stream: TextIO) -> tuple[int, int]:
     """Return the columns and rows of the window, not of COLUMNS and LINES; 80 and 24 if it has no size."""
-    columns, rows = os.get_terminal_size(stream.fileno())
+    columns = rows = 0
+    with contextlib.suppress(OSError, ValueError):  # no terminal, or a closed stream
+        columns, rows = os.get_terminal_size(stream.fileno())
     return columns or 80, rows or 24
 
 

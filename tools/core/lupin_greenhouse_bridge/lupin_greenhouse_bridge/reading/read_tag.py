@@ -31,7 +31,7 @@ from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.reading.table import Csv, Json, Table
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
-from lupin_greenhouse_bridge.runtime.output import Progress
+from lupin_greenhouse_bridge.runtime.output import ProgressLine
 from lupin_greenhouse_bridge.runtime.parameters import log_ignored_parameters
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator import simulation
@@ -129,15 +129,15 @@ def _warn_of_other_servers(node: Node, service_name: str) -> str:
 
 
 def _connect(node: Node, client: Client, service: str) -> Any:
-    progress = Progress('read_tag')
+    progress = ProgressLine(sys.stderr)
     try:
-        return client.connect(GetTagReading, service, progress)
+        return client.connect(GetTagReading, service, progress.show)
     except NoAnswer as error:
         security = f'; {SECURED}' if process.security_problem() else ''
         cause = _likely_cause(node, node.resolve_service_name(service))
         raise NoAnswer(f'{error}; {cause}{security}') from error
     finally:
-        progress.end()
+        progress.clear()
 
 
 def _parameters_of(client: Client, service_name: str) -> GetParameters.Response:
