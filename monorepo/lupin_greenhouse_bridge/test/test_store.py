@@ -155,12 +155,14 @@ def test_a_damaged_database_is_set_aside_and_the_rows_go_on_in_a_new_one(tmp_pat
     store.keep([row(number) for number in range(300)])
     cut = path.read_bytes()[: int(path.stat().st_size * fraction)]
     path.write_bytes(cut)
+    with pytest.raises(StoreError, match=r'cut off|database'):
+        store.keep([row(1000)])  # the recorder repeats it
     assert [store.keep([row(1000)]), store.keep([row(1001)])] == [1, 1]
     assert read_rows(path) == [row(1000), row(1001)]
     (damaged,) = tmp_path.glob('readings.sqlite.damaged-*')
     assert damaged.read_bytes() == cut
     (line,) = said
-    assert line.endswith(f': renamed it to {damaged.name}, and made a new one')
+    assert line.endswith(f'is damaged: renamed it to {damaged.name}, and made a new one')
 
 
 @pytest.mark.parametrize('torn', [csv_text([row(7)])[:30], csv_text([row(7, tag_id='a "b"')])[:65], 'x\n\n"'])

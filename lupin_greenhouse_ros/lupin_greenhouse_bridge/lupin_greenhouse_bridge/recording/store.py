@@ -79,12 +79,16 @@ class Store(ABC):
         """Make the file, or check that it can be continued; raises StoreError."""
         self._path, self._warn = Path(path), warn
         self._identity: tuple[int, int] | None = None  # of the file that got the last rows
+        self._damaged: tuple[int, int] | None = None  # the identity of a file that SQLite cannot write
         self.refused_rows = 0  # how many rows the file can never keep
         self.keep([])
 
     def keep(self, rows: Sequence[Row]) -> int:
         """Add rows to the file, and return how many of them are new. Raises StoreError."""
+        found = None
         try:
+            if self._damaged and self._damaged == self._find():
+                self._set_aside()
             while True:
                 found = self._find()
                 if found is None or found != self._identity:
@@ -98,9 +102,7 @@ class Store(ABC):
         except (OSError, ValueError, sqlite3.Error) as error:
             self._identity = None  # a part of a row may be in the file
             # SQLite raises subclasses of DatabaseError for all but a damaged file.
-            if rows and type(error) is sqlite3.DatabaseError:
-                self._set_aside(error)
-                return self.keep(rows)
+            self._damaged = found if type(error) is sqlite3.DatabaseError else None
             raise StoreError(f"file '{self._path}': {file_error_text(error)}") from error
 
     def _find(self) -> tuple[int, int] | None:
@@ -113,13 +115,13 @@ class Store(ABC):
             raise ValueError('not a regular file')
         return (status.st_dev, status.st_ino) if status.st_size else None
 
-    def _set_aside(self, error: Exception) -> None:
-        """Rename a damaged file, and the files in which SQLite keeps parts of it."""
+    def _set_aside(self) -> None:
+        """Rename a damaged file, and the files in which SQLite keeps parts of it; raises OSError."""
         damaged = f'{self._path.name}.damaged-{time.time_ns()}'
         for end in ('', '-journal', '-wal', '-shm'):
             with contextlib.suppress(FileNotFoundError):
                 self._path.with_name(self._path.name + end).rename(self._path.with_name(damaged + end))
-        self._warn(f"file '{self._path}' is damaged ({error}): renamed it to {damaged}, and made a new one")
+        self._warn(f"file '{self._path}' is damaged: renamed it to {damaged}, and made a new one")
 
     @abstractmethod
     def _prepare(self) -> None:
