@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.visibility_graph import shortest_path
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 
 from lupin_simulation.navigator_settings import Settings
@@ -90,7 +91,7 @@ def path_towards(space: FreeSpace, start: Point, goal: Point, tolerance_m: float
     points = goal + offsets[nearest][distances_m[nearest] <= tolerance_m]
     points = points[space.are_free(points)]
     reachable = points[space.regions_of(points) == space.regions_of([start])]
-    return space.path(start, reachable[0]) if len(reachable) else None
+    return shortest_path(space, start, reachable[0]) if len(reachable) else None
 
 
 def arrival_at(

@@ -1,6 +1,6 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """
-The free space of a disc robot in a greenhouse, and the shortest paths in it. Does not import ROS.
+The free space of a disc robot in a greenhouse. Does not import ROS.
 
 Each table and each plate of a tag is inflated by the robot's radius to an octagon, so the robot passes
 wherever it fits. A grid would need cells as small as the clearance in the narrowest aisle.
@@ -12,17 +12,18 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.planning.octagons import AXES, AXIS_LENGTHS, Octagons
-from lupin_greenhouse_bridge.planning.regions import Regions
+from lupin_greenhouse_bridge.planning.octagons import AXES, AXIS_LENGTHS, Numbers, Octagons, Regions
 from lupin_greenhouse_bridge.planning.tag_poses import Table, TagPose, find_tag_poses, tables_of
-from lupin_greenhouse_bridge.planning.visibility_graph import VisibilityGraph
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
 WALL_M = 1.0  # how thick the walls are
-LINES_AT_ONCE = 4096
+
+Point = tuple[float, float]
+Flags = NDArray[np.bool_]
 
 
 class FreeSpace:
@@ -55,11 +56,11 @@ class FreeSpace:
         sides = [np.roll(vertices, turn, axis=1) - vertices for turn in (1, -1)]
         self._sides = [each.reshape(-1, 2)[are_free] for each in sides]  # from a corner to those beside it
 
-    def are_free(self, points) -> np.ndarray:
+    def are_free(self, points: ArrayLike) -> Flags:
         """Return for each point, of an array (points, 2) in metres, whether the robot can be there."""
-        points = np.asarray(points, dtype=float).reshape(-1, 2)
-        low, high = self._low - self._rounding_m, self._high + self._rounding_m
-        are_free = ((points >= low) & (points <= high)).all(axis=1)
+        points = _points(points)
+        beyond_m = np.maximum(self._low - points, points - self._high).max(axis=1)
+        are_free = np.asarray(beyond_m <= self._rounding_m)
         are_free[are_free] = ~self._octagons.cover(points[are_free])
         return are_free
 
@@ -73,49 +74,27 @@ class FreeSpace:
         corners = [(x0, y0), (x0, y1), (x1, y0), (x1, y1)]
         return not (len(self.corners) or self.are_free(corners).any())
 
-    def are_in_sight(self, start, ends) -> np.ndarray:
-        """Return whether the line from a free point, or from each, to each free point (points, 2) is free."""
-        ends = np.asarray(ends, dtype=float).reshape(-1, 2)
-        starts = np.broadcast_to(np.asarray(start, dtype=float).reshape(-1, 2), ends.shape)
-        lengths_m = np.hypot(*(ends - starts).T)
-        directions = (ends - starts) / np.maximum(lengths_m, self._rounding_m)[:, None]
-        are_free = np.ones(len(ends), dtype=bool)
-        # Part by part: most lines are blocked near the start.
-        first_m, last_m = 0.0, 2.0 * self._octagons.square_m
-        while len(left := np.flatnonzero(are_free & (lengths_m >= first_m))):
-            for some in np.split(left, range(LINES_AT_ONCE, len(left), LINES_AT_ONCE)):
-                along = directions[some]
-                firsts = starts[some] + first_m * along
-                lasts = starts[some] + np.minimum(lengths_m[some], last_m)[:, None] * along
-                blocked, *_ = self._octagons.crossings(firsts, lasts)
-                are_free[some[blocked]] = False
-            first_m, last_m = last_m, 4.0 * last_m
-        return are_free
+    def are_in_sight(self, starts: ArrayLike, ends: ArrayLike) -> Flags:
+        """Return whether the line from each free point to another one, or from one to each, is free."""
+        starts, ends = np.broadcast_arrays(_points(starts), _points(ends))
+        return self._octagons.first_entered(starts, ends)[0] < 0
 
-    def are_tangent(self, corners: np.ndarray, towards: np.ndarray) -> np.ndarray:
+    def are_tangent(self, corners: Numbers, towards: np.ndarray) -> Flags:
         """Return whether a line in each direction (lines, 2) passes by its corner, which has this number."""
-        turns = [cross(towards, side[corners]) for side in self._sides]
-        return (np.minimum(*turns) >= -self._rounding_m) | (np.maximum(*turns) <= self._rounding_m)
+        turns = [towards[:, 0] * each[corners, 1] - towards[:, 1] * each[corners, 0] for each in self._sides]
+        is_left, is_right = np.minimum(*turns) >= -self._rounding_m, np.maximum(*turns) <= self._rounding_m
+        return np.asarray(is_left | is_right)
 
-    def regions_of(self, points) -> np.ndarray:
+    def regions_of(self, points: ArrayLike) -> Numbers:
         """Return the number of the connected region that each free point (points, 2) is in."""
-        return self._regions.of(np.asarray(points, dtype=float).reshape(-1, 2))
+        return self._regions.of(_points(points))
 
     @functools.cached_property
     def _regions(self) -> Regions:
         return Regions(self._octagons)
 
-    def path(self, start_m, goal_m) -> list[tuple[float, float]] | None:
-        """Return the points of the shortest path, in metres; None if an end is not free, or cut off."""
-        ends = np.array([start_m, goal_m], dtype=float)
-        if not self.are_free(ends).all() or len(set(self.regions_of(ends))) > 1:
-            return None
-        for _, path in VisibilityGraph(self, ends).paths(np.array([(0, 1)])):
-            return list(map(tuple, path.tolist()))
-        return None
-
     @staticmethod
-    def length_m(path) -> float:
+    def length_m(path: Iterable[Point]) -> float:
         """Return the length of a path in metres."""
         return sum(itertools.starmap(math.dist, itertools.pairwise(path)))
 
@@ -140,6 +119,5 @@ def _inflated(tables: list[Table], walls: Walls, radius_m: float, tag_poses: Ite
     return Octagons(np.concatenate(low), np.concatenate(high)).without_those_in_others()
 
 
-def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the cross product of each vector (vectors, 2) of one array with that of the other."""
-    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+def _points(points: ArrayLike) -> np.ndarray:
+    return np.asarray(points, dtype=float).reshape(-1, 2)

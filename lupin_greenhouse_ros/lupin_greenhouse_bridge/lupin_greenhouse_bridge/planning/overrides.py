@@ -3,17 +3,18 @@
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml
+from lupin_greenhouse_bridge.simulator.json_yaml import LARGEST_NUMBER, number, read_yaml
 
 _EXAMPLE = 'such as {overrides: {"7": {yaw: 1.57, standoff: 0.4}}}'
+# The unit, the smallest and the largest value of each key.
 _LIMITS = {
-    'yaw': {'unit': 'radians', 'smallest': -10.0, 'largest': 10.0},
-    'standoff': {'unit': 'metres', 'smallest': 0.2, 'largest': 1.5},
-    'goal_x': {'unit': 'metres'},
-    'goal_y': {'unit': 'metres'},
+    'yaw': ('radians', -10.0, 10.0),
+    'standoff': ('metres', 0.2, 1.5),
+    'goal_x': ('metres', -LARGEST_NUMBER, LARGEST_NUMBER),
+    'goal_y': ('metres', -LARGEST_NUMBER, LARGEST_NUMBER),
 }
 
 
@@ -29,12 +30,19 @@ class Override(NamedTuple):
 def read_overrides(path: str | Path, layout_ids: Collection[str]) -> tuple[dict[str, Override], list[str]]:
     """Return the overrides of a file by tag id, and a warning for each unknown id; raises StartUpError."""
     where = f"approach overrides '{escaped(str(path), 500)}'"
-    data = _mapping(read_yaml(path, where, f'a mapping, {_EXAMPLE}'), ('overrides',), path, where)
+    data = read_yaml(path, where, f'a mapping, {_EXAMPLE}')
+    _refuse_unknown_keys(data, ['overrides'], where)
+    overrides = data.get('overrides') or {}
+    if not isinstance(overrides, dict):
+        raise StartUpError(f'{where}: is not a mapping, {_EXAMPLE}')
     found, warnings = {}, []
-    for tag_id, each in _mapping(data.get('overrides'), None, path, where).items():
+    for tag_id, each in overrides.items():
         here = f"{where}: tag '{escaped(str(tag_id), 64)}'"
-        values = _mapping(each, _LIMITS, path, here, 'overrides', tag_id)
-        override = Override(**{key: float(number(values, key, here, **_LIMITS[key])) for key in values})
+        values = {} if each is None else each
+        if not isinstance(values, dict):
+            raise StartUpError(f'{here}: is not a mapping, {_EXAMPLE}')
+        _refuse_unknown_keys(values, _LIMITS, here)
+        override = Override(**{key: float(number(values, key, here, *_LIMITS[key])) for key in values})
         if str(tag_id) in layout_ids:
             found[str(tag_id)] = override
         else:
@@ -42,26 +50,7 @@ def read_overrides(path: str | Path, layout_ids: Collection[str]) -> tuple[dict[
     return found, warnings
 
 
-def _mapping(data, keys: Collection[str] | None, path: str | Path, where: str, *parents) -> dict:
-    """Return a mapping with these keys, {} for None; raises StartUpError for anything else."""
-    data = {} if data is None else data
-    if not isinstance(data, dict):
-        raise StartUpError(f'{where}: is not a mapping, {_EXAMPLE}')
-    for key in data:
-        if keys is not None and key not in keys:
-            raise StartUpError(
-                f"{where}: line {_line_of(path, *parents, key)}: unknown key '{escaped(str(key), 64)}':"
-                f' use {", ".join(keys)}'
-            )
-    return data
-
-
-def _line_of(path: str | Path, *keys) -> int:
-    """Return the line number, in a YAML file, of the last of these keys, each in the one before."""
-    import yaml  # imported here: read_yaml has found it
-
-    # JSON may be indented with tabs, YAML may not.
-    name = node = yaml.compose(Path(path).read_text(encoding='utf-8').replace('\t', ' '))
-    for key in keys:
-        name, node = next((pair for pair in node.value if pair[0].value == str(key)), (name, node))
-    return name.start_mark.line + 1
+def _refuse_unknown_keys(mapping: dict[Any, Any], keys: Collection[str], where: str) -> None:
+    for key in mapping:
+        if key not in keys:
+            raise StartUpError(f"{where}: unknown key '{escaped(str(key), 64)}': use {', '.join(keys)}")

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace, Point
+from lupin_greenhouse_bridge.planning.octagons import Numbers
 from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose
 from lupin_greenhouse_bridge.planning.visibility_graph import VisibilityGraph
 from lupin_greenhouse_bridge.simulator.layout import natural_order
@@ -24,7 +25,7 @@ PERTURBATIONS = 300
 LONGEST_PERTURBATION = 50  # stops
 
 Progress = Callable[[str, int, int], None]
-_Change = tuple[float, int, list[np.ndarray]]  # what it gains in metres, where it begins, and the parts there
+_Change = tuple[float, int, list[Numbers]]  # what it gains in metres, where it begins, and the parts there
 
 
 class Route(NamedTuple):
@@ -59,11 +60,8 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
             raise StartUpError(f"tag '{escaped(tag_id, 64)}' has no approach pose: leave it out of the order")
     if order != 'given':
         tag_ids.sort(key=natural_order)
-    stops = [(pose.x, pose.y) for pose in map(poses.__getitem__, tag_ids)]
-    if start_m is not None:
-        stops.insert(0, tuple(start_m))
-    if end_m is not None:
-        stops.append(tuple(end_m))
+    at_tags = [poses[tag_id][:2] for tag_id in tag_ids]
+    stops = [stop for stop in (start_m, *at_tags, end_m) if stop is not None]
     are_free = free_space.are_free(stops)
     if not are_free.all():
         x, y = stops[int(are_free.argmin())]
@@ -72,16 +70,17 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
     if len(stops) > 1:
         graph = VisibilityGraph(free_space, np.array(stops))
         if order == 'shortest':
-            ends = {'has_start': start_m is not None, 'has_end': end_m is not None}
-            visits = _shortest(graph.lengths_m(NEIGHBOURS, progress), np.array(stops), progress, **ends)
+            lengths_m = _lengths_m(graph, np.array(stops), progress)
+            visits = _shortest(lengths_m, progress, has_start=start_m is not None, has_end=end_m is not None)
         points = _path(graph, stops, visits, progress)
     tag_of = dict(enumerate(tag_ids, start=int(start_m is not None)))
     return Route([tag_of[each] for each in visits if each in tag_of], points, free_space.length_m(points))
 
 
-def _path(graph: VisibilityGraph, stops: list, visits: list[int], progress: Progress) -> list:
+def _path(graph: VisibilityGraph, stops: list[Point], visits: list[int], progress: Progress) -> list[Point]:
     """Return the points of the path along these stops; raises StartUpError if one is cut off."""
-    legs, paths = list(itertools.pairwise(visits)), {}
+    legs = list(itertools.pairwise(visits))
+    paths: dict[int, list[Point]] = {}
     for leg, path in graph.paths(np.array(legs)):
         paths[leg] = path
         progress('legs of the route', len(paths), len(legs))
@@ -93,29 +92,37 @@ def _path(graph: VisibilityGraph, stops: list, visits: list[int], progress: Prog
                 f'({x1:.2f}, {y1:.2f}) is cut off from ({x0:.2f}, {y0:.2f}): leave its tag out,'
                 ' or choose another start'
             )
-        points += map(tuple, paths[leg][1:].tolist())
+        points += paths[leg][1:]
     return points
 
 
-def _shortest(
-    lengths_m: np.ndarray, stops: np.ndarray, progress: Progress, *, has_start: bool, has_end: bool
-) -> list[int]:
-    """Return an order of all stops. Stop 0 may be a start, and the last one an end."""
+def _lengths_m(graph: VisibilityGraph, stops: np.ndarray, progress: Progress) -> np.ndarray:
+    """Return the lengths of the paths between all stops, and zeros for one more stop, which is anywhere."""
     count = len(stops)
-    for here, row in enumerate(lengths_m):
-        far = np.flatnonzero(np.isinf(row))
-        row[far] = FAR_M + np.hypot(*(stops[far] - stops[here]).T)
-    order = _nearest_first(lengths_m[: count - has_end, : count - has_end]) + [count - 1] * has_end
-    # Where no stop is fixed, the order begins and ends at a place that is beside all stops.
-    anywhere = [count]
-    order = anywhere * (not has_start) + order + anywhere * (not has_end)
-    tour = _Tour(order, np.pad(lengths_m, (0, 1)))
-    tour.improve(range(count), progress)
+    lengths_m = np.zeros((count + 1, count + 1), dtype=np.float32)
+    for done, (stop, found_m) in enumerate(graph.lengths_m(NEIGHBOURS)):
+        progress('tags with paths to others', min(done, count), count)
+        lengths_m[stop, :count] = found_m
+    for stop, place in enumerate(stops):
+        row = np.minimum(lengths_m[stop, :count], lengths_m[:count, stop])
+        row = np.where(np.isinf(row), FAR_M + np.hypot(*(stops - place).T), row)
+        lengths_m[stop, :count] = lengths_m[:count, stop] = row
+    return lengths_m
+
+
+def _shortest(lengths_m: np.ndarray, progress: Progress, *, has_start: bool, has_end: bool) -> list[int]:
+    """Return an order of all stops but the last, which is anywhere. The first and last may be fixed."""
+    anywhere = len(lengths_m) - 1
+    free = anywhere - has_end
+    order = _nearest_first(lengths_m[:free, :free]) + [free] * has_end
+    # Where no stop is fixed, the order begins and ends anywhere.
+    tour = _Tour([anywhere] * (not has_start) + order + [anywhere] * (not has_end), lengths_m)
+    tour.improve(range(anywhere), progress)
     chance = random.Random(0)  # noqa: S311 - the same route each time
-    for number in range(PERTURBATIONS if count > 3 else 0):
+    for number in range(PERTURBATIONS if anywhere > 3 else 0):
         progress('improvements of the order', number, PERTURBATIONS)
         tour.perturb(chance)
-    return [each for each in tour.order.tolist() if each != count]
+    return [each for each in tour.order.tolist() if each != anywhere]
 
 
 def _nearest_first(lengths_m: np.ndarray) -> list[int]:
@@ -203,7 +210,7 @@ class _Tour:
 
     def _length_m(self, here: np.ndarray, there: np.ndarray) -> np.ndarray:
         """Return the lengths of the paths between these stops; a sum in single precision would be rounded."""
-        return self._lengths_m[here, there].astype(float)
+        return np.asarray(self._lengths_m[here, there], dtype=float)
 
     def _put(self, begin: int, parts: list[np.ndarray]) -> set[int]:
         """Put parts of the order where they begin now; return the stops with new neighbours."""

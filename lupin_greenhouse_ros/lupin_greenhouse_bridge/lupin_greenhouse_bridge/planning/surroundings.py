@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
-from lupin_greenhouse_bridge.planning.tag_poses import EQUAL_M, Table, TagPose, nearest_tables
+from lupin_greenhouse_bridge.planning.tag_poses import EQUAL_M, Table, TagPose, distances_m
 from lupin_greenhouse_bridge.planning.walls import Walls
 
 BEYOND = 1e-6  # share of a line of sight: what touches the tag from the front is before it
@@ -37,7 +37,8 @@ class Surroundings(NamedTuple):
         offsets = points[:, None] - starts
         shares = ((offsets * along).sum(axis=2) / (along**2).sum(axis=1)).clip(0.0, 1.0)
         to_plates_m = np.linalg.norm(offsets - shares[..., None] * along, axis=2)
-        return np.minimum(to_walls_m, np.concatenate([to_tables_m, to_plates_m], axis=1).min(axis=1))
+        gaps_m = np.concatenate([to_walls_m[:, None], to_tables_m, to_plates_m], axis=1)
+        return np.asarray(gaps_m.min(axis=1))
 
     def are_in_view(self, eyes: np.ndarray) -> np.ndarray:
         """
@@ -50,7 +51,7 @@ class Surroundings(NamedTuple):
         triangles = np.concatenate([eyes[:, None], ends], axis=1)  # (eyes, 3, 2)
         middles = triangles.mean(axis=1)[:, None]
         low, high = self.other_tables[:, :2] + EQUAL_M, self.other_tables[:, 2:] - EQUAL_M
-        are_in_view = ~((middles > low) & (middles < high)).all(axis=2).any(axis=1)
+        are_in_view = np.asarray(~((middles > low) & (middles < high)).all(axis=2).any(axis=1))
         for first in range(0, len(self.sides), SIDES_AT_ONCE):
             left = np.flatnonzero(are_in_view)
             sides = self.sides[first : first + SIDES_AT_ONCE]
@@ -75,7 +76,7 @@ def _pass_through(sides: np.ndarray, triangles: np.ndarray) -> np.ndarray:
         meets = first / (first - last)
     enters = np.where(first <= 0.0, np.where(last > 0.0, meets, np.inf), 0.0).max(axis=1)
     leaves = np.where(last <= 0.0, np.where(first > 0.0, meets, -np.inf), 1.0).min(axis=1)
-    return (enters < leaves).any(axis=1)
+    return np.asarray((enters < leaves).any(axis=1))
 
 
 class Obstacles:
@@ -83,35 +84,22 @@ class Obstacles:
 
     def __init__(self, tables: list[Table], walls: Walls, tag_poses: Mapping[str, TagPose]):
         """Take the tables, and the poses of the tags by their ids."""
-        self._walls = walls
+        self._walls, self._tag_poses = walls, tag_poses
+        self._numbers = {tag_id: number for number, tag_id in enumerate(tag_poses)}
         self._tables = np.array(tables, dtype=float).reshape(-1, 4)
         self._plates = np.array([each.ends_of_plate() for each in tag_poses.values()])
         self._ends = KDTree(self._plates.reshape(-1, 2))
-        self._numbers = {tag_id: number for number, tag_id in enumerate(tag_poses)}
-        self._table_of = nearest_tables(tables, [each[:2] for each in tag_poses.values()])
 
     def around(self, tag_id: str, reach_m: float) -> Surroundings:
         """Return what is within this distance of a tag."""
-        number = self._numbers[tag_id]
-        centre = self._plates[number].mean(axis=0)
-        plates = np.unique(np.array(self._ends.query_ball_point(centre, reach_m)) // 2)
+        tag, number = self._tag_poses[tag_id], self._numbers[tag_id]
+        plates = np.array(self._ends.query_ball_point(tag[:2], reach_m)) // 2
         others = np.unique(self._plates[plates[plates != number]], axis=0)  # of equal ones, one
-        tables = np.flatnonzero(distances_m(self._tables, centre) <= reach_m)
-        other_tables = self._tables[tables[tables != self._table_of[number]]]
+        is_near = distances_m(self._tables, tag[:2]) <= reach_m
+        other_tables = self._tables[is_near & (np.arange(len(is_near)) != tag.table)]
         corners = other_tables[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
         sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
         sides = np.concatenate([sides, others])
-        nearest_first = np.linalg.norm(sides.mean(axis=1) - centre, axis=1).argsort()
-        return Surroundings(
-            self._walls,
-            self._tables[tables],
-            np.concatenate([self._plates[number, None], others]),
-            other_tables,
-            sides[nearest_first],
-        )
-
-
-def distances_m(tables: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return the distance of each table (tables, 4) to a point (2), or to each of (points, 1, 2)."""
-    beside = np.maximum(tables[:, :2] - points, points - tables[:, 2:]).clip(0.0)
-    return np.hypot(beside[..., 0], beside[..., 1])
+        nearest_first = np.linalg.norm(sides.mean(axis=1) - tag[:2], axis=1).argsort()
+        plates = np.concatenate([self._plates[number, None], others])
+        return Surroundings(self._walls, self._tables[is_near], plates, other_tables, sides[nearest_first])

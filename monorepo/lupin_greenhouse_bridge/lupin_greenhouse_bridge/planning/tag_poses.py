@@ -2,10 +2,10 @@
 """Compute the direction that each tag of a layout faces. Does not import ROS."""
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.walls import EAST, NORTH, SOUTH, WEST, Walls
@@ -26,21 +26,18 @@ class Table(NamedTuple):
 
     def distance_m(self, x: float, y: float) -> float:
         """Return the distance of a point; 0.0 inside."""
-        dx = max(self.x0 - x, 0.0, x - self.x1)
-        dy = max(self.y0 - y, 0.0, y - self.y1)
-        return math.hypot(dx, dy)
+        return float(distances_m(np.array([self]), (x, y))[0])
 
     def nearest_edges(self, x: float, y: float) -> list[float]:
         """Return the outward directions of the nearest edges, as angles to the x axis; two on a corner."""
         inside_x, inside_y = min(max(x, self.x0), self.x1), min(max(y, self.y0), self.y1)
-        distances_m = {
+        edges_m = {
             SOUTH: math.hypot(x - inside_x, y - self.y0),
             NORTH: math.hypot(x - inside_x, y - self.y1),
             WEST: math.hypot(x - self.x0, y - inside_y),
             EAST: math.hypot(x - self.x1, y - inside_y),
         }
-        nearest = min(distances_m.values())
-        return [angle for angle, distance in distances_m.items() if distance <= nearest + EQUAL_M]
+        return [angle for angle, each_m in edges_m.items() if each_m <= min(edges_m.values()) + EQUAL_M]
 
     def distance_ahead_m(self, x: float, y: float, angle: float) -> float:
         """Return the distance from a point to this table in one of four directions; infinite beside it."""
@@ -55,6 +52,7 @@ class TagPose(NamedTuple):
     x: float
     y: float
     facing: float
+    table: int = -1  # the number of the table that it stands on; -1 without tables
 
     def ends_of_plate(self) -> np.ndarray:
         """Return the two ends of the tag's plate, seen from above, in an array (2, 2)."""
@@ -66,26 +64,12 @@ def tables_of(layout: Layout) -> list[Table]:
     """Return the tables, in the order of the file; raises StartUpError for one without an area."""
     tables = []
     for name, (xa, ya, xb, yb) in layout.tables.items():
-        table = Table(min(xa, xb), min(ya, yb), max(xa, xb), max(ya, yb))
-        if table.x0 == table.x1 or table.y0 == table.y1:
+        if xa == xb or ya == yb:
             raise StartUpError(
                 f"table '{escaped(name, 64)}' has no area: x0 and x1, and y0 and y1, must differ"
             )
-        tables.append(table)
+        tables.append(Table(min(xa, xb), min(ya, yb), max(xa, xb), max(ya, yb)))
     return tables
-
-
-def nearest_tables(tables: Sequence[Table], places: Sequence[tuple[float, float]]) -> list[int]:
-    """Return the number of the nearest table of each place, of equally near ones the first; -1 for none."""
-    if not tables:
-        return [-1] * len(places)
-    edges = np.array(tables, dtype=float)
-    numbers = []
-    for place in places:
-        beside = np.maximum(np.maximum(edges[:, :2] - place, place - edges[:, 2:]), 0.0)
-        distances_m = np.hypot(*beside.T)
-        numbers.append(int(np.argmax(distances_m <= distances_m.min() + EQUAL_M)))
-    return numbers
 
 
 def find_tag_poses(layout: Layout, walls: Walls) -> dict[str, TagPose]:
@@ -98,25 +82,30 @@ def find_tag_poses(layout: Layout, walls: Walls) -> dict[str, TagPose]:
     face the middle of the layout. Raises StartUpError for a table without an area.
     """
     tables = tables_of(layout)
-    places = [(tag.x, tag.y) for tag in layout.tags.values()]
-    xs, ys = zip(*places, strict=True)
+    xs, ys, _ = zip(*layout.tags.values(), strict=True)
     middle = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
-    nearest = nearest_tables(tables, places)
+    edges = np.array(tables)
     tag_poses = {}
-    for number, (tag_id, (x, y, _)) in enumerate(layout.tags.items()):
-        if tables:
-            table = tables[nearest[number]]
-            facing, *others = table.nearest_edges(x, y)
-            if others:
-                around: list[Walls | Table] = [walls, *(each for each in tables if each is not table)]
-                room_m = {
-                    angle: min(round(each.distance_ahead_m(x, y, angle), 9) for each in around)
-                    for angle in (facing, *others)
-                }
-                facing = max(room_m, key=room_m.__getitem__)
-        elif (x, y) == middle:
-            facing = SOUTH
-        else:
-            facing = math.atan2(middle[1] - y, middle[0] - x)
-        tag_poses[tag_id] = TagPose(x, y, facing)
+    for tag_id, (x, y, _) in layout.tags.items():
+        if not tables:
+            facing = math.atan2(middle[1] - y, middle[0] - x) if (x, y) != middle else SOUTH
+            tag_poses[tag_id] = TagPose(x, y, facing)
+            continue
+        away_m = distances_m(edges, (x, y))
+        number = int(np.argmax(away_m <= away_m.min() + EQUAL_M))
+        facing, *others = tables[number].nearest_edges(x, y)
+        if others:
+            around: list[Walls | Table] = [walls, *tables[:number], *tables[number + 1 :]]
+            room_m = {
+                angle: min(round(each.distance_ahead_m(x, y, angle), 9) for each in around)
+                for angle in (facing, *others)
+            }
+            facing = max(room_m, key=room_m.__getitem__)
+        tag_poses[tag_id] = TagPose(x, y, facing, number)
     return tag_poses
+
+
+def distances_m(tables: np.ndarray, points: ArrayLike) -> np.ndarray:
+    """Return the distance of each table (tables, 4) to a point (2), or to each of (points, 1, 2)."""
+    beside = np.maximum(tables[:, :2] - points, points - tables[:, 2:]).clip(0.0)
+    return np.asarray(np.hypot(beside[..., 0], beside[..., 1]))

@@ -1,20 +1,30 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The shortest paths between points of a free space. Does not import ROS."""
 
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import KDTree
 
-if TYPE_CHECKING:
-    from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace, Point
+from lupin_greenhouse_bridge.planning.octagons import Numbers
 
 NEAREST = 256  # nodes to which a node can be linked
 NODES_AT_ONCE = 4096
 DISTANCES_AT_ONCE = 2**22
+
+
+def shortest_path(free_space: FreeSpace, start_m: ArrayLike, goal_m: ArrayLike) -> list[Point] | None:
+    """Return the points of the shortest path, in metres; None if an end is not free, or cut off."""
+    ends = np.stack([start_m, goal_m])
+    if not free_space.are_free(ends).all() or len(set(free_space.regions_of(ends))) > 1:
+        return None
+    for _, path in VisibilityGraph(free_space, ends).paths(np.array([(0, 1)])):
+        return path
+    return None
 
 
 class VisibilityGraph:
@@ -27,7 +37,7 @@ class VisibilityGraph:
     thousandths longer. If some points have no path although they are connected, more nodes are linked.
     """
 
-    def __init__(self, free_space: 'FreeSpace', points: np.ndarray):
+    def __init__(self, free_space: FreeSpace, points: np.ndarray):
         """Take the points in metres in an array (points, 2)."""
         self._free_space = free_space
         self._first = len(free_space.corners)  # the node of point 0
@@ -38,89 +48,87 @@ class VisibilityGraph:
             self._nearest *= 4
             self._graph = self._linked()
 
-    def lengths_m(self, neighbours: int, progress: Callable[[str, int, int], None]) -> np.ndarray:
+    def lengths_m(self, neighbours: int) -> Iterator[tuple[int, np.ndarray]]:
         """
-        Return the lengths of the paths between the points in metres, (points, points).
+        Yield the number of each point, and the lengths of the paths from it to all points, in metres.
 
-        Those from each point to the nearest others, at least to so many neighbours, are finite.
+        Only the lengths to the nearest others are finite, at least to so many neighbours if it has them. A
+        point can come again, with more of them.
         """
         points = self._nodes[self._first :]
-        lengths_m = np.full((len(points), len(points)), np.inf, dtype=np.float32)
         limits_m = np.full(len(points), np.inf)
         if neighbours + 1 < len(points):
             limits_m = 1.5 * KDTree(points).query(points, [neighbours + 1])[0][:, 0]
         left = np.arange(len(points))
         while len(left):
-            for some, found_m, _ in self._search(left, limits_m[left]):
-                progress('tags with paths to others', len(points) - len(left) + len(some), len(points))
-                lengths_m[left[some]] = found_m[:, self._first :]
-            has_few = np.isfinite(lengths_m[left]).sum(axis=1) <= neighbours
-            left = left[has_few & np.isfinite(limits_m[left])]
+            lack_neighbours = []
+            for place, lengths_m, _ in self._search(left, limits_m[left]):
+                point, found_m = left[place], lengths_m[self._first :]
+                yield point, found_m
+                if np.isfinite(found_m).sum() <= neighbours and limits_m[point] < np.inf:
+                    lack_neighbours.append(point)
+            left = np.array(lack_neighbours, dtype=int)
             limits_m[left] *= np.where(limits_m[left] < self._free_space.diagonal_m, 4.0, np.inf)
-        return np.minimum(lengths_m, lengths_m.T)
 
-    def paths(self, legs: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    def paths(self, legs: np.ndarray) -> Iterator[tuple[int, list[Point]]]:
         """
-        Yield the number of each leg that has a path, and the path, (points, 2) in metres.
+        Yield the number of each leg that has a path, and the points of the path in metres.
 
         Takes the number of the first and of the last point of each leg, (legs, 2).
         """
-        starts, ends = legs.T
-        straight_m = np.hypot(*(self._nodes[self._first + ends] - self._nodes[self._first + starts]).T)
+        starts, ends = self._first + legs.T
+        straight_m = np.hypot(*(self._nodes[ends] - self._nodes[starts]).T)
         left = np.arange(len(legs))
         for limits_m in (2.0 * straight_m, np.full(len(legs), np.inf)):
             longer = []
-            for some, lengths_m, before in self._search(starts[left], limits_m[left]):
-                for leg, leg_lengths_m, leg_before in zip(left[some], lengths_m, before, strict=True):
-                    goal = self._first + ends[leg]
-                    if np.isfinite(leg_lengths_m[goal]):
-                        yield leg, self._straightened(self._nodes[_trace(leg_before, goal)])
-                    else:
-                        longer.append(leg)
+            for place, lengths_m, before in self._search(legs[left, 0], limits_m[left]):
+                leg = left[place]
+                if np.isfinite(lengths_m[ends[leg]]):
+                    path = self._straightened(self._nodes[_trace(before, ends[leg])])
+                    yield leg, list(map(tuple, path.tolist()))
+                else:
+                    longer.append(leg)
             left = np.array(longer, dtype=int)
 
     def _search(
-        self, starts: np.ndarray, limits_m: np.ndarray
-    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        self, points: np.ndarray, limits_m: np.ndarray
+    ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
         """
         Search for paths from these points that are not longer than the limit of each, or than a larger one.
 
-        Yields some places in the array of starts, and for each of these starts the lengths of the paths to
-        all nodes and the nodes before them: (places, nodes).
+        Yields the place of each point in the array, the lengths of the paths from it to all nodes, and the
+        nodes before them.
         """
-        size = max(1, DISTANCES_AT_ONCE // len(self._nodes))
+        at_once = max(1, DISTANCES_AT_ONCE // len(self._nodes))
         order = np.argsort(limits_m)
-        for some in np.split(order, range(size, len(order), size)):
-            if len(some):
-                yield (
-                    some,
-                    *dijkstra(
-                        self._graph,
-                        indices=self._first + starts[some],
-                        limit=limits_m[some[-1]],
-                        return_predecessors=True,
-                    ),
-                )
+        for begin in range(0, len(order), at_once):
+            some = order[begin : begin + at_once]
+            lengths_m, before = dijkstra(
+                self._graph,
+                indices=self._first + points[some],
+                limit=limits_m[some[-1]],
+                return_predecessors=True,
+            )
+            yield from zip(some, lengths_m, before, strict=True)
 
     def _linked(self) -> csr_matrix:
         """Return the matrix of the lengths of the links."""
         tree, count = KDTree(self._nodes), len(self._nodes)
-        codes = []
+        links = []
         for first in range(0, count, NODES_AT_ONCE):
             numbers = np.arange(first, min(first + NODES_AT_ONCE, count))
             others = tree.query(self._nodes[numbers], min(self._nearest, count))[1].ravel()
             numbers = np.repeat(numbers, len(others) // len(numbers))
             numbers, others = np.minimum(numbers, others), np.maximum(numbers, others)
-            is_pair = numbers != others
-            numbers, others = numbers[is_pair], others[is_pair]
             towards = self._nodes[others] - self._nodes[numbers]
-            are_tangent = self._are_tangent(numbers, towards) & self._are_tangent(others, towards)
-            codes.append(np.unique(numbers[are_tangent] * count + others[are_tangent]))
-        numbers, others = np.divmod(np.unique(np.concatenate(codes)), count)
+            is_link = self._are_tangent(numbers, towards) & self._are_tangent(others, towards)
+            is_link &= numbers != others
+            links.append(np.unique(numbers[is_link] * count + others[is_link]))
+        numbers, others = np.divmod(np.unique(np.concatenate(links)), count)
         are_in_sight = self._free_space.are_in_sight(self._nodes[numbers], self._nodes[others])
         return _matrix(self._nodes, numbers[are_in_sight], others[are_in_sight])
 
-    def _are_tangent(self, numbers: np.ndarray, towards: np.ndarray) -> np.ndarray:
+    def _are_tangent(self, numbers: Numbers, towards: np.ndarray) -> np.ndarray:
         """Return whether a line in each direction (lines, 2) passes by its node, which may be a corner."""
         are_tangent = np.ones(len(numbers), dtype=bool)
         is_corner = numbers < self._first
@@ -144,8 +152,8 @@ class VisibilityGraph:
         return path[_trace(before, len(path) - 1)]
 
 
-def _matrix(nodes: np.ndarray, numbers: np.ndarray, others: np.ndarray) -> csr_matrix:
-    """Return the lengths of the lines between these nodes, in both directions."""
+def _matrix(nodes: np.ndarray, numbers: Numbers, others: Numbers) -> csr_matrix:
+    """Return the lengths of the lines between these nodes; all searches take them in both directions."""
     lengths_m = np.hypot(*(nodes[numbers] - nodes[others]).T).clip(1e-12)  # no link has the length 0
     rows, columns = np.concatenate([numbers, others]), np.concatenate([others, numbers])
     return csr_matrix((np.tile(lengths_m, 2), (rows, columns)), shape=(len(nodes), len(nodes)))

@@ -15,6 +15,7 @@ from lupin_greenhouse_bridge.planning.overrides import Override
 from lupin_greenhouse_bridge.planning.route import plan_route
 from lupin_greenhouse_bridge.planning.tag_poses import PLATE_WIDTH_M, find_tag_poses, tables_of
 from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, TIGHT_M, ApproachPose, ViewingLimits
+from lupin_greenhouse_bridge.planning.visibility_graph import shortest_path
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls, walls_around
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
 
@@ -466,7 +467,7 @@ def test_a_path_is_free_and_no_longer_than_on_a_grid(layout, radius_m, ends):
     free_space = free_space_of(layout, radius_m)
     start, goal = ends[:2], ends[2:]
     assume(free_space.is_free(*start) and free_space.is_free(*goal))
-    path = free_space.path(start, goal)
+    path = shortest_path(free_space, start, goal)
     on_grid_m = grid_length_m(layout, radius_m, start, goal)
     if path is None:
         assert on_grid_m == math.inf
@@ -534,7 +535,7 @@ def test_paths_between_benches_are_as_short_as_those_along_all_free_lines_betwee
     for node in range(len(nodes)):  # Floyd and Warshall
         lengths_m = np.minimum(lengths_m, lengths_m[:, node, None] + lengths_m[node])
     for one, other in itertools.combinations(range(len(points)), 2):
-        path = free_space.path(points[one], points[other])
+        path = shortest_path(free_space, points[one], points[other])
         assert free_space.length_m(path) == pytest.approx(lengths_m[one, other])
         assert all(gap_m(layout, *point) >= 0.2 - SAME_M for point in points_of(path, 0.2))
 

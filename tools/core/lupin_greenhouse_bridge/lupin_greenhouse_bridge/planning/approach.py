@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.free_space import FreeSpace
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace, Point
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.overrides import Override
 from lupin_greenhouse_bridge.planning.surroundings import Obstacles, Surroundings
@@ -35,7 +35,6 @@ class Approaches:
     """The approach poses and the reasons of the other tags, by tag id in the order of the layout."""
 
     free_space: FreeSpace
-    region: int  # the number of the region of the free space that all poses are in; -1 without poses
     poses: dict[str, ApproachPose] = field(default_factory=dict)
     alternatives: dict[str, list[ApproachPose]] = field(default_factory=dict)  # to each pose, the best first
     room_warnings: dict[str, str] = field(default_factory=dict)  # of poses with less room than the clearance
@@ -47,7 +46,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     walls: Walls,
     limits: ViewingLimits,
     *,
-    start_m: tuple[float, float] | None = None,
+    start_m: Point | None = None,
     overrides: Mapping[str, Override] | None = None,
     most_per_tag: int = 1,
     occupancy: OccupancyMap | None = None,
@@ -70,9 +69,8 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     free_space = FreeSpace(layout, walls, limits.robot_radius_m, limits.smallest_room_m)
     origin = f'the start at ({start_m[0]:g}, {start_m[1]:g})' if start_m else 'the rest of the free space'
     if start_m and not free_space.is_free(*start_m):
-        raise StartUpError(
-            f'{origin} is not free for a robot of radius {limits.robot_radius_m:g} m: choose another'
-        )
+        radius_m = limits.robot_radius_m
+        raise StartUpError(f'{origin} is not free for a robot of radius {radius_m:g} m: choose another')
     if free_space.is_empty():
         raise StartUpError('tables and tags leave no free space for the robot: choose a smaller radius')
     if occupancy is not None:
@@ -83,11 +81,12 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
         progress('tags with a pose', count, len(layout.tags))
         views[tag_id] = search.best(tag_id)
     if start_m:
-        region = int(free_space.regions_of([start_m])[0])
+        region = int(free_space.regions_of(start_m)[0])
     else:
-        regions = Counter(view.region for view in views.values() if view.pose)
-        region = regions.most_common(1)[0][0] if regions else -1
-    found = Approaches(free_space, region)
+        (region, _), *_ = Counter(view.region for view in views.values() if view.pose).most_common(1) or [
+            (-1, 0)
+        ]
+    found = Approaches(free_space)
     for tag_id, anywhere in views.items():
         view = anywhere
         if view.pose and view.region != region:
@@ -96,7 +95,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
             found.unreachable[tag_id] = view.reason
             continue
         found.poses[tag_id] = view.pose
-        found.alternatives[tag_id] = search.alternatives(tag_id, view, most_per_tag - 1)
+        found.alternatives[tag_id] = search.alternatives(tag_id, view.pose, region, most_per_tag - 1)
         if view.room_m < limits.clearance_m - EQUAL_M:
             found.room_warnings[tag_id] = (
                 f"tag '{escaped(tag_id, 64)}': its pose has {view.room_m:.3f} m of room beyond the robot's"
@@ -109,8 +108,8 @@ def _check_place_of(
     occupancy: OccupancyMap, tag_poses: Mapping[str, TagPose], limits: ViewingLimits, walls: Walls
 ) -> None:
     """Raise StartUpError if the map holds fewer than half of the places before the tags."""
-    tags = np.array(list(tag_poses.values()))
-    places = tags[:, :2] + limits.preferred_standoff_m * directions(tags[:, 2])
+    x, y, facing, _ = np.array(list(tag_poses.values())).T
+    places = np.column_stack([x, y]) + limits.preferred_standoff_m * directions(facing)
     count = int(occupancy.have_inside(places).sum())
     if 2 * count < len(places):
         map_extent, greenhouse = (
@@ -153,31 +152,26 @@ class _Search:
         if not self._walls.has_inside(*self._free_space.tag_poses[tag_id][:2]):
             return _View(f'outside the walls ({self._walls}): set walls, or sim_config_file')
         # Most tags need no more than the preferred standoff.
-        view = self._best_of(
-            tag_id, self._candidates(tag_id, at_preferred_standoff=True), region, worst_rank=0
-        )
+        nearby = self._candidates(tag_id, at_preferred_standoff=True)
+        view = self._best_of(tag_id, nearby, region, worst_rank=0)
         return view if view.pose else self._best_of(tag_id, self._candidates(tag_id), region)
 
-    def alternatives(self, tag_id: str, best: _View, most: int) -> list[ApproachPose]:
-        """Return at most so many other poses of a tag, the best first."""
-        poses, found = self._candidates(tag_id), [best.pose]
+    def alternatives(self, tag_id: str, best: ApproachPose, region: int, most: int) -> list[ApproachPose]:
+        """Return at most so many other poses of a tag in a region, the best first."""
+        poses, found = self._candidates(tag_id), [best]
         while len(found) <= most:
             apart_m = np.linalg.norm(poses[:, :2] - found[-1][:2], axis=1)
             turned_rad = np.abs(wrapped(poses[:, 2] - found[-1].yaw))
             poses = poses[(apart_m >= ALTERNATIVE_M - EQUAL_M) | (turned_rad >= ALTERNATIVE_RAD - EQUAL_M)]
-            if not (pose := self._best_of(tag_id, poses, best.region).pose):
+            if not (pose := self._best_of(tag_id, poses, region).pose):
                 break
             found.append(pose)
         return found[1:]
 
     def _candidates(self, tag_id: str, *, at_preferred_standoff: bool = False) -> np.ndarray:
         """Return the possible poses of a tag in an array (poses, 5)."""
-        return find_candidates(
-            self._free_space.tag_poses[tag_id],
-            self._limits,
-            self._overrides.get(tag_id, Override()),
-            at_preferred_standoff=at_preferred_standoff,
-        )
+        tag, override = self._free_space.tag_poses[tag_id], self._overrides.get(tag_id, Override())
+        return find_candidates(tag, self._limits, override, at_preferred_standoff=at_preferred_standoff)
 
     def _best_of(
         self, tag_id: str, poses: np.ndarray, region: int | None, worst_rank: float = math.inf
@@ -192,7 +186,10 @@ class _Search:
         rooms_m = around.gaps_m(poses[:, :2]) - limits.robot_radius_m
         order = best_first(poses, rooms_m, limits, worst_rank)
         if not len(order):
-            return _View(self._why_no_place(tag_id))
+            where = f'within {limits.largest_standoff_m:g} m and {math.degrees(limits.steepest_rad):g}°'
+            if self._overrides.get(tag_id, Override()) != Override():
+                where = 'where the overrides set the pose'
+            return _View(f'no place for a robot of radius {limits.robot_radius_m:g} m {where}')
         for some in order[:FEW_POSES], order:
             view = self._first_valid(around, poses[some], rooms_m[some])
             if view.pose:
@@ -218,11 +215,3 @@ class _Search:
             valid = valid[gaps_m >= needed_m - EQUAL_M]
         pose = ApproachPose(*poses[valid[0]].tolist())
         return _View('', pose, float(rooms_m[valid[0]]), int(self._free_space.regions_of([pose[:2]])[0]))
-
-    def _why_no_place(self, tag_id: str) -> str:
-        """Return the reason of a tag before which no pose is free."""
-        limits = self._limits
-        robot = f'no place for a robot of radius {limits.robot_radius_m:g} m'
-        if self._overrides.get(tag_id, Override()) != Override():
-            return f'{robot} where the overrides set the pose'
-        return f'{robot} within {limits.largest_standoff_m:g} m and {math.degrees(limits.steepest_rad):g}°'

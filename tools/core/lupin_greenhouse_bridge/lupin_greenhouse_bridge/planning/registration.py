@@ -2,7 +2,7 @@
 
 import cmath
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,10 +17,9 @@ DEFAULT_TOLERANCE_M = 0.1
 DEFAULT_CLICK_ERROR_M = 0.03
 FEWEST_THAT_OVERRULE = 3  # two tags can agree by chance
 _EXAMPLE = 'such as "frame_id: map", "x: 1.5", "y: -0.2" and "yaw: 0.3"'
-Positions = NDArray[np.complex128]  # x + y * 1j in metres
-Distances = NDArray[np.float64]
-Numbers = NDArray[np.intp]
 _UNITS = {'x': 'metres', 'y': 'metres', 'yaw': 'radians'}
+Positions = NDArray[np.complex128]  # x + y * 1j in metres, which a factor of length 1 rotates
+Numbers = NDArray[np.intp]
 
 
 class CannotFit(OneLineError):
@@ -55,6 +54,19 @@ class Fit(NamedTuple):
     hides_mirror: bool  # the tags lie so near to one line that a mirror image fits about as well
 
 
+class _Alignment(NamedTuple):
+    """The rotation and shift that bring some positions nearest to those in the map, by least squares."""
+
+    rotation: complex
+    shift: complex
+    residuals_m: NDArray[np.float64]
+
+    @property
+    def squared_error(self) -> float:
+        """The sum of the squared residuals in square metres."""
+        return float((self.residuals_m**2).sum())
+
+
 def fit(
     layout_m: Mapping[str, tuple[float, float]],
     map_m: Mapping[str, tuple[float, float]],
@@ -75,7 +87,8 @@ def fit(
     tag_ids = list(map_m)
     if len(tag_ids) < 2:
         raise CannotFit(f'tags with a position in the map: {len(tag_ids)}: at least 2 are needed')
-    layout, in_map = _complex([layout_m[tag_id] for tag_id in tag_ids]), _complex(list(map_m.values()))
+    everywhere = _complex(layout_m.values())
+    layout, in_map = _complex(layout_m[tag_id] for tag_id in tag_ids), _complex(map_m.values())
     kept = _agreeing(layout, in_map, tolerance_m)
     if _is_mirrored(layout, in_map, kept, tolerance_m, click_error_m):
         raise CannotFit(
@@ -83,43 +96,41 @@ def fit(
             ' points the wrong way'
         )
     if not len(kept):
-        residuals_m = _residuals_m(layout, in_map)
+        residuals_m = _aligned(layout, in_map).residuals_m
         worst = int(residuals_m.argmax())
-        tag_id = escaped(tag_ids[worst], 64)
         raise CannotFit(
             f'the layout does not fit the map: the largest residual is {residuals_m[worst]:.2f} m, of tag'
-            f" '{tag_id}', and the tolerance is {tolerance_m:g} m: correct this position,"
-            ' add more tags, or raise the tolerance'
+            f" '{escaped(tag_ids[worst], 64)}', and the tolerance is {tolerance_m:g} m: correct this"
+            ' position, add more tags, or raise the tolerance'
         )
-    middle = layout[kept].mean()
+    aligned, middle = _aligned(layout[kept], in_map[kept]), layout[kept].mean()
     spread_m = np.abs(layout[kept] - middle)
     if spread_m.max() <= tolerance_m:
         raise CannotFit(
             f'the {len(kept)} tags that fit lie in one spot of the layout, within the tolerance of'
             f' {tolerance_m:g} m, and fit any rotation: use tags that are far apart'
         )
-    distances_m = dict(zip(layout_m, np.abs(_complex(list(layout_m.values())) - middle), strict=True))
-    farthest = max(distances_m, key=distances_m.__getitem__)
-    squares = _squared_error(layout[kept], in_map[kept])
+    distances_m = np.abs(everywhere - middle)
+    farthest, farthest_m = list(layout_m)[distances_m.argmax()], distances_m.max()
     # A residual has two coordinates, and the fit takes three of them: the shift and the rotation.
-    deviation_m = max(click_error_m, math.sqrt(squares / (2 * len(kept) - 3)))
-    turning = distances_m[farthest] ** 2 / (spread_m**2).sum()
-    expected_error_m = float(deviation_m * math.sqrt(2 / len(kept) + turning))
+    deviation_m = max(click_error_m, math.sqrt(aligned.squared_error / (2 * len(kept) - 3)))
+    turning = farthest_m**2 / (spread_m**2).sum()
+    expected_error_m = deviation_m * math.sqrt(2 / len(kept) + turning)
     if expected_error_m > tolerance_m:
         raise CannotFit(
             f"the expected error is {expected_error_m:.2f} m at tag '{escaped(farthest, 64)}', which is"
-            f' {distances_m[farthest]:.1f} m from the {len(kept)} tags that fit, and the tolerance is'
+            f' {farthest_m:.1f} m from the {len(kept)} tags that fit, and the tolerance is'
             f' {tolerance_m:g} m: use more tags, or tags that are farther apart'
         )
-    rotation, shift = _rotation_and_shift(layout[kept], in_map[kept])
-    residuals_m = np.abs(rotation * layout + shift - in_map)
+    rotation, shift, _ = aligned
+    mirrored_error = _aligned(layout[kept].conj(), in_map[kept]).squared_error
     return Fit(
         Transform(shift.real, shift.imag, cmath.phase(rotation)),
-        dict(zip(tag_ids, residuals_m.tolist(), strict=True)),
+        dict(zip(tag_ids, np.abs(rotation * layout + shift - in_map).tolist(), strict=True)),
         [tag_id for number, tag_id in enumerate(tag_ids) if number not in kept],
         farthest,
         expected_error_m,
-        hides_mirror=_squared_error(layout[kept].conj(), in_map[kept]) < squares + (4 * deviation_m) ** 2,
+        hides_mirror=mirrored_error < aligned.squared_error + (4 * deviation_m) ** 2,
     )
 
 
@@ -138,49 +149,28 @@ def best_to_click(layout_m: Mapping[str, tuple[float, float]], count: int) -> li
     return [tag_ids[number] for number in chosen]
 
 
-def _complex(places: Sequence[tuple[float, float]]) -> Positions:
-    """Return positions as complex numbers, which a factor of length 1 rotates."""
+def _complex(places: Iterable[tuple[float, float]]) -> Positions:
     return np.array([complex(*place) for place in places])
 
 
-def _rotation_and_shift(layout: Positions, in_map: Positions) -> tuple[complex, complex]:
-    """Return the factor and the summand that bring the layout nearest to the map."""
+def _aligned(layout: Positions, in_map: Positions) -> _Alignment:
     middle, middle_in_map = layout.mean(), in_map.mean()
     product = np.vdot(layout - middle, in_map - middle_in_map)
     rotation = cmath.rect(1.0, cmath.phase(product))
-    return rotation, complex(middle_in_map - rotation * middle)
-
-
-def _residuals_m(layout: Positions, in_map: Positions) -> Distances:
-    rotation, shift = _rotation_and_shift(layout, in_map)
-    residuals_m: Distances = np.abs(rotation * layout + shift - in_map)
-    return residuals_m
-
-
-def _squared_error(layout: Positions, in_map: Positions) -> float:
-    """Return the sum of the squared residuals of the best fit, in square metres."""
-    return float((_residuals_m(layout, in_map) ** 2).sum())
+    shift = complex(middle_in_map - rotation * middle)
+    return _Alignment(rotation, shift, np.abs(rotation * layout + shift - in_map))
 
 
 def _agreeing(layout: Positions, in_map: Positions, tolerance_m: float) -> Numbers:
     """Return the numbers of the tags that fit when those that do not are left out; none if too few do."""
     fewest = max(FEWEST_THAT_OVERRULE, len(layout) // 2 + 1)
     kept = np.arange(len(layout))
-    while _residuals_m(layout[kept], in_map[kept]).max() > tolerance_m:
+    while _aligned(layout[kept], in_map[kept]).residuals_m.max() > tolerance_m:
         if len(kept) <= fewest:
             return kept[:0]
-        kept = np.delete(kept, _errors_without_each(layout[kept], in_map[kept]).argmin())
+        without_each = [np.delete(kept, number) for number in range(len(kept))]
+        kept = min(without_each, key=lambda some: _aligned(layout[some], in_map[some]).squared_error)
     return kept
-
-
-def _errors_without_each(layout: Positions, in_map: Positions) -> Distances:
-    """Return the squared error of the best fit without each of the tags, in square metres."""
-    p, q = layout - layout.mean(), in_map - in_map.mean()
-    share = len(p) / (len(p) - 1)  # what a tag adds to each sum, as the means move too
-    squares = np.abs(p) ** 2 + np.abs(q) ** 2
-    products = p.conj() * q
-    errors: Distances = squares.sum() - share * squares - 2.0 * np.abs(products.sum() - share * products)
-    return errors
 
 
 def _is_mirrored(
@@ -192,9 +182,9 @@ def _is_mirrored(
     if len(kept) != len(kept_mirrored):
         return len(kept_mirrored) > len(kept)
     if not len(kept):
-        return _squared_error(mirrored, in_map) < 0.25 * _squared_error(layout, in_map)
-    error = _squared_error(mirrored[kept_mirrored], in_map[kept_mirrored])
-    return error < _squared_error(layout[kept], in_map[kept]) - click_error_m**2
+        return _aligned(mirrored, in_map).squared_error < 0.25 * _aligned(layout, in_map).squared_error
+    error = _aligned(mirrored[kept_mirrored], in_map[kept_mirrored]).squared_error
+    return error < _aligned(layout[kept], in_map[kept]).squared_error - click_error_m**2
 
 
 def read_places(path: str | Path) -> dict[str, tuple[float, float]]:

@@ -1,5 +1,6 @@
 """The poses from which a camera may see a tag, and which are better than others. Does not import ROS."""
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -41,7 +42,7 @@ class ViewingLimits:
     arrival_tolerance_rad: float = 0.15
     camera_offset_m: float = 0.0  # of the camera, ahead of the robot's centre
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not 0.0 < self.smallest_standoff_m <= self.preferred_standoff_m <= self.largest_standoff_m < 1e3:
             raise StartUpError(
                 f'the standoffs are {self.smallest_standoff_m:g}, {self.preferred_standoff_m:g} and'
@@ -87,25 +88,25 @@ def find_candidates(
     """Return the possible poses of a tag, with the columns of ApproachPose, in an array (poses, 5)."""
     preferred_m = limits.preferred_standoff_m
     standoffs_m = [preferred_m]
-    if not at_preferred_standoff:
+    if override.standoff is not None:
+        standoffs_m = [override.standoff]
+    elif not at_preferred_standoff:
         standoffs_m += _steps(preferred_m, limits.smallest_standoff_m, STANDOFF_STEP_M)
         standoffs_m += _steps(preferred_m, limits.largest_standoff_m, STANDOFF_STEP_M)
     one_side = _steps(0.0, limits.largest_angle_rad, ANGLE_STEP_RAD)
     one_side += _steps(limits.largest_angle_rad, limits.steepest_rad, ANGLE_STEP_RAD)
     angles = [0.0, *(sign * angle for angle in one_side for sign in (1, -1))]
-    if override.standoff is not None:
-        standoffs_m = [override.standoff]
     if override.yaw is not None:
         angles = [override.yaw + math.pi - tag.facing]
     if override.goal_x is not None or override.goal_y is not None:
         standoffs_m, angles = standoffs_m[:1], angles[:1]
-    standoffs, angles = (each.ravel() for each in np.meshgrid(standoffs_m, angles, indexing='ij'))
+    views = np.array(list(itertools.product(standoffs_m, angles)))
     if override == Override():  # a tag looks narrower from the side: a steep view must be nearer
         narrow_m = limits.largest_standoff_m / math.cos(limits.largest_angle_rad)
-        is_wide = standoffs <= np.maximum(narrow_m * np.cos(angles), limits.smallest_standoff_m) + EQUAL_M
-        is_wide |= np.abs(angles) <= limits.largest_angle_rad
-        standoffs, angles = standoffs[is_wide], angles[is_wide]
-    places = tag[:2] + standoffs[:, None] * directions(tag.facing + angles)
+        farthest_m = np.maximum(narrow_m * np.cos(views[:, 1]), limits.smallest_standoff_m)
+        is_wide = np.abs(views[:, 1]) <= limits.largest_angle_rad
+        views = views[is_wide | (views[:, 0] <= farthest_m + EQUAL_M)]
+    places = tag[:2] + views[:, :1] * directions(tag.facing + views[:, 1])
     for axis, value in enumerate((override.goal_x, override.goal_y)):
         if value is not None:
             places[:, axis] = value
