@@ -31,19 +31,19 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
 Poses = dict[str, Any]  # what `--format json` prints
 ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
-LIMITS = (  # option, field of ViewingLimits, unit, help
-    ('--radius', 'robot_radius_m', 'M', 'radius of the robot in metres'),
-    ('--clearance', 'clearance_m', 'M', 'room beyond the radius to tables, walls and tags'),
-    ('--standoff', 'preferred_standoff_m', 'M', 'preferred distance to the tag'),
-    ('--smallest-standoff', 'smallest_standoff_m', 'M', 'smallest distance to the tag'),
-    ('--largest-standoff', 'largest_standoff_m', 'M', 'largest distance to the tag'),
-    ('--angle', 'largest_angle_rad', 'DEGREES', 'largest incidence angle'),
-    (
-        *('--steepest-angle', 'steepest_angle_rad', 'DEGREES'),
+LIMITS = {  # by field of ViewingLimits: option, and help
+    'robot_radius_m': ('--radius', 'radius of the robot in metres'),
+    'clearance_m': ('--clearance', 'room beyond the radius to tables, walls and tags'),
+    'preferred_standoff_m': ('--standoff', 'preferred distance to the tag'),
+    'smallest_standoff_m': ('--smallest-standoff', 'smallest distance to the tag'),
+    'largest_standoff_m': ('--largest-standoff', 'largest distance to the tag'),
+    'largest_angle_rad': ('--angle', 'largest incidence angle'),
+    'steepest_angle_rad': (
+        '--steepest-angle',
         'largest incidence angle if no pose within --angle has 2 cm of room',
     ),
-    ('--camera-offset', 'camera_offset_m', 'M', "how far the camera is ahead of the robot's centre"),
-)
+    'camera_offset_m': ('--camera-offset', "how far the camera is ahead of the robot's centre"),
+}
 
 
 def main(args: list[str] | None = None) -> int:
@@ -71,7 +71,7 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
     )
     overrides, warnings = read_overrides(options.overrides, layout.tags) if options.overrides else ({}, [])
     walls = find_walls(layout, options.sim_config_file, options.walls)
-    values = {field: getattr(options, field) for _, field, *_ in LIMITS}
+    values = {name: getattr(options, name) for name in LIMITS}
     off_m, off_rad = options.arrival_tolerance
     limits = ViewingLimits(
         **{name: math.radians(each) if name.endswith('_rad') else each for name, each in values.items()},
@@ -141,22 +141,16 @@ def _draw(
 
 
 def _as_table(data: Poses) -> str:
-    rows = [
-        (
-            escaped(each['tag_id'], 40),
-            *(f'{each[key]:.2f}' for key in ('x', 'y')),
-            str(round(math.degrees(each['yaw']))),
-            f'{each["distance_m"]:.2f}',
-            str(round(math.degrees(each['angle_rad']))),
-        )
-        for each in data['poses']
-    ]
-    rows.insert(0, ('tag', 'x (m)', 'y (m)', 'yaw (°)', 'standoff (m)', 'angle (°)'))
-    lines = aligned_table(rows, range(1, len(rows[0])))
-    count = len(data['poses'])
-    total = count + len(data['unreachable'])
-    lines.append(f'{count}/{total} tags have an approach pose; the route is {data["length_m"]:.1f} m long')
-    return '\n'.join([*lines, ''])
+    rows = [('tag', 'x (m)', 'y (m)', 'yaw (°)', 'standoff (m)', 'angle (°)')]
+    for each in data['poses']:
+        yaw, angle = (f'{math.degrees(each[key]):.0f}' for key in ('yaw', 'angle_rad'))
+        x, y, standoff = (f'{each[key]:.2f}' for key in ('x', 'y', 'distance_m'))
+        rows.append((escaped(each['tag_id'], 40), x, y, yaw, standoff, angle))
+    count, missing = len(data['poses']), len(data['unreachable'])
+    summary = (
+        f'{count}/{count + missing} tags have an approach pose; the route is {data["length_m"]:.1f} m long'
+    )
+    return '\n'.join([*aligned_table(rows, range(1, len(rows[0]))), summary, ''])
 
 
 def _as_csv(data: Poses) -> str:
@@ -221,49 +215,50 @@ def _parser() -> argparse.ArgumentParser:
     shipped = "the bridge's tag_file; default: the one of mdp-greenhouse"
     add('--tag-file', default='', metavar='FILE', help=shipped)
     add_wall_options(parser)
-    for option, field, unit, what in LIMITS:
-        value = getattr(default, field)
-        value = math.degrees(value) if unit == 'DEGREES' else value
+    for name, (option, what) in LIMITS.items():
+        value, unit = getattr(default, name), 'M'
+        if name.endswith('_rad'):
+            value, unit = math.degrees(value), 'DEGREES'
         shown = f'{what} (default: %(default)g)'
-        add(option, dest=field, type=float, default=value, metavar=unit, help=shown)
-    add(
-        '--arrival-tolerance',
-        type=float,
-        nargs=2,
-        default=(default.arrival_tolerance_m, default.arrival_tolerance_rad),
-        metavar=('M', 'RADIANS'),
-        help="how far from its pose the robot may stop, in position and in yaw, like Nav2's xy_goal_tolerance"
-        ' and yaw_goal_tolerance (default: 0.06 0.15)',
-    )
-    add(
-        '--order',
-        choices=ORDERS,
-        default='shortest',
-        help='order of the visits: given (as in the tag file), numeric (by tag id), or shortest (the shortest'
-        ' route found) (default: %(default)s)',
-    )
-    for option, what in (('--start', 'the robot starts'), ('--end', 'the route ends, such as at a dock')):
-        shown = f'where {what}: x and y in metres, in the layout'
-        add(option, type=float, nargs=2, metavar=('X', 'Y'), help=shown)
-    add('--overrides', metavar='FILE', help='YAML file of poses that are set by hand')
-    add(
-        '--layout-in-map',
-        metavar='FILE',
-        help='file that register_layout has written: print the poses in the map',
-    )
-    add(
-        '--map',
-        metavar='FILE',
-        help="YAML file of the robot's map, in the format of Nav2's map_server: each pose keeps its clearance"
-        ' from the obstacles in this map too',
-    )
-    add(
-        '--unknown',
-        choices=('occupied', 'free'),
-        default='occupied',
-        help='what the unknown cells of the map count as (default: %(default)s)',
-    )
-    add('--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)')
-    add('--picture', metavar='FILE', help='draw the layout, the poses and the route')
+        add(option, dest=name, type=float, default=value, metavar=unit, help=shown)
+    tolerances = default.arrival_tolerance_m, default.arrival_tolerance_rad
+    place: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
+    file: dict[str, Any] = {'metavar': 'FILE'}
+    for option, settings, what in (
+        (
+            '--arrival-tolerance',
+            place | {'default': tolerances, 'metavar': ('M', 'RADIANS')},
+            "how far from its pose the robot may stop, in position and in yaw, like Nav2's xy_goal_tolerance"
+            ' and yaw_goal_tolerance (default: 0.06 0.15)',
+        ),
+        (
+            '--order',
+            {'choices': ORDERS, 'default': 'shortest'},
+            'order of the visits: given (as in the tag file), numeric (by tag id), or shortest (the shortest'
+            ' route found) (default: %(default)s)',
+        ),
+        ('--start', place, 'where the robot starts: x and y in metres, in the layout'),
+        ('--end', place, 'where the route ends, such as at a dock: x and y in metres, in the layout'),
+        ('--overrides', file, 'YAML file of poses that are set by hand'),
+        ('--layout-in-map', file, 'file that register_layout has written: print the poses in the map'),
+        (
+            '--map',
+            file,
+            "YAML file of the robot's map, in the format of Nav2's map_server: each pose keeps its clearance"
+            ' from the obstacles in this map too',
+        ),
+        (
+            '--unknown',
+            {'choices': ('occupied', 'free'), 'default': 'occupied'},
+            'what the unknown cells of the map count as (default: %(default)s)',
+        ),
+        (
+            '--format',
+            {'choices': FORMATS, 'default': 'table'},
+            'format of the output (default: %(default)s)',
+        ),
+        ('--picture', file, 'draw the layout, the poses and the route'),
+    ):
+        add(option, help=what, **settings)
     add('--publish', action='store_true', help='publish the poses on topic ~/poses for RViz, until Ctrl-C')
     return parser

@@ -21,6 +21,7 @@ _EXAMPLE = 'such as "frame_id: map", "x: 1.5", "y: -0.2" and "yaw: 0.3"'
 _UNITS = {'x': 'metres', 'y': 'metres', 'yaw': 'radians'}
 Positions = NDArray[np.complex128]  # x + y * 1j in metres, which a factor of length 1 rotates
 Numbers = NDArray[np.intp]
+Point = tuple[float, float]  # x and y in metres
 
 
 class CannotFit(OneLineError):
@@ -34,7 +35,7 @@ class Transform(NamedTuple):
     y: float = 0.0
     yaw: float = 0.0
 
-    def point(self, x: float, y: float) -> tuple[float, float]:
+    def point(self, x: float, y: float) -> Point:
         """Transform a point from the frame of the layout into the map."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return self.x + cos * x - sin * y, self.y + sin * x + cos * y
@@ -69,8 +70,8 @@ class _Alignment(NamedTuple):
 
 
 def fit(
-    layout_m: Mapping[str, tuple[float, float]],
-    map_m: Mapping[str, tuple[float, float]],
+    layout_m: Mapping[str, Point],
+    map_m: Mapping[str, Point],
     tolerance_m: float = DEFAULT_TOLERANCE_M,
     click_error_m: float = DEFAULT_CLICK_ERROR_M,
 ) -> Fit:
@@ -135,12 +136,12 @@ def fit(
     )
 
 
-def best_to_click(layout_m: Mapping[str, tuple[float, float]], count: int) -> list[str]:
+def best_to_click(layout_m: Mapping[str, Point], count: int) -> list[str]:
     """Return `count` tags that are widely spread in both directions, from x and y in metres by tag id."""
     tag_ids, places = list(layout_m), np.array(list(layout_m.values()))
     chosen = [int(np.linalg.norm(places - places.mean(axis=0), axis=1).argmax())]
 
-    def spread(number: int) -> tuple[float, float]:
+    def spread(number: int) -> Point:
         """Return the determinant and the trace of the scatter matrix: the trace counts for tags on a line."""
         scatter = np.cov(places[[*chosen, number]].T)
         return round(float(np.linalg.det(scatter)), 6), float(np.trace(scatter))
@@ -150,7 +151,7 @@ def best_to_click(layout_m: Mapping[str, tuple[float, float]], count: int) -> li
     return [tag_ids[number] for number in chosen]
 
 
-def _complex(places: Iterable[tuple[float, float]]) -> Positions:
+def _complex(places: Iterable[Point]) -> Positions:
     return np.array([complex(*place) for place in places])
 
 
@@ -188,7 +189,7 @@ def _is_mirrored(
     return error < _aligned(layout[kept], in_map[kept]).squared_error - click_error_m**2
 
 
-def read_places(path: str | Path) -> dict[str, tuple[float, float]]:
+def read_places(path: str | Path) -> dict[str, Point]:
     """Return x and y in metres by tag id, from a YAML or JSON file; raises StartUpError for a bad file."""
     where = f"pairs '{escaped(str(path), 500)}'"
     example = 'such as {"7": [1.5, 7.3]}'

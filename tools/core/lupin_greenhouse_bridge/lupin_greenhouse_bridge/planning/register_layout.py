@@ -4,14 +4,13 @@ import argparse
 import math
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import rclpy
 from geometry_msgs.msg import PointStamped
 from rclpy.executors import Executor
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from rclpy.utilities import remove_ros_args
 
 from lupin_greenhouse_bridge.errors import Interrupted, StartUpError, UsageError, escaped
@@ -21,6 +20,7 @@ from lupin_greenhouse_bridge.planning.registration import (
     LAYOUT_FRAME,
     MAP_FRAME,
     CannotFit,
+    Point,
     best_to_click,
     fit,
     read_places,
@@ -39,7 +39,6 @@ EPILOG = (
     ' farthest from the others must be within the tolerance too.'
     ' Exit code: 0 written, 1 the layout does not fit the map, 2 usage.'
 )
-DEFAULT_OUTPUT = 'layout_in_map.yaml'
 CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
 
 
@@ -90,9 +89,7 @@ def layout_of(options: argparse.Namespace) -> Layout:
         if output.is_dir():
             raise UsageError(f"--output '{output}' is a folder: name a file in it")
         if not output.parent.is_dir():
-            raise UsageError(
-                f"--output: there is no folder '{output.parent}': name a file in a folder that exists"
-            )
+            raise UsageError(f"--output: there is no folder '{output.parent}': name a folder that exists")
         for name, path in (('--pairs', getattr(options, 'pairs', None)), ('--tag-file', options.tag_file)):
             if path and output.exists() and Path(path).exists() and output.samefile(path):
                 raise UsageError(f"--output '{output}' is the file of {name} itself: name another file")
@@ -101,9 +98,7 @@ def layout_of(options: argparse.Namespace) -> Layout:
     return require_layout(options.tag_file)
 
 
-def register(
-    layout: Layout, places: Mapping[str, tuple[float, float]], frame_id: str, options: argparse.Namespace
-) -> None:
+def register(layout: Layout, places: Mapping[str, Point], frame_id: str, options: argparse.Namespace) -> None:
     """
     Fit the layout to positions in a frame, print the residual of each tag, and write the file.
 
@@ -112,24 +107,27 @@ def register(
     """
     _check_known(layout, places)
     fitted = fit(_places_m(layout), places, options.tolerance, options.click_error)
-    shown = escaped(frame_id, 40)
-    rows: list[Sequence[str]] = [('tag', f'x in {shown} (m)', f'y in {shown} (m)', 'residual (m)', '')]
-    for tag_id, place in places.items():
-        numbers = (f'{each:.3f}' for each in (*place, fitted.residuals_m[tag_id]))
-        rows.append((escaped(tag_id, 40), *numbers, 'left out' if tag_id in fitted.left_out else ''))
+    frame = escaped(frame_id, 40)
+    rows = [('tag', f'x in {frame} (m)', f'y in {frame} (m)', 'residual (m)', '')]
+    for tag_id, (x, y) in places.items():
+        remark = 'left out' if tag_id in fitted.left_out else ''
+        rows.append(
+            (escaped(tag_id, 40), f'{x:.3f}', f'{y:.3f}', f'{fitted.residuals_m[tag_id]:.3f}', remark)
+        )
     print_line('\n'.join(aligned_table(rows, [1, 2, 3])))
-    count, notes = len(places) - len(fitted.left_out), []
+    count = len(places) - len(fitted.left_out)
     if count == 2:
-        notes.append('two tags cannot show whether they are swapped or mirrored: add a third')
+        print_line('two tags cannot show whether they are swapped or mirrored: add a third', sys.stderr)
     elif fitted.hides_mirror:
-        notes.append(
+        print_line(
             f'the {count} tags lie almost on one line, and cannot show whether they are mirrored: add a tag'
-            ' beside this line'
+            ' beside this line',
+            sys.stderr,
         )
     if frame_id.rpartition('/')[2] != MAP_FRAME:
-        notes.append(f"the positions are in the frame '{shown}': set RViz's Fixed Frame to {MAP_FRAME}")
-    for note in notes:
-        print(note, file=sys.stderr)
+        print_line(
+            f"the positions are in the frame '{frame}': set RViz's Fixed Frame to {MAP_FRAME}", sys.stderr
+        )
     write_transform(options.output, fitted.transform, frame_id)
     x, y, yaw = fitted.transform
     print_line(
@@ -146,25 +144,24 @@ def _suggest(layout: Layout, count: int) -> None:
     """Print the tags that are best to click, and the command for them."""
     if not 2 <= count <= len(layout.tags):
         raise UsageError(f'--suggest is {count}: must be from 2 to {len(layout.tags)}, the number of tags')
-    tag_ids = best_to_click(_places_m(layout), count)
-    rows: list[Sequence[str]] = [('tag', 'x in layout (m)', 'y in layout (m)')]
-    rows += [
-        (escaped(tag_id, 40), *(f'{each:.2f}' for each in layout.tags[tag_id][:2])) for tag_id in tag_ids
-    ]
-    print_line('\n'.join(aligned_table(rows, [1, 2])))
+    places_m = _places_m(layout)
+    tag_ids = best_to_click(places_m, count)
+    rows = [(escaped(tag_id, 40), *(f'{each:.2f}' for each in places_m[tag_id])) for tag_id in tag_ids]
+    print_line('\n'.join(aligned_table([('tag', 'x in layout (m)', 'y in layout (m)'), *rows], [1, 2])))
     print_line(f'To click them: ros2 run lupin_greenhouse_bridge {NAME} --click {shlex.join(tag_ids)}')
 
 
-def _places_m(layout: Layout) -> dict[str, tuple[float, float]]:
+def _places_m(layout: Layout) -> dict[str, Point]:
     return {tag_id: tag[:2] for tag_id, tag in layout.tags.items()}
 
 
 def _check_known(layout: Layout, tag_ids: Iterable[str]) -> None:
-    if unknown := [tag_id for tag_id in tag_ids if tag_id not in layout.tags]:
-        raise UsageError(
-            f"tag '{escaped(unknown[0], 64)}' is not one of the {len(layout.tags)} tags of the layout:"
-            " correct its id, or name the bridge's tag file"
-        )
+    for tag_id in tag_ids:
+        if tag_id not in layout.tags:
+            raise UsageError(
+                f"tag '{escaped(tag_id, 64)}' is not one of the {len(layout.tags)} tags of the layout:"
+                " correct its id, or name the bridge's tag file"
+            )
 
 
 def node_in(executor: Executor, name: str) -> Node:
@@ -175,46 +172,36 @@ def node_in(executor: Executor, name: str) -> Node:
     return node
 
 
-def _take_clicks(
-    executor: Executor, layout: Layout, tag_ids: list[str]
-) -> tuple[dict[str, tuple[float, float]], str]:
+def _take_clicks(executor: Executor, layout: Layout, tag_ids: list[str]) -> tuple[dict[str, Point], str]:
     """Return the clicked places by tag id, and the frame of all; raises Interrupted."""
     _check_known(layout, tag_ids)
     if len(tag_ids) < 2:
         raise UsageError('--click needs at least 2 tags')
-    places: dict[str, tuple[float, float]] = {}
-    left, first_frame_id = list(tag_ids), ''
-
-    def ask() -> None:
-        x, y, *_ = layout.tags[left[0]]
+    clicks: list[PointStamped] = []
+    node_in(executor, NAME).create_subscription(PointStamped, CLICK_TOPIC, clicks.append, 10)
+    places: dict[str, Point] = {}
+    first_frame_id = ''
+    for tag_id in tag_ids:
+        x, y = layout.tags[tag_id][:2]
         print_line(
-            f'click tag {escaped(left[0], 40)} with Publish Point in RViz, {len(left)} to go'
+            f'click tag {escaped(tag_id, 40)} with Publish Point in RViz, {len(tag_ids) - len(places)} to go'
             f' (in the layout it is at x {x:g} m, y {y:g} m)',
         )
-
-    def on_click(message: PointStamped) -> None:
-        nonlocal first_frame_id
-        frame_id, x, y = message.header.frame_id, message.point.x, message.point.y
-        if not left:
-            return
-        if frame_id != (first_frame_id or frame_id):
-            fault = (
-                f"in the frame '{escaped(frame_id, 64)}': the first was in '{first_frame_id}',"
-                " so set RViz's Fixed Frame to it"
-            )
-        elif not (frame_id.strip() and frame_id.isprintable() and math.isfinite(x) and math.isfinite(y)):
-            fault = 'without a frame or a position: click on the map'
-        else:
-            first_frame_id = frame_id
-            places[left.pop(0)] = (x, y)
-            if left:
-                ask()
-            return
-        print(f'{NAME}: ignored a click {fault}', file=sys.stderr, flush=True)
-
-    node_in(executor, NAME).create_subscription(PointStamped, CLICK_TOPIC, on_click, QoSProfile(depth=10))
-    ask()
-    spin_until(executor, lambda: not left)
+        while tag_id not in places:
+            spin_until(executor, lambda: bool(clicks))
+            click = clicks.pop(0)
+            frame_id, place = click.header.frame_id, (click.point.x, click.point.y)
+            if first_frame_id not in ('', frame_id):
+                fault = (
+                    f"in the frame '{escaped(frame_id, 64)}': the first was in '{first_frame_id}',"
+                    " so set RViz's Fixed Frame to it"
+                )
+            elif not (frame_id.strip() and frame_id.isprintable() and all(map(math.isfinite, place))):
+                fault = 'without a frame or a position: click on the map'
+            else:
+                first_frame_id, places[tag_id] = frame_id, place
+                continue
+            print_line(f'{NAME}: ignored a click {fault}', sys.stderr)
     return places, first_frame_id
 
 
@@ -232,21 +219,13 @@ def _parser() -> argparse.ArgumentParser:
         description="Find where the layout of the greenhouse lies in the robot's map.",
         epilog=EPILOG,
     )
-    source = parser.add_mutually_exclusive_group(required=True)
-    source.add_argument(
-        '--pairs',
-        metavar='FILE',
-        help='YAML or JSON file with the positions of tags in the map, such as {"7": [1.5, 7.3]}',
-    )
-    source.add_argument(
-        '--click',
-        nargs='+',
-        metavar='ID',
-        help='click these tags in RViz with Publish Point, one after the other in this order',
-    )
-    source.add_argument(
-        '--suggest', type=int, metavar='N', help='print the N tags that are best to click, and write nothing'
-    )
+    add = parser.add_mutually_exclusive_group(required=True).add_argument
+    pairs = 'YAML or JSON file with the positions of tags in the map, such as {"7": [1.5, 7.3]}'
+    add('--pairs', metavar='FILE', help=pairs)
+    clicks = 'click these tags in RViz with Publish Point, one after the other in this order'
+    add('--click', nargs='+', metavar='ID', help=clicks)
+    count = 'print the N tags that are best to click, and write nothing'
+    add('--suggest', type=int, metavar='N', help=count)
     add_arguments(parser)
     return parser
 
@@ -254,21 +233,24 @@ def _parser() -> argparse.ArgumentParser:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of layout_of() and register()."""
     add = parser.add_argument
-    add('-o', '--output', default=DEFAULT_OUTPUT, metavar='FILE', help='file to write; default: %(default)s')
+    add(
+        '-o',
+        '--output',
+        default='layout_in_map.yaml',
+        metavar='FILE',
+        help='file to write; default: %(default)s',
+    )
     add('--tag-file', default='', metavar='FILE', help="the bridge's tag_file; default: the shipped one")
-    add(
-        '--tolerance',
-        type=float,
-        metavar='M',
-        default=DEFAULT_TOLERANCE_M,
-        help='largest residual in metres that a tag may have without being left out, and largest expected'
-        ' error in metres; default: %(default)s',
-    )
-    add(
-        '--click-error',
-        type=float,
-        metavar='M',
-        default=DEFAULT_CLICK_ERROR_M,
-        help='assumed standard deviation of a position along each axis in metres; if the residuals show a'
-        ' larger one, that one counts; default: %(default)s',
-    )
+    for option, default, what in (
+        (
+            *('--tolerance', DEFAULT_TOLERANCE_M),
+            'largest residual in metres that a tag may have without being left out, and largest expected'
+            ' error in metres',
+        ),
+        (
+            *('--click-error', DEFAULT_CLICK_ERROR_M),
+            'assumed standard deviation of a position along each axis in metres; if the residuals show a'
+            ' larger one, that one counts',
+        ),
+    ):
+        add(option, type=float, metavar='M', default=default, help=f'{what}; default: %(default)s')
