@@ -36,6 +36,7 @@ class Approaches:
     """The approach poses and the reasons of the other tags, by tag id in the order of the layout."""
 
     free_space: FreeSpace
+    region: int  # the number of the region of the free space that all poses are in; -1 without poses
     poses: dict[str, ApproachPose] = field(default_factory=dict)
     alternatives: dict[str, list[ApproachPose]] = field(default_factory=dict)  # to each pose, the best first
     room_warnings: dict[str, str] = field(default_factory=dict)  # of poses with less room than the clearance
@@ -84,10 +85,9 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     if start_m:
         region = int(free_space.regions_of(start_m)[0])
     else:
-        (region, _), *_ = Counter(view.region for view in views.values() if view.pose).most_common(1) or [
-            (-1, 0)
-        ]
-    found = Approaches(free_space)
+        counts = Counter(view.region for view in views.values() if view.pose)
+        region = max(counts, key=counts.__getitem__, default=-1)
+    found = Approaches(free_space, region)
     for tag_id, anywhere in views.items():
         view = anywhere
         if view.pose and view.region != region:
@@ -109,8 +109,8 @@ def _check_place_of(
     occupancy: OccupancyMap, tag_poses: Mapping[str, TagPose], limits: ViewingLimits, walls: Walls
 ) -> None:
     """Raise StartUpError if the map holds fewer than half of the places before the tags."""
-    x, y, facing, _ = np.array(list(tag_poses.values())).T
-    places = np.column_stack([x, y]) + limits.preferred_standoff_m * directions(facing)
+    tags = np.array(list(tag_poses.values()))
+    places = tags[:, :2] + limits.preferred_standoff_m * directions(tags[:, 2])
     count = int(occupancy.have_inside(places).sum())
     if 2 * count < len(places):
         map_extent, greenhouse = (

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
-from lupin_greenhouse_bridge.planning.tag_poses import EQUAL_M, Table, TagPose, distances_m
+from lupin_greenhouse_bridge.planning.tag_poses import EQUAL_M, Table, TagPose, distances_m, nearest_of
 from lupin_greenhouse_bridge.planning.walls import Walls
 
 BEYOND = 1e-6  # share of a line of sight: what touches the tag from the front is before it
@@ -95,11 +95,12 @@ class Obstacles:
         tag, number = self._tag_poses[tag_id], self._numbers[tag_id]
         plates = np.array(self._ends.query_ball_point(tag[:2], reach_m)) // 2
         others = np.unique(self._plates[plates[plates != number]], axis=0)  # of equal ones, one
-        is_near = distances_m(self._tables, tag[:2]) <= reach_m
-        other_tables = self._tables[is_near & (np.arange(len(is_near)) != tag.table)]
+        away_m = distances_m(self._tables, tag[:2])
+        tables = np.flatnonzero(away_m <= reach_m)
+        other_tables = self._tables[tables[tables != nearest_of(away_m)]] if len(tables) else self._tables[:0]
         corners = other_tables[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
         sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
         sides = np.concatenate([sides, others])
         nearest_first = np.linalg.norm(sides.mean(axis=1) - tag[:2], axis=1).argsort()
         plates = np.concatenate([self._plates[number, None], others])
-        return Surroundings(self._walls, self._tables[is_near], plates, other_tables, sides[nearest_first])
+        return Surroundings(self._walls, self._tables[tables], plates, other_tables, sides[nearest_first])

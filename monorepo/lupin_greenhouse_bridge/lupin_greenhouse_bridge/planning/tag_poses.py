@@ -52,7 +52,6 @@ class TagPose(NamedTuple):
     x: float
     y: float
     facing: float
-    table: int = -1  # the number of the table that it stands on; -1 without tables
 
     def ends_of_plate(self) -> np.ndarray:
         """Return the two ends of the tag's plate, seen from above, in an array (2, 2)."""
@@ -91,8 +90,7 @@ def find_tag_poses(layout: Layout, walls: Walls) -> dict[str, TagPose]:
             facing = math.atan2(middle[1] - y, middle[0] - x) if (x, y) != middle else SOUTH
             tag_poses[tag_id] = TagPose(x, y, facing)
             continue
-        away_m = distances_m(edges, (x, y))
-        number = int(np.argmax(away_m <= away_m.min() + EQUAL_M))
+        number = nearest_of(distances_m(edges, (x, y)))
         facing, *others = tables[number].nearest_edges(x, y)
         if others:
             around: list[Walls | Table] = [walls, *tables[:number], *tables[number + 1 :]]
@@ -101,7 +99,7 @@ def find_tag_poses(layout: Layout, walls: Walls) -> dict[str, TagPose]:
                 for angle in (facing, *others)
             }
             facing = max(room_m, key=room_m.__getitem__)
-        tag_poses[tag_id] = TagPose(x, y, facing, number)
+        tag_poses[tag_id] = TagPose(x, y, facing)
     return tag_poses
 
 
@@ -109,3 +107,8 @@ def distances_m(tables: np.ndarray, points: ArrayLike) -> np.ndarray:
     """Return the distance of each table (tables, 4) to a point (2), or to each of (points, 1, 2)."""
     beside = np.maximum(tables[:, :2] - points, points - tables[:, 2:]).clip(0.0)
     return np.asarray(np.hypot(beside[..., 0], beside[..., 1]))
+
+
+def nearest_of(distances_m: np.ndarray) -> int:
+    """Return the number of the smallest distance; of equal ones, the first."""
+    return int(np.argmax(distances_m <= distances_m.min() + EQUAL_M))
