@@ -1,4 +1,4 @@
-"""The JSON schema of the tag file accepts what the bridge reads, and nothing else."""
+"""The JSON schemas of the tag file and of the config accept what the bridge reads, and nothing else."""
 
 import copy
 import importlib.util
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+import yaml
 from ament_index_python.packages import get_package_share_directory
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,7 +17,7 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.simulator.layout import read_layout, shipped_file
 
 ROOT = Path(__file__).resolve().parents[2]
-SCHEMA = Path(get_package_share_directory('lupin_greenhouse_bridge'), 'schema/tag_locations.schema.json')
+SCHEMAS = Path(get_package_share_directory('lupin_greenhouse_bridge'), 'schema')
 
 
 def of_the_bridge_tests():
@@ -30,8 +31,17 @@ def of_the_bridge_tests():
 
 FILES = of_the_bridge_tests()
 # What a schema cannot say; JSON itself has no NaN.
-BEYOND_A_SCHEMA = ('\\ud83c', 'x is nan', "', which", 'no tag has a sensor')
-VALIDATOR = jsonschema.Draft7Validator(json.loads(SCHEMA.read_text(encoding='utf-8')))
+BEYOND_A_SCHEMA = ('\\ud83c', ' is nan', "', which", 'no tag has a sensor', 'did you mean')
+TAG_FILE, CONFIG = (
+    jsonschema.Draft7Validator(json.loads((SCHEMAS / name).read_text(encoding='utf-8')))
+    for name in ('tag_locations.schema.json', 'greenhouse_config.schema.json')
+)
+SHIPPED_CONFIG = yaml.safe_load(shipped_file('greenhouse_config.yaml').read_text(encoding='utf-8'))
+
+
+def sayable(rows):
+    """Return the rows of a table of bad files that a schema can refuse."""
+    return [row for row, message in rows if not any(each in message for each in BEYOND_A_SCHEMA)]
 
 
 def is_read(folder: Path, document) -> bool:
@@ -45,22 +55,32 @@ def is_read(folder: Path, document) -> bool:
     return True
 
 
-def test_the_schema_is_a_schema_and_takes_the_shipped_file():
-    VALIDATOR.check_schema(VALIDATOR.schema)
-    VALIDATOR.validate(json.loads(shipped_file('tag_locations.json').read_text(encoding='utf-8')))
+def test_the_schemas_are_schemas_and_take_the_shipped_files():
+    for schema in (TAG_FILE, CONFIG):
+        schema.check_schema(schema.schema)
+    TAG_FILE.validate(json.loads(shipped_file('tag_locations.json').read_text(encoding='utf-8')))
+    CONFIG.validate(SHIPPED_CONFIG)
 
 
-@pytest.mark.parametrize(
-    'row', [row for row, message in FILES.BAD_TAGS if not any(each in message for each in BEYOND_A_SCHEMA)]
-)
+@pytest.mark.parametrize('row', sayable(FILES.BAD_TAGS))
 def test_a_bad_tag_file_is_refused(row):
-    assert not VALIDATOR.is_valid(FILES.changed(FILES.TAGS, row))
+    assert not TAG_FILE.is_valid(FILES.changed(FILES.TAGS, row))
 
 
 @pytest.mark.parametrize(('row', '_ids'), FILES.GOOD_TAGS)
 def test_a_good_tag_file_is_accepted(row, _ids):
     document = FILES.changed(FILES.TAGS, row)
-    assert VALIDATOR.is_valid(json.loads(document) if isinstance(document, bytes) else document)
+    assert TAG_FILE.is_valid(json.loads(document) if isinstance(document, bytes) else document)
+
+
+@pytest.mark.parametrize('row', sayable(FILES.BAD_CONFIGS))
+def test_a_bad_config_is_refused(row):
+    assert not CONFIG.is_valid(FILES.changed(SHIPPED_CONFIG, row))
+
+
+@pytest.mark.parametrize('row', FILES.GOOD_CONFIGS)
+def test_a_good_config_is_accepted(row):
+    assert CONFIG.is_valid(FILES.changed(SHIPPED_CONFIG, row))
 
 
 WHOLE = {
@@ -85,4 +105,4 @@ def test_the_schema_accepts_what_is_read_and_nothing_else(tmp_path_factory, row)
         document = FILES.changed(WHOLE, row)
     except (KeyError, TypeError, AttributeError, ValueError, IndexError):
         return  # one change removed the place of the other
-    assert VALIDATOR.is_valid(document) == is_read(tmp_path_factory.getbasetemp(), document)
+    assert TAG_FILE.is_valid(document) == is_read(tmp_path_factory.getbasetemp(), document)

@@ -10,13 +10,15 @@ import tracemalloc
 
 import pytest
 import yaml
+from greenhouse_sim.sensors import CO2Sensor
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
-from lupin_greenhouse_bridge.simulator.config import read_config
+from lupin_greenhouse_bridge.simulator.config import COMPONENT_DEFAULTS, read_config
 from lupin_greenhouse_bridge.simulator.layout import (
     Tag,
     find_layout,
@@ -36,6 +38,9 @@ BAD_TAGS = [
     ({'': None}, 'holds null at its top level, not an object of tags'),
     ({'': {'units': 'm', '7': TAGS['tags']['7']}}, "tag 'units' is text, not an object"),
     ({'tags': {}}, 'holds no tags: add at least one'),
+    ({'': {'units': 'm'}}, 'holds no tags: add at least one, such as {"1": {"x": 1.5'),
+    ({'': {'units': 'm', 'tables': {}}}, 'holds no tags: add at least one'),
+    ({'tabels': {}}, 'tabels is unknown: did you mean tables?'),
     ({'tags': []}, "tag 'tags' is a list, not an object"),
     ({'tags/7': 'x'}, "tag '7' is text, not an object"),
     ({'tags/': TAGS['tags']['7']}, f"tag '' {NOT_ASKABLE}"),
@@ -62,6 +67,7 @@ BAD_TAG_BYTES = [
 ]
 
 CO2 = "sensor 'co2', component 1"
+TYPO = 'is unknown: did you mean'
 ANY = 'must be a number from -1e+12 to 1e+12'
 POSITIVE = 'must be a number from 1e-12 to 1e+12'
 HOURS = 'must be a number from 0 to 24 (hours)'
@@ -80,6 +86,13 @@ BAD_CONFIGS = [
     ({'time/speedup_factor': 0}, f'time: speedup_factor is 0: {POSITIVE}'),
     ({'time/speedup_factor': MISSING}, f'time: speedup_factor is missing: {POSITIVE}'),
     ({'sensors': {}}, 'sensors is empty: name at least one of co2, humidity'),
+    ({'sensors/co2': [{'value_at_non': 32}]}, f'{CO2}: value_at_non {TYPO} value_at_noon?'),
+    ({'sensors/co2': [{'Decay-Type': 'linear'}]}, f'{CO2}: Decay-Type {TYPO} decay_type?'),
+    ({'visualisation': {}, 'visualization': MISSING}, f'visualisation {TYPO} visualization?'),
+    ({'time/speed_factor': 5, 'time/speedup_factor': MISSING}, f'time: speed_factor {TYPO} speedup_factor?'),
+    ({'visualization': 5}, 'visualization is 5: must be a mapping, such as {greenhouse_width_m: '),
+    ({'visualization/greenhouse_width_m': MISSING}, 'visualization: greenhouse_width_m is missing'),
+    ({'visualization/colorbar_ranges/co2': {'min': 1}}, "colorbar_ranges: 'co2': max is missing"),
     ({'sensors/pressure': []}, f"unknown sensor type 'pressure': {KNOWN}"),
     ({'sensors': {7: []}}, f'unknown sensor type 7: {KNOWN}'),
     ({'sensors/co2': MISSING}, "has the sensor 'co2', which"),
@@ -221,6 +234,40 @@ def test_an_odd_but_good_config_is_served(write, row, shipped_tags):
     assert greenhouse.tag_ids == list(shipped_tags)
 
 
+def test_keys_that_change_no_value_and_defaults_that_do_are_warned_of(write):
+    row = {
+        'notes': 'any',
+        'sensors/co2': [{'value_at_noon': 600, 'colour': 1}, {'dynamics': 'radial', 'position': [1, 1]}],
+        'sensors/light': [{'dynamics': 'linear', 'colour': 2}],
+    }
+    path = write('sim_config_file', row)
+    assert load('sim_config_file', path).warnings == [
+        f"sim_config_file '{path}': the simulator ignores the keys notes, colour",
+        f"sim_config_file '{path}': keys are missing, and the simulator takes its defaults:"
+        ' co2 1 dynamics uniform, co2 1 value_at_midnight 20.0, co2 1 noise_sigma 0.0,'
+        ' co2 2 value_at_midnight 20.0, co2 2 value_at_noon 25.0 and 10 more',
+    ]
+
+
+@pytest.mark.parametrize('dynamics', ['uniform', 'radial', 'linear'])
+def test_the_defaults_are_those_of_the_simulator(dynamics):
+    explicit, silent = (
+        CO2Sensor(COMPONENT_DEFAULTS | {'dynamics': dynamics}),
+        CO2Sensor({'dynamics': dynamics}),
+    )
+    for hour in range(24):
+        at = (3.0, 4.0), hour * 3600.0
+        assert explicit.retrieve_data(*at) == silent.retrieve_data(*at)
+
+
+def test_a_sensor_that_the_config_lacks_is_refused_by_the_commands_too(write, capsys):
+    path = write('tag_file', {'tags/7/sensors': ['CO2']})
+    assert approach_poses.main(['approach_poses', '--tag-file', str(path)]) == 2
+    assert (
+        f"tag_file '{path}': tag '7' has the sensor 'CO2', which sim_config_file '" in capsys.readouterr().err
+    )
+
+
 @pytest.mark.parametrize(
     'wrap',
     [lambda text: b'\xef\xbb\xbf' + text, lambda text: text.replace(b'\n', b'\r\n')],
@@ -310,7 +357,7 @@ def test_a_refused_value_of_any_size_is_shown_in_little_memory(write, key, value
     tracemalloc.start()
     try:
         with pytest.raises(StartUpError) as refusal:
-            read_config(path, Settings(), ['co2'], ['uniform'])
+            read_config(path)
         assert tracemalloc.get_traced_memory()[1] < 20e6
     finally:
         tracemalloc.stop()

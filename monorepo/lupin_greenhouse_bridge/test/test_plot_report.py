@@ -222,7 +222,9 @@ def config(tmp_path):
     """Return a function that writes a config with this section, and returns its path."""
 
     def write(section: str) -> str:
-        (tmp_path / 'config.yaml').write_text(f'visualization: {section}')
+        (tmp_path / 'config.yaml').write_text(
+            f'time: {{debug_mode: false}}\nsensors: {{co2: [{{}}]}}\nvisualization: {section}'
+        )
         return str(tmp_path / 'config.yaml')
 
     return write
@@ -254,7 +256,7 @@ def test_colours_that_no_drawing_can_use_are_refused(config, ranges, fault):
         (['/missing.jsonl'], '/missing.jsonl'),
         (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
         (['REPORT', '--tag-file', 'REPORT'], 'is not JSON'),
-        (['REPORT', '--sim-config-file', 'TAGS'], 'visualization is missing'),
+        (['REPORT', '--sim-config-file', 'TAGS'], 'time is missing'),
         (
             ['REPORT', '--tag-file', 'TAGS'],
             "4 of the file's 4 tags are not in it, such as '1': name the tag_file of its bridge",

@@ -376,10 +376,11 @@ def test_an_unknown_tag_and_an_infinite_value_leave_the_rest_as_it_is(start_here
 
 
 def test_a_custom_layout_and_config_are_shown_where_the_layout_lies_in_the_map(start_here, room, tmp_path):
-    (tmp_path / 'tags.json').write_text('{"A7": {"x": 1.0, "y": 2.0, "sensors": ["ozone"]}}')
+    (tmp_path / 'tags.json').write_text('{"A7": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}')
     ranges = {'ozone': {'min': 0, 'max': 10}}
     section = {'greenhouse_width_m': 2, 'greenhouse_height_m': 3, 'colorbar_ranges': ranges}
-    (tmp_path / 'greenhouse.yaml').write_text(yaml.safe_dump({'visualization': section}))
+    config = {'time': {'debug_mode': False}, 'sensors': {'co2': [{}]}, 'visualization': section}
+    (tmp_path / 'greenhouse.yaml').write_text(yaml.safe_dump(config))
     transform = Transform(10.0, -5.0, 2.0)
     write_transform(tmp_path / 'layout_in_map.yaml', transform, 'site')
     start_here(

@@ -13,7 +13,10 @@ setup(
         (f'share/{package_name}/security', ['security/policy.xml']),
         (f'share/{package_name}/launch', ['launch/greenhouse_bridge.launch.py']),
         (f'share/{package_name}/config', ['config/greenhouse_bridge.yaml']),
-        (f'share/{package_name}/schema', ['schema/tag_locations.schema.json']),
+        (
+            f'share/{package_name}/schema',
+            ['schema/greenhouse_config.schema.json', 'schema/tag_locations.schema.json'],
+        ),
         (f'share/{package_name}/rviz', ['rviz/greenhouse.rviz']),
         (f'share/{package_name}/foxglove', ['foxglove/greenhouse.json']),
     ],

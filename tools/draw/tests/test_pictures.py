@@ -150,7 +150,7 @@ def test_the_figure_reads_in_black_and_white():
         (figure.main, ['--hour', '24.5'], 'figure: --hour 24.5: must be between 0 and 24 hours'),
         (figure.main, ['--output', '/missing'], 'figure: --output /missing: must be a folder'),
         (figure.main, ['--tag-file', '/missing.json'], "figure: tag_file '/missing.json'"),
-        (figure.main, ['--sim-config-file', 'CONFIG'], "figure: sim_config_file 'CONFIG': visualization"),
+        (figure.main, ['--sim-config-file', 'CONFIG'], "figure: sim_config_file 'CONFIG': time is missing"),
         (tag_sheet.main, ['--side', '200'], 'tags: --side 200: must be between 8 and 152 mm'),
         (tag_sheet.main, ['--side', 'nan'], 'tags: --side nan'),
         (tag_sheet.main, ['--tag-file', '/missing.json'], "tags: tag_file '/missing.json'"),
@@ -161,7 +161,7 @@ def test_the_figure_reads_in_black_and_white():
 def test_a_wrong_argument_is_refused_in_one_line(main, arguments, fragment, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     config = shipped('greenhouse_config.yaml')
-    del config['visualization']
+    del config['time']
     Path('CONFIG').write_text(json.dumps(config), encoding='utf-8')
     Path('TAGS').write_text('{"tag one": {"x": 1.0, "y": 1.0, "sensors": ["co2"]}}', encoding='utf-8')
     assert main(arguments) == 2

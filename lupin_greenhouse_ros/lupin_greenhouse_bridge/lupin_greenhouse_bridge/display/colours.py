@@ -6,9 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lupin_greenhouse_bridge.errors import escaped
-from lupin_greenhouse_bridge.planning.walls import read_visualization
-from lupin_greenhouse_bridge.simulator.json_yaml import mapping_of, number
+from lupin_greenhouse_bridge.simulator.config import find_config
 
 COLOUR_MAP = 'viridis'  # readable in black and white, and for colour-blind people
 STOPS = (  # of this map
@@ -58,15 +56,6 @@ def read_colour_ranges(sim_config_file: str = '') -> dict[str, tuple[float, floa
 
     '' selects the config of mdp-greenhouse; {} if that is not installed. Raises StartUpError.
     """
-    found = read_visualization(sim_config_file)
-    if not found or not found[0].get('colorbar_ranges'):
-        return {}
-    section, where = found
-    ranges = mapping_of(section, 'colorbar_ranges', where, '{co2: {min: 400, max: 600}}')
-    limits = {}
-    for sensor in ranges:
-        of_sensor = mapping_of(ranges, sensor, f'{where}: colorbar_ranges', '{min: 400, max: 600}')
-        here = f'{where}: colorbar_ranges: {escaped(str(sensor), 64)}'
-        lowest, highest = (number(of_sensor, key, here, 'the unit of the sensor') for key in ('min', 'max'))
-        limits[str(sensor)] = float(lowest), float(highest)
-    return limits
+    config = find_config(sim_config_file)
+    ranges = (config.visualization.get('colorbar_ranges') if config else None) or {}
+    return {str(sensor): (float(limits['min']), float(limits['max'])) for sensor, limits in ranges.items()}

@@ -2,13 +2,14 @@
 """Read JSON and YAML files, and check their values. Each StartUpError names the file and the place in it."""
 
 import datetime
+import difflib
 import json
 import math
 import os
 import reprlib
 import stat
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +78,21 @@ def mapping_of(config: Mapping[str, Any], key: str, where: str, example: str) ->
     if not isinstance(value, dict):
         raise StartUpError(f'{where}: {key} is {shown(config, key)}: must be a mapping, such as {example}')
     return value
+
+
+def unknown_keys(mapping: Mapping[Any, Any], known: Collection[str], where: str) -> list[str]:
+    """
+    Return the keys that are not known, as an error message shows them.
+
+    Raises a StartUpError that begins with `where` for a key that resembles a known one which is missing.
+    """
+    missing = [key for key in known if key not in mapping]
+    unknown = [key for key in mapping if key not in known]
+    for key in unknown:
+        written = key.lower().replace('-', '_') if isinstance(key, str) else ''
+        if similar := difflib.get_close_matches(written, missing, n=1, cutoff=0.8):
+            raise StartUpError(f'{where}: {escaped(key, 60)} is unknown: did you mean {similar[0]}?')
+    return [escaped(key, 60) if isinstance(key, str) else start_of(key) for key in unknown]
 
 
 def shown(mapping: Mapping[str, Any], key: str) -> str:

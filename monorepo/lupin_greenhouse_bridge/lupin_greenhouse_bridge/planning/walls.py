@@ -8,13 +8,11 @@ from typing import Any, NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.runtime.parameters import parameter
-from lupin_greenhouse_bridge.simulator.json_yaml import mapping_of, number, read_yaml
-from lupin_greenhouse_bridge.simulator.layout import Layout, shipped_file
+from lupin_greenhouse_bridge.simulator.config import SIDES, check_sensors, find_config
+from lupin_greenhouse_bridge.simulator.layout import Layout
 
 SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0
 MARGIN_M = 1.6  # without a config, the robot can stand 1.5 m in front of every tag
-SMALLEST_SIDE_M = 0.01
-SIDES_EXAMPLE = '{greenhouse_width_m: 4.0, greenhouse_height_m: 8.0}'
 
 
 class Walls(NamedTuple):
@@ -41,16 +39,17 @@ def find_walls(layout: Layout, sim_config_file: str = '', walls: object = None) 
     """
     Return these walls if any, else those of the greenhouse config, with a corner at the origin.
 
-    `walls` is what parse_walls() takes. '' selects the config of mdp-greenhouse; if that is not installed,
-    the walls are MARGIN_M from the tags and tables. Raises StartUpError if either is malformed.
+    `walls` is what parse_walls() takes. '' selects the config of mdp-greenhouse. If that is not installed, or
+    the config has no size, the walls are MARGIN_M from the tags and tables.
+    Raises StartUpError if either is malformed, or if the config lacks a sensor of the layout.
     """
+    config = find_config(sim_config_file)
+    if config:
+        check_sensors(layout, config)
     if given := parse_walls(walls):
         return given
-    if found := read_visualization(sim_config_file):
-        section, where = found
-        names = ('greenhouse_width_m', 'greenhouse_height_m')
-        sides_m = (number(section, name, where, 'metres', smallest=SMALLEST_SIDE_M) for name in names)
-        return Walls(0.0, 0.0, *map(float, sides_m))
+    if config and SIDES[0] in config.visualization:
+        return Walls(0.0, 0.0, *(float(config.visualization[side]) for side in SIDES))
     return walls_around(layout)
 
 
@@ -60,20 +59,6 @@ def walls_around(layout: Layout) -> Walls:
     points += [corner for table in layout.tables.values() for corner in (table[:2], table[2:])]
     xs, ys = zip(*points, strict=True)
     return Walls(min(xs) - MARGIN_M, min(ys) - MARGIN_M, max(xs) + MARGIN_M, max(ys) + MARGIN_M)
-
-
-def read_visualization(sim_config_file: str = '') -> tuple[dict[str, Any], str] | None:
-    """
-    Return the section `visualization` of the greenhouse config, and its place for error messages.
-
-    '' selects the config of mdp-greenhouse; None if that is not installed. Raises StartUpError.
-    """
-    path = sim_config_file or shipped_file('greenhouse_config.yaml')
-    if not path:
-        return None
-    where = f"sim_config_file '{path}'"
-    config = read_yaml(path, where, 'a mapping with visualization')
-    return mapping_of(config, 'visualization', where, SIDES_EXAMPLE), f'{where}: visualization'
 
 
 def parse_walls(value: object) -> Walls | None:

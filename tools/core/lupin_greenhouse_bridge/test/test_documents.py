@@ -27,6 +27,7 @@ from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
+from lupin_greenhouse_bridge.simulator.config import COMPONENT_DEFAULTS
 from lupin_greenhouse_bridge.simulator.layout import read_layout
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call
 from lupin_greenhouse_bridge.units import UNITS
@@ -70,8 +71,26 @@ def test_the_schema_and_the_page_name_every_sensor():
     schema = json.loads((PAGE.parents[1] / 'schema/tag_locations.schema.json').read_text(encoding='utf-8'))
     named = schema['definitions']['tags']['additionalProperties']['properties']['sensors']['items']['anyOf']
     assert named[0]['enum'] == list(UNITS)
-    on_page = next(meaning for key, meaning in table('greenhouse_config.yaml', 2) if key == 'sensors')
+    rows = table('greenhouse_config.yaml', 3)
+    (on_page,) = [meaning for key, _, meaning in rows if key == 'sensors']
     assert re.findall('`(.*?)`', on_page.partition(' a list')[0]) == list(UNITS)
+    schema = json.loads(
+        (PAGE.parents[1] / 'schema/greenhouse_config.schema.json').read_text(encoding='utf-8')
+    )
+    assert schema['properties']['sensors']['propertyNames']['enum'] == list(UNITS)
+
+
+def test_the_page_and_the_schema_have_the_defaults_that_the_bridge_warns_of():
+    schema = json.loads(
+        (PAGE.parents[1] / 'schema/greenhouse_config.schema.json').read_text(encoding='utf-8')
+    )
+    component = schema['definitions']['component']['properties']
+    assert {key: value['default'] for key, value in component.items()} == COMPONENT_DEFAULTS
+    on_page = {}
+    for keys, required, _ in table('greenhouse_config.yaml', 3):
+        values = re.findall(r'[\w.]+|\[.*?\]', required.partition('default: ')[2].replace(' and ', ' '))
+        on_page.update(zip(re.findall(r'\w+', keys), values, strict=False))
+    assert on_page == {key: str(value) for key, value in COMPONENT_DEFAULTS.items()}
 
 
 def test_the_config_serves_the_shipped_tags(example, shipped_tags):

@@ -10,6 +10,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, s
 
 LONG = (1.0, 1.0, 3.0, 1.5)  # x0, y0, x1, y1
 FAR = Walls(-50.0, -50.0, 50.0, 50.0)
+CONFIG = 'time: {debug_mode: false}\nsensors: {co2: [{}]}\n'
 LAYOUT = Layout({'7': Tag(1.0, 2.5, ['co2'])}, {'bench': (0.0, 0.0, 2.0, 1.0)})
 
 
@@ -122,9 +123,12 @@ def test_the_walls_are_those_of_the_config_or_go_around_everything(monkeypatch, 
     assert shipped in ((0.0, 0.0, 4.0, 8.0), (0.0, 0.0, 5.0, 10.0))
     assert shipped == find_walls(LAYOUT, shipped_file('greenhouse_config.yaml'))
     config = tmp_path / 'config.yaml'
-    config.write_text('visualization: {greenhouse_width_m: 3, greenhouse_height_m: 6}')
+    config.write_text(f'{CONFIG}visualization: {{greenhouse_width_m: 3, greenhouse_height_m: 6}}')
     assert find_walls(LAYOUT, str(config)) == (0.0, 0.0, 3.0, 6.0)
     assert find_walls(LAYOUT, str(config), '-1, -2 5 6.5') == (-1.0, -2.0, 5.0, 6.5)
+    for section in ('', 'visualization:', 'visualization: {grid_spacing_m: 1}'):
+        config.write_text(f'{CONFIG}{section}')
+        assert find_walls(LAYOUT, str(config)) == (-1.6, -1.6, 3.6, 4.1)
     monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
     assert find_walls(LAYOUT) == (-1.6, -1.6, 3.6, 4.1)
 
@@ -145,15 +149,14 @@ def test_walls_that_are_no_rectangle_are_refused(walls):
     ('text', 'fault'),
     [
         ('visualization: 5', 'visualization is 5: must be a mapping, such as {greenhouse_width_m: '),
-        ('time: {}', 'visualization is missing: must be a mapping, such as {greenhouse_width_m: '),
         ('visualization: {greenhouse_height_m: 8}', 'greenhouse_width_m is missing'),
         ('visualization: {greenhouse_width_m: .nan, greenhouse_height_m: 8}', 'greenhouse_width_m is nan'),
         ('visualization: {greenhouse_width_m: 4, greenhouse_height_m: 0}', 'greenhouse_height_m is 0'),
     ],
 )
-def test_a_config_without_walls_is_refused(tmp_path, text, fault):
+def test_a_config_with_wrong_walls_is_refused(tmp_path, text, fault):
     config = tmp_path / 'config.yaml'
-    config.write_text(text)
+    config.write_text(f'{CONFIG}{text}')
     with pytest.raises(StartUpError) as refusal:
         find_walls(LAYOUT, str(config))
     assert f"sim_config_file '{config}': visualization" in str(refusal.value)

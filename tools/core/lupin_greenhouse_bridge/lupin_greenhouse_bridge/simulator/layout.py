@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.simulator.json_yaml import kind_of, number, read_json, shown
+from lupin_greenhouse_bridge.simulator.json_yaml import kind_of, number, read_json, shown, unknown_keys
 
 LARGEST_FILE_BYTES = 64 * 2**20  # about 500,000 tags
 TABLE_EXAMPLE = 'such as {"bench": {"x0": 0, "y0": 0, "x1": 2, "y1": 1}}'
@@ -27,6 +27,7 @@ class Layout(NamedTuple):
     tags: dict[str, Tag]  # by id, in the order of the file; only tags with a sensor
     tables: dict[str, tuple[float, float, float, float]]  # name -> (x0, y0, x1, y1)
     tags_without_sensors: tuple[str, ...] = ()  # their ids
+    path: str | Path = ''  # of the tag file
 
 
 def shipped_file(name: str) -> Path | None:
@@ -50,14 +51,17 @@ def read_layout(path: str | Path, *, has_tables: bool = True) -> Layout:
         raise StartUpError(f'{where}: holds {kind_of(data)} at its top level, not an object of tags')
     is_nested = isinstance(data.get('tags'), dict)
     entries = data['tags'] if is_nested else data
-    if not entries:
+    if is_nested:
+        unknown_keys(data, ('tags', 'tables'), where)
+    # The simulator's editor saves {"units": "m"} before it has the first tag.
+    if not entries or (isinstance(entries.get('units'), str) and entries.keys() <= {'units', 'tables'}):
         raise StartUpError(f'{where}: holds no tags: add at least one, {TAG_EXAMPLE}')
     tags = {tag_id: _tag(tag_id, entry, where) for tag_id, entry in entries.items()}
     tables = _tables(data.get('tables', {}), where) if is_nested and has_tables else {}
     served = {tag_id: tag for tag_id, tag in tags.items() if tag.sensors}
     if not served:
         raise StartUpError(f'{where}: no tag has a sensor: add a sensor to at least one tag')
-    return Layout(served, tables, tuple(tag_id for tag_id in tags if tag_id not in served))
+    return Layout(served, tables, tuple(tag_id for tag_id in tags if tag_id not in served), path)
 
 
 def _tag(tag_id: str, entry: Any, where: str) -> Tag:

@@ -12,7 +12,7 @@ from packaging.version import InvalidVersion, Version
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.settings import SECONDS_PER_DAY, Settings
-from lupin_greenhouse_bridge.simulator.config import read_config
+from lupin_greenhouse_bridge.simulator.config import check_sensors, read_config
 from lupin_greenhouse_bridge.simulator.layout import Layout, read_layout, shipped_file
 
 OLDEST_SIMULATOR = '1.0.7'
@@ -42,21 +42,13 @@ def load(
     Raises StartUpError if the simulator or a file is missing, invalid, or cannot be served at every tag.
     """
     version = require_simulator()
-    from greenhouse_sim.dynamics import AVAILABLE_DYNAMICS
-    from greenhouse_sim.sensors import AVAILABLE_SENSORS
     from greenhouse_sim.simulator import GreenhouseSimulator
 
     tag_path = tag_file or _require_shipped_file('tag_locations.json')
     layout = read_layout(tag_path, has_tables=False)
     config_path = sim_config_file or _require_shipped_file('greenhouse_config.yaml')
-    sensors = read_config(config_path, settings, AVAILABLE_SENSORS, AVAILABLE_DYNAMICS)['sensors']
-    for tag_id, tag in layout.tags.items():
-        if unknown := [name for name in tag.sensors if name not in sensors]:
-            raise StartUpError(
-                f"tag_file '{tag_path}': tag '{escaped(tag_id, 64)}' has the sensor {unknown[0]!r}, which"
-                f" sim_config_file '{config_path}' does not have: add it there, or use one of"
-                f' {", ".join(sensors)}'
-            )
+    config = read_config(config_path, settings)
+    check_sensors(layout, config)
     try:
         sim = GreenhouseSimulator(tag_file, sim_config_file)
     except Exception as error:
@@ -77,7 +69,8 @@ def load(
     _apply_overrides(sim.sim_config['time'], settings)
     _prove_readable(sim, layout)
     summary = f'{_summary(sim, layout)}; mdp-greenhouse {version}'
-    return LoadedGreenhouse(sim, list(layout.tags), _warnings(sim, layout, settings), summary)
+    warnings = config.warnings + _warnings(sim, layout, settings)
+    return LoadedGreenhouse(sim, list(layout.tags), warnings, summary)
 
 
 def served_tag_ids(tag_file: str) -> list[str]:
