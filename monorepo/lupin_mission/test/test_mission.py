@@ -383,12 +383,12 @@ SCENARIOS = {
         '10 abort no-abort => a=SKIPPED b=SKIPPED => done',
     ),
     'an abort under the e-stop moves nothing': (
-        {'drive_seconds': 10.0, **DOCK},
-        'estop abort 100 => a pause stop a=SKIPPED b=SKIPPED => returning paused',
-    ),
-    'an abort at a tag under the e-stop returns after the resume': (
         DOCK,
-        'estop abort 100 release resume 0 => a read pause give-up a=SKIPPED b=SKIPPED resume dock => done',
+        'estop abort 100 => a read pause give-up a=SKIPPED b=SKIPPED => returning paused',
+    ),
+    'an abort on the way under the e-stop returns after the resume': (
+        {'drive_seconds': 10.0, **DOCK},
+        'estop abort 100 release resume 0 => a pause stop a=SKIPPED b=SKIPPED resume dock => returning',
     ),
     'an abort of a return under the e-stop ends the mission': (
         DOCK,
@@ -538,7 +538,7 @@ def test_a_dock_that_is_not_reached_is_tried_again_and_then_a_warning(docks):
 
 def test_events_tell_what_happened_and_how_bad_it_is():
     world = World('abc', arrivals=[STUCK, STUCK], **DOCK)
-    world.play('0.5 resume 0 refused 1 answer 1 skip 0 dock 0 abort')
+    world.play('0.5 resume 0 pause resume refused 1 answer 1 skip 0 dock 0 abort')
     blocked = 'the robot is stuck: it did not move in 2 drives: aborted'
     assert world.events == [
         ("driving to tag 'a'", Severity.INFO),
@@ -546,6 +546,8 @@ def test_events_tell_what_happened_and_how_bad_it_is():
         (f'{blocked}: resume to go on', Severity.ERROR),
         ('resumed', Severity.INFO),
         ("driving to tag 'a'", Severity.INFO),
+        ('paused', Severity.INFO),
+        ('resumed', Severity.INFO),
         ("tag 'a': SIMULATOR_ERROR broken: trying again", Severity.WARN),
         ("driving to tag 'b'", Severity.INFO),
         ("tag 'b' skipped", Severity.WARN),
@@ -578,6 +580,8 @@ def test_a_tag_that_no_pose_shows_has_one_outcome_with_every_reason(blocked, out
 def test_a_tag_that_is_skipped_or_aborted_between_two_looks_says_from_which_poses():
     world = World('abc', **LOOKS)
     world.play('1 unseen unseen skip 0 1 unseen unseen abort')
+    event = "tag 'a': NOT_CONFIRMED not in view: trying pose 2 of 3"
+    assert (event, Severity.WARN) in world.events
     assert world.recorded == [
         Observation('a', Outcome.SKIPPED, 'pose 1: not in view; pose 2: skipped', 2, seen=False, pose=2),
         Observation('b', Outcome.SKIPPED, 'pose 1: not in view; pose 2: aborted', 2, seen=False, pose=2),

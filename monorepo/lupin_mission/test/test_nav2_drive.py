@@ -3,16 +3,14 @@
 import importlib.util
 import math
 import uuid
-from unittest.mock import Mock
 
 import pytest
 import rclpy
 from action_msgs.srv import CancelGoal
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
 from lupin_mission.drive import Arrival
-from lupin_mission.mission import Mission, MissionPorts, Severity, State
+from lupin_mission.mission import Severity
 from lupin_mission.sent_goal import GoalState
-from lupin_mission.visit import Limits
 from navigator_helpers import Trip
 from rclpy.action import ActionClient
 from rclpy.context import Context
@@ -220,18 +218,6 @@ def test_an_abort_is_a_failed_drive_with_code_and_message(
     assert trip.arrival() == Arrival(f'{trip.name} aborted the drive{reason}')
 
 
-def test_a_goal_that_is_accepted_after_a_stop_is_cancelled_at_once(trip, navigator):
-    trip.start('a')
-    trip.drive_until(navigator.has_goal)
-    trip.drive.stop()
-    trip.start('b')
-    goal = navigator.accept()
-    trip.drive_until(navigator.has_cancel)
-    navigator.grant_cancel(goal)
-    trip.drive_until(lambda: len(navigator.goals) == 2)
-    assert navigator.goals[1].pose.position.x == 3.0
-
-
 def test_a_goal_without_a_reply_is_given_up_and_cancelled_when_it_is_accepted(trip, navigator):
     trip.start('a')
     trip.drive_until(navigator.has_goal)
@@ -361,30 +347,19 @@ def test_a_reply_whose_executor_has_ended_is_taken_under_the_next(trip, navigato
 
 
 def test_after_a_pause_of_an_hour_the_goal_is_sent_again_with_all_its_time(trip, navigator):
-    mission = Mission('a', Mock(spec=MissionPorts), trip.drive, Limits(max_drives=1))
-    now_seconds = 1000.0
-    mission.step(now_seconds)
-
-    def step_until(is_so):
-        trip.spin_until(is_so, lambda: mission.step(now_seconds))
-
-    step_until(navigator.has_goal)
-    goal = navigator.accept()
-    step_until(lambda: trip.drive._sent.state is GoalState.ACCEPTED)
-    now_seconds += 50.0
-    mission.step(now_seconds)
-    assert mission.pause()
-    step_until(navigator.has_cancel)
+    trip.start('a')
+    goal = accepted(trip, navigator)
+    trip.now_seconds = 50.0
+    assert trip.spin() is None
+    trip.drive.pause()
+    trip.spin_until(navigator.has_cancel)
     navigator.grant_cancel(goal)
-    now_seconds += HOUR
-    step_until(trip.drive.is_over)
-    assert mission.resume()
-    step_until(lambda: len(navigator.goals) == 2)
-    goal = navigator.accept()
-    step_until(lambda: trip.drive._sent.state is GoalState.ACCEPTED)
-    now_seconds += 59.0
-    mission.step(now_seconds)
-    assert mission.state is State.DRIVING
+    trip.spin_until(trip.drive.is_over)
+    trip.now_seconds += HOUR
+    trip.drive.resume()
+    goal = accepted(trip, navigator)
+    assert [each.pose.position.x for each in navigator.goals] == [1.0, 1.0]
+    trip.now_seconds += 59.9
+    assert trip.spin() is None
     navigator.end(goal, 'succeed')
-    step_until(lambda: mission.state is State.INSPECTING)
-    assert mission.outcomes == {}
+    assert trip.arrival() == HERE

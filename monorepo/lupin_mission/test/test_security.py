@@ -61,16 +61,9 @@ def test_ros2_security_generate_artifacts_can_read_it(path):
     assert all(each.get('path').startswith('/') for each in enclaves)
 
 
-@pytest.mark.parametrize(
-    ('name', 'enclave'),
-    [
-        ('mission_orchestrator', '/mission'),
-        ('mission_orchestrator', '/mission_launch'),
-        ('confirm_tag', '/mission_launch'),
-    ],
-)
-def test_a_node_may_do_what_it_does_and_nothing_more(start_mission, start_node, node, name, enclave):
-    rights = without_optional(rights_of(name, enclave))
+@pytest.mark.parametrize('name', ['mission_orchestrator', 'confirm_tag'])
+def test_a_node_may_do_what_it_does_and_nothing_more(start_mission, start_node, node, name):
+    rights = without_optional(rights_of(name, '/mission_launch'))
     if name == 'confirm_tag':
         namespace = start_node([executable('lupin_tag_confirmation', name)]).namespace
     else:
@@ -84,7 +77,10 @@ def test_a_node_may_do_what_it_does_and_nothing_more(start_mission, start_node, 
     wait_until(lambda: created() == rights)
 
 
-def test_the_launch_gives_the_bridge_what_its_own_policy_gives():
-    own = ElementTree.parse(BRIDGES_POLICY).getroot()
-    bridge = 'greenhouse_bridge'
-    assert rights_of(bridge, '/mission_launch') == rights_of(bridge, '/greenhouse_bridge', own)
+def test_the_launch_gives_each_node_what_its_own_enclave_gives():
+    for node, enclave, path in (
+        ('mission_orchestrator', '/mission', OWN_POLICY),
+        ('greenhouse_bridge', '/greenhouse_bridge', BRIDGES_POLICY),
+    ):
+        own = rights_of(node, enclave, ElementTree.parse(path).getroot())
+        assert rights_of(node, '/mission_launch') == own
