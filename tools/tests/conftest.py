@@ -23,13 +23,14 @@ def pytest_terminal_summary(terminalreporter):
 
 @pytest.fixture(scope='session')
 def packed_repositories(tmp_path_factory):
-    """Return a folder with a copy of this repository, and a clone of the mirror split out of it."""
+    """Return a folder with what the twin tools need of this repository, and a clone of the mirror."""
     folder = tmp_path_factory.mktemp('packed')
     repository = folder / 'repository'
-    hidden_or_left_by_tools = shutil.ignore_patterns(
-        '.git', '.[!g]*', '__pycache__', '.pytest_cache', '.hypothesis'
+    not_needed = shutil.ignore_patterns(
+        *('.git', '.venv*', '.*cache', '.hypothesis', '__pycache__', '*.png', 'ci', 'draw', 'measure'),
+        *('lupin_mission', 'lupin_simulation', 'lupin_tag_confirmation'),
     )
-    shutil.copytree(ROOT, repository, ignore=hidden_or_left_by_tools)
+    shutil.copytree(ROOT, repository, ignore=not_needed)
     git(repository, 'init', '--quiet', '--initial-branch=main')
     git(repository, 'config', 'user.name', 'Teammate')
     git(repository, 'config', 'user.email', 'teammate@example.org')
