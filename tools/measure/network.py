@@ -24,6 +24,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE
 from shared import Promises, check_promises, parser_of
 from traffic import Bridge, ClientProcess, Counts
 
@@ -221,45 +222,30 @@ def without_multicast(scale: int) -> Promises:
             bridge.stop()
 
 
-GRAPH = """
+LOOK = f"""
 import sys, time
 import rclpy
 rclpy.init()
 node = rclpy.create_node('looks')
+is_seen = lambda: '{DEFAULT_SERVICE}' in dict(node.get_service_names_and_types())
 end = time.monotonic() + float(sys.argv[1])
-while time.monotonic() < end and node.count_publishers('/foreign') == 0:
+while time.monotonic() < end and not is_seen():
     rclpy.spin_once(node, timeout_sec=0.1)
-print(node.count_publishers('/foreign'))
-"""
-FOREIGN = """
-import rclpy
-from rcl_interfaces.msg import Log
-rclpy.init()
-node = rclpy.create_node('foreign')
-publisher = node.create_publisher(Log, '/foreign', 1)
-rclpy.spin(node)
+print(is_seen())
 """
 
 
 def the_graph_behind_a_server(scale: int) -> Promises:
-    """List the topics of a node that shares none with the observer: only a super client sees them."""
-    with two_hosts() as cable, discovery_server(), contextlib.ExitStack() as stack:
+    """List the services from a node that calls none: only a super client sees that of the bridge."""
+    with two_hosts() as cable, discovery_server():
         cable.blocks_multicast = True
-        foreign = subprocess.Popen([*ROBOT, sys.executable, '-c', FOREIGN], stdout=subprocess.DEVNULL)
-        stack.callback(foreign.wait)
-        stack.callback(foreign.kill)
-
-        def topics_seen(seconds: float, **variables: str) -> int:
-            look = [*LAPTOP, sys.executable, '-c', GRAPH, str(seconds)]
-            seen = subprocess.run(
-                look, env=os.environ | variables, capture_output=True, text=True, check=True
-            )
-            return int(seen.stdout)
-
-        seen = topics_seen(60.0, ROS_SUPER_CLIENT='TRUE')
-        yield f'behind a server, a super client sees {seen} of 1 foreign topics', seen == 1
-        seen = topics_seen(1.0 + scale)
-        yield f'behind a server, a plain client sees {seen} of 1 foreign topics', seen == 0
+        bridge = Bridge(*ROBOT)
+        look = [*LAPTOP, sys.executable, '-c', LOOK]
+        for kind, is_super, seconds in (('super', 'TRUE', 60.0), ('plain', 'FALSE', 1.0 + scale)):
+            environment = {**os.environ, 'ROS_SUPER_CLIENT': is_super}
+            seen = subprocess.check_output([*look, str(seconds)], env=environment, text=True).strip()
+            yield f'behind a server, a {kind} client sees the service: {seen}', seen == str(kind == 'super')
+        bridge.stop()
 
 
 def a_robot_with_two_addresses(scale: int) -> Promises:

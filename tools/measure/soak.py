@@ -41,7 +41,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from shared import PATIENCE_SECONDS, Promises, check_promises, own_domain, parser_of, status_of
-from traffic import Bridge, ClientProcess, total_of
+from traffic import Bridge, ClientProcess, start_clients, total_of
 
 GROWTH = {'RSS in kB': 4096, 'open files': 2, 'threads': 0}  # the largest during many calls
 BRIDGE_NODE, READ_TAG, READ_ON_SIGHT, RECORD_READINGS = (
@@ -65,20 +65,22 @@ def a_moment(longest_seconds: float) -> float:
     return random.uniform(0.0, longest_seconds)  # noqa: S311 - no secret
 
 
+def answered_by(text: str, calls: int) -> tuple[str, bool]:
+    """Return as a promise that a new client gets an answer to each of its calls."""
+    answered = ClientProcess('--calls', calls).counts().answered
+    return f'{text} {answered}/{calls}', answered == calls
+
+
 def client_killed_in_mid_call(load: Load) -> Promises:
     """Kill clients without warning; the bridge continues and keeps nothing of theirs."""
     bridge = Bridge(debug_time_of_day=12.0)
     ClientProcess('--calls', 100).counts()
     files = bridge.open_files()
     for _ in range(2 * load.scale):
-        victims = [ClientProcess() for _ in range(4)]
-        for victim in victims:
-            victim.wait_for_first_answer()
-        for victim in victims:
+        for victim in start_clients(4):
             victim.process.kill()
             victim.process.wait()
-    answered = ClientProcess('--calls', 100).counts().answered
-    yield f'{8 * load.scale} clients killed, next one answered {answered}/100', answered == 100
+    yield answered_by(f'{8 * load.scale} clients killed, next one answered', 100)
     yield f'open files {files} -> {bridge.open_files()}', bridge.open_files() <= files + 8
     yield bridge.ends_cleanly()
 
@@ -86,10 +88,7 @@ def client_killed_in_mid_call(load: Load) -> Promises:
 def bridge_killed_and_restarted(load: Load) -> Promises:
     """Kill the bridge while clients keep calling; every call ends, and the next bridge starts and answers."""
     bridge = Bridge(debug_time_of_day=12.0)
-    options = ('--seconds', 6 * load.scale + 8, '--timeout', 2, '--pause', 0.005)
-    clients = [ClientProcess(*options) for _ in range(4)]
-    for client in clients:
-        client.wait_for_first_answer()
+    clients = start_clients(4, '--seconds', 6 * load.scale + 8, '--timeout', 2, '--pause', 0.005)
     for _ in range(2 * load.scale):
         bridge.close()
         bridge = Bridge(debug_time_of_day=12.0)  # returns when it is ready, despite what the killed one left
@@ -99,8 +98,7 @@ def bridge_killed_and_restarted(load: Load) -> Promises:
     timeouts = f'{found.timed_out} timed out after 2 s (slowest {found.slowest_seconds} s)'
     text = f'{2 * load.scale} kills, {found.answered} calls answered, {found.swapped} swapped, {timeouts}'
     yield text, found.swapped == 0
-    answered = ClientProcess('--calls', 50).counts().answered
-    yield f'after the last restart {answered}/50 answered', answered == 50
+    yield answered_by('after the last restart, answered', 50)
     yield bridge.ends_cleanly()
 
 
@@ -111,9 +109,7 @@ def sixteen_clients(load: Load) -> Promises:
     All start at the same moment: 16 requests are more than the 10 that ROS's default depth keeps.
     """
     bridge = Bridge(debug_time_of_day=12.0)
-    clients = [ClientProcess('--wait', '--calls', 100 * load.scale, '--first', n) for n in range(16)]
-    for client in clients:
-        client.wait_for_first_answer()
+    clients = start_clients(16, '--wait', '--calls', 100 * load.scale)
     for client in clients:
         client.go()
     found, calls = total_of(clients), 1600 * load.scale
@@ -150,11 +146,11 @@ def resources_of(bridge: Bridge) -> dict[str, int]:
 
 def terminated_during_calls(load: Load) -> Promises:
     """Send SIGTERM during calls, at any moment; the bridge exits with 0 and each call ends."""
-    exit_codes, clients = [], []
+    exit_codes = []
+    clients: list[ClientProcess] = []
     for _ in range(3 * load.scale):
         bridge = Bridge(debug_time_of_day=12.0)
-        clients.append(ClientProcess('--seconds', 2, '--timeout', 0.5))
-        clients[-1].wait_for_first_answer()
+        clients += start_clients(1, '--seconds', 2, '--timeout', 0.5)
         time.sleep(a_moment(0.1))
         exit_codes.append(bridge.stop())
         clients[-1].process.wait(PATIENCE_SECONDS)

@@ -84,6 +84,14 @@ class ClientProcess:
         return Counts(**json.loads(output.splitlines()[-1]))
 
 
+def start_clients(count: int, *options: object) -> list[ClientProcess]:
+    """Start clients with these options; return them when each has received a reply."""
+    clients = [ClientProcess(*options, '--first', number) for number in range(count)]
+    for client in clients:
+        client.wait_for_first_answer()
+    return clients
+
+
 def total_of(clients: Sequence[ClientProcess]) -> Counts:
     """Return the sum of what clients have counted, and their slowest call."""
     found = [client.counts() for client in clients]
