@@ -39,6 +39,8 @@ def core_path_of(path: str, table: Table, checkout: Path) -> str:
 def core_content(core_path: str, content: bytes, mirror: Table) -> bytes:
     """Return what the core must contain for a file of the mirror; raises RefusedError."""
     content = generate.without_header(core_path, content)
+    if MESSAGES.encode() in content:
+        raise RefusedError(f'{core_path}: names {MESSAGES}: in the mirror, it is {mirror["messages"]}')
     for divergence in mirror['divergences']:
         ours, theirs = divergence['core'], divergence['tree']
         if core_path == divergence['file']:

@@ -36,13 +36,12 @@ class Page:
         self._profile = tempfile.TemporaryDirectory(prefix='chromium-')
         # With --remote-debugging-pipe it reads file 3 and writes file 4, with a NUL after each message.
         as_pipes = ('sh', '-c', 'exec "$0" "$@" 3<&0 4>&1 </dev/null >/dev/null 2>&1')
-        command = [
-            *('timeout', str(LONGEST_LIFE_SECONDS), *as_pipes),
-            *(CHROMIUM, '--headless', '--no-sandbox', '--disable-gpu', '--hide-scrollbars'),
-            *('--remote-debugging-pipe', f'--user-data-dir={self._profile.name}'),
-        ]
+        options = ('--headless', '--no-sandbox', '--disable-gpu', '--hide-scrollbars')
+        profile = ('--remote-debugging-pipe', f'--user-data-dir={self._profile.name}')
+        command = ['timeout', str(LONGEST_LIFE_SECONDS), *as_pipes, CHROMIUM, *options, *profile]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        self._messages = self._read()
+        self._commands = cast(IO[bytes], self._process.stdin)
+        self._messages = self._read(cast(io.BufferedReader, self._process.stdout))
         target = self._call('Target.createTarget', url='about:blank')['targetId']
         session = self._call('Target.attachToTarget', targetId=target, flatten=True)['sessionId']
         self._session = {'sessionId': session}
@@ -84,20 +83,18 @@ class Page:
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._last_id += 1
         message = {'id': self._last_id, 'method': method, 'params': parameters, **self._session}
-        commands = cast(IO[bytes], self._process.stdin)
-        commands.write(json.dumps(message).encode() + b'\0')
-        commands.flush()
+        self._commands.write(json.dumps(message).encode() + b'\0')
+        self._commands.flush()
         reply = next(each for each in self._messages if each.get('id') == self._last_id)
         if 'error' in reply:
             raise BrowserError(reply)
         result: dict[str, Any] = reply['result']
         return result
 
-    def _read(self) -> Iterator[dict[str, Any]]:
+    def _read(self, output: io.BufferedReader) -> Iterator[dict[str, Any]]:
         """Yield each message of the browser, and note the errors and the requests of the page."""
         rest = b''
-        messages_of = cast(io.BufferedReader, self._process.stdout)
-        while part := messages_of.read1():
+        while part := output.read1():
             *messages, rest = (rest + part).split(b'\0')
             for message in map(json.loads, messages):
                 parameters = message.get('params', {})

@@ -237,6 +237,15 @@ def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
     assert state(monorepo) == before
 
 
+def test_a_patch_that_names_the_message_package_of_the_monorepo_is_refused(repositories):
+    monorepo, mirror = repositories
+    reason = refused(import_patch(monorepo, commit_in(mirror, (f'{BRIDGE}/units.py', '', '# lupin_msgs'))))
+    assert (
+        reason
+        == f"'Mend it': {BRIDGE}/units.py: names lupin_msgs: in the mirror, it is lupin_greenhouse_msgs"
+    )
+
+
 @pytest.mark.parametrize('name', ['LICENSE', 'lupin_greenhouse_msgs/package.xml', 'COLCON_IGNORE'])
 def test_a_file_that_the_mirror_keeps_by_hand_cannot_be_deleted(repositories, name):
     monorepo, mirror = repositories
