@@ -132,6 +132,28 @@ def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
     }
 
 
+@pytest.mark.parametrize(
+    ('arguments', 'environment', 'fault'),
+    [
+        (
+            ['--params-file', '/missing.yaml'],
+            {},
+            "parameter file '/missing.yaml' cannot be read (Error opening YAML file): name a YAML file with",
+        ),
+        (['--log-level', 'loud'], {}, '--log-level loud: must be debug, info, warn, error or fatal'),
+        (['-p', 'debug_seed=42'], {}, "'debug_seed=42' sets no parameter: write debug_seed:=42"),
+        (['debug_seed:=42'], {}, "'debug_seed:=42' lacks its -p: write -p debug_seed:=42"),
+        (['-p', 'tag_file:={id:03d}'], {}, 'such as -p "tag_file:=\'{id:03d}\'"'),
+        ([], {'ROS_DOMAIN_ID': 'abc'}, "ROS_DOMAIN_ID is 'abc': must be a whole number from 0 to 232"),
+        ([], {'ROS_LOG_DIR': '/dev/null/log'}, 'a folder for its logs: set ROS_LOG_DIR to a folder that'),
+    ],
+)
+def test_what_keeps_ros_from_starting_is_told_apart(bridge_here, monkeypatch, arguments, environment, fault):
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert fault in bridge_here(*arguments).refusal
+
+
 @pytest.mark.parametrize('namespace', ['/', '/robot1/left'])
 def test_a_parameter_file_sets_the_parameters(bridge_here, tmp_path, namespace):
     changed = tmp_path / 'parameters.yaml'
@@ -179,9 +201,18 @@ def test_launch_forwards_what_is_set_with_the_type_of_the_node(launched):
         assert part in log
 
 
-def test_launch_names_a_parameter_file_that_is_missing(launched, caplog):
-    assert launched(params_file='/missing.yaml') == (1, '')
-    assert "params_file '/missing.yaml' is not a file: name a YAML file" in caplog.text
+@pytest.mark.parametrize(
+    ('argument', 'value', 'fault'),
+    [
+        ('params_file', '/missing.yaml', "params_file '/missing.yaml' is not a file: name a YAML file"),
+        ('speedup_factor', 'abc', 'abc cannot be used: must be a number, such as speedup_factor:=0.0'),
+        ('debug_seed', '1.0', '1.0 cannot be used: must be a whole number, such as debug_seed:=-1'),
+    ],
+)
+def test_launch_names_an_argument_that_cannot_be_used(launched, caplog, argument, value, fault):
+    assert launched(**{argument: value}) == (1, '')
+    (line,) = [record.message for record in caplog.records if record.levelname == 'ERROR']
+    assert fault in line
 
 
 def test_the_arguments_of_launch_are_described_and_default_to_the_parameters(launch, description):

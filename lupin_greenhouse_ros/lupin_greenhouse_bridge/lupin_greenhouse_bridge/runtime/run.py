@@ -6,6 +6,8 @@ import gc
 import inspect
 import itertools
 import math
+import os
+import re
 import signal
 import sys
 import time
@@ -31,6 +33,22 @@ from lupin_greenhouse_bridge.runtime.process import security_problem
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 
 LOOK_EVERY_SECONDS = 5.0  # for another node of the same name
+# Errors of rclpy.init, which have these words from Humble to Lyrical, and what to change.
+START_FAULTS = {
+    r"params file: '--params-file (.*?)'\. Error: (.*?), at ": (
+        "parameter file '{}' cannot be read ({}): name a YAML file with ros__parameters"
+    ),
+    r"rule: '-p ([\w.]+)=(.*?)'": "'{0}={1}' sets no parameter: write {0}:={1}",
+    r"rule: '-p ([\w.]+):=(.*?)'": (
+        '-p {0}:={1}: ROS reads each value as YAML: quote it once more, such as -p "{0}:=\'{1}\'"'
+    ),
+    r"\['([\w.]+:=.*?)'": "'{0}' lacks its -p: write -p {0}",
+    r"log level: '--log-level (.*?)'": '--log-level {}: must be debug, info, warn, error or fatal',
+    'ROS_DOMAIN_ID': 'ROS_DOMAIN_ID is {domain_id!r}: must be a whole number from 0 to 232',
+    'logging directory|log directory': (
+        'ROS cannot make a folder for its logs: set ROS_LOG_DIR to a folder that you can write to'
+    ),
+}
 
 
 def run(
@@ -80,16 +98,13 @@ def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
     """
     Start ROS and yield an executor; at the end, close the executor, its nodes and ROS, in that order.
 
-    Raises StartUpError for ROS arguments that cannot be parsed.
+    Raises StartUpError, which says what to change, if ROS cannot start.
     """
     process.install_signal_handlers()
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except (RuntimeError, UnicodeEncodeError) as error:  # the latter: bytes that are not UTF-8
-        problem = security_problem() or (
-            'the ROS arguments cannot be parsed (put other arguments before --ros-args)'
-        )
-        raise StartUpError(f'{problem}: {error}') from error
+        raise StartUpError(_cause(str(error))) from error
     try:
         executor = SingleThreadedExecutor()
         try:
@@ -105,6 +120,16 @@ def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
         rclpy.get_default_context().try_shutdown()
         for number in process.SIGNALS:  # Python resets its own handlers before DDS has ended
             signal.signal(number, signal.SIG_IGN)
+
+
+def _cause(error: str) -> str:
+    """Return what to change after an error of rclpy.init."""
+    for pattern, cause in START_FAULTS.items():
+        if found := re.search(pattern, error):
+            domain_id = os.environ.get('ROS_DOMAIN_ID')
+            return cause.format(*found.groups(), domain_id=domain_id)
+    problem = 'the ROS arguments cannot be parsed (put other arguments before --ros-args)'
+    return f'{security_problem() or problem}: {error}'
 
 
 @contextlib.contextmanager

@@ -2,16 +2,17 @@
 
 import os
 from collections.abc import Collection
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, fields
 from typing import Any
 
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.launch_context import LaunchContext
 from launch.substitutions import LaunchConfiguration
+from launch.utilities.type_utils import coerce_to_type
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from lupin_greenhouse_bridge.runtime.parameters import default_text, parameter
+from lupin_greenhouse_bridge.runtime.parameters import WANTED, default_text, parameter
 
 
 @dataclass
@@ -31,6 +32,17 @@ class SimTime:
     """The argument of a node that can follow a simulated clock."""
 
     use_sim_time: bool = parameter(False, 'true: take the time from /clock.')
+
+
+def _check_type(parameter: 'Field[Any]', value: str) -> None:
+    """Raise ValueError, which names the argument, for a value that launch cannot convert."""
+    try:
+        coerce_to_type(value, parameter.type)
+    except ValueError as error:
+        example = f'such as {parameter.name}:={default_text(parameter)}'
+        raise ValueError(
+            f'{parameter.name}:={value} cannot be used: must be {WANTED[parameter.type]}, {example}'
+        ) from error
 
 
 def node_with_arguments(
@@ -55,6 +67,8 @@ def node_with_arguments(
         params_file = own['params_file']
         if params_file and not os.path.isfile(params_file):
             raise FileNotFoundError(f"params_file '{params_file}' is not a file: name a YAML file")
+        for each in parameters:
+            _check_type(each, LaunchConfiguration(each.name).perform(context))
         forwarded = {
             name: ParameterValue(LaunchConfiguration(name), value_type=kind)
             for name, kind in kinds.items()
