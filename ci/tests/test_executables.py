@@ -105,3 +105,22 @@ def test_an_output_that_takes_nothing_is_one_line_with_an_exit_code_of_its_own(
     assert f'{name}: standard output cannot be written: ' in ended.stderr
     assert 'Traceback' not in ended.stderr
     assert (tmp_path / written).exists()
+
+
+@pytest.mark.parametrize('encoding', ['ascii', 'latin-1', 'utf-8'])
+def test_an_output_is_utf_8_but_a_terminal_keeps_its_encoding(encoding):
+    (path,) = (each for each in EXECUTABLES if each.name == 'approach_poses')
+    environment = os.environ | {'PYTHONIOENCODING': encoding, 'PYTHONUTF8': '0'}
+    ended = subprocess.run([path], capture_output=True, env=environment, check=True)
+    assert 'yaw (°)'.encode() in ended.stdout
+    main, terminal = os.openpty()
+    with open(main, 'rb', buffering=0) as shown, subprocess.Popen(
+        [path], stdout=terminal, stderr=terminal, env=environment
+    ) as process:  # fmt: skip
+        os.close(terminal)
+        printed = b''
+        with contextlib.suppress(OSError):  # at the end of the terminal
+            while more := shown.read(65536):
+                printed += more
+    assert process.returncode == 0
+    assert 'yaw (°)'.encode(encoding, 'replace') in printed

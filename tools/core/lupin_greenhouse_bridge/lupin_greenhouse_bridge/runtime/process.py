@@ -7,6 +7,7 @@ Imports only the standard library, so that an executable can handle signals befo
 import contextlib
 import faulthandler
 import importlib
+import io
 import os
 import signal
 import sys
@@ -63,6 +64,9 @@ def start(module: str, *, has_node: bool = True) -> NoReturn:
     _is_started = True
     if sys.stdout is None:  # closed by the shell: a descriptor that refuses what is printed
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), 'w')
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal keeps its encoding, and gets ? for a ° it lacks
+            stream.reconfigure(encoding=None if stream.isatty() else 'utf-8', errors='replace')
     if has_node:
         install_signal_handlers()
     else:
