@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import os
 import shutil
 import subprocess
 import tempfile
@@ -39,7 +40,9 @@ class Page:
         options = ('--headless', '--no-sandbox', '--disable-gpu', '--hide-scrollbars')
         profile = ('--remote-debugging-pipe', f'--user-data-dir={self._profile.name}')
         command = ['timeout', str(LONGEST_LIFE_SECONDS), *as_pipes, CHROMIUM, *options, *profile]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        environment = {**os.environ, 'TMPDIR': self._profile.name}  # it leaves a folder there
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment)
         self._commands = cast(IO[bytes], self._process.stdin)
         self._messages = self._read(cast(io.BufferedReader, self._process.stdout))
         target = self._call('Target.createTarget', url='about:blank')['targetId']
