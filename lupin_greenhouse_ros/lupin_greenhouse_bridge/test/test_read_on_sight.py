@@ -40,8 +40,15 @@ TOPIC = '/tested/detections'
 SETTINGS = Settings(cooldown_seconds=10.0, request_timeout_seconds=2.0, max_attempts=3)
 
 
-def asked(sightings, now) -> list[str]:
-    """Return the tags that are requested now."""
+@pytest.fixture
+def sightings():
+    return Sightings(SETTINGS)
+
+
+def asked(sightings, now, *seen) -> list[str]:
+    """Return the tags that are requested now, when these are in view."""
+    for tag_id in seen:
+        sightings.see(tag_id, now)
     tag_ids = []
     while (tag_id := sightings.next()) is not None:
         sightings.asked(tag_id, now)
@@ -49,28 +56,19 @@ def asked(sightings, now) -> list[str]:
     return tag_ids
 
 
-def test_a_tag_is_asked_for_once_per_cooldown():
-    sightings = Sightings(SETTINGS)
-    for now in (0.0, 0.1):
-        sightings.see('7', now)
-    assert asked(sightings, 0.1) == ['7']
-    sightings.see('7', 0.2)
-    assert asked(sightings, 0.2) == []
+def test_a_tag_is_asked_for_once_per_cooldown(sightings):
+    assert asked(sightings, 0.0, '7', '7') == ['7']
+    assert asked(sightings, 0.2, '7') == []
     sightings.answered('7', 1.0)
     for now, expected in ((10.9, []), (11.0, ['7'])):
         sightings.forget(now)
-        sightings.see('7', now)
-        assert asked(sightings, now) == expected
+        assert asked(sightings, now, '7') == expected
 
 
-def test_few_requests_are_under_way_at_a_time_and_every_tag_has_its_turn():
-    sightings = Sightings(SETTINGS)
-    tag_ids = [str(number) for number in range(30)]
-    done = []
+def test_few_requests_are_under_way_at_a_time_and_every_tag_has_its_turn(sightings):
+    tag_ids, done = [str(number) for number in range(30)], []
     while len(done) < len(tag_ids):
-        for tag_id in tag_ids:
-            sightings.see(tag_id, 0.0)
-        batch = asked(sightings, 0.0)
+        batch = asked(sightings, 0.0, *tag_ids)
         assert len(batch) == min(4, len(tag_ids) - len(done))
         for tag_id in batch:
             sightings.answered(tag_id, 0.0)
@@ -78,48 +76,36 @@ def test_few_requests_are_under_way_at_a_time_and_every_tag_has_its_turn():
     assert done == tag_ids
 
 
-def test_an_unanswered_request_is_tried_again_so_many_times_and_then_left_for_as_long():
-    sightings = Sightings(SETTINGS)
+def test_an_unanswered_request_is_tried_again_so_many_times_and_then_left_for_as_long(sightings):
     for attempts, now in enumerate((0.0, 2.0, 4.0), 1):
-        sightings.see('7', now)
-        assert asked(sightings, now) == ['7']
+        assert asked(sightings, now, '7') == ['7']
         assert sightings.overdue(now + 1.9) == []
         assert sightings.overdue(now + 2.0) == ['7']
         assert sightings.timed_out('7', now + 2.0) == (attempts < 3)
-    sightings.see('7', 6.0)
-    assert asked(sightings, 6.0) == []
-    sightings.see('7', 11.9)
-    assert asked(sightings, 11.9) == []
-    sightings.see('7', 12.0)  # three times two seconds later, before the cooldown of a reading
-    assert asked(sightings, 12.0) == ['7']
+    assert asked(sightings, 6.0, '7') == asked(sightings, 11.9, '7') == []
+    assert asked(sightings, 12.0, '7') == ['7']  # three times two seconds later, before the cooldown
     assert sightings.timed_out('7', 14.0)  # the attempts start again
 
 
-def test_the_attempts_start_again_for_a_tag_that_comes_back_into_view():
-    sightings = Sightings(SETTINGS)
-    sightings.see('7', 0.0)
-    asked(sightings, 0.0)
+def test_the_attempts_start_again_for_a_tag_that_comes_back_into_view(sightings):
+    assert asked(sightings, 0.0, '7') == ['7']
     assert sightings.timed_out('7', 2.0)
     sightings.forget(4.5)
-    sightings.see('7', 5.0)
     waits = []
     for now in (5.0, 7.0, 9.0):
-        sightings.see('7', now)
-        assert asked(sightings, now) == ['7']
+        assert asked(sightings, now, '7') == ['7']
         waits.append(sightings.timed_out('7', now + 2.0))
     assert waits == [True, True, False]
 
 
-def test_a_tag_that_left_the_view_while_its_request_was_pending_is_not_requested_again():
-    sightings = Sightings(SETTINGS)
-    sightings.see('7', 0.0)
-    requests = [asked(sightings, 0.0)]
-    sightings.see('7', 1.0)
+def test_a_tag_that_left_the_view_while_its_request_was_pending_is_not_requested_again(sightings):
+    requests = [asked(sightings, 0.0, '7'), asked(sightings, 1.0, '7')]
     for now in (2.0, 4.0, 6.0):
         for tag_id in sightings.overdue(now):
             sightings.timed_out(tag_id, now)
         requests.append(asked(sightings, now))
-    assert requests == [['7'], ['7'], [], []]  # at 2.0, the tag has been out of view for less than a timeout
+    # At 2.0, the tag has been out of view for less than a timeout.
+    assert requests == [['7'], [], ['7'], [], []]
 
 
 @pytest.mark.parametrize(
@@ -421,7 +407,7 @@ def test_a_tag_without_any_reply_is_said_after_its_attempts(held_service, start_
 def test_a_reply_that_arrives_while_its_request_is_given_up_is_ignored(
     held_service, start_reader, log, monkeypatch
 ):
-    """With several threads, a reply can be on its way to its callback when the request is removed."""
+    """The executor can have the callback of the reply in its queue when the request is removed."""
     monkeypatch.setattr(rclpy.client.Client, 'remove_pending_request', lambda *_arguments: None)
     reader = start_reader(max_attempts=1)
     reader.camera.look_at(7)

@@ -207,6 +207,15 @@ def test_a_full_disk_under_the_output_is_one_line_and_exit_code_4(noon_bridge, o
     assert (ended.returncode, ended.stderr) == (4, f'read_tag: standard output cannot be written: {reason}\n')
 
 
+def test_with_a_closed_standard_error_the_output_and_the_exit_code_are_the_same(noon_bridge):
+    command = [READ_TAG, '99', '--csv', '--service', noon_bridge.service_name]
+    command += ['--timeout', str(PATIENCE_SECONDS)]
+    ended = subprocess.run(
+        ['bash', '-c', 'exec "$@" 2>&-', 'bash', *command], capture_output=True, timeout=120, check=False
+    )
+    assert (ended.returncode, ended.stdout.decode()) == (SOME_FAILED, f'{HEADER}\n')
+
+
 def test_a_reader_that_closes_the_pipe_ends_the_watch(noon_bridge):
     ask = [READ_TAG, '6', '--watch', '0.01', '--service', noon_bridge.service_name]
     ask += ['--timeout', str(PATIENCE_SECONDS)]

@@ -289,11 +289,8 @@ def test_a_spreadsheet_takes_no_text_of_a_csv_file_for_a_formula(csv_path):
         cells = [(each['tag_id'], each['sensor'], each['value']) for each in csv.DictReader(file)]
     assert cells == [(f"'{text}", f"'{text}", '-1.5') for text in FORMULAS]
     assert read_rows(csv_path) == rows
-
-
-def test_an_apostrophe_of_an_older_file_stays(csv_path):
     csv_path.write_text(f'{HEADER}\n{csv_text([row(tag_id="x")])}'.replace(',x,', ",'x,"))
-    assert [each.tag_id for each in read_rows(csv_path)] == ["'x"]
+    assert [each.tag_id for each in read_rows(csv_path)] == ["'x"]  # of an older file
 
 
 WRITER = """
@@ -355,17 +352,17 @@ def test_a_torn_row_of_a_csv_file_is_ignored_and_the_next_one_is_whole(csv_path,
     assert read_rows(csv_path) == [kept, last, row(2)]
 
 
-def test_the_last_row_of_a_csv_file_may_lack_its_line_end(csv_path):
-    csv_path.write_text(f'{HEADER}\n{csv_text([row()])}'[:-1])
+WHOLE = f'{HEADER}\n{csv_text([row()])}'
+
+
+@pytest.mark.parametrize(
+    ('before', 'kept'),
+    [*((WHOLE[:size], []) for size in (0, 1, len(HEADER), len(HEADER) + 1)), (WHOLE[:-1], [row()])],
+)
+def test_a_csv_file_torn_in_its_header_or_at_its_last_line_end_is_continued(csv_path, before, kept):
+    csv_path.write_text(before)
     assert open_store(str(csv_path)).keep([row(1)]) == 1
-    assert read_rows(csv_path) == [row(), row(1)]
-
-
-@pytest.mark.parametrize('size', [0, 1, len(HEADER), len(HEADER) + 1])
-def test_a_csv_file_torn_in_its_header_is_a_new_one(csv_path, size):
-    csv_path.write_text(f'{HEADER}\n'[:size])
-    assert open_store(str(csv_path)).keep([row()]) == 1
-    assert read_rows(csv_path) == [row()]
+    assert read_rows(csv_path) == [*kept, row(1)]
 
 
 def other_database(path):
@@ -594,9 +591,13 @@ def test_a_csv_file_that_another_program_has_saved_again_is_read(content):
     ('content', 'reason'),
     [
         (in_columns(Row._fields[1:]), 'its header lacks stamp_ns: name a file'),
-        (in_columns(Row._fields, stamp_ns=rounded, stamp_utc=str.lower), "stamp_ns of co2 is '1.79519E+18'"),
+        (
+            in_columns(Row._fields, stamp_ns=rounded, stamp_utc=str.lower),
+            "line 2: stamp_ns is rounded to '1.79519E+18': ",
+        ),
         (csv_text(READINGS), f'which is SQLite or CSV with the header {HEADER}'),
         (in_columns(['', *Row._fields]).replace(',stamp', 'stamp', 1), 'line 2: 11 values in place of 10'),
+        (in_columns(Row._fields).replace('source', 'source,', 1), 'no line has 11 values, as the header'),
         (in_columns(Row._fields).encode('latin-1'), "(save a spreadsheet as 'CSV UTF-8')"),
     ],
 )

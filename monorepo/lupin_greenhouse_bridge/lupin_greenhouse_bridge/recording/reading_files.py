@@ -110,7 +110,7 @@ def parse_csv(content: bytes) -> list[Row]:
     # A torn line can end within a character: surrogates stand for its bytes.
     text = content.decode('utf-16' if is_utf_16 else 'utf-8-sig', errors='surrogateescape')
     delimiter, names = _header_of(text)
-    reader, rows = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter), []
+    reader, rows, torn_lines = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter), [], 0
     indices = [names.index(column) for column in Row._fields]
     try:
         for cells in reader:
@@ -118,6 +118,9 @@ def parse_csv(content: bytes) -> list[Row]:
                 raise ValueError(f'{len(cells)} values in place of {len(names)}')
             if len(cells) == len(names) and cells != names:
                 rows.append(_row_of([cells[index] for index in indices], has_commas=delimiter == ';'))
+            torn_lines += 0 < len(cells) < len(names)
+        if torn_lines > 1 and not rows:
+            raise ValueError(f'no line has {len(names)} values, as the header')
     except (ValueError, csv.Error) as error:
         raise WrongValueError(f'line {reader.line_num}: {error}') from error
     return rows
@@ -171,10 +174,12 @@ def _parsed(column: str, cell: str) -> Any:
 
 def _unrounded(cell: str, stamp_utc: str) -> Any:
     """Return a stamp; from stamp_utc if a program has taken stamp_ns for a float, and has rounded it."""
-    is_float = not cell.isdecimal() and re.fullmatch(r'\d+[.,]?\d*E\+?\d+', cell, re.IGNORECASE)
+    is_float = not cell.isdecimal() and re.fullmatch(r'\d+[.,]?\d*(E\+?\d+)?', cell, re.IGNORECASE)
     if (is_float or cell.endswith('0000')) and (match := STAMP_UTC.fullmatch(stamp_utc)):
         moment = datetime.datetime.fromisoformat(f'{match[1]}+00:00')
         stamp_ns = int(moment.timestamp()) * 10**9 + int(match[2])
         if is_float or (cell.isdecimal() and abs(int(cell) - stamp_ns) < ROUNDED_NS):
             return stamp_ns
+    if is_float:
+        raise ValueError(f"stamp_ns is rounded to '{cell}': save it as text, with all of its digits")
     return _parsed('stamp_ns', cell)

@@ -67,11 +67,10 @@ class RecordReadingsNode(Node):
         store = open_store(settings.file, warn=self.get_logger().warning)
         self._writer = BufferedWriter(store, self.get_logger())
         topics = subscribe_to_readings(self, topics_of(settings.readings_topics), self._on_reading)
-        self._bridge: Client[Any, Any] = self.create_client(
-            GetParameters, parameter_service_of(DEFAULT_SERVICE)
-        )
-        self._request: Future[GetParameters.Response] | None = None
         if not self._has_places:
+            self._bridge: Client[Any, Any]
+            self._bridge = self.create_client(GetParameters, parameter_service_of(DEFAULT_SERVICE))
+            self._request: Future[GetParameters.Response] | None = None
             self._timer = steady_timer(self, ASK_EVERY_SECONDS, self._ask_for_tag_file)
         self._writer.start()
         file = Path(settings.file).resolve()

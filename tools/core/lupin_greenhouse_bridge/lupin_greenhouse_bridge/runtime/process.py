@@ -64,6 +64,8 @@ def start(module: str, *, has_node: bool = True) -> NoReturn:
     _is_started = True
     if sys.stdout is None:  # closed by the shell: a descriptor that refuses what is printed
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), 'w')
+    if sys.stderr is None:  # print() would write to standard output
+        sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), 'w')
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a terminal keeps its encoding, and gets ? for a ° it lacks
             stream.reconfigure(encoding=None if stream.isatty() else 'utf-8', errors='replace')
