@@ -371,6 +371,7 @@ def test_it_runs_alone_on_any_two_checkouts(trees):
     command = [sys.executable, '-I', '-S', 'check_drift.py', *sides]
     result = subprocess.run(command, cwd=trees.base, env={}, capture_output=True, text=True, check=False)
     assert (result.returncode, result.stderr) == (0, '')
+    assert result.stdout.endswith(' compared: only the allowed divergence\n')
 
 
 def test_an_unreadable_file_is_exit_code_2(trees, monkeypatch, capsys):
