@@ -38,30 +38,35 @@ def test_a_figure_of_another_greenhouse_is_not_up_to_date(tmp_path, capsys):
     assert capsys.readouterr().out.count('is not up to date: make figure') == 3
 
 
-@pytest.fixture
-def drawn(monkeypatch, tmp_path):
-    """Return a function that draws with these options; it returns the figures by name."""
+def figures_of(folder, *options):
+    """Return the figures that these options draw, by name."""
+    figures = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figure, 'save', lambda drawing, path, _: figures.update({path.stem: drawing}))
+        assert figure.main(['--output', str(folder), *options]) == 0
+    return figures
 
-    def draw(*options):
-        figures = {}
-        monkeypatch.setattr(figure, 'save', lambda drawing, path, _: figures.update({path.stem: drawing}))
-        assert figure.main(['--output', str(tmp_path), *options]) == 0
-        return figures
 
-    return draw
+@pytest.fixture(scope='module')
+def drawn(tmp_path_factory):
+    """Return the figures of the shipped greenhouse."""
+    figures = figures_of(tmp_path_factory.mktemp('drawn'))
+    for drawing in figures.values():
+        drawing.canvas.draw()
+    return figures
 
 
 def texts_of(drawing) -> list[str]:
     return [each.get_text() for each in drawing.findobj(Text)]
 
 
-def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path, drawn):
+def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path):
     tags = {
         'a1': {'x': 1.0, 'y': 1.0, 'sensors': ['co2', 'light']},
         'b2': {'x': 3.0, 'y': 7.0, 'sensors': ['co2']},
     }
     (tmp_path / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
-    figures = drawn('--tag-file', str(tmp_path / 'tags.json'), '--hour', '6')
+    figures = figures_of(tmp_path, '--tag-file', str(tmp_path / 'tags.json'), '--hour', '6')
     title = "the simulator's model: temperature at 06:00,\nand the sensors of each tag"
     assert {'a1  CL', 'b2  C', 'temperature (°C) at 06:00', 'C  co2: 2 tags', title} <= {
         *texts_of(figures['greenhouse'])
@@ -69,7 +74,7 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path, drawn):
     assert any('a day at tag a1' in text for text in texts_of(figures['day']))
 
 
-def test_the_day_says_when_each_sensor_is_highest_and_lowest(tmp_path, drawn):
+def test_the_day_says_when_each_sensor_is_highest_and_lowest(tmp_path):
     """Whatever the config says; temperature has no noise in the shipped one."""
     config = shipped('greenhouse_config.yaml')
     for component in config['sensors']['co2']:
@@ -77,16 +82,16 @@ def test_the_day_says_when_each_sensor_is_highest_and_lowest(tmp_path, drawn):
     for component in config['sensors']['soil_moisture']:
         component |= {'value_at_midnight': 0.4, 'value_at_noon': 0.4}
     (tmp_path / 'config.json').write_text(json.dumps(config), encoding='utf-8')
-    texts = texts_of(drawn('--sim-config-file', str(tmp_path / 'config.json'), '--tag', '5')['day'])
+    texts = texts_of(
+        figures_of(tmp_path, '--sim-config-file', str(tmp_path / 'config.json'), '--tag', '5')['day']
+    )
     assert 'temperature (°C), highest at 12:00, lowest at 00:00, without noise' in texts
     assert 'co2 (ppm), highest at 00:00, lowest at 12:00' in texts
     assert 'soil moisture (m³/m³), always the same' in texts
 
 
 def test_no_label_lies_on_a_tag_or_on_another_label(drawn):
-    drawing = drawn()['greenhouse']
-    drawing.canvas.draw()
-    axes = drawing.axes[0]
+    axes = drawn['greenhouse'].axes[0]
     boxes = [text.get_window_extent() for text in axes.texts if text.get_visible()]
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
     tags = [tuple(map(tag.__getitem__, 'xy')) for tag in shipped('tag_locations.json')['tags'].values()]
@@ -96,9 +101,7 @@ def test_no_label_lies_on_a_tag_or_on_another_label(drawn):
 
 
 def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_tag(drawn):
-    drawing, tags = drawn()['route'], shipped('tag_locations.json')['tags']
-    axes = drawing.axes[0]
-    drawing.canvas.draw()
+    axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
     written = [text for text in axes.texts if text.get_text()]
     ids = [text for text in written if text.get_color() == 'black']
     stops = [text for text in written if text not in ids and text.get_text() not in ('start', 'end')]
@@ -111,25 +114,18 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     assert numbers == list(range(1, len(tags) + 1))
     assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) > 10
     lines = [line for line in axes.lines if len(line.get_xydata()) > 1]
-    sights = [line for line in lines if line.get_linestyle() == '--']
-    assert {tuple(line.get_xydata()[-1]) for line in sights} == {
-        (tag['x'], tag['y']) for tag in tags.values()
-    }
+    ends_of_sights = {tuple(line.get_xydata()[-1]) for line in lines if line.get_linestyle() == '--'}
+    assert ends_of_sights == {(tag['x'], tag['y']) for tag in tags.values()}
     boxes = [text.get_window_extent() for text in written]
     frames = [text.get_window_extent().padded(3) for text in stops]
     for extents in (boxes, frames):
         assert not any(one.overlaps(other) for one, other in itertools.combinations(extents, 2))
     for frame, tag in itertools.product(frames, tags.values()):
         assert not frame.contains(*axes.transData.transform((tag['x'], tag['y'])))
-    ways = [
-        each.get_transform().transform_path(each.get_path())
-        for each in lines
-        if each.get_linestyle() != 'None'
-    ]
-    extents = {text.get_text(): text.get_window_extent() for text in ids}
-    assert not [
-        tag for tag, box in extents.items() if any(way.intersects_bbox(box, filled=False) for way in ways)
-    ]
+    paths = [line for line in lines if line.get_linestyle() != 'None']
+    for way, text in itertools.product(paths, ids):
+        path = way.get_transform().transform_path(way.get_path())
+        assert not path.intersects_bbox(text.get_window_extent(), filled=False), text.get_text()
 
 
 def shipped(name: str) -> dict:
