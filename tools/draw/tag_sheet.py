@@ -16,7 +16,7 @@ import matplotlib
 import numpy as np
 import numpy.typing as npt
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
-from lupin_greenhouse_bridge.simulator.simulation import served_tag_ids
+from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_simulation.tag36h11 import printed_marker
 from matplotlib import pyplot
 from matplotlib.backends.backend_pdf import PdfPages
@@ -100,7 +100,7 @@ def main(arguments: list[str] | None = None) -> int:
         if not 8.0 <= options.side <= largest:
             limits = f'between 8 and {largest:g} mm, the width of an A4 page'
             raise StartUpError(f'--side {options.side:g}: must be {limits}')
-        tag_ids = served_tag_ids(options.tag_file)
+        tag_ids = list(require_layout(options.tag_file).tags)
         numbers = {str(number): number for number in range(TAG_COUNT)}
         if left_out := [tag_id for tag_id in tag_ids if tag_id not in numbers]:
             ids = f'ids are 0 to {TAG_COUNT - 1} in decimal'

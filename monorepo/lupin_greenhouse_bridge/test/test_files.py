@@ -317,6 +317,11 @@ def test_what_is_no_plain_file_is_refused(tmp_path, make, fragment):
         load('tag_file', path)
 
 
+def test_a_path_that_no_file_can_have_is_refused():
+    with pytest.raises(StartUpError, match=r"'a\\x00b': cannot be read \(embedded null byte\)"):
+        read_config('a\0b')
+
+
 @pytest.mark.parametrize(('parameter', 'mebibytes'), [('tag_file', 64), ('sim_config_file', 1)])
 def test_a_file_up_to_its_limit_is_read_and_one_byte_more_is_not(write, parameter, mebibytes):
     path = write(parameter, {})

@@ -13,7 +13,7 @@ import pypdfium2
 import pytest
 import tag_sheet
 import yaml
-from lupin_greenhouse_bridge.simulator.simulation import served_tag_ids
+from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_tag_confirmation.detector import TagDetector
 from matplotlib.text import Text
 
@@ -177,7 +177,7 @@ def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path, side_mm, on_a_pag
     arguments = ['--side', str(side_mm), '--output', str(tmp_path), '--tag-file', tag_file]
     assert tag_sheet.main(arguments) == 0
     document = pypdfium2.PdfDocument(tmp_path / f'tag36h11-{side_mm}mm.pdf')
-    numbers = sorted(map(int, served_tag_ids(tag_file)))
+    numbers = sorted(map(int, require_layout(tag_file).tags))
     assert len(document) == -(-len(numbers) // on_a_page)
     for index, page in enumerate(document):
         expected = numbers[index * on_a_page : (index + 1) * on_a_page]

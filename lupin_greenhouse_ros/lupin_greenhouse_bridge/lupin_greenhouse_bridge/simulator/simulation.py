@@ -74,13 +74,6 @@ def load(
     return LoadedGreenhouse(sim, list(layout.tags), warnings, summary)
 
 
-def served_tag_ids(tag_file: str) -> list[str]:
-    """Return the ids that a bridge serves with this tag_file, '' for the shipped one; raises StartUpError."""
-    require_simulator()
-    path = tag_file or _require_shipped_file('tag_locations.json')
-    return list(read_layout(path, has_tables=False).tags)
-
-
 def _require_shipped_file(name: str) -> Path:
     if path := shipped_file(name):
         return path

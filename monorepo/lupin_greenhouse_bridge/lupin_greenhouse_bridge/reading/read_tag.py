@@ -35,7 +35,6 @@ from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.output import ProgressLine
 from lupin_greenhouse_bridge.runtime.parameters import log_ignored_parameters
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
-from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.simulator.layout import find_places, natural_order
 
 LIMITED_TO_THIS_MACHINE = {('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'), ('ROS_LOCALHOST_ONLY', '1')}
@@ -199,7 +198,7 @@ def _ids_to_complete(executor: Executor) -> list[str]:
         client = Client(executor, _node_in(executor), COMPLETION_TIMEOUT_SECONDS)
         return _all_tag_ids(client, DEFAULT_SERVICE)
     except (NoAnswer, UsageError):
-        return simulation.served_tag_ids('')
+        return list(find_places(''))
 
 
 def _parser(executor: Executor) -> argparse.ArgumentParser:

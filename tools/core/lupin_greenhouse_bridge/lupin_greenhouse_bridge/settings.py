@@ -3,7 +3,6 @@
 import sys
 from dataclasses import dataclass
 
-from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 
 SECONDS_PER_DAY = 86400.0
@@ -43,9 +42,5 @@ class Settings:
 
     def __post_init__(self) -> None:
         check_parameters(self)
-        if '\0' in self.tag_file + self.sim_config_file:
-            raise StartUpError(
-                'parameter tag_file or sim_config_file holds a NUL character: set the path of a file'
-            )
         if -1.0 < self.debug_time_of_day < 0.0:
             raise invalid('debug_time_of_day', self.debug_time_of_day, HOURS)

@@ -230,12 +230,6 @@ def test_each_parameter_has_its_type_and_its_limits(node):
     check_settings(node.Settings)
 
 
-@pytest.mark.parametrize('parameter', ['tag_file', 'sim_config_file'])
-def test_a_nul_in_a_path_is_refused(parameter):
-    with pytest.raises(StartUpError, match='holds a NUL character: set the path of a file'):
-        Settings(**{parameter: 'a\0b'})
-
-
 def test_a_mistyped_parameter_is_named_and_changes_nothing(bridge_here):
     ended = bridge_here(debug_sed=42, use_sim_time='false')
     assert ended.code == 0
@@ -272,23 +266,16 @@ def test_a_simulator_that_is_missing_or_broken_is_refused(monkeypatch, called, e
         simulation.require_simulator()
 
 
-def test_a_simulator_without_its_files_is_refused(monkeypatch):
-    monkeypatch.setattr(simulation, 'shipped_file', lambda _name: None)
-    with pytest.raises(StartUpError, match=r'lacks its file tag_locations\.json: pip install'):
-        simulation.load(Settings(), None, None)
-
-
-def test_a_tag_file_that_the_simulator_reads_otherwise_is_refused(monkeypatch):
-    """The simulator opens the file with the encoding of the locale."""
-    monkeypatch.setattr(GreenhouseSimulator, 'tags', lambda _self: ['Ã©'])
-    with pytest.raises(StartUpError, match=r"tag_file '.*tag_locations.json': .* set PYTHONUTF8=1"):
-        simulation.load(Settings(), None, None)
-
-
-def test_a_tag_that_cannot_be_read_is_refused_before_anyone_asks(monkeypatch):
-    def fail(*_arguments):
-        raise RuntimeError('the sensor is on fire')
-
-    monkeypatch.setattr(GreenhouseSimulator, 'get_sensor_data', fail)
-    with pytest.raises(StartUpError, match=r"tag '\d+' is loaded but cannot be read: .* is on fire"):
+@pytest.mark.parametrize(
+    ('owner', 'name', 'answer', 'message'),
+    [
+        (simulation, 'shipped_file', None, r'lacks its file tag_locations\.json: pip install'),
+        # The simulator opens the file with the encoding of the locale.
+        (GreenhouseSimulator, 'tags', ['Ã©'], r"tag_file '.*tag_locations.json': .* set PYTHONUTF8=1"),
+        (GreenhouseSimulator, 'get_sensor_data', {}, r"tag '\d+' is loaded but cannot be read: .* KeyError"),
+    ],
+)
+def test_a_simulator_that_cannot_serve_is_refused(monkeypatch, owner, name, answer, message):
+    monkeypatch.setattr(owner, name, lambda *_arguments: answer)
+    with pytest.raises(StartUpError, match=message):
         simulation.load(Settings(), None, None)
