@@ -658,15 +658,48 @@ TABLE = {'table': (1.0, 1.0, 3.0, 1.5)}
     ('override', 'pose'),
     [
         (Override(standoff=0.8), (2.0, 0.2, math.pi / 2, 0.8, 0.0)),
-        (Override(yaw=math.pi / 3), (1.75, 1 - 0.25 * 3**0.5, math.pi / 3, 0.5, math.pi / 6)),
+        (Override(yaw=2.0), (2.0, 0.5, 2.0, 0.5, 0.0)),
+        (Override(yaw=2.0, standoff=0.4), (2.0, 0.6, 2.0, 0.4, 0.0)),
         (Override(goal_x=2.3), (2.3, 0.5, math.atan2(0.5, -0.3), math.hypot(0.3, 0.5), math.atan2(0.3, 0.5))),
         (Override(goal_y=0.1), (2.0, 0.1, math.pi / 2, 0.9, 0.0)),
-        (Override(0.0, None, 2.0, 0.4), (2.0, 0.4, 0.0, 0.6, 0.0)),
     ],
 )
 def test_an_override_sets_what_it_names(override, pose):
     layout = layout_of((2.0, 1.0), **TABLE)
-    assert approaches_of(layout, overrides={'0': override}).poses['0'] == pytest.approx(pose)
+    found = approaches_of(layout, overrides={'0': override})
+    assert (found.poses['0'], found.view_warnings) == (pytest.approx(pose), {})
+
+
+@pytest.mark.parametrize(
+    ('override', 'camera_offset_m', 'angle', 'reason'),
+    [
+        (Override(yaw=0.0), 0.0, 90.0, 'it looks 90° past the tag: correct yaw'),
+        (Override(yaw=math.radians(62.5)), 0.0, 0.0, None),
+        (Override(yaw=math.radians(61.0)), 0.0, 29.0, 'it looks 29° past the tag: correct yaw'),
+        # The camera is 0.2 * sin(20°) m aside, 0.5 - 0.2 * cos(20°) m ahead of the tag, which it has at 32°.
+        (Override(yaw=math.radians(70.0)), 0.2, 20.0, 'it looks 32° past the tag: correct yaw'),
+        (Override(yaw=math.radians(80.0)), 0.2, 6.54, None),
+        (Override(-math.pi / 2, None, 2.0, 0.5), 0.0, 180.0, 'it looks 180° past the tag: correct yaw'),
+        (
+            *(Override(goal_x=3.4, goal_y=0.7), 0.0, math.degrees(math.atan2(1.4, 0.3))),
+            'the incidence angle is 78°, above 60°: correct the position',
+        ),
+    ],
+)
+def test_an_override_from_which_no_camera_sees_the_tag_is_warned_of(override, camera_offset_m, angle, reason):
+    layout = layout_of((2.0, 1.0), **TABLE)
+    found = approaches_of(layout, overrides={'0': override}, camera_offset_m=camera_offset_m)
+    assert math.degrees(found.poses['0'].angle_rad) == pytest.approx(angle, abs=0.01)
+    warning = f"tag '0': the robot cannot see it as its override says: {reason}"
+    assert found.view_warnings == ({'0': warning} if reason else {})
+
+
+@pytest.mark.parametrize('radius_m', [0.0, 0.02, 0.2])
+def test_an_override_on_the_tag_itself_has_the_reason(radius_m):
+    layout, override = layout_of((2.0, 1.0)), Override(goal_x=2.0, goal_y=1.0)
+    found = approaches_of(layout, radius_m, clearance_m=0.01, overrides={'0': override})
+    reason = f'no place for a robot of radius {radius_m:g} m where the overrides set the pose'
+    assert (found.poses, found.unreachable) == ({}, {'0': reason})
 
 
 def test_an_override_never_sets_a_pose_in_a_table():

@@ -223,6 +223,40 @@ def test_a_tag_that_the_map_costs_is_unreachable_with_the_best_distance(write_ma
     assert data['poses'][0]['y'] == pytest.approx(0.4)
 
 
+BOTH_SIDES = LAYOUT | {'tags': LAYOUT['tags'] | {'8': {'x': 2.0, 'y': 1.5, 'sensors': ['co2']}}}
+
+
+@pytest.mark.parametrize('transform', [Transform(), Transform(-3.0, 5.0, 2.1)])
+@pytest.mark.parametrize(
+    ('door_m', 'start', 'seen'),
+    [
+        # The robot needs 2 * (0.2 + 0.05) m between the wall and the end of the barrier.
+        (0.52, (2.0, 0.5), {'7', '8'}),
+        (0.48, (2.0, 0.5), {'7'}),
+        (0.48, (2.0, 2.5), {'8'}),
+        (0.48, (2.0, 0.21), {'7'}),  # It stands 0.21 m from the wall, as on a dock.
+        (0.48, None, {'7'}),
+    ],
+)
+def test_a_pose_that_the_map_walls_off_is_cut_off(
+    write_map, poses_of, tmp_path, transform, door_m, start, seen
+):
+    """A barrier between the tags is in the map alone. The layout lets the robot drive around the bench."""
+    (tmp_path / 'tags.json').write_text(json.dumps(BOTH_SIDES), encoding='utf-8')
+    words = ('--start', *start) if start else ()
+    assert {each['tag_id'] for each in poses_of(*words)[1]['poses']} == {'7', '8'}
+    pixels = room(lambda x, y: x > door_m and 1.2 < y < 1.28)
+    write_transform(tmp_path / 'layout.yaml', transform)
+    path = write_map(pixels, resolution=CELL_M, origin=[*transform])
+    exit_code, data, _ = poses_of('--map', path, '--layout-in-map', tmp_path / 'layout.yaml', *words)
+    assert {each['tag_id'] for each in data['poses']} == seen
+    origin = 'the start at ({:g}, {:g})'.format(*start) if start else 'the rest of the free space'
+    reasons = {each['reason'] for each in data['unreachable']}
+    assert (exit_code, reasons) == (
+        (1, {f'cut off from {origin} in the map'}) if len(seen) < 2 else (0, set())
+    )
+
+
 def test_unknown_counts_as_occupied_unless_it_is_free(write_map, poses_of):
     path = write_map(room(lambda _x, y: not 0.28 < y < 0.52, 205), resolution=CELL_M)
     exit_code, data, _ = poses_of('--map', path)

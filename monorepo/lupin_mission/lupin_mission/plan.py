@@ -48,8 +48,10 @@ class Plan:
             most_per_tag=settings.max_poses,
             occupancy=occupancy and occupancy.in_layout(layout_in_map),
         )
-        self._free_space, self._region, self._poses = found.free_space, found.region, found.poses
+        self._free_space, self._poses = found.free_space, found.poses
+        self._region_of, self._region = found.region_of, found.region
         self.unreachable, self.room_warnings = found.unreachable, found.room_warnings
+        self.warnings += found.view_warnings.values()
         self.goals = {
             tag_id: [
                 PoseInPlane(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))
@@ -61,7 +63,7 @@ class Plan:
     def is_for(self, robot_in_map_m: Place | None) -> bool:
         """Return whether the robot can reach the poses, or its place is unknown, or not free."""
         robot_m = self._free_in_layout(robot_in_map_m)
-        return robot_m is None or int(self._free_space.regions_of([robot_m])[0]) == self._region
+        return robot_m is None or self._region_of(robot_m) == self._region
 
     def shortest(
         self, tag_ids: list[str], robot_in_map_m: Place | None = None, dock_in_map_m: Place | None = None

@@ -16,6 +16,7 @@ STANDOFF_STEP_M = 0.02
 ANGLE_STEP_RAD = math.radians(1.5)
 SMALLEST_ROOM_M = 0.01  # beyond the robot's radius, as the footprint_padding of Nav2
 TIGHT_M = 0.02  # with less room, a steeper view is better
+HALF_VIEW_RAD = math.radians(28.0)  # half of the horizontal field of view of a usual camera
 
 
 class ApproachPose(NamedTuple):
@@ -97,12 +98,10 @@ def find_candidates(
     one_side = _steps(0.0, limits.largest_angle_rad, ANGLE_STEP_RAD)
     one_side += _steps(limits.largest_angle_rad, limits.steepest_rad, ANGLE_STEP_RAD)
     angles = [0.0, *(sign * angle for angle in one_side for sign in (1, -1))]
-    if override.yaw is not None:
-        angles = [override.yaw + math.pi - tag.facing]
     if override.goal_x is not None or override.goal_y is not None:
         standoffs_m, angles = standoffs_m[:1], angles[:1]
     views = np.array(list(itertools.product(standoffs_m, angles)))
-    if override == Override():  # a tag looks narrower from the side: a steep view must be nearer
+    if override.standoff is None:  # a tag looks narrower from the side: a steep view must be nearer
         narrow_m = limits.largest_standoff_m / math.cos(limits.largest_angle_rad)
         farthest_m = np.maximum(narrow_m * np.cos(views[:, 1]), limits.smallest_standoff_m)
         is_wide = np.abs(views[:, 1]) <= limits.largest_angle_rad
@@ -112,10 +111,36 @@ def find_candidates(
         if value is not None:
             places[:, axis] = value
     towards = tag[:2] - places
-    sights = np.arctan2(towards[:, 1], towards[:, 0])
-    yaws = sights if override.yaw is None else np.full(len(places), math.remainder(override.yaw, math.tau))
-    incidences = np.abs(wrapped(sights + math.pi - tag.facing))
+    yaws = np.arctan2(towards[:, 1], towards[:, 0])
+    incidences = np.abs(wrapped(yaws + math.pi - tag.facing))
     return np.column_stack([places, yaws, np.hypot(*towards.T), incidences])
+
+
+def overridden(
+    pose: ApproachPose, tag: TagPose, limits: ViewingLimits, override: Override
+) -> tuple[ApproachPose, str]:
+    """
+    Return a pose with the yaw of an override and its true angle, and why the camera cannot see the tag.
+
+    The angle is that of the camera's line of sight. If the robot looks past the tag, there is none, and the
+    angle is that between the direction of the robot and the normal of the tag. The reason is '' in a view.
+    """
+    yaw = pose.yaw if override.yaw is None else math.remainder(override.yaw, math.tau)
+    sight = math.atan2(
+        tag.y - pose.y - limits.camera_offset_m * math.sin(yaw),
+        tag.x - pose.x - limits.camera_offset_m * math.cos(yaw),
+    )
+    past, incidence, off_normal = (
+        abs(math.remainder(each, math.tau))
+        for each in (sight - yaw, sight + math.pi - tag.facing, yaw + math.pi - tag.facing)
+    )
+    past_deg, incidence_deg, steepest_deg = map(math.degrees, (past, incidence, limits.steepest_rad))
+    angle, reason = incidence, ''
+    if past > HALF_VIEW_RAD:
+        angle, reason = off_normal, f'it looks {past_deg:.0f}° past the tag: correct yaw'
+    elif incidence > limits.steepest_rad + EQUAL_M:
+        reason = f'the incidence angle is {incidence_deg:.0f}°, above {steepest_deg:g}°: correct the position'
+    return pose._replace(yaw=yaw, angle_rad=angle), reason
 
 
 def best_first(

@@ -11,16 +11,23 @@ import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace, Point
-from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
+from lupin_greenhouse_bridge.planning.occupancy import ConnectedParts, OccupancyMap
+from lupin_greenhouse_bridge.planning.octagons import Numbers
 from lupin_greenhouse_bridge.planning.overrides import Override
-from lupin_greenhouse_bridge.planning.surroundings import Obstacles, Surroundings
-from lupin_greenhouse_bridge.planning.tag_poses import EQUAL_M, TagPose, tables_of
+from lupin_greenhouse_bridge.planning.tag_poses import (
+    EQUAL_M,
+    Obstacles,
+    Surroundings,
+    TagPose,
+    tables_of,
+)
 from lupin_greenhouse_bridge.planning.viewpoints import (
     ApproachPose,
     ViewingLimits,
     best_first,
     directions,
     find_candidates,
+    overridden,
     wrapped,
 )
 from lupin_greenhouse_bridge.planning.walls import Walls
@@ -36,10 +43,12 @@ class Approaches:
     """The approach poses and the reasons of the other tags, by tag id in the order of the layout."""
 
     free_space: FreeSpace
-    region: int  # the number of the region of the free space that all poses are in; -1 without poses
+    region_of: Callable[[Point], int]  # the number of the region of a free place
+    region: int  # that all poses are in: connected in the free space and in the map; -1 without poses
     poses: dict[str, ApproachPose] = field(default_factory=dict)
     alternatives: dict[str, list[ApproachPose]] = field(default_factory=dict)  # to each pose, the best first
     room_warnings: dict[str, str] = field(default_factory=dict)  # of poses with less room than the clearance
+    view_warnings: dict[str, str] = field(default_factory=dict)  # of overrides from which no camera sees
     unreachable: dict[str, str] = field(default_factory=dict)
 
 
@@ -58,13 +67,13 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     Return an approach pose for each tag that the robot can look at.
 
     Each pose is free, has the whole tag in view, and is connected to the start; without a start, all are in
-    the region of the free space that has the best poses of most tags. Poses with the clearance win, then
+    the region that has the best poses of most tags. Poses with the clearance win, then
     those with view and room after an arrival beside the pose, then the one nearest to the preferred standoff,
     then the one with the smallest incidence angle. Without that room, the roomiest pose wins.
     With more than one pose per tag, the next best ones that are at least ALTERNATIVE_M or ALTERNATIVE_RAD
     from each before are its alternatives; where an override sets the pose, there is none.
     A map, in the frame of the layout, leaves only the poses from which it is free by the radius and the
-    clearance. The free space, and with it the paths, does not know it.
+    clearance, and which such places in the map connect. The paths do not know the map.
     `progress` is told what is done, how much of it, and of how much.
     Raises StartUpError for a start that is not free, if no point is free, or for a map of another place.
     """
@@ -82,25 +91,26 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     for count, tag_id in enumerate(layout.tags):
         progress('tags with a pose', count, len(layout.tags))
         views[tag_id] = search.best(tag_id)
-    if start_m:
-        region = int(free_space.regions_of(start_m)[0])
-    else:
-        counts = Counter(view.region for view in views.values() if view.pose)
-        region = max(counts, key=counts.__getitem__, default=-1)
-    found = Approaches(free_space, region)
+    counts = Counter(view.region for view in views.values() if view.pose)
+    region = search.region_of(start_m) if start_m else max(counts, key=counts.__getitem__, default=-1)
+    found = Approaches(free_space, search.region_of, region)
     for tag_id, anywhere in views.items():
         view = anywhere
         if view.pose and view.region != region:
-            view = search.best(tag_id, region)._replace(reason=f'cut off from {origin}')
+            in_map = ' in the map' if search.are_apart_in_map(view.region, region) else ''
+            view = search.best(tag_id, region)._replace(reason=f'cut off from {origin}{in_map}')
         if view.pose is None:
             found.unreachable[tag_id] = view.reason
             continue
-        found.poses[tag_id] = view.pose
+        shown = f"tag '{escaped(tag_id, 64)}'"
+        found.poses[tag_id], problem = search.overridden(tag_id, view.pose)
         found.alternatives[tag_id] = search.alternatives(tag_id, view.pose, region, most_per_tag - 1)
+        if problem:
+            found.view_warnings[tag_id] = f'{shown}: the robot cannot see it as its override says: {problem}'
         if view.room_m < limits.clearance_m - EQUAL_M:
             found.room_warnings[tag_id] = (
-                f"tag '{escaped(tag_id, 64)}': its pose has {view.room_m:.3f} m of room beyond the robot's"
-                f' radius, less than the clearance of {limits.clearance_m:g} m'
+                f"{shown}: its pose has {view.room_m:.3f} m of room beyond the robot's radius, less than the"
+                f' clearance of {limits.clearance_m:g} m'
             )
     return found
 
@@ -147,6 +157,28 @@ class _Search:
         self._walls, self._limits, self._overrides = walls, limits, overrides
         self._free_space, self._occupancy = free_space, occupancy
         self._obstacles = Obstacles(tables_of(layout), walls, free_space.tag_poses)
+        self._needed_m = limits.robot_radius_m + limits.clearance_m  # of room in the map
+        self._parts = None if occupancy is None else ConnectedParts(occupancy, self._needed_m)
+
+    def regions_of(self, points: np.ndarray) -> Numbers:
+        """Return a number for each free point (points, 2), which is equal for those that are connected."""
+        regions = self._free_space.regions_of(points)
+        return regions if self._parts is None else regions * (self._parts.count + 1) + self._parts.of(points)
+
+    def region_of(self, place_m: Point) -> int:
+        """Return the region of one free point."""
+        return int(self.regions_of(np.array([place_m]))[0])
+
+    def are_apart_in_map(self, one: int, other: int) -> bool:
+        """Return whether two regions are connected in the free space, but not in the map."""
+        return self._parts is not None and one // (self._parts.count + 1) == other // (self._parts.count + 1)
+
+    def overridden(self, tag_id: str, pose: ApproachPose) -> tuple[ApproachPose, str]:
+        """Return the pose with the yaw of its override, and why the camera cannot see the tag from it."""
+        override = self._override(tag_id)
+        if override == Override():
+            return pose, ''
+        return overridden(pose, self._free_space.tag_poses[tag_id], self._limits, override)
 
     def best(self, tag_id: str, region: int | None = None) -> _View:
         """Return the best pose of a tag in a region, or anywhere."""
@@ -159,6 +191,8 @@ class _Search:
 
     def alternatives(self, tag_id: str, best: ApproachPose, region: int, most: int) -> list[ApproachPose]:
         """Return at most so many other poses of a tag in a region, the best first."""
+        if self._override(tag_id).yaw is not None:
+            return []
         poses, found = self._candidates(tag_id), [best]
         while len(found) <= most:
             apart_m = np.linalg.norm(poses[:, :2] - found[-1][:2], axis=1)
@@ -171,8 +205,11 @@ class _Search:
 
     def _candidates(self, tag_id: str, *, at_preferred_standoff: bool = False) -> np.ndarray:
         """Return the possible poses of a tag in an array (poses, 5)."""
-        tag, override = self._free_space.tag_poses[tag_id], self._overrides.get(tag_id, Override())
+        tag, override = self._free_space.tag_poses[tag_id], self._override(tag_id)
         return find_candidates(tag, self._limits, override, at_preferred_standoff=at_preferred_standoff)
+
+    def _override(self, tag_id: str) -> Override:
+        return self._overrides.get(tag_id, Override())
 
     def _best_of(
         self, tag_id: str, poses: np.ndarray, region: int | None, worst_rank: float = math.inf
@@ -183,12 +220,12 @@ class _Search:
         around = self._obstacles.around(tag_id, float(poses[:, 3].max(initial=0.0)) + beyond_m)
         poses = poses[self._free_space.are_free(poses[:, :2])]
         if region is not None:
-            poses = poses[self._free_space.regions_of(poses[:, :2]) == region]
+            poses = poses[self.regions_of(poses[:, :2]) == region]
         rooms_m = around.gaps_m(poses[:, :2]) - limits.robot_radius_m
         order = best_first(poses, rooms_m, limits, worst_rank)
         if not len(order):
             where = f'within {limits.largest_standoff_m:g} m and {math.degrees(limits.steepest_rad):g}°'
-            if self._overrides.get(tag_id, Override()) != Override():
+            if self._override(tag_id) != Override():
                 where = 'where the overrides set the pose'
             return _View(f'no place for a robot of radius {limits.robot_radius_m:g} m {where}')
         for some in order[:FEW_POSES], order:
@@ -204,7 +241,7 @@ class _Search:
         if not len(valid):
             return _View('tables or other tags hide it wherever the robot has a place')
         if self._occupancy is not None:
-            needed_m = self._limits.robot_radius_m + self._limits.clearance_m
+            needed_m = self._needed_m
             gaps_m, are_unknown = self._occupancy.gaps_m(poses[valid, :2], needed_m)
             roomiest = gaps_m.argmax()
             if gaps_m[roomiest] < needed_m - EQUAL_M:
@@ -215,4 +252,4 @@ class _Search:
                 )
             valid = valid[gaps_m >= needed_m - EQUAL_M]
         pose = ApproachPose(*poses[valid[0]].tolist())
-        return _View('', pose, float(rooms_m[valid[0]]), int(self._free_space.regions_of([pose[:2]])[0]))
+        return _View('', pose, float(rooms_m[valid[0]]), self.region_of(pose[:2]))

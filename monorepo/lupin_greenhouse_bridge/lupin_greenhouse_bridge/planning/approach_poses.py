@@ -96,7 +96,7 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
             progress=progress,
         )
         progress.end()
-        for warning in [*warnings, *approaches.room_warnings.values()]:
+        for warning in (*warnings, *approaches.room_warnings.values(), *approaches.view_warnings.values()):
             print_line(f'approach_poses: {warning}', sys.stderr)
         route = plan_route(
             approaches.free_space, approaches.poses, start_m, options.order, end_m=end_m, progress=progress

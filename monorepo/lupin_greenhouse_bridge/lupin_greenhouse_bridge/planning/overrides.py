@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.simulator.json_yaml import LARGEST_NUMBER, number, read_yaml
 
-_EXAMPLE = 'such as {overrides: {"7": {yaw: 1.57, standoff: 0.4}}}'
+EXAMPLE = '{overrides: {"7": {yaw: 3.14, standoff: 0.4}}}'
 # The unit, the smallest and the largest value of each key.
 _LIMITS = {
     'yaw': ('radians', -10.0, 10.0),
@@ -30,17 +30,17 @@ class Override(NamedTuple):
 def read_overrides(path: str | Path, layout_ids: Collection[str]) -> tuple[dict[str, Override], list[str]]:
     """Return the overrides of a file by tag id, and a warning for each unknown id; raises StartUpError."""
     where = f"approach overrides '{escaped(str(path), 500)}'"
-    data = read_yaml(path, where, f'a mapping, {_EXAMPLE}')
+    data = read_yaml(path, where, f'a mapping, such as {EXAMPLE}')
     _refuse_unknown_keys(data, ['overrides'], where)
     overrides = data.get('overrides') or {}
     if not isinstance(overrides, dict):
-        raise StartUpError(f'{where}: is not a mapping, {_EXAMPLE}')
+        raise StartUpError(f'{where}: is not a mapping, such as {EXAMPLE}')
     found, warnings = {}, []
     for tag_id, each in overrides.items():
         here = f"{where}: tag '{escaped(str(tag_id), 64)}'"
         values = {} if each is None else each
         if not isinstance(values, dict):
-            raise StartUpError(f'{here}: is not a mapping, {_EXAMPLE}')
+            raise StartUpError(f'{here}: is not a mapping, such as {EXAMPLE}')
         _refuse_unknown_keys(values, _LIMITS, here)
         override = Override(**{key: float(number(values, key, here, *_LIMITS[key])) for key in values})
         if str(tag_id) in layout_ids:

@@ -1,4 +1,4 @@
-"""`ros2 run lupin_greenhouse_bridge approach_poses`."""
+"""`ros2 run lupin_greenhouse_bridge approach_poses`, and its file of overrides."""
 
 import csv
 import io
@@ -10,13 +10,16 @@ import signal
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 import yaml
 from conftest import SPINS
 from geometry_msgs.msg import PoseArray
 from lupin_greenhouse_bridge.contract import latched
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning import approach_poses
+from lupin_greenhouse_bridge.planning.overrides import EXAMPLE, Override, read_overrides
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from lupin_greenhouse_bridge.testing._helpers import spinning_node, wait_until
@@ -235,3 +238,67 @@ def test_publish_keeps_the_poses_on_a_latched_topic_until_a_signal(run_here, tag
     assert [pose_in_plane(each) for each in heard[0].poses] == [
         pytest.approx(each, abs=1e-5) for each in POSES.values()
     ]
+
+
+@pytest.fixture
+def overrides(tmp_path):
+    """Return a function that reads overrides of this text."""
+
+    def read(text: str):
+        path = tmp_path / f'approach_overrides.{"json" if text.startswith("{") else "yaml"}'
+        path.write_text(text, encoding='utf-8')
+        return read_overrides(path, {'7', '21'})
+
+    return read
+
+
+def test_the_overrides_are_read_by_tag_and_an_unknown_tag_is_warned_of(overrides):
+    found, (warning,) = overrides(
+        'overrides:\n  "7": {yaw: 1, goal_x: 2.5}\n  21:\n  "99": {standoff: 0.4}\n'
+    )
+    assert found == {'7': Override(yaw=1.0, goal_x=2.5), '21': Override()}
+    assert warning.endswith("tag '99' is not in the layout: its override has no effect")
+    assert overrides('') == overrides('overrides:\n') == ({}, [])
+
+
+@pytest.mark.parametrize(
+    ('text', 'problem'),
+    [
+        (
+            'overrides:\n  "7":\n    yaw: 1\n    stand_off: 0.4\n',
+            "tag '7': unknown key 'stand_off': use yaw, ",
+        ),
+        (
+            'overrides:\n  "7": {yaw: 1}\n  tilt: {yaw: 1}\n  "21": {tilt: 2}\n',
+            "tag '21': unknown key",
+        ),
+        ('override: {}\n', "unknown key 'override': use overrides"),
+        ('overrides: {"7": {standoff: 2.0}}', "tag '7': standoff is 2.0: must be a number from 0.2 to 1.5"),
+        ('overrides: {"7": {goal_x: .nan}}', "tag '7': goal_x is nan: must be a number"),
+        ('overrides: {"7": {yaw: "north"}}', "tag '7': yaw is 'north': must be a number"),
+        ('overrides: [7]', 'is not a mapping, such as {overrides:'),
+        ('[7]', 'holds a list at its top level, not a mapping, such as {overrides:'),
+        ('overrides: {"7": 1.5}', "tag '7': is not a mapping"),
+        ('overrides: {', 'is not YAML'),
+        ('{"overrides": {\n\t"7": {"Yaw": 1}}}', "tag '7': unknown key 'Yaw': use yaw"),
+    ],
+)
+def test_a_malformed_override_is_refused_with_its_place(overrides, text, problem):
+    with pytest.raises(StartUpError) as refusal:
+        overrides(text)
+    assert problem in str(refusal.value)
+
+
+def test_the_overrides_of_the_documents_show_the_robot_their_tags(tmp_path, capsys):
+    """On the shipped layout. Tag 7 faces east at (2.6, 7.4), so the robot is 0.4 m east of it."""
+    formats = (Path(__file__).parents[1] / 'doc' / 'formats.md').read_text(encoding='utf-8')
+    (in_formats,) = re.findall(r'## approach_overrides.yaml\n.*?```yaml\n(.*?)```', formats, re.DOTALL)
+    for text in (in_formats, EXAMPLE):
+        (tmp_path / 'overrides.yaml').write_text(text, encoding='utf-8')
+        words = ('--overrides', str(tmp_path / 'overrides.yaml'), '--format', 'json')
+        exit_code = approach_poses.main(['approach_poses', *words])
+        out, err = capsys.readouterr()
+        poses = {each['tag_id']: each for each in json.loads(out)['poses']}
+        if len(poses) == 29:  # other versions of the simulator have the tags in other places
+            assert (exit_code, 'override' in err) == (0, False)
+            assert [poses['7'][key] for key in ('x', 'y', 'yaw')] == pytest.approx([3.0, 7.4, 3.14], abs=1e-3)

@@ -1,9 +1,11 @@
-"""register_layout: what it writes, what it prints, what it refuses, and the clicks over ROS."""
+"""register_layout: what it fits, leaves out and refuses, what it writes and prints, and the clicks."""
 
 import contextlib
 import itertools
 import json
 import math
+import random
+import re
 import shlex
 import signal
 import threading
@@ -11,10 +13,319 @@ import threading
 import pytest
 from conftest import SPINS
 from geometry_msgs.msg import PointStamped
+from hypothesis import given
+from hypothesis import strategies as st
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning import register_layout
-from lupin_greenhouse_bridge.planning.registration import Transform, best_to_click, read_registration
+from lupin_greenhouse_bridge.planning.registration import (
+    CannotFit,
+    Transform,
+    best_to_click,
+    fit,
+    read_places,
+    read_registration,
+    read_transform,
+    write_transform,
+)
+from lupin_greenhouse_bridge.simulator.layout import find_layout
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
+
+SHIPPED_M = {tag_id: tag[:2] for tag_id, tag in find_layout('').tags.items()}
+SQUARE_M = {'a': (0.0, 0.0), 'b': (4.0, 0.0), 'c': (4.0, 3.0), 'd': (0.0, 3.0)}
+METRES, YAWS = st.floats(-1000.0, 1000.0), st.floats(-math.pi, math.pi)
+TRANSFORMS = st.builds(Transform, METRES, METRES, YAWS)
+
+
+def moved(layout_m: dict, transform: Transform) -> dict:
+    """Return the layout in the map."""
+    return {tag_id: transform.point(*place) for tag_id, place in layout_m.items()}
+
+
+def shifted(places_m: dict, tag_id: str, metres: float, direction: float = 0.0) -> dict:
+    """Return the places with one tag this far off."""
+    x, y = places_m[tag_id]
+    return {**places_m, tag_id: (x + metres * math.cos(direction), y + metres * math.sin(direction))}
+
+
+def distance_m(one: Transform, other: Transform, layout_m: dict) -> float:
+    """Return how far two transforms take a tag apart, at most."""
+    return max(math.dist(one.point(*place), other.point(*place)) for place in layout_m.values())
+
+
+def noisy(places_m: dict, noise: random.Random, sigma_m: float) -> dict:
+    """Return the places with an error of this standard deviation along each axis."""
+    return {
+        each: (x + noise.gauss(0.0, sigma_m), y + noise.gauss(0.0, sigma_m))
+        for each, (x, y) in places_m.items()
+    }
+
+
+def part(places_m: dict, tag_ids) -> dict:
+    """Return the places of these tags."""
+    return {tag_id: places_m[tag_id] for tag_id in tag_ids}
+
+
+@given(TRANSFORMS)
+def test_any_rotation_and_shift_is_found_again(transform):
+    fitted = fit(SHIPPED_M, moved(SHIPPED_M, transform))
+    assert fitted.left_out == []
+    assert max(fitted.residuals_m.values()) < 1e-9
+    assert distance_m(fitted.transform, transform, SHIPPED_M) < 1e-9
+    turn = math.remainder(fitted.transform.yaw - transform.yaw, 2 * math.pi)
+    assert abs(turn) < 1e-9
+
+
+@given(TRANSFORMS, st.integers(0, 2**32))
+def test_a_noise_of_2_cm_stays_in_the_residuals(transform, seed):
+    places_m = noisy(moved(SHIPPED_M, transform), random.Random(seed), 0.02)
+    fitted = fit(SHIPPED_M, places_m, tolerance_m=0.15)
+    assert fitted.left_out == []
+    assert 0.01 < max(fitted.residuals_m.values()) < 0.15
+    assert distance_m(fitted.transform, transform, SHIPPED_M) < 0.05
+
+
+@given(TRANSFORMS, st.sampled_from(sorted(SHIPPED_M)), YAWS)
+def test_a_tag_that_is_1_m_off_is_left_out_and_named(transform, tag_id, direction):
+    fitted = fit(SHIPPED_M, shifted(moved(SHIPPED_M, transform), tag_id, 1.0, direction))
+    assert fitted.left_out == [tag_id]
+    assert fitted.residuals_m[tag_id] == pytest.approx(1.0)
+    assert distance_m(fitted.transform, transform, SHIPPED_M) < 1e-9
+
+
+@given(TRANSFORMS, st.sets(st.sampled_from(sorted(SHIPPED_M)), max_size=14), st.integers(0, 2**32))
+def test_scattered_outliers_are_left_out_while_they_are_a_minority(transform, tag_ids, seed):
+    chance = random.Random(seed)
+    places_m = moved(SHIPPED_M, transform)
+    for tag_id in tag_ids:
+        places_m = shifted(places_m, tag_id, chance.uniform(0.5, 5.0), chance.uniform(-math.pi, math.pi))
+    try:
+        fitted = fit(SHIPPED_M, places_m)
+    except CannotFit:
+        assert len(tag_ids) > 7  # never with a quarter of the tags
+    else:
+        assert distance_m(fitted.transform, transform, SHIPPED_M) < 0.2
+        assert set(fitted.left_out) >= tag_ids
+
+
+def test_the_tag_is_left_out_without_which_the_others_fit_best():
+    """Not the one with the largest residual: 'e' lies far out, and turns the fit of all towards itself."""
+    layout_m = {**SQUARE_M, 'e': (30.0, 1.0)}
+    places_m = shifted(layout_m, 'e', 3.0, direction=math.pi / 2)
+    fitted = fit(layout_m, places_m, tolerance_m=0.2)
+    assert fitted.left_out == ['e']
+    assert fitted.transform == pytest.approx(Transform(), abs=1e-9)
+
+
+def test_half_of_the_tags_do_not_overrule_the_other_half():
+    layout_m = {**SQUARE_M, 'e': (2.0, 5.0), 'f': (6.0, 1.0)}
+    places_m = layout_m
+    for direction, tag_id in enumerate('bdf'):
+        places_m = shifted(places_m, tag_id, 2.0, float(direction))
+    with pytest.raises(CannotFit, match='the largest residual is'):
+        fit(layout_m, places_m)
+    places_m['b'] = layout_m['b']
+    assert fit(layout_m, places_m).left_out == ['d', 'f']
+
+
+def test_two_tags_are_enough():
+    layout_m = part(SQUARE_M, 'ac')
+    fitted = fit(layout_m, {'a': (1.0, 1.0), 'c': (-2.0, 5.0)})
+    assert fitted.transform == pytest.approx(Transform(1.0, 1.0, math.pi / 2))
+
+
+def test_three_tags_never_leave_one_out():
+    """Two tags that agree would not tell which of the three is wrong."""
+    layout_m = part(SQUARE_M, 'abc')
+    with pytest.raises(CannotFit, match='does not fit the map: the largest residual is'):
+        fit(layout_m, shifted(layout_m, 'c', 1.0))
+    assert fit(SQUARE_M, shifted(SQUARE_M, 'c', 1.0)).left_out == ['c']
+
+
+SPOTS_M = [{'a': (1.0, 1.0), 'b': (1.0 + width, 1.0), 'c': (1.0, 1.0 + width)} for width in (0.0, 0.05)]
+
+
+@pytest.mark.parametrize(
+    ('layout_m', 'places_m', 'fault'),
+    [
+        (SQUARE_M, {}, 'position in the map: 0: at least 2 are needed'),
+        (SQUARE_M, {'a': (1.0, 2.0)}, 'position in the map: 1: at least 2 are needed'),
+        *((spot_m, spot_m, 'the 3 tags that fit lie in one spot of the layout') for spot_m in SPOTS_M),
+        (SQUARE_M, dict.fromkeys(SQUARE_M, (1.0, 2.0)), 'the largest residual is'),
+    ],
+)
+def test_positions_that_give_no_rotation_are_refused(layout_m, places_m, fault):
+    with pytest.raises(CannotFit, match=fault):
+        fit(layout_m, places_m)
+
+
+def test_a_mirrored_map_of_tags_almost_on_one_line_is_refused_if_it_fits_better():
+    layout_m = {'a': (0.0, 0.0), 'b': (2.0, 0.06), 'c': (4.0, 0.0)}
+    assert not fit(layout_m, layout_m).left_out
+    with pytest.raises(CannotFit, match='mirror image'):
+        fit(layout_m, {tag_id: (y, x) for tag_id, (x, y) in layout_m.items()})
+
+
+def test_a_mirrored_map_with_an_outlier_is_refused_as_mirrored():
+    mirrored_m = {tag_id: (y, x) for tag_id, (x, y) in SHIPPED_M.items()}
+    with pytest.raises(CannotFit, match='mirror image'):
+        fit(SHIPPED_M, shifted(mirrored_m, '7', 1.0))
+
+
+def test_a_residual_above_the_tolerance_is_refused_with_its_tag():
+    layout_m = part(SQUARE_M, 'ab')
+    places_m = shifted(layout_m, 'b', 0.3)
+    assert fit(layout_m, places_m, tolerance_m=0.3).left_out == []
+    with pytest.raises(CannotFit, match=r"residual is 0\.15 m, of tag '.', and the tolerance is 0\.14 m"):
+        fit(layout_m, places_m, tolerance_m=0.14)
+
+
+@pytest.mark.parametrize('tag_ids', ['ab', 'abc', 'abcd'])
+def test_the_expected_error_is_that_of_many_fits_at_the_farthest_tag(tag_ids):
+    noise, squares = random.Random(1), []
+    layout_m = {**SQUARE_M, 'far': (10.0, 8.0)}
+    for _ in range(2000):
+        places_m = noisy(part(SQUARE_M, tag_ids), noise, 0.01)
+        fitted = fit(layout_m, places_m, tolerance_m=1.0, click_error_m=0.01)
+        assert fitted.farthest == 'far'
+        squares.append(math.dist(fitted.transform.point(10.0, 8.0), (10.0, 8.0)) ** 2)
+    clean = fit(layout_m, part(SQUARE_M, tag_ids), click_error_m=0.01)
+    assert clean.expected_error_m == pytest.approx(math.sqrt(sum(squares) / len(squares)), rel=0.05)
+
+
+def test_residuals_above_the_click_error_raise_the_expected_error():
+    layout_m = part(SQUARE_M, 'abcd')
+    noise = random.Random(2)
+    errors_m = [
+        fit(layout_m, noisy(layout_m, noise, 0.04), click_error_m=0.001, tolerance_m=0.5).expected_error_m
+        for _ in range(200)
+    ]
+    # sqrt(2 / 4 + 1 / 4) of the noise: every corner is as far from the middle
+    assert sum(errors_m) / len(errors_m) == pytest.approx(0.04 * math.sqrt(0.75), rel=0.1)
+
+
+def test_an_expected_error_above_the_tolerance_is_refused_with_its_tag():
+    layout_m = {'a': (0.0, 0.0), 'b': (0.22, 0.0), 'far': (0.11, 6.0)}
+    places_m = part(layout_m, 'ab')
+    # 0.03 m * sqrt(2 / 2 + 6.0**2 / (2 * 0.11**2)) = 1.157 m
+    with pytest.raises(CannotFit, match=r"is 1\.16 m at tag 'far', which is 6\.0 m from the 2 tags that fit"):
+        fit(layout_m, places_m)
+    fitted = fit(layout_m, places_m, click_error_m=0.002)
+    assert (fitted.farthest, fitted.expected_error_m) == ('far', pytest.approx(0.0772, abs=1e-4))
+
+
+@pytest.mark.parametrize('tag_ids', [best_to_click(SHIPPED_M, 4), best_to_click(SHIPPED_M, 3), SHIPPED_M])
+def test_swapped_axes_are_refused_as_a_mirror_image_whatever_the_noise(tag_ids):
+    noise = random.Random(3)
+    for _ in range(500):
+        transform = Transform(1.0, 2.0, noise.uniform(-math.pi, math.pi))
+        swapped_m = moved({tag_id: SHIPPED_M[tag_id][::-1] for tag_id in tag_ids}, transform)
+        with pytest.raises(CannotFit, match='mirror image'):
+            fit(SHIPPED_M, noisy(swapped_m, noise, 0.05))
+
+
+def test_tags_that_are_good_to_click_are_accepted_in_spite_of_noise():
+    noise, tag_ids = random.Random(4), best_to_click(SHIPPED_M, 4)
+    for _ in range(500):
+        fitted = fit(SHIPPED_M, noisy(part(SHIPPED_M, tag_ids), noise, 0.03))
+        assert not fitted.hides_mirror
+        assert distance_m(fitted.transform, Transform(), SHIPPED_M) < 0.15
+
+
+@pytest.mark.parametrize(('aside_m', 'is_hidden'), [(0.0, True), (0.01, True), (0.5, False)])
+def test_tags_on_one_line_hide_a_mirror_image(aside_m, is_hidden):
+    layout_m = {'a': (0.0, 0.0), 'b': (2.0, aside_m), 'c': (4.0, 0.0)}
+    assert fit(layout_m, layout_m).hides_mirror is is_hidden
+    assert fit(layout_m, part(layout_m, 'ac')).hides_mirror
+
+
+def test_the_best_tags_to_click_are_far_apart_in_both_directions():
+    inside = {f'{x} {y}': (0.1 * x, 0.1 * y) for x in range(10, 31) for y in range(10, 21)}
+    assert set(best_to_click({**inside, **SQUARE_M}, 4)) == set(SQUARE_M)
+    corners = {'a': (0.0, 0.0), 'b': (0.0, 0.1), 'c': (10.0, 0.0), 'd': (10.0, 0.1)}
+    long = {**corners, 'e': (5.0, 2.0), 'f': (5.0, -2.0)}
+    assert {'e', 'f'} < set(best_to_click(long, 4))
+    on_a_line = {str(number): (0.5 * number, 1.0 + 0.25 * number) for number in range(9)}
+    assert set(best_to_click(on_a_line, 2)) == {'0', '8'}
+    assert len(set(best_to_click(on_a_line, 9))) == 9
+
+
+@given(TRANSFORMS, st.sampled_from(['map', 'robot1/map', '7', 'Gewächshaus']))
+def test_a_written_transform_is_read_again(tmp_path_factory, transform, frame_id):
+    path = tmp_path_factory.getbasetemp() / 'layout_in_map.yaml'
+    write_transform(path, transform, frame_id)
+    assert read_registration(path) == (frame_id, transform)
+    assert read_transform(path) == read_transform(path, frame_id) == transform
+
+
+GOOD = 'frame_id: map\nx: 1.5\ny: 2\nyaw: 0.3\n'
+
+
+@pytest.mark.parametrize(
+    ('text', 'fault'),
+    [
+        (GOOD.replace('x: 1.5', 'x: one'), "x is 'one': must be a number from .* (metres)"),
+        (GOOD.replace('x: 1.5\n', ''), 'x is missing: must be a number'),
+        (GOOD.replace('yaw: 0.3', 'yaw: .nan'), 'yaw is nan: must be a number from .* (radians)'),
+        (GOOD.replace('y: 2', 'y: true'), 'y is True: must be a number'),
+        (GOOD.replace('map', ''), 'frame_id is missing or no text'),
+        (GOOD + 'z: 0.1', "unknown key 'z': the keys are frame_id, x, y and yaw"),
+        (GOOD + 'x: 0.1', "'x' appears twice in the mapping of line 1"),
+        ('[1, 2]', 'holds a list at its top level, not a mapping, such as'),
+        ('{', 'is not YAML'),
+        ('', 'frame_id is missing'),
+    ],
+)
+def test_a_malformed_file_is_refused_with_its_key(tmp_path, text, fault):
+    path = tmp_path / 'layout_in_map.yaml'
+    path.write_text(text, encoding='utf-8')
+    pattern = re.escape(f"registration '{path}': {fault}").replace(r'\.\*', '.*')
+    with pytest.raises(StartUpError, match=pattern):
+        read_transform(path)
+
+
+def test_a_registration_in_another_frame_is_refused(tmp_path):
+    path = tmp_path / 'layout_in_map.yaml'
+    path.write_text(GOOD, encoding='utf-8')
+    with pytest.raises(StartUpError, match="frame_id is 'map', but the map's frame is 'robot1/map'"):
+        read_transform(path, 'robot1/map')
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(StartUpError, match=r'none/a\.yaml.* cannot be written .*: name another file'):
+        write_transform(tmp_path / 'none' / 'a.yaml', Transform())
+
+
+@pytest.mark.parametrize(
+    ('name', 'text'),
+    [
+        ('pairs.json', '{"7": [1.5, 2], "8": [0, -1e3]}'),
+        ('pairs.yaml', '{"7": [1.5, 2], "8": [0, -1000]}'),
+        ('pairs.yaml', '"7": [1.5, 2]\n"8": [0, -1000]'),
+    ],
+)
+def test_positions_are_read_from_json_and_yaml(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text, encoding='utf-8')
+    assert read_places(path) == {'7': (1.5, 2.0), '8': (0.0, -1000.0)}
+
+
+@pytest.mark.parametrize(
+    ('text', 'fault'),
+    [
+        ('7: [1.5, 2]', "tag '7' is not text: put quotes around the id"),
+        ('"7": [1.5]', "tag '7': must be a list of x and y"),
+        ('"7": [1.5, .inf]', "tag '7': y is inf: must be a number"),
+        ('"7": [1, 2]\n"7": [1, 2]', "'7' appears twice"),
+        ('[1, 2]', 'holds a list at its top level, not positions in the map by tag id'),
+    ],
+)
+def test_malformed_positions_are_refused_with_their_tag(tmp_path, text, fault):
+    path = tmp_path / 'pairs.yaml'
+    path.write_text(text, encoding='utf-8')
+    with pytest.raises(StartUpError, match=re.escape(f"pairs '{path}': {fault}")):
+        read_places(path)
+
 
 TRANSFORM = Transform(2.0, -1.0, math.pi / 2)
 
