@@ -127,7 +127,7 @@ def held_service(node):
 def held_navigator(node):
     """Return a function that makes an action server which the test controls."""
     import nav2_msgs.action
-    from navigator_helpers import HeldNavigator
+    from mission_helpers import HeldNavigator
 
     with contextlib.ExitStack() as stack:
 

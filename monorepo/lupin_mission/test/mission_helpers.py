@@ -26,6 +26,7 @@ from lupin_mission import mission_orchestrator
 from lupin_msgs.msg import MissionState, SensorReading, TagReading
 from lupin_msgs.srv import StartMission
 from rcl_interfaces.msg import ParameterValue
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import QoSProfile
 from rclpy.utilities import get_default_context
@@ -115,6 +116,112 @@ class HeldService:
             waiting = [reply for reply in self._replies.values() if not reply.done()]
         for reply in waiting:
             reply.set_result(self._type.Response())
+
+
+class HeldNavigator:
+    """An action server that holds every goal, every cancel and every end until the test decides."""
+
+    def __init__(self, node, action_type, name: str):
+        self.goals = []  # that have arrived, as PoseStamped
+        self._node = node
+        self._type = action_type
+        self._name = name
+        self._arrived, self._accepted, self._cancels = (queue.SimpleQueue() for _ in range(3))
+        self._goal_replies, self._cancel_replies = queue.SimpleQueue(), queue.SimpleQueue()
+        self._is_closed = threading.Event()
+        self._server = ActionServer(
+            node,
+            action_type,
+            name,
+            execute_callback=lambda _goal: None,  # each goal gets its own by end()
+            callback_group=ReentrantCallbackGroup(),
+            goal_callback=self._on_goal,
+            handle_accepted_callback=self._accepted.put,
+            cancel_callback=self._on_cancel,
+        )
+
+    def _on_goal(self, request):
+        """Wait in a thread of this request alone, then until DDS would not drop the reply."""
+        if self._is_closed.is_set():
+            return GoalResponse.REJECT
+        self.goals.append(request.pose)
+        self._arrived.put(request.pose)
+        reply = self._goal_replies.get()
+        for each in ('send_goal', 'cancel_goal', 'get_result'):
+            service = f'{self._name}/_action/{each}'
+            wait_until(lambda service=service: self._has_client(service))
+        return reply
+
+    def _has_client(self, service: str) -> bool:
+        return self._is_closed.is_set() or has_found_a_client(self._node, service)
+
+    def _on_cancel(self, goal):
+        if self._is_closed.is_set():
+            return CancelResponse.REJECT
+        self._cancels.put(goal)
+        return self._cancel_replies.get()
+
+    def wait_for_goal(self):
+        """Return the PoseStamped of the next goal, which is neither accepted nor rejected yet."""
+        return self._arrived.get(timeout=PATIENCE_SECONDS)
+
+    def has_goal(self) -> bool:
+        """Return whether a goal has arrived that no one has waited for."""
+        return not self._arrived.empty()
+
+    def accept(self):
+        """Accept the goal that is held, or the next one; return its handle."""
+        self._goal_replies.put(GoalResponse.ACCEPT)
+        return self._accepted.get(timeout=PATIENCE_SECONDS)
+
+    def reject(self) -> None:
+        """Reject the goal that is held, or the next one."""
+        self._goal_replies.put(GoalResponse.REJECT)
+
+    def wait_for_cancel(self) -> None:
+        """Wait for a request to cancel, which is not answered yet."""
+        self._cancels.get(timeout=PATIENCE_SECONDS)
+
+    def has_cancel(self) -> bool:
+        """Return whether a request to cancel has arrived that no one has waited for."""
+        return not self._cancels.empty()
+
+    def answer_cancel(self, *, accept: bool = True) -> None:
+        """Answer the request to cancel that is held, or the next one."""
+        self._cancel_replies.put(CancelResponse.ACCEPT if accept else CancelResponse.REJECT)
+
+    def end(self, goal, how: str, **result_fields) -> None:
+        """End a goal: succeed, abort, or canceled, once its cancel was accepted."""
+        if how == 'canceled':
+            wait_until(lambda: goal.is_cancel_requested)
+
+        def execute(_goal):
+            getattr(goal, how)()
+            return self._type.Result(**result_fields)
+
+        goal.execute(execute)
+
+    def tell_position(self, goal, x: float, y: float) -> None:
+        """Send the feedback that the robot is here."""
+        feedback = self._type.Feedback()
+        feedback.current_pose.pose.position.x, feedback.current_pose.pose.position.y = x, y
+        goal.publish_feedback(feedback)
+
+    def grant_cancel(self, goal) -> None:
+        """Accept a request to cancel a goal, and end the goal."""
+        self.wait_for_cancel()
+        self.answer_cancel()
+        self.end(goal, 'canceled')
+
+    def close(self) -> None:
+        """Take the server off the graph, as if its process had died."""
+        if self._is_closed.is_set():
+            return
+        self._is_closed.set()
+        for _ in range(16):
+            self._goal_replies.put(GoalResponse.REJECT)
+            self._cancel_replies.put(CancelResponse.REJECT)
+        self._server.destroy()
 
 
 class Subscriber:

@@ -2,18 +2,22 @@
 
 import importlib.util
 import math
+import time
 import uuid
 
 import pytest
 import rclpy
 from action_msgs.srv import CancelGoal
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
 from lupin_mission.drive import Arrival
 from lupin_mission.mission import Severity
+from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.sent_goal import GoalState
-from navigator_helpers import Trip
+from lupin_mission.settings import Settings
 from rclpy.action import ActionClient
 from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
 
 HAS_NAV2 = importlib.util.find_spec('nav2_msgs') is not None
 pytestmark = pytest.mark.skipif(
@@ -22,6 +26,63 @@ pytestmark = pytest.mark.skipif(
 actions = importlib.import_module('nav2_msgs.action') if HAS_NAV2 else None
 HOUR = 3600.0
 HERE = Arrival()
+
+
+class Trip:
+    """A drive on a node of its own, spun by the test: a callback that waits would hang the test."""
+
+    def __init__(self, node, **options):
+        self.name = f'/test_{uuid.uuid4().hex[:8]}/navigate_to_pose'
+        self.now_seconds = 0.0
+        self.notes = []
+        self._node = node
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+        settings = Settings(drive='nav2', nav_action_name=self.name, **options)
+        self.drive = Nav2Drive(node, settings, lambda *note: self.notes.append(note))
+        self.drive.goals.update(a=[PoseInPlane(1.0, 2.0, math.pi / 2)], b=[PoseInPlane(3.0, 4.0, 0.0)])
+
+    def change_executor(self) -> None:
+        """End the executor, and go on with another."""
+        self._executor.shutdown()
+        self._executor = SingleThreadedExecutor(context=self._node.context)
+        self._executor.add_node(self._node)
+
+    def start(self, tag_id: str) -> None:
+        """Set off."""
+        self.drive.start(tag_id, self.now_seconds)
+
+    def spin(self) -> Arrival | None:
+        """Do what the mission's node does in a step."""
+        self._executor.spin_once(timeout_sec=0.002)
+        return self.drive.arrival(self.now_seconds)
+
+    def spin_until(self, is_so, step=lambda: None) -> None:
+        """Run callbacks, and these steps, until something is so."""
+        deadline = time.monotonic() + PATIENCE_SECONDS
+        while not is_so():
+            assert time.monotonic() < deadline, 'the condition did not become true'
+            self._executor.spin_once(timeout_sec=0.002)
+            step()
+
+    def drive_until(self, is_so) -> None:
+        """Drive until something is so, and do not arrive before."""
+
+        def step():
+            assert self.drive.arrival(self.now_seconds) is None
+
+        self.spin_until(is_so, step)
+
+    def arrival(self) -> Arrival:
+        """Return how the drive ends, without the passing of its time."""
+        arrivals = []
+        self.spin_until(lambda: any(arrivals), lambda: arrivals.append(self.drive.arrival(self.now_seconds)))
+        return arrivals[-1]
+
+    def close(self) -> None:
+        """End the executor, which the thread of the test spins, and the drive."""
+        self._executor.shutdown()
+        self.drive.close()
 
 
 @pytest.fixture

@@ -54,23 +54,31 @@ def places(navigator):
     return [(goal.pose.position.x, goal.pose.position.y) for goal in navigator.goals]
 
 
-def test_the_robot_drives_to_each_tag_and_reads_it_there(start_mission, reader, navigator, twin):
-    subscriber = twin()
-    mission = start_mission(**NAV2, tag_sequence='7 1')
-    for tag_id in '71':
-        goal = navigator.accept()
-        assert tag_id not in reader.tag_ids
-        navigator.end(goal, 'succeed')
-        assert reader.wait_for_request() == tag_id
-        reader.answer_ok(tag_id, co2=1.0)
-    assert mission.end() == 0
+def test_the_robot_drives_in_the_shortest_order_from_the_dock_and_reads_each_tag_there(
+    start_mission, reader, navigator, twin
+):
+    tag_ids, subscriber = ['1', '2', '3', '29'], twin()
     goals, _ = goals_of()
-    assert places(navigator) == [goals[tag_id][0][:2] for tag_id in '71']
-    assert mission.outcomes() == [(tag_id, Outcome.OK) for tag_id in '71']
+    x, y, yaw = goals['29'][0]
+    mission = start_mission(
+        **NAV2, tag_sequence=' '.join(tag_ids), order='shortest', dock_pose=f'"{x} {y} {yaw}"'
+    )
+    for count in range(4):
+        goal = navigator.accept()
+        assert len(reader.tag_ids) == count
+        navigator.end(goal, 'succeed')
+        tag_id = reader.wait_for_request()
+        reader.answer_ok(tag_id, co2=1.0)
+    navigator.end(navigator.accept(), 'succeed')
+    assert mission.end() == 0
+    assert sorted(reader.tag_ids) == sorted(tag_ids)
+    assert reader.tag_ids[0] == '29'
+    assert places(navigator) == [*(goals[tag_id][0][:2] for tag_id in reader.tag_ids), (x, y)]
+    assert mission.outcomes() == [(tag_id, Outcome.OK) for tag_id in reader.tag_ids]
     assert mission.warnings() == []
-    wait_until(lambda: len(subscriber.received) == 2)
-    assert [each.status_detail for each in subscriber.received] == ['', '']
-    assert [each.drive for each in mission.observations()] == ['', '']
+    wait_until(lambda: len(subscriber.received) == 4)
+    assert {each.status_detail for each in subscriber.received} == {''}
+    assert {each.drive for each in mission.observations()} == {''}
 
 
 @pytest.fixture
@@ -160,24 +168,6 @@ def test_a_map_that_does_not_come_is_a_warning(start_mission, navigator, monkeyp
     assert mission.end() == 1
     (warning,) = mission.warnings()
     assert 'planned around the tables of the layout alone: /held/map sent no map within 1 s' in warning
-
-
-def test_the_shortest_order_starts_at_the_dock_and_ends_there(start_mission, reader, navigator):
-    tag_ids = ['1', '2', '3', '29']
-    goals, _ = goals_of()
-    x, y, yaw = goals['29'][0]
-    mission = start_mission(
-        **NAV2, tag_sequence=' '.join(tag_ids), order='shortest', dock_pose=f'"{x} {y} {yaw}"'
-    )
-    for _ in tag_ids:
-        navigator.end(navigator.accept(), 'succeed')
-        tag_id = reader.wait_for_request()
-        reader.answer_ok(tag_id, co2=1.0)
-    navigator.end(navigator.accept(), 'succeed')
-    assert mission.end() == 0
-    assert sorted(reader.tag_ids) == sorted(tag_ids)
-    assert reader.tag_ids[0] == '29'
-    assert places(navigator)[-1] == (x, y)
 
 
 @pytest.fixture
@@ -406,35 +396,27 @@ def test_a_skip_on_the_way_cancels_the_goal_before_the_next_one_is_sent(start_wa
     assert mission.stop() == 1
 
 
-def by_a_signal(mission, _monkeypatch):
-    mission.ask_to_end()
+def test_a_fatal_error_cancels_the_goal_awaits_its_end_and_sends_no_other(
+    start_mission, navigator, clock, states_of, monkeypatch
+):
+    """The clock stands still: the mission would wait for ever."""
 
-
-def by_a_fatal_error(_mission, monkeypatch):
     def fail(*_arguments):
         raise OneLineError('the disk is full')
 
-    monkeypatch.setattr(Announcer, 'moved', fail)
-
-
-@pytest.mark.parametrize(('end', 'exit_code'), [(by_a_signal, 1), (by_a_fatal_error, 2)])
-def test_what_ends_the_mission_cancels_the_goal_awaits_its_end_and_sends_no_other(
-    start_mission, navigator, clock, states_of, monkeypatch, end, exit_code
-):
-    """The clock stands still: the mission would wait for ever."""
     mission = start_mission(**NAV2, tag_sequence='1')
     goal = navigator.accept()
     states = states_of(mission)
     states.wait_for()
     clock.pass_seconds(3.0)  # a drive sends its next goal after 2 s at the latest
-    end(mission, monkeypatch)
+    monkeypatch.setattr(Announcer, 'moved', fail)
     navigator.wait_for_cancel()
     received = len(states.received)
     wait_until(lambda: len(states.received) > received + 2)  # the mission's steps are more frequent
     assert mission.is_running()
     navigator.answer_cancel()
     navigator.end(goal, 'canceled')
-    assert mission.end() == exit_code
+    assert mission.end() == 2
     assert len(navigator.goals) == 1
 
 
@@ -464,11 +446,14 @@ def test_a_goal_that_is_pending_at_the_end_is_cancelled_when_it_is_accepted(
     wait_until(lambda: name not in node.get_node_names_and_namespaces())
 
 
-def test_the_end_of_a_goal_is_awaited_for_2_s(start_mission, navigator, clock, states_of):
+def test_a_signal_cancels_the_goal_awaits_its_end_for_2_s_and_sends_no_other(
+    start_mission, navigator, clock, states_of
+):
     mission = start_mission(**NAV2, tag_sequence='1')
     navigator.accept()
     states = states_of(mission)
     states.wait_for()
+    clock.pass_seconds(3.0)  # a drive sends its next goal after 2 s at the latest
     mission.ask_to_end()
     navigator.wait_for_cancel()  # and never answered
     clock.pass_seconds(1.9)
@@ -477,6 +462,7 @@ def test_the_end_of_a_goal_is_awaited_for_2_s(start_mission, navigator, clock, s
     assert mission.is_running()
     clock.pass_seconds(0.1)
     assert mission.end() == 1
+    assert len(navigator.goals) == 1
 
 
 @pytest.mark.usefixtures('clock')  # it stands still: the mission would wait for ever
