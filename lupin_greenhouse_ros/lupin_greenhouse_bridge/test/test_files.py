@@ -238,15 +238,19 @@ def test_keys_that_change_no_value_and_defaults_that_do_are_warned_of(write):
     row = {
         'notes': 'any',
         'sensors/co2': [{'value_at_noon': 600, 'colour': 1}, {'dynamics': 'radial', 'position': [1, 1]}],
-        'sensors/light': [{'dynamics': 'linear', 'colour': 2}],
+        'sensors/light': [{'dynamics': 'linear', 'colour': 2}] * 5,
     }
     path = write('sim_config_file', row)
-    assert load('sim_config_file', path).warnings == [
-        f"sim_config_file '{path}': the simulator ignores the keys notes, colour",
-        f"sim_config_file '{path}': keys are missing, and the simulator takes its defaults:"
-        ' co2 1 dynamics uniform, co2 1 value_at_midnight 20.0, co2 1 noise_sigma 0.0,'
-        ' co2 2 value_at_midnight 20.0, co2 2 value_at_noon 25.0 and 10 more',
-    ]
+    ignored, defaults = load('sim_config_file', path).warnings
+    assert ignored == f"sim_config_file '{path}': the simulator ignores the keys notes, colour"
+    values = 'value_at_midnight 20.0, value_at_noon 25.0, noise_sigma 0.0'
+    light = f'{values}, position [0, 0], decay_distance 100.0, decay_type linear, angle 0.0'
+    assert defaults == (
+        f"sim_config_file '{path}': the simulator takes defaults for missing keys:"
+        ' co2 component 1: dynamics uniform, value_at_midnight 20.0, noise_sigma 0.0;'
+        f' co2 component 2: {values}, decay_distance 100.0, decay_type linear;'
+        f' light component 1: {light}; light component 2: {light}; light component 3: {light} and 2 more'
+    )
 
 
 @pytest.mark.parametrize('dynamics', ['uniform', 'radial', 'linear'])

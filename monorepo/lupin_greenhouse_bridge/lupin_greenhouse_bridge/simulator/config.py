@@ -99,15 +99,16 @@ def read_config(path: str | Path, settings: Settings | None = None) -> Config:
             raise StartUpError(f'{here} is {kind_of(components)}: must be a list with at least one component')
         for position, component in enumerate(components, start=1):
             ignored += _check_component(component, dynamics_types, f'{here}, component {position}')
-            defaults += [f'{name} {position} {each}' for each in _defaults_taken(component)]
+            if taken := _defaults_taken(component):
+                defaults.append(f'{name} component {position}: {", ".join(taken)}')
     if data.get('visualization') is not None:
         ignored += _check_visualization(mapping_of(data, 'visualization', where, SIDES_EXAMPLE), where)
     warnings = []
     if ignored:
-        warnings.append(f'{where}: the simulator ignores the keys {_some(dict.fromkeys(ignored))}')
+        warnings.append(f'{where}: the simulator ignores the keys {_some(dict.fromkeys(ignored), ", ")}')
     if defaults:
-        warnings.append(f'{where}: keys are missing, and the simulator takes its defaults: {_some(defaults)}')
-    return Config(data, where, warnings)
+        warnings.append(f'{where}: the simulator takes defaults for missing keys: {_some(defaults, "; ")}')
+    return Config(data, where, [escaped(each, 1000) for each in warnings])
 
 
 def check_sensors(layout: Layout, config: Config) -> None:
@@ -200,7 +201,7 @@ def _listed(names: Iterable[str]) -> str:
     return ', '.join(sorted(names))
 
 
-def _some(things: Collection[str]) -> str:
-    """Return the first five of some things as a list, and how many more there are."""
+def _some(things: Collection[str], separator: str) -> str:
+    """Return the first five of some things, and how many more there are."""
     more = f' and {len(things) - 5} more' if len(things) > 5 else ''
-    return ', '.join(list(things)[:5]) + more
+    return separator.join(list(things)[:5]) + more
