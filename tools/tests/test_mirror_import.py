@@ -254,7 +254,7 @@ def test_a_file_that_the_mirror_keeps_by_hand_cannot_be_deleted(repositories, na
     assert reason.startswith(f"'Mend it': lupin_greenhouse_ros/{name}: ")
 
 
-def test_a_file_without_a_patch_and_uncommitted_changes_are_refused(repositories):
+def test_a_missing_file_one_without_a_patch_and_uncommitted_changes_are_refused(repositories):
     monorepo, mirror = repositories
     assert refused(import_patch(monorepo, '<html>sign in</html>\n')).endswith(
         'holds no patch of git format-patch'
@@ -263,3 +263,11 @@ def test_a_file_without_a_patch_and_uncommitted_changes_are_refused(repositories
     result = import_patch(monorepo, commit_in(mirror, NEW_TITLE))
     assert result.returncode == 2
     assert result.stderr == 'mirror-import: commit or stash your own changes first\n'
+    missing = subprocess.run(
+        ['python', '-B', 'tools/mirror_import.py', 'missing.patch'],
+        cwd=monorepo,
+        capture_output=True,
+        check=False,
+    )
+    assert missing.returncode == 2
+    assert missing.stderr == b"mirror-import: no file 'missing.patch': make mirror-import PATCH=N.patch\n"
