@@ -33,7 +33,7 @@ from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
-from lupin_greenhouse_bridge.recording.rows import Row, key_of, make_rows
+from lupin_greenhouse_bridge.recording.rows import key_of, make_rows
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.testing import NodeProcess
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node
@@ -171,80 +171,71 @@ def two_bridges(load: Load) -> Promises:
 
 
 def recorder_killed(load: Load) -> Promises:
-    """Kill recorders at any moment under 200 values a second; no row that they have acknowledged is lost."""
-    topic = '/soak/readings'
+    """Kill recorders at any moment under 300 values a second; no row that they have acknowledged is lost."""
     acknowledged = lost = 0
-    with tempfile.TemporaryDirectory() as folder, spinning_node('robot') as node:
-        rows: dict[Path, list[Row]] = {Path(folder, f'readings.{suffix}'): [] for suffix in ('sqlite', 'csv')}
-        readings = node.create_publisher(TagReading, topic, LATCHED)
-
-        def publish() -> None:
-            values = [SensorReading(name=name, value=1.0) for name in ('co2', 'light')]
-            readings.publish(TagReading(tag_id='7', stamp=node.get_clock().now().to_msg(), readings=values))
-
-        node.create_timer(0.01, publish)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        spinning_node('robot') as node,
+        ThreadPoolExecutor(2) as pool,
+    ):
+        in_file = {Path(folder, f'readings.{suffix}'): 0 for suffix in ('sqlite', 'csv')}
         for _ in range(10 * load.scale):
-            recorders = [NodeProcess(RECORD_READINGS, readings_topics=topic, file=file) for file in rows]
-            for recorder in recorders:
-                recorder.wait_for_log('rows kept')
-            time.sleep(a_moment(1.0))
-            for recorder, file in zip(recorders, rows, strict=True):
-                recorder.close()
-                kept, before = rows_in_log(recorder)['kept'], len(rows[file])
-                rows[file] = read_rows(file)
-                acknowledged += kept
-                lost += max(before + kept - len(rows[file]), 0)
-        in_database = [key_of(row) for row in rows[Path(folder, 'readings.sqlite')]]
+            seconds = [1.0 + a_moment(1.0) for _ in in_file]
+            runs = pool.map(partial(record, node, is_killed=True), in_file, seconds)
+            for file, run in zip(list(in_file), runs, strict=True):
+                acknowledged += run['kept']
+                lost += max(in_file[file] + run['kept'] - run['in file'], 0)
+                in_file[file] = run['in file']
+        in_database = [key_of(row) for row in read_rows(Path(folder, 'readings.sqlite'))]
     twice = len(in_database) - len(set(in_database))
     text = f'{20 * load.scale} kills, {acknowledged} rows acknowledged, {lost} of them lost'
     yield f'{text}, {twice} twice in the database', lost == twice == 0 < acknowledged
 
 
-def rows_in_log(recorder: NodeProcess) -> 'Counter[str]':
-    """Return how many rows a recorder that has ended says it has `kept` and `lost`."""
-    found = re.findall(r'(\d+) rows (kept|lost)$', '\n'.join(recorder.rest_of_log()), re.MULTILINE)
-    return Counter({what: int(number) for number, what in found})
-
-
 def recorder_locked(load: Load) -> Promises:
     """Lock the databases of recorders under 300 values a second, and end them; no value is lost silently."""
+    longest_seconds = 6.0 * load.scale
+
+    def run(number: int) -> 'Counter[str]':
+        seconds, locked_seconds = 1.0 + a_moment(longest_seconds + 1.0), a_moment(longest_seconds)
+        file = Path(folder, f'recorder_{number}.sqlite')
+        return record(node, file, seconds, locked_seconds, is_killed=number % 2 == 1)
+
     with (
         tempfile.TemporaryDirectory() as folder,
         spinning_node('robot') as node,
         ThreadPoolExecutor(2 * load.scale) as pool,
     ):
-        files = [Path(folder, f'recorder_{number}.sqlite') for number in range(2 * load.scale)]
-        record = partial(record_while_locked, node, 6.0 * load.scale)
-        ended = pool.map(partial(record, is_killed=False), files[::2])
-        killed = pool.map(partial(record, is_killed=True), files[1::2])
-        ended_runs, killed_runs = list(ended), list(killed)
-    total = sum(ended_runs, Counter())
+        runs = list(pool.map(run, range(2 * load.scale)))
+    total = sum(runs[::2], Counter())
     text = f'{load.scale} recorders ended: {total["published"]} rows published, {total["in file"]} kept'
-    is_kept = all(each['published'] == each['in file'] + each['lost'] for each in ended_runs)
+    is_kept = all(each['published'] == each['in file'] + each['lost'] for each in runs[::2])
     yield f'{text}, {total["lost"]} counted as lost', is_kept
-    total = sum(killed_runs, Counter())
+    total = sum(runs[1::2], Counter())
     text = f'{load.scale} recorders killed: {total["published"]} rows published'
-    is_kept = all(each['kept'] <= each['in file'] <= each['published'] for each in killed_runs)
+    is_kept = all(each['kept'] <= each['in file'] <= each['published'] for each in runs[1::2])
     yield f'{text}, {total["kept"]} acknowledged, {total["in file"]} kept', is_kept
 
 
-def record_while_locked(node: Node, longest_seconds: float, file: Path, *, is_killed: bool) -> 'Counter[str]':
+def record(
+    node: Node, file: Path, seconds: float, locked_seconds: float = 0.0, *, is_killed: bool
+) -> 'Counter[str]':
     """
-    Publish to a recorder until a random moment, during or after a random lock of its file, and end it.
+    Publish to a recorder, whose file is first locked for some seconds, and end the recorder.
 
     Returns the numbers of rows: `published`, `kept` and `lost` as the recorder says, and `in file`.
     """
-    topic, published = f'/soak/{file.stem}', 0
+    topic, published = f'/soak/{file.name.replace(".", "_")}', 0
     recorder = NodeProcess(RECORD_READINGS, readings_topics=topic, file=file)
     recorder.wait_for_log('ready: ')
     readings = node.create_publisher(TagReading, topic, QoSProfile(depth=2000, durability=LATCHED.durability))
     values = [SensorReading(name=f'sensor {number}', value=1.0) for number in range(60)]
     start = time.monotonic()
-    unlock, end = start + a_moment(longest_seconds), start + 1.0 + a_moment(longest_seconds + 1.0)
     with contextlib.closing(sqlite3.connect(file, isolation_level=None)) as other:
-        other.execute('BEGIN IMMEDIATE')
-        while time.monotonic() < end:
-            if other.in_transaction and time.monotonic() > unlock:
+        if locked_seconds:
+            other.execute('BEGIN IMMEDIATE')
+        while time.monotonic() < start + seconds:
+            if other.in_transaction and time.monotonic() > start + locked_seconds:
                 other.execute('ROLLBACK')
             stamp = node.get_clock().now().to_msg()
             readings.publish(TagReading(tag_id='7', stamp=stamp, readings=values))
@@ -255,7 +246,10 @@ def record_while_locked(node: Node, longest_seconds: float, file: Path, *, is_ki
         else:
             readings.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
             recorder.stop()
-    return rows_in_log(recorder) + Counter({'published': published, 'in file': len(read_rows(file))})
+    node.destroy_publisher(readings)  # it is latched: the next recorder would receive its readings
+    counted = re.findall(r'(\d+) rows (kept|lost)$', '\n'.join(recorder.rest_of_log()), re.MULTILINE)
+    in_log = Counter({what: int(number) for number, what in counted})
+    return in_log + Counter({'published': published, 'in file': len(read_rows(file))})
 
 
 def recorder_of_many_rows(load: Load) -> Promises:
