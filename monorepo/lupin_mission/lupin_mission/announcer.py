@@ -5,7 +5,6 @@ import sys
 import time
 from collections import deque
 
-from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
@@ -20,7 +19,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Header, String
 
-from lupin_mission.messages import observation_message, state_message
+from lupin_mission.messages import Run, observation_message, state_message
 from lupin_mission.mission import Mission, Severity
 
 LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS = 5.0
@@ -108,27 +107,16 @@ class Announcer:
         else:
             self._progress.clear()
 
-    def publish_state(
-        self,
-        mission: Mission | None,
-        mission_id: str,
-        lifecycle: str,
-        started_at: Time | None = None,
-        *,
-        is_estop_engaged: bool = False,
-        fault: str = '',
-    ) -> None:
-        """Publish the state; `lifecycle` replaces that of the mission if it is not empty."""
-        message = state_message(mission, mission_id)
-        message.lifecycle_state = lifecycle or message.lifecycle_state
+    def publish_state(self, run: Run | None, idle: str, *, is_estop_engaged: bool = False) -> None:
+        """Publish the state of a mission; `idle` is the lifecycle state of a node without one."""
+        message = state_message(run, idle)
         self._stamp(message.header)
-        message.started_at = started_at or message.started_at
+        self._stamps_of_own_states.append((message.header.stamp.sec, message.header.stamp.nanosec))
         message.estop_engaged = is_estop_engaged
-        estop = 'estop_engaged' if is_estop_engaged else ''
+        estop, fault = 'estop_engaged' if is_estop_engaged else '', run.fault if run else ''
         message.last_error = fault or estop or self._obstacle or self._failure
         message.last_event = self._with_remark(self._event)
         message.last_event_severity = self._severity.value
-        self._stamps_of_own_states.append((message.header.stamp.sec, message.header.stamp.nanosec))
         self._states.publish(message)
 
     def _on_state(self, message: MissionState) -> None:

@@ -1,6 +1,7 @@
 """Convert between the mission's objects and the team's messages."""
 
 from collections import Counter
+from dataclasses import dataclass
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -31,6 +32,19 @@ STATUSES = {
     Outcome.UNREACHABLE: ObservationMessage.STATUS_UNREACHABLE,
 }
 REFUSALS = {outcome.value: outcome for outcome in (Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR)}
+
+
+@dataclass
+class Run:
+    """One mission from its start on, with its results."""
+
+    mission_id: str
+    mission: Mission
+    tag_ids: list[str]  # those that were read before, too
+    observations: list[Observation]  # of this run, and of those that its report had before
+    started_at: Time
+    is_planning: bool = True
+    fault: str = ''  # why the report is lost
 
 
 def reply_of(service: Service, response: Any) -> tuple[Outcome, str, Reading | None]:
@@ -89,17 +103,23 @@ def pose_at(position: Point | None) -> Pose:
     return Pose(position=position or Point(), orientation=Quaternion(w=float(position is not None)))
 
 
-def state_message(mission: Mission | None, mission_id: str) -> MissionState:
-    """Return the state of a mission, if there is one; the caller adds stamps and events."""
-    if not mission:
-        return MissionState(battery_percentage=1.0)
+def state_message(run: Run | None, lifecycle_if_none: str) -> MissionState:
+    """Return the state of a mission, or of a node without one; the caller adds the header and the events."""
+    if run is None:
+        return MissionState(lifecycle_state=lifecycle_if_none, battery_percentage=1.0)
+    mission = run.mission
+    lifecycle = LIFECYCLE_STATES[mission.state]
+    if run.fault:
+        lifecycle = 'FAULT'
+    elif run.is_planning and mission.state is State.READY:
+        lifecycle = 'PREPARE'
     counts = Counter(mission.outcomes.values())
     completed, skipped = counts[Outcome.OK], counts[Outcome.SKIPPED]
     unreachable = counts[Outcome.UNREACHABLE]
     return MissionState(
-        mission_id=mission_id,
+        mission_id=run.mission_id,
         mission_type=MISSION_TYPE,
-        lifecycle_state=LIFECYCLE_STATES[mission.state],
+        lifecycle_state=lifecycle,
         mission_phase=mission.phase,
         current_target=mission.target or '',
         targets_total=len(mission.tag_ids),
@@ -109,4 +129,5 @@ def state_message(mission: Mission | None, mission_id: str) -> MissionState:
         targets_failed=len(mission.outcomes) - completed - skipped - unreachable,
         paused=mission.is_paused,
         battery_percentage=1.0,
+        started_at=run.started_at,
     )

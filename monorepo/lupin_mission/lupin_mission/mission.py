@@ -13,7 +13,8 @@ from typing import Protocol
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 
 from lupin_mission.drive import DEPENDENCY_TIMEOUT, Arrival, Drive
-from lupin_mission.visit import NO_REPLY, SERVICES, Attempts, Limits, Phase, Request, Service, Visit
+from lupin_mission.settings import Settings
+from lupin_mission.visit import NO_REPLY, SERVICES, Attempts, Phase, Request, Service, Visit
 
 STUCK_DRIVES = 2  # After so many in a row, the robot needs a person.
 
@@ -66,10 +67,7 @@ class Mission:
         tag_ids: Iterable[str],
         ports: MissionPorts,
         drive: Drive,
-        limits: Limits,
-        *,
-        require_visual_confirmation: bool = False,
-        returns_to_dock: bool = False,
+        settings: Settings,
     ):
         """Visit `tag_ids`, which are all different, in this order."""
         self.tag_ids = tuple(tag_ids)
@@ -79,9 +77,7 @@ class Mission:
         self.outcomes: dict[str, Outcome] = {}
         self._ports = ports
         self._drive = drive
-        self._limits = limits
-        self._returns_to_dock = returns_to_dock
-        self._first_phase = Phase.CONFIRMING if require_visual_confirmation else Phase.SCANNING
+        self._settings = settings
         self._now = 0.0
         self._active_seconds = 0.0  # This clock stops during a pause. All but the timeouts use it.
         self._to_visit = deque(self.tag_ids)
@@ -164,7 +160,7 @@ class Mission:
         if self._to_visit:
             self._visit = Visit(self._to_visit.popleft())
             self._depart(State.DRIVING)
-        elif self._returns_to_dock:
+        elif self._settings.dock:
             self._depart(State.RETURNING)
         else:
             self._end()
@@ -194,12 +190,13 @@ class Mission:
     def _end_drive(self, arrival: Arrival) -> None:
         self._is_under_way = False
         self._stuck_drives = self._stuck_drives + 1 if arrival.is_stuck else 0
+        is_last = self._attempts.count >= self._settings.nav_max_attempts
         if arrival.needs_person:
             self._hold(arrival.failure, arrival.code)
         elif self._is_stuck_at_new_tag():
             self._tag_held_for_stuck_drives = self._visit.tag_id
             self._hold(f'the robot is stuck: it did not move in {STUCK_DRIVES} drives: {arrival.failure}')
-        elif arrival.failure and not arrival.is_final and self._attempts.count < self._limits.max_drives:
+        elif arrival.failure and not (is_last or arrival.is_final):
             event = f'the drive to {self._goal} failed: {arrival.failure}: trying again'
             self._ports.note(event, Severity.WARN)
             self._attempts.try_again(self._active_seconds)
@@ -207,8 +204,9 @@ class Mission:
             self._end_return(arrival.failure)
         elif not arrival.failure:
             self.state = State.INSPECTING
-            self._dwell_end = self._active_seconds + self._limits.dwell_seconds
-            self._turn_to(self._first_phase)
+            self._dwell_end = self._active_seconds + self._settings.flower_scan_dwell_s
+            has_camera = self._settings.require_visual_confirmation
+            self._turn_to(Phase.CONFIRMING if has_camera else Phase.SCANNING)
         elif not self._looks_again(Outcome.UNREACHABLE, arrival.failure):
             self._close(Outcome.UNREACHABLE, arrival.failure)
             self._dwell_end = self._active_seconds
@@ -290,7 +288,7 @@ class Mission:
 
         resume() continues with the remaining tags, and with the target unless it has its outcome.
         """
-        if not (self.target and self._returns_to_dock):
+        if not (self.target and self._settings.dock):
             return False
         self._ports.note('heading to dock', Severity.INFO)
         self._stop_work()
@@ -369,13 +367,13 @@ class Mission:
 
     def _turn_to(self, phase: Phase) -> None:
         self._visit.phase = phase
-        self._attempts = Attempts(self._active_seconds, self._limits.retry_delay_seconds)
+        self._attempts = Attempts(self._active_seconds, self._settings.retry_delay_seconds)
 
     def _ask(self) -> None:
         self._visit.requests += 1
         self._attempts.count += 1
         service = SERVICES[self._visit.phase]
-        deadline_seconds = self._now + self._limits.timeout_seconds(service)
+        deadline_seconds = self._now + self._settings.timeout_seconds(service)
         self._request = Request(service, self._visit.tag_id, deadline_seconds)
         self._ports.send(self._request)
 
@@ -407,7 +405,7 @@ class Mission:
 
     def _attempt_failed(self, outcome: Outcome, detail: str) -> None:
         tag_id = self._visit.tag_id
-        is_last = outcome is Outcome.UNKNOWN_TAG or self._attempts.count >= self._limits.max_attempts
+        is_last = outcome is Outcome.UNKNOWN_TAG or self._attempts.count >= self._settings.max_attempts
         if not is_last:
             code = DEPENDENCY_TIMEOUT if outcome in NO_REPLY else ''
             self._ports.note(f'tag {tag_id!r}: {outcome.value} {detail}: trying again', Severity.WARN, code)

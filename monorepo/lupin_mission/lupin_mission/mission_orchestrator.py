@@ -9,12 +9,11 @@ import time
 import uuid
 from collections.abc import Callable
 from concurrent.futures import Future as PlanFuture
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from builtin_interfaces.msg import Time
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.runtime.output import print_line
@@ -34,7 +33,7 @@ from std_srvs.srv import Trigger
 
 from lupin_mission.announcer import Announcer
 from lupin_mission.drive import Drive, SimulatedDrive
-from lupin_mission.messages import MISSION_TYPE, reply_of
+from lupin_mission.messages import MISSION_TYPE, Run, reply_of
 from lupin_mission.mission import Mission, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.plan import Place
@@ -52,21 +51,9 @@ STEP_SECONDS = 0.02
 LONGEST_STOP_SECONDS = 2.0
 NOT_KNOWN_YET = 'the tags are not known yet: start the bridge'
 OTHER_MISSION = 'another mission publishes mission/state: end it, or give one of them a namespace'
+TAG_TWICE = 'tag_sequence names a tag twice: a mission visits a tag once'
 RELEASE_ESTOP = 'the e-stop is engaged: release it first'
 INTERRUPTED = 'the node was ended'
-
-
-@dataclass
-class Run:
-    """One mission from its start on, with its results."""
-
-    mission_id: str
-    mission: Mission
-    tag_ids: list[str]  # those that were read before, too
-    observations: list[Observation]  # of this run, and of those that its report had before
-    started_at: Time
-    is_planning: bool = True
-    fault: str = ''  # why the report is lost
 
 
 class MissionNode(Node):
@@ -87,11 +74,7 @@ class MissionNode(Node):
         self._settings = settings = declare_parameters(self, Settings, without_effect=WITHOUT_EFFECT)
         self._tags = Tags(settings)
         self._positions = TagPositions(self, settings.frame_id, settings.amcl_pose_topic)
-        self._transport = Transport(
-            self,
-            confirm_service=settings.visual_confirmation_service,
-            read_service=settings.bridge_service_name,
-        )
+        self._transport = Transport(self, settings)
         self.current: Run | None = None
         is_simulated = settings.drive == 'simulated'
         remark = 'simulated drive' if is_simulated else ''
@@ -229,15 +212,9 @@ class MissionNode(Node):
         """Visit the tags that have no reading in the report; raises StartUpError and ReportError."""
         before = self.current
         observations = list(self._report.observations) if self._report and not before else []
-        to_visit = [tag_id for tag_id in tag_ids if tag_id not in read_tags(observations)]
-        mission = Mission(
-            to_visit,
-            self,
-            self._drive,
-            self._settings.limits,
-            require_visual_confirmation=self._settings.require_visual_confirmation,
-            returns_to_dock=bool(self._settings.dock),
-        )
+        read_before = read_tags(observations)
+        to_visit = [tag_id for tag_id in tag_ids if tag_id not in read_before]
+        mission = Mission(to_visit, self, self._drive, self._settings)
         if self._is_estop_engaged:
             mission.engage_estop()
         self.current = run = Run(mission_id, mission, tag_ids, observations, self.get_clock().now().to_msg())
@@ -291,20 +268,8 @@ class MissionNode(Node):
         self._announcer.moved(run.mission)
 
     def _publish_state(self) -> None:
-        run, is_engaged = self.current, self._is_estop_engaged
-        if run is None:
-            idle = 'READY' if self._tags.has_tags_to_visit() else 'BOOT'
-            self._announcer.publish_state(None, '', idle, is_estop_engaged=is_engaged)
-            return
-        lifecycle = 'PREPARE' if run.is_planning and run.mission.state is State.READY else ''
-        self._announcer.publish_state(
-            run.mission,
-            run.mission_id,
-            'FAULT' if run.fault else lifecycle,
-            run.started_at,
-            is_estop_engaged=is_engaged,
-            fault=run.fault,
-        )
+        idle = 'READY' if self._tags.has_tags_to_visit() else 'BOOT'
+        self._announcer.publish_state(self.current, idle, is_estop_engaged=self._is_estop_engaged)
 
     # The MissionPorts of the mission
 
@@ -417,29 +382,22 @@ class MissionNode(Node):
 
     def _reason_against(self, request: StartMission.Request) -> str:
         """Return why a mission cannot be started as requested; '' if it can."""
-        run, shown = self.current, escaped(request.mission_type, 40)
+        run, sequence, kind = self.current, list(request.tag_sequence), escaped(request.mission_type, 40)
         is_running = bool(run and run.mission.state is not State.DONE)
+        known = set(self._tags.ids or self._settings.chosen_tag_ids)
+        unknown = [tag_id for tag_id in sequence if tag_id not in known]
+        shown = escaped(unknown[0], 40) if unknown else ''
         reasons = (
             (self._is_ending, 'the node is about to end'),
             (is_running, f'mission already running: abort {run and run.mission_id}, or wait for its end'),
             (self._is_estop_engaged, RELEASE_ESTOP),
             (self._announcer.has_other_mission(), OTHER_MISSION),
-            (not self._tags.has_tags_to_visit(), NOT_KNOWN_YET),
-            (shown not in ('', MISSION_TYPE), f"mission_type is '{shown}': must be {MISSION_TYPE} or empty"),
+            (not known or (unknown and not self._tags.ids), NOT_KNOWN_YET),
+            (kind not in ('', MISSION_TYPE), f"mission_type is '{kind}': must be {MISSION_TYPE} or empty"),
+            (unknown, f"tag '{shown}' is unknown: must be one of the {len(known)} tags of the greenhouse"),
+            (len(set(sequence)) < len(sequence), TAG_TWICE),
         )
-        reason = next((reason for is_so, reason in reasons if is_so), '')
-        return reason or self._fault_of(list(request.tag_sequence))
-
-    def _fault_of(self, sequence: list[str]) -> str:
-        known = set(self._tags.ids or self._settings.chosen_tag_ids)
-        if unknown := [tag_id for tag_id in sequence if tag_id not in known]:
-            if not self._tags.ids:
-                return NOT_KNOWN_YET
-            shown = escaped(unknown[0], 40)
-            return f"tag '{shown}' is unknown: must be one of the {len(known)} tags of the greenhouse"
-        if len(set(sequence)) != len(sequence):
-            return 'tag_sequence names a tag twice: a mission visits a tag once'
-        return ''
+        return next((reason for is_so, reason in reasons if is_so), '')
 
 
 def main(args: list[str] | None = None) -> int:

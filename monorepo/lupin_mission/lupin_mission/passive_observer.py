@@ -96,7 +96,8 @@ class PassiveObserver(Node):
         self._lifecycle_state = message.lifecycle_state
 
     def _on_reading(self, reading: TagReading) -> None:
-        if self._lifecycle_state in BUSY_STATES and self._has_mission():
+        has_mission = self.count_publishers(self._states.topic_name) > 0  # A crashed one publishes no more.
+        if has_mission and self._lifecycle_state in BUSY_STATES:
             return
         if fault := fault_of_reading(reading):
             tag = escaped(reading.tag_id, 64)
@@ -112,10 +113,6 @@ class PassiveObserver(Node):
         )
         observation.flower.pose.pose = observation.anomaly.pose.pose = pose_at(None)
         self._observations.publish(observation)
-
-    def _has_mission(self) -> bool:
-        """Return whether the publisher of the state still runs: a crashed mission no longer publishes."""
-        return self.count_publishers(self._states.topic_name) > 0
 
 
 def main(args: list[str] | None = None) -> int:

@@ -11,7 +11,7 @@ from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import parse_numbers, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 
-from lupin_mission.visit import Limits
+from lupin_mission.visit import Service
 
 LONGEST_SECONDS = 86400.0
 CHOICES = {
@@ -90,9 +90,7 @@ class Settings:
     drive_seconds: float = _seconds(0.0, 'With drive simulated: seconds for the drive to a tag.')
     nav_action_name: str = parameter('navigate_to_pose', 'The NavigateToPose action.')
     nav_timeout_s: float = _seconds(60.0, 'Seconds for one drive with Nav2; 0.0: no limit.')
-    nav_max_attempts: int = _count(
-        Limits.max_drives, 'How often the robot tries to drive to one pose, or to the dock.'
-    )
+    nav_max_attempts: int = _count(2, 'How often the robot tries to drive to one pose, or to the dock.')
     max_poses: int = _count(2, 'With nav2: the most poses that the robot tries at a tag.', largest=10)
     robot_radius_m: float = parameter(
         0.2, 'Radius of the robot in metres, for its approach poses.', smallest=0.0, largest=0.75
@@ -132,20 +130,16 @@ class Settings:
         '[0.0, 0.0, 0.0]',
         'Where the robot returns at the end: x and y in metres in the map, yaw in radians; empty: nowhere.',
     )
-    flower_scan_dwell_s: float = _seconds(Limits.dwell_seconds, 'Minimum time at each tag in seconds.')
-    scan_timeout_s: float = _seconds(
-        Limits.read_timeout_seconds, 'Seconds to wait for each reply of the bridge.', smallest=0.001
-    )
+    flower_scan_dwell_s: float = _seconds(0.0, 'Minimum time at each tag in seconds.')
+    scan_timeout_s: float = _seconds(5.0, 'Seconds to wait for each reply of the bridge.', smallest=0.001)
     visual_confirmation_timeout_s: float = _seconds(
-        Limits.confirm_timeout_seconds - REPLY_SECONDS,
+        3.0,
         'The mission waits this many seconds, plus 3, for each reply of ConfirmTag.',
         smallest=0.001,
     )
-    max_attempts: int = _count(
-        Limits.max_attempts, 'How many requests the mission sends to each service from one pose.'
-    )
+    max_attempts: int = _count(3, 'How many requests the mission sends to each service from one pose.')
     retry_delay_seconds: float = _seconds(
-        Limits.retry_delay_seconds,
+        0.5,
         'Seconds before the second request or drive; doubles with each further attempt, up to 10 s.',
     )
     report_file: str = parameter(
@@ -242,17 +236,11 @@ class Settings:
             camera_offset_m=self.camera_offset_m,
         )
 
-    @property
-    def limits(self) -> Limits:
-        """The settings of the state machine."""
-        return Limits(
-            dwell_seconds=self.flower_scan_dwell_s,
-            confirm_timeout_seconds=self.visual_confirmation_timeout_s + REPLY_SECONDS,
-            read_timeout_seconds=self.scan_timeout_s,
-            max_attempts=self.max_attempts,
-            retry_delay_seconds=self.retry_delay_seconds,
-            max_drives=self.nav_max_attempts,
-        )
+    def timeout_seconds(self, service: Service) -> float:
+        """Return how long the mission waits for the reply to one request to a service."""
+        if service is Service.CONFIRM:
+            return self.visual_confirmation_timeout_s + REPLY_SECONDS
+        return self.scan_timeout_s
 
 
 def _words(value: object) -> list[str]:

@@ -11,6 +11,7 @@ from lupin_msgs.srv import ConfirmTag, GetTagReading
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 
+from lupin_mission.settings import Settings
 from lupin_mission.visit import Request, Service
 
 
@@ -25,13 +26,13 @@ def create_client(node: Node, service_type: Any, name: str) -> Any:
 class Transport:
     """Sends one request at a time."""
 
-    def __init__(self, node: Node, *, confirm_service: str, read_service: str):
+    def __init__(self, node: Node, settings: Settings):
         """Create the clients; raises StartUpError for an invalid name."""
         self._node = node
         self._logged_warnings: set[str] = set()
         self._clients = {
-            Service.CONFIRM: create_client(node, ConfirmTag, confirm_service),
-            Service.READ: create_client(node, GetTagReading, read_service),
+            Service.CONFIRM: create_client(node, ConfirmTag, settings.visual_confirmation_service),
+            Service.READ: create_client(node, GetTagReading, settings.bridge_service_name),
         }
         self._unsent: tuple[Request, Callable[[Any], None]] | None = None
         self._future: Any = None

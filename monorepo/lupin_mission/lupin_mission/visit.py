@@ -45,28 +45,6 @@ class Request:
     deadline_seconds: float
 
 
-@dataclass(frozen=True)
-class Limits:
-    """
-    Times, in seconds, and numbers of attempts.
-
-    The timeouts are those of one attempt. The delay before the second attempt of a request or a drive doubles
-    with each further attempt, up to LONGEST_RETRY_DELAY_SECONDS. `max_attempts` counts the requests to each
-    service from one pose, and `max_drives` the drives to each pose of a tag and to the dock.
-    """
-
-    dwell_seconds: float = 0.0
-    confirm_timeout_seconds: float = 6.0
-    read_timeout_seconds: float = 5.0
-    max_attempts: int = 3
-    retry_delay_seconds: float = 0.5
-    max_drives: int = 2
-
-    def timeout_seconds(self, service: Service) -> float:
-        """Return the timeout of a request to this service."""
-        return self.confirm_timeout_seconds if service is Service.CONFIRM else self.read_timeout_seconds
-
-
 @dataclass
 class Visit:
     """What the mission knows of the tag that it visits."""

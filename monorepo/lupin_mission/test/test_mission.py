@@ -13,15 +13,11 @@ from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Re
 from lupin_mission.drive import Arrival, SimulatedDrive
 from lupin_mission.mission import Mission, Severity, State
 from lupin_mission.report import Report
-from lupin_mission.visit import Limits, Service
+from lupin_mission.settings import Settings
+from lupin_mission.visit import Service
 
-LIMITS = Limits(
-    dwell_seconds=1.0,
-    confirm_timeout_seconds=2.0,
-    read_timeout_seconds=2.0,
-    max_attempts=3,
-    retry_delay_seconds=0.5,
-)
+WITHOUT_DOCK = Settings(dock_pose='')
+SETTINGS = replace(WITHOUT_DOCK, flower_scan_dwell_s=1.0, scan_timeout_s=2.0)
 LONGEST_MISSION_SECONDS = 100_000.0  # simulated
 SEEN = {True: Outcome.OK, False: Outcome.NOT_CONFIRMED}  # what the camera replies
 STUCK = Arrival('aborted', is_stuck=True)
@@ -95,7 +91,7 @@ class World:
         arrivals=(),
         failures=None,
         poses=1,
-        limits=LIMITS,
+        settings=SETTINGS,
         now=0.0,
         is_estop_engaged=False,
         **options,
@@ -105,7 +101,7 @@ class World:
         self.recorded, self.events, self.codes = [], [], []
         self.robot = Robot(drive_seconds, arrivals, failures, poses)
         self.trace = self.robot.told
-        self.mission = Mission(tag_ids, self, self.robot, limits, **options)
+        self.mission = Mission(tag_ids, self, self.robot, replace(settings, **options))
         if is_estop_engaged:
             self.mission.engage_estop()
         self.mission.step(self.now)
@@ -190,13 +186,13 @@ class World:
                 self.wait(float(word))
 
 
-CAMERA, DOCK = {'require_visual_confirmation': True}, {'returns_to_dock': True}
+CAMERA, DOCK = {'require_visual_confirmation': True}, {'dock_pose': '0 0 0'}
 DOCK_AFTER_1_S = {'drive_seconds': 1.0, **DOCK}
 LOOKS = {
     **CAMERA,
     'drive_seconds': 1.0,
     'poses': 3,
-    'limits': replace(LIMITS, max_attempts=2, max_drives=1, retry_delay_seconds=0.0, dwell_seconds=0.0),
+    'settings': replace(WITHOUT_DOCK, max_attempts=2, nav_max_attempts=1, retry_delay_seconds=0.0),
 }
 # By name: the options of the world, then the script => the trace that it leads to => the summary at its end.
 SCENARIOS = {
@@ -330,7 +326,11 @@ SCENARIOS = {
         '0.5 skip resume 0 => a a pause stop a=SKIPPED resume b => driving b NAVIGATING',
     ),
     'a drive that moved is between two that did not': (
-        {'tag_ids': 'a', 'arrivals': [STUCK, Arrival('aborted'), STUCK], 'limits': Limits(max_drives=3)},
+        {
+            'tag_ids': 'a',
+            'arrivals': [STUCK, Arrival('aborted'), STUCK],
+            'settings': replace(WITHOUT_DOCK, nav_max_attempts=3),
+        },
         '0.5 1 => a a a a=UNREACHABLE => done',
     ),
     'the e-stop holds a drive until it is released and resumed': (
@@ -404,7 +404,7 @@ def test_what_happens_leads_to(options, scenario):
 
 
 def test_a_mission_is_ready_until_it_is_started():
-    mission = Mission('ab', World(''), Robot(), LIMITS)
+    mission = Mission('ab', World(''), Robot(), SETTINGS)
     assert (mission.state, mission.target, mission.tag_at_hand) == (State.READY, None, None)
     assert mission.phase == ''
     mission.reorder('ba')
@@ -427,7 +427,7 @@ def test_a_timeout_gives_the_request_up_and_asks_again_later_and_later():
 
 
 def test_the_delay_before_a_further_attempt_grows_up_to_10_seconds():
-    world = World('a', limits=Limits(retry_delay_seconds=3.0, max_attempts=5))
+    world = World('a', settings=replace(WITHOUT_DOCK, retry_delay_seconds=3.0, max_attempts=5))
     for attempts in (2, 3, 4, 5):
         world.refuse()
         while len(world.sent) < attempts:
@@ -469,7 +469,7 @@ def test_a_drive_that_fails_is_tried_again_and_then_the_tag_is_unreachable():
         'abc',
         drive_seconds=1.0,
         failures={'a': 'the aisle is blocked', 'b': 'no'},
-        limits=Limits(max_drives=3),
+        settings=replace(WITHOUT_DOCK, nav_max_attempts=3),
     )
     departures = []
     while world.trace[-1] != 'c':
@@ -585,9 +585,7 @@ class AnyOrder(RuleBasedStateMachine):
             [tag_id for tag_id in self.tag_ids if tag_id not in done],
             self,
             self.robot,
-            LIMITS,
-            require_visual_confirmation=True,
-            returns_to_dock=True,
+            replace(SETTINGS, **CAMERA, **DOCK),
         )
         self.mission.step(self.now)
 

@@ -143,12 +143,15 @@ def test_the_map_that_is_there_at_the_start_moves_a_pose_or_rejects_the_start(
 
 
 def test_the_first_map_is_awaited_if_its_topic_has_a_publisher(
-    start_mission, navigator, publish_map, monkeypatch
+    start_mission, navigator, publish_map, states_of, monkeypatch
 ):
     for name in ('DISCOVERY_SECONDS', 'LONGEST_MAP_SECONDS'):
         monkeypatch.setattr(planner, name, 3600.0)
     (usual, *_) = goals_of()[0]['1']
     mission = start_mission(**WITH_MAP, tag_sequence='1')
+    states = states_of(mission)
+    for _ in range(3):  # a plan takes less than that
+        states.wait_for(lambda state: state.lifecycle_state == 'PREPARE')
     publish_map([usual[:2]])
     goal = navigator.accept()
     assert math.dist(places(navigator)[0], usual[:2]) > 0.2

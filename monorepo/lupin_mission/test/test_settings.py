@@ -11,7 +11,7 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.testing._helpers import check_settings
 from lupin_mission import announcer, passive_observer, settings, visit
 from lupin_mission.settings import Settings
-from lupin_mission.visit import Limits
+from lupin_mission.visit import Service
 
 DOCUMENTS = Path(__file__).resolve().parent.parent / 'doc'
 
@@ -24,17 +24,9 @@ def test_the_times_that_are_no_parameters_are_those_of_the_documents():
     assert 'a mission waits up to 5 s until its subscribers' in words
 
 
-def test_the_limits_of_a_mission_are_its_parameters():
-    assert Settings().limits == Limits() == Limits(0.0, 6.0, 5.0, 3, 0.5, 2)
-    settings = Settings(
-        flower_scan_dwell_s=4.0,
-        visual_confirmation_timeout_s=5.0,
-        scan_timeout_s=6.0,
-        max_attempts=7,
-        retry_delay_seconds=8.0,
-        nav_max_attempts=9,
-    )
-    assert settings.limits == Limits(4.0, 8.0, 6.0, 7, 8.0, 9)  # the camera's reply may take 3 more
+def test_a_reply_of_the_camera_may_take_3_seconds_more_than_its_look():
+    settings = Settings(visual_confirmation_timeout_s=5.0, scan_timeout_s=6.0)
+    assert [settings.timeout_seconds(each) for each in (Service.CONFIRM, Service.READ)] == [8.0, 6.0]
 
 
 @pytest.mark.parametrize(

@@ -426,7 +426,7 @@ def test_an_error_is_published_and_logged_as_one(node, capfd):
     states = Subscriber(node, MissionState, '/mission/state', WEB_QOS)
     announcer = Announcer(node, '/observations')
     announcer.note('the robot is stuck', Severity.ERROR)
-    wait_until(lambda: announcer.publish_state(None, '', 'READY', None) or states.received)
+    wait_until(lambda: announcer.publish_state(None, 'READY') or states.received)
     state = states.received[0]
     assert (state.last_event, state.last_event_severity) == ('the robot is stuck', state.SEVERITY_ERROR)
     assert '[ERROR] ' in capfd.readouterr().err
