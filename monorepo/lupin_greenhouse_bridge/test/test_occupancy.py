@@ -304,6 +304,9 @@ def test_a_map_of_another_place_is_refused_with_both_extents(write_map, poses_of
         ('negate: 1', 'negate: "yes"'),
         ('negate: 1', 'negate: True'),
         ('negate: 1', "negate: '1'"),
+        ('negate: 1', 'negate: 2'),
+        ('negate: 1', 'negate: -1'),
+        ('negate: 1', 'negate: 1\nnegate: 0\nresolution: 9.0'),  # the first of equal keys counts
         ('free_thresh: 0.196', 'free_thresh: 1.96E-1'),
     ],
 )
@@ -332,7 +335,8 @@ def test_a_value_is_read_as_yaml_cpp_reads_it(write_map, line, instead):
         ({'origin': [0.0, 0.0]}, 'origin is missing or not a list of three'),
         ({'origin': [0.0, 'one', 0.0]}, "origin: y is 'one': must be a number"),
         ({'mode': 'binary'}, "mode is 'binary': must be one of trinary, scale, raw"),
-        ({'negate': 'maybe'}, "negate is 'maybe': must be one of 1, true, yes"),
+        ({'negate': 1.0}, "negate is '1.0': must be one of 0, 1, true, yes"),
+        ({'negate': 'maybe'}, "negate is 'maybe': must be one of 0, 1, true, yes"),
         ({'occupied_thresh': 1.5}, 'occupied_thresh is 1.5: must be a number from 0 to 1'),
         ({'free_thresh': 0.65}, 'free_thresh must be below occupied_thresh'),
     ],

@@ -20,11 +20,8 @@ from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml
 
 # Cells from 0 to 100 %, as map_saver of Nav2 takes them; what is between is unknown.
 FREE_PERCENT, OCCUPIED_PERCENT = 25, 65
-MODES = {name: name for name in ('trinary', 'scale', 'raw')}
-# In yaml-cpp, a flag is a whole number, or one of these words in any case.
-BOOLEANS = dict.fromkeys(('1', 'true', 'yes', 'on', 'y'), True) | dict.fromkeys(
-    ('0', 'false', 'no', 'off', 'n'), False
-)
+MODES = ('trinary', 'scale', 'raw')
+FLAGS = dict.fromkeys(('true', 'yes', 'on', 'y'), True) | dict.fromkeys(('false', 'no', 'off', 'n'), False)
 DEFAULTS = {'negate': '0', 'occupied_thresh': 0.65, 'free_thresh': 0.25, 'mode': 'trinary'}
 NO_COLUMN = 2**30  # where no cell of a row is taken
 
@@ -171,14 +168,17 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap
         raise StartUpError(f'{where}: image is missing or no text: must name a PGM or PNG file')
     for key in ('resolution', 'occupied_thresh', 'free_thresh'):
         data[key] = _number_in(data.get(key))
-    for key, accepted, value in (
-        ('mode', MODES, str(data['mode']).lower()),
-        ('negate', BOOLEANS, str(_number_in(data['negate'])).lower()),
-    ):
-        if value not in accepted:
+    negate = _number_in(data['negate'])
+    # map_server takes each whole number as a flag, and the words of yaml-cpp.
+    values = {
+        'mode': {mode: mode for mode in MODES}.get(str(data['mode']).lower()),
+        'negate': negate != 0 if isinstance(negate, int) else FLAGS.get(str(negate).lower()),
+    }
+    for key, allowed in (('mode', MODES), ('negate', ('0', '1', *FLAGS))):
+        if values[key] is None:
             shown = escaped(repr(data[key]), 60)
-            raise StartUpError(f'{where}: {key} is {shown}: must be one of {", ".join(accepted)}')
-        data[key] = accepted[value]
+            raise StartUpError(f'{where}: {key} is {shown}: must be one of {", ".join(allowed)}')
+    data |= values
     resolution_m = number(data, 'resolution', where, 'metres per cell', smallest=1e-4)
     if not isinstance(data.get('origin'), list) or len(data['origin']) != 3:
         raise StartUpError(f'{where}: origin is missing or not a list of three: must be [x, y, yaw]')

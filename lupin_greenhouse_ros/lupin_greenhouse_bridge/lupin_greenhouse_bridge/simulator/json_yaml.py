@@ -40,7 +40,8 @@ def read_yaml(path: str | Path, where: str, wanted: str, *, is_typed: bool = Tru
     """
     Return the mapping in a YAML file, or in a JSON file whose name ends in .json; {} for an empty file.
 
-    If not typed, every scalar is text and a tab is a space, as in yaml-cpp, whose callers choose the types.
+    If not typed, the file is read as by yaml-cpp, whose callers choose the types: every scalar is text, a tab
+    is a space, and the first of equal keys counts.
     Raises a StartUpError that begins with `where` if the file is unreadable, malformed or not `wanted`.
     """
     text = read_text(path, where, LARGEST_YAML_BYTES)
@@ -161,6 +162,10 @@ def _parse_yaml(text: str, where: str, loader_name: str = 'SafeLoader') -> Any:
         document = loader.get_single_node()
         if document is None:
             return None
+        if loader_name == 'BaseLoader' and document.id == 'mapping':
+            document.value = list(
+                {key.value: (key, value) for key, value in reversed(document.value)}.values()
+            )
         if _count_values(document, {}, where) > LARGEST_YAML_VALUES:
             raise StartUpError(
                 f'{where}: holds more than {LARGEST_YAML_VALUES} values after its aliases are expanded:'
