@@ -31,9 +31,8 @@ from rclpy.executors import SingleThreadedExecutor
 
 OK = Outcome.OK
 OF_OTHER_MISSIONS = ('battery_low_threshold', 'battery_topic', 'discovered_tags_topic', 'monitoring_sweeps')
-# One of each part but the run itself; the bridge's tests signal the same code in many more.
+# The start and the end of a run; the bridge's tests signal the same code in many more moments.
 MOMENTS = {
-    'rclpy/__init__.py:<module>': 'signalled in',  # the import
     'rclpy/node.py:__init__': 'signalled in',  # the start
     'rclpy/executors.py:shutdown': 'waiting for the tags of',  # the end, which other signals bring about
 }
