@@ -512,15 +512,12 @@ def test_on_a_terminal_a_table_replaces_the_last_one_and_is_cut_to_the_window(sh
     assert shown(0, failures=[failure('x' * 60)]) == f'\x1b[J{line:.59}\n'
 
 
-@pytest.mark.parametrize(('window', 'size'), [((24, 60), (60, 24)), ((0, 0), (80, 24))])
-def test_the_size_is_that_of_the_window_or_the_usual_one(window, size):
-    with Terminal(*window) as terminal:
-        assert terminal_size(terminal.stream) == size
-
-
-def test_an_output_that_is_no_file_has_the_usual_size_and_takes_a_header(tmp_path, capsys):
+def test_the_size_is_that_of_the_window_or_the_usual_one(tmp_path, capsys):
+    for window, size in (((24, 60), (60, 24)), ((0, 0), (80, 24))):
+        with Terminal(*window) as terminal:
+            assert terminal_size(terminal.stream) == size
     with (tmp_path / 'closed').open('w') as closed:
         assert terminal_size(closed) == (80, 24)
     assert terminal_size(closed) == terminal_size(sys.stdout) == (80, 24)
-    Csv({}).show([answer('7', co2=1.0)])
+    Csv({}).show([answer('7', co2=1.0)])  # into an output that is no file
     assert capsys.readouterr().out.startswith(f'{HEADER}\n')
