@@ -31,7 +31,7 @@ SELECT = f'SELECT {HEADER} FROM readings'  # noqa: S608 (no text of a user)
 LONGEST_FIELD = 2**31 - 1  # characters; ROS does not limit the name of a sensor
 DELIMITERS = ',;\t|'
 STAMP_UTC = re.compile(r'(\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d)\.(\d{9})Z', re.ASCII)
-ROUNDED_NS = 10**4  # spreadsheets keep 15 of the 19 digits
+ROUNDED_NS = 10**4  # at least the error of a stamp of 19 digits of which a spreadsheet keeps 15
 
 
 class ReadingFileError(OneLineError):

@@ -78,9 +78,8 @@ def running(
         spinner = threading.Thread(target=spin, daemon=True)
         spinner.start()
         # In reverse order, because rclpy raises in a thread that spins an executor while another closes it.
-        stack.callback(
-            executor.shutdown, timeout_sec=0
-        )  # Humble would wait for the task that ends the thread
+        # Without the timeout, Humble would wait for the task that ends the thread.
+        stack.callback(executor.shutdown, timeout_sec=0)
         stack.callback(spinner.join, PATIENCE_SECONDS)
         stack.callback(executor.create_task, ended.set)
         yield nodes
