@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.approach import find_approaches
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls
@@ -80,19 +81,12 @@ def matches_layout(world: RenderedWorld, layout: Layout, walls: Walls) -> bool:
 
 def settings_of(world: RenderedWorld, layout: Layout, walls: Walls, side: str) -> Iterator[Setting]:
     """Yield each distance with each angle, then the approach poses of each robot, then the tags' backs."""
-    x0, y0, x1, y1 = walls
-    tables = tables_of(layout)
-
-    def can_stand(eye: np.ndarray) -> bool:
-        x, y = map(float, eye[:2])
-        free_m = min([x - x0, y - y0, x1 - x, y1 - y, *(each.distance_m(x, y) for each in tables)])
-        return free_m > ROBOT_RADIUS_M
-
+    free_space = FreeSpace(layout, walls, ROBOT_RADIUS_M)
     for distance_m, angle_degrees in itertools.product(DISTANCES_M, ANGLES_DEGREES):
         views, free = {}, 0
         for number, tag in sorted(world.tags.items()):
             eyes = [viewpoint(tag, distance_m, turn * angle_degrees) for turn in (1, -1)]
-            standing = [View(eye, tag.centre) for eye in eyes if can_stand(eye)]
+            standing = [View(eye, tag.centre) for eye in eyes if free_space.is_free(*eye[:2])]
             free += bool(standing)
             # Where a robot cannot stand, a picture from above the tables counts, from either side.
             views[number] = [standing] if standing else [[View(eye, tag.centre)] for eye in eyes]

@@ -7,7 +7,6 @@ image to image. With `from_odometry` it is on the robot instead: it subscribes t
     ros2 run lupin_simulation world_camera --ros-args -p world_file:=.world/greenhouse.sdf
 """
 
-import math
 from dataclasses import dataclass
 
 import cv2
@@ -22,7 +21,7 @@ from lupin_simulation.rendered_world import RenderedWorld, TagModel, View, view_
 
 FRAMES_PER_SECOND = 5
 NEAREST_M, FARTHEST_M = 0.3, 1.0
-LARGEST_ANGLE_DEGREES, LARGEST_YAW_RAD, LARGEST_OFFSET_M = 30.0, 0.07, 0.03
+LARGEST_ANGLE_DEGREES, LARGEST_OFFSET_M = 30.0, 0.03
 
 
 @dataclass(frozen=True)
@@ -60,9 +59,9 @@ def view_of(tag: TagModel | None, random: np.random.Generator) -> View:
         return View(np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 2.0]))
     distance_m = random.uniform(NEAREST_M, FARTHEST_M)
     angle = random.uniform(-LARGEST_ANGLE_DEGREES, LARGEST_ANGLE_DEGREES)
-    offset = random.uniform(-LARGEST_OFFSET_M, LARGEST_OFFSET_M) * tag.to_right
-    yaw = math.tan(random.uniform(-LARGEST_YAW_RAD, LARGEST_YAW_RAD)) * distance_m * tag.to_right
-    return View(viewpoint(tag, distance_m, angle) + offset, tag.centre + offset + yaw)
+    eye_offset_m, at_offset_m = random.uniform(-LARGEST_OFFSET_M, LARGEST_OFFSET_M, 2)
+    eye = viewpoint(tag, distance_m, angle) + eye_offset_m * tag.to_right
+    return View(eye, tag.centre + at_offset_m * tag.to_right)
 
 
 def main(args: list[str] | None = None) -> int:

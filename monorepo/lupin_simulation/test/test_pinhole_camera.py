@@ -45,16 +45,15 @@ def test_a_tag_is_read_in_the_middle_of_a_picture_that_is_taken_towards_it(facin
     assert np.allclose(corners.mean(axis=0), (CENTRE_X, CENTRE_Y), atol=3.0)
 
 
-def test_a_tag_is_as_large_as_its_distance_says():
-    (corners,) = seen_from(*before(SOUTHWARDS, 0.5, 0.0), t7=SOUTHWARDS).values()
-    assert np.ptp(corners, axis=0) == pytest.approx(CAMERA.focal_length_pixels * TAG_SIDE_M / 0.5, abs=1.5)
-
-
-@pytest.mark.parametrize('yaw_off_degrees', [-15.0, 10.0])
-def test_a_tag_is_left_of_the_middle_for_a_robot_that_has_turned_too_far_to_the_right(yaw_off_degrees):
+@pytest.mark.parametrize('yaw_off_degrees', [-15.0, 0.0, 10.0])
+def test_a_tag_is_as_large_as_its_distance_says_and_left_of_the_middle_for_a_robot_that_looks_to_its_right(
+    yaw_off_degrees,
+):
     (corners,) = seen_from(*before(SOUTHWARDS, 0.5, 0.0, yaw_off_degrees), t7=SOUTHWARDS).values()
     shift = CAMERA.focal_length_pixels * math.tan(math.radians(yaw_off_degrees))
     assert corners.mean(axis=0) == pytest.approx((CENTRE_X + shift, CENTRE_Y), abs=3.0)
+    side = CAMERA.focal_length_pixels * TAG_SIDE_M / 0.5
+    assert np.ptp(corners[:, 1]) == pytest.approx(side, abs=1.5 + abs(shift) / 20)  # in perspective
 
 
 @pytest.mark.parametrize(
@@ -95,9 +94,6 @@ def test_a_nearer_tag_hides_the_one_behind_it(facing):
 
 
 def test_all_tags_in_view_are_in_the_picture():
-    beside = {
-        't8': SOUTHWARDS._replace(x=1.9),
-        't9': SOUTHWARDS._replace(x=2.1),
-        't10': TagPose(9.0, 3.0, 0.0),
-    }
-    assert set(seen_from(*before(SOUTHWARDS, 0.5, 0.0), t7=SOUTHWARDS, **beside)) == {7, 8, 9}
+    beside = {'t8': SOUTHWARDS._replace(x=1.9), 't9': SOUTHWARDS._replace(x=2.1)}
+    far = TagPose(9.0, 3.0, 0.0)
+    assert set(seen_from(*before(SOUTHWARDS, 0.5, 0.0), t7=SOUTHWARDS, **beside, t10=far)) == {7, 8, 9}
