@@ -50,11 +50,14 @@ class Bridge(Server):
     def __init__(self, *prefix: str, **parameters: Any):
         super().__init__(*prefix, sys.executable, str(HERE / 'counting_bridge.py'), **parameters)
 
-    def handled(self) -> tuple[int, int]:
-        """End it; return the exit code and the number of requests it has handled."""
+    def has_handled(self, clients: 'Sequence[Counts]') -> tuple[str, bool]:
+        """End it; return as a promise that it handled each call of its clients once."""
         exit_code = self.stop()
-        (count,) = re.findall(r'^requests handled: (\d+)$', '\n'.join(self.log), re.MULTILINE)
-        return exit_code, int(count)
+        (handled,) = re.findall(r'^requests handled: (\d+)$', '\n'.join(self.log), re.MULTILINE)
+        calls, greetings = sum(each.calls for each in clients), sum(each.greetings for each in clients)
+        text = f'{handled} requests handled of {greetings} greetings and {calls} calls, exit code {exit_code}'
+        # Of the greetings of a client, at least the one with the answer arrives.
+        return text, exit_code == 0 and calls + len(clients) <= int(handled) <= calls + greetings
 
     def ends_cleanly(self) -> tuple[str, bool]:
         """End it; return its exit code as a promise."""
@@ -92,9 +95,8 @@ def start_clients(count: int, *options: object) -> list[ClientProcess]:
     return clients
 
 
-def total_of(clients: Sequence[ClientProcess]) -> Counts:
+def total_of(found: Sequence[Counts]) -> Counts:
     """Return the sum of what clients have counted, and their slowest call."""
-    found = [client.counts() for client in clients]
     names = ('greetings', 'calls', 'answered', 'timed_out', 'swapped')
     sums = {name: sum(getattr(each, name) for each in found) for name in names}
     return Counts(**sums, slowest_seconds=max(each.slowest_seconds for each in found))
