@@ -138,18 +138,21 @@ def rows_of(columns: list[list[str]], links: list[Link]) -> dict[Link, int]:
     """Return the row of each link: those of a node are neighbours on each side, or below it."""
     column_of = {name: number for number, names in enumerate(columns) for name in names}
     rows: dict[Link, int] = {}
+
+    def links_of(name: str, columns_away: int) -> list[Link]:
+        ours = [link for link in links if name in (link.source, link.target)]
+        return [link for link in ours if column_of[link.other_end(name)] - column_of[name] == columns_away]
+
     for names in sorted(columns, key=len, reverse=True):  # a node alone in its column follows the others
         first = 0
         for name in names:
-            sides: dict[int, list[Link]] = {-1: [], 0: [], 1: []}
-            for link in links:
-                if name in (link.source, link.target):
-                    sides[column_of[link.other_end(name)] - column_of[name]].append(link)
-            below = sides.pop(0)
-            for side in sides.values():
-                rows = {link: first + number for number, link in enumerate(side)} | rows
-            first += max(map(len, sides.values()))
-            rows = dict.fromkeys(below, first) | rows
+            left, below, right = (links_of(name, columns_away) for columns_away in (-1, 0, 1))
+            for side in (left, right):
+                for row, link in enumerate(side, start=first):
+                    rows.setdefault(link, row)
+            first += max(len(left), len(right))
+            for link in below:
+                rows.setdefault(link, first)
             first += len(below)
     return rows
 
@@ -179,15 +182,16 @@ def draw(columns: list[list[str]], links: list[Link], others: Collection[str], t
         axes.text(*middle, text, ha='center', va='center', color=ink, weight='bold')
     for link, row in rows.items():
         dashes, colours = STYLES[link.kind]
-        y, left = (row + 0.5) * ROW, lefts[link.source]
-        is_right, is_up = left < lefts[link.target], spans[link.source] > spans[link.target]
-        is_vertical = left == lefts[link.target]
-        start, end = (left + BOX * is_right, y), (lefts[link.target] + BOX * (not is_right), y)
-        x, side = (start[0] + end[0]) / 2, 'center'
+        left, right, y = lefts[link.source], lefts[link.target], (row + 0.5) * ROW
+        is_vertical = left == right
         if is_vertical:
-            x = left + BOX / 2
-            start, end = (x, spans[link.source][not is_up]), (x, spans[link.target][is_up])
-            x, side = x - 0.1, 'right'
+            is_up = spans[link.source] > spans[link.target]
+            x, side = left + BOX / 2 - 0.1, 'right'
+            start = left + BOX / 2, spans[link.source][not is_up]
+            end = left + BOX / 2, spans[link.target][is_up]
+        else:
+            start, end = (left + BOX * (left < right), y), (right + BOX * (left > right), y)
+            x, side = (start[0] + end[0]) / 2, 'center'
         arrow = {'arrowstyle': '-|>', 'color': colours[theme], 'ls': dashes, 'lw': 1.4}
         axes.annotate('', end, start, arrowprops=arrow | {'shrinkA': 0, 'shrinkB': 0})
         package, _, short = link.message.rpartition('/')
