@@ -287,6 +287,26 @@ def test_axe_finds_no_fault(report, open_page, width):
             assert json.loads(found) == []
 
 
+def test_of_several_files_one_is_shown_and_all_are_compared(report, tmp_path, open_page, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text, (tag_id, tag) = report.read_text(encoding='utf-8'), next(iter(find_layout('').tags.items()))
+    for name, value in (('one.jsonl', '20.0'), ('two.jsonl', '29.5'), ('three.jsonl', '21.0')):
+        (tmp_path / name).write_text(text.replace(': 20.0', f': {value}'), encoding='utf-8')
+    page = open_page(tmp_path / 'one.jsonl', 'two.jsonl', 'three.jsonl', '-o', 'one.html', width=390)
+    links = "[...document.querySelectorAll('#files a')].map(each => each.textContent + each.ariaCurrent)"
+    assert page.evaluate(links) == ['one.jsonlpage', 'two.jsonlnull', 'three.jsonlnull']
+    row = "[...document.querySelector('#differences tbody tr').children].map(each => each.innerText.trim())"
+    values = [f'{value} 00:00' for value in ('20.0', '29.5', '21.0')]
+    unit = UNITS[tag.sensors[0]]
+    assert page.evaluate(row) == [tag_id, f'{tag.sensors[0]} ({unit})', *values, '9.5']
+    assert page.evaluate("document.querySelector('.farthest').innerText.trim()") == values[1]
+    page.evaluate(f"location.hash = '#tag={tag_id}'; document.querySelectorAll('#files a')[1].click()")
+    page.wait_for("document.readyState === 'complete' && location.search === '?file=1'")
+    assert f'{tag.sensors[0]} 29.5' in page.evaluate("document.getElementById('chosen').textContent")
+    assert page.evaluate('document.documentElement.scrollWidth') == 390
+    assert page.complaints == []
+
+
 def test_two_sheets_of_paper_hold_the_page(report, open_page):
     """With a long reason for each of the two failures."""
     report.write_text(report.read_text(encoding='utf-8').replace('&amp;', 'no path to it ' * 15))

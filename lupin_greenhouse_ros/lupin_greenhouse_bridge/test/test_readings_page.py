@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from conftest import START_S, visit, write_report
 from greenhouse_sim.simulator import GreenhouseSimulator
-from lupin_greenhouse_bridge.display import readings_page
-from lupin_greenhouse_bridge.display.drawing_command import ReadingFile
+from lupin_greenhouse_bridge.display import plot_report, readings_page
+from lupin_greenhouse_bridge.display.drawing_command import MOST_SENSORS, Recording
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
@@ -47,13 +47,20 @@ def recording(tmp_path):
     return write
 
 
+def data_in(page):
+    """Return the data in a page."""
+    text = page.read_text(encoding='utf-8')
+    assert len(text) < 5e6
+    return json.loads(
+        re.search('<script id="data" type="application/json">(.*?)</script>', text, re.DOTALL)[1]
+    )
+
+
 def shown(path, *options):
     """Make the page of a file, and return the data in it."""
     assert readings_page.main([str(path), *options]) == 0
-    page = path.with_suffix('.html').read_text(encoding='utf-8')
-    assert len(page) < 5e6
-    (text,) = re.findall('<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)
-    return json.loads(text)
+    (data,) = data_in(path.with_suffix('.html'))['files']
+    return data
 
 
 def test_the_table_has_failures_first_and_the_last_reading_of_each_tag(report, shipped_tags):
@@ -187,7 +194,9 @@ def test_a_day_of_the_simulator_shows_each_tag_in_each_half_hour():
             rows.append(Row(ns, '', tag_id, sensor, value, '', tag.x, tag.y, sim_time, 'test'))
             low, high = bounds[sensor, tag_id, sim_time]
             bounds[sensor, tag_id, sim_time] = min(low, value), max(high, value)
-    data = readings_page.data_of(ReadingFile(rows, []), layout, find_walls(layout), {}, [])
+    recording = Recording(Path('day'), 'day', rows, [], layout, find_walls(layout), [], {})
+    limits = dict.fromkeys(sorted(sensors), (0.0, 1000.0))
+    data = readings_page.data_of(recording, limits)
     seen = set()
     for sensor in data['sensors']:
         for line in sensor['lines']:
@@ -200,7 +209,7 @@ def test_a_day_of_the_simulator_shows_each_tag_in_each_half_hour():
                 seen.add((name, tag_id, at))
     assert seen == set(bounds)
     assert len(seen) == 48 * len(series)
-    assert len(readings_page.fill('a day', data)) < 5e6
+    assert len(readings_page.fill([recording], limits)) < 5e6
 
 
 def test_only_the_script_of_the_page_itself_may_run(report):
@@ -275,3 +284,105 @@ def test_positions_of_another_greenhouse_are_refused(tmp_path, recording, capsys
     )
     tag_file.write_text(json.dumps(tags).replace('2.5', '2.001'), encoding='utf-8')
     assert readings_page.main([str(path), '--tag-file', str(tag_file)]) == 0
+
+
+@pytest.fixture
+def teams(tmp_path):
+    """Return the reports of three teams, whose files have the same name, with these values by tag."""
+
+    def write(*values_by_team):
+        reports = []
+        for number, values in enumerate(values_by_team, start=1):
+            (tmp_path / f'team{number}').mkdir()
+            visits = [visit(tag_id, **by_sensor) for tag_id, by_sensor in values.items()]
+            reports.append(write_report(tmp_path / f'team{number}/mission.jsonl', *visits))
+        return [str(each) for each in reports]
+
+    return write
+
+
+def test_several_files_are_compared_by_tag_and_sensor(teams, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    one = {'1': {'co2': 600.0}, '5': {'co2': 500.0, 'temperature': 20.0}, '9': {'co2': 700.0}}
+    two = {'1': {'co2': 610.0}, '5': {'co2': 800.0, 'temperature': 20.5}}
+    three = {'1': {'co2': 602.0}, '5': {'co2': 510.0}}
+    assert readings_page.main(teams(one, two, three)) == 0
+    data = data_in(tmp_path / 'comparison.html')
+    assert [each['title'] for each in data['files']] == [f'team{n}/mission.jsonl' for n in (1, 2, 3)]
+    assert [
+        (
+            each['tag'],
+            each['sensor'],
+            [text for text, _ in each['cells']],
+            each['farthest'],
+            each['difference'],
+        )
+        for each in data['differences']
+    ] == [
+        ('5', 'temperature (°C)', ['20.0', '20.5', 'none'], None, '0.5'),
+        ('5', 'co2 (ppm)', ['500', '800', '510'], 1, '300'),  # 290 from the median, 510; 500 is 10 from it
+        ('1', 'co2 (ppm)', ['600', '610', '602'], 1, '10'),
+    ]
+    assert {time for each in data['differences'] for text, time in each['cells'] if text != 'none'} == {
+        '12:00'
+    }
+    limits = [each['limits'] for file in data['files'] for each in file['sensors'] if each['name'] == 'co2']
+    assert limits == [limits[0]] * 3
+    low, high = limits[0]
+    assert low <= 500.0
+    assert high >= 800.0
+
+
+def test_more_sensors_than_a_person_can_look_at_are_refused_with_the_choice(report, capsys):
+    values = {f's{number}': float(number) for number in range(MOST_SENSORS + 1)}
+    path = report(visit('1', **values), visit('5', co2=1.0))
+    assert readings_page.main([str(path)]) == 2
+    error = (
+        f'readings_page: {MOST_SENSORS + 2} sensors are too many to look at: choose up to {MOST_SENSORS} with'
+    )
+    assert capsys.readouterr().err.startswith(f'{error} --sensor, from co2, s0, s1, ')
+    data = shown(path, '--sensor', 's3', '--sensor', 's1')
+    assert [each['name'] for each in data['sensors']] == ['s1', 's3']
+    assert data['counts'][0][0].startswith('2 of ')  # a tag without the chosen sensors was read, too
+    assert readings_page.main([str(path), '--sensor', 'x']) == 2
+    assert "--sensor 'x': no FILE has it: choose from co2, s0" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ('value', 'place_m', 'fault'),
+    [
+        (1e300, (1.0, 2.0), 'has value 1e+300, x_m 1.0 and y_m 2.0'),
+        (7.0, (1e300, 2.0), 'has value 7, x_m 1e+300 and y_m 2.0'),
+        (7.0, (1.0, -2e12), 'has value 7, x_m 1.0 and y_m -2000000000000.0'),
+    ],
+)
+@pytest.mark.parametrize('command', [readings_page, plot_report])
+def test_a_number_that_is_too_large_to_draw_is_refused_with_its_row(
+    recording, capsys, recwarn, command, value, place_m, fault
+):
+    path = recording('day.csv', [7.0, value], place_m=place_m)
+    at = '2026-11-20T15:53:2'
+    assert command.main([str(path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"'{path}': the row of ph of tag 'a1' at {at}" in line
+    assert line.endswith(f'{fault}: values must be within 1e+20, and positions within 1e+12 m, of 0')
+    assert list(recwarn) == []
+
+
+@pytest.mark.parametrize(
+    ('options', 'fault'),
+    [
+        (['FILE', '--walls', '0', '0', '1e300', '8'], 'the walls are x 0 to 1e+300 m'),
+        (['FILE', '--route', 'ROUTE'], "--route 'ROUTE': is not a CSV file of x,y in metres"),
+        (['FILE', 'FILE', '--route', 'ROUTE'], "--route 'ROUTE' is for one FILE: name one FILE only"),
+        (['FILE', '-o', 'FILE'], "--output 'FILE' is the file of readings itself: name another"),
+    ],
+)
+def test_other_wrong_options_are_refused_by_their_name(
+    recording, tmp_path, capsys, monkeypatch, options, fault
+):
+    monkeypatch.chdir(tmp_path)
+    recording('day.csv', [7.0]).rename('FILE')
+    (tmp_path / 'ROUTE').write_text('x,y\n0,1\n1e300,-1e300\n', encoding='utf-8')
+    assert readings_page.main(options) == 2
+    assert fault in capsys.readouterr().err

@@ -217,6 +217,23 @@ def test_no_label_lies_on_a_dot_or_on_another_label(tmp_path, shipped_tags, figu
         assert not any(box.contains(*dot) for box in boxes for dot in dots)
 
 
+def test_the_pictures_of_several_files_have_the_same_colours(tmp_path, figures, capsys):
+    reports = [
+        str(write_report(tmp_path / f'{name}.jsonl', visit('1', co2=low), visit('5', co2=high)))
+        for name, low, high in (('one', 410.0, 430.0), ('two', 700.0, 710.0))
+    ]
+    assert main(reports) == 0
+    pictures = [tmp_path / 'one.png', tmp_path / 'two.png']
+    assert capsys.readouterr().out == ''.join(f'picture: {each}\n' for each in pictures)
+    limits = [figure.axes[0].collections[0].get_clim() for figure in figures]
+    low, high = read_colour_ranges()['co2']
+    fifth = (high - low) / 5
+    ends = low + fifth * ((410.0 - low) // fifth), low + fifth * ((710.0 - low) // fifth + 1)
+    assert limits == [pytest.approx(ends)] * 2
+    assert main([*reports, '--output', 'x.png']) == 2
+    assert "--output 'x.png' is one picture: leave it out, or name one FILE" in capsys.readouterr().err
+
+
 @pytest.fixture
 def config(tmp_path):
     """Return a function that writes a config with this section, and returns its path."""
@@ -263,7 +280,6 @@ def test_colours_that_no_drawing_can_use_are_refused(config, ranges, fault):
         ),
         (['REPORT', '--output', '/missing/picture.png'], '/missing/picture.png'),
         (['REPORT', '--output', 'picture.docx'], 'picture.docx'),
-        (['REPORT', '--output', 'REPORT'], 'is the file of readings itself: name another'),
         (['REPORT', '--route', '/missing.csv'], "--route '/missing.csv': No such file or directory"),
         (['REPORT', '--route', 'TAGS'], 'is not a CSV file of x,y in metres: name another'),
         (['REPORT', '--route', 'FIFO'], 'is not a regular file: name another'),

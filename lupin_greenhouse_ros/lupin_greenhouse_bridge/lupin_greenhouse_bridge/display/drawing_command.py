@@ -1,16 +1,18 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""A command that draws a file of readings: its options, its inputs and its errors. Does not import ROS."""
+"""A command that draws files of readings: its options, its inputs and its errors. Does not import ROS."""
 
 import argparse
 import csv
 import math
 import sqlite3
 import sys
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from lupin_greenhouse_bridge.display.colours import read_colour_ranges
+from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_ranges
+from lupin_greenhouse_bridge.display.placing import Point
 from lupin_greenhouse_bridge.display.report_line import Observation, has_report, parse_report
 from lupin_greenhouse_bridge.display.summary import tags_text
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
@@ -19,6 +21,7 @@ from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, pa
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order, require_layout
+from lupin_greenhouse_bridge.units import sensor_order
 
 DONE, NO_ROWS, USAGE = 0, 1, 2
 MOST_ROUNDING_M = 0.01  # between the positions of one tag in two files
@@ -29,6 +32,10 @@ COMPANION_ENDINGS = {
     'sim_config_file': '-greenhouse_config.yaml',
 }
 MOST_NAMED = 4  # tags outside the walls in a warning
+MOST_SENSORS = 20  # more panels than this are no picture to look at
+LONGEST_NAME = 64  # characters
+LARGEST_VALUE, LARGEST_M = 1e20, 1e12  # no program that draws fails at sums and squares of these
+DRAWABLE = f'values must be within {LARGEST_VALUE:g}, and positions within {LARGEST_M:g} m, of 0'
 
 
 class NothingToDraw(OneLineError):
@@ -40,6 +47,22 @@ class ReadingFile(NamedTuple):
 
     rows: list[Row]  # in the order of their stamps
     visits: list[Observation]  # of a report, in its order; a continued mission visits a tag again
+
+
+Limits = dict[str, tuple[float, float]]  # the values at the ends of the colours, by sensor
+
+
+class Recording(NamedTuple):
+    """A file of readings, and the greenhouse that they are from."""
+
+    path: Path
+    name: str  # of the file, after as many folders as tell it from the other files
+    rows: list[Row]
+    visits: list[Observation]
+    layout: Layout
+    walls: Walls
+    route: list[Point]
+    colour_ranges: Limits  # of its config
 
 
 def read_file(path: Path | str, tag_file: str = '') -> ReadingFile:
@@ -61,82 +84,128 @@ def read_file(path: Path | str, tag_file: str = '') -> ReadingFile:
 
 
 def parser_of(prog: str, description: str, output_help: str) -> argparse.ArgumentParser:
-    """Return the parser of a command that draws a file of readings."""
+    """Return the parser of a command that draws files of readings."""
     parser = argparse.ArgumentParser(prog=prog, description=description)
     parser.set_defaults(prog=prog)
-    parser.add_argument(
-        'file',
+    add = parser.add_argument
+    add(
+        'files',
         metavar='FILE',
         type=Path,
+        nargs='+',
         help="a mission's report NAME.jsonl, or a file NAME.sqlite or NAME.csv of record_readings or"
-        ' read_tag --csv',
+        ' read_tag --csv; name several to compare them',
     )
-    parser.add_argument(
+    add(
+        '--sensor',
+        metavar='NAME',
+        action='append',
+        default=[],
+        help='show this sensor only; repeat the option for more; default: all',
+    )
+    add(
         '--tag-file',
         default='',
         metavar='FILE',
         help="the bridge's tag_file, if you set one; default: NAME-tag_locations.json beside FILE",
     )
     add_wall_options(parser)
-    parser.add_argument(
+    add(
         '--route',
         default='',
         metavar='FILE',
         help='a CSV file of x and y along the path that a robot drove; default: NAME-route.csv beside FILE',
     )
-    parser.add_argument('-o', '--output', type=Path, metavar='FILE', help=output_help)
+    add('-o', '--output', type=Path, metavar='FILE', help=output_help)
     return parser
 
 
-def draw_file(
+def draw_files(
     parser: argparse.ArgumentParser,
     arguments: list[str] | None,
-    suffix: str,
-    draw: Callable[[argparse.Namespace, ReadingFile], bytes],
+    draw: Callable[[argparse.Namespace, list[Recording], Limits], Iterable[tuple[Path, bytes]]],
 ) -> int:
-    """Run a command of parser_of(): write what draw() returns to --output, and return the exit code."""
+    """Run a command of parser_of(): write each file that draw() returns, and return the exit code."""
     options = parser.parse_args(arguments)
-    folder, name = options.file.parent, options.file.stem
-    for option, ending in COMPANION_ENDINGS.items():
-        companion = folder / f'{name}{ending}'
-        if not getattr(options, option) and companion.is_file() and companion != options.file:
-            setattr(options, option, str(companion))
-    output = options.output = options.output or folder / f'{name}{suffix}'
     try:
-        file = read_file(options.file, options.tag_file)
-        if output.exists() and output.samefile(options.file):
-            raise StartUpError(f"--output '{output}' is the file of readings itself: name another")
-        drawing = draw(options, file)
-        try:
-            output.write_bytes(drawing)
-        except OSError as error:
-            raise StartUpError(f"--output '{output}': {error.strerror}: name another file") from error
+        if options.route and len(options.files) > 1:
+            raise StartUpError(f"--route '{options.route}' is for one FILE: name one FILE only")
+        named = zip(options.files, _names_of(options.files), strict=True)
+        recordings = [_read_recording(path, name, options) for path, name in named]
+        for output, drawing in draw(options, recordings, _limits_of(recordings, options.sensor)):
+            if output.exists() and any(output.samefile(each) for each in options.files):
+                raise StartUpError(f"--output '{output}' is the file of readings itself: name another")
+            try:
+                output.write_bytes(drawing)
+            except OSError as error:
+                raise StartUpError(f"--output '{output}': {error.strerror}: name another file") from error
+            kind = 'page' if output.suffix == '.html' else 'picture'
+            print_line(f'{kind}: {escaped(str(output), 500)}')
     except (OneLineError, ImportError) as error:
         hint = ': sudo apt install python3-matplotlib' if isinstance(error, ImportError) else ''
         print(f'{parser.prog}: {error}{hint}', file=sys.stderr)
         return NO_ROWS if isinstance(error, NothingToDraw) else USAGE
-    print_line(f'{"page" if suffix == ".html" else "picture"}: {escaped(str(output), 500)}')
     return DONE
 
 
-def greenhouse_of(
-    options: argparse.Namespace, file: ReadingFile
-) -> tuple[Layout, Walls, dict[str, tuple[float, float]]]:
-    """Return the layout, the walls and the ranges of the colours; warn of tags outside the walls."""
-    layout = _layout_of(file, options.tag_file)
-    walls = find_walls(layout, options.sim_config_file, options.walls)
+def _names_of(paths: list[Path]) -> list[str]:
+    """Return the names of files, with as many of their folders as make them differ."""
+    depth, deepest = 1, max(len(path.parts) for path in paths)
+    while len({path.parts[-depth:] for path in paths}) < len(paths) and depth < deepest:
+        depth += 1
+    return [escaped(str(Path(*path.parts[-depth:])), LONGEST_NAME) for path in paths]
+
+
+def _read_recording(path: Path, name: str, options: argparse.Namespace) -> Recording:
+    """Return a file with its greenhouse; warn of tags outside the walls."""
+    companions = {}
+    for option, ending in COMPANION_ENDINGS.items():
+        companion = path.parent / f'{path.stem}{ending}'
+        companions[option] = getattr(options, option) or str(companion if companion.is_file() else '')
+    sim_config_file = companions['sim_config_file']
+    file = read_file(path, companions['tag_file'])
+    layout = _layout_of(path, file, companions['tag_file'])
+    walls = find_walls(layout, sim_config_file, options.walls)
+    if max(map(abs, walls)) > LARGEST_M:
+        raise StartUpError(f'the walls are {walls}: {DRAWABLE}')
     if outside := [tag_id for tag_id, tag in layout.tags.items() if not walls.has_inside(tag.x, tag.y)]:
-        named = tags_text(outside, MOST_NAMED)
-        problem = f'outside the walls ({walls}): {named}: set --walls or --sim-config-file'
-        print(f'{options.prog}: {problem}', file=sys.stderr)
-    return layout, walls, read_colour_ranges(options.sim_config_file)
+        problem = f'outside the walls ({walls}): {tags_text(outside, MOST_NAMED)}'
+        print(f'{options.prog}: {problem}: set --walls or --sim-config-file', file=sys.stderr)
+    colour_ranges = read_colour_ranges(sim_config_file)
+    return Recording(path, name, *file, layout, walls, read_route(companions['route']), colour_ranges)
 
 
-def _layout_of(file: ReadingFile, tag_file: str) -> Layout:
+def _limits_of(recordings: list[Recording], wanted: list[str]) -> Limits:
+    """
+    Return the ends of the colours of these sensors, or of all, which are the same for all files.
+
+    Raises StartUpError for a sensor that no file has, and for more than a person can look at.
+    """
+    values, colour_ranges = defaultdict(list), Limits()
+    for each in recordings:
+        colour_ranges |= each.colour_ranges
+        for row in each.rows:
+            values[row.sensor].append(row.value)
+    found = sorted(values, key=sensor_order)
+    named = ', '.join(escaped(each, LONGEST_NAME) for each in found[:MOST_SENSORS])
+    if unknown := [each for each in wanted if each not in found]:
+        shown = escaped(unknown[0], LONGEST_NAME)
+        raise StartUpError(f"--sensor '{shown}': no FILE has it: choose from {named or 'none'}")
+    sensors = [each for each in found if each in (wanted or found)]
+    if len(sensors) > MOST_SENSORS:
+        raise StartUpError(
+            f'{len(sensors)} sensors are too many to look at: choose up to {MOST_SENSORS} with --sensor, from'
+            f' {named} and others'
+        )
+    return {each: colour_limits(values[each], colour_ranges.get(each)) for each in sensors}
+
+
+def _layout_of(path: Path, file: ReadingFile, tag_file: str) -> Layout:
     """
     Return the layout of tag_file, or the shipped one for '', with the positions of tags that the rows have.
 
-    Raises StartUpError for a bad tag_file, for a layout of another greenhouse, and if no position is known.
+    Raises StartUpError for a bad tag_file, for a layout of another greenhouse, if no position is known, and
+    for a number that is too large to be drawn.
     """
     placed = {
         row.tag_id: Tag(row.x_m, row.y_m, [])
@@ -144,6 +213,12 @@ def _layout_of(file: ReadingFile, tag_file: str) -> Layout:
         if row.x_m is not None and row.y_m is not None
     }
     layout = (find_layout(tag_file) or Layout({}, {})) if placed else require_layout(tag_file)
+    for row in file.rows:
+        if abs(row.value) > LARGEST_VALUE or max(abs(row.x_m or 0.0), abs(row.y_m or 0.0)) > LARGEST_M:
+            raise StartUpError(
+                f"'{path}': the row of {escaped(row.sensor, 64)} of tag '{escaped(row.tag_id, 64)}' at"
+                f' {row.stamp_utc} has value {row.value:g}, x_m {row.x_m} and y_m {row.y_m}: {DRAWABLE}'
+            )
     tag_ids = {row.tag_id for row in file.rows} | {visit.tag_id for visit in file.visits}
     if tag_file and (strangers := tag_ids - set(layout.tags)):
         raise StartUpError(
@@ -162,7 +237,7 @@ def _layout_of(file: ReadingFile, tag_file: str) -> Layout:
     return layout._replace(tags=layout.tags | placed)
 
 
-def read_route(name: str | Path) -> list[tuple[float, float]]:
+def read_route(name: str | Path) -> list[Point]:
     """Return x and y in metres of each point of a CSV file, or none for ''; raises StartUpError."""
     if not name:
         return []
@@ -176,6 +251,6 @@ def read_route(name: str | Path) -> list[tuple[float, float]]:
         raise StartUpError(f"--route '{path}': {error.strerror}: name another") from error
     except (KeyError, TypeError, ValueError, csv.Error):
         route = []
-    if not route or not all(math.isfinite(each) for point in route for each in point):
+    if not route or not all(abs(each) <= LARGEST_M for point in route for each in point):
         raise StartUpError(f"--route '{path}': is not a CSV file of x,y in metres: name another")
     return route

@@ -11,11 +11,13 @@ import numpy as np
 
 from lupin_greenhouse_bridge.display import colours
 from lupin_greenhouse_bridge.display.placing import (
+    ARROW_EVERY_M,
     PATH_WIDTH_M,
     Box,
     Point,
     arrows_along,
     ends_of_path,
+    length_m,
     place_labels,
     steps_of,
 )
@@ -28,6 +30,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout
 
 STOP_HEIGHT_M, JOINED_M = 0.22, 0.25  # stops that are closer share a mark
 VIEW_MARGIN_M = 0.15
+MOST_ARROWS = 200  # along a path
 Style = dict[str, Any]  # of what matplotlib draws
 CENTRED: Style = {'ha': 'center', 'va': 'center'}
 DASHED = (0, (4, 2))
@@ -130,7 +133,8 @@ def draw_path(axes: Any, points: Sequence[Point], taken: Collection[Box] = ()) -
     """Draw a thin path from a circle to a square, with arrows where none of these boxes is."""
     axes.plot(*zip(*points, strict=True), color=colours.ROUTE, linewidth=0.9, zorder=1.5)
     style = {'arrowstyle': '-|>', 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 11}
-    for x, y, heading in arrows_along(points, taken=taken):
+    every_m = max(ARROW_EVERY_M, length_m(points) / MOST_ARROWS)
+    for x, y, heading in arrows_along(points, every_m, taken):
         tip = x + 0.01 * math.cos(heading), y + 0.01 * math.sin(heading)
         axes.annotate('', tip, (x, y), arrowprops=style, zorder=1.6)
     for marker, place in (('o', points[0]), ('s', points[-1])):

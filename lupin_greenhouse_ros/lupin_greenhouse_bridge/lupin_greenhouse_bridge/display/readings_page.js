@@ -1,8 +1,10 @@
 // Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 'use strict';
-// Draws the page of readings from the data in it. The chosen tag is the fragment of the address: #tag=28.
+// Draws the page of readings from the data in it. The address tells which file and tag: ?file=1#tag=28.
 const element = id => document.getElementById(id);
-const data = JSON.parse(element('data').textContent);
+const { files, differences } = JSON.parse(element('data').textContent);
+const file_number = Number(new URLSearchParams(location.search).get('file'));
+const data = files[file_number] ?? files[0];
 const PAPER = { map: [440, 740], chart: [222, 165] };  // pixels in print
 const TAB = [108, 170];
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
@@ -86,6 +88,28 @@ function write_head() {
     if (reason) line.append(`: ${reason}`);
   }
   data.notes.forEach(note => mark(element('notes'), 'p', {}, note));
+}
+
+// Writes the table of several files, and links to the page of each.
+function write_differences() {
+  files.forEach(({ title }, number) => {
+    const link = mark(element('files'), 'a', { href: `?file=${number}` }, title);
+    if (data === files[number]) link.ariaCurrent = 'page';
+    link.addEventListener('click', () => { link.hash = location.hash; });
+  });
+  const table = element('differences'), head = mark(mark(table, 'thead'), 'tr'), body = mark(table, 'tbody');
+  const names = ['tag', 'sensor', ...files.map(({ title }) => title), 'difference'];
+  names.forEach((name, number) => mark(head, 'th', { scope: 'col', class: number > 1 ? 'number' : '' }, name));
+  for (const { tag, sensor, cells, farthest, difference } of differences) {
+    const row = mark(body, 'tr');
+    mark(mark(row, 'th', { scope: 'row' }), 'a', { href: address(tag) }, tag);
+    mark(row, 'td', {}, sensor);
+    cells.forEach(([text, time], number) => {
+      const cell = mark(row, 'td', { class: number === farthest ? 'number farthest' : 'number' }, text, ' ');
+      mark(cell, 'small', {}, time);
+    });
+    mark(row, 'td', { class: 'number' }, difference);
+  }
 }
 
 // Boxes [left, top, right, bottom] and the places of labels
@@ -536,6 +560,8 @@ element('tables').hidden = !data.tables.length;
 element('route').hidden = data.route.length < 2;
 element('zone').textContent = `wall time (${zone})`;
 element('charts').hidden = !data.sensors.length;
+element('comparison').hidden = files.length < 2;
+if (files.length > 1) write_differences();
 write_head();
 write_table();
 data.sensors.forEach(draw_tab);

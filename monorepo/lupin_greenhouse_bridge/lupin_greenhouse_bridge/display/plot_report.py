@@ -4,19 +4,21 @@
 import argparse
 import textwrap
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from lupin_greenhouse_bridge.display import colours, drawings, summary
 from lupin_greenhouse_bridge.display import drawing_command as command
-from lupin_greenhouse_bridge.display.drawing_command import ReadingFile
+from lupin_greenhouse_bridge.display.drawing_command import Limits, Recording
 from lupin_greenhouse_bridge.display.drawings import LabelSize, Style, point_style
 from lupin_greenhouse_bridge.display.placing import Box, Point, box_of, ends_of_path, length_m, steps_of
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
-from lupin_greenhouse_bridge.units import label_of, sensor_order, value_text
+from lupin_greenhouse_bridge.units import label_of, value_text
 
 MOST_COLUMNS, PANEL_INCHES = 3, 3.3
 USUAL_WIDTH_M, USUAL_HEIGHT_M = 4.3, 8.3  # of the view of a greenhouse of 4 m x 8 m
@@ -38,47 +40,56 @@ class Greenhouse:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Write the picture beside the report, or to --output; return the exit code."""
+    """Write the pictures beside the files, or one to --output; return the exit code."""
     parser = command.parser_of(
         'plot_report',
-        'Draw readings into the greenhouse.',
-        'picture to write, in the format of its ending, such as .svg or .pdf; default: NAME.png beside FILE',
+        'Draw readings into the greenhouse: a picture for each file, all with the same colours.',
+        'picture to write for one FILE, in the format of its ending, such as .svg or .pdf; default: NAME.png'
+        ' beside FILE',
     )
-    return command.draw_file(parser, arguments, '.png', _picture_of)
+    return command.draw_files(parser, arguments, _pictures_of)
 
 
-def _picture_of(options: argparse.Namespace, file: ReadingFile) -> bytes:
-    if not file.rows:
-        reason = 'no tag was read' if file.visits else 'holds no readings'
-        raise command.NothingToDraw(f"'{options.file}': {reason}: there is no picture")
+def _pictures_of(
+    options: argparse.Namespace, recordings: list[Recording], limits: Limits
+) -> Iterator[tuple[Path, bytes]]:
+    if options.output and len(recordings) > 1:
+        raise StartUpError(f"--output '{options.output}' is one picture: leave it out, or name one FILE")
+    for each in recordings:
+        output = options.output or each.path.with_suffix('.png')
+        yield output, _picture_of(each, limits, output)
+
+
+def _picture_of(recording: Recording, limits: Limits, output: Path) -> bytes:
+    path, rows, layout = recording.path, recording.rows, recording.layout
+    if not rows:
+        reason = 'no tag was read' if recording.visits else 'holds no readings'
+        raise command.NothingToDraw(f"'{path}': {reason}: there is no picture")
     from matplotlib.figure import Figure  # imported late: a missing library is a one-line error
 
-    layout, walls, colour_ranges = command.greenhouse_of(options, file)
-    failures = summary.failures_of(file.visits)
+    failures = summary.failures_of(recording.visits)
     failed = {tag_id: each.word for each in failures for tag_id in each.tag_ids}
-    last = last_reading_of_each_tag(file.rows)
+    last = last_reading_of_each_tag(rows)
     readings = {tag_id: reading for tag_id, reading in last.items() if tag_id not in failed}
     if not readings:
-        reason = 'the last visit of every tag failed: there is no picture'
-        raise command.NothingToDraw(f"'{options.file}': {reason}")
+        raise command.NothingToDraw(f"'{path}': the last visit of every tag failed: there is no picture")
     if strangers := sorted(set(readings) - set(layout.tags), key=natural_order):
         raise StartUpError(
-            f"'{options.file}': tag '{escaped(strangers[0], 64)}' has no position in the tag file:"
-            " name the bridge's own with --tag-file"
+            f"'{path}': tag '{escaped(strangers[0], 64)}' has no position in the tag file: name the bridge's"
+            ' own with --tag-file'
         )
-    shown = Greenhouse(layout, walls, command.read_route(options.route), readings, failed)
-    sensors = sorted({sensor for each in readings.values() for sensor in each}, key=sensor_order)
+    shown = Greenhouse(layout, recording.walls, recording.route, readings, failed)
+    sensors = [each for each in limits if any(each in reading for reading in readings.values())]
     has_ways = bool(shown.route or failed)
     figure = Figure(layout='constrained')
     panels = _panels_of(figure, len(sensors) + has_ways, shown)
     if has_ways:
         _draw_ways(panels[0], shown)
     for axes, sensor in zip(panels[has_ways:], sensors, strict=True):
-        values = [row.value for row in file.rows if row.sensor == sensor]
-        _draw_readings(axes, sensor, shown, colours.colour_limits(values, colour_ranges.get(sensor)))
+        _draw_readings(axes, sensor, shown, limits[sensor])
     _write_key(figure, shown)
-    _write_head(figure, options.file.name, file.rows, failures, shown)
-    return drawings.picture_of(figure, options.output)
+    _write_head(figure, path.name, rows, failures, shown)
+    return drawings.picture_of(figure, output)
 
 
 def _panels_of(figure: Any, count: int, shown: Greenhouse) -> list[Any]:

@@ -11,8 +11,7 @@ import hashlib
 import html
 import itertools
 import json
-from collections import defaultdict
-from collections.abc import Mapping
+from collections import Counter, defaultdict
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -21,13 +20,13 @@ import numpy as np
 
 from lupin_greenhouse_bridge.display import drawing_command as command
 from lupin_greenhouse_bridge.display import placing, summary
-from lupin_greenhouse_bridge.display.colours import STOPS, colour_limits, hex_colours_of
-from lupin_greenhouse_bridge.display.drawing_command import ReadingFile
+from lupin_greenhouse_bridge.display.colours import STOPS, hex_colours_of
+from lupin_greenhouse_bridge.display.drawing_command import LONGEST_NAME, Limits, Recording
 from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
-from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
-from lupin_greenhouse_bridge.units import decimals_of, label_of, sensor_order, unit_of, value_text
+from lupin_greenhouse_bridge.simulator.layout import natural_order
+from lupin_greenhouse_bridge.units import clock_time, decimals_of, label_of, unit_of, value_text
 
 MOST_TAGS, MOST_NAMED = 1000, 50  # in the table, and in a line of failures
 WALL_BINS, DAY_BINS = 150, 48  # of a line: one for two pixels of a chart, and the half hours of a day
@@ -35,7 +34,6 @@ MOST_BINS = 60_000  # in all lines of one clock, so that the page stays below 5 
 DAY_SECONDS = 86_400
 MOST_ARROWS_ACROSS = 10  # of a route, along the greenhouse
 LABEL_STEP_M, MOST_STEPS = 0.1, 1000  # between the points of a route that labels avoid
-LONGEST_NAME = 64  # characters
 NS_PER_MS = 1_000_000
 TEMPLATE = Path(__file__).with_suffix('.html')
 SCRIPT = Path(__file__).with_suffix('.js')
@@ -44,44 +42,92 @@ SCRIPT = Path(__file__).with_suffix('.js')
 def main(arguments: list[str] | None = None) -> int:
     """Write the page beside the file, or to --output; return the exit code."""
     parser = command.parser_of(
-        'readings_page', 'Make a page of readings.', 'page to write; default: NAME.html beside FILE'
+        'readings_page',
+        'Make a page of readings.',
+        'page to write; default: NAME.html beside FILE, or comparison.html for several',
     )
-    return command.draw_file(parser, arguments, '.html', _page_of)
+    return command.draw_files(parser, arguments, _page_of)
 
 
-def _page_of(options: argparse.Namespace, file: ReadingFile) -> bytes:
-    if not (file.rows or file.visits):
-        raise command.NothingToDraw(f"'{options.file}': holds no readings: there is no page")
-    greenhouse, route = command.greenhouse_of(options, file), command.read_route(options.route)
-    return fill(escaped(options.file.name, LONGEST_NAME), data_of(file, *greenhouse, route)).encode()
+def _page_of(
+    options: argparse.Namespace, recordings: list[Recording], limits: Limits
+) -> list[tuple[Path, bytes]]:
+    for each in recordings:
+        if not (each.rows or each.visits):
+            raise command.NothingToDraw(f"'{each.path}': holds no readings: there is no page")
+    first = recordings[0].path
+    output = first.with_suffix('.html') if len(recordings) == 1 else Path('comparison.html')
+    return [(options.output or output, fill(recordings, limits).encode())]
 
 
-def fill(title: str, data: dict[str, Any]) -> str:
+def fill(recordings: list[Recording], limits: Limits) -> str:
     """Return the page. No text in a file can close the element with the data, or run as a script."""
     script = SCRIPT.read_text(encoding='utf-8')
-    text = json.dumps(data | {'title': title}, allow_nan=False, ensure_ascii=False, separators=(',', ':'))
+    differences = differences_of(recordings, limits) if len(recordings) > 1 else []
+    data = {'files': [data_of(each, limits) for each in recordings], 'differences': differences}
+    text = json.dumps(data, allow_nan=False, ensure_ascii=False, separators=(',', ':'))
     return Template(TEMPLATE.read_text(encoding='utf-8')).substitute(
         hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
-        title=html.escape(title),
+        title=html.escape(', '.join(each.name for each in recordings)),
         data=text.replace('<', '\\u003c'),
         script=script,
     )
 
 
-def data_of(
-    file: ReadingFile,
-    layout: Layout,
-    walls: Walls,
-    colour_ranges: Mapping[str, tuple[float, float]],
-    route: list[placing.Point],
-) -> dict[str, Any]:
-    """Return what the page shows. Stamps are in milliseconds, everything else is as in Row."""
-    rows, failures = file.rows, summary.failures_of(file.visits)
-    sensors = sorted({row.sensor for row in rows}, key=sensor_order)
-    all_tags = tags_of(file, layout, sensors)
+def differences_of(recordings: list[Recording], limits: Limits) -> list[dict[str, Any]]:
+    """
+    Return the last value of each tag and sensor in each file: by sensor, the largest difference first.
+
+    `farthest` is the place of the file whose value is farthest from the median of at least three.
+    """
+    tags_by_file = [tags_of(each, list(limits)) for each in recordings]
+    tag_ids = sorted({tag_id for tags in tags_by_file for tag_id in tags}, key=natural_order)
+    differences = []
+    for sensor in limits:
+        of_sensor = []
+        for tag_id in tag_ids:
+            tags = [each.get(tag_id) for each in tags_by_file]
+            values = [tag['values'][sensor] if tag else None for tag in tags]
+            known = [value for value in values if value is not None]
+            if len(known) > 1:
+                of_sensor.append(
+                    {
+                        'tag': escaped(tag_id, LONGEST_NAME),
+                        'sensor': escaped(label_of(sensor), LONGEST_NAME),
+                        'cells': [_cell_of(sensor, tag) for tag in tags],
+                        'farthest': _farthest_of(values),
+                        'spread': max(known) - min(known),
+                        'difference': value_text(sensor, max(known) - min(known)),
+                    }
+                )
+        differences += sorted(of_sensor, key=lambda each: -each['spread'])
+    return differences
+
+
+def _cell_of(sensor: str, tag: dict[str, Any] | None) -> tuple[str, str]:
+    """Return the value of a tag and its time of day in the greenhouse, or why there is none."""
+    if tag is None or tag['values'][sensor] is None:
+        return (tag['outcome'] if tag and tag['outcome'] != 'read' else 'none'), ''
+    return value_text(sensor, tag['values'][sensor]), clock_time(tag['time_of_day'])
+
+
+def _farthest_of(values: list[float | None]) -> int | None:
+    """Return the place of the value that is farthest from the median; None for a tie or fewer than three."""
+    known = [value for value in values if value is not None]
+    distances = [0.0 if value is None else abs(value - float(np.median(known))) for value in values]
+    is_clear = len(known) > 2 and distances.count(max(distances)) == 1
+    return distances.index(max(distances)) if is_clear else None
+
+
+def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
+    """Return what the page shows of a file. Stamps are in milliseconds, everything else is as in Row."""
+    rows, layout, walls, route = recording.rows, recording.layout, recording.walls, recording.route
+    failures = summary.failures_of(recording.visits)
+    values = {sensor: [row.value for row in rows if row.sensor == sensor] for sensor in limits}
+    sensors = [sensor for sensor in limits if values[sensor]]
+    all_tags = tags_of(recording, sensors)
     tags = dict(itertools.islice(all_tags.items(), MOST_TAGS))
-    numbers = {tag_id: number for number, tag_id in enumerate(tags)}
-    lines = lines_of(rows, numbers)
+    lines = lines_of(rows, {tag_id: number for number, tag_id in enumerate(tags)}, sensors)
     points = [*(tag[:2] for tag in layout.tags.values()), *route]
     boxes = np.array([walls, *layout.tables.values(), *(point * 2 for point in points)])
     notes = []
@@ -92,13 +138,18 @@ def data_of(
             f'Tags without a position: {len(lost):,}, such as {lost[0]}. Name the layout with --tag-file.'
         )
     return {
+        'title': recording.name,
         'colours': STOPS,
         'sensors': [
-            _sensor_data(each, rows, tags, colour_ranges.get(each)) | {'lines': lines[each]}
+            {
+                **_sensor_data(each, tags, limits[each]),
+                'extent': (min(values[each]), max(values[each])),
+                'lines': lines[each],
+            }
             for each in sensors
         ],
         'tags': [tag | {'values': list(tag['values'].values())} for tag in tags.values()],
-        'counts': _counts_of(all_tags, failures, 'not visited' if file.visits else 'not in the file'),
+        'counts': _counts_of(all_tags, failures),
         'failures': [_failure_data(each, tags) for each in failures],
         'span_ms': [row.stamp_ns // NS_PER_MS for row in (*rows[:1], *rows[-1:])],
         'duration': summary.duration_text(rows[0].stamp_ns, rows[-1].stamp_ns) if rows else '',
@@ -114,12 +165,8 @@ def data_of(
     }
 
 
-def _sensor_data(
-    sensor: str, rows: list[Row], tags: dict[str, dict[str, Any]], colour_range: tuple[float, float] | None
-) -> dict[str, Any]:
+def _sensor_data(sensor: str, tags: dict[str, dict[str, Any]], limits: tuple[float, float]) -> dict[str, Any]:
     """Return the texts, the colours and the limits of a sensor."""
-    all_values = [row.value for row in rows if row.sensor == sensor]
-    limits = colour_limits(all_values, colour_range)
     values = {tag_id: tag['values'][sensor] for tag_id, tag in tags.items()}
     known = {tag_id: value for tag_id, value in values.items() if value is not None}
     colours = dict(zip(known, hex_colours_of(list(known.values()), *limits), strict=True))
@@ -130,7 +177,6 @@ def _sensor_data(
         'unit': unit_of(sensor),
         'decimals': decimals_of(sensor),
         'limits': limits,
-        'extent': (min(all_values), max(all_values)),
         'colours': [colours.get(tag_id) for tag_id in tags],
         'value_range': f'{" to ".join(ends)} {unit_of(sensor)}'.strip() if known else 'no value',
         'extremes': [
@@ -140,17 +186,15 @@ def _sensor_data(
     }
 
 
-def _counts_of(
-    tags: dict[str, dict[str, Any]], failures: list[summary.Failures], unread_word: str
-) -> list[tuple[str, bool]]:
+def _counts_of(tags: dict[str, dict[str, Any]], failures: list[summary.Failures]) -> list[tuple[str, bool]]:
     """Return how many tags were read and how many were not, each as a text and whether it is bad."""
     failed = summary.failure_counts(failures)
-    unread = sum(tag['stamp_ms'] is None and not tag['has_failed'] for tag in tags.values())
-    read = len(tags) - unread - sum(failed.values())
+    unread = Counter(tag['outcome'] for tag in tags.values() if not tag['has_failed'])
+    read = unread.pop('read', 0)
     return [
         (f'{read:,} of {len(tags):,} tags read', False),
         *((f'{count:,} {word}', True) for word, count in failed.items()),
-        *([(f'{unread:,} {unread_word}', False)] if unread else []),
+        *((f'{count:,} {word}', False) for word, count in unread.items()),
     ]
 
 
@@ -178,12 +222,12 @@ def _route_data(route: list[placing.Point], walls: Walls) -> dict[str, Any]:
     }
 
 
-def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, dict[str, Any]]:
+def tags_of(file: Recording, sensors: list[str]) -> dict[str, dict[str, Any]]:
     """Return the last reading and the last visit of each tag: failures first, then tags without a reading."""
     readings, visits = last_reading_of_each_tag(file.rows), {each.tag_id: each for each in file.visits}
     tags = {}
-    for tag_id in sorted({*layout.tags, *readings, *visits}, key=natural_order):
-        place, visit, reading = layout.tags.get(tag_id), visits.get(tag_id), readings.get(tag_id, {})
+    for tag_id in sorted({*file.layout.tags, *readings, *visits}, key=natural_order):
+        place, visit, reading = file.layout.tags.get(tag_id), visits.get(tag_id), readings.get(tag_id, {})
         row = next(iter(reading.values()), None)
         has_failed = visit is not None and visit.outcome != 'OK'
         if visit or row:
@@ -207,7 +251,7 @@ def tags_of(file: ReadingFile, layout: Layout, sensors: list[str]) -> dict[str, 
     return dict(sorted(tags.items(), key=lambda item: is_first[item[0]]))
 
 
-def lines_of(rows: list[Row], numbers: dict[str, int]) -> dict[str, list[dict[str, Any]]]:
+def lines_of(rows: list[Row], numbers: dict[str, int], sensors: list[str]) -> dict[str, list[dict[str, Any]]]:
     """
     Return the lines of the charts by sensor, one for each tag: over wall time and over the time of day.
 
@@ -216,7 +260,7 @@ def lines_of(rows: list[Row], numbers: dict[str, int]) -> dict[str, list[dict[st
     """
     groups = defaultdict(list)
     for row in rows:
-        if row.tag_id in numbers:
+        if row.tag_id in numbers and row.sensor in sensors:
             ms = (row.stamp_ns - rows[0].stamp_ns) // NS_PER_MS
             groups[row.sensor, row.tag_id].append((ms, row.sim_time_of_day_seconds, row.value))
     most_bins = max(MOST_BINS // max(len(groups), 1), 1)
