@@ -43,9 +43,19 @@ class Trees:
         return check_drift.main([*sides, '--format', form])
 
 
+@pytest.fixture(scope='module')
+def shared_trees(packed_repositories, tmp_path_factory):
+    base = tmp_path_factory.mktemp('trees') / 'repository'
+    return Trees(shutil.copytree(packed_repositories / 'repository', base, symlinks=True))
+
+
 @pytest.fixture
-def trees(repository):
-    return Trees(repository)
+def trees(shared_trees):
+    yield shared_trees
+    shutil.rmtree(shared_trees.path('mirror', '.git'), ignore_errors=True)
+    shared_trees.path('mirror', '.git').unlink(missing_ok=True)  # it can be a file
+    git(shared_trees.base, 'clean', '--quiet', '-ffdx')
+    git(shared_trees.base, 'reset', '--quiet', '--hard')
 
 
 # heading, sides, file, old text, new text
@@ -362,14 +372,14 @@ def test_github_gets_one_annotation_per_finding_on_one_line(trees, capsys):
     assert '%0A' in line
 
 
-def test_it_runs_alone_on_any_two_checkouts(trees):
+def test_it_runs_alone_on_any_two_checkouts(repository):
     """With the standard library only, from any folder, without git and the rest of this repository."""
-    shutil.rmtree(trees.base / '.git')
-    add('mirror', 'build/x')(trees)
-    shutil.copy(check_drift.__file__, trees.base)
+    shutil.rmtree(repository / '.git')
+    add('mirror', 'build/x')(Trees(repository))
+    shutil.copy(check_drift.__file__, repository)
     sides = ['--monorepo', 'monorepo', '--mirror', 'lupin_greenhouse_ros']
     command = [sys.executable, '-I', '-S', 'check_drift.py', *sides]
-    result = subprocess.run(command, cwd=trees.base, env={}, capture_output=True, text=True, check=False)
+    result = subprocess.run(command, cwd=repository, env={}, capture_output=True, text=True, check=False)
     assert (result.returncode, result.stderr) == (0, '')
     assert result.stdout.endswith(' compared: only the allowed divergence\n')
 
