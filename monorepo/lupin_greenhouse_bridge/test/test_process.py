@@ -190,7 +190,7 @@ def test_a_line_tells_of_work_that_takes_more_than_3_seconds(monkeypatch, is_ter
         progress = Progress('approach_poses')
         for done in range(4):
             progress('tags with a pose', done, 99)
-        progress.end()
+        progress.clear()
     line = 'approach_poses: tags with a pose: {} of 99'.format
     assert terminal.text == (
         ''.join(f'\r\x1b[K{text}' for text in (*map(line, (1, 2, 3)), '')) if is_terminal else ''

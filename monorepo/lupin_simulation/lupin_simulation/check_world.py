@@ -60,7 +60,7 @@ def tags_read(world: RenderedWorld, setting: Setting, progress: Progress) -> set
         progress(setting.name, done, len(setting.views))
         if any(all(shows(view, number) for view in group) for group in groups):
             read.add(number)
-    progress.end()
+    progress.clear()
     return read
 
 

@@ -95,14 +95,14 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
             occupancy=occupancy,
             progress=progress,
         )
-        progress.end()
+        progress.clear()
         for warning in (*warnings, *approaches.room_warnings.values(), *approaches.view_warnings.values()):
             print_line(f'approach_poses: {warning}', sys.stderr)
         route = plan_route(
             approaches.free_space, approaches.poses, start_m, options.order, end_m=end_m, progress=progress
         )
     finally:
-        progress.end()
+        progress.clear()
     if options.picture:
         _draw(options.picture, layout, walls, approaches, route, occupancy)
     poses = []

@@ -144,6 +144,7 @@ def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
         (['debug_seed:=42'], {}, "'debug_seed:=42' lacks its -p: write -p debug_seed:=42"),
         (['-p', 'tag_file:={id:03d}'], {}, 'such as -p "tag_file:=\'{id:03d}\'"'),
         ([], {'ROS_DOMAIN_ID': 'abc'}, "ROS_DOMAIN_ID is 'abc': must be a whole number from 0 to 232"),
+        ([], {'ROS_DOMAIN_ID': '233'}, "ROS_DOMAIN_ID is '233': must be a whole number from 0 to 232"),
         ([], {'ROS_LOG_DIR': '/dev/null/log'}, 'a folder for its logs: set ROS_LOG_DIR to a folder that'),
     ],
 )

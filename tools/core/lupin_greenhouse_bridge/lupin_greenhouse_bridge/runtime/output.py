@@ -68,15 +68,15 @@ class ProgressLine:
         self.show('')
 
 
-class Progress:
+class Progress(ProgressLine):
     """Tells on standard error how far work is that takes long; in a pipe, by a new line now and then."""
 
     FIRST_SECONDS, REPLACED_SECONDS, NEXT_SECONDS = 3.0, 0.2, 15.0
 
     def __init__(self, command: str) -> None:
         """Take the name of the command."""
+        super().__init__(sys.stderr)
         self._command, self._due = command, time.monotonic() + self.FIRST_SECONDS
-        self._line = ProgressLine(sys.stderr)
 
     def __call__(self, what: str, done: int, total: int) -> None:
         """Show how much of what is done, if it is time to."""
@@ -84,13 +84,8 @@ class Progress:
         if now < self._due:
             return
         text = f'{self._command}: {what}: {done} of {total}'
-        if self._line.is_visible:
-            self._due = now + self.REPLACED_SECONDS
-            self._line.show(text)
+        if self.is_visible:
+            self.show(text)
         else:
-            self._due = now + self.NEXT_SECONDS
             print_line(text, sys.stderr)
-
-    def end(self) -> None:
-        """Remove the line from a terminal."""
-        self._line.clear()
+        self._due = now + (self.REPLACED_SECONDS if self.is_visible else self.NEXT_SECONDS)

@@ -32,6 +32,7 @@ from lupin_greenhouse_bridge.runtime.process import security_problem
 from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 
 LOOK_EVERY_SECONDS = 5.0  # for another node of the same name
+LARGEST_DOMAIN_ID = 232  # for a larger one, Fast DDS ends the process
 # Errors of rclpy.init, which have these words from Humble to Lyrical, and what to change.
 START_FAULTS = {
     r"params file: '--params-file (.*?)'\. Error: (.*?), at ": (
@@ -43,7 +44,6 @@ START_FAULTS = {
     ),
     r"\['([\w.]+:=.*?)'": "'{0}' lacks its -p: write -p {0}",
     r"log level: '--log-level (.*?)'": '--log-level {}: must be debug, info, warn, error or fatal',
-    'ROS_DOMAIN_ID': 'ROS_DOMAIN_ID is {domain_id!r}: must be a whole number from 0 to 232',
     'logging directory|log directory': (
         'ROS cannot make a folder for its logs: set ROS_LOG_DIR to a folder that you can write to'
     ),
@@ -69,7 +69,8 @@ def run(
     """
     logger = get_logger(name)
     try:
-        own = list(itertools.takewhile(lambda word: word != '--ros-args', args or sys.argv))[1:]
+        words = sys.argv if args is None else args
+        own = list(itertools.takewhile(lambda word: word != '--ros-args', words))[1:]
         if '--help' in own or '-h' in own:
             print_line(help_text(sys.modules[create_node.__module__]))
             return 0
@@ -100,6 +101,11 @@ def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
     Raises StartUpError, which says what to change, if ROS cannot start.
     """
     process.install_signal_handlers()
+    domain_id = os.environ.get('ROS_DOMAIN_ID') or '0'
+    if not domain_id.strip().isdecimal() or int(domain_id) > LARGEST_DOMAIN_ID:
+        raise StartUpError(
+            f'ROS_DOMAIN_ID is {domain_id!r}: must be a whole number from 0 to {LARGEST_DOMAIN_ID}'
+        )
     try:
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except (RuntimeError, UnicodeEncodeError) as error:  # the latter: bytes that are not UTF-8
@@ -125,8 +131,7 @@ def _cause(error: str) -> str:
     """Return what to change after an error of rclpy.init."""
     for pattern, cause in START_FAULTS.items():
         if found := re.search(pattern, error):
-            domain_id = os.environ.get('ROS_DOMAIN_ID')
-            return cause.format(*found.groups(), domain_id=domain_id)
+            return cause.format(*found.groups())
     problem = 'the ROS arguments cannot be parsed (put other arguments before --ros-args)'
     return f'{security_problem() or problem}: {error}'
 
