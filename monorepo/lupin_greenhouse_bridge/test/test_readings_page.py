@@ -273,7 +273,7 @@ def test_tags_outside_the_walls_are_named(recording, capsys):
 
 
 def test_positions_of_another_greenhouse_are_refused(tmp_path, recording, capsys):
-    tags = {'a1': {'x': 1.0, 'y': 2.5, 'sensors': ['ph']}}
+    tags = {'a1': {'x': 1.0, 'y': 2.5, 'sensors': ['co2']}}
     tag_file = tmp_path / 'tags.json'
     tag_file.write_text(json.dumps(tags), encoding='utf-8')
     path = recording('readings.sqlite', [7.0])

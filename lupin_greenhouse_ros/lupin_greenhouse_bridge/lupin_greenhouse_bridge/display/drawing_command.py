@@ -234,7 +234,8 @@ def _layout_of(path: Path, file: ReadingFile, tag_file: str) -> Layout:
                 f' ({there[0]:g}, {there[1]:g}) in {tag_file or "the shipped tag file"}: name the tag_file'
                 ' of its bridge with --tag-file'
             )
-    return layout._replace(tags=layout.tags | placed)
+    new = {tag_id: tag for tag_id, tag in placed.items() if tag_id not in layout.tags}
+    return layout._replace(tags=layout.tags | new)
 
 
 def read_route(name: str | Path) -> list[Point]:
