@@ -180,36 +180,32 @@ def test_at_tag_names_the_tag_that_the_robot_stands_at(start_mission, reader, no
     assert [message.data for message in at_tag.received[:4]] == ['', '1', '', '2']
 
 
-def test_a_start_without_a_sequence_takes_all_tags_in_numeric_order(start_waiting_mission, reader, tag_file):
-    visited = ['9', '10', 'a', 'b']
-    _, operator = start_waiting_mission(**READER, **tag_file('b', '10', '9', 'a'))
-    for tag_id in visited:
-        reader.answer_ok(tag_id, co2=1.0)
-    operator.start()
-    operator.wait_for(lifecycle_state='DONE', targets_completed=4)
-    assert reader.tag_ids == visited
-
-
 def test_a_start_that_cannot_be_is_rejected_with_the_reason(start_waiting_mission, reader, tag_file):
-    """What it names must be tags of the greenhouse, of the sequence in the parameters or not."""
-    _, operator = start_waiting_mission(**READER, **tag_file('1', '2', '3'), tag_sequence='1 2')
+    """Without a sequence, it takes all tags in numeric order."""
+    _, operator = start_waiting_mission(**READER, **tag_file('b', '10', '9', 'a'))
     for request_fields, reason in (
         (
             {'mission_type': 'ExplorationMission'},
             "mission_type is 'ExplorationMission': must be InspectionMission or empty",
         ),
-        ({'tag_sequence': ['1', '99']}, "tag '99' is unknown: must be one of the 3 tags of the greenhouse"),
-        ({'tag_sequence': ['1', '1']}, 'tag_sequence names a tag twice: a mission visits a tag once'),
+        ({'tag_sequence': ['9', '99']}, "tag '99' is unknown: must be one of the 4 tags of the greenhouse"),
+        ({'tag_sequence': ['9', '9']}, 'tag_sequence names a tag twice: a mission visits a tag once'),
     ):
         assert operator.rejection(**request_fields) == reason
         state = operator.wait_for(last_event=f'start rejected: {reason} (simulated drive)')
         assert (state.lifecycle_state, state.last_event_severity) == ('READY', MissionState.SEVERITY_WARN)
-    first = operator.start(tag_sequence=['3'])
-    assert reader.wait_for_request() == '3'
+    first = operator.start(tag_sequence=['a'])
+    assert reader.wait_for_request() == 'a'
     assert operator.rejection() == f'mission already running: abort {first}, or wait for its end'
     assert operator.dock() == (False, 'there is no dock: set dock_pose')
-    reader.answer_ok('3', co2=1.0)
+    reader.answer_ok('a', co2=1.0)
     operator.wait_for(lifecycle_state='DONE', mission_id=first, targets_completed=1)
+    visited = ['9', '10', 'a', 'b']
+    for tag_id in visited:
+        reader.answer_ok(tag_id, co2=1.0)
+    second = operator.start()
+    operator.wait_for(lifecycle_state='DONE', mission_id=second, targets_completed=4)
+    assert reader.tag_ids == ['a', *visited]
 
 
 def test_a_start_names_a_tag_of_the_bridge_once_it_has_replied(
