@@ -1,7 +1,6 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Subscribe to topics of readings with any durability: latched (transient local) or volatile."""
 
-import os
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -14,6 +13,7 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.interfaces import TagReading
+from lupin_greenhouse_bridge.runtime.graph import discovery_settings
 from lupin_greenhouse_bridge.runtime.parameters import invalid, parameter
 from lupin_greenhouse_bridge.runtime.rclpy_internals import (
     SubscriptionEventCallbacks,
@@ -100,9 +100,9 @@ def _watch_publishers(node: Node, topics: list[str]) -> None:
         elif not has_warned and time.monotonic() >= deadline:
             has_warned = True
             node.get_logger().warning(
-                f'no publisher of {" or ".join(topics)} on domain {os.environ.get("ROS_DOMAIN_ID", "0")}:'
-                " start a mission or read_on_sight, or set ROS_DOMAIN_ID to theirs (a demo's mission has a"
-                ' domain of its own: record it with inspection --record FILE)'
+                f'no publisher of {" or ".join(topics)} is found with {discovery_settings()}: start a mission'
+                " or read_on_sight, or set these variables as for it (a demo's mission has a domain of its"
+                ' own: record it with inspection --record FILE)'
             )
 
     timer = steady_timer(node, LOOK_EVERY_SECONDS, look)

@@ -7,6 +7,20 @@ from collections.abc import Callable
 
 from rclpy.node import Node, NodeNameNonExistentError
 
+from lupin_greenhouse_bridge.errors import escaped
+
+DISCOVERY_VARIABLES = (
+    'ROS_DISCOVERY_SERVER', 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'ROS_LOCALHOST_ONLY', 'ROS_STATIC_PEERS',
+    'RMW_IMPLEMENTATION',
+)  # fmt: skip
+
+
+def discovery_settings() -> str:
+    """Return the environment variables that decide which nodes find each other, each with its value."""
+    values = {'ROS_DOMAIN_ID': os.environ.get('ROS_DOMAIN_ID') or '0'}
+    values |= {name: os.environ[name] for name in DISCOVERY_VARIABLES if os.environ.get(name)}
+    return ', '.join(f'{name}={escaped(value, 64)}' for name, value in values.items())
+
 
 def namesake_warning(node: Node) -> str:
     """Return a warning if another node has the full name of this one; '' otherwise."""

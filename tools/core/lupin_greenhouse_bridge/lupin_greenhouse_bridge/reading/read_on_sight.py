@@ -22,7 +22,7 @@ from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, SERVICE_QOS, answe
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 from lupin_greenhouse_bridge.reading.detections import FAMILIES, Sightings, detection_messages
-from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
+from lupin_greenhouse_bridge.runtime.graph import discovery_settings, duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.parameters import (
     check_parameters,
     declare_parameters,
@@ -35,6 +35,7 @@ from lupin_greenhouse_bridge.runtime.run import run
 NODE_NAME = 'read_on_sight'
 LOOK_EVERY_SECONDS = 0.1
 LOOK_FOR_SERVERS_EVERY_SECONDS = 10.0
+DISCOVERY_SECONDS = 3.0
 LOG_EVERY_SECONDS = 5.0
 MOST_UNKNOWN_IDS_LOGGED = 1000  # a detector that reports random ids must not fill the memory
 
@@ -80,6 +81,8 @@ class ReadOnSightNode(Node):
         self._futures: dict[str, Future[GetTagReading.Response]] = {}  # by tag id
         self._unknown_ids: set[str] = set()
         self._has_warned_of_family = False
+        self._no_service_since_s: float | None = None
+        self._has_warned_of_no_service = False
         self._next_look_for_servers = 0.0  # when to look for a second server of the service
         self._readings = self.create_publisher(TagReading, '~/readings', latched(50))
         try:
@@ -125,11 +128,11 @@ class ReadOnSightNode(Node):
 
     def _send(self) -> None:
         if not self._client.service_is_ready():
-            self.get_logger().warning(
-                f'no service {self._client.srv_name}: start the bridge, or set bridge_service_name',
-                throttle_duration_sec=LOG_EVERY_SECONDS,
-            )
+            self._warn_of_no_service()
             return
+        if self._has_warned_of_no_service:
+            self.get_logger().info(f'{self._client.srv_name} is available now')
+        self._no_service_since_s, self._has_warned_of_no_service = None, False
         while (tag_id := self._sightings.next()) is not None:
             self._warn_of_two_servers()
             sent_at = time.monotonic()
@@ -137,6 +140,19 @@ class ReadOnSightNode(Node):
             self._sightings.asked(tag_id, sent_at)
             self._futures[tag_id] = future
             future.add_done_callback(partial(self._on_reply, tag_id))
+
+    def _warn_of_no_service(self) -> None:
+        """Warn after some seconds, which DDS needs to discover a bridge that runs."""
+        now = time.monotonic()
+        if self._no_service_since_s is None:
+            self._no_service_since_s = now
+        if now - self._no_service_since_s >= DISCOVERY_SECONDS:
+            self._has_warned_of_no_service = True
+            self.get_logger().warning(
+                f'no service {self._client.srv_name} with {discovery_settings()}: start the bridge, set'
+                ' bridge_service_name, or set these variables as for the bridge',
+                throttle_duration_sec=LOG_EVERY_SECONDS,
+            )
 
     def _warn_of_two_servers(self) -> None:
         """Look once in a while: the second server may be found late."""

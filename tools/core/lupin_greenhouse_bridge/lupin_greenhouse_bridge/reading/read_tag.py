@@ -30,13 +30,12 @@ from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.reading.table import Csv, Json, Table
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
+from lupin_greenhouse_bridge.runtime.graph import discovery_settings, duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.output import ProgressLine
 from lupin_greenhouse_bridge.runtime.parameters import log_ignored_parameters
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator.layout import find_places, natural_order
 
-LIMITED_TO_THIS_MACHINE = {('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'), ('ROS_LOCALHOST_ONLY', '1')}
 SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
 COMPLETION_TIMEOUT_SECONDS = 0.3
@@ -181,14 +180,16 @@ def _likely_cause(node: Node, service_name: str) -> str:
         )
     if elsewhere := [name for name, types in services.items() if wanted in types and name != service_name]:
         return f'there is {elsewhere[0]}: name it with --service'
-    domain = f'ROS_DOMAIN_ID {os.environ.get("ROS_DOMAIN_ID") or "0"}'
-    if LIMITED_TO_THIS_MACHINE & os.environ.items():
-        domain += ', limited to this machine by ROS_AUTOMATIC_DISCOVERY_RANGE or ROS_LOCALHOST_ONLY,'
-    has_others = len(node.get_node_names()) > 1
-    seen = 'other nodes but no bridge' if has_others else 'no other node'
+    seen = 'other nodes but no bridge' if len(node.get_node_names()) > 1 else 'no other node'
     launch = 'ros2 launch lupin_greenhouse_bridge greenhouse_bridge.launch.py'
     command = launch if shutil.which('ros2') else 'make run'
-    return f"{domain} has {seen}: start the bridge ({command}), or set ROS_DOMAIN_ID to the bridge's domain"
+    server = (
+        ', start the discovery server or unset its variable' if 'ROS_DISCOVERY_SERVER' in os.environ else ''
+    )
+    return (
+        f'{seen} is found with {discovery_settings()}: start the bridge ({command}){server},'
+        ' or set these variables as for the bridge'
+    )
 
 
 def _ids_to_complete(executor: Executor) -> list[str]:
