@@ -30,7 +30,9 @@ AT_ONCE = 3  # tests often wait, so there are more workers than cores
 PYTEST = ('python', '-m', 'pytest', '-p', 'no:cacheprovider', '--verbose', '--instafail', '-rs')
 # Many times the longest run: a hang must fail. What a run leaves behind ends with it.
 BOUNDED = (sys.executable, 'ci/kill_tree.py', 'timeout', '30m')
-APRILTAG_PACKAGES = ('hypothesis', 'opencv-python-headless<4.11', 'pillow', 'pytest', 'pytest-instafail')
+APRILTAG_PACKAGES = (
+    'hypothesis', 'numpy<2', 'opencv-python-headless<4.11', 'pillow', 'pytest', 'pytest-instafail', 'scipy'
+)  # fmt: skip
 APRILTAG_TESTS = (
     'lupin_tag_confirmation/test/test_images.py',
     'lupin_tag_confirmation/test/test_confirmation.py',

@@ -43,7 +43,6 @@ WALLS = find_walls(LAYOUT)
 POSES = find_approaches(LAYOUT, WALLS, ViewingLimits()).poses
 NEAR, FAR = (PoseInPlane(*POSES[tag_id][:3]) for tag_id in ('1', '7'))
 NO_PATH = f'no path from 0.50, 0.50 to {FAR.x:.2f}, {FAR.y:.2f}'
-DEACTIVATED = 'the navigator was deactivated'
 HOUR = 3600.0
 HAS_NAV2 = importlib.util.find_spec('nav2_msgs') is not None
 pytestmark = pytest.mark.skipif(
@@ -51,16 +50,7 @@ pytestmark = pytest.mark.skipif(
 )
 actions = importlib.import_module('nav2_msgs.action') if HAS_NAV2 else None
 # The stand-in for nav2_msgs has the actions of three distros, and the real one only that of its own.
-REASONS = {
-    'NavigateToPose': {'error_code': 208, 'error_msg': NO_PATH},
-    'NavigateToPoseIron': {'error_code': 208},
-    'NavigateToPoseHumble': {},
-}
-
-
-def told_by(result) -> dict:
-    """Return why a goal failed, in the fields that the distro's message has."""
-    return {name: getattr(result, name) for name in ('error_code', 'error_msg') if hasattr(result, name)}
+ACTIONS = ('NavigateToPose', 'NavigateToPoseIron', 'NavigateToPoseHumble')
 
 
 def result_of(future):
@@ -122,16 +112,21 @@ class Client:
     async def _reply_to(self, goal):
         return await self._client.send_goal_async(goal, feedback_callback=self.feedback.append)
 
-    def end_of(self, goal):
-        """Return the status of a goal that ends, and its result."""
+    def status_of(self, goal) -> int:
+        """Return the status of a goal that ends."""
+        return result_of(goal.get_result_async()).status
+
+    def is_aborted(self, goal, **reason) -> bool:
+        """Return whether a goal ends aborted, for this reason in the fields that the distro's message has."""
         response = result_of(goal.get_result_async())
-        return response.status, response.result
+        told = {name: getattr(response.result, name, value) for name, value in reason.items()}
+        return (response.status, told) == (GoalStatus.STATUS_ABORTED, reason)
 
     def arrives_at(self, pose: PoseInPlane, clock) -> bool:
         """Send a goal and let an hour pass; return whether the goal has succeeded."""
         goal = self.send(pose)
         clock.pass_seconds(HOUR)
-        return self.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+        return self.status_of(goal) == GoalStatus.STATUS_SUCCEEDED
 
     def stays_at(self, here: PoseInPlane, clock) -> None:
         """Fail if the robot moves in the next hour."""
@@ -186,7 +181,7 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
     assert 0.0 < feedback.distance_remaining < client.feedback[0].feedback.distance_remaining
     wait_until(lambda: client.odometry[-1].pose.pose == feedback.current_pose.pose)  # two topics
     clock.pass_seconds(HOUR)
-    assert client.end_of(goal)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert client.status_of(goal) == GoalStatus.STATUS_SUCCEEDED
     wait_until(lambda: pose_in_plane(client.estimates[-1].pose.pose) == pytest.approx(FAR))
     client.wait_until_robot(lambda pose: pose == pytest.approx(FAR))  # a topic of its own
     assert (client.odometry[-1].header.frame_id, client.odometry[-1].child_frame_id) == ('odom', 'base_link')
@@ -201,18 +196,11 @@ def test_the_robot_drives_around_the_tables_to_its_goal_and_says_where_it_is(sta
     wait_until(lambda: client.feedback[-1].feedback.distance_remaining == 0.0)
 
 
-@pytest.mark.parametrize(
-    ('action', 'reason'), [each for each in REASONS.items() if hasattr(actions, each[0])]
-)
-def test_a_goal_behind_an_obstacle_is_aborted_with_the_reason_that_the_distro_can_tell(
-    start, clock, action, reason
-):
+@pytest.mark.parametrize('action', [each for each in ACTIONS if hasattr(actions, each)])
+def test_a_goal_behind_an_obstacle_is_aborted_with_the_reason_that_the_distro_can_tell(start, clock, action):
     blocked = f'{FAR.x - 0.1} {FAR.y - 0.1} {FAR.x + 0.1} {FAR.y + 0.1}'
     client = start(action, blocked=blocked)
-    status, result = client.end_of(client.send(FAR))
-    assert status == GoalStatus.STATUS_ABORTED
-    told = told_by(result)
-    assert told == {name: reason[name] for name in told}
+    assert client.is_aborted(client.send(FAR), error_code=208, error_msg=NO_PATH)
     assert client.arrives_at(NEAR, clock)
 
 
@@ -225,8 +213,7 @@ def test_with_a_tolerance_a_drive_to_a_goal_in_an_obstacle_succeeds_at_the_neare
     assert 0.3 <= math.dist(pose[:2], FAR[:2]) <= 0.36
     assert client.arrives_at(NEAR, clock)
     client.wait_until_robot(lambda pose: pose == pytest.approx(NEAR))
-    status, result = client.end_of(client.send(PoseInPlane(0.5, 2.5, 0.0)))
-    assert (status, told_by(result).get('error_code', 208)) == (GoalStatus.STATUS_ABORTED, 208)
+    assert client.is_aborted(client.send(PoseInPlane(0.5, 2.5, 0.0)), error_code=208)
 
 
 def test_a_goal_that_is_cancelled_or_replaced_ends_and_one_that_is_no_pose_in_the_map_is_rejected(
@@ -240,13 +227,11 @@ def test_a_goal_that_is_cancelled_or_replaced_ends_and_one_that_is_no_pose_in_th
     here = client.wait_until_robot(lambda pose: math.dist(pose[:2], START) > 0.5)
     result_of(goal.cancel_goal_async())
     client.stays_at(here, clock)
-    assert client.end_of(goal)[0] == GoalStatus.STATUS_CANCELED
+    assert client.status_of(goal) == GoalStatus.STATUS_CANCELED
     first, second = client.send(FAR), client.send(NEAR)
-    status, result = client.end_of(first)
-    assert status == GoalStatus.STATUS_ABORTED
-    assert told_by(result).get('error_msg', 'a newer goal has come') == 'a newer goal has come'
+    assert client.is_aborted(first, error_msg='a newer goal has come')
     clock.pass_seconds(HOUR)
-    assert client.end_of(second)[0] == GoalStatus.STATUS_SUCCEEDED
+    assert client.status_of(second) == GoalStatus.STATUS_SUCCEEDED
     client.wait_until_robot(lambda pose: pose == pytest.approx(NEAR))
 
 
@@ -276,9 +261,7 @@ def test_the_life_cycle_decides_whether_there_is_an_action_and_whether_it_accept
     here = client.wait_until_robot(lambda pose: math.dist(pose[:2], START) > 0.5)
     client.change_state(Transition.TRANSITION_DEACTIVATE)
     client.stays_at(here, clock)
-    status, result = client.end_of(goal)
-    assert status == GoalStatus.STATUS_ABORTED
-    assert told_by(result).get('error_msg', DEACTIVATED) == DEACTIVATED
+    assert client.is_aborted(goal, error_msg='the navigator was deactivated')
     assert client.has_server()
     assert not client.send(NEAR).accepted
     client.change_state(Transition.TRANSITION_CLEANUP)
@@ -293,8 +276,7 @@ def test_a_robot_that_arrived_too_near_to_a_table_finds_no_path_away(start, cloc
     """It is sent to 2.5 cm from the obstacle, where the planner keeps 2 cm, and arrives nearer."""
     client = start(blocked='0.3 1.225 0.7 1.3', padding_m=0.02, arrival_error_m=0.06)
     assert client.arrives_at(PoseInPlane(0.5, 1.0, 0.0), clock)
-    status, result = client.end_of(client.send(NEAR))
-    assert (status, told_by(result).get('error_code', 205)) == (GoalStatus.STATUS_ABORTED, 205)
+    assert client.is_aborted(client.send(NEAR), error_code=205)
 
 
 def test_a_wedged_robot_fails_to_make_progress_until_it_is_freed(start, clock):
@@ -302,8 +284,7 @@ def test_a_wedged_robot_fails_to_make_progress_until_it_is_freed(start, clock):
     assert client.arrives_at(NEAR, clock)
     goal = client.send(FAR)
     clock.pass_seconds(PROGRESS_SECONDS)
-    status, result = client.end_of(goal)
-    assert (status, told_by(result).get('error_code', 105)) == (GoalStatus.STATUS_ABORTED, 105)
+    assert client.is_aborted(goal, error_code=105)
     client.wait_until_robot(lambda pose: pose == pytest.approx(NEAR))
     client.call('set_wedged', SetBool.Request(data=False))
     assert client.arrives_at(FAR, clock)
