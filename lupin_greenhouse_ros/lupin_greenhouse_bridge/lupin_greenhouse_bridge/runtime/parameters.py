@@ -71,11 +71,11 @@ def declare_parameters(
     from rcl_interfaces.msg import ParameterDescriptor
 
     parameters = fields(cast('Any', settings_type))
-    # The dataclass checks types and ranges: ROS would refuse 3600 for a double, and not say what is right.
-    unchecked = ParameterDescriptor(dynamic_typing=True)
-    values = {
-        each.name: node.declare_parameter(each.name, each.default, unchecked).value for each in parameters
-    }
+    values = {}
+    for each in parameters:
+        # The dataclass checks types and ranges. ROS would refuse 3600 for a double.
+        unchecked = ParameterDescriptor(dynamic_typing=True)
+        values[each.name] = node.declare_parameter(each.name, each.default, unchecked).value
     log_ignored_parameters(node, without_effect)
     settings = settings_type(**values)
     for each in parameters:
