@@ -81,6 +81,13 @@ def test_the_robot_drives_in_the_shortest_order_from_the_dock_and_reads_each_tag
     assert {each.drive for each in mission.observations()} == {''}
 
 
+def end_on_the_way(mission, navigator, goal):
+    """End a mission whose robot drives, and cancel its goal, which the mission would await for 2 s."""
+    mission.ask_to_end()
+    navigator.grant_cancel(goal)
+    assert mission.end() == 1
+
+
 @pytest.fixture
 def publish_map(node, monkeypatch):
     """Return a function that publishes a latched map, with cells of 0.1 m, until the mission has it."""
@@ -155,9 +162,7 @@ def test_the_first_map_is_awaited_if_its_topic_has_a_publisher(
     publish_map([usual[:2]])
     goal = navigator.accept()
     assert math.dist(places(navigator)[0], usual[:2]) > 0.2
-    mission.ask_to_end()
-    navigator.grant_cancel(goal)
-    assert mission.end() == 1
+    end_on_the_way(mission, navigator, goal)
     assert mission.warnings() == []
 
 
@@ -166,9 +171,7 @@ def test_a_map_that_does_not_come_is_a_warning(start_mission, navigator, monkeyp
     monkeypatch.setattr(planner, 'LONGEST_MAP_SECONDS', 1.0)
     mission = start_mission(**WITH_MAP, tag_sequence='1')
     goal = navigator.accept()
-    mission.ask_to_end()
-    navigator.grant_cancel(goal)
-    assert mission.end() == 1
+    end_on_the_way(mission, navigator, goal)
     (warning,) = mission.warnings()
     assert 'planned around the tables of the layout alone: /held/map sent no map within 1 s' in warning
 
@@ -355,21 +358,22 @@ def test_abort_and_pause_hold_while_the_mission_plans(start_waiting_mission, nav
     operator.wait_for(lifecycle_state='READY', paused=True, mission_id=start.result().mission_id)
     assert navigator.goals == []
     assert operator.trigger('resume')
-    navigator.wait_for_goal()
-    mission.stop()
+    end_on_the_way(mission, navigator, navigator.accept())
 
 
-def test_the_state_tells_what_delays_a_mission(start_waiting_mission, held_navigator):
-    mission, operator = start_waiting_mission(**NAV2, tag_sequence='1', dependency_timeout_s=3.0)
+def test_the_state_tells_what_delays_a_mission(start_waiting_mission, held_navigator, clock):
+    mission, operator = start_waiting_mission(**NAV2, tag_sequence='1')
     operator.start()
+    clock.pass_seconds(2.0)
     operator.wait_for(last_error=f'waiting for the action server {NAME}: start Nav2', paused=False)
+    clock.pass_seconds(28.0)
     state = operator.wait_for(last_error='dependency_timeout', paused=True)
     assert state.last_event == f'there is no action server {NAME}: start Nav2: resume to go on'
     navigator = held_navigator(NAME)
     assert operator.trigger('resume')
-    navigator.wait_for_goal()
+    goal = navigator.accept()
     operator.wait_for(last_error='', paused=False)
-    mission.stop()
+    end_on_the_way(mission, navigator, goal)
 
 
 @pytest.mark.usefixtures('navigator')
