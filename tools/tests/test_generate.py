@@ -113,9 +113,9 @@ def test_an_edit_of_a_generated_file_is_kept_until_it_is_forced(repository, tree
 
 def generate_before(repository):
     edit(repository / CORE_BRIDGE / 'settings.py', '86400.0', '86402.0')
-    edit(repository / CORE_BRIDGE / 'extra.py', '', 'x = 1\n')
+    edit(repository / CORE_BRIDGE / 'new/folder/extra.py', '', 'x = 1\n')
     assert run(repository) == 0
-    edit(repository / CORE_BRIDGE / 'extra.py', '', 'x = 2\n')
+    edit(repository / CORE_BRIDGE / 'new/folder/extra.py', '', 'x = 2\n')
 
 
 def switch_to_a_branch_that_was_not_generated(repository):

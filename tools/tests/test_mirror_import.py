@@ -79,7 +79,11 @@ def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositor
         (f'{PACKAGE}/doc/clients.md', '# Calling', '# How to call'),
         ('lupin_greenhouse_msgs/srv/GetTagReading.srv', '# What is the climate', '# What is the weather'),
         (f'{BRIDGE}/display/readings_page.html', '<html lang="en">', '<html lang="nl">'),
-        (f'{PACKAGE}/test/test_more.py', '', f'# {generate.HEADER}\n"""More of lupin_greenhouse_msgs."""\n'),
+        (
+            f'{PACKAGE}/test/new/folder/test_more.py',
+            '',
+            f'# {generate.HEADER}\n"""More of lupin_greenhouse_msgs."""\n',
+        ),
     ]
     (mirror / f'{BRIDGE}/interfaces.py').rename(mirror / f'{BRIDGE}/messages.py')
     (mirror / f'{PACKAGE}/setup.cfg').rename(mirror / f'{BRIDGE}/moved.cfg')
@@ -103,7 +107,7 @@ def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositor
     git(mirror, 'fetch', '--quiet', str(monorepo))
     assert git(mirror, 'diff', '--stat', 'FETCH_HEAD:lupin_greenhouse_ros', 'HEAD') == ''
     assert (
-        monorepo / 'tools/core' / PACKAGE / 'test/test_more.py'
+        monorepo / 'tools/core' / PACKAGE / 'test/new/folder/test_more.py'
     ).read_text() == '"""More of lupin_msgs."""\n'
     assert checks_pass(monorepo)
 
