@@ -22,6 +22,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from functools import partial
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
@@ -133,7 +134,9 @@ ASKER_OF_PROCESS: list[Asker] = []  # of one of many client processes
 
 def begin_client_process(all_are_connected: Any, services: list[str]) -> None:
     """Connect to services, and wait until the other client processes have done so."""
-    ASKER_OF_PROCESS.append(Asker(*services))
+    asker = Asker(*services)
+    ASKER_OF_PROCESS.append(asker)
+    Finalize(asker, asker.close, exitpriority=1)  # a killed participant would slow down the others
     all_are_connected.wait()
 
 
@@ -221,6 +224,8 @@ class Bench:
                 calls_and_losses(self.services[0])  # the first calls are slower
                 sides = [partial(calls_and_losses, service) for service in self.services]
                 results = in_turns(sides, max(4, self.rounds // 2))
+                clients.close()
+                clients.join()
             name = pluralized(count, 'client')
             rates = [(ours[0] / seconds, theirs[0] / seconds) for ours, theirs in results]
             self.ratio(f'throughput, {name}', 'calls/s', rates)
