@@ -100,7 +100,7 @@ class FreeSpace:
 
 
 def _inflated(tables: list[Table], walls: Walls, radius_m: float, tag_poses: Iterable[TagPose]) -> Octagons:
-    """Return the octagons of tables, plates and walls, without those that lie in another one."""
+    """Return the octagons of tables, plates and walls, of equal ones only one."""
     x0, y0, x1, y1 = walls
     left, bottom, right, top = x0 - WALL_M, y0 - WALL_M, x1 + WALL_M, y1 + WALL_M
     around = [
@@ -109,14 +109,13 @@ def _inflated(tables: list[Table], walls: Walls, radius_m: float, tag_poses: Ite
         (left, bottom, x0, top),
         (x1, bottom, right, top),
     ]
-    rectangles = np.array([*tables, *around])
-    plates = np.array([each.ends_of_plate() for each in tag_poses])
-    low, high = [], []
-    for shapes in rectangles[:, [[0, 1], [0, 3], [2, 1], [2, 3]]], plates:
-        along = shapes.clip((left, bottom), (right, top)) @ AXES
-        low.append(along.min(axis=1) - radius_m * AXIS_LENGTHS)
-        high.append(along.max(axis=1) + radius_m * AXIS_LENGTHS)
-    return Octagons(np.concatenate(low), np.concatenate(high)).without_those_in_others()
+    corners = np.array([*tables, *around])[:, [[0, 1], [0, 3], [2, 1], [2, 3]]]
+    plates = np.array([each.ends_of_plate() for each in tag_poses])[:, [0, 0, 1, 1]]
+    along = np.concatenate([corners, plates]).clip((left, bottom), (right, top)) @ AXES
+    limits = np.hstack([along.min(axis=1), along.max(axis=1)])
+    limits += np.concatenate([-radius_m * AXIS_LENGTHS, radius_m * AXIS_LENGTHS])
+    low, high = np.split(np.unique(limits, axis=0), 2, axis=1)
+    return Octagons(low, high)
 
 
 def _points(points: ArrayLike) -> np.ndarray:

@@ -52,20 +52,6 @@ class Octagons:
         ys = x1 - difference1, sum1 - x1, y1, y1, x0 - difference0, sum0 - x0, y0, y0
         return np.stack([np.stack(xs, axis=1), np.stack(ys, axis=1)], axis=2)
 
-    def without_those_in_others(self) -> 'Octagons':
-        """Return the octagons that do not lie in another one; of equal ones, the first."""
-        inner, outer = self._near((self.low + self.high)[:, :2] / 2.0, 0.0)
-        is_in = (self.low[outer] <= self.low[inner]).all(axis=1)
-        is_in &= (self.high[inner] <= self.high[outer]).all(axis=1)
-        is_in &= (
-            (self.low[outer] != self.low[inner]).any(axis=1)
-            | (self.high[outer] != self.high[inner]).any(axis=1)
-            | (outer < inner)
-        )
-        is_left = np.ones(len(self), dtype=bool)
-        is_left[inner[is_in]] = False
-        return Octagons(self.low[is_left], self.high[is_left])
-
     def cover(self, points: np.ndarray) -> np.ndarray:
         """Return whether each point (points, 2) is in an octagon."""
         places, octagons = self._near(points, 0.0)

@@ -4,7 +4,7 @@
 import itertools
 import random
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,11 +21,10 @@ NEIGHBOURS = 30  # of each stop, to which the path is known
 FAR_M = 1e4  # added to the distance of two stops if the length of the path between them is not known
 JOINED = 10  # nearest stops that a stop may be joined to
 SMALLEST_GAIN_M = 1e-6
-PERTURBATIONS = 300
+PERTURBATIONS = 600
 LONGEST_PERTURBATION = 50  # stops
 
 Progress = Callable[[str, int, int], None]
-_Change = tuple[float, int, list[Numbers]]  # what it gains in metres, where it begins, and the parts there
 
 
 class Route(NamedTuple):
@@ -50,7 +49,8 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
     Return the route along the poses of these tags, or of all: as given, by number, or the shortest found.
 
     It begins at the start and ends at the end, which may be a dock; without them, any tag may be the first or
-    the last. The shortest route goes to the nearest tag each time, and is then improved by 2-opt and Or-opt.
+    the last. The shortest route goes to the nearest tag each time, and is then improved by 2-opt and by
+    exchanging parts.
     `progress` is told what is done, how much of it, and of how much.
     Raises StartUpError for a tag without a pose, or one that is cut off.
     """
@@ -135,14 +135,14 @@ def _nearest_first(lengths_m: np.ndarray) -> list[int]:
 
 
 class _Tour:
-    """An order of stops that 2-opt and Or-opt make shorter; its first and its last stop stay."""
+    """An order of stops that 2-opt makes shorter; its first and its last stop stay."""
 
     def __init__(self, order: list[int], lengths_m: np.ndarray):
         """Take an order, and the lengths of the paths between all stops, of which the last is `anywhere`."""
         self.order, self._lengths_m = np.array(order), lengths_m
         self._places = np.empty(len(lengths_m), dtype=int)
         self._places[self.order] = np.arange(len(order))
-        self._legs_m = lengths_m[self.order[:-1], self.order[1:]].astype(float)
+        self._legs_m = self._between_m(self.order[:-1], self.order[1:])
         most = min(JOINED, len(lengths_m) - 2)
         self._near = [np.argpartition(row[:-1], most)[: most + 1] for row in lengths_m[:-1]]
 
@@ -164,60 +164,41 @@ class _Tour:
         begin = chance.randrange(1, len(self.order) - 2)
         last = min(begin + LONGEST_PERTURBATION, len(self.order) - 1)
         middle, end = sorted(chance.sample(range(begin + 1, last + 1), 2))
-        self.improve(self._put(begin, [self.order[middle:end], self.order[begin:middle]]))
+        self._put(begin, np.concatenate([self.order[middle:end], self.order[begin:middle]]))
+        middle = begin + end - middle
+        self.improve(self.order[[begin - 1, begin, middle - 1, middle, end - 1, end]].tolist())
         if self._legs_m.sum() > before[-1].sum() - SMALLEST_GAIN_M:
             self.order, self._places, self._legs_m = before
 
     def _improve_at(self, stop: int) -> set[int]:
-        """Make the best change that joins a stop to one near it; return the stops with new neighbours."""
-        place, legs_m = self._places[stop], self._legs_m
+        """Reverse the best part between a leg of this stop and one near it; return where the legs change."""
+        place, legs_m, order = self._places[stop], self._legs_m, self.order
         if not 0 < place < len(legs_m):
             return set()
         near = self._places[self._near[stop]]
         legs = np.concatenate([near[near < len(legs_m)], near[near > 0] - 1, [0, len(legs_m) - 1]])
-        changes = [*self._turns(place, legs), *self._moves(place, legs)]
-        gain_m, begin, parts = max(changes, key=lambda change: change[0])
-        return self._put(begin, parts) if gain_m > SMALLEST_GAIN_M else set()
-
-    def _turns(self, place: int, legs: np.ndarray) -> Iterator[_Change]:
-        """Yield the best changes of 2-opt: turn what is between a leg of this stop and one of these legs."""
-        order, legs_m = self.order, self._legs_m
+        changes = []
         for leg in (place - 1, place):
-            gains_m = legs_m[leg] + legs_m[legs]
-            gains_m -= self._length_m(order[leg], order[legs]) + self._length_m(
-                order[leg + 1], order[legs + 1]
-            )
-            gains_m[legs == leg] = 0.0
+            joined_m = self._between_m(order[leg], order[legs])
+            joined_m += self._between_m(order[leg + 1], order[legs + 1])
+            gains_m = np.where(legs == leg, 0.0, legs_m[leg] + legs_m[legs] - joined_m)
             best = gains_m.argmax()
-            first, last = sorted((leg, legs[best]))
-            yield gains_m[best], first + 1, [order[first + 1 : last + 1][::-1]]
+            changes.append((gains_m[best], *sorted((leg, legs[best]))))
+        gain_m, first, last = max(changes)
+        if gain_m <= SMALLEST_GAIN_M:
+            return set()
+        self._put(first + 1, order[first + 1 : last + 1][::-1])
+        return set(order[[first, first + 1, last, last + 1]].tolist())
 
-    def _moves(self, place: int, legs: np.ndarray) -> Iterator[_Change]:
-        """Yield the best changes of Or-opt: move up to three stops from here on into one of these legs."""
-        order, legs_m = self.order, self._legs_m
-        for end in range(place + 1, min(place + 4, len(order))):
-            without_m = legs_m[place - 1] + legs_m[end - 1] - self._length_m(order[place - 1], order[end])
-            for part in (order[place:end], order[place:end][::-1]):
-                gains_m = without_m + legs_m[legs]
-                gains_m -= self._length_m(order[legs], part[0]) + self._length_m(part[-1], order[legs + 1])
-                gains_m[(legs >= place - 1) & (legs < end)] = 0.0
-                best = gains_m.argmax()
-                into = legs[best] + 1
-                if into <= place:
-                    yield gains_m[best], into, [part, order[into:place]]
-                else:
-                    yield gains_m[best], place, [order[end:into], part]
-
-    def _length_m(self, here: np.ndarray, there: np.ndarray) -> np.ndarray:
+    def _between_m(self, here: Numbers, there: Numbers) -> np.ndarray:
         """Return the lengths of the paths between these stops; a sum in single precision would be rounded."""
         return np.asarray(self._lengths_m[here, there], dtype=float)
 
-    def _put(self, begin: int, parts: list[np.ndarray]) -> set[int]:
-        """Put parts of the order where they begin now; return the stops with new neighbours."""
-        end = begin + sum(map(len, parts))
-        self.order[begin:end] = np.concatenate(parts)
-        self._places[self.order[begin:end]] = np.arange(begin, end)
-        stops = self.order[begin - 1 : end + 1]
-        self._legs_m[begin - 1 : end] = self._lengths_m[stops[:-1], stops[1:]]
-        ends = np.cumsum([begin, *map(len, parts)])
-        return {*self.order[ends - 1].tolist(), *self.order[ends].tolist()}
+    def _put(self, begin: int, stops: Numbers) -> None:
+        """Put these stops into the order, from this place on."""
+        end = begin + len(stops)
+        self.order[begin:end] = stops
+        self._places[stops] = np.arange(begin, end)
+        self._legs_m[begin - 1 : end] = self._between_m(
+            self.order[begin - 1 : end], self.order[begin : end + 1]
+        )

@@ -84,8 +84,7 @@ class VisibilityGraph:
             for place, lengths_m, before in self._search(legs[left, 0], limits_m[left]):
                 leg = left[place]
                 if np.isfinite(lengths_m[ends[leg]]):
-                    path = self._straightened(self._nodes[_trace(before, ends[leg])])
-                    yield leg, list(map(tuple, path.tolist()))
+                    yield leg, list(map(tuple, self._nodes[_trace(before, ends[leg])].tolist()))
                 else:
                     longer.append(leg)
             left = np.array(longer, dtype=int)
@@ -126,7 +125,12 @@ class VisibilityGraph:
             links.append(np.unique(numbers[is_link] * count + others[is_link]))
         numbers, others = np.divmod(np.unique(np.concatenate(links)), count)
         are_in_sight = self._free_space.are_in_sight(self._nodes[numbers], self._nodes[others])
-        return _matrix(self._nodes, numbers[are_in_sight], others[are_in_sight])
+        numbers, others = numbers[are_in_sight], others[are_in_sight]
+        lengths_m = np.hypot(*(self._nodes[numbers] - self._nodes[others]).T).clip(
+            1e-12
+        )  # 0 would be no link
+        graph = csr_matrix((lengths_m, (numbers, others)), shape=(count, count))
+        return graph + graph.T
 
     def _are_tangent(self, numbers: Numbers, towards: np.ndarray) -> np.ndarray:
         """Return whether a line in each direction (lines, 2) passes by its node, which may be a corner."""
@@ -140,23 +144,6 @@ class VisibilityGraph:
         regions = self._free_space.regions_of(self._nodes[self._first :])
         _, parts = connected_components(self._graph, directed=False)
         return len(set(zip(regions, parts[self._first :], strict=True))) > len(set(regions))
-
-    def _straightened(self, path: np.ndarray) -> np.ndarray:
-        """Return the shortest path along some of the points of a path (points, 2)."""
-        if len(self._nodes) <= self._nearest or len(path) == 2:
-            return path
-        numbers, others = np.triu_indices(len(path), 1)
-        are_in_sight = self._free_space.are_in_sight(path[numbers], path[others])
-        graph = _matrix(path, numbers[are_in_sight], others[are_in_sight])
-        _, before = dijkstra(graph, indices=0, return_predecessors=True)
-        return path[_trace(before, len(path) - 1)]
-
-
-def _matrix(nodes: np.ndarray, numbers: Numbers, others: Numbers) -> csr_matrix:
-    """Return the lengths of the lines between these nodes; all searches take them in both directions."""
-    lengths_m = np.hypot(*(nodes[numbers] - nodes[others]).T).clip(1e-12)  # no link has the length 0
-    rows, columns = np.concatenate([numbers, others]), np.concatenate([others, numbers])
-    return csr_matrix((np.tile(lengths_m, 2), (rows, columns)), shape=(len(nodes), len(nodes)))
 
 
 def _trace(before: np.ndarray, goal: int) -> list[int]:
