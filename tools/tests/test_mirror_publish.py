@@ -228,9 +228,9 @@ def test_a_spoiled_checkout_is_not_published(repository, remote, publish, spoil,
 
 
 def test_a_wrong_remote_and_a_shallow_clone_are_refused_in_one_line(repository, remote, publish, capsys):
-    for name in ('', 'nobody', '/nowhere/at/all'):
+    for name, reason in (('', 'no remote: make'), ('nobody', ''), ('/nowhere/at/all', '')):
         code, printed = publish(to=name)
-        assert (code, printed.splitlines()[-1].startswith('mirror-publish: ')) == (1, True)
+        assert (code, printed.splitlines()[-1].startswith(f'mirror-publish: {reason}')) == (1, True)
     git(remote.parent, 'clone', '--quiet', '--depth=1', f'file://{repository}', 'shallow')
     assert mirror_publish.main([str(remote), '--root', str(remote.parent / 'shallow')]) == 1
     assert 'git fetch --unshallow' in capsys.readouterr().err
