@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 
 import domain_coordinator
-from lupin_greenhouse_bridge.display.drawing_command import read_file
+from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS, read_file
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
 from lupin_greenhouse_bridge.planning.walls import parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
@@ -62,7 +62,14 @@ def new_report(options: argparse.Namespace) -> Path:
 
 
 def prepare(options: argparse.Namespace, report: Path) -> None:
-    """Make the output, the recorder's file and the SDF world, before a node starts; raises OneLineError."""
+    """
+    Make the output, the recorder's file and the SDF world, before a node starts.
+
+    Raises OneLineError, also for a greenhouse that the bridge refuses, before anything is made.
+    """
+    layout, walls = LayoutSettings(
+        **{name: value_of(options.arguments, name) for name in LAYOUT}
+    ).read_layout()
     try:
         options.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -79,8 +86,6 @@ def prepare(options: argparse.Namespace, report: Path) -> None:
     if options.world:
         if not importlib.util.find_spec('pydrake'):
             raise StartUpError('Drake is missing, which renders the world: pip install drake')
-        values = {name: value_of(options.arguments, name) for name in LAYOUT}
-        layout, walls = LayoutSettings(**values).read_layout()
         sdf_file = make_world(options.output / 'world', layout, walls, WORLD_SIDE_M)
         print_line(f'{sdf_file}: {len(layout.tags)} tags, {len(layout.tables)} tables')
 
@@ -92,7 +97,14 @@ def run_mission(options: argparse.Namespace) -> int:
     report = new_report(options)
     commands = commands_of(options, report)
     prepare(options, report)
-    exit_code = run_nodes(commands)
+    print_line(f'mission: starting {", ".join(Path(path).name for path, *_ in commands)}')
+    try:
+        exit_code = run_nodes(commands, report)
+    except NodeEnded:
+        if not has_lines(report):
+            for each in (report, *(companion(report, name) for name in COMPANION_ENDINGS)):
+                each.unlink(missing_ok=True)
+        raise
     if exit_code == USAGE:
         return USAGE
     drawn = draw(report, value_of(options.arguments, 'walls'))
@@ -100,7 +112,12 @@ def run_mission(options: argparse.Namespace) -> int:
     return exit_code or drawn or recorded
 
 
-def run_nodes(commands: list[list[str]]) -> int:
+def has_lines(report: Path) -> bool:
+    """Return whether the mission has recorded anything."""
+    return report.exists() and report.stat().st_size > 0
+
+
+def run_nodes(commands: list[list[str]], report: Path) -> int:
     """
     Run these commands on a ROS domain of their own until the last one, the mission, ends.
 
@@ -118,6 +135,8 @@ def run_nodes(commands: list[list[str]]) -> int:
             raise_if_asked_to_end()
             for each, (path, *_) in zip(others, commands, strict=False):
                 if each.poll() is not None:
+                    if not has_lines(report):  # nobody needs the table of a mission that has not begun
+                        mission.kill()
                     ended = f'ended before the mission, with exit code {each.returncode}'
                     raise NodeEnded(f'{Path(path).name} {ended}: its log is above')
             sleep(LOOK_EVERY_SECONDS)
@@ -151,7 +170,7 @@ def draw(report: Path, walls: str) -> int:
 
 def check_record(file: str, report: Path) -> int:
     """Print how many readings of the report were recorded; return 1 if one is missing, else 0."""
-    in_report = {key_of(row) for row in read_file(report).rows} if report.stat().st_size else set()
+    in_report = {key_of(row) for row in read_file(report).rows} if has_lines(report) else set()
     lost = len(in_report - {key_of(row) for row in read_rows(file)})
     print_line(f'{pluralized(len(in_report) - lost, "row")} kept in {file}')
     if lost:

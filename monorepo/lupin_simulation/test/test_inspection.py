@@ -132,11 +132,13 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path):
         (['--output', '{folder}/file'], "--output '{folder}/file': File exists: name a folder"),
         (['--record', 'kept.txt'], "file 'kept.txt' ends in none of .sqlite, .db, .csv"),
         (['--record', '/none/kept.csv'], "file '/none/kept.csv': No such file or directory"),
+        (['tag_file:=/none.json'], "tag_file '/none.json': cannot be read (No such file or directory)"),
+        (['tag_file:={folder}/file'], "tag_file '{folder}/file'"),
         (
-            ['tag_file:=/none.json'],
-            "tag_file '/none.json': No such file or directory: name a file that can be read",
+            ['sim_config_file:=/none.yaml'],
+            "sim_config_file '/none.yaml': cannot be read (No such file or directory)",
         ),
-        (['tag_locations_file:=/none.json'], "tag_file '/none.json': No such file or directory"),
+        (['tag_locations_file:=/none.json'], "tag_file '/none.json': cannot be read (No such file"),
     ],
 )
 def test_what_cannot_run_is_refused_in_one_line_before_a_node_starts(
@@ -144,12 +146,26 @@ def test_what_cannot_run_is_refused_in_one_line_before_a_node_starts(
 ):
     stand_in('bridge_node', f'touch {tmp_path}/started')
     (tmp_path / 'file').touch()
-    monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
+    find = importlib.util.find_spec
+    without_drake = lambda name: None if name == 'pydrake' else find(name)  # noqa: E731
+    monkeypatch.setattr(importlib.util, 'find_spec', without_drake)
     given = [each.format(folder=tmp_path) for each in arguments]
     assert inspection.main(['--output', str(tmp_path / 'output'), *given]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f'mission: {error.format(folder=tmp_path)}')
     assert not (tmp_path / 'started').exists()
+    assert not list(tmp_path.glob('output/*'))
+
+
+def test_a_bridge_that_refuses_to_start_has_the_last_word_and_leaves_no_file(tmp_path, capfd):
+    assert inspection.main(['--output', str(tmp_path / 'output'), 'speedup_factor:=-3']) == 1
+    printed = capfd.readouterr()
+    fatal, last = printed.err.splitlines()
+    assert '[FATAL]' in fatal
+    assert 'speedup_factor is -3' in fatal
+    assert last == 'mission: bridge_node ended before the mission, with exit code 1: its log is above'
+    assert 'tags read' not in printed.out
+    assert not list(tmp_path.glob('output/*'))
 
 
 @pytest.mark.parametrize(
