@@ -12,7 +12,7 @@ setup(
     ],
     python_requires='>=3.10',
     install_requires=['setuptools', 'numpy', 'pillow'],
-    extras_require={'test': ['hypothesis', 'pytest']},
+    extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Lupin team',
     maintainer_email='lupin.team@example.org',

@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import os
 import subprocess
 from functools import partial
 from types import SimpleNamespace
@@ -122,6 +123,15 @@ def test_a_tag_is_read_in_all_views_of_a_group_and_the_tags_are_counted(monkeypa
     assert tags_read([[each] for each in views]) == {7}
     assert capsys.readouterr().err.splitlines() == ['check_world: here: 0 of 2', 'check_world: here: 1 of 2']
     assert tags_read([views]) == set()
+
+
+@pytest.fixture
+def without_drake(tmp_path, monkeypatch):
+    """Hide Drake from the processes of a test."""
+    hidden = tmp_path / 'hidden/pydrake'
+    hidden.mkdir(parents=True)
+    (hidden / '__init__.py').write_text("raise ImportError('No Drake in this test')\n", encoding='utf-8')
+    monkeypatch.setenv('PYTHONPATH', f'{hidden.parent}:{os.environ.get("PYTHONPATH", "")}')
 
 
 @pytest.mark.usefixtures('without_drake')

@@ -115,9 +115,8 @@ class ConfirmTagNode(Node):
         """Search one frame, the newest, and judge; return whether there was a frame to search."""
         now = self._now()
         has_searched = self._confirmer.choose(now, asked_at)
-        response.detection_confidence, response.error_message, sight = self._confirmer.judge(
-            number, now, asked_at
-        )
+        verdict = self._confirmer.judge(number, now, asked_at)
+        response.detection_confidence, response.error_message, sight = verdict
         response.detected = not response.error_message
         if sight and (has_searched or response.detected) and self._pictures.get_subscription_count():
             self._publish_picture(sight, number, response.error_message)

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +69,9 @@ class Frame:
             return self.look()
         except UnusableImage as error:
             return error
+
+
+_arrival = attrgetter('arrival_seconds')  # of a frame
 
 
 class Moment(NamedTuple):
@@ -154,7 +158,3 @@ class Confirmer:
         if -age > longest:
             return f'the last image is stamped {-age:.1f} s ahead: not within {longest:g} s'
         return ''
-
-
-def _arrival(frame: Frame) -> float:
-    return frame.arrival_seconds
