@@ -560,7 +560,7 @@ element('tables').hidden = !data.tables.length;
 element('route').hidden = data.route.length < 2;
 element('zone').textContent = `wall time (${zone})`;
 element('charts').hidden = !data.sensors.length;
-element('comparison').hidden = files.length < 2;
+element('files').hidden = element('comparison').hidden = files.length < 2;
 if (files.length > 1) write_differences();
 write_head();
 write_table();

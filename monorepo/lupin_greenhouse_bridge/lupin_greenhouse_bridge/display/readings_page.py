@@ -11,6 +11,7 @@ import hashlib
 import html
 import itertools
 import json
+import statistics
 from collections import Counter, defaultdict
 from pathlib import Path
 from string import Template
@@ -114,7 +115,8 @@ def _cell_of(sensor: str, tag: dict[str, Any] | None) -> tuple[str, str]:
 def _farthest_of(values: list[float | None]) -> int | None:
     """Return the place of the value that is farthest from the median; None for a tie or fewer than three."""
     known = [value for value in values if value is not None]
-    distances = [0.0 if value is None else abs(value - float(np.median(known))) for value in values]
+    middle = statistics.median(known)
+    distances = [0.0 if value is None else abs(value - middle) for value in values]
     is_clear = len(known) > 2 and distances.count(max(distances)) == 1
     return distances.index(max(distances)) if is_clear else None
 
