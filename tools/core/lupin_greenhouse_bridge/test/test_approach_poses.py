@@ -164,6 +164,7 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
         (['--camera-offset', '0.4'], "the camera is 0.4 m ahead of the robot's centre: must be less than"),
         (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),
         (['--start', 'inf', '0'], 'the start at (inf, 0) is not free'),
+        (['--end', '0', '0'], 'the end at (0.00, 0.00) is not free: choose another'),
         (['--picture', '/missing/route.png'], "--picture '/missing/route.png': "),
         (['--picture', 'route.mp3'], "--picture 'route.mp3': "),
     ],

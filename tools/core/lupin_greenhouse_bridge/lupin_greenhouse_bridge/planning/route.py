@@ -63,8 +63,10 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
     stops = [stop for stop in (start_m, *at_tags, end_m) if stop is not None]
     are_free = free_space.are_free(stops)
     if not are_free.all():
-        x, y = stops[int(are_free.argmin())]
-        raise StartUpError(f'({x:.2f}, {y:.2f}) is not free: choose another start, or other poses')
+        first = int(are_free.argmin())
+        (x, y), is_last = stops[first], first == len(stops) - 1
+        what = 'start' if start_m and first == 0 else 'end' if end_m and is_last else 'pose'
+        raise StartUpError(f'the {what} at ({x:.2f}, {y:.2f}) is not free: choose another')
     visits, points = list(range(len(stops))), stops
     if len(stops) > 1:
         graph = VisibilityGraph(free_space, np.array(stops))
