@@ -24,6 +24,7 @@ from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, pa
 from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, utc_of
 from lupin_greenhouse_bridge.recording.store import StoreError, open_store
 
+COLUMN_COUNT = len(HEADER.split(','))
 STAMP_NS = 1_795_189_976_000_000_513
 
 
@@ -465,7 +466,10 @@ def test_a_row_without_a_position_gets_that_of_the_layout(csv_path, shipped_tags
         (None, 'No such file'),
         (b'', 'empty'),
         (b'dear diary\n', 'not a file of readings'),
-        (f'{HEADER}\n{HEADER},11\n'.encode(), 'line 2: 11 values in place of 10'),
+        (
+            f'{HEADER}\n{HEADER},more\n'.encode(),
+            f'line 2: {COLUMN_COUNT + 1} values in place of {COLUMN_COUNT}',
+        ),
         (
             f'{HEADER}\n{csv_text([row(tag_id="ä")])}'.encode('latin-1'),
             r"tag_id of co2 is '\udce4': must be text in",
@@ -595,7 +599,10 @@ def test_a_csv_file_that_another_program_has_saved_again_is_read(content):
             "line 2: stamp_ns is rounded to '1.79519E+18': ",
         ),
         (csv_text(READINGS), f'which is SQLite or CSV with the header {HEADER}'),
-        (in_columns(['', *Row._fields]).replace(',stamp', 'stamp', 1), 'line 2: 11 values in place of 10'),
+        (
+            in_columns(['', *Row._fields]).replace(',stamp', 'stamp', 1),
+            f'line 2: {COLUMN_COUNT + 1} values in place of {COLUMN_COUNT}',
+        ),
         (in_columns(Row._fields).replace('source', 'source,', 1), 'no line has 11 values, as the header'),
         (in_columns(Row._fields).encode('latin-1'), "(save a spreadsheet as 'CSV UTF-8')"),
     ],
