@@ -12,7 +12,8 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.overrides import Override
-from lupin_greenhouse_bridge.planning.route import plan_route
+from lupin_greenhouse_bridge.planning.passages import passages_below
+from lupin_greenhouse_bridge.planning.route import Route, plan_route
 from lupin_greenhouse_bridge.planning.tag_poses import PLATE_WIDTH_M, find_tag_poses, tables_of
 from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, TIGHT_M, ApproachPose, ViewingLimits
 from lupin_greenhouse_bridge.planning.visibility_graph import shortest_path
@@ -706,3 +707,18 @@ def test_an_override_never_sets_a_pose_in_a_table():
     assert approaches_of(layout, overrides={'0': override}).unreachable == {
         '0': 'no place for a robot of radius 0.2 m where the overrides set the pose'
     }
+
+
+def test_a_leg_through_a_passage_that_is_too_narrow_is_named_with_its_width():
+    """Tag 1 is reached beside the tables, and tag 2 between them, which are 0.45 m apart."""
+    layout = Layout(
+        {name: Tag(2.0, 5.0, ['co2']) for name in '12'},
+        {'left': (0.0, 1.0, 2.0, 2.0), 'right': (2.45, 1.0, 4.0, 2.0)},
+    )
+    poses = {'1': ApproachPose(5.0, 3.0, 0.0, 0.5, 0.0), '2': ApproachPose(2.2, 0.5, 0.0, 0.5, 0.0)}
+    points = [(5.0, 0.5), (5.0, 3.0), (2.2, 3.0), (2.2, 0.5)]
+    route = Route(['1', '2'], points, 7.8)
+    walls = Walls(-2.0, -2.0, 8.0, 6.0)
+    assert passages_below(0.44, route, poses, layout, walls) == []
+    ((tag_id, width_m),) = passages_below(0.52, route, poses, layout, walls)
+    assert (tag_id, width_m) == ('2', pytest.approx(0.45))

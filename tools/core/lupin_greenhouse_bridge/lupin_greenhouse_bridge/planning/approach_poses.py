@@ -20,6 +20,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, 
 from lupin_greenhouse_bridge.planning.approach import Approaches, find_approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
+from lupin_greenhouse_bridge.planning.passages import passages_below
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
 from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose, ViewingLimits
@@ -29,6 +30,8 @@ from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
 Poses = dict[str, Any]  # what `--format json` prints
+NAV2_PADDING_M, NAV2_CELL_M = 0.01, 0.05  # Nav2's defaults: footprint_padding, and resolution of a costmap
+MOST_NAMED = 6  # tags in a warning
 ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
 LIMITS = {  # by field of ViewingLimits: option, and help
     'robot_radius_m': ('--radius', 'radius of the robot in metres'),
@@ -102,6 +105,16 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
         )
     finally:
         progress.clear()
+    needed_m = 2.0 * (limits.robot_radius_m + NAV2_PADDING_M + NAV2_CELL_M)
+    if narrow := passages_below(needed_m, route, approaches.poses, layout, walls):
+        named = [f'{escaped(each.tag_id, 40)} ({each.width_m:.2f} m)' for each in narrow[:MOST_NAMED]]
+        more = f' and {len(narrow) - MOST_NAMED} more' if len(narrow) > MOST_NAMED else ''
+        print_line(
+            f'approach_poses: on the way to {", ".join(named)}{more}, a passage is narrower than'
+            f' {needed_m:.2f} m, which Nav2 needs if its local costmap has obstacles'
+            f' in cells of {NAV2_CELL_M} m',
+            sys.stderr,
+        )
     if options.picture:
         _draw(options.picture, layout, walls, approaches, route, occupancy)
     poses = []
