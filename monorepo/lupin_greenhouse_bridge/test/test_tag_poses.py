@@ -42,33 +42,12 @@ def test_on_a_corner_a_tag_faces_the_side_where_the_next_table_or_wall_is_farthe
     before_south = (1.0, 0.0, 3.0, 0.5)
     assert facing(1.0, 1.0, table=LONG, south=before_south) == WEST
     assert facing(1.0, 1.0, table=LONG, south=before_south, west=(0.0, 0.8, 0.9, 1.2)) == SOUTH
+    for beside_m, side in ((0.09, WEST), (0.11, SOUTH)):  # 10 cm beside the tag, a table is not ahead of it
+        assert facing(1.0, 1.0, table=LONG, beside=(1.0 + beside_m, 0.0, 3.0, 0.5)) == side
     assert facing(1.0, 1.0, Walls(0.0, 0.1, 9.0, 9.0)) == WEST
     assert facing(1.0, 1.0, Walls(0.1, 0.0, 9.0, 9.0)) == SOUTH
     assert facing(3.0, 1.5, Walls(0.0, 0.0, 4.0, 2.4)) == EAST
     assert facing(3.0, 1.5, Walls(0.0, 0.0, 3.8, 2.4)) == NORTH
-
-
-@pytest.mark.parametrize(
-    ('x', 'y', 'distances_m'),
-    [
-        # to the south, the west, the north and the east of the table
-        (2.0, 0.4, {NORTH: 0.6, SOUTH: math.inf, EAST: math.inf, WEST: math.inf}),
-        (0.3, 1.2, {NORTH: math.inf, SOUTH: math.inf, EAST: 0.7, WEST: math.inf}),
-        (2.0, 1.8, {NORTH: math.inf, SOUTH: 0.3, EAST: math.inf, WEST: math.inf}),
-        (3.4, 1.2, {NORTH: math.inf, SOUTH: math.inf, EAST: math.inf, WEST: 0.4}),
-        # on an edge: none inwards, infinite outwards
-        (2.0, 1.0, {NORTH: 0.0, SOUTH: math.inf}),
-        (3.0, 1.2, {WEST: 0.0, EAST: math.inf}),
-        # beside the table by 9 cm, and by 11 cm
-        *((1.0 - beside, 0.5, {NORTH: away}) for beside, away in ((0.09, 0.5), (0.11, math.inf))),
-        *((3.0 + beside, 2.0, {SOUTH: away}) for beside, away in ((0.09, 0.5), (0.11, math.inf))),
-        *((0.5, 1.0 - beside, {EAST: away}) for beside, away in ((0.09, 0.5), (0.11, math.inf))),
-        *((3.5, 1.5 + beside, {WEST: away}) for beside, away in ((0.09, 0.5), (0.11, math.inf))),
-    ],
-)
-def test_the_distance_to_a_table_ahead_is_measured_along_an_axis(x, y, distances_m):
-    found = {angle: Table(*LONG).distance_ahead_m(x, y, angle) for angle in distances_m}
-    assert found == pytest.approx(distances_m)
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,6 @@ from lupin_greenhouse_bridge.planning.viewpoints import (
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
-FEW_POSES = 64  # the view from the best ones is tested before that from all others
 # How far an alternative pose is from each one before, or how much it is turned.
 ALTERNATIVE_M, ALTERNATIVE_RAD = 0.2, math.radians(20.0)
 
@@ -228,11 +227,7 @@ class _Search:
             if self._override(tag_id) != Override():
                 where = 'where the overrides set the pose'
             return _View(f'no place for a robot of radius {limits.robot_radius_m:g} m {where}')
-        for some in order[:FEW_POSES], order:
-            view = self._first_valid(around, poses[some], rooms_m[some])
-            if view.pose:
-                break
-        return view
+        return self._first_valid(around, poses[order], rooms_m[order])
 
     def _first_valid(self, around: Surroundings, poses: np.ndarray, rooms_m: np.ndarray) -> _View:
         """Return the first of some free poses that has the tag in view, and is free in the map too."""
