@@ -34,9 +34,9 @@ def test_4_cm_tags_are_found_where_the_robot_stands(found_in, distance_m, angles
     """Three ids; doc/detector.md of lupin_tag_confirmation has 30, also with blur at 1 m."""
     for tag_number in (1, 11, 21):
         for angle_degrees in angles_degrees:
+            random = np.random.default_rng(tag_number)
+            scene = CAMERA.scene_of_tag(tag_number, random, distance_m, angle_degrees)
             for condition in conditions:
-                random = np.random.default_rng(tag_number)
-                scene = CAMERA.scene_of_tag(tag_number, random, distance_m, angle_degrees)
                 picture = CAMERA.expose(scene, random, **condition)
                 assert found_in(picture) == {tag_number}, (angle_degrees, condition)
 
