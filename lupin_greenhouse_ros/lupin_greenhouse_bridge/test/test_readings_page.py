@@ -265,8 +265,9 @@ def test_the_greenhouse_beside_a_report_is_its_own(report, tmp_path, shipped_con
 
 def test_tags_outside_the_walls_are_named(recording, capsys):
     path = recording('readings.sqlite', [7.0], place_m=(5.5, 2.0))
-    shown(path, '--walls', '0', '0', '6', '10')
-    assert capsys.readouterr().err == ''
+    output = path.with_name('page.htm')
+    assert readings_page.main([str(path), '-o', str(output), '--walls', '0', '0', '6', '10']) == 0
+    assert capsys.readouterr() == (f'page: {output}\n', '')
     shown(path, '--walls', '0', '0', '5', '10')
     problem = 'outside the walls (x 0 to 5 m, y 0 to 10 m): tag a1: set --walls or --sim-config-file'
     assert problem in capsys.readouterr().err

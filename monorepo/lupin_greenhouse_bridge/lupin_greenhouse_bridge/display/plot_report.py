@@ -4,6 +4,7 @@
 import argparse
 import textwrap
 import time
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,8 +56,13 @@ def _pictures_of(
 ) -> Iterator[tuple[Path, bytes]]:
     if options.output and len(recordings) > 1:
         raise StartUpError(f"--output '{options.output}' is one picture: leave it out, or name one FILE")
-    for each in recordings:
-        output = options.output or each.path.with_suffix('.png')
+    outputs = [options.output or each.path.with_suffix('.png') for each in recordings]
+    for output, count in Counter(outputs).items():
+        if count > 1:
+            raise StartUpError(
+                f"'{output}' is the picture of {count} FILEs: draw them one by one, with --output"
+            )
+    for each, output in zip(recordings, outputs, strict=True):
         yield output, _picture_of(each, limits, output)
 
 

@@ -226,6 +226,9 @@ def test_the_pictures_of_several_files_have_the_same_colours(tmp_path, figures, 
     assert limits == [pytest.approx(ends)] * 2
     assert main([*reports, '--output', 'x.png']) == 2
     assert "--output 'x.png' is one picture: leave it out, or name one FILE" in capsys.readouterr().err
+    open_store(str(tmp_path / 'one.csv')).keep(read_file(reports[0]).rows)
+    assert main([*reports, str(tmp_path / 'one.csv')]) == 2
+    assert f"'{pictures[0]}' is the picture of 2 FILEs: draw them one by one" in capsys.readouterr().err
 
 
 @pytest.fixture

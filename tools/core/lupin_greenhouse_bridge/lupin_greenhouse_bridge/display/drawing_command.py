@@ -138,7 +138,7 @@ def draw_files(
                 output.write_bytes(drawing)
             except OSError as error:
                 raise StartUpError(f"--output '{output}': {error.strerror}: name another file") from error
-            kind = 'page' if output.suffix == '.html' else 'picture'
+            kind = 'page' if options.prog == 'readings_page' else 'picture'
             print_line(f'{kind}: {escaped(str(output), 500)}')
     except (OneLineError, ImportError) as error:
         hint = ': sudo apt install python3-matplotlib' if isinstance(error, ImportError) else ''
