@@ -12,7 +12,7 @@ class Arrival(NamedTuple):
 
     If the failure is final, another attempt would fail too. If it needs a person, the mission keeps the tag,
     and pauses until somebody resumes it; `code` is the team's for the reason. A robot is stuck if it hardly
-    moved.
+    moved. `miss` tells how far from its goal a drive has ended that succeeded elsewhere, or is ''.
     """
 
     failure: str = ''
@@ -20,6 +20,7 @@ class Arrival(NamedTuple):
     needs_person: bool = False
     code: str = ''
     is_stuck: bool = False
+    miss: str = ''
 
 
 class Drive(ABC):

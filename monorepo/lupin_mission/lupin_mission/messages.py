@@ -78,7 +78,8 @@ def observation_message(
     )
     message.flower.pose.pose = message.anomaly.pose.pose = pose_at(None)
     if observation.reading:
-        message.status_detail = f'read from pose {observation.pose}' if observation.pose > 1 else ''
+        pose = f'read from pose {observation.pose}' if observation.pose > 1 else ''
+        message.status_detail = '; '.join(filter(None, (pose, observation.detail)))
         message.tag_reading = tag_reading_message(observation.reading)
     else:
         tag = f'tag {observation.tag_id}: '

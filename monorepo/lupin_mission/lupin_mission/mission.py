@@ -201,15 +201,27 @@ class Mission:
             self._ports.note(event, Severity.WARN)
             self._attempts.try_again(self._active_seconds)
         elif self.state is not State.DRIVING:
-            self._end_return(arrival.failure)
+            miss = f'it stands {arrival.miss} from its pose there' if arrival.miss else ''
+            self._end_return(arrival.failure or miss)
         elif not arrival.failure:
-            self.state = State.INSPECTING
-            self._dwell_end = self._active_seconds + self._settings.flower_scan_dwell_s
-            has_camera = self._settings.require_visual_confirmation
-            self._turn_to(Phase.CONFIRMING if has_camera else Phase.SCANNING)
+            self._arrive(arrival.miss)
         elif not self._looks_again(Outcome.UNREACHABLE, arrival.failure):
             self._close(Outcome.UNREACHABLE, arrival.failure)
             self._dwell_end = self._active_seconds
+
+    def _arrive(self, miss: str) -> None:
+        """Begin to inspect the tag, or set off to its next pose if the robot has missed this one."""
+        if miss:
+            detail = f'the robot stands {miss} from its pose'
+            if self._looks_again(Outcome.UNREACHABLE, detail):
+                return
+            self._visit.miss = detail
+            event = f'tag {self._visit.tag_id!r}: {detail}: inspecting the tag from there'
+            self._ports.note(event, Severity.WARN)
+        self.state = State.INSPECTING
+        self._dwell_end = self._active_seconds + self._settings.flower_scan_dwell_s
+        has_camera = self._settings.require_visual_confirmation
+        self._turn_to(Phase.CONFIRMING if has_camera else Phase.SCANNING)
 
     def _is_stuck_at_new_tag(self) -> bool:
         """Return whether to hold for stuck drives. The second time at a tag, the goal is at fault."""

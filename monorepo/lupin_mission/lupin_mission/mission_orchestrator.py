@@ -89,7 +89,7 @@ class MissionNode(Node):
             self._drive = SimulatedDrive(settings.drive_seconds)
             self.get_logger().info('the drive is simulated, so no robot moves: set drive:=nav2 on a robot')
         else:
-            self._drive = Nav2Drive(self, settings, self.note)
+            self._drive = Nav2Drive(self, settings, self.note, lambda: self._positions.robot_pose)
             self._planner = Planner(self, settings, self._tags)
         self._first_plan: PlanFuture[Drives] | None = None
         for name, operate in (

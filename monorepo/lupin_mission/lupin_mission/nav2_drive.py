@@ -1,13 +1,15 @@
 """Drive with Nav2: an action client of nav2_msgs/action/NavigateToPose. No call blocks."""
 
 import importlib
+import math
 from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from action_msgs.msg import GoalStatus, GoalStatusArray
+from geometry_msgs.msg import PoseStamped
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_message
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from rclpy.action.client import ActionClient
 from rclpy.node import Node
 from rclpy.qos import qos_profile_action_status_default
@@ -21,7 +23,10 @@ DISCOVERY_SECONDS = 2.0  # The client may find a server that late.
 LONGEST_REPLY_SECONDS = 5.0  # From a goal to its acceptance or rejection.
 LONGEST_END_SECONDS = 2.0  # From a cancel to the end of the goal.
 RESEND_SECONDS = 0.5  # Between two goals to a server that rejects them.
-STATUS_SECONDS = 1.0  # The status of a goal follows its result within this time.
+STATUS_SECONDS = 1.0  # The status of a goal, and the pose at its end, follow its result within this time.
+# Localisation still corrects a pose that Nav2 has compared with the goal: by up to a cell of a usual map, or
+# about 0.1 rad at the standoff of 0.5 m.
+LOCALIZATION_NOISE_M, LOCALIZATION_NOISE_RAD = 0.05, 0.1
 MOVING = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING)
 
 
@@ -45,11 +50,22 @@ class Nav2Drive(Drive):
     missing or rejects the goal, the goal is sent again for up to dependency_timeout_s.
     """
 
-    def __init__(self, node: Node, settings: Settings, note: Callable[[str, Severity], None]):
-        """Create the client; raises StartUpError for an invalid name, or without nav2_msgs."""
+    def __init__(
+        self,
+        node: Node,
+        settings: Settings,
+        note: Callable[[str, Severity], None],
+        localized_pose: Callable[[], PoseStamped | None],
+    ):
+        """
+        Create the client; raises StartUpError for an invalid name, or without nav2_msgs.
+
+        `localized_pose` returns the last pose of the robot from its localisation, in the frame of the goals.
+        """
         self.goals: dict[str, list[PoseInPlane]] = {}
         self.unreachable: dict[str, str] = {}
         self._node, self._settings, self._note = node, settings, note
+        self._localized_pose = localized_pose
         self._action = navigate_to_pose()
         self._name = settings.nav_action_name
         try:
@@ -166,16 +182,37 @@ class Nav2Drive(Drive):
 
     def _after_end(self, sent: SentGoal, now_seconds: float) -> Arrival | None:
         """Return how a goal ended. After a failure its status tells, too, whose goal the robot has now."""
-        if sent.has_succeeded():
-            return Arrival()
         if sent.ended_at_seconds is None:
             sent.ended_at_seconds = now_seconds
+        is_recent = now_seconds - sent.ended_at_seconds < STATUS_SECONDS
+        if sent.has_succeeded():
+            miss = self._miss(sent)
+            return None if miss and is_recent else Arrival(miss=miss)
         status = self._status_by_goal_id.get(sent.goal_id, GoalStatus.STATUS_UNKNOWN)
-        if status <= max(MOVING) and now_seconds - sent.ended_at_seconds < STATUS_SECONDS:
+        if status <= max(MOVING) and is_recent:
             return None
         if self._goal_ids_of_others() - self._tolerated_goal_ids:
             return Arrival('another client drives the robot', needs_person=True)
         return Arrival(sent.failure, is_stuck=sent.is_stuck())
+
+    def _miss(self, sent: SentGoal) -> str:
+        """
+        Return how far from its goal the robot stands; '' if it is there, or if no pose tells.
+
+        Nav2's planner leads to the nearest free cell within its tolerance, and Nav2 reports success there.
+        """
+        if sent.pose is None:
+            return ''
+        localized = self._localized_pose()
+        newest = localized if localized and _stamp(localized) > _stamp(sent.pose) else sent.pose
+        if newest.header.frame_id != self._settings.frame_id:
+            return ''
+        robot, goal = pose_in_plane(newest.pose), pose_in_plane(self._goal.pose.pose)
+        off_m, off_rad = math.dist(robot[:2], goal[:2]), abs(math.remainder(robot.yaw - goal.yaw, math.tau))
+        is_near = off_m <= self._settings.arrival_tolerance_m + LOCALIZATION_NOISE_M
+        if is_near and off_rad <= self._settings.arrival_tolerance_rad + LOCALIZATION_NOISE_RAD:
+            return ''
+        return f'{off_m:.2f} m and {math.degrees(off_rad):.0f} degrees'
 
     def _goal_ids_of_others(self) -> set[bytes]:
         moving = {goal_id for goal_id, status in self._status_by_goal_id.items() if status in MOVING}
@@ -223,8 +260,13 @@ class Nav2Drive(Drive):
 
     def position_m(self) -> tuple[float, float] | None:
         """Return x and y of the last feedback of the server."""
-        return (self._sent and self._sent.position_m) or self._position_m
+        pose = self._sent and self._sent.pose
+        return pose_in_plane(pose.pose)[:2] if pose else self._position_m
 
     def close(self) -> None:
         """Destroy the client: rclpy does not do it with the node, which then would stay on the graph."""
         self._client.destroy()
+
+
+def _stamp(pose: PoseStamped) -> tuple[int, int]:
+    return pose.header.stamp.sec, pose.header.stamp.nanosec

@@ -8,7 +8,9 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus
 from action_msgs.srv import CancelGoal
+from geometry_msgs.msg import PoseStamped
 from lupin_greenhouse_bridge.errors import escaped
+from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from unique_identifier_msgs.msg import UUID
 
 from lupin_mission.mission import Severity
@@ -44,7 +46,7 @@ class SentGoal:
         self.servers: set[bytes] = set()
         self.sent_at_seconds = sent_at_seconds
         self.ended_at_seconds: float | None = None
-        self.position_m: tuple[float, float] | None = None  # the last one that the server told
+        self.pose: PoseStamped | None = None  # the last one that the server told
         self._start: tuple[float, float] | None = None
         self._farthest_m = 0.0
         self._name, self._note = name, note
@@ -90,10 +92,10 @@ class SentGoal:
         self._await(self._handle.cancel_goal_async(), self._on_cancel_reply)
 
     def _on_feedback(self, message: Any) -> None:
-        position = message.feedback.current_pose.pose.position
-        self.position_m = (position.x, position.y)
-        self._start = self._start or self.position_m
-        self._farthest_m = max(self._farthest_m, math.dist(self._start, self.position_m))
+        self.pose = message.feedback.current_pose
+        position_m = pose_in_plane(self.pose.pose)[:2]
+        self._start = self._start or position_m
+        self._farthest_m = max(self._farthest_m, math.dist(self._start, position_m))
 
     def _on_reply(self, handle: Any) -> None:
         if not handle.accepted:

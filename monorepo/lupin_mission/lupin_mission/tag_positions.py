@@ -2,7 +2,7 @@
 
 import math
 
-from geometry_msgs.msg import Point, PoseWithCovarianceStamped
+from geometry_msgs.msg import Point, PoseStamped, PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_msgs.msg import DiscoveredTags
 from rclpy.node import Node
@@ -21,11 +21,16 @@ class TagPositions:
         self._frame_id = frame_id
         self.in_layout: dict[str, tuple[float, float]] = {}
         self._discovered: dict[str, Point] = {}
-        self.robot_position: Point | None = None
+        self.robot_pose: PoseStamped | None = None
         node.create_subscription(DiscoveredTags, 'perception/discovered_tags', self._on_tags, latched())
         # AMCL latches its pose, other localisers do not. Either subscription alone would miss something.
         for qos in (latched(), QoSProfile(depth=1)) if amcl_pose_topic else ():
             node.create_subscription(PoseWithCovarianceStamped, amcl_pose_topic, self._on_pose, qos)
+
+    @property
+    def robot_position(self) -> Point | None:
+        """The last position of the robot; None if it is unknown."""
+        return self.robot_pose and self.robot_pose.pose.position
 
     def position_of(self, tag_id: str) -> Point | None:
         """Return the position of a tag, or else of the robot at this tag; None if neither is known."""
@@ -40,7 +45,7 @@ class TagPositions:
 
     def _on_pose(self, message: PoseWithCovarianceStamped) -> None:
         if message.header.frame_id == self._frame_id and is_finite(message.pose.pose.position):
-            self.robot_position = message.pose.pose.position
+            self.robot_pose = PoseStamped(header=message.header, pose=message.pose.pose)
 
 
 def discovered_positions(message: DiscoveredTags) -> dict[str, Point]:

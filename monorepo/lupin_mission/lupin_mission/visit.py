@@ -53,6 +53,7 @@ class Visit:
     phase: Phase = Phase.NAVIGATING
     pose: int = 1
     failures: list[str] = field(default_factory=list)  # The reason why each earlier pose has failed.
+    miss: str = ''  # How far from the last pose the robot stands, if it is too far.
     seen: bool | None = None  # What the camera has replied last.
     requests: int = 0
 
@@ -64,6 +65,7 @@ class Visit:
                 outcome = Outcome.NOT_CONFIRMED
             details = [*self.failures, detail]
             detail = '; '.join(f'pose {number}: {each}' for number, each in enumerate(details, start=1))
+        detail = '; '.join(filter(None, (detail, self.miss)))
         return Observation(self.tag_id, outcome, detail, self.requests, reading, self.seen, self.pose)
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, parse_report
 from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
     call,
@@ -201,10 +202,12 @@ class HeldNavigator:
 
         goal.execute(execute)
 
-    def tell_position(self, goal, x: float, y: float) -> None:
-        """Send the feedback that the robot is here."""
+    def tell_pose(self, goal, x: float, y: float, yaw: float = 0.0, *, frame_id: str = 'map') -> None:
+        """Send the feedback that the robot is here, 100 s after the start of the clock."""
         feedback = self._type.Feedback()
-        feedback.current_pose.pose.position.x, feedback.current_pose.pose.position.y = x, y
+        feedback.current_pose.header.frame_id = frame_id
+        feedback.current_pose.header.stamp.sec = 100
+        feedback.current_pose.pose = pose_message(x, y, yaw)
         goal.publish_feedback(feedback)
 
     def grant_cancel(self, goal) -> None:

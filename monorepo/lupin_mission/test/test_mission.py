@@ -22,6 +22,7 @@ SETTINGS = replace(WITHOUT_DOCK, flower_scan_dwell_s=1.0, scan_timeout_s=2.0)
 LONGEST_MISSION_SECONDS = 100_000.0  # simulated
 SEEN = {True: Outcome.OK, False: Outcome.NOT_CONFIRMED}  # what the camera replies
 STUCK = Arrival('aborted', is_stuck=True)
+MISSED = Arrival(miss='0.39 m and 32 degrees')
 NEEDS_PERSON = Arrival('Nav2 sleeps', needs_person=True)
 
 
@@ -309,6 +310,14 @@ SCENARIOS = {
         {'tag_ids': 'a', 'drive_seconds': 1.0},
         'no-dock => a => driving a NAVIGATING',
     ),
+    'a robot that misses a pose tries the next one, and reads the tag from the last one': (
+        {'arrivals': [MISSED, MISSED, MISSED, Arrival()], 'poses': 2},
+        'answer 1 answer 1 => a a2 read a=OK@2 b b2 read b=OK@2 => done',
+    ),
+    'a robot that misses its only pose still asks the camera': (
+        {'arrivals': [MISSED], **CAMERA},
+        'unseen 1 seen => a confirm confirm read => inspecting a SCANNING',
+    ),
     'a failure that is final is not tried again': (
         {'arrivals': [Arrival('cut off', is_final=True)]},
         '=> a a=UNREACHABLE b read => inspecting b SCANNING',
@@ -489,6 +498,25 @@ def test_a_dock_that_is_not_reached_is_tried_again_and_then_a_warning(docks):
     assert world.summary == ('docked paused' if docks else 'done')
     assert world.trace[-2:] == ['dock', 'dock']
     assert ('the robot is not at the dock: the door is shut', Severity.WARN) in world.events
+
+
+def test_a_robot_that_stands_off_its_pose_or_its_dock_says_how_far():
+    off, settings = 'the robot stands 0.39 m and 32 degrees from its pose', replace(SETTINGS, max_attempts=1)
+    world = World('abc', poses=2, arrivals=[MISSED] * 7, settings=settings, **CAMERA, **DOCK)
+    world.play('seen answer 1 unseen 1 skip 0')
+    assert world.recorded == [
+        Observation('a', Outcome.OK, off, 2, reading('a'), seen=True, pose=2),
+        Observation(
+            'b', Outcome.NOT_CONFIRMED, f'pose 1: {off}; pose 2: not in view; {off}', 1, seen=False, pose=2
+        ),
+        Observation('c', Outcome.SKIPPED, f'pose 1: {off}; pose 2: skipped; {off}', 1, pose=2),
+    ]
+    warnings = [event for event, severity in world.events if severity is Severity.WARN]
+    assert warnings[:2] == [
+        f"tag 'a': UNREACHABLE {off}: trying pose 2 of 2",
+        f"tag 'a': {off}: inspecting the tag from there",
+    ]
+    assert warnings[-1] == 'the robot is not at the dock: it stands 0.39 m and 32 degrees from its pose there'
 
 
 def test_events_tell_what_happened_and_how_bad_it_is():

@@ -8,7 +8,8 @@ import uuid
 import pytest
 import rclpy
 from action_msgs.srv import CancelGoal
-from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
+from geometry_msgs.msg import PoseStamped
+from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_message
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
 from lupin_mission.drive import Arrival
 from lupin_mission.mission import Severity
@@ -39,7 +40,10 @@ class Trip:
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         settings = Settings(drive='nav2', nav_action_name=self.name, **options)
-        self.drive = Nav2Drive(node, settings, lambda *note: self.notes.append(note))
+        self.localized_pose = None  # a PoseStamped
+        self.drive = Nav2Drive(
+            node, settings, lambda *note: self.notes.append(note), lambda: self.localized_pose
+        )
         self.drive.goals.update(a=[PoseInPlane(1.0, 2.0, math.pi / 2)], b=[PoseInPlane(3.0, 4.0, 0.0)])
 
     def change_executor(self) -> None:
@@ -244,13 +248,51 @@ def test_a_drive_that_fails_where_it_began_is_stuck(trip, navigator, positions, 
     sent = trip.drive._sent
     moved_m = max((math.dist(positions[0], each) for each in positions), default=0.0)
     for position in positions:
-        navigator.tell_position(goal, *position)
+        navigator.tell_pose(goal, *position)
     trip.drive_until(lambda: bool(sent._start) == bool(positions) and sent._farthest_m >= moved_m)
     if how == 'abort':
         navigator.end(goal, how)
     else:
         trip.now_seconds = 60.0
     assert trip.arrival().is_stuck == is_stuck
+
+
+HERE_AND_NORTH = (1.0, 2.0, math.pi / 2)  # the pose of tag a
+OFF = (1.0, 2.389, math.pi / 2 - math.radians(32.0))
+
+
+@pytest.mark.parametrize(
+    ('told', 'frame_id', 'localized', 'localized_at_seconds', 'miss'),
+    [
+        (HERE_AND_NORTH, 'map', None, 0, ''),
+        ((1.0, 2.1, -1.5 * math.pi - 0.24), 'map', None, 0, ''),  # near enough
+        ((1.0, 2.12, math.pi / 2), 'map', None, 0, '0.12 m and 0 degrees'),
+        ((1.0, 2.0, math.pi / 2 - 0.27), 'map', None, 0, '0.00 m and 15 degrees'),
+        (OFF, 'map', None, 0, '0.39 m and 32 degrees'),
+        (OFF, 'odom', None, 0, ''),
+        (OFF, 'map', HERE_AND_NORTH, 101, ''),
+        (OFF, 'map', HERE_AND_NORTH, 99, '0.39 m and 32 degrees'),
+        (HERE_AND_NORTH, 'map', OFF, 101, '0.39 m and 32 degrees'),
+        (None, 'map', OFF, 99, ''),
+    ],
+)
+def test_a_drive_that_succeeded_elsewhere_tells_how_far_off_the_robot_stands(
+    trip, navigator, told, frame_id, localized, localized_at_seconds, miss
+):
+    if localized:
+        trip.localized_pose = PoseStamped(pose=pose_message(*localized))
+        trip.localized_pose.header.frame_id = 'map'
+        trip.localized_pose.header.stamp.sec = localized_at_seconds
+    trip.start('a')
+    goal = accepted(trip, navigator)
+    if told:
+        navigator.tell_pose(goal, *told, frame_id=frame_id)
+        trip.drive_until(lambda: trip.drive._sent.pose)
+    navigator.end(goal, 'succeed')
+    if miss:  # a newer pose may still come
+        trip.drive_until(lambda: trip.drive._sent.ended_at_seconds is not None)
+        trip.now_seconds += 1.0
+    assert trip.arrival() == Arrival(miss=miss)
 
 
 ABORTS = [

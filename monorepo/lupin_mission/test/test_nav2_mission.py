@@ -17,7 +17,7 @@ from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.simulator.layout import read_layout, shipped_file
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
 from lupin_greenhouse_bridge.testing._signals import SIGNALS
-from lupin_mission import planner
+from lupin_mission import nav2_drive, planner, sent_goal
 from lupin_mission.announcer import Announcer
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
@@ -281,6 +281,36 @@ def test_a_robot_looks_once_more_from_another_pose(start_mission, reader, confir
     assert [(row[0], row[-5:]) for row in table] == [
         (tag_id, ['yes', 'OK', 'from', 'pose', '2']) for tag_id in '71'
     ]
+
+
+def test_a_tag_that_is_read_from_elsewhere_says_how_far_from_its_pose(
+    start_mission, reader, navigator, twin, monkeypatch
+):
+    """Nav2's planner leads to the nearest free cell, and Nav2 reports success there."""
+    told, on_feedback = queue.SimpleQueue(), sent_goal.SentGoal._on_feedback
+
+    def record(self, message):
+        on_feedback(self, message)
+        told.put(message)
+
+    monkeypatch.setattr(sent_goal.SentGoal, '_on_feedback', record)
+    monkeypatch.setattr(nav2_drive, 'STATUS_SECONDS', 0.0)
+    subscriber, goals = twin(), goals_of(max_poses=2)[0]['1']
+    mission = start_mission(**{**NAV2, 'max_poses': 2}, tag_sequence='1')
+    for x, y, yaw in goals:
+        goal = navigator.accept()
+        navigator.tell_pose(goal, x, y + 0.389, yaw - math.radians(32.0))
+        told.get(timeout=PATIENCE_SECONDS)
+        navigator.end(goal, 'succeed')
+    reader.answer_ok(reader.wait_for_request(), co2=1.0)
+    assert mission.end() == 0
+    off = 'the robot stands 0.39 m and 32 degrees from its pose'
+    assert subscriber.wait_for().status_detail == f'read from pose 2; {off}'
+    assert [(each.outcome, each.detail) for each in mission.observations()] == [(Outcome.OK, off)]
+    assert any(line.endswith(f'OK from pose 2 {off}') for line in mission.log)
+    first, second = mission.warnings()
+    assert f"tag '1': UNREACHABLE {off}: trying pose 2 of 2" in first
+    assert f"tag '1': {off}: inspecting the tag from there" in second
 
 
 @pytest.fixture

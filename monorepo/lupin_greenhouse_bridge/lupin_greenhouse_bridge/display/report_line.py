@@ -57,7 +57,7 @@ class Observation:
 
     tag_id: str
     outcome: Outcome
-    detail: str  # why it failed; empty if OK
+    detail: str  # why it failed; if OK, how far from its pose the robot stood, or empty
     attempts: int  # number of requests, from all poses
     reading: Reading | None = None
     seen: bool | None = None  # by the camera; None if it was not asked
