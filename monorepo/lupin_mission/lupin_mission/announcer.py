@@ -67,8 +67,8 @@ class Announcer:
         self._progress.clear()
         self._node.get_logger().info(self._event)
 
-    def started(self, event: str) -> None:
-        """Log the start of a mission, and clear the error of the previous one."""
+    def begin_anew(self, event: str) -> None:
+        """Log the start of a mission or a reset, and clear the error of the previous mission."""
         self._failure = ''
         self._inform(event)
 

@@ -100,6 +100,7 @@ class MissionNode(Node):
         ):
             self.create_service(Trigger, f'mission/{name}', partial(self._trigger, operate))
         self.create_service(Trigger, 'mission/dock', self._dock)
+        self.create_service(Trigger, 'mission/reset', self._reset)
         # mission/start waits for the plan, and no other callback may wait for mission/start.
         own_group = MutuallyExclusiveCallbackGroup()
         self.create_service(StartMission, 'mission/start', self._start, callback_group=own_group)
@@ -120,7 +121,7 @@ class MissionNode(Node):
         return is_over and not self._settings.wait_for_start
 
     def is_idle(self) -> bool:
-        """Return True if the node still waits for its first mission/start."""
+        """Return True if the node waits for its first mission/start, or for one after a reset."""
         return self._settings.wait_for_start and self.current is None
 
     def _open_report(self, mission_id: str) -> Report | None:
@@ -233,7 +234,7 @@ class MissionNode(Node):
         if mission.state is State.DONE:  # somebody has aborted it while it was planned
             return
         count = f'{pluralized(len(to_visit), "tag")} to visit, {len(tag_ids) - len(to_visit)} read before'
-        self._announcer.started(f'{count}; report: {self._report.path if self._report else "none"}')
+        self._announcer.begin_anew(f'{count}; report: {self._report.path if self._report else "none"}')
         self._step()
 
     async def _plan(self, planner: Planner, mission: Mission) -> None:
@@ -351,12 +352,26 @@ class MissionNode(Node):
             response.message = 'heading to dock'
         elif state is State.READY:
             response.message = 'no mission runs: nothing moves'
-        elif state in (State.DOCKING, State.DOCKED, State.RETURNING):
-            response.message = 'already returning to dock'
         else:
-            reason = 'cannot dock in state DONE' if state is State.DONE else 'there is no dock: set dock_pose'
-            response.success, response.message = False, reason
+            response.success = False
+            if state in (State.DOCKING, State.DOCKED, State.RETURNING):
+                response.message = 'already returning to dock'
+            elif state is State.DONE:
+                response.message = 'cannot dock in state DONE'
+            else:
+                response.message = 'there is no dock: set dock_pose'
         self._step()
+        return response
+
+    def _reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Forget a mission whose report is lost, so that the state is READY again."""
+        self._step()  # It ends such a mission.
+        run = self.current
+        if self._settings.wait_for_start and run and run.fault and run.mission.state is State.DONE:
+            self.current = None
+            self._announcer.begin_anew('reset: ready for mission/start')
+            response.success = True
+        response.message = 'reset: done' if response.success else 'there is nothing to reset'
         return response
 
     async def _start(

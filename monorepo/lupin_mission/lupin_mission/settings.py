@@ -37,11 +37,16 @@ WITHOUT_EFFECT = (
     'discovery_goal',
     'dock_timeout_s',
     'exploration_timeout_s',
+    'frontier_free_thresh',
+    'frontier_min_cluster_cells',
+    'frontier_occupied_thresh',
+    'frontier_robot_radius_cells',
     'localization_covariance_threshold',
     'localization_timeout_s',
     'map_yaml_path',
     'monitoring_sweeps',
     'nav_localization_cov_threshold',
+    'seed_climate_on_discovery',
 )
 
 
@@ -168,7 +173,7 @@ class Settings:
         '', 'The file of register_layout: where the layout lies in the map; empty: at the origin of the map.'
     )
     tag_poses_in_map: str = _text_or_array(
-        '', 'true: publish the positions of the layout; false: those of perception or of the robot.'
+        '', 'Of a tag that perception has not found: true publishes its place in the layout, false the robot.'
     )
 
     def __post_init__(self) -> None:

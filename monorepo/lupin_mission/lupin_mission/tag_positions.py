@@ -1,4 +1,4 @@
-"""The positions of tags in the map: from the layout, from perception, or from the robot's own position."""
+"""The positions of tags in the map: from perception, from the layout, or from the robot's own position."""
 
 import math
 
@@ -13,7 +13,7 @@ class TagPositions:
     """
     Subscribes to `perception/discovered_tags` and to the pose of the robot.
 
-    The positions `in_layout`, x and y in the map by tag id, take precedence.
+    `in_layout` has the positions that perception may not know: x and y in the map by tag id.
     """
 
     def __init__(self, node: Node, frame_id: str, amcl_pose_topic: str = 'amcl_pose'):
@@ -34,10 +34,10 @@ class TagPositions:
 
     def position_of(self, tag_id: str) -> Point | None:
         """Return the position of a tag, or else of the robot at this tag; None if neither is known."""
-        if tag_id in self.in_layout:
-            x, y = self.in_layout[tag_id]
-            return Point(x=x, y=y)
-        return self._discovered.get(tag_id, self.robot_position)
+        if tag_id in self._discovered or tag_id not in self.in_layout:
+            return self._discovered.get(tag_id, self.robot_position)
+        x, y = self.in_layout[tag_id]
+        return Point(x=x, y=y)
 
     def _on_tags(self, message: DiscoveredTags) -> None:
         if message.header.frame_id == self._frame_id:

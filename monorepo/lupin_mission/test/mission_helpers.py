@@ -45,7 +45,7 @@ REAL = {'scan_timeout_s': 1.0, 'retry_delay_seconds': 0.0, 'max_attempts': 1000}
 TWIN_QOS = latched(50)  # reliable, as by default
 WEB_QOS = QoSProfile(depth=10)  # a web client has no durability
 SERVICES = {
-    **dict.fromkeys(['pause', 'resume', 'skip_current', 'abort', 'dock'], Trigger),
+    **dict.fromkeys(['pause', 'resume', 'skip_current', 'abort', 'dock', 'reset'], Trigger),
     'start': StartMission,
 }
 

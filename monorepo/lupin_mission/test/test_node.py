@@ -30,7 +30,17 @@ from rcl_interfaces.msg import ParameterValue
 from rclpy.executors import SingleThreadedExecutor
 
 OK = Outcome.OK
-OF_OTHER_MISSIONS = ('battery_low_threshold', 'battery_topic', 'discovered_tags_topic', 'monitoring_sweeps')
+OF_OTHER_MISSIONS = (
+    'battery_low_threshold',
+    'battery_topic',
+    'discovered_tags_topic',
+    'frontier_free_thresh',
+    'frontier_min_cluster_cells',
+    'frontier_occupied_thresh',
+    'frontier_robot_radius_cells',
+    'monitoring_sweeps',
+    'seed_climate_on_discovery',
+)
 # The start and the end of a run; the bridge's tests signal the same code in many more moments.
 MOMENTS = {
     'rclpy/node.py:__init__': 'signalled in',  # the start
@@ -348,7 +358,10 @@ def test_a_report_that_is_lost_ends_the_mission_with_its_table(
     assert [each.status for each in subscriber.received] == statuses[: len(subscriber.received)]
 
 
-def test_a_node_that_waits_for_its_start_survives_the_loss_of_a_report(start_waiting_mission, reader):
+@pytest.mark.parametrize('is_reset', [False, True])
+def test_a_node_that_waits_for_its_start_survives_the_loss_of_a_report(
+    start_waiting_mission, reader, is_reset
+):
     mission, operator = start_waiting_mission(**READER, tag_sequence='1 2')
     started = operator.start()
     reader.wait_for_request()
@@ -356,6 +369,10 @@ def test_a_node_that_waits_for_its_start_survives_the_loss_of_a_report(start_wai
     reader.answer_ok('1', co2=1.0)
     state = operator.wait_for(lifecycle_state='FAULT', targets_completed=1, targets_skipped=1)
     assert 'was deleted or replaced: start the mission again' in state.last_error
+    if is_reset:
+        assert operator.trigger('reset')
+        operator.wait_for(lifecycle_state='READY', last_error='', mission_id='')
+        assert not operator.trigger('reset')
     started = operator.start()
     for tag_id in '12':
         reader.answer_ok(tag_id, co2=1.0)

@@ -133,15 +133,16 @@ def test_the_place_is_the_tags_or_else_the_robots(stack):
     assert stack.place_of('8') == (5.0, 6.0)
 
 
-def test_the_place_in_a_registered_layout_comes_first(run_nodes, tmp_path, shipped_tags):
+def test_the_place_in_a_registered_layout_comes_after_that_of_perception(run_nodes, tmp_path, shipped_tags):
     transform = Transform(10.0, 20.0, math.pi / 2)
     write_transform(tmp_path / 'layout.yaml', transform)
     *_, node = run_nodes(PassiveObserver, layout_in_map=tmp_path / 'layout.yaml')
     stack = Stack(node)
     stack.stand(5.0, 6.0)
-    stack.discover('7', 3.0, 4.0)
     tag = shipped_tags['7']
     assert stack.place_of('7') == pytest.approx((10.0 - tag['y'], 20.0 + tag['x']))
+    stack.discover('7', 3.0, 4.0)
+    assert stack.place_of('7') == (3.0, 4.0)
     stack.discover('999', 3.0, 4.0)
     assert stack.place_of('999') == (3.0, 4.0)
     assert stack.place_of('888') == (5.0, 6.0)

@@ -331,8 +331,8 @@ def test_the_robot_docks_and_goes_on(start_waiting_mission, clock, reader):
     assert answers == [
         (True, 'no mission runs: nothing moves'),
         (True, 'heading to dock'),
-        (True, 'already returning to dock'),
-        (True, 'already returning to dock'),
+        (False, 'already returning to dock'),
+        (False, 'already returning to dock'),
         (False, 'cannot dock in state DONE'),
     ]
     assert mission.stop() == 0
