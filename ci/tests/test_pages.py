@@ -139,9 +139,8 @@ def test_the_thread_of_the_readme(copy):
     assert {row[:1] + row[2:5] for row in recorded} == reported
     assert f'{len(reported)} rows kept in readings.sqlite' in printed
     page = (copy / 'readings.html').read_text(encoding='utf-8')
-    data = json.loads(
-        re.search('<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)[1]
-    )
+    found = re.search('<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)[1]
+    (data,) = json.loads(found)['files']
     shown = {
         (tag['id'], sensor['name'].replace(' ', '_'), value)
         for tag in data['tags']
