@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""The bridge's five parameters: names, defaults, limits and descriptions."""
+"""The bridge's parameters: names, defaults, limits and descriptions."""
 
 import sys
 from dataclasses import dataclass

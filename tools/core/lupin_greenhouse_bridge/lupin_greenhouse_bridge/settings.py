@@ -1,4 +1,4 @@
-"""The bridge's five parameters: names, defaults, limits and descriptions."""
+"""The bridge's parameters: names, defaults, limits and descriptions."""
 
 import sys
 from dataclasses import dataclass
