@@ -202,6 +202,14 @@ def test_a_tag_without_a_pose_has_the_reason():
     assert set(found.poses) == {'0'}
 
 
+def test_room_for_an_arrival_counts_to_obstacles_that_are_far_from_the_tag():
+    """0.24 m ahead of the head-on pose is a post: its room would be 0.06 m, less than 0.02 m and 0.06 m."""
+    layout = layout_of((2.0, 1.0), bench=(1.0, 1.0, 3.0, 1.5), post=(1.95, 0.0, 2.05, 0.24))
+    pose = approaches_of(layout).poses['0']
+    to_post_m = math.hypot(max(pose.x - 2.05, 0.0), pose.y - 0.24)
+    assert to_post_m - 0.2 >= 0.08 - 1e-9
+
+
 def test_the_preferred_standoff_comes_before_the_smallest_angle():
     layout = layout_of((2.0, 1.0), table=(1.0, 1.0, 3.0, 1.5), ahead=(1.95, 0.2, 2.05, 0.5))
     pose = approaches_of(layout, 0.1).poses['0']

@@ -74,6 +74,16 @@ class ViewingLimits:
             )
 
     @property
+    def tight_m(self) -> float:
+        """With less room, a steeper view is better."""
+        return min(TIGHT_M, self.clearance_m)
+
+    @property
+    def room_for_arrival_m(self) -> float:
+        """With this room, the robot has its clearance, and is not tight where it may stop beside its pose."""
+        return max(self.clearance_m, self.tight_m + self.arrival_tolerance_m)
+
+    @property
     def steepest_rad(self) -> float:
         """The largest incidence angle where there is little room."""
         return max(self.largest_angle_rad, self.steepest_angle_rad)
@@ -154,9 +164,8 @@ def best_first(
     """
     is_steep = poses[:, 4] > limits.largest_angle_rad + EQUAL_M
     has_clearance = rooms_m >= limits.clearance_m - EQUAL_M
-    tight_m = min(TIGHT_M, limits.clearance_m)
-    is_tight = rooms_m < tight_m - EQUAL_M
-    enough_m = max(limits.clearance_m, tight_m + limits.arrival_tolerance_m)
+    is_tight = rooms_m < limits.tight_m - EQUAL_M
+    enough_m = limits.room_for_arrival_m
     is_close = rooms_m < enough_m - EQUAL_M
     allows_arrival = _allow_arrival(poses, limits)
     conditions = [is_tight, is_steep, ~has_clearance, ~allows_arrival, is_close]

@@ -214,7 +214,7 @@ class _Search:
     ) -> _View:
         """Return the best of some poses of a tag, an array (poses, 5), in a region and with this rank."""
         limits = self._limits
-        beyond_m = max(limits.robot_radius_m + limits.clearance_m, -limits.camera_offset_m)
+        beyond_m = max(limits.robot_radius_m + limits.room_for_arrival_m, -limits.camera_offset_m)
         around = self._obstacles.around(tag_id, float(poses[:, 3].max(initial=0.0)) + beyond_m)
         poses = poses[self._free_space.are_free(poses[:, :2])]
         if region is not None:
