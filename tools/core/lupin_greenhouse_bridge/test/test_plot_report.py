@@ -1,5 +1,6 @@
 """The picture of the readings in a file."""
 
+import importlib.util
 import itertools
 import json
 import os
@@ -17,9 +18,14 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.recording.store import open_store
 
-MISSING = 'matplotlib, which draws the picture, is missing: sudo apt install python3-matplotlib'
-Figure = pytest.importorskip('matplotlib.figure', reason=MISSING).Figure
-Text = pytest.importorskip('matplotlib.text', reason=MISSING).Text
+# Not importorskip, which ends the import of the module: launch_testing imports every test module.
+HAS_MATPLOTLIB = importlib.util.find_spec('matplotlib') is not None
+pytestmark = pytest.mark.skipif(
+    not HAS_MATPLOTLIB,
+    reason='matplotlib, which draws the picture, is missing: sudo apt install python3-matplotlib',
+)
+Figure = importlib.import_module('matplotlib.figure').Figure if HAS_MATPLOTLIB else None
+Text = importlib.import_module('matplotlib.text').Text if HAS_MATPLOTLIB else None
 
 
 @pytest.fixture
