@@ -19,6 +19,11 @@ UNKNOWN := $(foreach each,$(.VARIABLES),$(if $(findstring command line,$(origin 
 ifneq ($(strip $(UNKNOWN)),)
 $(error there is no variable $(strip $(UNKNOWN)): the variables are $(VARIABLES))
 endif
+# make page readings.sqlite: a file of this name is no target that is up to date.
+FILES := $(wildcard $(filter-out $(TARGETS),$(MAKECMDGOALS)))
+ifneq ($(strip $(FILES)),)
+$(error there is no target $(FILES), which is a file: write FILE=$(FILES))
+endif
 ifeq ($(filter $(TREE),$(TREES)),)
 $(error TREE=$(TREE) is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros)
 endif
@@ -26,7 +31,7 @@ ifeq ($(filter $(DISTRO),kilted jazzy),)
 $(error DISTRO=$(DISTRO) has no wheels: set DISTRO=kilted or DISTRO=jazzy)
 endif
 # DRIVE=0 is off, as DRIVE= is.
-$(foreach each,$(SWITCHES),$(eval override $(each) := $(filter-out 0 no off false,$($(each)))))
+$(foreach each,$(SWITCHES),$(eval override $(each) := $(filter-out 0 no No NO off Off OFF false False FALSE,$($(each)))))
 override VENV := $(if $(filter /%,$(VENV)),$(VENV),$(CURDIR)/$(VENV))
 export TREE VENV
 SHELL := bash

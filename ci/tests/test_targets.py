@@ -87,6 +87,7 @@ def test_a_file_that_is_not_there_is_named_before_anything_is_built():
         (['red'], 'there is no target red: the targets are help run smoke read '),
         (['read', 'tag=7'], 'there is no variable tag: the variables are TREE DISTRO '),
         (['read', 'tag=7', 'Args='], 'there is no variable '),
+        (['page', 'README.md'], 'there is no target README.md, which is a file: write FILE=README.md'),
     ],
 )
 def test_a_target_or_variable_that_there_is_not_is_named_with_those_that_there_are(words, said):
@@ -95,7 +96,7 @@ def test_a_target_or_variable_that_there_is_not_is_named_with_those_that_there_a
     assert said in result.stderr.splitlines()[0]
 
 
-@pytest.mark.parametrize('off', ['0', 'no', 'off', 'false', ''])
+@pytest.mark.parametrize('off', ['0', 'no', 'off', 'False', ''])
 def test_a_switch_is_off_with_0_and_on_with_1(off):
     switches = ('DRIVE', 'CAMERA', 'WORLD')
     shown = make('mission', '--dry-run', *(f'{each}={off}' for each in switches)).stdout
