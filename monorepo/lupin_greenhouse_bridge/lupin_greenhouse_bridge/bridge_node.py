@@ -43,6 +43,7 @@ class GreenhouseBridgeNode(Node):
         )
         for warning in greenhouse.warnings:
             self.get_logger().warning(warning)
+        self._wall_clock = Clock()  # the node's own clock follows /clock with use_sim_time
         self._sim = greenhouse.sim
         self._tag_set = frozenset(greenhouse.tag_ids)
         descriptor = ParameterDescriptor(
@@ -73,7 +74,7 @@ class GreenhouseBridgeNode(Node):
             self.get_logger().warning(response.error_message, throttle_duration_sec=LOG_EVERY_SECONDS)
             return response
         try:
-            stamp = Clock().now().to_msg()  # wall time, also with use_sim_time
+            stamp = self._wall_clock.now().to_msg()
             sim_time, values = simulation.read(self._sim, tag_id)
         except simulation.ReadingError as error:
             response.status = response.STATUS_SIMULATOR_ERROR
