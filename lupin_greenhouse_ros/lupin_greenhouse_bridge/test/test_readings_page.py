@@ -273,6 +273,17 @@ def test_tags_outside_the_walls_are_named(recording, capsys):
     assert problem in capsys.readouterr().err
 
 
+def test_a_value_that_another_one_hides_is_said(recording, capsys):
+    path = recording('readings.csv', [400.0])
+    (row,) = path.read_text(encoding='utf-8').splitlines()[1:]
+    with path.open('a', encoding='utf-8') as file:
+        file.write(f'{row}\n{row.replace("400", "500")}\n')  # the same row is no other value
+    (tag,) = (each for each in shown(path)['tags'] if each['id'] == 'a1')
+    assert tag['values'] == [500.0]
+    hidden = '1 value with the stamp, tag and sensor of another value: the last one is shown'
+    assert f'readings_page: {path}: {hidden}' in capsys.readouterr().err.splitlines()
+
+
 def test_positions_of_another_greenhouse_are_refused(tmp_path, recording, capsys):
     tags = {'a1': {'x': 1.0, 'y': 2.5, 'sensors': ['co2']}}
     tag_file = tmp_path / 'tags.json'

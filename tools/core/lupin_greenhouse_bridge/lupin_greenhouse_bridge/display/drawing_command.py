@@ -17,7 +17,7 @@ from lupin_greenhouse_bridge.display.summary import tags_text
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, parse_rows, with_places
-from lupin_greenhouse_bridge.recording.rows import Row
+from lupin_greenhouse_bridge.recording.rows import Row, key_of
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order, require_layout
 from lupin_greenhouse_bridge.units import sensor_order
@@ -156,13 +156,17 @@ def _names_of(paths: list[Path]) -> list[str]:
 
 
 def _read_recording(path: Path, name: str, options: argparse.Namespace) -> Recording:
-    """Return a file with its greenhouse; warn of tags outside the walls."""
+    """Return a file with its greenhouse; warn of values that hide one another, and tags outside the walls."""
     companions = {}
     for option, ending in COMPANION_ENDINGS.items():
         companion = path.parent / f'{path.stem}{ending}'
         companions[option] = getattr(options, option) or str(companion if companion.is_file() else '')
     sim_config_file = companions['sim_config_file']
     file = read_file(path, companions['tag_file'])
+    rows = {key_of(row) for row in file.rows}
+    if hidden := len(rows) - len({each[:3] for each in rows}):
+        problem = f'{path}: {pluralized(hidden, "value")} with the stamp, tag and sensor of another value'
+        print(f'{options.prog}: {problem}: the last one is shown', file=sys.stderr)
     layout = _layout_of(path, file, companions['tag_file'])
     walls = find_walls(layout, sim_config_file, options.walls)
     if max(map(abs, walls)) > LARGEST_M:
