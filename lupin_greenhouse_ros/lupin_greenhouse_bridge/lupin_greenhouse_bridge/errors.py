@@ -1,7 +1,9 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Errors for the person who reads the log: one line each."""
 
+import difflib
 import re
+from collections.abc import Iterable
 
 
 class OneLineError(Exception):
@@ -21,6 +23,13 @@ class UsageError(OneLineError):
 
 class Interrupted(Exception):
     """Ctrl-C or SIGTERM ended a command before it was done."""
+
+
+def refuse_typo(name: str, missing: Iterable[str], what: str) -> None:
+    """Raise a StartUpError that begins with `what` if an unknown name resembles one that is missing."""
+    written = name.lower().replace('-', '_')
+    for meant in difflib.get_close_matches(written, missing, n=1, cutoff=0.8):
+        raise StartUpError(f'{what} {escaped(name, 60)} is unknown: did you mean {meant}?')
 
 
 def escaped(text: str, longest: int) -> str:

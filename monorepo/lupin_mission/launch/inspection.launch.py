@@ -30,7 +30,7 @@ def generate_launch_description():
                 OnProcessExit(on_exit=Shutdown(reason='a node of the inspection has ended'))
             ),
             _included('lupin_greenhouse_bridge', 'greenhouse_bridge.launch.py'),
-            DeclareLaunchArgument(CAMERA, default_value='false'),
+            DeclareLaunchArgument(CAMERA, default_value='false', choices=['true', 'false', 'True', 'False']),
             _included(
                 'lupin_tag_confirmation', 'confirm_tag.launch.py', IfCondition(LaunchConfiguration(CAMERA))
             ),

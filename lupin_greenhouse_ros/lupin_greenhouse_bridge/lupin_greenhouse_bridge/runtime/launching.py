@@ -13,6 +13,7 @@ from launch.utilities.type_utils import coerce_to_type
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
+from lupin_greenhouse_bridge.errors import refuse_typo
 from lupin_greenhouse_bridge.runtime.parameters import WANTED, default_text, parameter
 
 
@@ -68,6 +69,9 @@ def node_with_arguments(
         params_file = own['params_file']
         if params_file and not os.path.isfile(params_file):
             raise FileNotFoundError(f"params_file '{params_file}' is not a file: name a YAML file")
+        missing = [each.name for each in parameters if each.name not in given]
+        for name in given.difference(kinds, own):
+            refuse_typo(name, missing, 'argument')
         for each in parameters:
             _check_type(each, LaunchConfiguration(each.name).perform(context))
         forwarded = {

@@ -5,7 +5,7 @@ from collections.abc import Collection
 from dataclasses import Field, field, fields
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, refuse_typo
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterDescriptor
@@ -65,8 +65,8 @@ def declare_parameters(
     """
     Declare every field of a settings dataclass as a read-only parameter; return the settings.
 
-    Logs a warning for each parameter that the node does not have, because ROS ignores them silently. Logs one
-    line with the parameters that are known to have no effect. Raises the StartUpError of the dataclass.
+    Logs one line with the parameters that are known to have no effect. Raises the StartUpError of the
+    dataclass and of check_names.
     """
     from rcl_interfaces.msg import ParameterDescriptor
 
@@ -76,7 +76,7 @@ def declare_parameters(
         # The dataclass checks types and ranges. ROS would refuse 3600 for a double.
         unchecked = ParameterDescriptor(dynamic_typing=True)
         values[each.name] = node.declare_parameter(each.name, each.default, unchecked).value
-    log_ignored_parameters(node, without_effect)
+    check_names(node, without_effect)
     settings = settings_type(**values)
     for each in parameters:
         node.set_descriptor(each.name, _descriptor(each))
@@ -98,16 +98,24 @@ def _descriptor(parameter: 'Field[Any]') -> 'ParameterDescriptor':
     return descriptor
 
 
-def log_ignored_parameters(node: 'Node', without_effect: Collection[str] = ()) -> None:
-    """Log a warning for each parameter that is set but unknown, and one line for those `without_effect`."""
+def check_names(node: 'Node', without_effect: Collection[str] = ()) -> None:
+    """
+    Warn of each parameter that is set but unknown, because ROS ignores it silently.
+
+    Logs one line for those `without_effect`. Raises StartUpError for a name that resembles a parameter which
+    is not set.
+    """
     from lupin_greenhouse_bridge.runtime.rclpy_internals import parameter_overrides
 
-    unknown = [name for name in parameter_overrides(node) if not node.has_parameter(name)]
+    given = parameter_overrides(node)
+    unknown = [name for name in given if not node.has_parameter(name)]
+    missing = node.get_parameters_by_prefix('').keys() - given
     if unused := [name for name in without_effect if name in unknown]:
         node.get_logger().info(f'without effect in this node: {", ".join(unused)}')
     for name in unknown:
         if name not in without_effect:
-            node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored')
+            refuse_typo(name, missing, 'parameter')
+            node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored: see --help')
 
 
 def default_text(parameter: 'Field[Any]') -> str:

@@ -235,14 +235,17 @@ def test_a_reader_that_closes_the_pipe_ends_the_watch(noon_bridge):
         (['1', '--json', '--csv'], 'argument --csv: not allowed with argument --json'),
         (['1', '--count', '2'], 'read_tag: --count needs --watch SECONDS'),
         (['1', '--watch', '1', '--count', '0'], "'0' is not a number of rounds above 0"),
-        (['1', '--ros-args', '-r', 'a:=b', '--timeout', '1'], CANNOT_BE_PARSED),
+        (
+            ['1', '--ros-args', '-r', 'a:=b', '--timeout', '1'],
+            "read_tag: '--timeout' is no ROS argument: write",
+        ),
         (['--service', 'a b', '1'], "read_tag: 'a b' is not a service name: "),
         (
             ['1', '--ros-args', '-p', 'x:=[1'],
             'read_tag: -p x:=[1: ROS reads each value as YAML: quote it once',
         ),
         (['no UTF-8: \udcff'], CANNOT_BE_PARSED),
-        (['1', '--ros-args', '-r', '__node:=a b'], 'read_tag: the ROS arguments '),
+        (['1', '--ros-args', '-r', '__node:=a b'], "read_tag: ROS cannot rename by '__node:=a b': write"),
         *(
             (['1', '--timeout', text], f"argument --timeout: '{text}' is not a number of seconds above 0")
             for text in ('soon', '0', 'nan', '-1', 'inf')

@@ -11,7 +11,7 @@ import yaml
 from ament_index_python.packages import get_package_share_path
 from conftest import TAKES_TAG_FILES
 from greenhouse_sim.simulator import GreenhouseSimulator
-from lupin_greenhouse_bridge import settings
+from lupin_greenhouse_bridge import bridge_node, settings
 from lupin_greenhouse_bridge.display import show_readings
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.reading import read_on_sight
@@ -142,6 +142,25 @@ def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
         (['--log-level', 'loud'], {}, '--log-level loud: must be debug, info, warn, error or fatal'),
         (['-p', 'debug_seed=42'], {}, "'debug_seed=42' sets no parameter: write debug_seed:=42"),
         (['debug_seed:=42'], {}, "'debug_seed:=42' lacks its -p: write -p debug_seed:=42"),
+        (['-p', 'debug_seed:=', '-p', '42'], {}, "'debug_seed:=' sets no parameter: write debug_seed:=42"),
+        (['-p', 'debug-seed', ':=', '42'], {}, "'debug-seed' sets no parameter: write debug_seed:=42"),
+        (['-p', 'debug_seed:42'], {}, "'debug_seed:42' sets no parameter: write debug_seed:=42, without"),
+        (['-p', 'debug_seed := 42'], {}, "'debug_seed := 42' sets no parameter: write debug_seed:=42"),
+        (['-p', '42', '-p', 'debug_seed:=1'], {}, "'42' sets no parameter: write NAME:=VALUE, without"),
+        (
+            ['-p', '-p', '-p', 'debug_seed:=1'],
+            {},
+            "'-p' sets no parameter: leave it out, and write NAME:=VALUE",
+        ),
+        (['-p', 'x:=[1,', '2]'], {}, '-p "x:=\'[1,\'"; a list has no spaces'),
+        (['-p'], {}, '-p has no value: write one after it, like -p name:=value'),
+        (['-r', 'a', 'b'], {}, "ROS cannot rename by 'a': write FROM:=TO, like -r __ns:=/robot1"),
+        (
+            ['--seed', '42'],
+            {},
+            "'--seed' is no ROS argument: write it before --ros-args, or a parameter as -p",
+        ),
+        (['-p', 'debug_sed:=42'], {}, 'parameter debug_sed is unknown: did you mean debug_seed?'),
         (['-p', 'tag_file:={id:03d}'], {}, 'such as -p "tag_file:=\'{id:03d}\'"'),
         ([], {'ROS_DOMAIN_ID': 'abc'}, "ROS_DOMAIN_ID is 'abc': must be a whole number from 0 to 232"),
         ([], {'ROS_DOMAIN_ID': '233'}, "ROS_DOMAIN_ID is '233': must be a whole number from 0 to 232"),
@@ -151,7 +170,16 @@ def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
 def test_what_keeps_ros_from_starting_is_told_apart(bridge_here, monkeypatch, arguments, environment, fault):
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
-    assert fault in bridge_here(*arguments).refusal
+    ended = bridge_here(*arguments)
+    assert fault in ended.refusal
+    assert ended.err.count('\n') == 1
+
+
+@pytest.mark.parametrize('arguments', [('--ros-args', '-p', '--help'), ('--ros-args', '-h'), ('--help',)])
+def test_help_may_come_after_the_ros_arguments(run_here, arguments):
+    ended = run_here(bridge_node.main, *arguments)
+    assert (ended.code, ended.err) == (0, '')
+    assert '\n  debug_seed ' in ended.out
 
 
 @pytest.mark.parametrize('namespace', ['/', '/robot1/left'])
@@ -207,6 +235,7 @@ def test_launch_forwards_what_is_set_with_the_type_of_the_node(launched):
         ('params_file', '/missing.yaml', "params_file '/missing.yaml' is not a file: name a YAML file"),
         ('speedup_factor', 'abc', 'abc cannot be used: must be a number, such as speedup_factor:=0.0'),
         ('debug_seed', '1.0', '1.0 cannot be used: must be a whole number, such as debug_seed:=-1'),
+        ('debug_sed', '42', 'argument debug_sed is unknown: did you mean debug_seed?'),
     ],
 )
 def test_launch_names_an_argument_that_cannot_be_used(launched, caplog, argument, value, fault):
@@ -231,12 +260,14 @@ def test_each_parameter_has_its_type_and_its_limits(node):
     check_settings(node.Settings)
 
 
-def test_a_mistyped_parameter_is_named_and_changes_nothing(bridge_here):
-    ended = bridge_here(debug_sed=42, use_sim_time='false')
+def test_an_unknown_parameter_is_named_and_changes_nothing(bridge_here):
+    ended = bridge_here(seed=42, use_sim_time='false', debug_sed=7, debug_seed=42)
     assert ended.code == 0
     assert 'ready: ' in ended.err
-    (warning,) = [line for line in ended.err.splitlines() if '[WARN]' in line]
-    assert 'parameter debug_sed is unknown and ignored' in warning
+    warnings = [line.partition(': ')[2] for line in ended.err.splitlines() if '[WARN]' in line]
+    assert warnings == [
+        f'parameter {name} is unknown and ignored: see --help' for name in ('seed', 'debug_sed')
+    ]
 
 
 @pytest.mark.parametrize('version', ['1.0.6', '1.0.7rc1', 'not a version'])

@@ -32,7 +32,7 @@ from lupin_greenhouse_bridge.reading.table import Csv, Json, Table
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import discovery_settings, duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.output import ProgressLine
-from lupin_greenhouse_bridge.runtime.parameters import log_ignored_parameters
+from lupin_greenhouse_bridge.runtime.parameters import check_names
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator.layout import find_places, natural_order
 
@@ -52,7 +52,7 @@ def main(args: list[str] | None = None) -> int:
             if options.count is not None and options.watch is None:
                 raise UsageError('--count needs --watch SECONDS')
             node = _node_in(executor)
-            log_ignored_parameters(node)
+            check_names(node)
             return _read(node, Client(executor, node, options.timeout), options)
     except Interrupted:
         return INTERRUPTED

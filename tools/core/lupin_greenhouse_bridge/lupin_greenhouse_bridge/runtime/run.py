@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
 from types import ModuleType
 from typing import Any
@@ -20,7 +20,7 @@ from typing import Any
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import Executor, SingleThreadedExecutor
-from rclpy.logging import get_logger
+from rclpy.logging import get_logger, get_logger_effective_level, set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -30,7 +30,7 @@ from lupin_greenhouse_bridge.runtime.graph import namesake_warning
 from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.parameters import default_text
 from lupin_greenhouse_bridge.runtime.process import security_problem
-from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
+from lupin_greenhouse_bridge.runtime.rclpy_internals import LoggingSeverity, RCLError
 
 LOOK_EVERY_SECONDS = 5.0  # for another node of the same name
 LARGEST_DOMAIN_ID = 232  # for a larger one, Fast DDS ends the process
@@ -39,11 +39,12 @@ START_FAULTS = {
     r"params file: '--params-file (.*?)'\. Error: (.*?), at ": (
         "parameter file '{}' cannot be read ({}): name a YAML file with ros__parameters"
     ),
-    r"rule: '-p ([\w.]+)=(.*?)'": "'{0}={1}' sets no parameter: write {0}:={1}",
-    r"rule: '-p ([\w.]+):=(.*?)'": (
-        '-p {0}:={1}: ROS reads each value as YAML: quote it once more, such as -p "{0}:=\'{1}\'"'
-    ),
+    r"remap rule: '-\S+ (.*?)'\. Error": "ROS cannot rename by '{}': write FROM:=TO, like -r __ns:=/robot1",
+    r'trailing (\S+) flag': '{} has no value: write one after it, like -p name:=value or -r __ns:=/robot1',
     r"\['([\w.]+:=.*?)'": "'{0}' lacks its -p: write -p {0}",
+    r"^[^']*\['(.*?)'[,\]]": (
+        "'{}' is no ROS argument: write it before --ros-args, or a parameter as -p name:=value"
+    ),
     r"log level: '--log-level (.*?)'": '--log-level {}: must be debug, info, warn, error or fatal',
     'logging directory|log directory': (
         'ROS cannot make a folder for its logs: set ROS_LOG_DIR to a folder that you can write to'
@@ -72,7 +73,7 @@ def run(
     try:
         words = sys.argv if args is None else args
         own = list(itertools.takewhile(lambda word: word != '--ros-args', words))[1:]
-        if '--help' in own or '-h' in own:
+        if '--help' in words or '-h' in words:
             print_line(help_text(sys.modules[create_node.__module__]))
             return 0
         if own:
@@ -108,9 +109,10 @@ def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
             f'ROS_DOMAIN_ID is {domain_id!r}: must be a whole number from 0 to {LARGEST_DOMAIN_ID}'
         )
     try:
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        with _without_log_of_rcl():
+            rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     except (RuntimeError, UnicodeEncodeError) as error:  # the latter: bytes that are not UTF-8
-        raise StartUpError(_cause(str(error))) from error
+        raise StartUpError(_cause(str(error), sys.argv if args is None else args)) from error
     try:
         executor = SingleThreadedExecutor()
         try:
@@ -128,13 +130,45 @@ def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
             signal.signal(number, signal.SIG_IGN)
 
 
-def _cause(error: str) -> str:
-    """Return what to change after an error of rclpy.init."""
+@contextlib.contextmanager
+def _without_log_of_rcl() -> Iterator[None]:
+    """Hide what rcl logs while ROS starts, because the exception says it too."""
+    set_logger_level('rcl', LoggingSeverity.FATAL)
+    try:
+        yield
+    finally:
+        if get_logger_effective_level('rcl') == LoggingSeverity.FATAL:  # else --log-level has set another
+            set_logger_level('rcl', LoggingSeverity.UNSET)
+
+
+def _cause(error: str, words: Sequence[str]) -> str:
+    """Return what to change in the words of the command line after an error of rclpy.init."""
+    if found := re.search(r"override rule: '-\S+ (.*?)'\. Error", error):
+        return _fault_of_rule(found[1], words)
     for pattern, cause in START_FAULTS.items():
         if found := re.search(pattern, error):
             return cause.format(*found.groups())
     problem = 'the ROS arguments cannot be parsed (put other arguments before --ros-args)'
     return f'{security_problem() or problem}: {error}'
+
+
+def _fault_of_rule(rule: str, words: Sequence[str]) -> str:
+    """Return what is wrong with a parameter on the command line, and what to write."""
+    if rule.startswith('-'):
+        return f"'{rule}' sets no parameter: leave it out, and write NAME:=VALUE"
+    separator = r'\s*:=\s*' if ':=' in rule else r'\s*[:=]+\s*'
+    name, value = [*re.split(separator, rule, maxsplit=1), ''][:2]
+    if value and rule == f'{name}:={value}' and re.fullmatch(r'[A-Za-z][\w.:/]*', name):
+        quoted, spaces = f'"{name}:=\'{value}\'"', '; a list has no spaces' if value.startswith('[') else ''
+        return f'-p {rule}: ROS reads each value as YAML: quote it once more, such as -p {quoted}{spaces}'
+    if not value:  # it is one of the next words
+        following = itertools.takewhile(
+            lambda word: not re.search(r'\w:=', word), words[words.index(rule) + 1 :]
+        )
+        values = [word.strip(':=') for word in following if word != '-p']
+        value = next(filter(None, values), 'VALUE')
+    name = name.replace('-', '_') if re.fullmatch(r'[A-Za-z][\w.-]*', name) else 'NAME'
+    return f"'{rule}' sets no parameter: write {name}:={value}, without spaces"
 
 
 @contextlib.contextmanager

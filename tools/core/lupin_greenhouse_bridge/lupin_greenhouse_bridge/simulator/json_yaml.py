@@ -1,7 +1,6 @@
 """Read JSON and YAML files, and check their values. Each StartUpError names the file and the place in it."""
 
 import datetime
-import difflib
 import json
 import math
 import os
@@ -12,7 +11,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, refuse_typo
 
 LARGEST_YAML_BYTES = 2**20  # PyYAML takes seconds for a megabyte
 LARGEST_YAML_VALUES = 100_000  # after its aliases are expanded
@@ -89,9 +88,8 @@ def unknown_keys(mapping: Mapping[Any, Any], known: Collection[str], where: str)
     missing = [key for key in known if key not in mapping]
     unknown = [key for key in mapping if key not in known]
     for key in unknown:
-        written = key.lower().replace('-', '_') if isinstance(key, str) else ''
-        if similar := difflib.get_close_matches(written, missing, n=1, cutoff=0.8):
-            raise StartUpError(f'{where}: {escaped(key, 60)} is unknown: did you mean {similar[0]}?')
+        if isinstance(key, str):
+            refuse_typo(key, missing, f'{where}:')
     return [escaped(key, 60) if isinstance(key, str) else start_of(key) for key in unknown]
 
 
