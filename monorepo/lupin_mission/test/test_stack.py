@@ -477,9 +477,10 @@ def test_a_mission_without_a_subscriber_starts_after_its_patience(start_mission,
 
 def test_every_topic_has_the_qos_of_its_page(run_nodes):
     page = Path(__file__).resolve().parent.parent / 'doc/interface.md'
-    rows = re.findall(
-        r'^\| `(/\S+)` \| (.*) \| (.*) \| (.*) \| (\d+) \|$', page.read_text('utf-8'), re.MULTILINE
+    groups = re.findall(
+        r'^\| (`/.*`) \| (.*) \| (.*) \| (.*) \| (\d+) \|$', page.read_text('utf-8'), re.MULTILINE
     )
+    rows = [(topic, *qos) for topics, *qos in groups for topic in re.findall(r'[/\w]+', topics)]
     node, *_ = run_nodes(MissionNode)
     found = []
     for direction, ends in (('publishes', node.publishers), ('subscribes', node.subscriptions)):
