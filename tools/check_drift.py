@@ -40,8 +40,15 @@ MIRROR_ALONE = {
     'lupin_msgs/CMakeLists.txt', 'lupin_msgs/package.xml', 'pixi.toml', 'rosdep.yaml',
 }  # fmt: skip
 
-IGNORE_MARKERS = {'AMENT_IGNORE', 'CATKIN_IGNORE', 'COLCON_IGNORE'}  # each hides its folder from colcon
-
+HIDES_ITS_FOLDER_FROM_COLCON = re.compile('(AMENT|CATKIN|COLCON)_IGNORE')
+# What is compared of each tree, with the folders that could be symlinks.
+COMPARED = {
+    'monorepo': re.compile(
+        rf'{BRIDGE}(/.*)?|lupin_msgs(/msg|/srv|/{"|/".join(INTERFACES)})?'
+        rf'|(lupin_msgs/)?{HIDES_ITS_FOLDER_FROM_COLCON.pattern}'
+    ),
+    'mirror': re.compile('.*'),
+}
 # Files that tools leave in a checkout. They are compared only if git tracks them.
 LEFT_BY_TOOLS = re.compile(
     r'(lupin_\w+/)?(build|install|log)/.*|(.*/)?([^/]+\.(pyc|swp)|[^/]*~|\.DS_Store|pixi\.lock)'
@@ -75,43 +82,23 @@ class Tree:
     """The compared files of one tree, by their name in the monorepo."""
 
     def __init__(self, name: str, root: Path):
-        """Read the tree; raises CannotCompareError, OSError."""
+        """List the files; raises CannotCompareError."""
         self.name = name
         self.root = root
         for path in (MSGS[name], NODE_FILE):
             if not (root / path).exists():
                 raise CannotCompareError(f'{root}: has no {path}: is it the {name}?')
-        paths = self._listed()
-        with_folders = {each for path in paths for each in (path, *path.parents) if root in each.parents}
-        self.symlinks = sorted(path for path in with_folders if path.is_symlink())
-        self.files = {
-            path.relative_to(root).as_posix().replace(MSGS[name], MSGS['monorepo']): path
-            for path in paths
-            if path.is_file()
-        }
-        self.contents = {name: path.read_bytes() for name, path in self.files.items()}
-
-    def _listed(self) -> list[Path]:
-        """Return all paths of the mirror; in the monorepo, those of the bridge and of the contract."""
-        messages, bridge = self.root / MSGS[self.name], self.root / BRIDGE
-        # rglob() follows only the symlink that it starts at, so it starts at each package.
-        paths = set(bridge.rglob('*'))
-        if self.name == 'mirror':
-            paths.update(self.root.rglob('*'), messages.rglob('*'))
-        else:
-            paths.update(messages / interface for interface in INTERFACES)
-            paths.update(folder / marker for folder in (self.root, messages) for marker in IGNORE_MARKERS)
-        tracked = tracked_files(self.root)
-        return [path for path in sorted(paths) if self._is_compared(path, tracked)]
-
-    def _is_compared(self, path: Path, tracked: set[str]) -> bool:
-        name = path.relative_to(self.root).as_posix()
-        is_wanted = name in tracked or not LEFT_BY_TOOLS.fullmatch(name)
-        return is_wanted and (path.is_symlink() or path.is_file())
+        tracked = tracked_files(root)
+        self.files: dict[str, Path] = {}
+        for path in sorted(root.rglob('*')):  # which follows no symlinks
+            own_name = path.relative_to(root).as_posix()
+            is_wanted = own_name in tracked or not LEFT_BY_TOOLS.fullmatch(own_name)
+            if is_wanted and COMPARED[name].fullmatch(own_name) and (path.is_symlink() or path.is_file()):
+                self.files[own_name.replace(MSGS[name], MSGS['monorepo'])] = path
 
     def text(self, name: str) -> str:
-        """Return a file as text."""
-        return self.contents[name].decode(errors='surrogateescape')
+        """Return a file as text; raises OSError."""
+        return self.files[name].read_bytes().decode(errors='surrogateescape')
 
 
 def tracked_files(root: Path) -> set[str]:
@@ -124,25 +111,28 @@ def tracked_files(root: Path) -> set[str]:
 
 
 def compare(monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
-    """Yield every drift between two trees."""
+    """Yield every drift between two trees; only the symlinks if there are any. Raises OSError."""
+    paths = [*monorepo.files.values(), *mirror.files.values()]
+    symlinks = [path for path in paths if path.is_symlink()]
+    for path in symlinks:
+        yield Finding('symlink', path, f'is a symlink to {path.readlink()}: put a plain file or folder there')
+    if symlinks:
+        return
+    for path in paths:
+        if HIDES_ITS_FOLDER_FROM_COLCON.fullmatch(path.name) and path != mirror.root / 'COLCON_IGNORE':
+            yield Finding('COLCON_IGNORE', path, 'hides packages from colcon: delete it')
+    if 'COLCON_IGNORE' in mirror.files and mirror.text('COLCON_IGNORE'):
+        message = 'is not empty: an empty one keeps a clone out of the workspace of the monorepo'
+        yield Finding('COLCON_IGNORE', mirror.files['COLCON_IGNORE'], message)
+    for name in sorted(MIRROR_ALONE - mirror.files.keys()):
+        path = mirror.root / name.replace(MSGS['monorepo'], MSGS['mirror'])
+        yield Finding('missing', path, 'is missing; the mirror keeps it by hand: put it back')
     for tree, other in ((monorepo, mirror), (mirror, monorepo)):
-        for path in tree.symlinks:
-            message = f'is a symlink to {path.readlink()}: put a plain file or folder there'
-            yield Finding('symlink', path, message)
-        for path in tree.files.values():
-            if path.name in IGNORE_MARKERS and path != mirror.root / 'COLCON_IGNORE':
-                yield Finding('COLCON_IGNORE', path, 'hides packages from colcon: delete it')
         yield from _left_over_names(tree, MSGS[other.name])
         yield from _divergence(tree)
         for name in sorted(tree.files.keys() - other.files.keys() - MIRROR_ALONE):
             message = f'only the {tree.name} has this file, and it is not on the list of own files'
             yield Finding('only one side', tree.files[name], message)
-    for name in sorted(MIRROR_ALONE - mirror.files.keys()):
-        path = mirror.root / name.replace(MSGS['monorepo'], MSGS['mirror'])
-        yield Finding('missing', path, 'is missing; the mirror keeps it by hand: put it back')
-    if mirror.contents.get('COLCON_IGNORE'):
-        message = 'is not empty: an empty one keeps a clone out of the workspace of the monorepo'
-        yield Finding('COLCON_IGNORE', mirror.files['COLCON_IGNORE'], message)
     for name in sorted(monorepo.files.keys() & mirror.files.keys()):
         yield from _difference(name, monorepo, mirror)
 
@@ -161,37 +151,33 @@ def _left_over_names(tree: Tree, foreign: str) -> Iterator[Finding]:
 def _divergence(tree: Tree) -> Iterator[Finding]:
     """Require the tree's own line, once, as the whole body of the one function."""
     line, text = DIVERGENT_LINE[tree.name], tree.text(NODE_FILE)
-    signature = rf'^def {DIVERGENT_FUNCTION}\('
-    function = rf'{signature}.*\n(    """.*"""\n)?{re.escape(line)}(?=\n\n|\n?\Z)'
-    found = [re.findall(each, text, re.MULTILINE) for each in (signature, function, f'^{re.escape(line)}$')]
-    if [len(each) for each in found] != [1, 1, 1]:
-        message = (
-            f'{line.strip()!r} must be all that {DIVERGENT_FUNCTION} does, and be in this file only once'
-        )
+    start = f'def {DIVERGENT_FUNCTION}('
+    whole = rf'^{re.escape(start)}.*\n(    """.*"""\n)?{re.escape(line)}(?=\n\n|\n?\Z)'
+    if not re.search(whole, text, re.MULTILINE) or text.count(start) > 1 or text.count(f'\n{line}\n') > 1:
+        message = f'{line.strip()!r} must be the body of {DIVERGENT_FUNCTION}, and be in this file only once'
         yield Finding('allowed divergence', tree.files[NODE_FILE], message)
 
 
 def _difference(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
     """Compare a file. In bridge_node.py, each tree must have its own form of the one line."""
-    path = mirror.files[name]
-    executable = [tree.name for tree in (monorepo, mirror) if os.access(tree.files[name], os.X_OK)]
+    trees, path = (monorepo, mirror), mirror.files[name]
+    executable = [tree.name for tree in trees if os.access(tree.files[name], os.X_OK)]
     if len(executable) == 1:
         yield Finding('file mode', path, f'is executable in the {executable[0]} only')
-    texts = [tree.text(name).replace(MSGS[tree.name], MSGS['monorepo']) for tree in (monorepo, mirror)]
+    texts = [tree.text(name).replace(MSGS[tree.name], MSGS['monorepo']) for tree in trees]
     heading = 'interface' if name.endswith(('.msg', '.srv')) else 'package file'
     if name == NODE_FILE:
         heading = 'bridge_node.py'
-        lines = DIVERGENT_LINE.values()
         texts = [
-            text.replace(line, '    return <the allowed divergence>')
-            for text, line in zip(texts, lines, strict=True)
+            text.replace(DIVERGENT_LINE[tree.name], '    return <the allowed divergence>')
+            for tree, text in zip(trees, texts, strict=True)
         ]
     if texts[0] == texts[1]:
         return
     # ascii() shows what a person cannot see: trailing spaces, line endings, look-alike letters.
     ours, theirs = ([ascii(line) for line in text.splitlines(keepends=True)] for text in texts)
     same = [our == their for our, their in zip(ours, theirs, strict=False)]
-    first = same.index(False) + 1 if False in same else len(same) + 1
+    first = [*same, False].index(False) + 1
     diff = difflib.unified_diff(ours, theirs, str(monorepo.files[name]), str(path), lineterm='')
     yield Finding(heading, path, 'differs beyond the rename', first, ''.join(f'{line}\n' for line in diff))
 
