@@ -13,12 +13,11 @@ has edited a generated file.
 
 import argparse
 import difflib
+import hashlib
 import os
 import re
-import stat
 import subprocess
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -54,93 +53,6 @@ class RefusedError(Exception):
     """The reason why nothing was changed, and the fix."""
 
 
-def load_table(root: Path) -> Table:
-    """Return the table of the two trees; raises RefusedError if the file is not TOML."""
-    try:
-        return dict(tomllib.loads((root / 'tools/twins.toml').read_text(encoding='utf-8')))
-    except (OSError, ValueError) as error:
-        raise RefusedError(f'tools/twins.toml: {error}') from error
-
-
-def render(root: Path, table: Table) -> Files:
-    """Return every generated file of both trees; raises RefusedError if table and core do not match."""
-    core = _read_core(root)
-    rendered = {}
-    for name, tree in table['trees'].items():
-        for core_path, (content, mode) in _diverged(tree, core).items():
-            path = tree_path(tree, core_path)
-            text = with_header(path, content.replace(MESSAGES.encode(), tree['messages'].encode()))
-            for word in tree['forbidden']:
-                if word.lower().encode() in path.lower().encode() + text.lower():
-                    raise RefusedError(f'tools/twins.toml, {name}: {word!r} must not be in {path}')
-            rendered[path] = text, mode
-    return rendered | _readme_with_address(root, table['trees']['mirror'])
-
-
-def tree_path(tree: Table, core_path: str) -> str:
-    """Return where a tree has a file of the core, from the root of the repository."""
-    return f'{tree["root"]}/{core_path}'.replace(MESSAGES, tree['messages'])
-
-
-def _diverged(tree: Table, core: Files) -> Files:
-    files = dict(core)
-    for divergence in tree.get('divergences', []):
-        path, find, replace = divergence['file'], divergence['core'], divergence['tree']
-        content, mode = files.get(path, (b'', 0))
-        if (found := content.count(find.encode())) != 1:
-            raise RefusedError(f'tools/twins.toml: {find!r} must be once in {path}, and is {found} times')
-        files[path] = content.replace(find.encode(), replace.encode()), mode
-    return files
-
-
-def with_header(path: str, content: bytes) -> bytes:
-    """Return a file's content with a comment that says so, after the lines that must stay first."""
-    header, place = _header_and_place(path, content)
-    if header and header in content:
-        raise RefusedError(f'{CORE}: {path}: holds the line of a generated file: remove it')
-    return content[:place] + header + content[place:]
-
-
-def without_header(path: str, content: bytes) -> bytes:
-    """Return a file's content without what with_header() adds."""
-    header, place = _header_and_place(path, content)
-    return content[:place] + content[place:].removeprefix(header)
-
-
-def _header_and_place(path: str, content: bytes) -> tuple[bytes, int]:
-    header = COMMENTS.get(Path(path).suffix, '').format(HEADER).encode()
-    first = FIRST_LINES.match(content)
-    return header, first.end() if first else 0
-
-
-def _readme_with_address(root: Path, mirror: Table) -> Files:
-    path = f'{mirror["root"]}/README.md'
-    content, count = ADDRESS.subn(mirror['address'].encode(), (root / path).read_bytes())
-    if count != 2:
-        raise RefusedError(f'{path}: must have `git clone --branch ready ADDRESS src/...` and `url: ADDRESS`')
-    return {path: (content, _mode(root / path))}
-
-
-def _read_core(root: Path) -> Files:
-    files = {}
-    for path in _listed(
-        root, f':(glob){CORE}/*/**'
-    ):  # a file at the top, such as a README, describes the core
-        file = read(root / path)
-        if not file:
-            raise RefusedError(f'{root / path}: is a symlink: generated trees hold plain files')
-        files[path.removeprefix(f'{CORE}/')] = file
-    if not files:
-        raise RefusedError(f'{root / CORE}: holds no files')
-    return files
-
-
-def _listed(root: Path, *folders: str) -> list[str]:
-    """Return the files below folders of the checkout, without those that git ignores."""
-    arguments = ('ls-files', '-z', '--cached', '--others', '--exclude-standard', '--', *folders)
-    return sorted({path for path in git(root, *arguments).split('\0')[:-1] if os.path.lexists(root / path)})
-
-
 def git(folder: Path, *arguments: str, text: str = '') -> str:
     """Run git with a text on its standard input; return what it prints. Raises RefusedError if it fails."""
     result = subprocess.run(
@@ -153,13 +65,92 @@ def git(folder: Path, *arguments: str, text: str = '') -> str:
     return result.stdout
 
 
-def _mode(path: Path) -> int:
-    return 0o755 if path.stat().st_mode & stat.S_IXUSR else 0o644
+def load_table(root: Path) -> Table:
+    """Return the table of the two trees; raises RefusedError if the file is not TOML."""
+    try:
+        return dict(tomllib.loads((root / 'tools/twins.toml').read_text(encoding='utf-8')))
+    except (OSError, ValueError) as error:
+        raise RefusedError(f'tools/twins.toml: {error}') from error
 
 
 def read(path: Path) -> File | None:
     """Return content and mode of a plain file; None if there is none."""
-    return (path.read_bytes(), _mode(path)) if path.is_file() and not path.is_symlink() else None
+    if path.is_symlink() or not path.is_file():
+        return None
+    return path.read_bytes(), 0o755 if os.access(path, os.X_OK) else 0o644
+
+
+def render(root: Path, table: Table) -> Files:
+    """Return every generated file of both trees; raises RefusedError if table and core do not match."""
+    core = _read_core(root)
+    rendered = {}
+    for name, tree in table['trees'].items():
+        for core_path, (content, mode) in (core | _divergent_file(core, tree)).items():
+            path = tree_path(tree, core_path)
+            text = with_header(path, content.replace(MESSAGES.encode(), tree['messages'].encode()))
+            for word in tree['forbidden']:
+                if word.lower().encode() in path.lower().encode() + text.lower():
+                    raise RefusedError(f'tools/twins.toml, {name}: {word!r} must not be in {path}')
+            rendered[path] = text, mode
+    return rendered | _readme_with_address(root, table['trees']['mirror'])
+
+
+def _read_core(root: Path) -> Files:
+    files = {}
+    # A file at the top of the core, such as a README, only describes it.
+    for path in _listed(root, f':(glob){CORE}/*/**'):
+        file = read(root / path)
+        if not file:
+            raise RefusedError(f'{root / path}: is a symlink: generated trees hold plain files')
+        files[path.removeprefix(f'{CORE}/')] = file
+    if not files:
+        raise RefusedError(f'{root / CORE}: holds no files')
+    return files
+
+
+def _divergent_file(core: Files, tree: Table) -> Files:
+    """Return the one file in which a tree differs from the core beyond the rename, if the tree has one."""
+    if 'divergence' not in tree:
+        return {}
+    path, ours, theirs = (tree['divergence'][key] for key in ('file', 'core', 'tree'))
+    content, mode = core.get(path, (b'', 0))
+    if (found := content.count(ours.encode())) != 1:
+        raise RefusedError(f'tools/twins.toml: {ours!r} must be once in {path}, and is {found} times')
+    return {path: (content.replace(ours.encode(), theirs.encode()), mode)}
+
+
+def _readme_with_address(root: Path, mirror: Table) -> Files:
+    path = f'{mirror["root"]}/README.md'
+    content, mode = read(root / path) or (b'', 0)
+    content, count = ADDRESS.subn(mirror['address'].encode(), content)
+    if count != 2:
+        raise RefusedError(f'{path}: must have `git clone --branch ready ADDRESS src/...` and `url: ADDRESS`')
+    return {path: (content, mode)}
+
+
+def tree_path(tree: Table, core_path: str) -> str:
+    """Return where a tree has a file of the core, from the root of the repository."""
+    return f'{tree["root"]}/{core_path}'.replace(MESSAGES, tree['messages'])
+
+
+def header_of(path: str) -> bytes:
+    """Return the comment that a generated file has; empty if files of this kind have no comments."""
+    return COMMENTS.get(Path(path).suffix, '').format(HEADER).encode()
+
+
+def with_header(path: str, content: bytes) -> bytes:
+    """Return a file's content with its header, after the lines that must stay first."""
+    header, first = header_of(path), FIRST_LINES.match(content)
+    if header and header in content:
+        raise RefusedError(f'{CORE}: {path}: holds the line of a generated file: remove it')
+    place = first.end() if first else 0
+    return content[:place] + header + content[place:]
+
+
+def _listed(root: Path, *folders: str) -> list[str]:
+    """Return the files below folders of the checkout, without those that git ignores."""
+    arguments = ('ls-files', '-z', '--cached', '--others', '--exclude-standard', '--', *folders)
+    return sorted({path for path in git(root, *arguments).split('\0')[:-1] if os.path.lexists(root / path)})
 
 
 def extras(root: Path, rendered: Files, table: Table) -> list[str]:
@@ -190,11 +181,11 @@ def difference(root: Path, path: str, rendered: File) -> str:
 
 def edited(root: Path, paths: list[str]) -> list[str]:
     """Return the files whose content is neither that of HEAD nor what was written last."""
-    existing = [path for path in paths if (root / path).is_file()]
     known = set(git(root, 'ls-tree', '-r', 'HEAD').split())
     if _last_written(root).exists():
         known.update(_last_written(root).read_text().split())
-    return [path for path, blob in zip(existing, _blobs(root, existing), strict=True) if blob not in known]
+    existing = [path for path in paths if (root / path).is_file()]
+    return [path for path in existing if _blob((root / path).read_bytes()) not in known]
 
 
 def _last_written(root: Path) -> Path:
@@ -202,8 +193,9 @@ def _last_written(root: Path) -> Path:
     return root / git(root, 'rev-parse', '--git-path', 'generated_from_core').strip()
 
 
-def _blobs(root: Path, paths: Iterable[str]) -> list[str]:
-    return git(root, 'hash-object', '--stdin-paths', text='\n'.join(paths)).split()
+def _blob(content: bytes) -> str:
+    """Return the name that git gives to a content."""
+    return hashlib.sha1(b'blob %d\0' % len(content) + content, usedforsecurity=False).hexdigest()
 
 
 def write(root: Path, rendered: Files) -> list[str]:
@@ -211,27 +203,32 @@ def write(root: Path, rendered: Files) -> list[str]:
     changed = differing(root, rendered)
     for path in changed:
         content, mode = rendered[path]
-        (root / path).parent.mkdir(parents=True, exist_ok=True)
-        (root / path).unlink(missing_ok=True)  # it may be a symlink
-        (root / path).write_bytes(content)
-        (root / path).chmod(mode)
-    _last_written(root).write_text('\n'.join(_blobs(root, rendered)))
+        target = root / path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.unlink(missing_ok=True)  # it may be a symlink
+        target.write_bytes(content)
+        target.chmod(mode)
+    _last_written(root).write_text('\n'.join(_blob(content) for content, _ in rendered.values()))
     return changed
 
 
-def generate(root: Path, *, is_check: bool, is_prune: bool, is_force: bool) -> int:
-    """Generate or compare, and print what changed; return the exit code. Raises RefusedError."""
-    table = load_table(root)
+def check(root: Path, table: Table) -> int:
+    """Compare both trees with what the core renders; return the exit code. Raises RefusedError."""
+    rendered = render(root, table)
+    findings = [difference(root, path, rendered[path]) for path in differing(root, rendered)]
+    findings += [f'{path}: not generated from the core' for path in extras(root, rendered, table)]
+    end = f'{len(rendered)} generated files are what the core generates'
+    if findings:
+        counted = pluralized(len(findings), 'finding')
+        end = f'{counted}. Edit tools/core, never a generated file; then: make generate'
+    print(*findings, end, sep='\n')
+    return int(bool(findings))
+
+
+def generate(root: Path, table: Table, *, is_prune: bool, is_force: bool) -> None:
+    """Write both trees, and print what changed. Raises RefusedError."""
     rendered = render(root, table)
     unknown = extras(root, rendered, table)
-    if is_check:
-        findings = [difference(root, path, rendered[path]) for path in differing(root, rendered)]
-        findings += [f'{path}: not generated from the core' for path in unknown]
-        counted = pluralized(len(findings), 'finding')
-        advice = f'{counted}. Edit tools/core, never a generated file; then: make generate'
-        end = advice if findings else f'{len(rendered)} generated files are what the core generates'
-        print(*findings, end, sep='\n')
-        return int(bool(findings))
     if unknown and not is_prune:
         raise RefusedError(
             'nothing was written. Move a file of your own into tools/core, or out of the package;'
@@ -248,10 +245,9 @@ def generate(root: Path, *, is_check: bool, is_prune: bool, is_force: bool) -> i
     changed = write(root, rendered)
     for path in unknown:
         (root / path).unlink()
-    for line in [*changed, *(f'{path} (removed)' for path in unknown)]:
-        print(line)
-    print(f'{pluralized(len(rendered), "file")} generated, {len(changed)} changed')
-    return 0
+    removed = [f'{path} (removed)' for path in unknown]
+    counted = f'{pluralized(len(rendered), "file")} generated, {len(changed)} changed'
+    print(*changed, *removed, counted, sep='\n')
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -264,12 +260,17 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--root', type=Path, default=ROOT, help='the checkout; default: this one')
     options = parser.parse_args(arguments)
     try:
-        return generate(options.root, is_check=options.check, is_prune=options.prune, is_force=options.force)
+        table = load_table(options.root)
+        if options.check:
+            return check(options.root, table)
+        generate(options.root, table, is_prune=options.prune, is_force=options.force)
     except (RefusedError, OSError) as error:
         print(f'generate: {error}', file=sys.stderr)
+        return 2
     except KeyError as error:
         print(f'generate: tools/twins.toml: {error} is missing', file=sys.stderr)
-    return 2
+        return 2
+    return 0
 
 
 if __name__ == '__main__':

@@ -38,64 +38,66 @@ def core_path_of(path: str, table: Table, checkout: Path) -> str:
 
 def core_content(core_path: str, content: bytes, mirror: Table) -> bytes:
     """Return what the core must contain for a file of the mirror; raises RefusedError."""
-    content = generate.without_header(core_path, content)
+    content = content.replace(generate.header_of(core_path), b'', 1)
     if MESSAGES.encode() in content:
         raise RefusedError(f'{core_path}: names {MESSAGES}: in the mirror, it is {mirror["messages"]}')
-    for divergence in mirror['divergences']:
-        ours, theirs = divergence['core'], divergence['tree']
-        if core_path == divergence['file']:
-            if content.count(theirs.encode()) != 1:
-                raise RefusedError(
-                    f'{core_path}: {theirs.strip()!r} differs from the monorepo on purpose:'
-                    ' leave this line as it is'
-                )
-            content = content.replace(theirs.encode(), ours.encode())
+    divergence = mirror['divergence']
+    if core_path == divergence['file']:
+        line = divergence['tree'].encode()
+        if content.count(line) != 1:
+            told = divergence['tree'].strip()
+            raise RefusedError(
+                f'{core_path}: {told!r} differs from the monorepo on purpose: leave this line as it is'
+            )
+        content = content.replace(line, divergence['core'].encode())
     return content.replace(mirror['messages'].encode(), MESSAGES.encode())
 
 
-def take_over(checkout: Path, before: str, table: Table) -> None:
-    """Add to the core and to both trees what the last commit has changed in the mirror."""
-    mirror = table['trees']['mirror']
-    cells = git(checkout, 'diff', '--raw', '-z', '--no-renames', before, 'HEAD').split('\0')
+def take_over(checkout: Path, table: Table) -> None:
+    """Amend the last commit, which changes the mirror, by the core and both trees; raises RefusedError."""
+    cells = git(checkout, 'diff', '--raw', '-z', '--no-renames', 'HEAD~', 'HEAD').split('\0')
     changes = sorted((header.split()[1], path) for header, path in zip(cells[::2], cells[1::2], strict=False))
-    added = []
     for mode, path in changes:  # what is deleted comes first: a folder may take its place
         core_path = core_path_of(path, table, checkout)
         target = checkout / CORE / core_path
         if mode not in PLAIN_MODES:
             raise RefusedError(f'{path}: is not a plain file')
         if core_path and mode == DELETED:
-            git(checkout, 'rm', '--quiet', '--', str(target))
+            target.unlink()
         elif core_path:
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(core_content(core_path, (checkout / path).read_bytes(), mirror))
+            content = core_content(core_path, (checkout / path).read_bytes(), table['trees']['mirror'])
+            target.write_bytes(content)
             target.chmod(int(mode[-3:], 8))
-            added.append(f'{CORE}/{core_path}')
+            git(checkout, 'add', '--force', '--', str(target))  # git may ignore it
     rendered = generate.render(checkout, table)
     for path in generate.extras(checkout, rendered, table):
-        git(checkout, 'rm', '--quiet', '--', path)
+        (checkout / path).unlink()
     generate.write(checkout, rendered)
-    git(checkout, 'add', '--force', '--', *added, *rendered)
+    git(checkout, 'add', '--force', '--', *rendered)
+    git(checkout, 'add', '--all')
     trees = (check_drift.Tree(name, checkout / tree['root']) for name, tree in table['trees'].items())
     for found in check_drift.compare(*trees):
         raise RefusedError(f'{found.path.relative_to(checkout)}: {found.message}')
-
-
-def import_patch(checkout: Path, patch: Path, table: Table) -> bool:
-    """Commit a patch in the checkout; return whether it was not there yet. Raises RefusedError."""
-    before = git(checkout, 'rev-parse', 'HEAD').strip()
-    root = table['trees']['mirror']['root']
-    try:
-        git(checkout, 'am', '--quiet', '--3way', '--keep-cr', f'--directory={root}', str(patch))
-    except RefusedError as error:
-        told = str(error).removeprefix('git am: ').splitlines()  # with hints
-        reason = next((line for line in told if line.startswith('error: ')), told[0])
-        raise RefusedError(f'does not apply to {root}: {reason}') from error
-    if git(checkout, 'rev-parse', 'HEAD').strip() == before:
-        return False
-    take_over(checkout, before, table)
     git(checkout, 'commit', '--quiet', '--amend', '--no-edit')
-    return True
+
+
+def import_patch(checkout: Path, patch: Path, table: Table) -> None:
+    """Commit a patch in the checkout, if it is not there yet. Raises RefusedError with its subject."""
+    diff = patch.with_suffix('.diff')
+    text = patch.read_bytes().decode(errors='surrogateescape')
+    told = git(checkout, 'mailinfo', '/dev/null', str(diff), text=text)
+    subject = ''.join(re.findall(r'^Subject: (.*)', told, re.MULTILINE))
+    before = git(checkout, 'rev-parse', 'HEAD')
+    try:
+        check_form(checkout, diff)
+        apply(checkout, patch, table['trees']['mirror']['root'])
+        if git(checkout, 'rev-parse', 'HEAD') == before:
+            print(f'{subject!r} is here already')
+        else:
+            take_over(checkout, table)
+    except RefusedError as error:
+        raise RefusedError(f'{subject!r}: {error}') from error
 
 
 def check_form(checkout: Path, diff: Path) -> None:
@@ -108,6 +110,16 @@ def check_form(checkout: Path, diff: Path) -> None:
     summary = re.search(r'^ \d+ files? changed.*', text, re.MULTILINE)
     if summary and summary[0] != git(checkout, 'apply', '--stat', str(diff)).splitlines()[-1]:
         raise RefusedError(f'is not whole: its summary says{summary[0]}')
+
+
+def apply(checkout: Path, patch: Path, root: str) -> None:
+    """Commit a patch of the mirror below its root; raises RefusedError."""
+    try:
+        git(checkout, 'am', '--quiet', '--3way', '--keep-cr', f'--directory={root}', str(patch))
+    except RefusedError as error:
+        told = str(error).removeprefix('git am: ').splitlines()  # with hints
+        reason = next((line for line in told if line.startswith('error: ')), told[0])
+        raise RefusedError(f'does not apply to {root}: {reason}') from error
 
 
 def split(series: Path, folder: Path) -> list[Path]:
@@ -126,28 +138,18 @@ def import_series(series: Path, folder: Path) -> None:
     """Import a file of patches by way of a work tree in the folder; raises RefusedError."""
     checkout, patches = folder / 'checkout', folder / 'patches'
     patches.mkdir()
-    table = generate.load_table(ROOT)
-    start = git(ROOT, 'rev-parse', 'HEAD').strip()
     git(ROOT, 'worktree', 'add', '--quiet', '--detach', str(checkout))
     try:
+        table = generate.load_table(checkout)
         for patch in split(series, patches):
-            diff = folder / 'diff'
-            text = patch.read_bytes().decode(errors='surrogateescape')
-            told = git(checkout, 'mailinfo', '/dev/null', str(diff), text=text)
-            subject = ''.join(re.findall(r'^Subject: (.*)', told, re.MULTILINE))
-            try:
-                check_form(checkout, diff)
-                if not import_patch(checkout, patch, table):
-                    print(f'{subject!r} is here already')
-            except RefusedError as error:
-                raise RefusedError(f'{subject!r}: {error}') from error
+            import_patch(checkout, patch, table)
         end = git(checkout, 'rev-parse', 'HEAD').strip()
     finally:
         for number in (signal.SIGINT, signal.SIGTERM):  # they would leave half a work tree, or half a merge
             signal.signal(number, signal.SIG_IGN)
         git(ROOT, 'worktree', 'remove', '--force', str(checkout))
+    print(git(ROOT, 'log', '--reverse', '--stat', '--format=%h %an: %s', f'HEAD..{end}'), end='')
     git(ROOT, 'merge', '--quiet', '--ff-only', end)
-    print(git(ROOT, 'log', '--reverse', '--stat', '--format=%h %an: %s', f'{start}..'), end='')
 
 
 def main() -> int:
