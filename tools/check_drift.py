@@ -85,9 +85,9 @@ class Tree:
         """List the files; raises CannotCompareError."""
         self.name = name
         self.root = root
-        for path in (MSGS[name], NODE_FILE):
-            if not (root / path).exists():
-                raise CannotCompareError(f'{root}: has no {path}: is it the {name}?')
+        for needed in (MSGS[name], NODE_FILE):
+            if not (root / needed).exists():
+                raise CannotCompareError(f'{root}: has no {needed}: is it the {name}?')
         tracked = tracked_files(root)
         self.files: dict[str, Path] = {}
         for path in sorted(root.rglob('*')):  # which follows no symlinks

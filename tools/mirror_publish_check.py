@@ -2,11 +2,11 @@
 Publish the mirror into a fresh repository and use it as another course team does.
 
 mirror_publish.py publishes the last commit. Then the marked bash blocks of the published documents run word
-for word in two workspaces: the first block of the README, as on Ubuntu 22.04; and the block of doc/install.md,
-as on Ubuntu 24.04, after vcs has imported the .repos example of the README. In both, the block of doc/tests.md
-follows. git clones the fresh repository from the mirror's address. Shell functions replace what only Ubuntu
-has: `source /opt/ros/...` enters the wheels of this environment, `sudo apt install` installs nothing, and
-`ros2` runs the executables that colcon has installed.
+for word in two workspaces: as on Ubuntu 22.04, the first block of the README; and as on Ubuntu 24.04, the
+block of doc/install.md, after vcs has imported the .repos example of the README. The block of doc/tests.md
+follows in both. git clones the fresh repository from the mirror's address. Shell functions replace what only
+Ubuntu has: `source /opt/ros/...` enters the wheels of this environment, `sudo apt install` installs nothing,
+and `ros2` runs the executables that colcon has installed.
 """
 
 import os
@@ -33,7 +33,8 @@ source() {
     case $1 in
         /opt/ros/*/setup.bash)
             builtin source "$ROS_WHEELS/local_setup.bash"
-            export PYTHONPATH=$(echo "$ROS_WHEELS"/lib/python3*/site-packages) LD_LIBRARY_PATH=$ROS_LIBRARIES ;;
+            export LD_LIBRARY_PATH=$ROS_LIBRARIES PYTHONPATH=$(echo "$ROS_WHEELS"/lib/python3*/site-packages)
+            ;;
         *) builtin source "$1" ;;
     esac
 }

@@ -11,6 +11,7 @@ TREES = ('monorepo', 'lupin_greenhouse_ros')
 PACKAGE = 'lupin_greenhouse_bridge'
 BRIDGE = f'{PACKAGE}/{PACKAGE}'
 CORE_BRIDGE = f'tools/core/{BRIDGE}'
+OURS, THEIRS = (f'{tree}/{PACKAGE}' for tree in TREES)
 UNITS = f'{CORE_BRIDGE}/units.py'
 SETTINGS = f'{CORE_BRIDGE}/settings.py'
 TABLE = 'tools/twins.toml'
@@ -49,14 +50,14 @@ def put_a_symlink(path):
 @pytest.mark.parametrize(
     ('name', 'change', 'finding'),
     [
-        (f'monorepo/{BRIDGE}/settings.py', lambda path: edit(path, '86400.0', '86401.0'), '+SECONDS_PER_DAY = 86401'),
-        (f'monorepo/{BRIDGE}/units.py', lambda path: path.write_bytes(path.read_bytes()[:-1]), 'units.py: differs'),
-        (f'lupin_greenhouse_ros/{BRIDGE}/orphan.py', lambda path: path.touch(), 'orphan.py: not generated'),
-        (f'monorepo/{PACKAGE}/docs/orphan.md', lambda path: edit(path, '', 'x'), 'orphan.md: not generated'),
-        (f'monorepo/{PACKAGE}/setup.cfg', lambda path: path.unlink(), 'setup.cfg: missing'),
-        (f'monorepo/{BRIDGE}/bridge_node.py', lambda path: path.chmod(0o755), 'bridge_node.py: has mode 755'),
-        (f'lupin_greenhouse_ros/{PACKAGE}/setup.py', put_a_symlink, 'setup.py: missing, or not a plain file'),
-        (f'lupin_greenhouse_ros/{PACKAGE}/package.xml', lambda path: path.write_bytes(b'\xff\xfe'), 'and is not text'),
+        (f'{OURS}/{PACKAGE}/settings.py', lambda path: edit(path, '', 'x = 1\n'), '\n+x = 1\n'),
+        (f'{OURS}/{PACKAGE}/units.py', lambda path: path.write_bytes(b''), 'units.py: differs'),
+        (f'{THEIRS}/{PACKAGE}/orphan.py', lambda path: path.touch(), 'orphan.py: not generated'),
+        (f'{OURS}/docs/orphan.md', lambda path: edit(path, '', 'x'), 'orphan.md: not generated'),
+        (f'{OURS}/setup.cfg', lambda path: path.unlink(), 'setup.cfg: missing'),
+        (f'{OURS}/{PACKAGE}/bridge_node.py', lambda path: path.chmod(0o755), 'bridge_node.py: has mode 755'),
+        (f'{THEIRS}/setup.py', put_a_symlink, 'setup.py: missing, or not a plain file'),
+        (f'{THEIRS}/package.xml', lambda path: path.write_bytes(b'\xff\xfe'), 'and is not text'),
     ],
 )  # fmt: skip
 def test_check_finds_and_generate_mends_a_changed_tree(repository, name, change, finding, capsys):
@@ -201,7 +202,7 @@ def test_the_header_comes_after_what_must_stay_first(name, first):
 
 
 def test_every_generated_file_and_no_other_is_marked_as_generated():
-    """By its header; and by its attributes, so that a merge request on GitHub or GitLab shows an edit once."""
+    """By its header; and by its attributes, so that a merge request shows an edit once."""
     rendered = generate.render(generate.ROOT, generate.load_table(generate.ROOT))
     del rendered[README]
     starts = {path: b'\n'.join(content.split(b'\n')[:3]) for path, (content, _) in rendered.items()}
