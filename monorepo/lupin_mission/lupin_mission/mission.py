@@ -80,7 +80,7 @@ class Mission:
         self._settings = settings
         self._now = 0.0
         self._active_seconds = 0.0  # This clock stops during a pause. All but the timeouts use it.
-        self._to_visit = deque(self.tag_ids)
+        self._to_visit = deque(map(Visit, self.tag_ids))
         self._visit = Visit('')
         self._dwell_end = 0.0
         self._attempts = Attempts(0.0, 0.0)
@@ -152,13 +152,13 @@ class Mission:
         """Visit the same tags in another order, unless the mission has begun, or was aborted."""
         if self.state is State.READY:
             self.tag_ids = tuple(tag_ids)
-            self._to_visit = deque(self.tag_ids)
+            self._to_visit = deque(map(Visit, self.tag_ids))
 
     # The drives
 
     def _drive_on(self) -> None:
         if self._to_visit:
-            self._visit = Visit(self._to_visit.popleft())
+            self._visit = self._to_visit.popleft()
             self._depart(State.DRIVING)
         elif self._settings.dock:
             self._depart(State.RETURNING)
@@ -211,11 +211,11 @@ class Mission:
 
     def _arrive(self, miss: str) -> None:
         """Begin to inspect the tag, or set off to its next pose if the robot has missed this one."""
-        if miss:
-            detail = f'the robot stands {miss} from its pose'
-            if self._looks_again(Outcome.UNREACHABLE, detail):
-                return
-            self._visit.miss = detail
+        detail = f'the robot stands {miss} from its pose' if miss else ''
+        if detail and self._looks_again(Outcome.UNREACHABLE, detail):
+            return
+        self._visit.miss = detail
+        if detail:
             event = f'tag {self._visit.tag_id!r}: {detail}: inspecting the tag from there'
             self._ports.note(event, Severity.WARN)
         self.state = State.INSPECTING
@@ -305,7 +305,7 @@ class Mission:
         self._ports.note('heading to dock', Severity.INFO)
         self._stop_work()
         if not self._scan_reading_done:
-            self._to_visit.appendleft(self._visit.tag_id)
+            self._to_visit.appendleft(self._visit)
         self.is_paused = self.is_estop_engaged
         self._depart(State.DOCKING)
         return True
@@ -354,7 +354,7 @@ class Mission:
         elif self.state is not State.READY:
             self._drive.stop()
         while self._to_visit:
-            self._visit = Visit(self._to_visit.popleft())
+            self._visit = self._to_visit.popleft()
             self._close(Outcome.SKIPPED, detail)
 
     def _stop_work(self) -> None:

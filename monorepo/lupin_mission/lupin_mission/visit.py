@@ -59,10 +59,10 @@ class Visit:
 
     def observation(self, outcome: Outcome, detail: str, reading: Reading | None) -> Observation:
         """Return the observation that closes this visit, with the reasons of all poses."""
+        # That the camera did not see the tag tells more than a failed drive.
+        if outcome is Outcome.UNREACHABLE and self.seen is False:
+            outcome = Outcome.NOT_CONFIRMED
         if self.failures and outcome is not Outcome.OK:
-            # That the camera did not see the tag tells more than a failed drive.
-            if outcome is Outcome.UNREACHABLE and self.seen is not None:
-                outcome = Outcome.NOT_CONFIRMED
             details = [*self.failures, detail]
             detail = '; '.join(f'pose {number}: {each}' for number, each in enumerate(details, start=1))
         detail = '; '.join(filter(None, (detail, self.miss)))

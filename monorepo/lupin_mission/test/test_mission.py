@@ -572,6 +572,21 @@ def test_a_tag_that_is_skipped_or_aborted_between_two_looks_says_from_which_pose
     ]
 
 
+def test_the_requests_and_the_pose_before_a_return_to_the_dock_belong_to_the_observation_of_the_tag():
+    missed = {'arrivals': [Arrival(), MISSED], 'poses': 2, 'failures': {'b': 'blocked', 'b2': 'blocked'}}
+    world = World('ab', **missed, settings=replace(LOOKS['settings'], max_attempts=3), **CAMERA, **DOCK)
+    world.play('unseen unseen unseen unseen dock 0 resume 0 seen answer 0')
+    assert world.recorded == [
+        Observation('a', Outcome.OK, '', 6 + 1, reading('a'), seen=True, pose=2),
+        Observation('b', Outcome.UNREACHABLE, 'pose 1: blocked; pose 2: blocked', 0, pose=2),
+    ]
+    world = World(
+        'a', failures={'a': 'blocked'}, arrivals=[Arrival()], settings=LOOKS['settings'], **CAMERA, **DOCK
+    )
+    world.play('unseen dock 0 resume 0')
+    assert world.recorded == [Observation('a', Outcome.NOT_CONFIRMED, 'blocked', 2, seen=False)]
+
+
 class AnyOrder(RuleBasedStateMachine):
     """Pauses, blocked ways, all kinds of replies, losses and restarts in any order, with a real report."""
 
