@@ -52,8 +52,9 @@ def read_layout(path: str | Path, *, has_tables: bool = True) -> Layout:
         raise StartUpError(f'{where}: holds {kind_of(data)} at its top level, not an object of tags')
     is_nested = isinstance(data.get('tags'), dict)
     entries = data['tags'] if is_nested else data
-    if is_nested:
-        unknown_keys(data, ('tags', 'tables'), where)
+    # In the flat format, an object of objects is no tag, but may be a misspelt `tags`.
+    groups = data if is_nested else {key: each for key, each in data.items() if _holds_objects(each)}
+    unknown_keys(groups, ('tags', 'tables'), where)
     # The simulator's editor saves {"units": "m"} before it has the first tag.
     if not entries or (isinstance(entries.get('units'), str) and entries.keys() <= {'units', 'tables'}):
         raise StartUpError(f'{where}: holds no tags: add at least one, {TAG_EXAMPLE}')
@@ -63,6 +64,10 @@ def read_layout(path: str | Path, *, has_tables: bool = True) -> Layout:
     if not served:
         raise StartUpError(f'{where}: no tag has a sensor: add a sensor to at least one tag')
     return Layout(served, tables, tuple(tag_id for tag_id in tags if tag_id not in served), path)
+
+
+def _holds_objects(value: Any) -> bool:
+    return isinstance(value, dict) and all(isinstance(each, dict) for each in value.values())
 
 
 def _tag(tag_id: str, entry: Any, where: str) -> Tag:

@@ -42,6 +42,10 @@ BAD_TAGS = [
     ({'': {'units': 'm'}}, 'holds no tags: add at least one, such as {"1": {"x": 1.5'),
     ({'': {'units': 'm', 'tables': {}}}, 'holds no tags: add at least one'),
     ({'tabels': {}}, 'tabels is unknown: did you mean tables?'),
+    *(
+        ({'': {key: TAGS['tags'], 'units': 'm', 'tables': {}}}, f'{key} is unknown: did you mean tags?')
+        for key in ('tag', 'Tags')
+    ),
     ({'tags': []}, "tag 'tags' is a list, not an object"),
     ({'tags/7': 'x'}, "tag '7' is text, not an object"),
     ({'tags/': TAGS['tags']['7']}, f"tag '' {NOT_ASKABLE}"),
@@ -89,6 +93,8 @@ BAD_CONFIGS = [
     ({'sensors': {}}, 'sensors is empty: name at least one of co2, humidity'),
     ({'sensors/co2': [{'value_at_non': 32}]}, f'{CO2}: value_at_non {TYPO} value_at_noon?'),
     ({'sensors/co2': [{'Decay-Type': 'linear'}]}, f'{CO2}: Decay-Type {TYPO} decay_type?'),
+    ({'sensor': {}, 'sensors': MISSING}, f'sensor {TYPO} sensors?'),
+    ({'Time': {}, 'time': MISSING}, f'Time {TYPO} time?'),
     ({'visualisation': {}, 'visualization': MISSING}, f'visualisation {TYPO} visualization?'),
     ({'time/speed_factor': 5, 'time/speedup_factor': MISSING}, f'time: speed_factor {TYPO} speedup_factor?'),
     ({'visualization': 5}, 'visualization is 5: must be a mapping, such as {greenhouse_width_m: '),
