@@ -166,8 +166,10 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
         (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),
         (['--start', 'inf', '0'], 'the start at (inf, 0) is not free'),
         (['--end', '0', '0'], 'the end at (0.00, 0.00) is not free: choose another'),
-        (['--picture', '/missing/route.png'], "--picture '/missing/route.png': "),
-        (['--picture', 'route.mp3'], "--picture 'route.mp3': "),
+        (['--picture', '/missing/a.png'], "--picture '/missing/a.png': there is no folder '/missing': name"),
+        (['--picture', '/'], "--picture '/' is a folder: name a file in it"),
+        (['--picture', 'route.mp3'], "--picture 'route.mp3': the ending must be one of "),
+        (['--picture', 'route', '--start', 'inf', '0'], "--picture 'route': the ending must be one of "),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(poses_of, words, problem):
@@ -180,7 +182,8 @@ def test_bad_input_is_one_line_and_exit_code_2(poses_of, words, problem):
 
 def test_the_picture_is_drawn(poses_of, tmp_path):
     path = tmp_path / 'route.png'
-    assert poses_of('--picture', str(path))[0] == 0
+    exit_code, _, err = poses_of('--picture', str(path))
+    assert (exit_code, err) == (0, f'approach_poses: picture: {path}\n')
     assert path.read_bytes().startswith(b'\x89PNG')
 
 

@@ -387,7 +387,8 @@ def test_a_number_that_is_too_large_to_draw_is_refused_with_its_row(
         (['FILE', '--walls', '0', '0', '1e300', '8'], 'the walls are x 0 to 1e+300 m'),
         (['FILE', '--route', 'ROUTE'], "--route 'ROUTE': is not a CSV file of x,y in metres"),
         (['FILE', 'FILE', '--route', 'ROUTE'], "--route 'ROUTE' is for one FILE: name one FILE only"),
-        (['FILE', '-o', 'FILE'], "--output 'FILE' is the file of readings itself: name another"),
+        (['FILE', '-o', '.'], "--output '.' is a folder: name a file in it"),
+        (['FILE', '-o', 'FILE'], "--output 'FILE' is the file of FILE itself: name another file"),
     ],
 )
 def test_other_wrong_options_are_refused_by_their_name(

@@ -67,7 +67,7 @@ def make_world(folder: Path, layout: Layout, walls: Walls, side_m: float = SIDE_
     except ImportError as error:
         raise StartUpError(f'{error}: sudo apt install python3-opencv python3-pil python3-numpy') from error
     except OSError as error:
-        raise StartUpError(f"--output '{folder}': {error.strerror}") from error
+        raise StartUpError(f"--output '{folder}': {error.strerror}: name another folder") from error
     return folder / SDF_FILE
 
 

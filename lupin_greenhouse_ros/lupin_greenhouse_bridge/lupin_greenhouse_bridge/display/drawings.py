@@ -60,18 +60,20 @@ class LabelSize(NamedTuple):
 LABELS = LabelSize(0.1, 0.04, 0.18)
 
 
-def picture_of(figure: Any, path: Path, option: str = '--output') -> bytes:
-    """
-    Return a figure in the format of the path's ending, PNG if it has none.
+def picture_format(path: Path, option: str = '--output') -> str:
+    """Return the format of the path's ending; raises StartUpError if matplotlib cannot write it."""
+    from matplotlib.backend_bases import FigureCanvasBase
 
-    Raises StartUpError, which names the option of the path, for a format that matplotlib cannot write, and
-    for a figure that it cannot draw, such as one that is too large.
-    """
+    ending = path.suffix[1:].lower()
+    if ending not in (endings := sorted(FigureCanvasBase.get_supported_filetypes())):
+        raise StartUpError(f"{option} '{path}': the ending must be one of {', '.join(endings)}")
+    return ending
+
+
+def picture_of(figure: Any, ending: str) -> bytes:
+    """Return a figure in a format; raises StartUpError if it cannot be drawn, as one that is too large."""
     from matplotlib.text import Text
 
-    ending = path.suffix[1:].lower() or 'png'
-    if ending not in (endings := sorted(figure.canvas.get_supported_filetypes())):
-        raise StartUpError(f"{option} '{path}': the ending must be one of {', '.join(endings)}")
     for text in figure.findobj(Text):  # what a file holds is text and no formula
         text.set_text(text.get_text().replace('$', r'\$'))
     picture = io.BytesIO()

@@ -62,11 +62,12 @@ def _pictures_of(
             raise StartUpError(
                 f"'{output}' is the picture of {count} FILEs: draw them one by one, with --output"
             )
-    for each, output in zip(recordings, outputs, strict=True):
-        yield output, _picture_of(each, limits, output)
+    endings = [drawings.picture_format(output) for output in outputs]
+    for each, output, ending in zip(recordings, outputs, endings, strict=True):
+        yield output, _picture_of(each, limits, ending)
 
 
-def _picture_of(recording: Recording, limits: Limits, output: Path) -> bytes:
+def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
     path, rows, layout = recording.path, recording.rows, recording.layout
     if not rows:
         reason = 'no tag was read' if recording.visits else 'holds no readings'
@@ -95,7 +96,7 @@ def _picture_of(recording: Recording, limits: Limits, output: Path) -> bytes:
         _draw_readings(axes, sensor, shown, limits[sensor])
     _write_key(figure, shown)
     _write_head(figure, path.name, rows, failures, shown)
-    return drawings.picture_of(figure, output)
+    return drawings.picture_of(figure, ending)
 
 
 def _panels_of(figure: Any, count: int, shown: Greenhouse) -> list[Any]:

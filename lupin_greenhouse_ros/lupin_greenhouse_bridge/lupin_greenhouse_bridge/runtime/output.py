@@ -1,13 +1,15 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""What a command prints. Does not import ROS."""
+"""What a command prints, and the file that it writes. Does not import ROS."""
 
 import contextlib
 import os
 import sys
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from pathlib import Path
 from typing import TextIO
 
+from lupin_greenhouse_bridge.errors import UsageError
 from lupin_greenhouse_bridge.runtime.process import lose_output
 
 
@@ -38,6 +40,27 @@ def print_line(text: str, stream: TextIO | None = None, end: str = '\n') -> None
     except OSError as error:
         if stream is None:
             lose_output(error)
+
+
+def check_output_file(path: Path, option: str, inputs: Iterable[tuple[str, str | Path | None]] = ()) -> None:
+    """
+    Raise UsageError if the file of an option cannot be written, before a command works for it.
+
+    `inputs` are the files that the command reads, each after its option: the output replaces none.
+    """
+    where, parent = f"{option} '{path}'", path.parent
+    try:
+        if path.is_dir():
+            raise UsageError(f'{where} is a folder: name a file in it')
+        if not parent.is_dir():
+            raise UsageError(f"{where}: there is no folder '{parent}': name a folder that exists")
+        if not os.access(path if path.exists() else parent, os.W_OK):
+            raise UsageError(f'{where} is read-only: name another file')
+        for input_option, each in inputs:
+            if each and path.exists() and Path(each).exists() and path.samefile(each):
+                raise UsageError(f'{where} is the file of {input_option} itself: name another file')
+    except OSError as error:
+        raise UsageError(f'{where}: {error.strerror}: name another file') from error
 
 
 def terminal_size(stream: TextIO) -> tuple[int, int]:

@@ -19,7 +19,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, 
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, parse_rows, with_places
 from lupin_greenhouse_bridge.recording.rows import Row, key_of
-from lupin_greenhouse_bridge.runtime.output import print_line
+from lupin_greenhouse_bridge.runtime.output import check_output_file, print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order, require_layout
 from lupin_greenhouse_bridge.units import sensor_order
 
@@ -127,14 +127,17 @@ def draw_files(
 ) -> int:
     """Run a command of parser_of(): write each file that draw() returns, and return the exit code."""
     options = parser.parse_args(arguments)
+    inputs = [*(('FILE', each) for each in options.files), ('--tag-file', options.tag_file)]
+    inputs += [('--sim-config-file', options.sim_config_file), ('--route', options.route)]
     try:
+        if options.output:
+            check_output_file(options.output, '--output', inputs)
         if options.route and len(options.files) > 1:
             raise StartUpError(f"--route '{options.route}' is for one FILE: name one FILE only")
         named = zip(options.files, _names_of(options.files), strict=True)
         recordings = [_read_recording(path, name, options) for path, name in named]
         for output, drawing in draw(options, recordings, _limits_of(recordings, options.sensor)):
-            if output.exists() and any(output.samefile(each) for each in options.files):
-                raise StartUpError(f"--output '{output}' is the file of readings itself: name another")
+            check_output_file(output, '--output', inputs)
             try:
                 output.write_bytes(drawing)
             except OSError as error:

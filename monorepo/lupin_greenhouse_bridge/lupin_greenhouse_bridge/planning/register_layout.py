@@ -28,7 +28,7 @@ from lupin_greenhouse_bridge.planning.registration import (
     write_transform,
 )
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
+from lupin_greenhouse_bridge.runtime.output import aligned_table, check_output_file, print_line
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
@@ -85,17 +85,8 @@ def layout_of(options: argparse.Namespace) -> Layout:
     for name, value in (('--tolerance', options.tolerance), ('--click-error', options.click_error)):
         if not 0.0 < value < math.inf:
             raise UsageError(f'{name} is {value:g}: must be a number of metres above 0')
-    output = Path(options.output)
-    try:
-        if output.is_dir():
-            raise UsageError(f"--output '{output}' is a folder: name a file in it")
-        if not output.parent.is_dir():
-            raise UsageError(f"--output: there is no folder '{output.parent}': name a folder that exists")
-        for name, path in (('--pairs', getattr(options, 'pairs', None)), ('--tag-file', options.tag_file)):
-            if path and output.exists() and Path(path).exists() and output.samefile(path):
-                raise UsageError(f"--output '{output}' is the file of {name} itself: name another file")
-    except OSError as error:
-        raise UsageError(f"--output '{output}': {error.strerror}: name another file") from error
+    inputs = ('--pairs', getattr(options, 'pairs', None)), ('--tag-file', options.tag_file)
+    check_output_file(Path(options.output), '--output', inputs)
     return require_layout(options.tag_file)
 
 

@@ -25,7 +25,7 @@ from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, 
 from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
 from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose, ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
-from lupin_greenhouse_bridge.runtime.output import Progress, aligned_table, print_line
+from lupin_greenhouse_bridge.runtime.output import Progress, aligned_table, check_output_file, print_line
 from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
@@ -86,6 +86,8 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
         occupancy = occupancy.in_layout(transform)
         if not options.layout_in_map:
             warnings.append('without --layout-in-map, the map counts as one in the frame of the layout')
+    if options.picture:
+        _check_picture(options.picture, occupancy)
     progress = Progress('approach_poses')
     try:
         approaches = find_approaches(
@@ -117,6 +119,7 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
         )
     if options.picture:
         _draw(options.picture, layout, walls, approaches, route, occupancy)
+        print_line(f'approach_poses: picture: {escaped(str(options.picture), 500)}', sys.stderr)
     poses = []
     for tag_id in route.tag_ids:
         pose = approaches.poses[tag_id]
@@ -128,28 +131,36 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
     return {'poses': poses, 'unreachable': unreachable, 'length_m': round(route.length_m, 6)}, frame_id
 
 
+def _check_picture(path: Path, occupancy: OccupancyMap | None) -> None:
+    """Raise a OneLineError if the picture cannot be written, before anything is computed."""
+    files_of_map = occupancy.files if occupancy else ()
+    check_output_file(path, '--picture', [('--map', each) for each in files_of_map])
+    try:
+        import matplotlib  # imported late: a missing library is a one-line error
+
+        matplotlib.use('Agg')
+        from lupin_greenhouse_bridge.display.drawings import picture_format
+
+        picture_format(path, '--picture')
+    except ImportError as error:
+        raise StartUpError(f'{error}: sudo apt install python3-matplotlib') from error
+
+
 def _draw(
-    path: str,
+    path: Path,
     layout: Layout,
     walls: Walls,
     approaches: Approaches,
     route: Route,
     occupancy: OccupancyMap | None,
 ) -> None:
-    if occupancy and Path(path).exists() and any(Path(path).samefile(each) for each in occupancy.files):
-        raise StartUpError(f"--picture '{path}' is a file of the map itself: name another file")
+    from lupin_greenhouse_bridge.display.drawings import draw_route, picture_format, picture_of
+
+    figure = draw_route(layout, walls, approaches.poses, approaches.unreachable, route, occupancy)
     try:
-        import matplotlib  # imported late: a missing library is a one-line error
-
-        matplotlib.use('Agg')
-        from lupin_greenhouse_bridge.display.drawings import draw_route, picture_of
-
-        figure = draw_route(layout, walls, approaches.poses, approaches.unreachable, route, occupancy)
-        Path(path).write_bytes(picture_of(figure, Path(path), '--picture'))
-    except ImportError as error:
-        raise StartUpError(f'{error}: sudo apt install python3-matplotlib') from error
+        path.write_bytes(picture_of(figure, picture_format(path)))
     except OSError as error:
-        raise StartUpError(f"--picture '{path}': {error}") from error
+        raise StartUpError(f"--picture '{path}': {error.strerror}: name another file") from error
 
 
 def _as_table(data: Poses) -> str:
@@ -269,7 +280,7 @@ def _parser() -> argparse.ArgumentParser:
             {'choices': FORMATS, 'default': 'table'},
             'format of the output (default: %(default)s)',
         ),
-        ('--picture', file, 'draw the layout, the poses and the route'),
+        ('--picture', file | {'type': Path}, 'draw the layout, the poses and the route'),
     ):
         add(option, help=what, **settings)
     add('--publish', action='store_true', help='publish the poses on topic ~/poses for RViz, until Ctrl-C')
