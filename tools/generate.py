@@ -202,14 +202,17 @@ def write(root: Path, rendered: Files) -> list[str]:
     """Write the rendered files, and remember what was written; return the paths that changed."""
     changed = differing(root, rendered)
     for path in changed:
-        content, mode = rendered[path]
-        target = root / path
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.unlink(missing_ok=True)  # it may be a symlink
-        target.write_bytes(content)
-        target.chmod(mode)
+        write_file(root / path, rendered[path])
     _last_written(root).write_text('\n'.join(_blob(content) for content, _ in rendered.values()))
     return changed
+
+
+def write_file(path: Path, file: File) -> None:
+    """Write a plain file in place of whatever file is there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.unlink(missing_ok=True)  # it may be a symlink
+    path.write_bytes(file[0])
+    path.chmod(file[1])
 
 
 def check(root: Path, table: Table) -> int:

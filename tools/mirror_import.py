@@ -10,6 +10,7 @@ author, date and message of its patch.
 Exit code: 0 the whole series is imported, 1 nothing is, 2 there is no such file, or there are own changes.
 """
 
+import os
 import re
 import signal
 import sys
@@ -19,9 +20,6 @@ from pathlib import Path
 import check_drift
 import generate
 from generate import CORE, MESSAGES, ROOT, RefusedError, Table, git
-
-DELETED = '000000'  # git's mode of a file that is not there
-PLAIN_MODES = (DELETED, '100644', '100755')
 
 
 def core_path_of(path: str, table: Table, checkout: Path) -> str:
@@ -55,21 +53,18 @@ def core_content(core_path: str, content: bytes, mirror: Table) -> bytes:
 
 def take_over(checkout: Path, table: Table) -> None:
     """Amend the last commit, which changes the mirror, by the core and both trees; raises RefusedError."""
-    cells = git(checkout, 'diff', '--raw', '-z', '--no-renames', 'HEAD~', 'HEAD').split('\0')
-    changes = sorted((header.split()[1], path) for header, path in zip(cells[::2], cells[1::2], strict=False))
-    for mode, path in changes:  # what is deleted comes first: a folder may take its place
-        core_path = core_path_of(path, table, checkout)
-        target = checkout / CORE / core_path
-        if mode not in PLAIN_MODES:
+    changed = git(checkout, 'diff', '--name-only', '-z', '--no-renames', 'HEAD~', 'HEAD').split('\0')[:-1]
+    core_paths = {path: core_path_of(path, table, checkout) for path in changed}
+    for core_path in filter(None, core_paths.values()):  # all of them first: a folder may replace a file
+        (checkout / CORE / core_path).unlink(missing_ok=True)
+    for path, core_path in core_paths.items():
+        file = generate.read(checkout / path)
+        if not file and os.path.lexists(checkout / path):
             raise RefusedError(f'{path}: is not a plain file')
-        if core_path and mode == DELETED:
-            target.unlink()
-        elif core_path:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            content = core_content(core_path, (checkout / path).read_bytes(), table['trees']['mirror'])
-            target.write_bytes(content)
-            target.chmod(int(mode[-3:], 8))
-            git(checkout, 'add', '--force', '--', str(target))  # git may ignore it
+        if file and core_path:
+            content = core_content(core_path, file[0], table['trees']['mirror'])
+            generate.write_file(checkout / CORE / core_path, (content, file[1]))
+            git(checkout, 'add', '--force', '--', f'{CORE}/{core_path}')  # git may ignore it
     rendered = generate.render(checkout, table)
     for path in generate.extras(checkout, rendered, table):
         (checkout / path).unlink()
@@ -100,6 +95,16 @@ def import_patch(checkout: Path, patch: Path, table: Table) -> None:
         raise RefusedError(f'{subject!r}: {error}') from error
 
 
+def apply(checkout: Path, patch: Path, root: str) -> None:
+    """Commit a patch of the mirror below its root; raises RefusedError."""
+    try:
+        git(checkout, 'am', '--quiet', '--3way', '--keep-cr', f'--directory={root}', str(patch))
+    except RefusedError as error:
+        told = str(error).removeprefix('git am: ').splitlines()  # with hints
+        reason = next((line for line in told if line.startswith('error: ')), told[0])
+        raise RefusedError(f'does not apply to {root}: {reason}') from error
+
+
 def check_form(checkout: Path, diff: Path) -> None:
     """Raise RefusedError if git would take a patch for another one than its author made."""
     text = diff.read_bytes().decode(errors='replace')
@@ -110,16 +115,6 @@ def check_form(checkout: Path, diff: Path) -> None:
     summary = re.search(r'^ \d+ files? changed.*', text, re.MULTILINE)
     if summary and summary[0] != git(checkout, 'apply', '--stat', str(diff)).splitlines()[-1]:
         raise RefusedError(f'is not whole: its summary says{summary[0]}')
-
-
-def apply(checkout: Path, patch: Path, root: str) -> None:
-    """Commit a patch of the mirror below its root; raises RefusedError."""
-    try:
-        git(checkout, 'am', '--quiet', '--3way', '--keep-cr', f'--directory={root}', str(patch))
-    except RefusedError as error:
-        told = str(error).removeprefix('git am: ').splitlines()  # with hints
-        reason = next((line for line in told if line.startswith('error: ')), told[0])
-        raise RefusedError(f'does not apply to {root}: {reason}') from error
 
 
 def split(series: Path, folder: Path) -> list[Path]:
