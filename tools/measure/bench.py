@@ -66,11 +66,16 @@ TARGETS: dict[str, tuple[float, Side]] = {
 }
 
 
+def service_of(name: str) -> str:
+    """Return the service of the server with this name."""
+    return f'/{name}/greenhouse_bridge/get_tag_reading'
+
+
 class NamedServer(Server):
     """A server in the namespace of its name."""
 
     def __init__(self, command: str, name: str, **parameters: object):
-        self.service = f'/{name}/greenhouse_bridge/get_tag_reading'
+        self.service = service_of(name)
         super().__init__(*shlex.split(command), namespace=f'/{name}', **parameters)
 
     def cpu_seconds(self) -> float:
@@ -191,18 +196,16 @@ class Bench:
         Restarts the servers for each round, because processes of the same program differ more than calls do.
         """
         calls = 200 if self.options.short else 1000
-        commands = [*self.commands, CANNED_REPLIES]
-
-        def durations(order: list[int]) -> list[list[float]]:
+        results = []
+        for number in range(self.rounds):
+            commands = [('s0', self.commands[0]), ('s1', self.commands[1]), ('s2', CANNED_REPLIES)]
             with contextlib.ExitStack() as stack:
-                for side in order:
-                    stack.enter_context(closing(NamedServer(commands[side], f's{side}')))
-                services = [f'/s{side}/greenhouse_bridge/get_tag_reading' for side in range(len(commands))]
+                for name, command in commands if number % 2 else reversed(commands):
+                    stack.enter_context(closing(NamedServer(command, name)))
+                services = [service_of(name) for name, _ in commands]
                 asker = stack.enter_context(closing(Asker(*services)))
                 asker.latencies(services, 200)  # the first calls are slower
-                return asker.latencies(services, calls)
-
-        results = [durations([0, 1, 2] if number % 2 else [2, 1, 0]) for number in range(self.rounds)]
+                results.append(asker.latencies(services, calls))
         for name, share in (('p50', 0.5), ('p90', 0.9), ('p99', 0.99)):
             pairs = [(percentile(ours, share), percentile(theirs, share)) for ours, theirs, _ in results]
             self.ratio(f'round trip {name}', 'us', pairs)
@@ -250,13 +253,13 @@ class Bench:
         self.ratio('resident memory', 'kB', [tuple(server.status('VmRSS') for server in self.servers)])
         seconds = 1.0 if self.options.short else 3.0
 
-        def spent_us() -> tuple[float, ...]:
+        pairs = []
+        for _ in range(2 if self.options.short else 5):
             before = [server.cpu_seconds() for server in self.servers]
             time.sleep(seconds)
             after = [server.cpu_seconds() for server in self.servers]
-            return tuple(max(b - a, 1e-9) / seconds * 1e6 for a, b in zip(before, after, strict=True))
-
-        self.ratio('processor at idle', 'us/s', [spent_us() for _ in range(2 if self.options.short else 5)])
+            pairs.append(tuple(max(b - a, 1e-9) / seconds * 1e6 for a, b in zip(before, after, strict=True)))
+        self.ratio('processor at idle', 'us/s', pairs)
 
     def growth(self) -> None:
         """Compare bridges with many tags, and after many calls, with a small and a fresh one."""

@@ -12,25 +12,23 @@ import rclpy
 from lupin_greenhouse_bridge.contract import NODE_NAME, SERVICE_QOS
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading, TagReading
 
+SECONDS_LATE = float(sys.argv[1]) if sys.argv[1:2] != ['--ros-args'] else 0.0
+READINGS = [SensorReading(name=name, value=21.5) for name in ('temperature', 'co2')]
+REPLY = GetTagReading.Response(
+    reading=TagReading(tag_id='1', sim_time_of_day_seconds=43200.0, readings=READINGS)
+)
 
-def main() -> None:
-    """Serve until the process is ended."""
-    seconds_late = float(sys.argv[1]) if sys.argv[1:2] != ['--ros-args'] else 0.0
-    readings = [SensorReading(name=name, value=21.5) for name in ('temperature', 'co2')]
-    reading = TagReading(tag_id='1', sim_time_of_day_seconds=43200.0, readings=readings)
-    reply = GetTagReading.Response(reading=reading)
 
-    def handle(_request: Any, _response: Any) -> Any:
-        if seconds_late:
-            time.sleep(seconds_late)
-        return reply
+def handle(_request: Any, _response: Any) -> Any:
+    """Return the reply."""
+    if SECONDS_LATE:
+        time.sleep(SECONDS_LATE)
+    return REPLY
 
+
+if __name__ == '__main__':
     rclpy.init()
     node = rclpy.create_node(NODE_NAME)
     node.create_service(GetTagReading, '~/get_tag_reading', handle, qos_profile=SERVICE_QOS)
     print('ready: canned replies', flush=True)
     rclpy.spin(node)
-
-
-if __name__ == '__main__':
-    main()

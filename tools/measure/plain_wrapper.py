@@ -22,42 +22,26 @@ class PlainWrapper(Node):
 
     def __init__(self) -> None:
         super().__init__('greenhouse_bridge')
-        parameters = {
-            'tag_file': '',
-            'sim_config_file': '',
-            'debug_time_of_day': -1.0,
-            'speedup_factor': 0.0,
-            'debug_seed': -1,
-        }
-        for name, default in parameters.items():
-            self.declare_parameter(name, default)
-        files = (self._value('tag_file'), self._value('sim_config_file'))
+        files = (self._declared('tag_file', ''), self._declared('sim_config_file', ''))
+        debug_time_of_day = self._declared('debug_time_of_day', -1.0)
+        speedup_factor = self._declared('speedup_factor', 0.0)
+        debug_seed = self._declared('debug_seed', -1)
         self._sim = GreenhouseSimulator(*(Path(file) if file else None for file in files))
-        self._apply_overrides()
+        time = self._sim.sim_config['time']
+        if debug_time_of_day >= 0.0:
+            time |= {'debug_mode': True, 'debug_time_of_day': debug_time_of_day}
+        if speedup_factor > 0.0:
+            time['speedup_factor'] = speedup_factor
+        if debug_seed >= 0:
+            time |= {'debug_mode': True, 'debug_seed': debug_seed}
+            random.seed(debug_seed)
         self._tag_set = set(self._sim.tags())
-        self._cb_group = MutuallyExclusiveCallbackGroup()
-        self._service = self.create_service(
-            GetTagReading,
-            '~/get_tag_reading',
-            self._handle_get_tag_reading,
-            callback_group=self._cb_group,
-        )
+        group, handle = MutuallyExclusiveCallbackGroup(), self._handle_get_tag_reading
+        self._service = self.create_service(GetTagReading, '~/get_tag_reading', handle, callback_group=group)
         self.get_logger().info(f'ready: {len(self._tag_set)} tags')
 
-    def _value(self, name: str) -> Any:
-        return self.get_parameter(name).value
-
-    def _apply_overrides(self) -> None:
-        time = self._sim.sim_config['time']
-        if self._value('debug_time_of_day') >= 0.0:
-            time['debug_mode'] = True
-            time['debug_time_of_day'] = self._value('debug_time_of_day')
-        if self._value('speedup_factor') > 0.0:
-            time['speedup_factor'] = self._value('speedup_factor')
-        if self._value('debug_seed') >= 0:
-            time['debug_mode'] = True
-            time['debug_seed'] = self._value('debug_seed')
-            random.seed(self._value('debug_seed'))
+    def _declared(self, name: str, default: object) -> Any:
+        return self.declare_parameter(name, default).value
 
     def _handle_get_tag_reading(self, request: Any, response: Any) -> Any:
         if request.tag_id not in self._tag_set:
@@ -75,14 +59,6 @@ class PlainWrapper(Node):
         return response
 
 
-def main() -> None:
-    """Serve until the process is ended."""
-    rclpy.init()
-    node = PlainWrapper()
-    rclpy.spin(node)
-    node.destroy_node()
-    rclpy.shutdown()
-
-
 if __name__ == '__main__':
-    main()
+    rclpy.init()
+    rclpy.spin(PlainWrapper())

@@ -50,14 +50,14 @@ class Bridge(Server):
     def __init__(self, *prefix: str, **parameters: Any):
         super().__init__(*prefix, sys.executable, str(HERE / 'counting_bridge.py'), **parameters)
 
-    def has_handled(self, clients: 'Sequence[Counts]') -> tuple[str, bool]:
+    def has_handled(self, clients: Sequence[Counts]) -> tuple[str, bool]:
         """End it; return as a promise that it handled each call of its clients once."""
-        exit_code = self.stop()
+        exit_code, found = self.stop(), total_of(clients)
         (handled,) = re.findall(r'^requests handled: (\d+)$', '\n'.join(self.log), re.MULTILINE)
-        calls, greetings = sum(each.calls for each in clients), sum(each.greetings for each in clients)
-        text = f'{handled} requests handled of {greetings} greetings and {calls} calls, exit code {exit_code}'
+        text = f'{handled} requests handled of {found.greetings} greetings and {found.calls} calls'
         # Of the greetings of a client, at least the one with the answer arrives.
-        return text, exit_code == 0 and calls + len(clients) <= int(handled) <= calls + greetings
+        are_once = found.calls + len(clients) <= int(handled) <= found.calls + found.greetings
+        return f'{text}, exit code {exit_code}', exit_code == 0 and are_once
 
     def ends_cleanly(self) -> tuple[str, bool]:
         """End it; return its exit code as a promise."""
