@@ -19,10 +19,8 @@ LAUNCH = f'{BRIDGE}/launch/greenhouse_bridge.launch.py'
 SRV, READING = 'MSGS/srv/GetTagReading.srv', 'MSGS/msg/TagReading.msg'
 SENSOR = 'MSGS/msg/SensorReading.msg'
 WRAP, PLAIN = 'return Path(value) if value else None', 'return value or None'
-IMPORT, LAST_LINE = (
-    'from pathlib import Path\n',
-    '    return run(NODE_NAME, GreenhouseBridgeNode, args)\n',
-)  # of the node
+IMPORT = 'from pathlib import Path\n'
+LAST_LINE = '    return run(NODE_NAME, GreenhouseBridgeNode, args)\n'
 NODE_DIFFERS, PACKAGE_DIFFERS, INTERFACE = 'bridge_node.py', 'package file', 'interface'
 DIVERGENCE, LEFT_OVER, ONE_SIDE = 'allowed divergence', 'left-over name', 'only one side'
 IGNORE, MODE, LINK, MISSING = 'COLCON_IGNORE', 'file mode', 'symlink', 'missing'
@@ -130,27 +128,19 @@ EDITS = [
 ]  # fmt: skip
 
 
-def rewrite(side, name, change):
-    """Change all lines of a file."""
+def rewrite(side, name, pattern, new):
+    """Replace a pattern in all of a file."""
 
     def mutate(trees):
         path = trees.path(side, name)
-        path.write_bytes(b''.join(change(path.read_bytes().splitlines(keepends=True))))
+        path.write_bytes(re.sub(pattern, new, path.read_bytes(), flags=re.MULTILINE | re.DOTALL))
 
     return mutate
 
 
-def swapped(first, second):
-    """Return a function that swaps the first two lines that begin like this."""
-
-    def swap(lines):
-        one, two = (
-            next(n for n, line in enumerate(lines) if line.startswith(each)) for each in (first, second)
-        )
-        lines[one], lines[two] = lines[two], lines[one]
-        return lines
-
-    return swap
+def swap(side, name, first, second):
+    """Swap the first two lines that begin like this."""
+    return rewrite(side, name, rf'^({first}[^\n]*\n)(.*?)^({second}[^\n]*\n)'.encode(), rb'\3\2\1')
 
 
 def moved_line(trees):
@@ -174,22 +164,14 @@ def chmod(side, name, mode):
     return lambda trees: trees.path(side, name).chmod(mode)
 
 
-def link(side, name, target):
-    def mutate(trees):
-        path = trees.path(side, name)
-        path.unlink(missing_ok=True)
-        path.symlink_to(target)
-
-    return mutate
-
-
-def link_to_a_copy(side, name):
-    """Replace a folder of a tree by a symlink to the same content."""
+def link(side, name, target=''):
+    """Put a symlink in place of a file or folder; without a target, to where that was moved to."""
 
     def mutate(trees):
         path = trees.path(side, name)
-        path.rename(trees.base / 'elsewhere')
-        path.symlink_to(trees.base / 'elsewhere')
+        if path.exists():
+            path.rename(trees.base / 'elsewhere')
+        path.symlink_to(target or trees.base / 'elsewhere')
 
     return mutate
 
@@ -204,10 +186,6 @@ def track(side, name):
     return mutate
 
 
-def with_crlf(lines):
-    return [line.replace(b'\n', b'\r\n') for line in lines]
-
-
 def edit_in(sides, name, old, new):
     def mutate(trees):
         for side in TREES if sides == 'both' else [sides]:
@@ -217,9 +195,9 @@ def edit_in(sides, name, old, new):
 
 
 CHANGES = [
-    (INTERFACE, 'two fields swapped', rewrite('mirror', SENSOR, swapped(b'string name', b'float64 value'))),
-    (INTERFACE, 'a field over the dashes', rewrite('mirror', SRV, swapped(b'---', b'string error_message'))),
-    (INTERFACE, 'constants reordered', rewrite('monorepo', SRV, swapped(b'uint8 STATUS_OK', b'uint8 STATUS_UNK'))),
+    (INTERFACE, 'two fields swapped', swap('mirror', SENSOR, 'string name', 'float64 value')),
+    (INTERFACE, 'a field over the dashes', swap('mirror', SRV, '---', 'string error_message')),
+    (INTERFACE, 'constants reordered', swap('monorepo', SRV, 'uint8 STATUS_OK', 'uint8 STATUS_UNK')),
     (DIVERGENCE, 'the line moved in both', moved_line),
     (ONE_SIDE, 'a new file in the mirror', add('mirror', f'{BRIDGE}/{BRIDGE}/extra.py')),
     (ONE_SIDE, 'a new file in the monorepo', add('monorepo', f'{BRIDGE}/test/test_extra.py')),
@@ -248,13 +226,13 @@ CHANGES = [
     (LINK, 'a symlink out of the tree', link('mirror', SIMULATION, '/etc/hostname')),
     (LINK, 'a symlink to the other tree', link('mirror', NODE.replace('bridge_node', 'errors'), '../../../monorepo/x')),
     (LINK, 'a new symlink', link('monorepo', f'{BRIDGE}/extra', '/')),
-    (LINK, 'a package that is a symlink', link_to_a_copy('monorepo', BRIDGE)),
-    (LINK, 'a package of the mirror that is a symlink', link_to_a_copy('mirror', BRIDGE)),
-    (LINK, 'a folder of messages that is a symlink', link_to_a_copy('monorepo', 'MSGS/msg')),
-    (LINK, 'a folder of a package that is a symlink', link_to_a_copy('mirror', f'{BRIDGE}/doc')),
+    (LINK, 'a package that is a symlink', link('monorepo', BRIDGE)),
+    (LINK, 'a package of the mirror that is a symlink', link('mirror', BRIDGE)),
+    (LINK, 'a folder of messages that is a symlink', link('monorepo', 'MSGS/msg')),
+    (LINK, 'a folder of a package that is a symlink', link('mirror', f'{BRIDGE}/doc')),
     *((ONE_SIDE, f'{name} that git tracks', track('mirror', name)) for name in (f'{BRIDGE}/build/a.py', 'MSGS/log/a', '.vscode/a', 'a~')),
-    (PACKAGE_DIFFERS, 'CRLF in a whole file', rewrite('mirror', LAUNCH, with_crlf)),
-    (INTERFACE, 'CRLF in a message', rewrite('monorepo', SENSOR, with_crlf)),
+    (PACKAGE_DIFFERS, 'CRLF in a whole file', rewrite('mirror', LAUNCH, b'\n', b'\r\n')),
+    (INTERFACE, 'CRLF in a message', rewrite('monorepo', SENSOR, b'\n', b'\r\n')),
     (PACKAGE_DIFFERS, 'a binary resource marker', lambda t: t.path('mirror', f'{BRIDGE}/resource/{BRIDGE}').write_bytes(b'\xff')),
 ]  # fmt: skip
 
@@ -321,17 +299,11 @@ def test_git_ignores_in_the_mirror_what_tools_leave_there(trees):
 @pytest.mark.parametrize(
     ('mutate', 'reason'),
     [
-        (
-            lambda trees: shutil.rmtree(trees.path('mirror', '.')),
-            'lupin_greenhouse_ros: has no lupin_greenhouse_msgs',
-        ),
-        (
-            lambda trees: shutil.rmtree(trees.path('monorepo', 'MSGS')),
-            'has no lupin_msgs: is it the monorepo?',
-        ),
+        (lambda trees: shutil.rmtree(trees.path('mirror', '.')), 'ros: has no lupin_greenhouse_msgs'),
+        (lambda trees: shutil.rmtree(trees.path('monorepo', 'MSGS')), 'has no lupin_msgs: is it the monorepo?'),
         (delete('mirror', NODE), 'bridge_node.py: is it the mirror?'),
     ],
-)
+)  # fmt: skip
 def test_trees_that_cannot_be_compared_are_exit_code_2(trees, mutate, reason, capsys):
     mutate(trees)
     assert trees.check() == 2
@@ -341,23 +313,13 @@ def test_trees_that_cannot_be_compared_are_exit_code_2(trees, mutate, reason, ca
     assert reason in line
 
 
-@pytest.mark.parametrize(
-    ('new', 'shown'),
-    [
-        ('from pathlib import Path \n', r"+'from pathlib import Path \n'"),
-        ('from pathlib import Path\r\n', r"+'from pathlib import Path\r\n'"),
-        ('from\tpathlib import Path\n', r"+'from\tpathlib import Path\n'"),
-        ('import s\u0443s\n', r"+'import s\u0443s\n'"),
-        ('from pathlib import Path  # \u200b\n', r"+'from pathlib import Path  # \u200b\n'"),
-    ],
-)
-def test_text_has_place_message_remedy_and_a_diff_of_what_is_invisible(trees, new, shown, capsys):
+def test_text_has_place_message_remedy_and_a_diff_of_what_is_invisible(trees, capsys):
     number = trees.path('mirror', NODE).read_text().splitlines(keepends=True).index(IMPORT) + 1
-    edit(trees.path('mirror', NODE), IMPORT, new)
+    edit(trees.path('mirror', NODE), IMPORT, 'from\tpathlib import P\u0430th  # \u200b \r\n')
     assert trees.check() == 1
     place, *rest = capsys.readouterr().out.splitlines()
     assert place.endswith(f'/bridge_node.py:{number}: [bridge_node.py] differs beyond the rename')
-    assert shown in rest
+    assert r"+'from\tpathlib import P\u0430th  # \u200b \r\n'" in rest
     assert 'make generate' in rest[-3]
     assert 'tools/twins.toml' in rest[-2]
     assert re.fullmatch(r'1 finding in \d+ files compared\.', rest[-5])
@@ -385,9 +347,6 @@ def test_it_runs_alone_on_any_two_checkouts(repository):
 
 
 def test_an_unreadable_file_is_exit_code_2(trees, monkeypatch, capsys):
-    def refuse(path):
-        raise PermissionError(13, 'Permission denied', str(path))
-
-    monkeypatch.setattr(check_drift.Path, 'read_bytes', refuse)
+    monkeypatch.setattr(check_drift.Path, 'read_bytes', lambda path: path.with_name('missing').open())
     assert trees.check() == 2
-    assert 'Permission denied' in capsys.readouterr().err
+    assert 'No such file' in capsys.readouterr().err
