@@ -65,6 +65,7 @@ def checks_pass(monorepo):
 def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositories):
     monorepo, mirror = repositories
     add_hook(monorepo, 'pre-commit', 'python tools/generate.py --check | grep "are what the core"')
+    more = f'{PACKAGE}/test/new/folder/test_more.py'
     edits = [
         NEW_TITLE,
         LOG_MORE,
@@ -79,11 +80,7 @@ def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositor
         (f'{PACKAGE}/doc/clients.md', '# Calling', '# How to call'),
         ('lupin_greenhouse_msgs/srv/GetTagReading.srv', '# What is the climate', '# What is the weather'),
         (f'{BRIDGE}/display/readings_page.html', '<html lang="en">', '<html lang="nl">'),
-        (
-            f'{PACKAGE}/test/new/folder/test_more.py',
-            '',
-            f'# {generate.HEADER}\n"""More of lupin_greenhouse_msgs."""\n',
-        ),
+        (more, '', f'# {generate.HEADER}\n"""More of lupin_greenhouse_msgs."""\n'),
     ]
     (mirror / f'{BRIDGE}/interfaces.py').rename(mirror / f'{BRIDGE}/messages.py')
     (mirror / f'{PACKAGE}/setup.cfg').rename(mirror / f'{BRIDGE}/moved.cfg')
@@ -106,20 +103,33 @@ def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositor
     assert git(monorepo, 'status', '--porcelain') == ''
     git(mirror, 'fetch', '--quiet', str(monorepo))
     assert git(mirror, 'diff', '--stat', 'FETCH_HEAD:lupin_greenhouse_ros', 'HEAD') == ''
-    assert (
-        monorepo / 'tools/core' / PACKAGE / 'test/new/folder/test_more.py'
-    ).read_text() == '"""More of lupin_msgs."""\n'
+    assert (monorepo / 'tools/core' / more).read_text() == '"""More of lupin_msgs."""\n'
     assert checks_pass(monorepo)
 
 
-@pytest.mark.parametrize('new', ['    return value\n', ''], ids=['changed', 'deleted'])
-def test_a_change_of_the_line_that_differs_on_purpose_is_refused(repositories, new):
+NODE, LINE = f'{BRIDGE}/bridge_node.py', '    return value or None\n'
+RENAMED = 'names lupin_msgs: in the mirror, it is lupin_greenhouse_msgs'
+ON_PURPOSE = "'return value or None' differs from the monorepo on purpose: leave this line as it is"
+
+
+@pytest.mark.parametrize(
+    ('path', 'old', 'new', 'reason'),
+    [
+        (NODE, LINE, '    return value\n', ON_PURPOSE),
+        (NODE, LINE, '', ON_PURPOSE),
+        (f'{BRIDGE}/units.py', '', '# lupin_msgs', RENAMED),
+        ('LICENSE', None, None, 'is missing; the mirror keeps it by hand: put it back'),
+        ('COLCON_IGNORE', None, None, 'is missing; the mirror keeps it by hand: put it back'),
+    ],
+)  # fmt: skip
+def test_what_the_mirror_must_keep_cannot_be_changed(repositories, path, old, new, reason):
     monorepo, mirror = repositories
-    line = '    return value or None\n'
-    result = import_patch(monorepo, commit_in(mirror, (f'{BRIDGE}/bridge_node.py', line, new)))
-    assert refused(result) == (
-        f"'Mend it': {BRIDGE}/bridge_node.py: 'return value or None' differs from the monorepo on purpose:"
-        ' leave this line as it is'
+    if new is None:
+        (mirror / path).unlink()
+    result = import_patch(monorepo, commit_in(mirror, *([] if new is None else [(path, old, new)])))
+    assert refused(result) in (
+        f"'Mend it': {path}: {reason}",
+        f"'Mend it': lupin_greenhouse_ros/{path}: {reason}",
     )
 
 
@@ -241,37 +251,15 @@ def test_a_series_arrives_commit_by_commit_or_not_at_all(repositories):
     assert state(monorepo) == before
 
 
-def test_a_patch_that_names_the_message_package_of_the_monorepo_is_refused(repositories):
-    monorepo, mirror = repositories
-    reason = refused(import_patch(monorepo, commit_in(mirror, (f'{BRIDGE}/units.py', '', '# lupin_msgs'))))
-    assert (
-        reason
-        == f"'Mend it': {BRIDGE}/units.py: names lupin_msgs: in the mirror, it is lupin_greenhouse_msgs"
-    )
-
-
-@pytest.mark.parametrize('name', ['LICENSE', 'lupin_greenhouse_msgs/package.xml', 'COLCON_IGNORE'])
-def test_a_file_that_the_mirror_keeps_by_hand_cannot_be_deleted(repositories, name):
-    monorepo, mirror = repositories
-    (mirror / name).unlink()
-    reason = refused(import_patch(monorepo, commit_in(mirror)))
-    assert reason.startswith(f"'Mend it': lupin_greenhouse_ros/{name}: ")
-
-
 def test_a_missing_file_one_without_a_patch_and_uncommitted_changes_are_refused(repositories):
     monorepo, mirror = repositories
-    assert refused(import_patch(monorepo, '<html>sign in</html>\n')).endswith(
-        'holds no patch of git format-patch'
-    )
+    page = import_patch(monorepo, '<html>sign in</html>\n')
+    assert refused(page).endswith('holds no patch of git format-patch')
     edit(monorepo / 'README.md', '', 'changed')
     result = import_patch(monorepo, commit_in(mirror, NEW_TITLE))
     assert result.returncode == 2
     assert result.stderr == 'mirror-import: commit or stash your own changes first\n'
-    missing = subprocess.run(
-        ['python', '-B', 'tools/mirror_import.py', 'missing.patch'],
-        cwd=monorepo,
-        capture_output=True,
-        check=False,
-    )
+    command = ['python', '-B', 'tools/mirror_import.py', 'missing.patch']
+    missing = subprocess.run(command, cwd=monorepo, capture_output=True, check=False)
     assert missing.returncode == 2
     assert missing.stderr == b"mirror-import: no file 'missing.patch': make mirror-import PATCH=N.patch\n"
