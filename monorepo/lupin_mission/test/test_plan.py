@@ -61,7 +61,8 @@ def test_a_pose_with_less_room_than_the_clearance_is_warned_of():
     warnings = Plan(LAYOUT, settings, AS_IT_IS).room_warnings
     assert set(warnings) == set('1234')
     assert warnings['1'] == (
-        "tag '1': its pose has 0.300 m of room beyond the robot's radius, less than the clearance of 0.4 m"
+        "tag '1': its pose has 0.300 m of room beyond the robot's radius, less than the clearance of 0.4 m:"
+        ' the robot fits, so nothing needs to be done'
     )
 
 

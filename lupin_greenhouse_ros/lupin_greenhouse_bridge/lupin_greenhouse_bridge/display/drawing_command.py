@@ -14,9 +14,8 @@ from typing import NamedTuple
 from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_ranges
 from lupin_greenhouse_bridge.display.placing import Point
 from lupin_greenhouse_bridge.display.report_line import Observation, has_report, parse_report
-from lupin_greenhouse_bridge.display.summary import tags_text
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
-from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
+from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, parse_rows, with_places
 from lupin_greenhouse_bridge.recording.rows import Row, key_of
 from lupin_greenhouse_bridge.runtime.output import check_output_file, print_line
@@ -31,7 +30,6 @@ COMPANION_ENDINGS = {
     'tag_file': '-tag_locations.json',
     'sim_config_file': '-greenhouse_config.yaml',
 }
-MOST_NAMED = 4  # tags outside the walls in a warning
 MOST_SENSORS = 20  # more panels than this are no picture to look at
 LONGEST_NAME = 64  # characters
 LARGEST_VALUE, LARGEST_M = 1e20, 1e12  # no program that draws fails at sums and squares of these
@@ -160,7 +158,7 @@ def _names_of(paths: list[Path]) -> list[str]:
 
 
 def _read_recording(path: Path, name: str, options: argparse.Namespace) -> Recording:
-    """Return a file with its greenhouse; warn of values that hide one another, and tags outside the walls."""
+    """Return a file with its greenhouse; warn of hidden values, and of what is outside the walls."""
     companions = {}
     for option, ending in COMPANION_ENDINGS.items():
         companion = path.parent / f'{path.stem}{ending}'
@@ -175,9 +173,8 @@ def _read_recording(path: Path, name: str, options: argparse.Namespace) -> Recor
     walls = find_walls(layout, sim_config_file, options.walls)
     if max(map(abs, walls)) > LARGEST_M:
         raise StartUpError(f'the walls are {walls}: {DRAWABLE}')
-    if outside := [tag_id for tag_id, tag in layout.tags.items() if not walls.has_inside(tag.x, tag.y)]:
-        problem = f'outside the walls ({walls}): {tags_text(outside, MOST_NAMED)}'
-        print(f'{options.prog}: {problem}: set --walls or --sim-config-file', file=sys.stderr)
+    if warning := warning_of_outside(layout, walls):
+        print(f'{options.prog}: {warning}', file=sys.stderr)
     colour_ranges = read_colour_ranges(sim_config_file)
     return Recording(path, name, *file, layout, walls, read_route(companions['route']), colour_ranges)
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.display.report_line import Observation
-from lupin_greenhouse_bridge.errors import escaped
+from lupin_greenhouse_bridge.errors import escaped, names_text
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 from lupin_greenhouse_bridge.units import clock_time, unit_of, value_text
@@ -56,13 +56,6 @@ def failure_reason(detail: str) -> str:
     return re.sub(r'([^\s:;][^:;]*\bcode \d+): ([^;]+)', r'\2 (\1)', escaped(detail, LONGEST_REASON))
 
 
-def tags_text(tag_ids: list[str], most: int) -> str:
-    """Return `tag 7`, `tags 7 and 8` or, with more tags than `most`, `tags 7, 8 and 3 more`."""
-    more = [f'{len(tag_ids) - most:,} more'] if len(tag_ids) > most else []
-    *first, last = [*(escaped(tag_id, 64) for tag_id in tag_ids[:most]), *more]
-    return f'tags {", ".join(first)} and {last}' if first else f'tag {last}'
-
-
 def extremes_of(sensor: str, values: Mapping[str, float]) -> list[tuple[str, list[str]]]:
     """Return the lowest and the highest value as texts, with all their tags; one text if all are equal."""
     tags_by_text: dict[str, list[str]] = {}
@@ -74,7 +67,7 @@ def extremes_of(sensor: str, values: Mapping[str, float]) -> list[tuple[str, lis
         shown = f'{text} {unit_of(sensor)}'.rstrip()
         prefix = word if len(tags_by_text) > 1 else ''
         found.append(
-            (f'{prefix}{shown} at {tags_text(tags_by_text[text], MOST_EXTREME)}', tags_by_text[text])
+            (f'{prefix}{shown} at {names_text("tag", tags_by_text[text], MOST_EXTREME)}', tags_by_text[text])
         )
     return found[: len(tags_by_text)]
 

@@ -109,7 +109,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
         if view.room_m < limits.clearance_m - EQUAL_M:
             found.room_warnings[tag_id] = (
                 f"{shown}: its pose has {view.room_m:.3f} m of room beyond the robot's radius, less than the"
-                f' clearance of {limits.clearance_m:g} m'
+                f' clearance of {limits.clearance_m:g} m: the robot fits, so nothing needs to be done'
             )
     return found
 

@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, names_text
 from lupin_greenhouse_bridge.runtime.parameters import parameter
 from lupin_greenhouse_bridge.simulator.config import SIDES, check_sensors, find_config
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
 SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0
+MOST_NAMED = 4  # tags or tables in a warning
 MARGIN_M = 1.6  # without a config, the robot can stand 1.5 m in front of every tag
 
 
@@ -59,6 +60,20 @@ def walls_around(layout: Layout) -> Walls:
     points += [corner for table in layout.tables.values() for corner in (table[:2], table[2:])]
     xs, ys = zip(*points, strict=True)
     return Walls(min(xs) - MARGIN_M, min(ys) - MARGIN_M, max(xs) + MARGIN_M, max(ys) + MARGIN_M)
+
+
+def warning_of_outside(layout: Layout, walls: Walls) -> str:
+    """Return a warning of the tags and tables that are not inside the walls; '' if all are."""
+    tags = [tag_id for tag_id, tag in layout.tags.items() if not walls.has_inside(tag.x, tag.y)]
+    tables = [
+        name
+        for name, (x0, y0, x1, y1) in layout.tables.items()
+        if not (walls.has_inside(x0, y0) and walls.has_inside(x1, y1))
+    ]
+    named = [names_text(*each, MOST_NAMED) for each in (('tag', tags), ('table', tables)) if each[1]]
+    if not named:
+        return ''
+    return f'outside the walls ({walls}): {", ".join(named)}: set --walls or --sim-config-file'
 
 
 def parse_walls(value: object) -> Walls | None:

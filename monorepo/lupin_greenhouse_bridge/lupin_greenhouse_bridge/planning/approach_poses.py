@@ -25,7 +25,7 @@ from lupin_greenhouse_bridge.planning.passages import passages_below
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
 from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose, ViewingLimits
-from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
+from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
 from lupin_greenhouse_bridge.runtime.output import Progress, aligned_table, check_output_file, print_line
 from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
@@ -74,6 +74,8 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
     )
     overrides, warnings = read_overrides(options.overrides, layout.tags) if options.overrides else ({}, [])
     walls = find_walls(layout, options.sim_config_file, options.walls)
+    if warning := warning_of_outside(layout, walls):
+        warnings.append(warning)
     values = {name: getattr(options, name) for name in LIMITS}
     off_m, off_rad = options.arrival_tolerance
     limits = ViewingLimits(
@@ -115,7 +117,7 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
         print_line(
             f'approach_poses: on the way to {", ".join(named)}{more}, a passage is narrower than'
             f' {needed_m:.2f} m, which Nav2 needs if its local costmap has obstacles'
-            f' in cells of {NAV2_CELL_M} m',
+            f' in cells of {NAV2_CELL_M} m: use finer cells then; otherwise nothing needs to be done',
             sys.stderr,
         )
     if options.picture:

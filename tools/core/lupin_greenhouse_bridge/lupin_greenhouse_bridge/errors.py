@@ -2,7 +2,7 @@
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class OneLineError(Exception):
@@ -40,3 +40,10 @@ def escaped(text: str, longest: int) -> str:
 def pluralized(count: int, thing: str) -> str:
     """Return a count with its noun, such as 1 tag or 29 tags."""
     return f'{count} {thing}' if count == 1 else f'{count} {thing}s'
+
+
+def names_text(thing: str, names: Sequence[str], most: int) -> str:
+    """Return `tag 7`, `tags 7 and 8` or, with more names than `most`, `tags 7, 8 and 3 more`."""
+    more = [f'{len(names) - most:,} more'] if len(names) > most else []
+    *first, last = [*(escaped(name, 64) for name in names[:most]), *more]
+    return f'{thing}s {", ".join(first)} and {last}' if first else f'{thing} {last}'

@@ -106,8 +106,29 @@ def test_a_pose_with_less_room_than_the_clearance_is_warned_of(poses_of):
     assert exit_code == 0
     assert sorted(tag_id for tag_id, _ in rooms_m) == sorted(LAYOUT['tags'])
     assert all(0.2 < float(room_m) < 0.7 for _, room_m in rooms_m)
-    assert err.splitlines()[0].endswith('radius, less than the clearance of 0.7 m')
+    assert err.splitlines()[0].endswith(
+        'less than the clearance of 0.7 m: the robot fits, so nothing needs to be done'
+    )
     assert '2/2 tags have an approach pose' in out
+
+
+def test_tags_and_tables_outside_the_walls_are_warned_of(poses_of):
+    _, _, err = poses_of('--walls', '1.1', '0', '4', '4')
+    outside = 'outside the walls (x 1.1 to 4 m, y 0 to 4 m): tag 21, table bench'
+    assert err.splitlines()[0] == f'approach_poses: {outside}: set --walls or --sim-config-file'
+
+
+def test_a_narrow_passage_is_warned_of_with_what_to_do(poses_of, tmp_path):
+    tags = {'7': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}, '8': {'x': 1.0, 'y': 1.0, 'sensors': ['co2']}}
+    tables = {
+        'left': {'x0': 0, 'y0': 1, 'x1': 1.9, 'y1': 2},
+        'right': {'x0': 2.35, 'y0': 1, 'x1': 4, 'y1': 2},
+    }
+    path = tmp_path / 'narrow.json'
+    path.write_text(json.dumps({'tags': tags, 'tables': tables}), encoding='utf-8')
+    _, _, err = poses_of('--tag-file', str(path), '--walls', '0', '0', '4', '4')
+    (line,) = [each for each in err.splitlines() if 'a passage is narrower than 0.52 m' in each]
+    assert line.endswith('m: use finer cells then; otherwise nothing needs to be done')
 
 
 def test_a_transform_moves_the_poses_into_the_map(poses_of, tmp_path):

@@ -14,7 +14,7 @@ from lupin_greenhouse_bridge.display import drawing_command as command
 from lupin_greenhouse_bridge.display.drawing_command import Limits, Recording
 from lupin_greenhouse_bridge.display.drawings import LabelSize, Style, point_style
 from lupin_greenhouse_bridge.display.placing import Box, Point, box_of, ends_of_path, length_m, steps_of
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, names_text
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
@@ -119,7 +119,7 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     """Draw the path of the robot with its direction, and label the tags that were not read."""
     tags, route, failed = shown.layout.tags, shown.route, shown.failed
     more = [f'the robot drove {length_m(route):.1f} m'] if route else []
-    more += [f'not read: {summary.tags_text(list(failed), summary.MOST_EXTREME)}'] if failed else []
+    more += [f'not read: {names_text("tag", list(failed), summary.MOST_EXTREME)}'] if failed else []
     _write_title(axes, 'route' if route else 'tags read or not', '\n'.join(more))
     _draw_dots(axes, [tag_id for tag_id in tags if tag_id in shown.readings], shown, READ)
     others = [tag_id for tag_id in tags if tag_id not in shown.readings and tag_id not in failed]
@@ -247,7 +247,7 @@ def _write_head(
     ]
     lines = []
     for word, reason, tag_ids in failures:
-        text = f'T{summary.tags_text(tag_ids, MOST_NAMED)[1:]} {word}{f": {reason}" if reason else ""}'
+        text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]} {word}{f": {reason}" if reason else ""}'
         lines += [(part, 11, colours.FAILED) for part in textwrap.wrap(text, LONGEST_LINE)]
     origin = [escaped(name, 64), _time_text('%d %b %Y, times in %Z', last), summary.speed_text(rows)]
     lines.append((' · '.join(filter(None, origin)), 10, '0.35'))
