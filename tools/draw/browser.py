@@ -50,11 +50,15 @@ class Page:
         self._session = {'sessionId': session}
         for domain in ('Page', 'Runtime', 'Log', 'Network'):
             self._call(f'{domain}.enable')
-        view = {'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': width < 600}
-        self._call('Emulation.setDeviceMetricsOverride', **view)
+        self.resize(width, height)
         self._call('Page.navigate', url=path.resolve().as_uri())
         while next(self._messages).get('method') != 'Page.loadEventFired':
             pass
+
+    def resize(self, width: int, height: int) -> None:
+        """Set the size of the window in pixels."""
+        view = {'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': width < 600}
+        self._call('Emulation.setDeviceMetricsOverride', **view)
 
     def prefer(self, scheme: str) -> None:
         """Set the colour scheme that the reader prefers: `light` or `dark`."""

@@ -5,8 +5,8 @@ const element = id => document.getElementById(id);
 const { files, differences } = JSON.parse(element('data').textContent);
 const file_number = Number(new URLSearchParams(location.search).get('file'));
 const data = files[file_number] ?? files[0];
-const PAPER = { map: [440, 740], chart: [222, 165] };  // pixels in print
 const TAB = [108, 170];
+const LONG_LINE = 40;  // points, from which a chart is as wide as the page
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const LINES = 'Each line is a tag with its number';
 const POINTS = 'Each point is a reading of another tag, so values differ by place as well as by time';
@@ -17,6 +17,9 @@ const WALL_STEPS_MS = [
 ].map(seconds => seconds * 1000);
 const KEY_STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
 data.tags.forEach((tag, number) => { tag.number = number; });
+const is_long = data.sensors.length === 1
+  || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
+const PAPER = { map: [440, 740], chart: [is_long ? 696 : 222, 148] };  // pixels in print
 const placed_tags = data.tags.filter(tag => tag.x !== null);
 const state = { sensor: 0, clock: 'wall', sort: null, is_descending: false, is_printed: false };
 const pen = document.createElement('canvas').getContext('2d');
@@ -72,7 +75,8 @@ function write_head() {
   const parts = data.counts.map(([text]) => text);
   if (data.span_ms.length) {
     const [from, to] = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`);
-    parts.push(from === to ? from : `${from} to ${to} (${data.duration})`, data.greenhouse_times);
+    const duration = data.duration.replaceAll(' ', '\u00a0');  // which does not break
+    parts.push(from === to ? from : `${from} to ${to} (${duration})`, data.greenhouse_times);
   }
   write_pieces(document.querySelector('h1'), parts, number => data.counts[number]?.[1]);
   const day = is_one_day && data.span_ms.length ? date(data.span_ms[0]) : '';
@@ -132,7 +136,7 @@ function place_label(x, y, radius, width, { taken, room, route = [] }, most_plac
   const choices = [...near, ...far].slice(0, most_places).map(([dx, dy], number) => {
     const box = around(x + dx, y + dy, width, TEXT_HEIGHT);
     const covered = shared_with(box, boxes), outside = area - common(box, room);
-    const cost = covered + 5 * shared_with(box, steps) + 2 * outside + number * 0.01 * area;
+    const cost = 3 * covered + 5 * shared_with(box, steps) + 2 * outside + number * 0.01 * area;
     return { box, cost, covered, outside, is_far: number >= near.length };
   });
   return choices.reduce((best, each) => each.cost < best.cost ? each : best);
@@ -183,9 +187,8 @@ function draw_axes(svg, { x, y, scale, room: [left, top, right, bottom] }) {
 
 function draw_map() {
   const place = element('map'), number = state.sensor, sensor = data.sensors[number];
-  const free_height = innerHeight - place.getBoundingClientRect().top - scrollY - 62;
-  const on_screen = [place.clientWidth, innerWidth < 704 ? Infinity : Math.max(free_height, 460)];
-  const frame = frame_of(...state.is_printed ? PAPER.map : on_screen, { left: 40, right: 12, top: 6, bottom: 34 });
+  const size = state.is_printed ? PAPER.map : [place.clientWidth, Infinity];
+  const frame = frame_of(...size, { left: 40, right: 12, top: 6, bottom: 34 });
   const name = 'Map of the greenhouse. The arrow keys choose the next tag.';
   const svg = start_drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': name });
   draw_axes(svg, frame);
@@ -299,12 +302,11 @@ const facts_of = tag => [
 const is_over_days = dates_in_table.length > 1;
 const columns = [
   { name: 'tag', key: tag => tag.number },
-  { name: 'outcome', key: tag => tag.outcome },
   ...data.sensors.map((sensor, n) => ({
     name: sensor.name, unit: sensor.unit, key: tag => tag.values[n], text: value => value.toFixed(sensor.decimals),
   })),
   {
-    name: 'time', unit: is_over_days ? '' : dates_in_table.join(), key: tag => tag.stamp_ms,
+    name: 'time', unit: is_one_day || is_over_days ? '' : dates_in_table.join(), key: tag => tag.stamp_ms,
     text: ms => is_over_days ? `${date(ms)} ${clock(ms)}` : clock(ms),
   },
   { name: 'greenhouse', unit: 'time of day', key: tag => tag.time_of_day, text: day_time },
@@ -336,12 +338,12 @@ function write_table() {
 function write_row(body, tag) {
   tag.row = mark(body, 'tr', { class: tag.has_failed ? 'failed' : '', 'data-tag': tag.id });
   mark(mark(tag.row, 'th', { scope: 'row', title: tag.id }), 'a', { href: address(tag.id) }, tag.id);
-  mark(tag.row, 'td', {}, tag.outcome);
-  if (tag.has_failed) {
-    const cell = mark(tag.row, 'td', { class: 'reason', colspan: data.sensors.length + 2 });
-    mark(cell, 'div', {}, tag.reason);
+  const is_read = tag.outcome === 'read', spanned = data.sensors.length + 2;
+  if (!is_read) {
+    const cell = mark(tag.row, 'td', { class: 'reason', colspan: spanned });
+    mark(cell, 'div', {}, tag.outcome, tag.reason && `: ${tag.reason}`);
   }
-  for (const { key, text } of columns.slice(tag.has_failed ? data.sensors.length + 4 : 2)) {
+  for (const { key, text } of columns.slice(is_read ? 1 : 1 + spanned)) {
     mark(tag.row, 'td', { class: 'number' }, key(tag) === null ? '' : text(key(tag)));
   }
   tag.row.addEventListener('click', () => choose(tag));
@@ -552,8 +554,11 @@ function draw_all(is_printed = false) {
   draw_charts();
 }
 
-document.documentElement.style.setProperty('--colours', data.colours);
+const [view_x0, view_y0, view_x1, view_y1] = data.view, page_style = document.documentElement.style;
+page_style.setProperty('--colours', data.colours);
+page_style.setProperty('--aspect', (view_x1 - view_x0) / (view_y1 - view_y0));
 document.querySelector('#failed b').textContent = failure_words.length > 1 ? 'not read' : failure_words[0];
+element('figures').classList.toggle('long', is_long);
 element('bins').hidden = !data.is_binned;
 element('failed').hidden = !failure_words.length;
 element('tables').hidden = !data.tables.length;
@@ -569,10 +574,11 @@ if (data.sensors.length) pick(0);
 else draw_map();
 draw_charts();
 addEventListener('hashchange', show_chosen);
-let drawn_width = innerWidth;
+const widths = () => `${innerWidth} ${element('map').clientWidth}`;
+let drawn_widths = widths();
 addEventListener('resize', () => {
-  if (state.is_printed || drawn_width === innerWidth) return;
-  drawn_width = innerWidth;
+  if (state.is_printed || drawn_widths === widths()) return;
+  drawn_widths = widths();
   draw_all();
 });
 addEventListener('beforeprint', () => draw_all(true));

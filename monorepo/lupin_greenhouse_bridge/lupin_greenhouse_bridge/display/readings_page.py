@@ -225,9 +225,9 @@ def _route_data(route: list[placing.Point], walls: Walls) -> dict[str, Any]:
 
 
 def tags_of(file: Recording, sensors: list[str]) -> dict[str, dict[str, Any]]:
-    """Return the last reading and the last visit of each tag: failures first, then tags without a reading."""
+    """Return the last reading and visit of each tag: failures first, and what the file does not have last."""
     readings, visits = last_reading_of_each_tag(file.rows), {each.tag_id: each for each in file.visits}
-    tags = {}
+    tags: dict[str, dict[str, Any]] = {}
     for tag_id in sorted({*file.layout.tags, *readings, *visits}, key=natural_order):
         place, visit, reading = file.layout.tags.get(tag_id), visits.get(tag_id), readings.get(tag_id, {})
         row = next(iter(reading.values()), None)
@@ -249,8 +249,8 @@ def tags_of(file: Recording, sensors: list[str]) -> dict[str, dict[str, Any]]:
             'time_of_day': row and row.sim_time_of_day_seconds,
             'values': {each: shown[each].value if each in shown else None for each in sensors},
         }
-    is_first = {tag_id: (not tag['has_failed'], tag['stamp_ms'] is not None) for tag_id, tag in tags.items()}
-    return dict(sorted(tags.items(), key=lambda item: is_first[item[0]]))
+    order = {'not visited': 1, 'read': 2, 'not in the file': 3}  # after the failures
+    return dict(sorted(tags.items(), key=lambda item: order.get(item[1]['outcome'], 0)))
 
 
 def lines_of(rows: list[Row], numbers: dict[str, int], sensors: list[str]) -> dict[str, list[dict[str, Any]]]:
