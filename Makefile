@@ -1,28 +1,58 @@
 # Each target works in a fresh clone. `make` lists them.
 
+COMMON := TREE DISTRO PYTHON VENV CC CXX
 TREE ?= monorepo
 DISTRO ?= kilted
 PYTHON ?= python3
 VENV ?= .venv
-TAG ?= 1
-SIDE ?= 40
 TREES := monorepo lupin_greenhouse_ros
 TARGETS := help run smoke read mission page world world-check tags \
     env build bridge generate generate-check drift test test-tree lint docs-check figure clean lock \
     bench soak test-network test-heavy matrix test-apriltag test-22-04 \
     mirror-publish mirror-publish-check mirror-import
+# The variables that a target takes beside COMMON.
+TAKES_run := NAMESPACE ARGS
+TAKES_read := TAG NAMESPACE ARGS
+TAKES_mission := CAMERA DRIVE WORLD RECORD ARGS
+TAKES_page := FILE ARGS
+TAKES_world := ARGS
+TAKES_world-check := ARGS
+TAKES_tags := SIDE ARGS
+TAKES_build := PACKAGES
+TAKES_generate := ARGS
+TAKES_test := WORKERS
+TAKES_test-tree := PACKAGES WORKERS
+TAKES_figure := WORLD PAGE ARGS
+TAKES_bench := SHORT ARGS
+TAKES_soak := SHORT REFUSALS SIGNALS ARGS
+TAKES_test-network := SHORT ARGS
+TAKES_matrix := PYTHONS DISTROS SIMULATORS WORKERS
+TAKES_mirror-publish := REMOTE RELEASE ARGS
+TAKES_mirror-import := PATCH
 SWITCHES := CAMERA DRIVE PAGE SHORT WORLD
-VARIABLES := TREE DISTRO PYTHON VENV CC CXX ARGS TAG NAMESPACE SIDE FILE RECORD $(SWITCHES) PACKAGES WORKERS \
-    REFUSALS SIGNALS PYTHONS DISTROS SIMULATORS REMOTE RELEASE PATCH
-# What a typing mistake would otherwise leave without effect.
-UNKNOWN := $(foreach each,$(.VARIABLES),$(if $(findstring command line,$(origin $(each))),$(filter-out $(VARIABLES),$(each))))
-ifneq ($(strip $(UNKNOWN)),)
-$(error there is no variable $(strip $(UNKNOWN)): the variables are $(VARIABLES))
+ON := 1 yes Yes YES on On ON true True TRUE
+OFF := 0 no No NO off Off OFF false False FALSE
+CAMERAS := image compressed detections
+COMMA := ,
+
+# A typing mistake costs one line before anything is built.
+GOALS := $(or $(MAKECMDGOALS),help)
+WRONG := $(filter-out $(TARGETS),$(GOALS))
+ifneq ($(WRONG),)
+HINT := $(or \
+    $(if $(filter $(SWITCHES),$(WRONG)),write $(WRONG)=1),\
+    $(if $(filter read,$(GOALS)),write TAG="$(strip $(TAG) $(WRONG))"),\
+    $(if $(filter page,$(GOALS)),write FILE="$(strip $(FILE) $(WRONG))"),\
+    the targets are $(TARGETS))
+$(error there is no target $(WRONG): $(HINT))
 endif
-# make page readings.sqlite: a file of this name is no target that is up to date.
-FILES := $(wildcard $(filter-out $(TARGETS),$(MAKECMDGOALS)))
-ifneq ($(strip $(FILES)),)
-$(error there is no target $(FILES), which is a file: write FILE=$(FILES))
+TAKEN := $(sort $(foreach goal,$(GOALS),$(TAKES_$(goal))))
+GIVEN := $(foreach name,$(.VARIABLES),$(if $(findstring command line,$(origin $(name))),$(name)))
+REFUSED := $(filter-out $(COMMON) $(TAKEN),$(GIVEN))
+ifneq ($(REFUSED),)
+TAKERS := $(strip $(foreach target,$(TARGETS),$(if $(filter $(REFUSED),$(TAKES_$(target))),$(target))))
+HINT := $(if $(TAKERS),; $(REFUSED) is of make $(TAKERS),$(if $(filter run mission,$(GOALS)),; set a parameter with ARGS="name:=value"))
+$(error make $(GOALS) takes no $(REFUSED): it takes $(strip $(TAKEN) $(COMMON))$(HINT))
 endif
 ifeq ($(filter $(TREE),$(TREES)),)
 $(error TREE=$(TREE) is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros)
@@ -30,10 +60,18 @@ endif
 ifeq ($(filter $(DISTRO),kilted jazzy),)
 $(error DISTRO=$(DISTRO) has no wheels: set DISTRO=kilted or DISTRO=jazzy)
 endif
-# DRIVE=0 is off, as DRIVE= is.
-$(foreach each,$(SWITCHES),$(eval override $(each) := $(filter-out 0 no No NO off Off OFF false False FALSE,$($(each)))))
+$(foreach name,$(filter $(SWITCHES),$(TAKEN)),$(if $(filter-out $(ON) $(OFF) $(if $(filter CAMERA,$(name)),$(CAMERAS)),$($(name))),\
+    $(error $(name)=$($(name)): write $(name)=1 or $(name)=0$(if $(filter CAMERA,$(name)),$(COMMA) CAMERA=compressed or CAMERA=detections))))
+# DRIVE=0 is off, as DRIVE= is, and DRIVE=yes is DRIVE=1.
+$(foreach name,$(SWITCHES),$(eval override $(name) := $(if $(filter $(ON),$($(name))),1,$(filter-out $(OFF),$($(name))))))
 override VENV := $(if $(filter /%,$(VENV)),$(VENV),$(CURDIR)/$(VENV))
 export TREE VENV
+TAG ?= 1
+# TAG=1,5 and TAG=all are what a person may write, too.
+override TAG := $(patsubst all,--all,$(subst $(COMMA), ,$(TAG)))
+# The root has no name: team7/ is /team7, and / is empty.
+override NAMESPACE := $(addprefix /,$(patsubst /%,%,$(patsubst %/,%,$(NAMESPACE))))
+SIDE ?= 40
 SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 MAKEFLAGS += --no-print-directory
@@ -51,9 +89,7 @@ WITHIN := "$$VENV/bin/python" -ES ci/within.py
 # Their programs use packages that only the monorepo has, whatever TREE says.
 bench docs-check figure soak tags test-network world world-check: override TREE := monorepo
 
-.PHONY: $(TARGETS) page-file
-.DEFAULT:
-	@echo 'make: there is no target $@: the targets are $(TARGETS)' >&2; exit 2
+.PHONY: $(TARGETS) page-check mission-check
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -62,27 +98,38 @@ help:  ## list the targets
 # use
 
 run: bridge  ## run the bridge in the foreground: make run ARGS="debug_seed:=42 debug_time_of_day:=12.0"
-	@$(IN_ENV) ci/serve $(ARGS)
+	@$(IN_ENV) ci/serve $(addprefix namespace:=,$(NAMESPACE)) $(ARGS)
 
 smoke: bridge  ## start the bridge on a private domain and read every tag
 	@$(IN_ENV) python ci/smoke.py
 
 read: bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TAG=--all, NAMESPACE=/team7
-	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(if $(NAMESPACE),--service '/$(patsubst /%,%,$(NAMESPACE:/=))/greenhouse_bridge/get_tag_reading') $(ARGS)
+	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(if $(NAMESPACE),--service '$(NAMESPACE)/greenhouse_bridge/get_tag_reading') $(ARGS)
 
-mission: $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world, DRIVE=1 drives a robot there, RECORD=FILE keeps the readings
-	@[ $(TREE) = monorepo ] || { echo 'mission: it is in the monorepo only: make mission TREE=monorepo' >&2; exit 2; }
+mission: mission-check $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world, DRIVE=1 drives a robot there, RECORD=FILE keeps the readings
 	@$(IN_ENV) $(addprefix $(WITHIN) ,$(strip $(if $(WORLD),--drake) $(if $(DRIVE)$(filter detections,$(CAMERA)),--stand-ins))) \
 	    $(call EXECUTABLE,lupin_simulation,inspection) --output '$(CURDIR)/.mission' \
-	    $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(if $(DRIVE),--drive) $(if $(RECORD),--record '$(RECORD)') $(ARGS)
+	    $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(if $(DRIVE),--drive) $(if $(RECORD),--record "$$RECORD") $(ARGS)
 
+mission-check:
+	@[ $(TREE) = monorepo ] || { echo 'mission: it is in the monorepo only: make mission TREE=monorepo' >&2; exit 2; }
+	@[ -z '$(and $(WORLD),$(filter compressed detections,$(CAMERA)))' ] \
+	    || { echo 'mission: WORLD=1 renders images, so CAMERA=$(CAMERA) does not fit: leave CAMERA out' >&2; exit 2; }
+	@[[ ! "$$RECORD" || "$${RECORD,,}" =~ \.(sqlite|db|csv)$$ ]] \
+	    || { echo "mission: RECORD='$$RECORD' ends in none of .sqlite, .db, .csv: write RECORD=readings.sqlite" >&2; exit 2; }
+	@folder=$$(dirname "$$RECORD"); [ -d "$$folder" ] \
+	    || { echo "mission: RECORD='$$RECORD': there is no folder '$$folder': make it (mkdir -p), or name another" >&2; exit 2; }
+
+# FILE is one file, whose path may have spaces, or several.
+SPLIT_READINGS = if [ -e "$$READINGS" ]; then set -- "$$READINGS"; else set -- $$READINGS; fi
 page: export READINGS = $(or $(FILE),$(shell find .mission -name '*.jsonl' -size +0 -printf '%T@ %p\n' 2>/dev/null | sort -n | tail -1 | cut -d' ' -f2-))
-page: page-file bridge  ## make a page of the readings of the last mission, or of FILE=readings.sqlite (or .csv, .jsonl)
-	@$(IN_ENV) "$$LUPIN_EXECUTABLES/readings_page" "$$READINGS" $(ARGS)
+page: page-check bridge  ## make a page of the readings of the last mission, or of FILE="a.sqlite b.csv c.jsonl"
+	@$(IN_ENV) $(SPLIT_READINGS); "$$LUPIN_EXECUTABLES/readings_page" "$$@" $(ARGS)
 
-page-file:
+page-check:
 	@[ "$$READINGS" ] || { echo 'page: .mission holds no report: make mission, or make page FILE=readings.sqlite' >&2; exit 2; }
-	@[ -e "$$READINGS" ] || { echo "page: there is no file '$$READINGS': name a file of readings" >&2; exit 2; }
+	@$(SPLIT_READINGS); for file in "$$@"; do \
+	    [ -f "$$file" ] || { echo "page: there is no file '$$file': name a file of readings with FILE=" >&2; exit 2; }; done
 	@$(if $(FILE),,echo "page: of the newest report, $$READINGS")
 
 world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"

@@ -105,7 +105,7 @@ def build(workspace: Workspace, packages: list[Path]) -> int:
 
 def run_colcon(workspace: Workspace, packages: list[Path], names: list[str]) -> int:
     """Build the packages of these names; show warnings and the summary, or everything if it fails."""
-    print('build:', *names, file=sys.stderr)
+    print(f'build: {len(names)} new or changed:', *names, file=sys.stderr)
     folder = workspace.folder
     command = workspace.colcon('build', 'log', '--paths', *packages, '--packages-select', *names)
     # Only Python uses what is built here, so the messages leave out C++, which takes most of the time.

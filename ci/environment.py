@@ -152,7 +152,7 @@ def run(what: str, command: list[str], log: Path) -> None:
         start = output.tell()
         step = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
         while step.poll() is None:
-            status.show(f'environment: installing {what} ({time.monotonic() - started_s:.0f} s)')
+            status.show(f'environment: installing {what} ({time.monotonic() - started_s:.0f} s so far)')
             with contextlib.suppress(subprocess.TimeoutExpired):
                 step.wait(TICK_SECONDS)
         output.seek(start)

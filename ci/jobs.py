@@ -220,7 +220,7 @@ def run(jobs: Sequence[Job], at_once: int = 1) -> bool:
                 status.clear()
                 print(shown, flush=True)
         states = ' | '.join(each.state() for each in running)
-        status.show(f'{states} ({time.monotonic() - started_s:.0f} s)')
+        status.show(f'{states} ({time.monotonic() - started_s:.0f} s so far)')
     status.clear()
     print_outcome(jobs)
     return not any(job.exit_code for job in jobs)

@@ -19,6 +19,7 @@ def main() -> int:
             **os.environ,
             'ROS_DOMAIN_ID': str(domain_id),
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'ROS_DISCOVERY_SERVER': '',  # it may be off, and nobody else is needed
         }
         with subprocess.Popen([EXECUTABLES / 'bridge_node'], env=environment) as bridge:
             try:

@@ -92,7 +92,7 @@ def test_a_build_does_only_what_has_changed(tmp_path, workspace):
     def built() -> set[str]:
         printed = succeed(sys.executable, 'ci/build.py', *packages, env=variables)
         lines = [line for line in printed.splitlines() if line.startswith('build: ')]
-        return set(lines[0].split()[1:]) if lines else set()
+        return set(lines[0].rpartition(': ')[2].split()) if lines else set()
 
     def modules(name) -> set[str]:
         (installed,) = workspace.glob(f'install/{name}/lib/python3*/site-packages/{name}')

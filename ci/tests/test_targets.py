@@ -75,33 +75,69 @@ def test_without_a_report_make_page_names_the_command_that_makes_one(tmp_path):
     assert result.stderr.startswith('page: .mission holds no report: make mission, or make page FILE=')
 
 
-def test_a_file_that_is_not_there_is_named_before_anything_is_built():
-    result = run('make', 'page', 'FILE=nothing.csv', 'VENV=/nowhere', env=of_a_user(), cwd=ROOT)
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (['page', 'FILE=README.md nothing.csv'], "page: there is no file 'nothing.csv': name a file of"),
+        (['mission', 'RECORD=a.txt'], "mission: RECORD='a.txt' ends in none of .sqlite, .db, .csv: write "),
+        (['mission', 'RECORD=no/a.csv'], "mission: RECORD='no/a.csv': there is no folder 'no': make it"),
+        (
+            ['mission', 'WORLD=1', 'CAMERA=detections'],
+            'mission: WORLD=1 renders images, so CAMERA=detections',
+        ),
+        (['mission', 'CAMERA=maybe'], 'Makefile: *** CAMERA=maybe: write CAMERA=1 or CAMERA=0, CAMERA=comp'),
+        (['mission', 'DRIVE=image'], 'Makefile: *** DRIVE=image: write DRIVE=1 or DRIVE=0'),
+    ],
+)
+def test_a_value_that_is_wrong_is_named_before_anything_is_built(words, said):
+    result = run('make', *words, 'VENV=/nowhere', env=of_a_user(), cwd=ROOT)
     assert result.returncode == 2
-    assert result.stderr.splitlines()[0] == "page: there is no file 'nothing.csv': name a file of readings"
+    assert re.sub(r'(?<=Makefile):\d+', '', result.stderr.splitlines()[0]).startswith(said)
+
+
+def test_one_page_has_the_readings_of_several_files(reports):
+    files = sorted(str(each.relative_to(reports)) for each in reports.glob('.mission/*0-simulation.jsonl'))[
+        :2
+    ]
+    (reports / 'the last.jsonl').write_bytes((reports / files[0]).read_bytes())
+    for given in (' '.join(files), 'the last.jsonl'):
+        result = make('page', f'FILE={given}', 'ARGS=--output page.html', cwd=reports)
+        assert (result.returncode, result.stdout) == (0, 'page: page.html\n'), result.stderr
 
 
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
-        (['red'], 'there is no target red: the targets are help run smoke read '),
-        (['read', 'tag=7'], 'there is no variable tag: the variables are TREE DISTRO '),
-        (['read', 'tag=7', 'Args='], 'there is no variable '),
-        (['page', 'README.md'], 'there is no target README.md, which is a file: write FILE=README.md'),
+        (['red', 'tag=7'], 'there is no target red: the targets are help run smoke read '),
+        (['read', '7'], 'there is no target 7: write TAG="7"'),
+        (['read', 'TAG=1', '5'], 'there is no target 5: write TAG="1 5"'),
+        (['mission', 'DRIVE'], 'there is no target DRIVE: write DRIVE=1'),
+        (['page', 'FILE=a.csv', 'README.md'], 'there is no target README.md: write FILE="a.csv README.md"'),
+        (
+            ['read', 'tag=7'],
+            'make read takes no tag: it takes ARGS NAMESPACE TAG TREE DISTRO PYTHON VENV CC ',
+        ),
+        (['page', 'RECORD=x'], 'make page takes no RECORD: it takes ARGS FILE TREE '),
+        (['page', 'RECORD=x'], '; RECORD is of make mission.'),
+        (['run', 'FILE=x', 'seed:=3'], 'make run takes no '),
+        (['run', 'seed:=3'], '; set a parameter with ARGS="name:=value".'),
+        (['TAG=7'], 'make help takes no TAG: '),
     ],
 )
-def test_a_target_or_variable_that_there_is_not_is_named_with_those_that_there_are(words, said):
+def test_a_target_or_variable_that_does_not_fit_is_named_with_what_does(words, said):
     result = make(*words)
     assert result.returncode == 2
     assert said in result.stderr.splitlines()[0]
 
 
-@pytest.mark.parametrize('off', ['0', 'no', 'off', 'False', ''])
-def test_a_switch_is_off_with_0_and_on_with_1(off):
+@pytest.mark.parametrize(
+    ('off', 'on'), [('0', '1'), ('no', 'yes'), ('off', 'On'), ('False', 'TRUE'), ('', '1')]
+)
+def test_a_switch_is_off_with_0_and_on_with_1(off, on):
     switches = ('DRIVE', 'CAMERA', 'WORLD')
     shown = make('mission', '--dry-run', *(f'{each}={off}' for each in switches)).stdout
     assert not re.search('--(drive|camera|world|drake)', shown)
-    shown = make('mission', '--dry-run', *(f'{each}=1' for each in switches)).stdout
+    shown = make('mission', '--dry-run', *(f'{each}={on}' for each in switches)).stdout
     assert '--camera image --world --drive' in shown
 
 
@@ -112,6 +148,22 @@ def test_a_target_of_the_monorepo_runs_whatever_tree_a_shell_has_set(target):
     result = make(target, 'ARGS=--help', TREE='lupin_greenhouse_ros')
     assert result.returncode == 0, result.stderr
     assert result.stdout.startswith('usage: ')
+
+
+@pytest.mark.parametrize(
+    ('words', 'command'),
+    [
+        (['read'], 'read_tag" 1'),
+        (['read', 'TAG=1,5', 'NAMESPACE=/'], 'read_tag" 1 5'),
+        (
+            ['read', 'TAG=all', 'NAMESPACE=team7'],
+            'read_tag" --all --service /team7/greenhouse_bridge/get_tag_reading',
+        ),
+        (['run', 'NAMESPACE=team7/', 'ARGS=debug_seed:=3'], 'serve namespace:=/team7 debug_seed:=3'),
+    ],
+)
+def test_a_tag_and_a_namespace_may_be_written_in_several_ways(words, command):
+    assert make(*words, '--dry-run').stdout.replace("'", '').rstrip().endswith(command)
 
 
 @pytest.mark.parametrize('namespace', ['/team7', 'team7/'])
