@@ -183,6 +183,11 @@ def test_help_may_come_after_the_ros_arguments(run_here, arguments):
     assert '\n  debug_seed ' in ended.out
 
 
+def test_a_parameter_without_ros_args_is_shown_with_them(run_here):
+    fatal = run_here(bridge_node.main, 'debug_seed:=42').refusal
+    assert "unknown argument 'debug_seed:=42': set parameters with --ros-args -p debug_seed:=42, or" in fatal
+
+
 @pytest.mark.parametrize('namespace', ['/', '/robot1/left'])
 def test_a_parameter_file_sets_the_parameters(bridge_here, tmp_path, namespace):
     changed = tmp_path / 'parameters.yaml'

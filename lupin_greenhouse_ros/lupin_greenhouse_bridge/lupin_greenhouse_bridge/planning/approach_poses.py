@@ -24,14 +24,14 @@ from lupin_greenhouse_bridge.planning.overrides import read_overrides
 from lupin_greenhouse_bridge.planning.passages import passages_below
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
-from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose, ViewingLimits
+from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, ApproachPose, ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
 from lupin_greenhouse_bridge.runtime.output import Progress, aligned_table, check_output_file, print_line
 from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
 Poses = dict[str, Any]  # what `--format json` prints
-NAV2_PADDING_M, NAV2_CELL_M = 0.01, 0.05  # Nav2's defaults: footprint_padding, and resolution of a costmap
+NAV2_CELL_M = 0.05  # Nav2's default resolution of a costmap
 MOST_NAMED = 6  # tags in a warning
 ALL_HAVE_A_POSE, SOME_HAVE_NONE, USAGE = 0, 1, 2
 LIMITS = {  # by field of ViewingLimits: option, and help
@@ -110,7 +110,7 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
         )
     finally:
         progress.clear()
-    needed_m = 2.0 * (limits.robot_radius_m + NAV2_PADDING_M + NAV2_CELL_M)
+    needed_m = 2.0 * (limits.robot_radius_m + SMALLEST_ROOM_M + NAV2_CELL_M)
     if narrow := passages_below(needed_m, route, approaches.poses, layout, walls):
         named = [f'{escaped(each.tag_id, 40)} ({each.width_m:.2f} m)' for each in narrow[:MOST_NAMED]]
         more = f' and {len(narrow) - MOST_NAMED} more' if len(narrow) > MOST_NAMED else ''

@@ -95,19 +95,23 @@ class ProgressLine:
 class Progress(ProgressLine):
     """Tells on standard error how far work is that takes long; in a pipe, by a new line now and then."""
 
-    FIRST_SECONDS, REPLACED_SECONDS, NEXT_SECONDS = 3.0, 0.2, 15.0
+    REPLACED_SECONDS, NEXT_SECONDS = 0.2, 15.0
 
-    def __init__(self, command: str) -> None:
-        """Take the name of the command."""
+    def __init__(self, command: str, first_seconds: float = 3.0) -> None:
+        """Take the name of the command, and the time without a line."""
         super().__init__(sys.stderr)
-        self._command, self._due = command, time.monotonic() + self.FIRST_SECONDS
+        self._command, self._due = command, time.monotonic() + first_seconds
 
     def __call__(self, what: str, done: int, total: int) -> None:
         """Show how much of what is done, if it is time to."""
+        self.say(f'{what}: {done} of {total}')
+
+    def say(self, what: str) -> None:
+        """Show what the command does, if it is time to."""
         now = time.monotonic()
         if now < self._due:
             return
-        text = f'{self._command}: {what}: {done} of {total}'
+        text = f'{self._command}: {what}'
         if self.is_visible:
             self.show(text)
         else:

@@ -78,8 +78,10 @@ def run(
             print_line(help_text(sys.modules[create_node.__module__]))
             return 0
         if own:
+            argument = escaped(own[0], 64)
+            example = argument if ':=' in argument else 'name:=value'
             raise StartUpError(
-                f"unknown argument '{escaped(own[0], 64)}': set parameters with --ros-args -p name:=value,"
+                f"unknown argument '{argument}': set parameters with --ros-args -p {example},"
                 ' or ask for --help'
             )
         with ros(args) as executor:

@@ -31,7 +31,7 @@ from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.reading.table import Csv, Json, Table
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import discovery_settings, duplicate_server_warning
-from lupin_greenhouse_bridge.runtime.output import ProgressLine
+from lupin_greenhouse_bridge.runtime.output import Progress
 from lupin_greenhouse_bridge.runtime.parameters import check_names
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator.layout import find_places, natural_order
@@ -39,6 +39,7 @@ from lupin_greenhouse_bridge.simulator.layout import find_places, natural_order
 SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
 COMPLETION_TIMEOUT_SECONDS = 0.3
+SILENT_SECONDS = 1.0  # while it waits for the service; a bridge that runs is discovered sooner
 
 
 def main(args: list[str] | None = None) -> int:
@@ -127,9 +128,9 @@ def _warn_of_other_servers(node: Node, service_name: str) -> str:
 
 
 def _connect(node: Node, client: Client, service: str) -> Any:
-    progress = ProgressLine(sys.stderr)
+    progress = Progress('read_tag', SILENT_SECONDS)
     try:
-        return client.connect(GetTagReading, service, progress.show)
+        return client.connect(GetTagReading, service, progress.say)
     except NoAnswer as error:
         security = f'; {SECURED}' if process.security_problem() else ''
         cause = _likely_cause(node, node.resolve_service_name(service))
@@ -179,7 +180,9 @@ def _likely_cause(node: Node, service_name: str) -> str:
             ' use the read_tag of the same repository as the bridge'
         )
     if elsewhere := [name for name, types in services.items() if wanted in types and name != service_name]:
-        return f'there is {elsewhere[0]}: name it with --service'
+        namespace, suffix, _ = elsewhere[0].partition(DEFAULT_SERVICE)
+        with_make = f' (make read: NAMESPACE={namespace})' if suffix else ''
+        return f'there is {elsewhere[0]}: name it with --service{with_make}'
     seen = 'other nodes but no bridge' if len(node.get_node_names()) > 1 else 'no other node'
     launch = 'ros2 launch lupin_greenhouse_bridge greenhouse_bridge.launch.py'
     command = launch if shutil.which('ros2') else 'make run'
