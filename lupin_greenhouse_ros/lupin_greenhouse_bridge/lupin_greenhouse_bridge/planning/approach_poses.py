@@ -21,7 +21,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, 
 from lupin_greenhouse_bridge.planning.approach import Approaches, find_approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
-from lupin_greenhouse_bridge.planning.passages import passages_below
+from lupin_greenhouse_bridge.planning.passages import Passages
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
 from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, ApproachPose, ViewingLimits
@@ -105,13 +105,20 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
         progress.clear()
         for warning in (*warnings, *approaches.room_warnings.values(), *approaches.view_warnings.values()):
             print_line(f'approach_poses: {warning}', sys.stderr)
+        needed_m = 2.0 * (limits.robot_radius_m + SMALLEST_ROOM_M + NAV2_CELL_M)
+        passages = Passages(layout, walls, needed_m)
         route = plan_route(
-            approaches.free_space, approaches.poses, start_m, options.order, end_m=end_m, progress=progress
+            approaches.free_space,
+            approaches.poses,
+            start_m,
+            options.order,
+            end_m=end_m,
+            are_narrow=passages.are_narrow,
+            progress=progress,
         )
     finally:
         progress.clear()
-    needed_m = 2.0 * (limits.robot_radius_m + SMALLEST_ROOM_M + NAV2_CELL_M)
-    if narrow := passages_below(needed_m, route, approaches.poses, layout, walls):
+    if narrow := passages.narrow_on(route, approaches.poses):
         named = [f'{escaped(each.tag_id, 40)} ({each.width_m:.2f} m)' for each in narrow[:MOST_NAMED]]
         more = f' and {len(narrow) - MOST_NAMED} more' if len(narrow) > MOST_NAMED else ''
         print_line(

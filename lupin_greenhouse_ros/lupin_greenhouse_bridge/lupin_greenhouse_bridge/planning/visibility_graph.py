@@ -1,7 +1,7 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The shortest paths between points of a free space. Does not import ROS."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import KDTree
 
-from lupin_greenhouse_bridge.planning.free_space import FreeSpace, Point
+from lupin_greenhouse_bridge.planning.free_space import Flags, FreeSpace, Point
 from lupin_greenhouse_bridge.planning.octagons import Numbers
 
 NEAREST = 256  # nodes to which a node can be linked
@@ -89,8 +89,38 @@ class VisibilityGraph:
                     longer.append(leg)
             left = np.array(longer, dtype=int)
 
+    def wider_paths(
+        self,
+        legs: np.ndarray,
+        limits_m: np.ndarray,
+        are_narrow: Callable[[np.ndarray, np.ndarray], Flags],
+    ) -> Iterator[tuple[int, list[Point]]]:
+        """
+        Yield the number of each leg, and its shortest path without a narrow link, if it is within the limit.
+
+        Takes the legs as paths() does, and `are_narrow`, which tells it of lines, from points (lines, 2) to
+        others. Each narrow link of a path that is found is closed, and the search is repeated.
+        """
+        graph, ends = self._graph.copy(), self._first + legs[:, 1]
+        left = np.arange(len(legs))
+        while len(left):
+            are_left = np.zeros(len(legs), dtype=bool)
+            for place, lengths_m, before in self._search(legs[left, 0], limits_m[left], graph):
+                leg = left[place]
+                if lengths_m[ends[leg]] > limits_m[leg]:
+                    continue
+                nodes = np.array(_trace(before, ends[leg]))
+                is_narrow = are_narrow(self._nodes[nodes[:-1]], self._nodes[nodes[1:]])
+                if not is_narrow.any():
+                    yield leg, list(map(tuple, self._nodes[nodes].tolist()))
+                    continue
+                here, there = nodes[:-1][is_narrow], nodes[1:][is_narrow]
+                graph[here, there] = graph[there, here] = np.inf
+                are_left[leg] = True
+            left = np.flatnonzero(are_left)
+
     def _search(
-        self, points: np.ndarray, limits_m: np.ndarray
+        self, points: np.ndarray, limits_m: np.ndarray, graph: csr_matrix | None = None
     ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
         """
         Search for paths from these points that are not longer than the limit of each, or than a larger one.
@@ -103,7 +133,7 @@ class VisibilityGraph:
         for begin in range(0, len(order), at_once):
             some = order[begin : begin + at_once]
             lengths_m, before = dijkstra(
-                self._graph,
+                self._graph if graph is None else graph,
                 indices=self._first + points[some],
                 limit=limits_m[some[-1]],
                 return_predecessors=True,

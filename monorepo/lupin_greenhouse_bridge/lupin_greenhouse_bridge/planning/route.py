@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.free_space import FreeSpace, Point
+from lupin_greenhouse_bridge.planning.free_space import Flags, FreeSpace, Point
 from lupin_greenhouse_bridge.planning.octagons import Numbers
 from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose
 from lupin_greenhouse_bridge.planning.visibility_graph import VisibilityGraph
@@ -21,10 +21,12 @@ NEIGHBOURS = 30  # of each stop, to which the path is known
 FAR_M = 1e4  # added to the distance of two stops if the length of the path between them is not known
 JOINED = 10  # nearest stops that a stop may be joined to
 SMALLEST_GAIN_M = 1e-6
+LONGEST_DETOUR = 1.1  # of a leg that avoids narrow passages, as a part of the shortest path
 PERTURBATIONS = 600
 LONGEST_PERTURBATION = 50  # stops
 
 Progress = Callable[[str, int, int], None]
+AreNarrow = Callable[[np.ndarray, np.ndarray], Flags]  # of lines from points (lines, 2) to others
 
 
 class Route(NamedTuple):
@@ -43,7 +45,8 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
     tag_ids: Sequence[str] | None = None,
     end_m: tuple[float, float] | None = None,
     *,
-    progress: Callable[[str, int, int], None] = lambda *_: None,
+    are_narrow: AreNarrow | None = None,
+    progress: Progress = lambda *_: None,
 ) -> Route:
     """
     Return the route along the poses of these tags, or of all: as given, by number, or the shortest found.
@@ -51,6 +54,7 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
     It begins at the start and ends at the end, which may be a dock; without them, any tag may be the first or
     the last. The shortest route goes to the nearest tag each time, and is then improved by 2-opt and by
     exchanging parts.
+    A leg avoids the lines of which `are_narrow` tells, if it is then at most 10 % longer.
     `progress` is told what is done, how much of it, and of how much.
     Raises StartUpError for a tag without a pose, or one that is cut off.
     """
@@ -74,18 +78,27 @@ def plan_route(  # noqa: PLR0913 - the options are passed by name
         if order == 'shortest':
             lengths_m = _lengths_m(graph, np.array(stops), progress)
             visits = _shortest(lengths_m, progress, has_start=start_m is not None, has_end=end_m is not None)
-        points = _path(graph, stops, visits, progress)
+        points = _path(graph, stops, visits, are_narrow, progress)
     tag_of = dict(enumerate(tag_ids, start=int(start_m is not None)))
     return Route([tag_of[each] for each in visits if each in tag_of], points, free_space.length_m(points))
 
 
-def _path(graph: VisibilityGraph, stops: list[Point], visits: list[int], progress: Progress) -> list[Point]:
+def _path(
+    graph: VisibilityGraph,
+    stops: list[Point],
+    visits: list[int],
+    are_narrow: AreNarrow | None,
+    progress: Progress,
+) -> list[Point]:
     """Return the points of the path along these stops; raises StartUpError if one is cut off."""
-    legs = list(itertools.pairwise(visits))
+    legs = np.array(list(itertools.pairwise(visits)))
     paths: dict[int, list[Point]] = {}
-    for leg, path in graph.paths(np.array(legs)):
+    for leg, path in graph.paths(legs):
         paths[leg] = path
         progress('legs of the route', len(paths), len(legs))
+    if are_narrow:
+        lengths_m = [FreeSpace.length_m(paths.get(leg, [])) for leg in range(len(legs))]
+        paths |= graph.wider_paths(legs, LONGEST_DETOUR * np.array(lengths_m), are_narrow)
     points = [stops[visits[0]]]
     for leg, (here, there) in enumerate(legs):
         if leg not in paths:

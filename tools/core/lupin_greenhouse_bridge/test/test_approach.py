@@ -12,7 +12,7 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.overrides import Override
-from lupin_greenhouse_bridge.planning.passages import passages_below
+from lupin_greenhouse_bridge.planning.passages import Passages
 from lupin_greenhouse_bridge.planning.route import Route, plan_route
 from lupin_greenhouse_bridge.planning.tag_poses import PLATE_WIDTH_M, find_tag_poses, tables_of
 from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, TIGHT_M, ApproachPose, ViewingLimits
@@ -718,6 +718,25 @@ def test_a_leg_through_a_passage_that_is_too_narrow_is_named_with_its_width():
     points = [(5.0, 0.5), (5.0, 3.0), (2.2, 3.0), (2.2, 0.5)]
     route = Route(['1', '2'], points, 7.8)
     walls = Walls(-2.0, -2.0, 8.0, 6.0)
-    assert passages_below(0.44, route, poses, layout, walls) == []
-    ((tag_id, width_m),) = passages_below(0.52, route, poses, layout, walls)
+    assert Passages(layout, walls, 0.44).narrow_on(route, poses) == []
+    ((tag_id, width_m),) = Passages(layout, walls, 0.52).narrow_on(route, poses)
     assert (tag_id, width_m) == ('2', pytest.approx(0.45))
+
+
+@pytest.mark.parametrize(('away_m', 'is_wide'), [(1.0, False), (2.5, True)])
+def test_a_leg_avoids_a_narrow_passage_for_a_small_detour_only(away_m, is_wide):
+    """The passage at x = 2.2 m is 0.45 m wide, and the one at x = 3.5 m is 1 m wide."""
+    layout = Layout(
+        {'1': Tag(2.0, 5.0, ['co2'])},
+        {'left': (-2.0, 1.0, 2.0, 2.0), 'middle': (2.45, 1.0, 3.0, 2.0), 'right': (4.0, 1.0, 8.0, 2.0)},
+    )
+    walls = Walls(-2.0, -2.0, 8.0, 6.0)
+    free_space = FreeSpace(layout, walls, 0.2)
+    poses = {each: ApproachPose(2.6, 1.5 + y, 0.0, 0.5, 0.0) for each, y in (('1', -away_m), ('2', away_m))}
+    passages = Passages(layout, walls, 0.52)
+    shortest = plan_route(free_space, poses, None, 'given')
+    route = plan_route(free_space, poses, None, 'given', are_narrow=passages.are_narrow)
+    assert passages.narrow_on(shortest, poses)
+    assert (passages.narrow_on(route, poses) == []) == is_wide
+    assert route.length_m <= 1.1 * shortest.length_m
+    assert is_wide or route == shortest
