@@ -206,9 +206,8 @@ def extremes_of(values: list[float], hours: list[float]) -> str:
 
 def draw_route(greenhouse: Greenhouse) -> Figure:
     """Return the figure of the approach poses and the shortest route of a robot of the default size."""
-    found = greenhouse.approaches
     figure: Figure = drawings.draw_route(
-        greenhouse.layout, greenhouse.walls, found.poses, found.unreachable, greenhouse.route
+        greenhouse.layout, greenhouse.walls, greenhouse.approaches, greenhouse.route
     )
     return figure
 

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 import re
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import tag_sheet
 import yaml
 from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_tag_confirmation.detector import TagDetector
+from matplotlib.patches import Circle, Wedge
 from matplotlib.text import Text
 
 ROOT = figure.COMMITTED.parents[3]
@@ -104,7 +106,7 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
     written = [text for text in axes.texts if text.get_text()]
     ids = [text for text in written if text.get_color() == 'black']
-    stops = [text for text in written if text not in ids and text.get_text() not in ('start', 'end')]
+    stops = [text for text in written if text.get_color() == 'white']
     assert {text.get_text() for text in ids} == set(tags)
     assert len(written) == len(ids) + len(stops) + 2
     numbers = []
@@ -120,12 +122,27 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     frames = [text.get_window_extent().padded(3) for text in stops]
     for extents in (boxes, frames):
         assert not any(one.overlaps(other) for one, other in itertools.combinations(extents, 2))
+    edge = axes.patches[0].get_window_extent()
     for frame, tag in itertools.product(frames, tags.values()):
         assert not frame.contains(*axes.transData.transform((tag['x'], tag['y'])))
+        assert edge.x0 < frame.x0 < frame.x1 < edge.x1
     paths = [line for line in lines if line.get_linestyle() != 'None']
     for way, text in itertools.product(paths, ids):
         path = way.get_transform().transform_path(way.get_path())
         assert not path.intersects_bbox(text.get_window_extent(), filled=False), text.get_text()
+
+
+def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
+    axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
+    discs = [each for each in axes.patches if isinstance(each, Circle)]
+    assert [each.radius for each in discs] == [figure.ViewingLimits().robot_radius_m] * len(tags)
+    for front in (each for each in axes.patches if isinstance(each, Wedge)):
+        heading = math.radians(front.theta1 + front.theta2) / 2
+        headings = [
+            math.atan2(tag['y'] - front.center[1], tag['x'] - front.center[0]) for tag in tags.values()
+        ]
+        assert min(abs(math.remainder(each - heading, math.tau)) for each in headings) < 1e-6
+    assert any('radius 0.2 m' in text for text in texts_of(drawn['route']))
 
 
 def shipped(name: str) -> dict:

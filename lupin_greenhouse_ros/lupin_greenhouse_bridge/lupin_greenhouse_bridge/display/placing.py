@@ -44,13 +44,14 @@ def place_labels(
     dots: Sequence[Box], labels: Sequence[tuple[Box, float, float]], bounds: Box | None = None
 ) -> list[Point]:
     """
-    Return the centre of each label: beside its dot, off the other dots and labels, and within the bounds.
+    Return the centre of each label: nearest to its own dot, off the dots and labels, and within the bounds.
 
     Each label is given as its dot, its width and its height. A label may lie on its own dot if this dot has
     no size, or else beside it with a gap.
     """
     taken = np.zeros((len(dots) + len(labels), 4))  # the dots, and then the labels
     taken[: len(dots)] = np.reshape(dots, (-1, 4))
+    labelled = np.reshape([dot for dot, _, _ in labels], (-1, 4))
     places = []
     for count, (dot, width, height) in enumerate(labels, start=len(dots)):
         gap = 0.5 * height if dot.width == 0 else 0.0
@@ -63,6 +64,11 @@ def place_labels(
         around = np.array([Box(dot.x, dot.y, 4 * aside + width, 4 * above + height)])
         near = taken[:count][_overlaps(around, taken[:count])[0] > 0.0]
         costs = _overlaps(boxes, near).sum(axis=1)
+        others = labelled[_overlaps(around, labelled)[0] > 0.0]
+        distances_m, to_dot_m = (
+            np.hypot(*(boxes[:, None] - each)[..., :2].T) for each in (others, np.array([dot]))
+        )
+        costs[(distances_m < to_dot_m - 1e-9).any(axis=0)] += width * height
         if bounds:
             costs += width * height - _overlaps(boxes, np.array([bounds]))[:, 0]
         best = boxes[np.argmin(costs.round(4))]  # the nearest of equals

@@ -166,7 +166,7 @@ def _draw(
 ) -> None:
     from lupin_greenhouse_bridge.display.drawings import draw_route, picture_format, picture_of
 
-    figure = draw_route(layout, walls, approaches.poses, approaches.unreachable, route, occupancy)
+    figure = draw_route(layout, walls, approaches, route, occupancy)
     try:
         path.write_bytes(picture_of(figure, picture_format(path)))
     except OSError as error:

@@ -3,7 +3,7 @@
 
 import io
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,29 +12,37 @@ import numpy as np
 from lupin_greenhouse_bridge.display import colours
 from lupin_greenhouse_bridge.display.placing import (
     ARROW_EVERY_M,
+    END_M,
     PATH_WIDTH_M,
     Box,
     Point,
     arrows_along,
+    box_of,
     ends_of_path,
     length_m,
     place_labels,
     steps_of,
 )
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.approach import Approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.route import Route
 from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
-STOP_HEIGHT_M, JOINED_M = 0.22, 0.25  # stops that are closer share a mark
+# These sizes are for a view of 4.3 m x 8.3 m with up to 30 tags; scale_of() fits them to others.
+USUAL_WIDTH_M, USUAL_HEIGHT_M, USUAL_TAGS = 4.3, 8.3, 30
+LARGEST_ZOOM = 4.0
+JOINED_M = 0.25  # stops that are closer share a number
+TAG_M, UNREACHABLE_M = 0.14, 0.24
 VIEW_MARGIN_M = 0.15
+INCHES_PER_M = 0.87
+FRONT_DEGREES = 50.0  # of the robot's disc, around its heading
 MOST_ARROWS = 200  # along a path
 Style = dict[str, Any]  # of what matplotlib draws
 CENTRED: Style = {'ha': 'center', 'va': 'center'}
 DASHED = (0, (4, 2))
-TAG_M, UNREACHABLE_M = 0.14, 0.24
 
 
 def point_style(marker: str, colour: str, size: float, **more: Any) -> Style:
@@ -56,8 +64,12 @@ class LabelSize(NamedTuple):
         """Return the width of a label with this text."""
         return self.character_m * len(text) + self.margin_m
 
+    def times(self, scale: float) -> 'LabelSize':
+        """Return the size of labels where a metre takes less room by this factor."""
+        return LabelSize(*(scale * each for each in self))
 
-LABELS = LabelSize(0.1, 0.04, 0.18)
+
+LABELS, NUMBERS = LabelSize(0.1, 0.04, 0.18), LabelSize(0.085, 0.1, 0.22)
 
 
 def picture_format(path: Path, option: str = '--output') -> str:
@@ -84,14 +96,25 @@ def picture_of(figure: Any, ending: str) -> bytes:
     return picture.getvalue()
 
 
-def draw_greenhouse(axes: Any, layout: Layout, walls: Walls) -> None:
+def scale_of(layout: Layout, walls: Walls) -> tuple[float, float, float]:
+    """
+    Return the width and the height of the view in metres, and by what to multiply the sizes of its marks.
+
+    A picture of many tags is larger, so that there is room for their labels.
+    """
+    x0, y0, x1, y1 = _view_of(layout, walls)
+    zoom = min(max(1.0, math.sqrt(len(layout.tags) / USUAL_TAGS)), LARGEST_ZOOM)
+    return x1 - x0, y1 - y0, max((x1 - x0) / USUAL_WIDTH_M, (y1 - y0) / USUAL_HEIGHT_M) / zoom
+
+
+def draw_greenhouse(axes: Any, layout: Layout, walls: Walls, table: str = colours.TABLE) -> None:
     """Draw walls, tables and a scale in metres; the view includes tags outside the walls."""
     from matplotlib.patches import Rectangle
     from matplotlib.ticker import MaxNLocator
 
     axes.add_patch(Rectangle(walls[:2], walls.x1 - walls.x0, walls.y1 - walls.y0, fill=False, linewidth=1.5))
     for x0, y0, x1, y1 in layout.tables.values():
-        axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, facecolor=colours.TABLE, linewidth=0))
+        axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, facecolor=table, linewidth=0))
     axes.set_aspect('equal')
     show_all(axes, layout, walls)
     for axis in (axes.xaxis, axes.yaxis):
@@ -103,9 +126,14 @@ def draw_greenhouse(axes: Any, layout: Layout, walls: Walls) -> None:
 
 def show_all(axes: Any, layout: Layout, walls: Walls, route: Sequence[Point] = ()) -> None:
     """Set the view to the walls, the tags and the route, with a margin around them."""
-    points = [walls[:2], walls[2:], *(tag[:2] for tag in layout.tags.values()), *route]
-    for set_limits, places in zip((axes.set_xlim, axes.set_ylim), zip(*points, strict=True), strict=True):
-        set_limits(min(places) - VIEW_MARGIN_M, max(places) + VIEW_MARGIN_M)
+    x0, y0, x1, y1 = _view_of(layout, walls, route)
+    axes.set(xlim=(x0, x1), ylim=(y0, y1))
+
+
+def _view_of(layout: Layout, walls: Walls, route: Sequence[Point] = ()) -> tuple[float, float, float, float]:
+    points = np.array([walls[:2], walls[2:], *(tag[:2] for tag in layout.tags.values()), *route])
+    ends = (points.min(axis=0) - VIEW_MARGIN_M).tolist(), (points.max(axis=0) + VIEW_MARGIN_M).tolist()
+    return (*ends[0], *ends[1])
 
 
 def write_labels(
@@ -115,20 +143,22 @@ def write_labels(
     taken: Sequence[Box],
     bounds: Box | None = None,
     **style: Any,
-) -> None:
+) -> list[Box]:
     """Write texts, each given with its dot and its colour, beside their dots and where no box is taken."""
     sized = [(dot, size.width_m(text), size.height_m) for text, dot, _ in labels]
-    for place, (text, _, colour) in zip(place_labels(taken, sized, bounds), labels, strict=True):
-        axes.text(*place, text, color=colour, fontsize=8, **CENTRED, **style)
+    places = place_labels(taken, sized, bounds)
+    for place, (text, _, colour) in zip(places, labels, strict=True):
+        axes.text(*place, text, color=colour, **{'fontsize': 8, **CENTRED, **style})
+    return [Box(*place, *each[1:]) for place, each in zip(places, sized, strict=True)]
 
 
 def write_key(owner: Any, marks: Sequence[tuple[str, Style]], columns: int, **style: Any) -> None:
-    """Write below the axes or the figure what each mark means; Matplotlib 3.5 has no `outside` for it."""
+    """Write what each mark means: below the axes or the figure, if the style has no other place."""
     from matplotlib.lines import Line2D
 
-    handles = [Line2D([], [], label=label, **mark) for label, mark in marks]
+    handles = [Line2D([], [], **{**mark, 'label': label}) for label, mark in marks]
     place = {'loc': 'upper center', 'bbox_to_anchor': (0.5, 0.0), 'frameon': False}
-    owner.legend(handles=handles, ncol=columns, **place, **style)
+    owner.legend(handles=handles, ncol=columns, **{**place, **style})
 
 
 def draw_path(axes: Any, points: Sequence[Point], taken: Collection[Box] = ()) -> None:
@@ -143,22 +173,34 @@ def draw_path(axes: Any, points: Sequence[Point], taken: Collection[Box] = ()) -
         axes.scatter(*place, s=28, marker=marker, color='white', edgecolor=colours.ROUTE, zorder=2.5)
 
 
+def draw_robot(axes: Any, pose: ApproachPose, radius_m: float) -> None:
+    """Draw the disc of the robot to scale, with a dark sector at its heading."""
+    from matplotlib.patches import Circle, Wedge
+
+    heading, half = math.degrees(pose.yaw), FRONT_DEGREES / 2
+    axes.add_patch(Circle(pose[:2], radius_m, facecolor=colours.ROBOT, edgecolor=colours.ROUTE, zorder=2.0))
+    front = Wedge(pose[:2], radius_m, heading - half, heading + half, color=colours.ROUTE, zorder=2.1)
+    axes.add_patch(front)
+
+
 def draw_route(
     layout: Layout,
     walls: Walls,
-    poses: Mapping[str, ApproachPose],
-    unreachable: Collection[str],
+    approaches: Approaches,
     route: Route,
     occupancy: OccupancyMap | None = None,
 ) -> Any:
     """
-    Return a figure of the greenhouse, the route, its stops with numbers, and unreachable tags in red.
+    Return a figure of the greenhouse, the route, the robot at its numbered stops, and the unreachable tags.
 
     A map of the room, in the frame of the layout, lies beneath: its obstacles orange, its unknown parts grey.
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.2, 8.8), layout='constrained')
+    poses, robot_radius_m = approaches.poses, approaches.free_space.robot_radius_m
+    width_m, height_m, scale = scale_of(layout, walls)
+    width, height = (max(6.2, size_m / scale * INCHES_PER_M + 1.6) for size_m in (width_m, height_m))
+    figure = Figure(figsize=(width, height), layout='constrained')
     axes = figure.add_subplot()
     if occupancy is not None:
         _draw_map(axes, occupancy)
@@ -170,20 +212,28 @@ def draw_route(
     sight: Style = {'color': colours.SIGHT, 'linestyle': DASHED}
     for line in sights:
         axes.plot(*zip(*line, strict=True), **sight, linewidth=0.7, zorder=1.4)
-    stops = join_stops([poses[tag_id][:2] for tag_id in route.tag_ids])
+    for pose in poses.values():
+        draw_robot(axes, pose, robot_radius_m)
+    robot_m, line_m = 2 * robot_radius_m, scale * PATH_WIDTH_M / 2
+    robots = [Box(*pose[:2], robot_m, robot_m) for pose in poses.values()]
     if route.points_m:
-        draw_path(axes, route.points_m, stops.values())
-    frame: Style = {
-        'boxstyle': 'round,pad=0.25,rounding_size=0.7',
-        'facecolor': 'white',
-        'edgecolor': colours.ROUTE,
-    }
-    for text, stop in stops.items():
-        style: Style = {'fontsize': 8, 'color': colours.ROUTE, 'zorder': 5, 'bbox': frame}
-        axes.text(stop.x, stop.y, text if len(text) > 1 else f' {text} ', **CENTRED, **style)
-    points = [(x, y) for path in (*sights, route.points_m) for x, y, _ in steps_of(path, PATH_WIDTH_M)]
-    lines = [Box(*point, PATH_WIDTH_M, PATH_WIDTH_M) for point in points]
-    _draw_tags(axes, layout, unreachable, route, [*stops.values(), *lines])
+        draw_path(axes, route.points_m, robots)
+    points = [(x, y) for path in (*sights, route.points_m) for x, y, _ in steps_of(path, line_m)]
+    taken = [*robots, *(Box(*point, line_m, line_m) for point in points)]
+    labels = _draw_tags(axes, layout, approaches.unreachable, scale)
+    taken += [dot for _, dot, _ in labels]
+    bounds = box_of(walls)
+    taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, fontweight='bold', zorder=6)
+    stops = join_stops([poses[tag_id][:2] for tag_id in route.tag_ids], scale * JOINED_M)
+    numbers = [(text.center(2), Box(x, y, robot_m, robot_m), 'white') for text, (x, y) in stops.items()]
+    frame: Style = {'boxstyle': 'round,pad=0.25,rounding_size=0.7', 'color': colours.ROUTE}
+    taken += write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
+    end_m = max(robot_m, END_M)
+    ends = [
+        (word, Box(*end[:2], end_m, end_m), colours.ROUTE)
+        for word, end in ends_of_path(route.points_m).items()
+    ]
+    write_labels(axes, ends, LABELS.times(scale), taken, bounds, fontweight='bold', zorder=6)
     marks: list[tuple[str, Style, bool]] = [
         (
             'route, in the direction of its arrows',
@@ -191,14 +241,15 @@ def draw_route(
             True,
         ),
         (
-            'stop of the robot, in order; close ones share a mark',
-            point_style('o', colours.ROUTE, 10, markerfacecolor='white'),
+            f'robot (radius {robot_radius_m:g} m) at a stop; dark: its front',
+            point_style('o', colours.ROUTE, 10, markerfacecolor=colours.ROBOT),
             True,
         ),
+        ('number of the stop; close ones share a mark', point_style('o', colours.ROUTE, 8), True),
         ('from a stop to its tag', sight, True),
         ('tag and its id', TAG, True),
         ('table', point_style('s', colours.TABLE, 9), True),
-        ('tag without a pose', UNREACHABLE, bool(unreachable)),
+        ('tag without a pose', UNREACHABLE, bool(approaches.unreachable)),
         ('obstacle in the map', point_style('s', colours.OBSTACLE, 8), occupancy is not None),
     ]
     shown = [(label, {'linewidth': 0.9, **mark}) for label, mark, is_shown in marks if is_shown]
@@ -206,11 +257,11 @@ def draw_route(
     return figure
 
 
-def join_stops(stops: list[Point]) -> dict[str, Box]:
-    """Return the marks of the stops along a route: their numbers, such as `4, 5` or `19-21`, and a place."""
+def join_stops(stops: list[Point], joined_m: float) -> dict[str, Point]:
+    """Return the numbers of stops and their places; close stops share one, such as `4, 5` or `19-21`."""
     groups: list[list[tuple[int, Point]]] = []
     for number, stop in enumerate(stops, start=1):
-        group = next((each for each in groups if math.dist(each[0][1], stop) < JOINED_M), [])
+        group = next((each for each in groups if math.dist(each[0][1], stop) < joined_m), [])
         groups += [] if group else [group]
         group.append((number, stop))
     marks = {}
@@ -219,7 +270,7 @@ def join_stops(stops: list[Point]) -> dict[str, Box]:
         is_run = len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1
         text = f'{numbers[0]}-{numbers[-1]}' if is_run else ', '.join(map(str, numbers))
         x, y = np.mean(places, axis=0).tolist()
-        marks[text] = Box(x, y, LABELS.width_m(text) + 0.04, STOP_HEIGHT_M)
+        marks[text] = x, y
     return marks
 
 
@@ -244,14 +295,12 @@ def _draw_map(axes: Any, occupancy: OccupancyMap) -> None:
 
 
 def _draw_tags(
-    axes: Any, layout: Layout, unreachable: Collection[str], route: Route, taken: Sequence[Box]
-) -> None:
-    """Draw the tags, and write their ids and the words at the ends of the route where no box is taken."""
+    axes: Any, layout: Layout, unreachable: Collection[str], scale: float
+) -> list[tuple[str, Box, str]]:
+    """Draw the tags, and return their labels."""
     labels = []
     for tag_id, tag in layout.tags.items():
         mark, side_m = (UNREACHABLE, UNREACHABLE_M) if tag_id in unreachable else (TAG, TAG_M)
         axes.plot(*tag[:2], **mark, zorder=3)
-        labels.append((tag_id, Box(*tag[:2], side_m, side_m), mark['color']))
-    labels += [(word, mark, colours.ROUTE) for word, mark in ends_of_path(route.points_m).items()]
-    dots = [dot for _, dot, _ in labels]
-    write_labels(axes, labels, LABELS, [*dots, *taken], fontweight='bold', zorder=6)
+        labels.append((tag_id, Box(*tag[:2], scale * side_m, scale * side_m), mark['color']))
+    return labels

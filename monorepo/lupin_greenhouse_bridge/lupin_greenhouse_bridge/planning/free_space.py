@@ -44,6 +44,7 @@ class FreeSpace:
                 f' {apart_m:g} m apart: choose a smaller radius, or set walls'
             )
         self.tag_poses = find_tag_poses(layout, walls)
+        self.robot_radius_m = radius_m
         radius_m += clearance_m
         self._low, self._high = np.array([x0, y0]) + radius_m, np.array([x1, y1]) - radius_m
         self.diagonal_m = math.hypot(x1 - x0, y1 - y0)
