@@ -18,6 +18,7 @@ from lupin_greenhouse_bridge.display.summary import greenhouse_times, speed_text
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.units import UNITS
 
 # Not importorskip, which ends the import of the module: launch_testing imports every test module.
 HAS_MATPLOTLIB = importlib.util.find_spec('matplotlib') is not None
@@ -117,6 +118,38 @@ def test_tags_with_the_same_value_are_all_named_and_ringed(tmp_path, figures):
     assert 'lowest 600 ppm at tags 1 and 3\nhighest 700 ppm at tag 5' in texts
     (rings,) = [each for each in axes.lines if each.get_markerfacecolor() == 'none']
     assert len(rings.get_xdata()) == 3
+
+
+def test_titles_keys_and_colour_bars_of_all_sensors_have_room_and_round_ticks(
+    tmp_path, shipped_tags, figures
+):
+    values = dict(zip(UNITS, (21.0, 50.0, 500.0, 800.0, 0.6), strict=True))
+    visits = [
+        visit(id_, **{each: values[each] for each in tag['sensors']}) for id_, tag in shipped_tags.items()
+    ]
+    low = dict.fromkeys(('temperature', 'soil_moisture'), 7.0) | {'soil_moisture': 0.28}
+    assert main([str(write_report(tmp_path / 'report.jsonl', *visits, visit('24', **low)))]) == 0
+    (figure,) = figures
+    figure.canvas.draw()
+    bars = [axes for axes in figure.axes if axes.get_label() == '<colorbar>']
+    panels = [axes for axes in figure.axes if axes.get_title()]
+    (cell,) = [axes for axes in figure.axes if axes.get_legend()]
+    assert (len(bars), len(panels), figure.legends) == (5, 5, [])
+    gap = figure.dpi * 0.1
+    for bar, panel in itertools.product(bars, [*(panel.title for panel in panels), cell.get_legend()]):
+        assert not bar.get_tightbbox().padded(gap).overlaps(panel.get_window_extent())
+    for bar in bars:
+        low, high = bar.get_xlim()
+        ticks = [each for each in bar.get_xticks() if low <= each <= high]
+        step = ticks[1] - ticks[0]
+        assert f'{step:.0e}'[0] in '125'
+        assert [each / step for each in ticks] == pytest.approx([round(each / step) for each in ticks])
+
+
+def test_one_lone_value_is_neither_ringed_nor_in_the_key(tmp_path, figures, texts_of):
+    drawn = texts_of(write_report(tmp_path / 'report.jsonl', visit('5', temperature=20.0)))
+    assert not any(each.get_markersize() == 13 for each in figures[0].axes[0].lines)
+    assert 'lowest or highest value' not in drawn
 
 
 def test_the_failed_tags_come_first_and_a_code_last(tmp_path, texts_of):

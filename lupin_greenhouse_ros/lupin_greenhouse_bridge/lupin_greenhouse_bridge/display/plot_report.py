@@ -21,11 +21,11 @@ from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import label_of, value_text
 
-MOST_COLUMNS, PANEL_INCHES = 3, 3.3
-USUAL_WIDTH_M, USUAL_HEIGHT_M = 4.3, 8.3  # of the view of a greenhouse of 4 m x 8 m
-DOT_M, GAP_M, LABELS = 0.24, 0.1, LabelSize(0.1, 0.1, 0.2)  # in such a picture; others scale them
+MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.3, 0.65  # a panel in inches
+DOT_M, GAP_M, LABELS = 0.24, 0.1, LabelSize(0.1, 0.1, 0.2)  # scaled by scale_of()
 READ, UNKNOWN = point_style('o', '0.35', 5), point_style('o', '0.75', 4)
-EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4)
+RINGS = 'lowest or highest value'
+EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS)
 MOST_NAMED, LONGEST_LINE = 30, 110  # tags in a line of failures, and its characters
 
 
@@ -35,6 +35,7 @@ class Greenhouse:
 
     layout: Layout
     walls: Walls
+    scale: float  # of the sizes of marks in metres
     route: list[Point]
     readings: dict[str, dict[str, Row]]  # the last rows by tag id and sensor, of tags that did not fail
     failed: dict[str, str]  # why not, in a word, by tag id
@@ -85,35 +86,38 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
             f"'{path}': tag '{escaped(strangers[0], 64)}' has no position in the tag file: name the bridge's"
             ' own with --tag-file'
         )
-    shown = Greenhouse(layout, recording.walls, recording.route, readings, failed)
+    scale = drawings.scale_of(layout, recording.walls)[2]
+    shown = Greenhouse(layout, recording.walls, scale, recording.route, readings, failed)
     sensors = [each for each in limits if any(each in reading for reading in readings.values())]
     has_ways = bool(shown.route or failed)
     figure = Figure(layout='constrained')
-    panels = _panels_of(figure, len(sensors) + has_ways, shown)
+    panels, empty_cell = _panels_of(figure, len(sensors) + has_ways, shown)
     if has_ways:
         _draw_ways(panels[0], shown)
     for axes, sensor in zip(panels[has_ways:], sensors, strict=True):
         _draw_readings(axes, sensor, shown, limits[sensor])
-    _write_key(figure, shown)
+    has_rings = any(line.get_label() == RINGS for axes in panels for line in axes.lines)
+    _write_key(figure, empty_cell, shown, has_rings)
     _write_head(figure, path.name, rows, failures, shown)
     return drawings.picture_of(figure, ending)
 
 
-def _panels_of(figure: Any, count: int, shown: Greenhouse) -> list[Any]:
-    """Return the axes of this many panels with the greenhouse in them, row by row."""
+def _panels_of(figure: Any, count: int, shown: Greenhouse) -> tuple[list[Any], Any]:
+    """Return the axes of this many greenhouses, row by row, and the axes of an empty cell or None."""
     columns, rows = min(count, MOST_COLUMNS), -(-count // MOST_COLUMNS)
-    x0, y0, x1, y1 = shown.walls
-    height = PANEL_INCHES * 0.85 * (y1 - y0) / (x1 - x0)
-    figure.set_size_inches(PANEL_INCHES * columns, rows * (min(height, 12.0) + 1.4))
-    grid = figure.subplots(rows, columns, sharey=True, squeeze=False)
+    width_m, height_m, scale = drawings.scale_of(shown.layout, shown.walls)
+    width, height = (size_m / scale * INCHES_PER_M for size_m in (width_m, height_m))
+    figure.set_size_inches(max(SMALLEST_PANEL, width + 0.5) * columns, rows * (height + 1.6))
+    gap = {'hspace': 0.07}  # between a colour bar and the title below it
+    grid = figure.subplots(rows, columns, sharey=True, squeeze=False, gridspec_kw=gap)
     for axes in grid.flat[:count]:
         drawings.draw_greenhouse(axes, shown.layout, shown.walls)
         axes.set_anchor('N')  # the panel of the route has no colour bar below it
     for axes in grid.flat[count:]:
-        axes.remove()
+        axes.axis('off')
     for axes in grid[:, 0]:
         axes.set_ylabel('y (m)')
-    return list(grid.flat[:count])
+    return list(grid.flat[:count]), next(iter(grid.flat[count:]), None)
 
 
 def _draw_ways(axes: Any, shown: Greenhouse) -> None:
@@ -128,8 +132,8 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     if route:
         drawings.draw_path(axes, route)
         drawings.show_all(axes, shown.layout, shown.walls, route)
-    scale = _scale_of(axes)
-    dots = {tag_id: Box(*tag[:2], scale * DOT_M, scale * DOT_M) for tag_id, tag in tags.items()}
+    dot_m, gap_m = shown.scale * DOT_M, shown.scale * GAP_M
+    dots = {tag_id: Box(*tag[:2], dot_m, dot_m) for tag_id, tag in tags.items()}
     has_one_word = len(set(failed.values())) == 1  # which the key tells
     labels = [
         (tag_id if has_one_word else f'{tag_id} {word}', dots[tag_id], colours.FAILED)
@@ -137,8 +141,8 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
         if tag_id in dots
     ]
     labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route).items()]
-    way = [Box(x, y, scale * GAP_M, scale * GAP_M) for x, y, _ in steps_of(route, scale * GAP_M)]
-    _write_labels(axes, labels, [*dots.values(), *way], shown.walls)
+    way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
+    _write_labels(axes, labels, [*dots.values(), *way], shown)
     _draw_crosses(axes, shown, 60)
 
 
@@ -149,48 +153,41 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     tags, (low, high) = shown.layout.tags, limits
     values = {tag_id: each[sensor].value for tag_id, each in shown.readings.items() if sensor in each}
     extremes = summary.extremes_of(sensor, values)
-    ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids]
+    ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
     _write_title(axes, label_of(sensor), '\n'.join(text for text, _ in extremes))
     _draw_dots(axes, [tag_id for tag_id in tags if tag_id not in values], shown, UNKNOWN)
-    _draw_dots(axes, ringed, shown, EXTREME)
+    if ringed:
+        _draw_dots(axes, ringed, shown, EXTREME)
     style = {'cmap': colours.COLOUR_MAP, 'vmin': low, 'vmax': high, 's': 90, 'edgecolor': 'black'}
     xs, ys = zip(*(tags[tag_id][:2] for tag_id in values), strict=True)
     points = axes.scatter(xs, ys, c=list(values.values()), zorder=5, **style)
-    scale = _scale_of(axes) * DOT_M
-    sides_m = {tag_id: scale * (1.4 if tag_id in ringed else 1.0) for tag_id in tags}
+    sides_m = {tag_id: shown.scale * DOT_M * (1.4 if tag_id in ringed else 1.0) for tag_id in tags}
     dots = {tag_id: Box(*tags[tag_id][:2], side_m, side_m) for tag_id, side_m in sides_m.items()}
     labels = [
         (f'{tag_id}: {value_text(sensor, value)}', dots[tag_id], 'black') for tag_id, value in values.items()
     ]
-    _write_labels(axes, labels, list(dots.values()), shown.walls)
+    _write_labels(axes, labels, list(dots.values()), shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
-    ticks = MaxNLocator(4).tick_values(low, high)
-    inner = [tick for tick in ticks if 0.15 < (tick - low) / (high - low) < 0.85]
     bar = {'location': 'bottom', 'shrink': 0.9, 'pad': 0.02, 'extend': 'neither' if is_within else 'both'}
-    axes.figure.colorbar(points, ax=axes, ticks=[low, *inner, high], **bar)
+    ticks = MaxNLocator(6, steps=[1, 2, 5, 10])
+    axes.figure.colorbar(points, ax=axes, ticks=ticks, **bar).ax.tick_params(labelsize=9)
     _draw_crosses(axes, shown, 30)
 
 
 def _write_title(axes: Any, title: str, more: str) -> None:
     """Write a title, and below it up to two small lines, which must not move the colour bar."""
-    axes.set_title(title, fontsize=12, pad=32)
+    axes.set_title(title, fontsize=12, pad=12 * (more.count('\n') + 1) + 8)
     style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'ha': 'center', 'fontsize': 8.5}
     axes.annotate(more, (0.5, 1), (0, 4), **style).set_in_layout(False)
 
 
-def _scale_of(axes: Any) -> float:
-    """Return how many times the view is larger than that of the usual greenhouse."""
-    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
-    return float(max((x1 - x0) / USUAL_WIDTH_M, (y1 - y0) / USUAL_HEIGHT_M))
-
-
-def _write_labels(axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box], walls: Walls) -> None:
+def _write_labels(axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box], shown: Greenhouse) -> None:
     """Write labels with a white outline, so that no line touches them."""
     from matplotlib.patheffects import withStroke
 
-    size = LabelSize(*(_scale_of(axes) * each for each in LABELS))
+    size, bounds = LABELS.times(shown.scale), box_of(shown.walls)
     outline = [withStroke(linewidth=2, foreground='white')]
-    drawings.write_labels(axes, labels, size, taken, box_of(walls), path_effects=outline, zorder=4)
+    drawings.write_labels(axes, labels, size, taken, bounds, path_effects=outline, zorder=4)
 
 
 def _draw_dots(axes: Any, tag_ids: list[str], shown: Greenhouse, style: Style) -> None:
@@ -204,12 +201,13 @@ def _draw_crosses(axes: Any, shown: Greenhouse, size: float) -> None:
     axes.scatter([tag.x for tag in tags], [tag.y for tag in tags], **style)
 
 
-def _write_key(figure: Any, shown: Greenhouse) -> None:
+def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, has_rings: bool) -> None:
+    """Write what each mark means into an empty cell, or else below the panels."""
     marks: list[tuple[str, Style]] = [
         ('wall', {'color': 'black', 'linewidth': 1.5}),
         ('table', point_style('s', colours.TABLE, 11)),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
-        ('lowest or highest value', EXTREME),
+        *([(RINGS, EXTREME)] if has_rings else []),
         ('tag without a value', UNKNOWN),
     ]
     if shown.route or shown.failed:
@@ -219,7 +217,11 @@ def _write_key(figure: Any, shown: Greenhouse) -> None:
         marks.append((f'tag that was not read{word}', point_style('x', colours.FAILED, 6)))
     if shown.route:
         marks.append(('route, in the direction of the arrows', {'color': colours.ROUTE}))
-    drawings.write_key(figure, marks, columns=3)
+    if empty_cell:
+        place: Style = {'loc': 'upper left', 'bbox_to_anchor': (0.0, 1.0), 'labelspacing': 1.0}
+        drawings.write_key(empty_cell, marks, columns=1, **place)
+    else:
+        drawings.write_key(figure, marks, columns=3)
 
 
 def _time_text(form: str, row: Row) -> str:
