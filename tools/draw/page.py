@@ -31,7 +31,7 @@ def main() -> int:
         path = Path(folder, 'page.html')
         if exit_code := readings_page.main([str(reports[-1]), '-o', str(path)]):
             return exit_code
-        with Page(path, width=1400, height=900) as page:
+        with Page(path, width=1280, height=1080) as page:
             picture = Image.open(io.BytesIO(page.picture())).convert('RGB')
     picture.save(COMMITTED, optimize=True)
     print(COMMITTED)
