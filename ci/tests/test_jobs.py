@@ -21,24 +21,18 @@ def test_each(number):
 """
 
 
-@pytest.fixture
-def run_tests(tmp_path):
-    """Return a function that runs five tests with the given options; it returns the job and what it read."""
-
-    def run(*options):
-        (tmp_path / 'test_five.py').write_text(TESTS, encoding='utf-8')
-        command = [sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', '--verbose', '-rs', *options]
-        result = run_command(*command, '-c', '/dev/null', '--rootdir', tmp_path, tmp_path)
-        job = jobs.Tests('five', [], tmp_path / 'log')
-        read = [(line, job.read(line), job.state()) for line in result.stdout.splitlines()]
-        return job, read
-
-    return run
+def read_tests(tmp_path, *options) -> tuple[jobs.Tests, list[tuple[str, str | None, str]]]:
+    """Run five tests with options of pytest; return the job, and what it makes of each line."""
+    (tmp_path / 'test_five.py').write_text(TESTS, encoding='utf-8')
+    command = [sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', '--verbose', '-rs', *options]
+    result = run_command(*command, '-c', '/dev/null', '--rootdir', tmp_path, tmp_path)
+    job = jobs.Tests('five', [], tmp_path / 'log')
+    return job, [(line, job.read(line), job.state()) for line in result.stdout.splitlines()]
 
 
 @pytest.mark.parametrize('options', [(), ('-n', '2')], ids=['one process', 'xdist'])
-def test_the_tests_are_counted_as_they_end(run_tests, options):
-    job, read = run_tests('--instafail', *options)
+def test_the_tests_are_counted_as_they_end(tmp_path, options):
+    job, read = read_tests(tmp_path, '--instafail', *options)
     assert (job.total, job.done) == (5, 5)
     (failure,) = job.failures
     assert failure.endswith(f'test_five.py::test_each[1{90 * "a"}]')
@@ -49,24 +43,15 @@ def test_the_tests_are_counted_as_they_end(run_tests, options):
     assert '1 failed, 3 passed, 1 skipped' in job.summary
 
 
-def test_the_report_of_a_failed_test_appears_before_the_next_result(run_tests):
-    _, read = run_tests('--instafail')
-    lines = [line for line, _, _ in read]
-    reported = next(number for number, (_, shown, _) in enumerate(read) if shown and 'one is wrong' in shown)
-    assert reported < next(number for number, line in enumerate(lines) if 'test_each[2a' in line)
-
-
-def test_without_instafail_the_report_is_not_lost(run_tests):
-    _, read = run_tests()
-    assert any(shown and 'one is wrong' in shown for _, shown, _ in read)
-
-
-def test_why_a_test_was_skipped_is_shown_and_what_passed_is_not(run_tests):
-    _, read = run_tests('--instafail')
-    shown = '\n'.join(each for _, each, _ in read if each)
-    assert 'SKIPPED [1]' in shown
-    assert 'PASSED' not in shown
-    assert 'test_each[0a' not in shown
+def test_a_report_is_shown_as_soon_as_it_is_there_and_what_passed_is_not(tmp_path):
+    _, read = read_tests(tmp_path, '--instafail')
+    shown = [each or '' for _, each, _ in read]
+    reported = next(number for number, each in enumerate(shown) if 'one is wrong' in each)
+    assert reported < next(number for number, (line, *_) in enumerate(read) if 'test_each[2a' in line)
+    assert 'SKIPPED [1]' in '\n'.join(shown)
+    assert not any('PASSED' in each or 'test_each[0a' in each for each in shown)
+    _, read = read_tests(tmp_path)
+    assert any('one is wrong' in (each or '') for _, each, _ in read)  # at the end, without instafail
 
 
 def test_a_build_names_the_package_and_the_share_of_it_that_is_built(tmp_path):
@@ -126,16 +111,12 @@ def test_the_summary_of_pytest_closes_the_output(tmp_path, capsys):
     assert capsys.readouterr().out.splitlines()[-1] == summary
 
 
-def test_a_test_run_that_fails_without_a_failed_test_shows_the_end_of_its_output(tmp_path, capsys):
-    job = jobs.Tests('none', [sys.executable, '-c', 'exit("cannot import rclpy")'], tmp_path / 'log')
-    assert not jobs.run([job])
-    assert 'cannot import rclpy' in capsys.readouterr().out
-
-
-def test_a_log_that_cannot_be_written_fails_the_job_and_the_others_run(tmp_path, capsys):
+def test_jobs_without_a_failed_test_or_a_log_fail_with_their_reason(tmp_path, capsys):
+    none = jobs.Tests('none', [sys.executable, '-c', 'exit("cannot import rclpy")'], tmp_path / 'log')
     full = jobs.Job('full', [sys.executable, '-c', 'print("more")'], Path('/dev/full'))
-    assert not jobs.run([full, make_job('good', 'print("yes")', tmp_path)])
+    assert not jobs.run([none, full, make_job('good', 'print("yes")', tmp_path)])
     printed = capsys.readouterr().out
+    assert 'cannot import rclpy' in printed
     assert 'good: yes\n' in printed
     assert printed.endswith('failed: full: /dev/full: No space left on device\n')
 

@@ -1,5 +1,6 @@
 """ci/kill_tree.py: an interrupted command leaves no process behind."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -25,19 +26,17 @@ wait
 """
 
 
-def marked(mark: str) -> list[str]:
+def marked(mark: str) -> dict[int, str]:
     """Return the command lines of the living processes that have this word in their environment."""
-    found = []
+    found = {}
     for folder in Path('/proc').glob('[0-9]*'):
-        try:
+        with contextlib.suppress(OSError):  # it has ended
             if mark.encode() in (folder / 'environ').read_bytes():
-                found.append((folder / 'cmdline').read_text().replace('\0', ' '))
-        except OSError:  # it has ended
-            continue
+                found[int(folder.name)] = (folder / 'cmdline').read_text().replace('\0', ' ')
     return found
 
 
-def start(command, mark, **keywords):
+def start(command, mark):
     """Start a command as a terminal does, in a process group of its own."""
     return subprocess.Popen(
         command,
@@ -47,7 +46,6 @@ def start(command, mark, **keywords):
         stderr=subprocess.STDOUT,
         text=True,
         start_new_session=True,
-        **keywords,
     )
 
 
@@ -56,12 +54,9 @@ def mark():
     """Return a word for the environment of what a test starts, and kill what is left of it."""
     word = uuid.uuid4().hex
     yield word
-    for folder in Path('/proc').glob('[0-9]*'):
-        try:
-            if word.encode() in (folder / 'environ').read_bytes():
-                os.kill(int(folder.name), signal.SIGKILL)
-        except OSError:
-            continue
+    for pid in marked(word):
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
 
 
 def start_stubborn(mark, *container) -> subprocess.Popen:
@@ -69,7 +64,7 @@ def start_stubborn(mark, *container) -> subprocess.Popen:
     process = start([*container, 'bash', '-c', STUBBORN], mark)
     assert process.stdout.readline() == 'started\n'
     deadline = time.monotonic() + PATIENCE_SECONDS
-    while len([line for line in marked(mark) if line.startswith('sleep')]) < 5:
+    while [line[:5] for line in marked(mark).values()].count('sleep') < 5:
         assert time.monotonic() < deadline, marked(mark)
     return process
 
@@ -79,7 +74,7 @@ def test_a_signal_ends_every_descendant(mark, number):
     process = start_stubborn(mark, sys.executable, kill_tree.__file__)
     process.send_signal(number)
     assert process.wait(PATIENCE_SECONDS) == 128 + number
-    assert marked(mark) == []
+    assert not marked(mark)
 
 
 def test_without_it_descendants_survive(mark):
@@ -95,7 +90,7 @@ def test_without_it_descendants_survive(mark):
 def test_the_exit_code_is_that_of_the_command_and_nothing_is_left(mark, script, code):
     process = start([sys.executable, kill_tree.__file__, 'bash', '-c', f'setsid sleep 600 & {script}'], mark)
     assert process.wait(PATIENCE_SECONDS) == code
-    assert marked(mark) == []
+    assert not marked(mark)
 
 
 @pytest.mark.heavy
@@ -103,10 +98,10 @@ def test_the_exit_code_is_that_of_the_command_and_nothing_is_left(mark, script, 
 def test_ctrl_c_on_make_ends_all_that_it_started(mark, target):
     process = start(['make', target], mark)
     deadline = time.monotonic() + 5 * PATIENCE_SECONDS
-    while not any('--ros-args' in line for line in marked(mark)):  # a node
+    while not any('--ros-args' in line for line in marked(mark).values()):  # a node
         assert process.poll() is None, process.stdout.read()
         assert time.monotonic() < deadline, marked(mark)
     os.killpg(process.pid, signal.SIGINT)
     process.communicate(timeout=PATIENCE_SECONDS)
     assert process.returncode != 0
-    assert marked(mark) == []
+    assert not marked(mark)
