@@ -30,14 +30,9 @@ def test_the_two_commands_of_the_readme():
         alone = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
         environment = of_a_user(**alone)
         server = subprocess.Popen(
-            ['bash', '-c', f'exec {serving[0]}'],
-            cwd=ROOT,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-        )
+            ['bash', '-c', f'exec {serving[0]} 2>&1'],
+            cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True,
+        )  # fmt: skip
         try:
             ready = next(line for line in server.stdout if 'ready:' in line)
             assert without_numbers(ready) == without_numbers(serving[2].strip())
@@ -63,11 +58,10 @@ def test_the_two_commands_of_the_readme():
 
 
 def test_the_mirror_shows_the_table_of_the_readme():
-    tables = []
-    for tree in ('.', 'lupin_greenhouse_ros'):
-        text = (ROOT / tree / 'README.md').read_text(encoding='utf-8')
-        tables.append(re.findall(r'^tag +sim time.*\n(?:1 .*\n)+', text, re.MULTILINE))
-    readme, mirror = tables
+    readme, mirror = (
+        re.findall(r'^tag +sim time.*\n(?:1 .*\n)+', (ROOT / tree / 'README.md').read_text(), re.MULTILINE)
+        for tree in ('.', 'lupin_greenhouse_ros')
+    )
     assert len(readme) == 1
     assert mirror == readme
 
@@ -154,29 +148,17 @@ def test_a_good_document_has_no_findings(documents):
         ('<!-- needs a robot -->\n', '', 'mark this block with tested by, needs or followed by: drive'),
         ('`0.0`', '`1.0`', 'Settings lacks the row | speedup_factor | 0.0 |'),
         ('`0.0`', '`1.0`', 'Settings has a wrong row | speedup_factor | 1.0 |'),
-        (
-            '| `debug_seed` | `-1` | a seed |\n',
-            '',
-            'bridge.settings.Settings lacks the row | debug_seed | -1 |',
-        ),
+        ('| `debug_seed` | `-1` | a seed |\n', '', 'settings.Settings lacks the row | debug_seed | -1 |'),
         ('debug_seed', 'debug_sed', 'Settings has a wrong row | debug_sed | -1 |'),
+        ('<!-- parameters of ', '<!-- of ', 'mark this table with `parameters of`'),
         (
-            '<!-- parameters of lupin_greenhouse_bridge.settings.Settings -->\n',
-            '',
-            'mark this table with `parameters of`',
-        ),
-        (
-            "| `--tag-file FILE` | the bridge's tag_file; default: the one of mdp-greenhouse |\n",
-            '',
-            'the table of options of check_world lacks the row | `--tag-file FILE` |',
+            '| `--tag-file FILE',
+            '| `--tags FILE',
+            'options of check_world lacks the row | `--tag-file FILE` |',
         ),
         ('`--walls X0', '`--wall X0', 'check_world has a wrong row | `--wall X0 Y0 X1 Y1` |'),
         ('options of check_world', 'options of check_it', 'there is no command check_it'),
-        (
-            '0.737',
-            '0.6',
-            'the table of the ranges lacks the row | soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |',
-        ),
+        ('0.737', '0.6', 'table of the ranges lacks the row | soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |'),
         ('0.737', '73.7', 'the table of the ranges has a wrong row | soil_moisture | 0.3 | 73.7 |'),
         ('<!-- ranges of mdp-greenhouse 1.0.8 -->\n', '', 'mark the ranges with `ranges of mdp-greenhouse'),
         ('[here]', '    make run\n\n[here]', 'fence this block and set its language: make run'),

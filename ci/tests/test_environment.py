@@ -48,12 +48,14 @@ def make_it(tmp_path, distro='kilted'):
     return environment.main(tmp_path / 'venv', distro)
 
 
-def test_a_complete_environment_is_left_alone(commands, tmp_path):
-    assert make_it(tmp_path) == 0
-    assert steps(commands) == ['venv', 'uv', 'kilted.txt']
-    commands.clear()
-    assert make_it(tmp_path) == 0
-    assert commands == []
+def test_a_complete_environment_is_left_alone_and_another_distro_makes_it_again(commands, tmp_path):
+    for distro in ('kilted', 'jazzy'):
+        assert make_it(tmp_path, distro) == 0
+        assert steps(commands) == ['venv', 'uv', f'{distro}.txt']
+        assert f'ROS_DISTRO={distro}' in (tmp_path / 'venv/local_setup.bash').read_text()
+        commands.clear()
+        assert make_it(tmp_path, distro) == 0
+        assert commands == []
 
 
 def test_an_installed_uv_is_used(commands, tmp_path, monkeypatch):
@@ -66,14 +68,12 @@ def test_an_installed_uv_is_used(commands, tmp_path, monkeypatch):
 def one_pin(tmp_path, monkeypatch):
     """Reduce the list of packages to uv and one other; return the other as 'name==version'."""
     pins = (CI / 'requirements/kilted.txt').read_text().splitlines()
-    uv, other = (
-        next(pin.split('  #')[0] for pin in pins if pin.startswith(name)) for name in ('uv==', 'packaging==')
-    )
-    (tmp_path / 'kilted.txt').write_text(f'{uv}\n{other}\n')
+    two = [pin.partition('  #')[0] for pin in pins if pin.startswith(('packaging==', 'uv=='))]
+    (tmp_path / 'kilted.txt').write_text('\n'.join(two))
     monkeypatch.setattr(environment, 'REQUIREMENTS', tmp_path)
     monkeypatch.setattr(environment, 'sourced_ros', lambda: None)
     hide_uv(monkeypatch)
-    return other.strip()
+    return two[0].strip()
 
 
 @pytest.mark.heavy
@@ -87,14 +87,6 @@ def test_uv_installs_the_pins_and_pip_does_where_uv_cannot(one_pin, tmp_path, mo
     assert one_pin in succeed(tmp_path / 'venv/bin/python', '-m', 'pip', 'freeze').splitlines()
     (installed_by,) = tmp_path.glob('venv/lib/python3*/site-packages/packaging-*.dist-info/INSTALLER')
     assert installed_by.read_text().strip() == installer
-
-
-def test_another_distro_makes_it_again_from_that_set(commands, tmp_path):
-    make_it(tmp_path)
-    commands.clear()
-    assert make_it(tmp_path, 'jazzy') == 0
-    assert steps(commands) == ['venv', 'uv', 'jazzy.txt']
-    assert 'ROS_DISTRO=jazzy' in (tmp_path / 'venv/local_setup.bash').read_text()
 
 
 def test_an_interrupted_making_is_recognised_and_made_again(commands, tmp_path, monkeypatch):
@@ -161,23 +153,6 @@ def test_each_missing_prerequisite_is_one_line_with_its_package(
     assert commands == []
 
 
-def test_make_names_what_is_needed_when_python_is_too_old(tmp_path):
-    old = tmp_path / 'python3'
-    old.write_text('#!/bin/sh\nexit 1\n')
-    old.chmod(0o755)
-    result = make('env', f'PYTHON={old}')
-    assert result.returncode != 0
-    assert 'is not Python 3.10 or newer: sudo apt install' in result.stderr.splitlines()[0]
-
-
-@pytest.mark.parametrize('assignment', ['TREE=nowhere', 'DISTRO=humble'])
-def test_make_refuses_an_unknown_choice_in_one_line(assignment):
-    result = make(assignment)
-    assert result.returncode != 0
-    assert assignment in result.stderr
-    assert len(result.stderr.splitlines()) == 1
-
-
 @pytest.mark.parametrize('own', ['', '/my/profiles.xml'])
 def test_nodes_of_the_wheels_announce_themselves_often_unless_told_otherwise(own):
     names = ['FASTDDS_DEFAULT_PROFILES_FILE', 'FASTRTPS_DEFAULT_PROFILES_FILE']
@@ -225,6 +200,27 @@ def test_pre_commit_comes_with_the_environment():
     succeed(sys.executable, '-m', 'pre_commit', 'validate-config', ROOT / '.pre-commit-config.yaml')
 
 
+def test_make_passes_on_a_refusal_in_one_line(tmp_path):
+    old = tmp_path / 'python3'
+    old.write_text('#!/bin/sh\nexit 1\n')
+    old.chmod(0o755)
+    clone = tmp_path / "My 'green' house"
+    clone.mkdir()
+    for each in ('ci', 'tools', 'monorepo', 'Makefile'):
+        (clone / each).symlink_to(ROOT / each)
+    for words, said in (
+        (['env', f'PYTHON={old}'], 'is not Python 3.10 or newer: sudo apt install'),
+        (['TREE=nowhere'], 'TREE=nowhere is not a tree'),
+        (['DISTRO=humble'], 'DISTRO=humble has no wheels'),
+        (['run', 'VENV=.venv'], 'move the clone to a folder whose path has letters'),
+    ):
+        result = run('make', *words, cwd=clone, env=of_a_user())
+        first, *end = result.stderr.splitlines()
+        assert result.returncode != 0
+        assert said in first
+        assert all(line.startswith('make: *** ') for line in end)
+
+
 @pytest.mark.heavy
 def test_a_sourced_ros_is_found_used_and_only_completed(tmp_path):
     """A second prefix, set up like a sourced setup.bash, replaces the wheels."""
@@ -267,18 +263,6 @@ def test_a_folder_in_which_nothing_can_be_built_is_refused_before_anything_is_in
     (line,) = capsys.readouterr().err.splitlines()
     assert f'fail with {character!r} in a path: move the clone' in line
     assert commands == []
-
-
-def test_make_says_so_in_one_line(tmp_path):
-    clone = tmp_path / "My 'green' house"
-    clone.mkdir()
-    for each in ('ci', 'tools', 'monorepo', 'Makefile'):
-        (clone / each).symlink_to(ROOT / each)
-    result = run('make', 'run', cwd=clone, env=of_a_user(VENV='.venv'))
-    first, last = result.stderr.splitlines()
-    assert first.startswith('environment: ')
-    assert 'move the clone to a folder whose path has letters' in first
-    assert last.startswith('make: *** ')
 
 
 def test_a_full_disk_is_named_before_anything_is_installed(commands, tmp_path, monkeypatch, capsys):
