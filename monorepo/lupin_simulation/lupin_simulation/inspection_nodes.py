@@ -10,7 +10,8 @@ from typing import Any
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from lupin_greenhouse_bridge import settings as bridge_settings
 from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, refuse_typo
+from lupin_greenhouse_bridge.runtime.parameters import fault_of_rule
 from lupin_mission import settings as mission_settings
 from lupin_tag_confirmation import settings as confirm_tag_settings
 
@@ -48,7 +49,11 @@ def value_of(arguments: list[str], name: str) -> str:
 
 
 def arguments_by_node(options: argparse.Namespace) -> dict[str, list[str]]:
-    """Return the arguments of each node: its parameters. Raises UnknownArgument for one that no node has."""
+    """
+    Return the arguments of each node: its parameters.
+
+    Raises StartUpError for a typing mistake, and UnknownArgument for a parameter that no node has.
+    """
     modules = {'bridge_node': bridge_settings, 'mission_orchestrator': mission_settings}
     if options.camera:
         modules['confirm_tag'] = confirm_tag_settings
@@ -59,8 +64,11 @@ def arguments_by_node(options: argparse.Namespace) -> dict[str, list[str]]:
     names['mission_orchestrator'] |= set(mission_settings.WITHOUT_EFFECT)
     names |= {'record_readings': {'tag_file'}, 'fake_camera': LAYOUT, 'world_camera': set()}
     for each in options.arguments:
-        name, is_assigned, _ = each.partition(':=')
-        if not is_assigned or name not in settable | set(mission_settings.WITHOUT_EFFECT):
+        name, _, value = each.partition(':=')
+        if not value:
+            raise StartUpError(fault_of_rule(each, options.arguments))
+        if name not in settable | set(mission_settings.WITHOUT_EFFECT):
+            refuse_typo(name, settable, 'parameter')
             error = f"'{escaped(each, 64)}' sets no parameter of this run: write name:=value, with one of"
             raise UnknownArgument('\n  '.join([error, *textwrap.wrap(', '.join(sorted(settable)), 98)]))
     return {

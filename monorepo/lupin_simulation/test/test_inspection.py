@@ -184,10 +184,9 @@ def test_a_bridge_that_refuses_to_start_has_the_last_word_and_leaves_no_file(tmp
 @pytest.mark.parametrize(
     ('argument', 'options'),
     [
-        ('debug_sed:=3', ['--drive']),
         ('blocked:=0 0 1 1', []),
         ('min_frames:=1', ['--drive']),
-        ('debug_seed', ['--drive']),
+        ('seed:=3', ['--drive']),
         ('report_file:=x.jsonl', ['--drive']),
     ],
 )
@@ -197,6 +196,19 @@ def test_an_argument_of_no_node_is_refused_with_those_that_there_are(tmp_path, c
     assert error == f"mission: '{argument}' sets no parameter of this run: write name:=value, with one of"
     assert {'debug_seed', 'tag_file', 'tag_sequence'} <= set(''.join(names).replace(',', ' ').split())
     assert not (tmp_path / 'output').exists()
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'fault'),
+    [
+        (['debug_sed:=3'], 'parameter debug_sed is unknown: did you mean debug_seed?'),
+        (['debug_seed:=', '3'], "'debug_seed:=' sets no parameter: write debug_seed:=3, without spaces"),
+        (['debug_seed=3'], "'debug_seed=3' sets no parameter: write debug_seed:=3, without spaces"),
+    ],
+)
+def test_a_mistyped_argument_is_refused_with_what_to_write(tmp_path, capsys, arguments, fault):
+    assert inspection.main(['--output', str(tmp_path), *arguments]) == 2
+    assert capsys.readouterr().err == f'mission: {fault}\n'
 
 
 @pytest.mark.parametrize(

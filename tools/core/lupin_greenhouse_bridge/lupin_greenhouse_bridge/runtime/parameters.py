@@ -1,6 +1,8 @@
 """The parameters of a node, as fields of a dataclass. Imports ROS late, for launch files and planners."""
 
-from collections.abc import Collection
+import itertools
+import re
+from collections.abc import Collection, Sequence
 from dataclasses import Field, field, fields
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -115,6 +117,25 @@ def check_names(node: 'Node', without_effect: Collection[str] = ()) -> None:
         if name not in without_effect:
             refuse_typo(name, missing, 'parameter')
             node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored: see --help')
+
+
+def fault_of_rule(rule: str, words: Sequence[str]) -> str:
+    """Return what is wrong with a parameter among the words of the command line, and what to write."""
+    if rule.startswith('-'):
+        return f"'{rule}' sets no parameter: leave it out, and write NAME:=VALUE"
+    separator = r'\s*:=\s*' if ':=' in rule else r'\s*[:=]+\s*'
+    name, value = [*re.split(separator, rule, maxsplit=1), ''][:2]
+    if value and rule == f'{name}:={value}' and re.fullmatch(r'[A-Za-z][\w.:/]*', name):
+        quoted, spaces = f'"{name}:=\'{value}\'"', '; a list has no spaces' if value.startswith('[') else ''
+        return f'-p {rule}: ROS reads each value as YAML: quote it once more, such as -p {quoted}{spaces}'
+    if not value:  # it is one of the next words
+        following = itertools.takewhile(
+            lambda word: not re.search(r'\w:=', word), words[words.index(rule) + 1 :]
+        )
+        values = [word.strip(':=') for word in following if word != '-p']
+        value = next(filter(None, values), 'VALUE')
+    name = name.replace('-', '_') if re.fullmatch(r'[A-Za-z][\w.-]*', name) else 'NAME'
+    return f"'{rule}' sets no parameter: write {name}:={value}, without spaces"
 
 
 def default_text(parameter: 'Field[Any]') -> str:

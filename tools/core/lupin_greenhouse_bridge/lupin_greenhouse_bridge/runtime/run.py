@@ -28,7 +28,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.graph import namesake_warning
 from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
-from lupin_greenhouse_bridge.runtime.parameters import default_text
+from lupin_greenhouse_bridge.runtime.parameters import default_text, fault_of_rule
 from lupin_greenhouse_bridge.runtime.process import security_problem
 from lupin_greenhouse_bridge.runtime.rclpy_internals import LoggingSeverity, RCLError
 
@@ -146,31 +146,12 @@ def _without_log_of_rcl() -> Iterator[None]:
 def _cause(error: str, words: Sequence[str]) -> str:
     """Return what to change in the words of the command line after an error of rclpy.init."""
     if found := re.search(r"override rule: '-\S+ (.*?)'\. Error", error):
-        return _fault_of_rule(found[1], words)
+        return fault_of_rule(found[1], words)
     for pattern, cause in START_FAULTS.items():
         if found := re.search(pattern, error):
             return cause.format(*found.groups())
     problem = 'the ROS arguments cannot be parsed (put other arguments before --ros-args)'
     return f'{security_problem() or problem}: {error}'
-
-
-def _fault_of_rule(rule: str, words: Sequence[str]) -> str:
-    """Return what is wrong with a parameter on the command line, and what to write."""
-    if rule.startswith('-'):
-        return f"'{rule}' sets no parameter: leave it out, and write NAME:=VALUE"
-    separator = r'\s*:=\s*' if ':=' in rule else r'\s*[:=]+\s*'
-    name, value = [*re.split(separator, rule, maxsplit=1), ''][:2]
-    if value and rule == f'{name}:={value}' and re.fullmatch(r'[A-Za-z][\w.:/]*', name):
-        quoted, spaces = f'"{name}:=\'{value}\'"', '; a list has no spaces' if value.startswith('[') else ''
-        return f'-p {rule}: ROS reads each value as YAML: quote it once more, such as -p {quoted}{spaces}'
-    if not value:  # it is one of the next words
-        following = itertools.takewhile(
-            lambda word: not re.search(r'\w:=', word), words[words.index(rule) + 1 :]
-        )
-        values = [word.strip(':=') for word in following if word != '-p']
-        value = next(filter(None, values), 'VALUE')
-    name = name.replace('-', '_') if re.fullmatch(r'[A-Za-z][\w.-]*', name) else 'NAME'
-    return f"'{rule}' sets no parameter: write {name}:={value}, without spaces"
 
 
 @contextlib.contextmanager
