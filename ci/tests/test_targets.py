@@ -138,6 +138,12 @@ def test_a_switch_is_off_with_0_and_on_with_1(off, on):
     assert '--camera image --world --drive' in shown
 
 
+def test_smoke_does_not_wait_for_the_discovery_server_of_a_robot_that_is_off():
+    result = make('smoke', ROS_DISCOVERY_SERVER='127.0.0.1:11811')
+    assert result.returncode == 0, result.stderr
+    assert '29/29 tags read' in result.stdout
+
+
 @pytest.mark.parametrize(
     'target', ['bench', 'figure', 'soak', 'tags', 'test-network', 'world', 'world-check']
 )

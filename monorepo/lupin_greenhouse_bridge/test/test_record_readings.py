@@ -354,6 +354,7 @@ def test_rows_lost_at_the_end_are_exit_code_1(recorded_here, monkeypatch):
     ('parameter', 'value', 'fragment'),
     [
         ('file', 'readings.txt', "file 'readings.txt' ends in none of .sqlite, .db, .csv: name it"),
+        ('file', 'no/a.csv', "file 'no/a.csv': No such file or directory: make the folder 'no'"),
         ('file', 'folder.db', "file 'folder.db': not a regular file: name another file"),
         ('tag_file', '/no/tags.json', "tag_file '/no/tags.json': cannot be read"),
         ('readings_topics', '/a no-name', 'parameter readings_topics: Invalid topic name: '),

@@ -317,3 +317,16 @@ def test_a_simulator_that_cannot_serve_is_refused(monkeypatch, owner, name, answ
     monkeypatch.setattr(owner, name, lambda *_arguments: answer)
     with pytest.raises(StartUpError, match=message):
         simulation.load(Settings(), None, None)
+
+
+def test_a_bridge_that_needs_a_discovery_server_says_so(bridge_here, monkeypatch):
+    load = bridge_node.simulation.load
+
+    def load_later(*arguments, **keywords):  # after ROS, which would keep the variable for the whole process
+        monkeypatch.setenv('ROS_DISCOVERY_SERVER', '127.0.0.1:11811')
+        return load(*arguments, **keywords)
+
+    monkeypatch.setattr(bridge_node.simulation, 'load', load_later)
+    log = bridge_here().err
+    assert 'only while its discovery server runs: ROS_DOMAIN_ID=' in log
+    assert 'ROS_DISCOVERY_SERVER=127.0.0.1:11811' in log

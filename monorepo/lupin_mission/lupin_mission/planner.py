@@ -89,7 +89,10 @@ class Planner:
         if self._node.count_publishers(self._topic):
             late = f'sent no map within {LONGEST_MAP_SECONDS:g} s: activate its publisher, or set map_topic'
             return None, [f'{without} {late}']
-        self._node.get_logger().info(f'{without} has no publisher')
+        self._node.get_logger().info(
+            f'no map is published on {self._topic}, so the approach poses are planned around the tables'
+            ' of the layout'
+        )
         return None, []
 
     def _drives(

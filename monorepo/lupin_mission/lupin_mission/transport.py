@@ -6,7 +6,7 @@ from typing import Any
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.errors import StartUpError
-from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
+from lupin_greenhouse_bridge.runtime.graph import discovery_settings, duplicate_server_warning
 from lupin_msgs.srv import ConfirmTag, GetTagReading
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
@@ -56,10 +56,7 @@ class Transport:
         else:
             message = GetTagReading.Request(tag_id=request.tag_id)
         client = self._clients[request.service]
-        warning = duplicate_server_warning(self._node, client.srv_name)
-        if warning and warning not in self._logged_warnings:
-            self._logged_warnings.add(warning)
-            self._node.get_logger().warning(warning)
+        self._warn_once(duplicate_server_warning(self._node, client.srv_name))
         self._future = client.call_async(message)
         self._future.add_done_callback(lambda future: on_response(future.result()))
 
@@ -67,6 +64,16 @@ class Transport:
         """Forget a request, so that its late reply is ignored; return TIMEOUT or NO_SERVICE."""
         if self._unsent and self._unsent[0] is request:
             self._unsent = None
+            name = self._clients[request.service].srv_name
+            self._warn_once(
+                f'{name} is not found with {discovery_settings()}:'
+                ' start its node, or set these variables as for that node'
+            )
             return Outcome.NO_SERVICE
         self._clients[request.service].remove_pending_request(self._future)
         return Outcome.TIMEOUT
+
+    def _warn_once(self, warning: str) -> None:
+        if warning and warning not in self._logged_warnings:
+            self._logged_warnings.add(warning)
+            self._node.get_logger().warning(warning)

@@ -166,6 +166,15 @@ def test_the_first_map_is_awaited_if_its_topic_has_a_publisher(
     assert mission.warnings() == []
 
 
+def test_without_a_map_the_log_says_around_what_the_poses_are_planned(start_mission, navigator, monkeypatch):
+    monkeypatch.setattr(planner, 'DISCOVERY_SECONDS', 0.0)
+    mission = start_mission(**WITH_MAP, tag_sequence='1')
+    end_on_the_way(mission, navigator, navigator.accept())
+    assert mission.warnings() == []
+    said = 'no map is published on /held/map, so the approach poses are planned around the tables'
+    assert any(said in line for line in mission.log)
+
+
 @pytest.mark.usefixtures('publish_map')  # which publishes none here
 def test_a_map_that_does_not_come_is_a_warning(start_mission, navigator, monkeypatch):
     monkeypatch.setattr(planner, 'LONGEST_MAP_SECONDS', 1.0)

@@ -225,6 +225,8 @@ def test_a_bridge_that_never_comes_fails_every_scan_and_ends_the_mission(start_m
     assert mission.end() == 1
     assert mission.outcomes() == [('5', Outcome.NO_SERVICE), ('7', Outcome.NO_SERVICE)]
     assert {each.attempts for each in mission.observations()} == {2}
+    (line,) = [each for each in mission.log if ' is not found with ROS_DOMAIN_ID=' in each]
+    assert '/nobody/get_tag_reading is not found' in line
 
 
 def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader):

@@ -125,7 +125,11 @@ def run_nodes(commands: list[list[str]], report: Path) -> int:
     after Ctrl-C or SIGTERM.
     """
     with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
-        domain = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+        domain = {
+            'ROS_DOMAIN_ID': str(domain_id),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'ROS_DISCOVERY_SERVER': '',  # it may be off, and nobody else is needed
+        }
         processes = []
         for command in commands:
             processes.append(subprocess.Popen(command, env=os.environ | domain))

@@ -68,7 +68,8 @@ def stand_in(tmp_path, monkeypatch):
     return write
 
 
-def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path):
+def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path, monkeypatch):
+    monkeypatch.setenv('ROS_DISCOVERY_SERVER', '127.0.0.1:11811')  # of a robot that is off
     result = run_inspection(tmp_path)
     assert result.returncode == 0, result.stdout + result.stderr
     report, lines = report_in(tmp_path)
@@ -144,7 +145,7 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path, tol
         (['--world'], 'Drake is missing, which renders the world: pip install drake'),
         (['--output', '{folder}/file'], "--output '{folder}/file': File exists: name a folder"),
         (['--record', 'kept.txt'], "file 'kept.txt' ends in none of .sqlite, .db, .csv"),
-        (['--record', '/none/kept.csv'], "file '/none/kept.csv': No such file or directory"),
+        (['--record', '/none/kept.csv'], "file '/none/kept.csv': No such file or directory: make the folder"),
         (['tag_file:=/none.json'], "tag_file '/none.json': cannot be read (No such file or directory)"),
         (['tag_file:={folder}/file'], "tag_file '{folder}/file'"),
         (

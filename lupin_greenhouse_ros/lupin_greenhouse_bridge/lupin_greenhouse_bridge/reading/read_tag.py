@@ -182,14 +182,13 @@ def _likely_cause(node: Node, service_name: str) -> str:
         )
     if elsewhere := [name for name, types in services.items() if wanted in types and name != service_name]:
         namespace, suffix, _ = elsewhere[0].partition(DEFAULT_SERVICE)
-        with_make = f' (make read: NAMESPACE={namespace})' if suffix else ''
+        with_make = f' (make read: NAMESPACE={namespace or "/"})' if suffix else ''
         return f'there is {elsewhere[0]}: name it with --service{with_make}'
     seen = 'other nodes but no bridge' if len(node.get_node_names()) > 1 else 'no other node'
     launch = 'ros2 launch lupin_greenhouse_bridge greenhouse_bridge.launch.py'
     command = launch if shutil.which('ros2') else 'make run'
-    server = (
-        ', start the discovery server or unset its variable' if 'ROS_DISCOVERY_SERVER' in os.environ else ''
-    )
+    has_server = os.environ.get('ROS_DISCOVERY_SERVER')
+    server = ', start the discovery server or unset its variable' if has_server else ''
     return (
         f'{seen} is found with {discovery_settings()}: start the bridge ({command}){server},'
         ' or set these variables as for the bridge'

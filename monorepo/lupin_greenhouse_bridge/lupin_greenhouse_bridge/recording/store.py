@@ -60,7 +60,9 @@ def open_store(path: str, warn: Callable[[str], object] = lambda _text: None) ->
     try:
         return kind(path, warn)
     except StoreError as error:
-        raise StartUpError(f'{error}: name another file, or a new one') from error
+        folder = Path(path).parent
+        remedy = 'name another file, or a new one' if folder.is_dir() else f"make the folder '{folder}'"
+        raise StartUpError(f'{error}: {remedy}') from error
 
 
 def file_error_text(error: Exception) -> str:
