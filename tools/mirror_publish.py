@@ -87,6 +87,7 @@ def next_ready(here: Path, ready: str, main: str, committer: list[str]) -> str:
 def publish(here: Path, remote: str, release: str, *, is_dry_run: bool) -> list[str]:
     """Publish the last commit; return what was pushed. Raises RefusedError."""
     check_this_checkout(here)
+    print(f'mirror-publish: taking the history of {MIRROR} (about 20 s)', file=sys.stderr, flush=True)
     main = git(here, 'subtree', '-q', 'split', f'--prefix={MIRROR}').strip()
     # A build machine may have no git identity.
     name, email = git(here, 'show', '-s', '--format=%cn%n%ce').splitlines()

@@ -108,6 +108,7 @@ def main(arguments: list[str] | None = None) -> int:
         options.output.mkdir(parents=True, exist_ok=True)
         path = options.output / f'tag36h11-{options.side:g}mm.pdf'
         matplotlib.use('Agg')
+        print(f'tags: drawing {pluralized(len(tag_ids), "tag")}', file=sys.stderr)
         pages = write(path, sorted(numbers[tag_id] for tag_id in tag_ids), options.side)
     except (OneLineError, OSError) as error:
         print(f'tags: {error}', file=sys.stderr)

@@ -188,13 +188,14 @@ THREE_TAGS = {str(number): {'x': 1.0, 'y': 1.0, 'sensors': ['co2']} for number i
 @pytest.mark.parametrize(
     ('side_mm', 'on_a_page', 'tags'), [(40, 12, None), (50, 9, None), (100, 1, THREE_TAGS)]
 )
-def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path, side_mm, on_a_page, tags):
+def test_every_printed_tag_is_read_back_from_the_pdf(tmp_path, capsys, side_mm, on_a_page, tags):
     tag_file = str(tmp_path / 'tags.json') if tags else ''
     (tmp_path / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
     arguments = ['--side', str(side_mm), '--output', str(tmp_path), '--tag-file', tag_file]
     assert tag_sheet.main(arguments) == 0
     document = pypdfium2.PdfDocument(tmp_path / f'tag36h11-{side_mm}mm.pdf')
     numbers = sorted(map(int, require_layout(tag_file).tags))
+    assert capsys.readouterr().err == f'tags: drawing {len(numbers)} tags\n'
     assert len(document) == -(-len(numbers) // on_a_page)
     for index, page in enumerate(document):
         expected = numbers[index * on_a_page : (index + 1) * on_a_page]
