@@ -1,5 +1,10 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""Compute the approach poses, from which the robot's camera sees a tag. Does not import ROS."""
+"""
+Compute the approach poses, from which the robot's camera sees a tag. Does not import ROS.
+
+Each tag first gets its best pose anywhere. The robot drives in the region that has most of these poses, or in
+that of its start. A tag with its pose in another region gets its best pose in this one, or none.
+"""
 
 import math
 from collections import Counter
@@ -76,16 +81,11 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     `progress` is told what is done, how much of it, and of how much.
     Raises StartUpError for a start that is not free, if no point is free, or for a map of another place.
     """
-    free_space = FreeSpace(layout, walls, limits.robot_radius_m, limits.smallest_room_m)
-    origin = f'the start at ({start_m[0]:g}, {start_m[1]:g})' if start_m else 'the rest of the free space'
-    if start_m and not free_space.is_free(*start_m):
-        radius_m = limits.robot_radius_m
-        raise StartUpError(f'{origin} is not free for a robot of radius {radius_m:g} m: choose another')
-    if free_space.is_empty():
-        raise StartUpError('tables and tags leave no free space for the robot: choose a smaller radius')
+    free_space = _free_space(layout, walls, limits, start_m)
     if occupancy is not None:
         _check_place_of(occupancy, free_space.tag_poses, limits, walls)
-    search = _Search(layout, walls, limits, overrides or {}, free_space, occupancy)
+    override_of = {tag_id: Override() for tag_id in layout.tags} | dict(overrides or {})
+    search = _Search(layout, walls, limits, override_of, free_space, occupancy)
     views = {}
     for count, tag_id in enumerate(layout.tags):
         progress('tags with a pose', count, len(layout.tags))
@@ -93,17 +93,19 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     counts = Counter(view.region for view in views.values() if view.pose)
     region = search.region_of(start_m) if start_m else max(counts, key=counts.__getitem__, default=-1)
     found = Approaches(free_space, search.region_of, region)
-    for tag_id, anywhere in views.items():
-        view = anywhere
+    for tag_id, view in views.items():
         if view.pose and view.region != region:
             in_map = ' in the map' if search.are_apart_in_map(view.region, region) else ''
-            view = search.best(tag_id, region)._replace(reason=f'cut off from {origin}{in_map}')
+            reason = f'cut off from {_named(start_m)}{in_map}'
+            view = search.best(tag_id, region)._replace(reason=reason)  # noqa: PLW2901
         if view.pose is None:
             found.unreachable[tag_id] = view.reason
             continue
-        shown = f"tag '{escaped(tag_id, 64)}'"
-        found.poses[tag_id], problem = search.overridden(tag_id, view.pose)
         found.alternatives[tag_id] = search.alternatives(tag_id, view.pose, region, most_per_tag - 1)
+        found.poses[tag_id], problem = overridden(
+            view.pose, free_space.tag_poses[tag_id], limits, override_of[tag_id]
+        )
+        shown = f"tag '{escaped(tag_id, 64)}'"
         if problem:
             found.view_warnings[tag_id] = f'{shown}: the robot cannot see it as its override says: {problem}'
         if view.room_m < limits.clearance_m - EQUAL_M:
@@ -112,6 +114,23 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
                 f' clearance of {limits.clearance_m:g} m: the robot fits, so nothing needs to be done'
             )
     return found
+
+
+def _free_space(layout: Layout, walls: Walls, limits: ViewingLimits, start_m: Point | None) -> FreeSpace:
+    """Return where the robot can be; raises StartUpError for a start that is not free, or without a place."""
+    free_space = FreeSpace(layout, walls, limits.robot_radius_m, limits.smallest_room_m)
+    if start_m and not free_space.is_free(*start_m):
+        radius_m = limits.robot_radius_m
+        raise StartUpError(
+            f'{_named(start_m)} is not free for a robot of radius {radius_m:g} m: choose another'
+        )
+    if free_space.is_empty():
+        raise StartUpError('tables and tags leave no free space for the robot: choose a smaller radius')
+    return free_space
+
+
+def _named(start_m: Point | None) -> str:
+    return f'the start at ({start_m[0]:g}, {start_m[1]:g})' if start_m else 'the rest of the free space'
 
 
 def _check_place_of(
@@ -172,13 +191,6 @@ class _Search:
         """Return whether two regions are connected in the free space, but not in the map."""
         return self._parts is not None and one // (self._parts.count + 1) == other // (self._parts.count + 1)
 
-    def overridden(self, tag_id: str, pose: ApproachPose) -> tuple[ApproachPose, str]:
-        """Return the pose with the yaw of its override, and why the camera cannot see the tag from it."""
-        override = self._override(tag_id)
-        if override == Override():
-            return pose, ''
-        return overridden(pose, self._free_space.tag_poses[tag_id], self._limits, override)
-
     def best(self, tag_id: str, region: int | None = None) -> _View:
         """Return the best pose of a tag in a region, or anywhere."""
         if not self._walls.has_inside(*self._free_space.tag_poses[tag_id][:2]):
@@ -190,7 +202,7 @@ class _Search:
 
     def alternatives(self, tag_id: str, best: ApproachPose, region: int, most: int) -> list[ApproachPose]:
         """Return at most so many other poses of a tag in a region, the best first."""
-        if self._override(tag_id).yaw is not None:
+        if self._overrides[tag_id].yaw is not None:
             return []
         poses, found = self._candidates(tag_id), [best]
         while len(found) <= most:
@@ -204,11 +216,8 @@ class _Search:
 
     def _candidates(self, tag_id: str, *, at_preferred_standoff: bool = False) -> np.ndarray:
         """Return the possible poses of a tag in an array (poses, 5)."""
-        tag, override = self._free_space.tag_poses[tag_id], self._override(tag_id)
+        tag, override = self._free_space.tag_poses[tag_id], self._overrides[tag_id]
         return find_candidates(tag, self._limits, override, at_preferred_standoff=at_preferred_standoff)
-
-    def _override(self, tag_id: str) -> Override:
-        return self._overrides.get(tag_id, Override())
 
     def _best_of(
         self, tag_id: str, poses: np.ndarray, region: int | None, worst_rank: float = math.inf
@@ -224,7 +233,7 @@ class _Search:
         order = best_first(poses, rooms_m, limits, worst_rank)
         if not len(order):
             where = f'within {limits.largest_standoff_m:g} m and {math.degrees(limits.steepest_rad):g}°'
-            if self._override(tag_id) != Override():
+            if self._overrides[tag_id] != Override():
                 where = 'where the overrides set the pose'
             return _View(f'no place for a robot of radius {limits.robot_radius_m:g} m {where}')
         return self._first_valid(around, poses[order], rooms_m[order])

@@ -21,7 +21,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, 
 from lupin_greenhouse_bridge.planning.approach import Approaches, find_approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
-from lupin_greenhouse_bridge.planning.passages import Passages
+from lupin_greenhouse_bridge.planning.passages import Passage, Passages
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
 from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, ApproachPose, ViewingLimits
@@ -57,8 +57,7 @@ def main(args: list[str] | None = None) -> int:
     try:
         data, frame_id = _compute(options)
         print_line(FORMATS[options.format](data), end='')
-        for each in data['unreachable']:
-            print_line(f"approach_poses: tag '{escaped(each['tag_id'], 64)}': {each['reason']}", sys.stderr)
+        _warn(*(f"tag '{escaped(each['tag_id'], 64)}': {each['reason']}" for each in data['unreachable']))
     except OneLineError as error:
         print(f'approach_poses: {error}', file=sys.stderr)
         return USAGE
@@ -67,30 +66,24 @@ def main(args: list[str] | None = None) -> int:
 
 
 def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
-    """Return the poses, and their frame."""
+    """Read the files, find the poses and the route, warn, draw; return the poses, and their frame."""
     layout = require_layout(options.tag_file)
-    frame_id, transform = (
-        read_registration(options.layout_in_map) if options.layout_in_map else (MAP_FRAME, Transform())
-    )
+    frame_id, transform = MAP_FRAME, Transform()
+    if options.layout_in_map:
+        frame_id, transform = read_registration(options.layout_in_map)
     overrides, warnings = read_overrides(options.overrides, layout.tags) if options.overrides else ({}, [])
     walls = find_walls(layout, options.sim_config_file, options.walls)
-    if warning := warning_of_outside(layout, walls):
-        warnings.append(warning)
-    values = {name: getattr(options, name) for name in LIMITS}
-    off_m, off_rad = options.arrival_tolerance
-    limits = ViewingLimits(
-        **{name: math.radians(each) if name.endswith('_rad') else each for name, each in values.items()},
-        arrival_tolerance_m=off_m,
-        arrival_tolerance_rad=off_rad,
-    )
-    start_m, end_m = (each and tuple(each) for each in (options.start, options.end))
-    occupancy = read_map(options.map, unknown_is_free=options.unknown == 'free') if options.map else None
-    if occupancy:
-        occupancy = occupancy.in_layout(transform)
+    warnings += filter(None, [warning_of_outside(layout, walls)])
+    limits = _limits_of(options)
+    occupancy = None
+    if options.map:
+        occupancy = read_map(options.map, unknown_is_free=options.unknown == 'free').in_layout(transform)
         if not options.layout_in_map:
             warnings.append('without --layout-in-map, the map counts as one in the frame of the layout')
     if options.picture:
         _check_picture(options.picture, occupancy)
+    start_m, end_m = (each and tuple(each) for each in (options.start, options.end))
+    passages = Passages(layout, walls, 2.0 * (limits.robot_radius_m + SMALLEST_ROOM_M + NAV2_CELL_M))
     progress = Progress('approach_poses')
     try:
         approaches = find_approaches(
@@ -103,10 +96,7 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
             progress=progress,
         )
         progress.clear()
-        for warning in (*warnings, *approaches.room_warnings.values(), *approaches.view_warnings.values()):
-            print_line(f'approach_poses: {warning}', sys.stderr)
-        needed_m = 2.0 * (limits.robot_radius_m + SMALLEST_ROOM_M + NAV2_CELL_M)
-        passages = Passages(layout, walls, needed_m)
+        _warn(*warnings, *approaches.room_warnings.values(), *approaches.view_warnings.values())
         route = plan_route(
             approaches.free_space,
             approaches.poses,
@@ -119,17 +109,40 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
     finally:
         progress.clear()
     if narrow := passages.narrow_on(route, approaches.poses):
-        named = [f'{escaped(each.tag_id, 40)} ({each.width_m:.2f} m)' for each in narrow[:MOST_NAMED]]
-        more = f' and {len(narrow) - MOST_NAMED} more' if len(narrow) > MOST_NAMED else ''
-        print_line(
-            f'approach_poses: on the way to {", ".join(named)}{more}, a passage is narrower than'
-            f' {needed_m:.2f} m, which Nav2 needs if its local costmap has obstacles'
-            f' in cells of {NAV2_CELL_M} m: use finer cells then; otherwise nothing needs to be done',
-            sys.stderr,
-        )
+        _warn(_warning_of_narrow(narrow, passages.needed_m))
     if options.picture:
         _draw(options.picture, layout, walls, approaches, route, occupancy)
-        print_line(f'approach_poses: picture: {escaped(str(options.picture), 500)}', sys.stderr)
+        _warn(f'picture: {escaped(str(options.picture), 500)}')
+    return _data_of(approaches, route, transform), frame_id
+
+
+def _limits_of(options: argparse.Namespace) -> ViewingLimits:
+    off_m, off_rad = options.arrival_tolerance
+    values = {name: getattr(options, name) for name in LIMITS}
+    return ViewingLimits(
+        **{name: math.radians(each) if name.endswith('_rad') else each for name, each in values.items()},
+        arrival_tolerance_m=off_m,
+        arrival_tolerance_rad=off_rad,
+    )
+
+
+def _warn(*lines: str) -> None:
+    for line in lines:
+        print_line(f'approach_poses: {line}', sys.stderr)
+
+
+def _warning_of_narrow(narrow: list[Passage], needed_m: float) -> str:
+    named = [f'{escaped(each.tag_id, 40)} ({each.width_m:.2f} m)' for each in narrow[:MOST_NAMED]]
+    more = f' and {len(narrow) - MOST_NAMED} more' if len(narrow) > MOST_NAMED else ''
+    return (
+        f'on the way to {", ".join(named)}{more}, a passage is narrower than {needed_m:.2f} m, which Nav2'
+        f' needs if its local costmap has obstacles in cells of {NAV2_CELL_M} m: use finer cells then;'
+        ' otherwise nothing needs to be done'
+    )
+
+
+def _data_of(approaches: Approaches, route: Route, transform: Transform) -> Poses:
+    """Return the poses in the order of the route, in the frame that the transform leads to."""
     poses = []
     for tag_id in route.tag_ids:
         pose = approaches.poses[tag_id]
@@ -138,7 +151,7 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
         # + 0.0 makes 0.0 of -0.0.
         poses.append({'tag_id': tag_id, **{key: round(value, 6) + 0.0 for key, value in moved.items()}})
     unreachable = [{'tag_id': each, 'reason': reason} for each, reason in approaches.unreachable.items()]
-    return {'poses': poses, 'unreachable': unreachable, 'length_m': round(route.length_m, 6)}, frame_id
+    return {'poses': poses, 'unreachable': unreachable, 'length_m': round(route.length_m, 6)}
 
 
 def _check_picture(path: Path, occupancy: OccupancyMap | None) -> None:

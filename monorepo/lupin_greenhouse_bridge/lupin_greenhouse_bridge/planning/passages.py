@@ -32,12 +32,12 @@ class Passages:
 
     def __init__(self, layout: Layout, walls: Walls, needed_m: float):
         """Take the width in metres that the robot needs."""
-        self._obstacles, self._needed_m = FreeSpace(layout, walls, 0.0), needed_m
+        self._obstacles, self.needed_m = FreeSpace(layout, walls, 0.0), needed_m
 
     def are_narrow(self, starts: np.ndarray, ends: np.ndarray) -> Flags:
         """Return whether each line, from a free point (lines, 2) to another, has a passage too narrow."""
         widths_m = np.array([self._width_m(*line) for line in zip(starts, ends, strict=True)])
-        return np.asarray(widths_m < self._needed_m - 1e-9)
+        return np.asarray(widths_m < self.needed_m - 1e-9)
 
     def narrow_on(self, route: Route, poses: Mapping[str, ApproachPose]) -> list[Passage]:
         """Return for each leg of a route that leads through a passage too narrow its narrowest one."""
@@ -50,15 +50,15 @@ class Passages:
                 break
             width_m = self._width_m(np.array(here), np.array(there))
             narrowest[left_to_visit[0]] = min(width_m, narrowest.get(left_to_visit[0], width_m))
-        return [Passage(*each) for each in narrowest.items() if each[1] < self._needed_m - 1e-9]
+        return [Passage(*each) for each in narrowest.items() if each[1] < self.needed_m - 1e-9]
 
     def _width_m(self, start: np.ndarray, end: np.ndarray) -> float:
         """Return the width of the narrowest passage of a line; of a wider one, the width that is needed."""
         length_m = float(np.hypot(*(end - start)))
         if length_m == 0.0:
-            return self._needed_m
+            return self.needed_m
         direction = (end - start) / length_m
         places = start + np.arange(0.0, length_m, STEP_M)[:, None] * direction
-        across = self._needed_m * np.array([-direction[1], direction[0]])
+        across = self.needed_m * np.array([-direction[1], direction[0]])
         widths_m = sum(self._obstacles.reach_m(places, places + side * across) for side in (1, -1))
-        return min(float(np.min(widths_m)), self._needed_m)
+        return min(float(np.min(widths_m)), self.needed_m)

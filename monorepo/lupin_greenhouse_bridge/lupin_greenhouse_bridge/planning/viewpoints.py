@@ -98,24 +98,7 @@ def find_candidates(
     tag: TagPose, limits: ViewingLimits, override: Override, *, at_preferred_standoff: bool = False
 ) -> np.ndarray:
     """Return the possible poses of a tag, with the columns of ApproachPose, in an array (poses, 5)."""
-    preferred_m = limits.preferred_standoff_m
-    standoffs_m = [preferred_m]
-    if override.standoff is not None:
-        standoffs_m = [override.standoff]
-    elif not at_preferred_standoff:
-        standoffs_m += _steps(preferred_m, limits.smallest_standoff_m, STANDOFF_STEP_M)
-        standoffs_m += _steps(preferred_m, limits.largest_standoff_m, STANDOFF_STEP_M)
-    one_side = _steps(0.0, limits.largest_angle_rad, ANGLE_STEP_RAD)
-    one_side += _steps(limits.largest_angle_rad, limits.steepest_rad, ANGLE_STEP_RAD)
-    angles = [0.0, *(sign * angle for angle in one_side for sign in (1, -1))]
-    if override.goal_x is not None or override.goal_y is not None:
-        standoffs_m, angles = standoffs_m[:1], angles[:1]
-    views = np.array(list(itertools.product(standoffs_m, angles)))
-    if override.standoff is None:  # a tag looks narrower from the side: a steep view must be nearer
-        narrow_m = limits.largest_standoff_m / math.cos(limits.largest_angle_rad)
-        farthest_m = np.maximum(narrow_m * np.cos(views[:, 1]), limits.smallest_standoff_m)
-        is_wide = np.abs(views[:, 1]) <= limits.largest_angle_rad
-        views = views[is_wide | (views[:, 0] <= farthest_m + EQUAL_M)]
+    views = _views(limits, override, at_preferred_standoff=at_preferred_standoff)
     places = tag[:2] + views[:, :1] * directions(tag.facing + views[:, 1])
     for axis, value in enumerate((override.goal_x, override.goal_y)):
         if value is not None:
@@ -126,31 +109,61 @@ def find_candidates(
     return np.column_stack([places, yaws, np.hypot(*towards.T), incidences])
 
 
+def _views(limits: ViewingLimits, override: Override, *, at_preferred_standoff: bool) -> np.ndarray:
+    """Return the standoff and the signed incidence angle of each possible view of a tag (views, 2)."""
+    preferred_m = limits.preferred_standoff_m if override.standoff is None else override.standoff
+    if override.goal_x is not None or override.goal_y is not None:
+        return np.array([(preferred_m, 0.0)])
+    standoffs_m = [preferred_m]
+    if override.standoff is None and not at_preferred_standoff:
+        standoffs_m += _steps(preferred_m, limits.smallest_standoff_m, STANDOFF_STEP_M)
+        standoffs_m += _steps(preferred_m, limits.largest_standoff_m, STANDOFF_STEP_M)
+    one_side = _steps(0.0, limits.largest_angle_rad, ANGLE_STEP_RAD)
+    one_side += _steps(limits.largest_angle_rad, limits.steepest_rad, ANGLE_STEP_RAD)
+    angles = [0.0, *(sign * angle for angle in one_side for sign in (1, -1))]
+    views = np.array(list(itertools.product(standoffs_m, angles)))
+    if override.standoff is not None:
+        return views
+    # A tag looks narrower from the side: a steep view must be nearer.
+    narrow_m = limits.largest_standoff_m / math.cos(limits.largest_angle_rad)
+    farthest_m = np.maximum(narrow_m * np.cos(views[:, 1]), limits.smallest_standoff_m)
+    is_wide = np.abs(views[:, 1]) <= limits.largest_angle_rad
+    return np.asarray(views[is_wide | (views[:, 0] <= farthest_m + EQUAL_M)])
+
+
 def overridden(
     pose: ApproachPose, tag: TagPose, limits: ViewingLimits, override: Override
 ) -> tuple[ApproachPose, str]:
     """
-    Return a pose with the yaw of an override and its true angle, and why the camera cannot see the tag.
+    Return a pose with the yaw of an override, and why the camera cannot see the tag, or ''.
 
-    The angle is that of the camera's line of sight. If the robot looks past the tag, there is none, and the
-    angle is that between the direction of the robot and the normal of the tag. The reason is '' in a view.
+    The angle of the pose is that of the camera's line of sight. If the robot looks past the tag, there is
+    none, and the angle is that between the direction of the robot and the normal of the tag.
     """
+    if override == Override():
+        return pose, ''
     yaw = pose.yaw if override.yaw is None else math.remainder(override.yaw, math.tau)
-    sight = math.atan2(
-        tag.y - pose.y - limits.camera_offset_m * math.sin(yaw),
-        tag.x - pose.x - limits.camera_offset_m * math.cos(yaw),
+    camera_x, camera_y = (
+        place + limits.camera_offset_m * part
+        for place, part in ((pose.x, math.cos(yaw)), (pose.y, math.sin(yaw)))
     )
-    past, incidence, off_normal = (
-        abs(math.remainder(each, math.tau))
-        for each in (sight - yaw, sight + math.pi - tag.facing, yaw + math.pi - tag.facing)
-    )
-    past_deg, incidence_deg, steepest_deg = map(math.degrees, (past, incidence, limits.steepest_rad))
-    angle, reason = incidence, ''
-    if past > HALF_VIEW_RAD:
-        angle, reason = off_normal, f'it looks {past_deg:.0f}° past the tag: correct yaw'
-    elif incidence > limits.steepest_rad + EQUAL_M:
-        reason = f'the incidence angle is {incidence_deg:.0f}°, above {steepest_deg:g}°: correct the position'
-    return pose._replace(yaw=yaw, angle_rad=angle), reason
+    sight = math.atan2(tag.y - camera_y, tag.x - camera_x)
+    past_rad, incidence_rad = _between(sight, yaw), _between(sight + math.pi, tag.facing)
+    angle_rad, reason = incidence_rad, ''
+    if past_rad > HALF_VIEW_RAD:
+        angle_rad = _between(yaw + math.pi, tag.facing)
+        reason = f'it looks {math.degrees(past_rad):.0f}° past the tag: correct yaw'
+    elif incidence_rad > limits.steepest_rad + EQUAL_M:
+        reason = (
+            f'the incidence angle is {math.degrees(incidence_rad):.0f}°, above'
+            f' {math.degrees(limits.steepest_rad):g}°: correct the position'
+        )
+    return pose._replace(yaw=yaw, angle_rad=angle_rad), reason
+
+
+def _between(one_rad: float, other_rad: float) -> float:
+    """Return the angle from 0 to pi between two directions."""
+    return abs(math.remainder(one_rad - other_rad, math.tau))
 
 
 def best_first(
