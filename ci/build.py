@@ -79,6 +79,13 @@ def fingerprint(package: Path, venv: Path) -> str:
 
 def build(workspace: Workspace, packages: list[Path]) -> int:
     """Build what has changed; return the exit code."""
+    for package in packages:
+        if not (package / 'package.xml').exists():
+            print(
+                f'build: {package} is no package: name a folder such as monorepo/lupin_mission',
+                file=sys.stderr,
+            )
+            return 1
     folder = workspace.folder
     folder.mkdir(parents=True, exist_ok=True)
     with locked(f'{folder}.lock', 'build'):  # of two builds at once, the second finds nothing to do

@@ -107,6 +107,9 @@ def test_a_build_does_only_what_has_changed(tmp_path, workspace):
     (packages[1] / 'setup.py').write_text('raise SystemExit(1)')
     for _ in range(2):  # what failed is tried again
         assert run(sys.executable, 'ci/build.py', *packages, env=variables).returncode == 1
+    result = run(sys.executable, 'ci/build.py', tmp_path / 'three', env=variables)
+    assert result.returncode == 1
+    assert result.stderr.startswith(f'build: {tmp_path}/three is no package: name a folder ')
 
 
 @pytest.mark.heavy
