@@ -33,7 +33,7 @@ from std_srvs.srv import Trigger
 
 from lupin_mission.announcer import Announcer
 from lupin_mission.drive import Drive, SimulatedDrive
-from lupin_mission.messages import MISSION_TYPE, Run, reply_of
+from lupin_mission.messages import MISSION_TYPE, Run, reply_of, state_message
 from lupin_mission.mission import Mission, Severity, State
 from lupin_mission.nav2_drive import Nav2Drive
 from lupin_mission.plan import Place
@@ -212,7 +212,8 @@ class MissionNode(Node):
     async def _plan_and_begin(self, mission_id: str, tag_ids: list[str]) -> None:
         """Visit the tags that have no reading in the report; raises StartUpError and ReportError."""
         before = self.current
-        observations = list(self._report.observations) if self._report and not before else []
+        is_continued = not self._settings.wait_for_start  # The report of each later mission is a new one.
+        observations = list(self._report.observations) if self._report and is_continued else []
         read_before = read_tags(observations)
         to_visit = [tag_id for tag_id in tag_ids if tag_id not in read_before]
         mission = Mission(to_visit, self, self._drive, self._settings)
@@ -346,20 +347,17 @@ class MissionNode(Node):
         return response
 
     def _dock(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        state = self.mission.state if self.mission else State.READY
-        response.success = True
+        state = state_message(self.current, 'READY').lifecycle_state
         if self.mission and self.mission.dock():
-            response.message = 'heading to dock'
-        elif state is State.READY:
-            response.message = 'no mission runs: nothing moves'
+            response.success, response.message = True, 'heading to dock'
+        elif state == 'READY':
+            response.success, response.message = True, 'no mission runs: nothing moves'
+        elif state == 'RETURNING':
+            response.message = 'already returning to dock'
+        elif state == 'INSPECTING':
+            response.message = 'there is no dock: set dock_pose'
         else:
-            response.success = False
-            if state in (State.DOCKING, State.DOCKED, State.RETURNING):
-                response.message = 'already returning to dock'
-            elif state is State.DONE:
-                response.message = 'cannot dock in state DONE'
-            else:
-                response.message = 'there is no dock: set dock_pose'
+            response.message = f'cannot dock in state {state}'
         self._step()
         return response
 

@@ -381,6 +381,7 @@ def test_abort_and_pause_hold_while_the_mission_plans(start_waiting_mission, nav
     begun, released = held_plans
     start = operator.start_later()
     assert begun.wait(PATIENCE_SECONDS)
+    assert operator.dock() == (False, 'cannot dock in state PREPARE')
     assert operator.trigger('abort')
     operator.wait_for(lifecycle_state='DONE', targets_skipped=1)
     assert subscriber.wait_for(lambda _received: True).status_detail == 'tag 1: SKIPPED: aborted'

@@ -364,21 +364,23 @@ def test_a_report_that_is_lost_ends_the_mission_with_its_table(
 def test_a_node_that_waits_for_its_start_survives_the_loss_of_a_report(
     start_waiting_mission, reader, is_reset
 ):
-    mission, operator = start_waiting_mission(**READER, tag_sequence='1 2')
+    mission, operator = start_waiting_mission(**READER, tag_sequence='1 2 3')
     started = operator.start()
-    reader.wait_for_request()
-    mission.report_file.with_name(f'report-{started}.jsonl').unlink()
     reader.answer_ok('1', co2=1.0)
-    state = operator.wait_for(lifecycle_state='FAULT', targets_completed=1, targets_skipped=1)
+    assert [reader.wait_for_request(), reader.wait_for_request()] == ['1', '2']
+    mission.report_file.with_name(f'report-{started}.jsonl').unlink()
+    reader.answer_ok('2', co2=1.0)
+    state = operator.wait_for(lifecycle_state='FAULT', targets_completed=2, targets_skipped=1)
     assert 'was deleted or replaced: start the mission again' in state.last_error
+    assert operator.dock() == (False, 'cannot dock in state FAULT')
     if is_reset:
         assert operator.trigger('reset')
         operator.wait_for(lifecycle_state='READY', last_error='', mission_id='')
         assert not operator.trigger('reset')
     started = operator.start()
-    for tag_id in '12':
+    for tag_id in '123':
         reader.answer_ok(tag_id, co2=1.0)
-    operator.wait_for(lifecycle_state='DONE', last_error='', mission_id=started)
+    operator.wait_for(lifecycle_state='DONE', last_error='', mission_id=started, targets_completed=3)
     assert mission.stop() == 0
 
 
