@@ -1,5 +1,5 @@
 """
-Check the documents: links, shell blocks, parameters, options, ranges of sensors, names of tests.
+Check the documents: links, shell blocks, parameters, ranges of sensors, names of tests.
 
     make docs-check
 
@@ -13,11 +13,7 @@ A table with a column `default` is preceded by the class with these parameters:
 
     <!-- parameters of MODULE.CLASS -->      the table has exactly its parameters, with their defaults
 
-A table with a column `option` is preceded by its command, and has a row for each line of its --help:
-
-    <!-- options of COMMAND -->
-
-Every command of the packages needs a table of its options, or a table of its parameters.
+Every node of the packages needs a table of its parameters. The commands list their options with --help.
 
 A table of `sensor` and `lowest` has the ranges of the installed mdp-greenhouse, of the version that it names:
 
@@ -55,8 +51,7 @@ LINK = re.compile(r'\[[^\[\]]*\]\(([^)\s]+)\)')
 SOURCE = re.compile(r'\bsrc(?:set)?="([^"]+)"')  # of a <picture>
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
 NAMED_TEST = re.compile(r'`(test_\w+\.py)?(?:::)?(test_\w+)?`')
-LINE_OF_HELP = re.compile(r'^  (\S.*?)(?:  +|\n +)(\S.*)$', re.MULTILINE)
-PARAMETERS, OPTIONS, RANGES = r'\| \w+ \| default \|', r'\| option \|', r'\| sensor \| lowest \|'
+PARAMETERS, RANGES = r'\| \w+ \| default \|', r'\| sensor \| lowest \|'
 
 
 class Block(NamedTuple):
@@ -209,45 +204,21 @@ def commands() -> dict[str, Path]:
     return {path.name: path for path in sorted(installed) if path.is_file() and os.access(path, os.X_OK)}
 
 
-@functools.cache
-def help_of(command: Path) -> tuple[bool, dict[str, str]]:
-    """Return whether a command has options, and the text of each option, or of each parameter."""
-    wide = {**os.environ, 'COLUMNS': '1000'}
-    text = subprocess.run([command, '--help'], env=wide, capture_output=True, text=True, check=True).stdout
-    rows = {
-        re.sub(r'^(-\w) \S+,', r'\1,', name): what.replace('|', r'\|')  # -o FILE, --output FILE
-        for name, what in LINE_OF_HELP.findall(text)
-        if not name.startswith('-h')
-    }
-    return text.startswith('usage: '), rows
+def parameters_of(command: Path) -> set[str]:
+    """Return the names of the parameters that the --help of a node lists; none for a command with options."""
+    text = subprocess.run([command, '--help'], capture_output=True, text=True, check=True).stdout
+    return set() if text.startswith('usage: ') else set(re.findall(r'^  (\w+)', text, re.MULTILINE))
 
 
-def wrong_options(document: Document) -> Iterator[str]:
-    """Yield a finding for each row that only the table or only the --help of the command has."""
-    for table in document.tables(OPTIONS):
-        kind, _, name = table.mark.rpartition(' ')
-        if kind != 'options of':
-            continue
-        if name not in commands():
-            yield f'there is no command {name}: options of {name}'
-            continue
-        right = [f'| `{option}` | {what} |' for option, what in help_of(commands()[name])[1].items()]
-        yield from wrong_rows(table.mark, table.rows, right)
-
-
-def undocumented_commands(documents: list[Document]) -> Iterator[str]:
-    """Yield a finding for each command of the packages without a table of its options or parameters."""
-    marks = {table.mark for document in documents for table in document.tables(OPTIONS)}
+def undocumented_nodes(documents: list[Document]) -> Iterator[str]:
+    """Yield a finding for each node of the packages without a table of its parameters."""
     tables = [table for document in documents for table in document.tables(PARAMETERS)]
     documented = [{cells_of(row)[0] for row in table.rows} for table in tables]
     with ThreadPoolExecutor() as threads:
-        helps = list(threads.map(help_of, commands().values()))
-    for command, (has_options, rows) in zip(commands(), helps, strict=True):
-        parameters = {name.split()[0] for name in rows}
-        if has_options and f'options of {command}' not in marks:
-            yield f'no document has a table with the mark `options of {command}`'
+        found = list(threads.map(parameters_of, commands().values()))
+    for command, parameters in zip(commands(), found, strict=True):
         # wrong_parameters() names the rows that a table lacks.
-        if not has_options and all(2 * len(names & parameters) < len(parameters) for names in documented):
+        if parameters and all(2 * len(names & parameters) < len(parameters) for names in documented):
             yield f'no document has a table of the parameters of {command}'
 
 
@@ -255,7 +226,6 @@ CHECKS = (
     broken_links,
     unproved_blocks,
     wrong_parameters,
-    wrong_options,
     wrong_ranges,
     missing_tests,
 )
@@ -270,7 +240,7 @@ def main(root: Path = ROOT) -> int:
     """Check every document; return the exit code."""
     documents = [Document(root, path) for path in files_in_git(root, '*.md')]
     findings = [finding for document in documents for finding in findings_of(document)]
-    findings += undocumented_commands(documents)
+    findings += undocumented_nodes(documents)
     for finding in findings:
         print(f'docs: {finding}')
     blocks = sum(len(document.shell_blocks()) for document in documents)

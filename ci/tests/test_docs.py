@@ -113,13 +113,6 @@ Shown by `test_it.py`, `test_it.py::test_this` and `test_this`.
 | `speedup_factor` | `0.0` | simulated seconds per second |
 | `debug_seed` | `-1` | a seed |
 
-<!-- options of check_world -->
-| option | effect |
-|---|---|
-| `--tag-file FILE` | the bridge's tag_file; default: the one of mdp-greenhouse |
-| `--sim-config-file FILE` | the bridge's sim_config_file, if you set one |
-| `--walls X0 Y0 X1 Y1` | the walls in metres, in the layout; default: those of the greenhouse config |
-
 <!-- ranges of mdp-greenhouse 1.0.8 -->
 | sensor | lowest | highest | unit | noise |
 |---|---|---|---|---|
@@ -151,13 +144,6 @@ def test_a_good_document_has_no_findings(documents):
         ('| `debug_seed` | `-1` | a seed |\n', '', 'settings.Settings lacks the row | debug_seed | -1 |'),
         ('debug_seed', 'debug_sed', 'Settings has a wrong row | debug_sed | -1 |'),
         ('<!-- parameters of ', '<!-- of ', 'mark this table with `parameters of`'),
-        (
-            '| `--tag-file FILE',
-            '| `--tags FILE',
-            'options of check_world lacks the row | `--tag-file FILE` |',
-        ),
-        ('`--walls X0', '`--wall X0', 'check_world has a wrong row | `--wall X0 Y0 X1 Y1` |'),
-        ('options of check_world', 'options of check_it', 'there is no command check_it'),
         ('0.737', '0.6', 'table of the ranges lacks the row | soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |'),
         ('0.737', '73.7', 'the table of the ranges has a wrong row | soil_moisture | 0.3 | 73.7 |'),
         ('<!-- ranges of mdp-greenhouse 1.0.8 -->\n', '', 'mark the ranges with `ranges of mdp-greenhouse'),
@@ -168,10 +154,9 @@ def test_each_fault_of_a_document_is_found(documents, old, new, finding):
     assert finding in documents(GOOD.replace(old, new))
 
 
-def test_a_command_without_a_table_is_found_and_a_missing_row_is_no_missing_table(tmp_path):
+def test_a_node_without_a_table_is_found_and_a_missing_row_is_no_missing_table(tmp_path):
     text = GOOD.replace('| `debug_seed` | `-1` | a seed |\n', '')
     (tmp_path / 'page.md').write_text(text, encoding='utf-8')
-    found = list(docs_check.undocumented_commands([docs_check.Document(tmp_path, Path('page.md'))]))
-    assert 'no document has a table with the mark `options of read_tag`' in found
+    found = list(docs_check.undocumented_nodes([docs_check.Document(tmp_path, Path('page.md'))]))
     assert 'no document has a table of the parameters of read_on_sight' in found
-    assert not any('check_world' in each or 'bridge_node' in each for each in found)
+    assert not any('bridge_node' in each or 'read_tag' in each for each in found)
