@@ -16,8 +16,10 @@ import tag_sheet
 import yaml
 from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_tag_confirmation.detector import TagDetector
+from matplotlib.colors import to_rgb
 from matplotlib.patches import Circle, Wedge
 from matplotlib.text import Text
+from PIL import Image
 
 ROOT = figure.COMMITTED.parents[3]
 
@@ -33,11 +35,19 @@ def test_the_committed_pictures_are_up_to_date(program):
 def test_a_figure_of_another_greenhouse_is_not_up_to_date(tmp_path, capsys):
     options = ['--output', str(tmp_path), '--sensor']
     assert figure.main([*options, 'co2']) == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ['day.png', 'greenhouse.png', 'route.png']
+    names = [
+        'day',
+        'greenhouse_dark',
+        'greenhouse_light',
+        'greenhouse_part_dark',
+        'greenhouse_part_light',
+        'route',
+    ]
+    assert sorted(path.stem for path in tmp_path.iterdir()) == names
     capsys.readouterr()
     assert figure.main([*options, 'co2', '--check']) == 0
     assert figure.main([*options, 'light', '--check']) == 1
-    assert capsys.readouterr().out.count('is not up to date: make figure') == 3
+    assert capsys.readouterr().out.count('is not up to date: make figure') == 6
 
 
 def figures_of(folder, *options):
@@ -69,9 +79,8 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path):
     }
     (tmp_path / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
     figures = figures_of(tmp_path, '--tag-file', str(tmp_path / 'tags.json'), '--hour', '6')
-    title = "the simulator's model: temperature at 06:00,\nand the sensors of each tag"
-    assert {'a1  CL', 'b2  C', 'temperature (°C) at 06:00', 'C  co2: 2 tags', title} <= {
-        *texts_of(figures['greenhouse'])
+    assert {'a1 CL', 'b2 C', 'temperature (°C) at 06:00', 'CL: 1 tag', 'C  co2', '2 subsets of sensors'} <= {
+        *texts_of(figures['greenhouse_light'])
     }
     assert any('a day at tag a1' in text for text in texts_of(figures['day']))
 
@@ -92,14 +101,69 @@ def test_the_day_says_when_each_sensor_is_highest_and_lowest(tmp_path):
     assert 'soil moisture (m³/m³), always the same' in texts
 
 
-def test_no_label_lies_on_a_tag_or_on_another_label(drawn):
-    axes = drawn['greenhouse'].axes[0]
+@pytest.mark.parametrize('name', ['greenhouse_light', 'greenhouse_part_dark'])
+def test_no_label_lies_on_a_tag_or_on_another_label(drawn, name):
+    axes = drawn[name].axes[0]
     boxes = [text.get_window_extent() for text in axes.texts if text.get_visible()]
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
     tags = [tuple(map(tag.__getitem__, 'xy')) for tag in shipped('tag_locations.json')['tags'].values()]
     assert not any(box.contains(*dot) for box in boxes for dot in axes.transData.transform(tags))
-    edge = axes.patches[0].get_window_extent()
+    edge = axes.get_window_extent()
     assert all(edge.x0 <= box.x0 and box.x1 <= edge.x1 for box in boxes)
+
+
+def dots_of(axes) -> list[str]:
+    """Return the colour of each tag that is drawn."""
+    return [line.get_color() for line in axes.lines if line.get_marker() == 'o']
+
+
+@pytest.mark.parametrize('scheme', figure.SCHEMES)
+def test_each_subset_of_sensors_has_its_own_colour_in_the_picture(scheme, drawn):
+    tags = shipped('tag_locations.json')['tags'].values()
+    subsets = {frozenset(tag['sensors']) for tag in tags}
+    drawing = drawn[f'greenhouse_{scheme}']
+    assert len(set(dots_of(drawing.axes[0]))) == len(subsets) == 13
+    with Image.open(figure.COMMITTED / f'greenhouse_{scheme}.png') as image:
+        pixels = np.asarray(image.convert('RGB')).reshape(-1, 3)
+    for colour in dots_of(drawing.axes[0]):
+        assert (np.abs(pixels / 255 - to_rgb(colour)).max(axis=1) < 0.02).sum() > 100
+
+
+def test_more_subsets_than_colours_share_grey():
+    subsets = [str(number) for number in range(20)] + ['19']
+    colour_of = figure.colours_of(subsets)
+    assert colour_of['19'] == figure.SUBSET_COLOURS[0]
+    assert sum(colour == figure.OTHER for colour in colour_of.values()) == 20 - len(figure.SUBSET_COLOURS)
+
+
+# Machado, Oliveira and Fernandes, 2009: linear RGB as seen without red and without green cones.
+AS_SEEN = {
+    'by most people': np.eye(3),
+    'by protanopes': [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+    'by deuteranopes': [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+}
+
+
+@pytest.mark.parametrize('eyes', AS_SEEN)
+def test_the_colours_of_the_subsets_differ_for_colour_blind_people(eyes):
+    linear = np.array([to_rgb(each) for each in figure.SUBSET_COLOURS]) ** 2.2
+    seen = np.clip(linear @ np.transpose(AS_SEEN[eyes]), 0, 1) ** (1 / 2.2)
+    assert min(np.linalg.norm(one - other) for one, other in itertools.combinations(seen, 2)) > 0.1
+
+
+def test_the_texts_of_the_part_are_legible_on_a_phone(drawn):
+    """At least 11 px high, where the picture is 328 px wide."""
+    for scheme in figure.SCHEMES:
+        drawing = drawn[f'greenhouse_part_{scheme}']
+        texts = [each for each in drawing.findobj(Text) if each.get_visible() and each.get_text()]
+        pixels_per_point = 328 / (72 * drawing.get_figwidth())
+        assert min(each.get_fontsize() for each in texts) * pixels_per_point >= 11
+        assert {'22.7 °C\n600 ppm', '1 TC'} <= set(texts_of(drawing))
+
+
+def test_the_letters_of_sensors_are_the_start_of_their_names():
+    names = ['temperature', 'co2', 'co2_soil', 'tilt']
+    assert list(figure.letters_of(names).values()) == ['Te', 'co2', 'Co2_', 'Ti']
 
 
 def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_tag(drawn):
@@ -149,8 +213,8 @@ def shipped(name: str) -> dict:
     return yaml.safe_load(Path(figure.shipped_file(name)).read_text(encoding='utf-8'))
 
 
-def test_the_figure_reads_in_black_and_white():
-    """The brightness of its field is monotonic."""
+def test_the_colours_of_values_read_in_black_and_white():
+    """Their brightness is monotonic."""
     colours = figure.matplotlib.colormaps[figure.colours.COLOUR_MAP](np.linspace(0, 1, 64))[:, :3]
     assert (np.diff(colours @ [0.299, 0.587, 0.114]) > 0).all()
 

@@ -50,6 +50,7 @@ def point_style(marker: str, colour: str, size: float, **more: Any) -> Style:
     return {'marker': marker, 'color': colour, 'markersize': size, 'linestyle': '', **more}
 
 
+TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', 'black', 5), point_style('X', colours.FAILED, 8)
 
 
@@ -107,14 +108,14 @@ def scale_of(layout: Layout, walls: Walls) -> tuple[float, float, float]:
     return x1 - x0, y1 - y0, max((x1 - x0) / USUAL_WIDTH_M, (y1 - y0) / USUAL_HEIGHT_M) / zoom
 
 
-def draw_greenhouse(axes: Any, layout: Layout, walls: Walls, table: str = colours.TABLE) -> None:
+def draw_greenhouse(axes: Any, layout: Layout, walls: Walls, table: Style = TABLE) -> None:
     """Draw walls, tables and a scale in metres; the view includes tags outside the walls."""
     from matplotlib.patches import Rectangle
     from matplotlib.ticker import MaxNLocator
 
     axes.add_patch(Rectangle(walls[:2], walls.x1 - walls.x0, walls.y1 - walls.y0, fill=False, linewidth=1.5))
     for x0, y0, x1, y1 in layout.tables.values():
-        axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, facecolor=table, linewidth=0))
+        axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, **table))
     axes.set_aspect('equal')
     show_all(axes, layout, walls)
     for axis in (axes.xaxis, axes.yaxis):
