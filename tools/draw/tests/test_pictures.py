@@ -12,6 +12,8 @@ import figure
 import numpy as np
 import pypdfium2
 import pytest
+import simulated
+import subsets
 import tag_sheet
 import yaml
 from lupin_greenhouse_bridge.simulator.layout import require_layout
@@ -117,12 +119,12 @@ def dots_of(axes) -> list[str]:
     return [line.get_color() for line in axes.lines if line.get_marker() == 'o']
 
 
-@pytest.mark.parametrize('scheme', figure.SCHEMES)
+@pytest.mark.parametrize('scheme', subsets.SCHEMES)
 def test_each_subset_of_sensors_has_its_own_colour_in_the_picture(scheme, drawn):
     tags = shipped('tag_locations.json')['tags'].values()
-    subsets = {frozenset(tag['sensors']) for tag in tags}
+    exposed = {frozenset(tag['sensors']) for tag in tags}
     drawing = drawn[f'greenhouse_{scheme}']
-    assert len(set(dots_of(drawing.axes[0]))) == len(subsets) == 13
+    assert len(set(dots_of(drawing.axes[0]))) == len(exposed) == 13
     with Image.open(figure.COMMITTED / f'greenhouse_{scheme}.png') as image:
         pixels = np.asarray(image.convert('RGB')).reshape(-1, 3)
     for colour in dots_of(drawing.axes[0]):
@@ -130,10 +132,9 @@ def test_each_subset_of_sensors_has_its_own_colour_in_the_picture(scheme, drawn)
 
 
 def test_more_subsets_than_colours_share_grey():
-    subsets = [str(number) for number in range(20)] + ['19']
-    colour_of = figure.colours_of(subsets)
-    assert colour_of['19'] == figure.SUBSET_COLOURS[0]
-    assert sum(colour == figure.OTHER for colour in colour_of.values()) == 20 - len(figure.SUBSET_COLOURS)
+    colour_of = subsets.colours_of([*map(str, range(20)), '19'])
+    assert colour_of['19'] == subsets.SUBSET_COLOURS[0]
+    assert sum(colour == subsets.OTHER for colour in colour_of.values()) == 20 - len(subsets.SUBSET_COLOURS)
 
 
 # Machado, Oliveira and Fernandes, 2009: linear RGB as seen without red and without green cones.
@@ -146,14 +147,14 @@ AS_SEEN = {
 
 @pytest.mark.parametrize('eyes', AS_SEEN)
 def test_the_colours_of_the_subsets_differ_for_colour_blind_people(eyes):
-    linear = np.array([to_rgb(each) for each in figure.SUBSET_COLOURS]) ** 2.2
+    linear = np.array([to_rgb(each) for each in subsets.SUBSET_COLOURS]) ** 2.2
     seen = np.clip(linear @ np.transpose(AS_SEEN[eyes]), 0, 1) ** (1 / 2.2)
     assert min(np.linalg.norm(one - other) for one, other in itertools.combinations(seen, 2)) > 0.1
 
 
 def test_the_texts_of_the_part_are_legible_on_a_phone(drawn):
     """At least 11 px high, where the picture is 328 px wide."""
-    for scheme in figure.SCHEMES:
+    for scheme in subsets.SCHEMES:
         drawing = drawn[f'greenhouse_part_{scheme}']
         texts = [each for each in drawing.findobj(Text) if each.get_visible() and each.get_text()]
         pixels_per_point = 328 / (72 * drawing.get_figwidth())
@@ -163,7 +164,7 @@ def test_the_texts_of_the_part_are_legible_on_a_phone(drawn):
 
 def test_the_letters_of_sensors_are_the_start_of_their_names():
     names = ['temperature', 'co2', 'co2_soil', 'tilt']
-    assert list(figure.letters_of(names).values()) == ['Te', 'co2', 'Co2_', 'Ti']
+    assert list(simulated.letters_of(names).values()) == ['Te', 'co2', 'Co2_', 'Ti']
 
 
 def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_tag(drawn):
@@ -199,7 +200,7 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
 def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
     axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
     discs = [each for each in axes.patches if isinstance(each, Circle)]
-    assert [each.radius for each in discs] == [figure.ViewingLimits().robot_radius_m] * len(tags)
+    assert [each.radius for each in discs] == [simulated.ViewingLimits().robot_radius_m] * len(tags)
     for front in (each for each in axes.patches if isinstance(each, Wedge)):
         heading = math.radians(front.theta1 + front.theta2) / 2
         headings = [
@@ -210,7 +211,7 @@ def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
 
 
 def shipped(name: str) -> dict:
-    return yaml.safe_load(Path(figure.shipped_file(name)).read_text(encoding='utf-8'))
+    return yaml.safe_load(Path(simulated.shipped_file(name)).read_text(encoding='utf-8'))
 
 
 def test_the_colours_of_values_read_in_black_and_white():
