@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import Field, field, fields
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from lupin_greenhouse_bridge.errors import StartUpError, escaped, refuse_typo
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, meant_name
 
 if TYPE_CHECKING:
     from rcl_interfaces.msg import ParameterDescriptor
@@ -68,7 +68,7 @@ def declare_parameters(
     Declare every field of a settings dataclass as a read-only parameter; return the settings.
 
     Logs one line with the parameters that are known to have no effect. Raises the StartUpError of the
-    dataclass and of check_names.
+    dataclass.
     """
     from rcl_interfaces.msg import ParameterDescriptor
 
@@ -104,8 +104,8 @@ def check_names(node: 'Node', without_effect: Collection[str] = ()) -> None:
     """
     Warn of each parameter that is set but unknown, because ROS ignores it silently.
 
-    Logs one line for those `without_effect`. Raises StartUpError for a name that resembles a parameter which
-    is not set.
+    No name is refused, because other nodes may share the parameter file. Logs one line for those
+    `without_effect`.
     """
     from lupin_greenhouse_bridge.runtime.rclpy_internals import parameter_overrides
 
@@ -116,8 +116,9 @@ def check_names(node: 'Node', without_effect: Collection[str] = ()) -> None:
         node.get_logger().info(f'without effect in this node: {", ".join(unused)}')
     for name in unknown:
         if name not in without_effect:
-            refuse_typo(name, missing, 'parameter')
-            node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored: see --help')
+            meant = meant_name(name, missing)
+            advice = f'did you mean {meant}?' if meant else 'see --help'
+            node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored: {advice}')
 
 
 def fault_of_rule(rule: str, words: Sequence[str]) -> str:

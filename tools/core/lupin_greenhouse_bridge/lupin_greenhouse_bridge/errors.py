@@ -26,9 +26,14 @@ class Interrupted(Exception):
 
 def refuse_typo(name: str, missing: Iterable[str], what: str) -> None:
     """Raise a StartUpError that begins with `what` if an unknown name resembles one that is missing."""
-    written = name.lower().replace('-', '_')
-    for meant in difflib.get_close_matches(written, missing, n=1, cutoff=0.8):
+    if meant := meant_name(name, missing):
         raise StartUpError(f'{what} {escaped(name, 60)} is unknown: did you mean {meant}?')
+
+
+def meant_name(name: str, missing: Iterable[str]) -> str:
+    """Return which of the missing names an unknown one resembles, or ''."""
+    written = name.lower().replace('-', '_')
+    return next(iter(difflib.get_close_matches(written, missing, n=1, cutoff=0.8)), '')
 
 
 def escaped(text: str, longest: int) -> str:
