@@ -62,13 +62,6 @@ class Block(NamedTuple):
     text: str
 
 
-class Table(NamedTuple):
-    """A table; `mark` is the text of the comment above it, or ''."""
-
-    mark: str
-    rows: list[str]
-
-
 class Document:
     """A Markdown file; `path` is relative to `root`, the folder of the repository."""
 
@@ -82,10 +75,10 @@ class Document:
         blocks = [Block(*found) for found in FENCED.findall(self.text)]
         return [block for block in blocks if block.language in ('bash', 'console', 'sh')]
 
-    def tables(self, head: str) -> list[Table]:
-        """Return each table whose first line matches a pattern."""
+    def tables(self, head: str) -> list[tuple[str, list[str]]]:
+        """Return each table whose first line matches a pattern: its mark, as of a block, and its rows."""
         found = TABLE.findall(self.text)
-        return [Table(mark, rows.splitlines()) for mark, first, rows in found if re.match(head, first)]
+        return [(mark, rows.splitlines()) for mark, first, rows in found if re.match(head, first)]
 
     def anchors(self) -> set[str]:
         """Return the anchors that GitHub gives to the headings."""
@@ -142,15 +135,15 @@ def wrong_rows(name: str, written: list[str], right: list[str]) -> Iterator[str]
 
 def wrong_parameters(document: Document) -> Iterator[str]:
     """Yield a finding for each parameter that a table lacks, invents, or gives another default."""
-    for table in document.tables(PARAMETERS):
-        kind, _, settings = table.mark.rpartition(' ')
+    for mark, rows in document.tables(PARAMETERS):
+        kind, _, settings = mark.rpartition(' ')
         if kind != 'parameters of':
-            yield f'mark this table with `parameters of`: {table.rows[0][:60]}'
+            yield f'mark this table with `parameters of`: {rows[0][:60]}'
             continue
         module, _, name = settings.rpartition('.')
         parameters = dataclasses.fields(getattr(importlib.import_module(module), name))
         right = [f'| {each.name} | {default_text(each) or "empty"} |' for each in parameters]
-        written = ['| {} | {} |'.format(*cells_of(row)).replace("''", 'empty') for row in table.rows]
+        written = ['| {} | {} |'.format(*cells_of(row)).replace("''", 'empty') for row in rows]
         yield from wrong_rows(settings, written, right)
 
 
@@ -179,10 +172,10 @@ def sensor_ranges() -> list[str]:
 def wrong_ranges(document: Document) -> Iterator[str]:
     """Yield a finding for each row that the installed simulator does not have, and for another version."""
     mark = f'ranges of mdp-greenhouse {importlib.metadata.version("mdp-greenhouse")}'
-    for table in document.tables(RANGES):
-        if table.mark != mark:
+    for written_mark, rows in document.tables(RANGES):
+        if written_mark != mark:
             yield f'mark the ranges with `{mark}`, which is installed'
-        yield from wrong_rows('the ranges', table.rows, sensor_ranges())
+        yield from wrong_rows('the ranges', rows, sensor_ranges())
 
 
 def missing_tests(document: Document) -> Iterator[str]:
@@ -190,18 +183,10 @@ def missing_tests(document: Document) -> Iterator[str]:
     tests = [document.root / path for path in files_in_git(document.root, '*test_*')]
     for file, function in NAMED_TEST.findall(document.text):
         of_file = [test for test in tests if file in ('', test.name)]
+        is_defined = any(f'def {function}(' in test.read_text(encoding='utf-8') for test in of_file)
         is_script = not file and function in {test.name for test in tests}
-        is_defined = any(
-            f'def {function}(' in test.read_text(encoding='utf-8') for test in of_file if function
-        )
-        if not (is_script or is_defined or (of_file and not function)):
+        if not (is_defined if function else of_file) and not is_script:
             yield f'there is no test {"::".join(filter(None, (file, function)))}'
-
-
-def commands() -> dict[str, Path]:
-    """Return the executables of the built packages by name."""
-    installed = Path(os.environ['LUPIN_WORKSPACE'], 'install').glob('*/lib/lupin_*/*')
-    return {path.name: path for path in sorted(installed) if path.is_file() and os.access(path, os.X_OK)}
 
 
 def parameters_of(command: Path) -> set[str]:
@@ -212,28 +197,22 @@ def parameters_of(command: Path) -> set[str]:
 
 def undocumented_nodes(documents: list[Document]) -> Iterator[str]:
     """Yield a finding for each node of the packages without a table of its parameters."""
-    tables = [table for document in documents for table in document.tables(PARAMETERS)]
-    documented = [{cells_of(row)[0] for row in table.rows} for table in tables]
+    tables = [rows for document in documents for _, rows in document.tables(PARAMETERS)]
+    documented = [{cells_of(row)[0] for row in rows} for rows in tables]
+    installed = Path(os.environ['LUPIN_WORKSPACE'], 'install').glob('*/lib/lupin_*/*')
+    commands = [path for path in sorted(installed) if path.is_file() and os.access(path, os.X_OK)]
     with ThreadPoolExecutor() as threads:
-        found = list(threads.map(parameters_of, commands().values()))
-    for command, parameters in zip(commands(), found, strict=True):
+        found = list(threads.map(parameters_of, commands))
+    for command, parameters in zip(commands, found, strict=True):
         # wrong_parameters() names the rows that a table lacks.
         if parameters and all(2 * len(names & parameters) < len(parameters) for names in documented):
-            yield f'no document has a table of the parameters of {command}'
-
-
-CHECKS = (
-    broken_links,
-    unproved_blocks,
-    wrong_parameters,
-    wrong_ranges,
-    missing_tests,
-)
+            yield f'no document has a table of the parameters of {command.name}'
 
 
 def findings_of(document: Document) -> list[str]:
     """Return what is wrong in one document, a line each."""
-    return [f'{document.path}: {finding}' for check in CHECKS for finding in check(document)]
+    checks = (broken_links, unproved_blocks, wrong_parameters, wrong_ranges, missing_tests)
+    return [f'{document.path}: {finding}' for check in checks for finding in check(document)]
 
 
 def main(root: Path = ROOT) -> int:

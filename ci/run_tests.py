@@ -198,8 +198,8 @@ def test_apriltag() -> bool:
 def python_3_10() -> str | None:
     """Return a Python 3.10 that works: the shim of a version manager may not start."""
     pyenv = Path(os.environ.get('PYENV_ROOT') or Path.home() / '.pyenv')
-    found = [shutil.which('python3.10'), '/usr/bin/python3.10', *pyenv.glob('versions/3.10.*/bin/python3.10')]
-    return next((str(each) for each in found if each and Path(each).exists() and starts(str(each))), None)
+    found = ['python3.10', '/usr/bin/python3.10', *map(str, pyenv.glob('versions/3.10.*/bin/python3.10'))]
+    return next((each for each in found if shutil.which(each) and starts(each)), None)
 
 
 def make_22_04(python: str, trees: Sequence[Workspace]) -> None:
@@ -260,17 +260,11 @@ def test_matrix() -> bool:
     return are_good
 
 
-STEPS = {
-    'tree': test_tree,
-    'all': test_all,
-    'heavy': test_heavy,
-    'ubuntu-22-04': test_ubuntu_22_04,
-    'apriltag': test_apriltag,
-    'matrix': test_matrix,
-}
-
-
 if __name__ == '__main__':
-    if sys.argv[1:] not in [[name] for name in STEPS]:
-        sys.exit(f'run_tests: name one step: {", ".join(STEPS)}')
-    sys.exit(not STEPS[sys.argv[1]]())
+    steps = {
+        each.__name__.removeprefix('test_').replace('_', '-'): each
+        for each in (test_tree, test_all, test_heavy, test_ubuntu_22_04, test_apriltag, test_matrix)
+    }
+    if sys.argv[1:] not in [[name] for name in steps]:
+        sys.exit(f'run_tests: name one step: {", ".join(steps)}')
+    sys.exit(not steps[sys.argv[1]]())

@@ -8,7 +8,6 @@ Run a command in the project's environment, in the folder where you are, with wh
 """
 
 import argparse
-import filecmp
 import functools
 import os
 import platform
@@ -22,7 +21,7 @@ from build import ROOT, Workspace, build, here
 from jobs import Word, end
 
 MESSAGES = ('apriltag_msgs', 'nav2_msgs')
-DRAKE = ROOT / 'ci/requirements/world.txt'
+DRAKE = 'drake==1.51.1'  # installed without its dependencies
 NO_DRAKE = 3
 
 
@@ -44,13 +43,13 @@ def drake(workspace: Workspace) -> Path:
     """Install Drake, without its dependencies, outside the environment; return its folder."""
     packages = Path(f'{workspace.venv}-world')
     installed = packages / 'installed.txt'
-    if installed.exists() and filecmp.cmp(DRAKE, installed, shallow=False):
+    if installed.exists() and installed.read_text(encoding='utf-8') == DRAKE:
         return packages
     print(f'world: installing Drake into {packages} (about 420 MB, once)', file=sys.stderr)
     shutil.rmtree(packages, ignore_errors=True)
     python = str(workspace.venv / 'bin/python')
     pip = [python, '-m', 'pip', '--disable-pip-version-check', 'install', '--quiet']
-    pip += ['--no-deps', '--target', str(packages), '--requirement', str(DRAKE)]
+    pip += ['--no-deps', '--target', str(packages), DRAKE]
     result = subprocess.run(pip, capture_output=True, text=True, check=False)
     if 'No matching distribution' in result.stderr:
         machine = f'Python {platform.python_version()} on {platform.machine()}'
@@ -58,7 +57,7 @@ def drake(workspace: Workspace) -> Path:
         sys.exit(NO_DRAKE)
     if result.returncode:
         sys.exit(result.stderr)
-    shutil.copy(DRAKE, installed)
+    installed.write_text(DRAKE, encoding='utf-8')
     return packages
 
 
