@@ -12,7 +12,6 @@ import numpy as np
 from lupin_greenhouse_bridge.display import colours
 from lupin_greenhouse_bridge.display.placing import (
     ARROW_EVERY_M,
-    END_M,
     PATH_WIDTH_M,
     Box,
     Point,
@@ -224,17 +223,12 @@ def draw_route(
     labels = _draw_tags(axes, layout, approaches.unreachable, scale)
     taken += [dot for _, dot, _ in labels]
     bounds = box_of(walls)
+    labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route.points_m).items()]
     taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, fontweight='bold', zorder=6)
     stops = join_stops([poses[tag_id][:2] for tag_id in route.tag_ids], scale * JOINED_M)
     numbers = [(text.center(2), Box(x, y, robot_m, robot_m), 'white') for text, (x, y) in stops.items()]
     frame: Style = {'boxstyle': 'round,pad=0.25,rounding_size=0.7', 'color': colours.ROUTE}
-    taken += write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
-    end_m = max(robot_m, END_M)
-    ends = [
-        (word, Box(*end[:2], end_m, end_m), colours.ROUTE)
-        for word, end in ends_of_path(route.points_m).items()
-    ]
-    write_labels(axes, ends, LABELS.times(scale), taken, bounds, fontweight='bold', zorder=6)
+    write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
     marks: list[tuple[str, Style, bool]] = [
         (
             'route, in the direction of its arrows',

@@ -12,6 +12,7 @@ from lupin_greenhouse_bridge.planning.walls import Walls
 
 ARROW_EVERY_M, ARROW_M = 0.8, 0.22
 PATH_WIDTH_M = 0.1  # that a label leaves to a path
+FAR_COST = 0.15  # of a label at the double distance from its dot: a share of its area
 END_M = 0.24  # the mark at an end of a path
 Point = tuple[float, float]
 
@@ -69,6 +70,8 @@ def place_labels(
             np.hypot(*(boxes[:, None] - each)[..., :2].T) for each in (others, np.array([dot]))
         )
         costs[(distances_m < to_dot_m - 1e-9).any(axis=0)] += width * height
+        if dot.width:
+            costs[len(tries) // 2 :] += FAR_COST * width * height
         if bounds:
             costs += width * height - _overlaps(boxes, np.array([bounds]))[:, 0]
         best = boxes[np.argmin(costs.round(4))]  # the nearest of equals
