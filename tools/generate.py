@@ -140,11 +140,10 @@ def header_of(path: str) -> bytes:
 
 def with_header(path: str, content: bytes) -> bytes:
     """Return a file's content with its header, after the lines that must stay first."""
-    header, first = header_of(path), FIRST_LINES.match(content)
+    header = header_of(path)
     if header and header in content:
         raise RefusedError(f'{CORE}: {path}: holds the line of a generated file: remove it')
-    place = first.end() if first else 0
-    return content[:place] + header + content[place:]
+    return FIRST_LINES.sub(lambda first: first[0] + header, content, count=1)
 
 
 def _listed(root: Path, *folders: str) -> list[str]:

@@ -124,10 +124,11 @@ def test_another_remote_than_that_of_the_address_is_refused_with_what_to_set(rep
 def test_ready_is_pushed_first_to_an_empty_remote(remote, publish):
     """GitHub and GitLab make the first branch that they get the default branch."""
     hook = remote / 'hooks/post-receive'
-    hook.write_text('#!/bin/sh\ncat >> pushed\n')
+    hook.write_text('#!/bin/sh\ncat >> pushed; echo end of push >> pushed\n')
     hook.chmod(0o755)
     assert publish()[0] == 0
-    assert re.findall('refs/.*', (remote / 'pushed').read_text()) == REFS[::-1]
+    pushed = re.findall('refs/.*|end of push', (remote / 'pushed').read_text())
+    assert pushed == ['refs/heads/ready', 'end of push', 'refs/heads/main', 'end of push']
 
 
 @pytest.mark.parametrize('branch', ['main', 'gone'])
