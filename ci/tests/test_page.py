@@ -94,18 +94,13 @@ PRESS = 'document.activeElement.dispatchEvent(new KeyboardEvent("keydown", {{ ke
 
 def visit(number, tag_id, sensors, outcome='OK'):
     """Return a line of a mission's report."""
-    is_read = outcome == 'OK'
-    return json.dumps(
-        {
-            'tag_id': tag_id,
-            'outcome': outcome,
-            'detail': '' if is_read else EVIL,
-            'attempts': 1,
-            'stamp': {'sec': START_S + number, 'nanosec': 0} if is_read else None,
-            'sim_time_of_day_seconds': 1800.0 * (number % 48) if is_read else None,
-            'readings': dict.fromkeys(sensors, 20.0 + number) if is_read else None,
-        }
-    )
+    found = {'tag_id': tag_id, 'outcome': outcome, 'detail': EVIL, 'attempts': 1}
+    found |= dict.fromkeys(('stamp', 'sim_time_of_day_seconds', 'readings'))
+    if outcome == 'OK':
+        found |= {'detail': '', 'stamp': {'sec': START_S + number, 'nanosec': 0}}
+        found['sim_time_of_day_seconds'] = 1800.0 * (number % 48)
+        found['readings'] = dict.fromkeys(sensors, 20.0 + number)
+    return json.dumps(found)
 
 
 @pytest.fixture
@@ -124,12 +119,10 @@ def open_page():
 def report(tmp_path):
     """Return the report of a mission that read every tag but two."""
     tags = find_layout('').tags
-    lines = [
-        visit(number, tag_id, tag.sensors, 'TIMEOUT' if number in (3, 4) else 'OK')
-        for number, (tag_id, tag) in enumerate(tags.items())
-    ]
     path = tmp_path / 'report.jsonl'
-    path.write_text('\n'.join([*lines, '']), encoding='utf-8')
+    with path.open('w', encoding='utf-8') as file:
+        for number, (tag_id, tag) in enumerate(tags.items()):
+            print(visit(number, tag_id, tag.sensors, 'TIMEOUT' if number in (3, 4) else 'OK'), file=file)
     return path
 
 
@@ -164,9 +157,7 @@ def test_the_page_shows_each_tag_and_asks_no_host_for_anything(report, open_page
     assert f'tag {failed[0]}: timeout ({EVIL})' in page.evaluate(NAMES)
     highest = 30.0  # of the shipped config
     hot = [
-        each
-        for n, (each, tag) in enumerate(tags.items())
-        if 'temperature' in tag.sensors and 20 + n > highest
+        tag_id for n, tag_id in enumerate(tags) if 'temperature' in tags[tag_id].sensors and 20 + n > highest
     ]
     labels = page.evaluate("[...document.querySelectorAll('#map a > text')].map(each => each.textContent)")
     assert sorted(text.partition(':')[0] for text in labels if '▲' in text) == sorted(hot)
@@ -229,7 +220,7 @@ def test_the_arrow_keys_choose_the_next_tag_of_the_map_and_keep_the_focus(report
     assert page.evaluate(focused) == '5'
 
 
-def test_one_value_is_told_once_on_an_axis_of_its_decimals(tmp_path, open_page):
+def test_one_value_is_told_once_on_an_axis_of_its_decimals_and_has_a_colour(tmp_path, open_page):
     path = tmp_path / 'report.jsonl'
     path.write_text(visit(0, '5', ['temperature']) + '\n', encoding='utf-8')
     page = open_page(path)
@@ -237,6 +228,11 @@ def test_one_value_is_told_once_on_an_axis_of_its_decimals(tmp_path, open_page):
     assert page.evaluate("document.querySelector('#tabs button > span').textContent") == '20.0 °C'
     assert ' to ' not in page.evaluate(HEAD)
     assert page.evaluate(SCALE) == ['19.9', '20.0', '20.1']
+    # A sensor without a range in the config, and a value beside which 0.5 is nothing.
+    path.write_text(visit(0, '1', ['ph']).replace('20.0', '1e17') + '\n', encoding='utf-8')
+    page = open_page(path)
+    assert page.complaints == []
+    assert page.evaluate(COLOURS).startswith('#21918c')  # the middle of viridis
 
 
 def test_the_table_sorts_by_a_column_with_failures_first(report, open_page):
@@ -246,11 +242,9 @@ def test_the_table_sorts_by_a_column_with_failures_first(report, open_page):
     page.evaluate("document.querySelectorAll('thead button')[1].click()")
     assert page.evaluate("document.querySelectorAll('thead th')[1].ariaSort") == 'descending'
     cells = page.evaluate(CELLS)
-    warmest = [
-        tag_id for tag_id, tag in tags.items() if 'temperature' in tag.sensors and tag_id not in failed
-    ]
+    warm = [name for name, tag in tags.items() if 'temperature' in tag.sensors and name not in failed]
     assert set(cells[:2]) == failed
-    assert cells[2 : 2 + len(warmest)] == warmest[::-1]
+    assert cells[2 : 2 + len(warm)] == warm[::-1]
     reasons = page.evaluate("[...document.querySelectorAll('td.reason')].map(each => each.textContent)")
     assert reasons == [f'timeout: {EVIL}'] * 2
     assert 'read' not in page.evaluate("document.querySelector('table').innerText").split()
@@ -413,14 +407,12 @@ def test_what_a_file_holds_is_shown_as_text_and_never_run(tmp_path, open_page):
 def test_a_hundred_thousand_rows_open(tmp_path, open_page):
     path = tmp_path / 'day.sqlite'
     tags = list(find_layout('').tags)
-    store = open_store(str(path))
     stamps = [(START_S + number) * 1_000_000_000 for number in range(100_000)]
-    store.keep(
-        [
-            Row(ns, utc_of(ns), tags[n % 29], f's{n % 5}', n % 97, '', None, None, n % 86400, 'test')
-            for n, ns in enumerate(stamps)
-        ]
-    )
+    rows = [
+        Row(ns, utc_of(ns), tags[n % 29], f's{n % 5}', n % 97, '', None, None, n % 86400, 'test')
+        for n, ns in enumerate(stamps)
+    ]
+    open_store(str(path)).keep(rows)
     page = open_page(path)
     assert page.complaints == []
     assert 'the line is their median' in page.evaluate("document.getElementById('lines').textContent")
@@ -441,12 +433,3 @@ def test_of_many_tags_one_is_found_by_its_name(tmp_path, open_page):
     shown = "[...document.querySelectorAll('tbody tr')].filter(each => each.offsetHeight).length"
     assert page.evaluate(shown) == 11  # 99, and 990 to 999
     assert page.complaints == []  # none of the tags in the page has a value of co2
-
-
-def test_equal_values_of_any_size_have_a_colour(tmp_path, open_page):
-    """A sensor without a range in the config, and values beside which 0.5 is nothing."""
-    path = tmp_path / 'report.jsonl'
-    path.write_text(visit(0, '1', ['ph']).replace('20.0', '1e17') + '\n', encoding='utf-8')
-    page = open_page(path)
-    assert page.complaints == []
-    assert page.evaluate(COLOURS).startswith('#21918c')  # the middle of viridis

@@ -8,7 +8,7 @@ import sys
 
 import check_drift
 import pytest
-from commits import edit, git
+from conftest import edit, git
 
 TREES = {'monorepo': 'monorepo', 'mirror': 'lupin_greenhouse_ros'}
 BRIDGE = 'lupin_greenhouse_bridge'

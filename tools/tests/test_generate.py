@@ -5,7 +5,7 @@ import shutil
 
 import generate
 import pytest
-from commits import commit, edit, git
+from conftest import commit, edit, git
 
 TREES = ('monorepo', 'lupin_greenhouse_ros')
 PACKAGE = 'lupin_greenhouse_bridge'

@@ -4,7 +4,7 @@ import subprocess
 
 import generate
 import pytest
-from commits import commit, edit, git
+from conftest import commit, edit, git
 
 PACKAGE = 'lupin_greenhouse_bridge'
 BRIDGE = f'{PACKAGE}/{PACKAGE}'

@@ -8,11 +8,12 @@ import generate
 import mirror_publish
 import mirror_publish_check
 import pytest
-from commits import commit, edit, git
+from conftest import commit, edit, git
 from test_mirror_import import BRIDGE, LOG_MORE, NEW_TITLE, commit_in, import_patch
 
 MIRROR = mirror_publish.ROOT / mirror_publish.MIRROR
 README = 'lupin_greenhouse_ros/README.md'
+NODE = f'monorepo/{BRIDGE}/bridge_node.py'
 VERSION = ElementTree.parse(MIRROR / 'lupin_greenhouse_bridge/package.xml').findtext('version')
 REFS = ['refs/heads/main', 'refs/heads/ready']
 PAGES = [(MIRROR / path).read_text() for path in mirror_publish_check.PAGES]
@@ -201,22 +202,17 @@ def begin_next_release(folder):
 
 
 @pytest.mark.parametrize(
-    ('spoil', 'arguments', 'reason'),
+    ('spoil', 'release', 'reason'),
     [
-        (begin_next_release, ['--release', VERSION], 'begins with Forthcoming: give this section'),
-        (
-            lambda folder: change(folder, f'monorepo/{BRIDGE}/bridge_node.py'),
-            [],
-            'the trees are not what tools/core generates',
-        ),
-        (lambda folder: edit(folder / README, '', 'x'), [], 'uncommitted changes: commit or stash them'),
-        (lambda _: None, ['--release', '9.9.9'], 'lupin_greenhouse_msgs/package.xml has another version'),
+        (begin_next_release, VERSION, 'begins with Forthcoming: give this section'),
+        (lambda folder: change(folder, NODE), '', 'the trees are not what tools/core generates'),
+        (lambda folder: edit(folder / README, '', 'x'), '', 'uncommitted changes: commit or stash them'),
+        (lambda _: None, '9.9.9', 'lupin_greenhouse_msgs/package.xml has another version'),
     ],
-    ids=['entries of the next release', 'not generated', 'uncommitted', 'another version'],
 )
-def test_a_spoiled_checkout_is_not_published(repository, remote, publish, spoil, arguments, reason):
+def test_a_spoiled_checkout_is_not_published(repository, remote, publish, spoil, release, reason):
     spoil(repository)
-    code, printed = publish(*arguments)
+    code, printed = publish('--release', release)
     assert (code, reason in printed) == (1, True), printed
     assert refs(remote) == {}
 
