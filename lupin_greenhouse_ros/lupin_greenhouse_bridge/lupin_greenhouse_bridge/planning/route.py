@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.free_space import Flags, FreeSpace, Point
+from lupin_greenhouse_bridge.planning.free_space import FreeSpace, Point
 from lupin_greenhouse_bridge.planning.octagons import Numbers
 from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose
-from lupin_greenhouse_bridge.planning.visibility_graph import VisibilityGraph
+from lupin_greenhouse_bridge.planning.visibility_graph import AreNarrow, VisibilityGraph
 from lupin_greenhouse_bridge.simulator.layout import natural_order
 
 ORDERS = ('given', 'numeric', 'shortest')
@@ -21,12 +21,11 @@ NEIGHBOURS = 30  # of each stop, to which the path is known
 FAR_M = 1e4  # added to the distance of two stops if the length of the path between them is not known
 JOINED = 10  # nearest stops that a stop may be joined to
 SMALLEST_GAIN_M = 1e-6
-LONGEST_DETOUR = 1.1  # of a leg that avoids narrow passages, as a part of the shortest path
+LONGEST_DETOUR = 1.1  # length of a leg that avoids narrow passages, in lengths of the shortest path
 PERTURBATIONS = 600
 LONGEST_PERTURBATION = 50  # stops
 
 Progress = Callable[[str, int, int], None]
-AreNarrow = Callable[[np.ndarray, np.ndarray], Flags]  # of lines from points (lines, 2) to others
 
 
 class Route(NamedTuple):
@@ -92,13 +91,12 @@ def _path(
 ) -> list[Point]:
     """Return the points of the path along these stops; raises StartUpError if one is cut off."""
     legs = np.array(list(itertools.pairwise(visits)))
-    paths: dict[int, list[Point]] = {}
-    for leg, path in graph.paths(legs):
-        paths[leg] = path
+    paths: dict[int, list[int]] = {}
+    for leg, nodes in graph.paths(legs):
+        paths[leg] = nodes
         progress('legs of the route', len(paths), len(legs))
     if are_narrow:
-        lengths_m = [FreeSpace.length_m(paths.get(leg, [])) for leg in range(len(legs))]
-        paths |= graph.wider_paths(legs, LONGEST_DETOUR * np.array(lengths_m), are_narrow)
+        paths |= graph.wider_paths(legs, paths, LONGEST_DETOUR, are_narrow)
     points = [stops[visits[0]]]
     for leg, (here, there) in enumerate(legs):
         if leg not in paths:
@@ -107,7 +105,7 @@ def _path(
                 f'({x1:.2f}, {y1:.2f}) is cut off from ({x0:.2f}, {y0:.2f}): leave its tag out,'
                 ' or choose another start'
             )
-        points += paths[leg][1:]
+        points += graph.points_m(paths[leg])[1:]
     return points
 
 

@@ -1,6 +1,7 @@
 """The shortest paths between points of a free space. Does not import ROS."""
 
-from collections.abc import Callable, Iterator
+import itertools
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,14 +16,17 @@ NEAREST = 256  # nodes to which a node can be linked
 NODES_AT_ONCE = 4096
 DISTANCES_AT_ONCE = 2**22
 
+AreNarrow = Callable[[np.ndarray, np.ndarray], Flags]  # of lines from points (lines, 2) to others
+
 
 def shortest_path(free_space: FreeSpace, start_m: ArrayLike, goal_m: ArrayLike) -> list[Point] | None:
     """Return the points of the shortest path, in metres; None if an end is not free, or cut off."""
     ends = np.stack([start_m, goal_m])
     if not free_space.are_free(ends).all() or len(set(free_space.regions_of(ends))) > 1:
         return None
-    for _, path in VisibilityGraph(free_space, ends).paths(np.array([(0, 1)])):
-        return path
+    graph = VisibilityGraph(free_space, ends)
+    for _, nodes in graph.paths(np.array([(0, 1)])):
+        return graph.points_m(nodes)
     return None
 
 
@@ -61,7 +65,7 @@ class VisibilityGraph:
         left = np.arange(len(points))
         while len(left):
             lack_neighbours = []
-            for place, lengths_m, _ in self._search(left, limits_m[left]):
+            for place, lengths_m, _ in self._search(self._graph, left, limits_m[left]):
                 point, found_m = left[place], lengths_m[self._first :]
                 yield point, found_m
                 if np.isfinite(found_m).sum() <= neighbours and limits_m[point] < np.inf:
@@ -69,9 +73,9 @@ class VisibilityGraph:
             left = np.array(lack_neighbours, dtype=int)
             limits_m[left] *= np.where(limits_m[left] < self._free_space.diagonal_m, 4.0, np.inf)
 
-    def paths(self, legs: np.ndarray) -> Iterator[tuple[int, list[Point]]]:
+    def paths(self, legs: np.ndarray) -> Iterator[tuple[int, list[int]]]:
         """
-        Yield the number of each leg that has a path, and the points of the path in metres.
+        Yield the number of each leg that has a path, and the nodes of its shortest path.
 
         Takes the number of the first and of the last point of each leg, (legs, 2).
         """
@@ -80,46 +84,49 @@ class VisibilityGraph:
         left = np.arange(len(legs))
         for limits_m in (2.0 * straight_m, np.full(len(legs), np.inf)):
             longer = []
-            for place, lengths_m, before in self._search(legs[left, 0], limits_m[left]):
+            for place, lengths_m, before in self._search(self._graph, legs[left, 0], limits_m[left]):
                 leg = left[place]
                 if np.isfinite(lengths_m[ends[leg]]):
-                    yield leg, list(map(tuple, self._nodes[_trace(before, ends[leg])].tolist()))
+                    yield leg, _trace(before, ends[leg])
                 else:
                     longer.append(leg)
             left = np.array(longer, dtype=int)
 
     def wider_paths(
-        self,
-        legs: np.ndarray,
-        limits_m: np.ndarray,
-        are_narrow: Callable[[np.ndarray, np.ndarray], Flags],
-    ) -> Iterator[tuple[int, list[Point]]]:
+        self, legs: np.ndarray, paths: Mapping[int, list[int]], longest_detour: float, are_narrow: AreNarrow
+    ) -> dict[int, list[int]]:
         """
-        Yield the number of each leg, and its shortest path without a narrow link, if it is within the limit.
+        Return the nodes of the shortest path without a narrow link, for each leg with a short enough one.
 
-        Takes the legs as paths() does, and `are_narrow`, which tells it of lines, from points (lines, 2) to
-        others. Each narrow link of a path that is found is closed, and the search is repeated.
+        Takes the legs, what paths() yields for them, and the longest detour as a multiple of that path. The
+        narrow links of the paths are closed, and the search for these legs is repeated.
         """
         graph, ends = self._graph.copy(), self._first + legs[:, 1]
-        left = np.arange(len(legs))
-        while len(left):
-            are_left = np.zeros(len(legs), dtype=bool)
-            for place, lengths_m, before in self._search(legs[left, 0], limits_m[left], graph):
+        limits_m = np.zeros(len(legs))
+        for leg, nodes in paths.items():
+            limits_m[leg] = longest_detour * FreeSpace.length_m(self.points_m(nodes))
+        found, wide = dict(paths), dict[int, list[int]]()
+        while found:
+            links_of = {leg: list(itertools.pairwise(nodes)) for leg, nodes in found.items()}
+            links = np.array(list(set(itertools.chain.from_iterable(links_of.values()))))
+            here, there = links[are_narrow(*self._nodes[links.T])].T
+            graph[here, there] = graph[there, here] = np.inf
+            narrow = set(zip(here, there, strict=True))
+            wide |= {leg: found[leg] for leg in found if narrow.isdisjoint(links_of[leg])}
+            left = np.array([leg for leg in found if leg not in wide], dtype=int)
+            found = {}
+            for place, lengths_m, before in self._search(graph, legs[left, 0], limits_m[left]):
                 leg = left[place]
-                if lengths_m[ends[leg]] > limits_m[leg]:
-                    continue
-                nodes = np.array(_trace(before, ends[leg]))
-                is_narrow = are_narrow(self._nodes[nodes[:-1]], self._nodes[nodes[1:]])
-                if not is_narrow.any():
-                    yield leg, list(map(tuple, self._nodes[nodes].tolist()))
-                    continue
-                here, there = nodes[:-1][is_narrow], nodes[1:][is_narrow]
-                graph[here, there] = graph[there, here] = np.inf
-                are_left[leg] = True
-            left = np.flatnonzero(are_left)
+                if lengths_m[ends[leg]] <= limits_m[leg]:
+                    found[leg] = _trace(before, ends[leg])
+        return wide
+
+    def points_m(self, nodes: list[int]) -> list[Point]:
+        """Return the points of a path, in metres."""
+        return list(map(tuple, self._nodes[nodes].tolist()))
 
     def _search(
-        self, points: np.ndarray, limits_m: np.ndarray, graph: csr_matrix | None = None
+        self, graph: csr_matrix, points: np.ndarray, limits_m: np.ndarray
     ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
         """
         Search for paths from these points that are not longer than the limit of each, or than a larger one.
@@ -132,7 +139,7 @@ class VisibilityGraph:
         for begin in range(0, len(order), at_once):
             some = order[begin : begin + at_once]
             lengths_m, before = dijkstra(
-                self._graph if graph is None else graph,
+                graph,
                 indices=self._first + points[some],
                 limit=limits_m[some[-1]],
                 return_predecessors=True,
