@@ -56,10 +56,6 @@ def answer(confirmer, tag_id='7') -> tuple[float, str]:
     return verdict_of(confirmer, tag_id)[:2]
 
 
-def test_a_tag_in_enough_frames_is_confirmed_whatever_the_others_show():
-    assert answer(confirmer([GOOD], [GOOD])) == answer(confirmer([GOOD], [], [GOOD])) == (1.0, '')
-
-
 @pytest.mark.parametrize(
     ('frames', 'criteria', 'message'),
     [
@@ -69,14 +65,11 @@ def test_a_tag_in_enough_frames_is_confirmed_whatever_the_others_show():
         ([[tag(9), tag(8)]] * 2, {}, 'other tag ids in view: 8, 9'),
         ([[tag(7, hamming=1)]] * 2, {}, 'in view, but with 1 corrected bit, at most 0 allowed'),
         ([[tag(7, margin=19.9)]] * 2, {}, 'in view, but unclear: decision margin 20, 20 needed'),
-        ([frame_of([GOOD], NOW, NOW - 2.0)] * 2, {}, 'the last image came 2.0 s ago: older than 1 s'),
         (
             [frame_of([GOOD], NOW, NOW - age) for age in (9.0, 3.0)],
             {},
             'the last image came 3.0 s ago: older',
         ),
-        ([frame_of([GOOD], NOW - 2.0)] * 2, {}, 'the last image is stamped 2.0 s ago: not within 1 s'),
-        ([frame_of([GOOD], NOW + 2.0)] * 2, {}, 'the last image is stamped 2.0 s ahead: not within 1 s'),
         ([refused('first'), refused('last')], {}, 'last'),
         ([refused(), [GOOD]], {}, 'seen in 1 of the 2 images needed'),
         # Too few images are said before what is in them.
@@ -133,11 +126,10 @@ def test_frames_are_searched_only_when_asked_each_once_and_the_newest_first():
         ({}, tag(7, margin=20.0)),
         ({}, tag(7, margin=0.0)),  # the detector does not report it
         ({'max_hamming': 2}, tag(7, hamming=2)),
-        ({'min_decision_margin': 0.0}, tag(7, margin=0.1)),
     ],
 )
-def test_a_detection_at_the_limit_counts(criteria, detection):
-    assert answer(confirmer([detection], [detection], **criteria)) == (1.0, '')
+def test_a_detection_at_the_limit_counts_whatever_the_other_frames_show(criteria, detection):
+    assert answer(confirmer([detection], [], [detection], **criteria)) == (1.0, '')
 
 
 @pytest.mark.parametrize(

@@ -24,8 +24,6 @@ def colours(part: np.ndarray) -> set[tuple]:
     [
         ({}, GOOD),
         ({'margin': 5.0}, FLAWED),
-        ({'hamming': 1}, FLAWED),
-        ({'tag_number': 8}, OTHER),
         ({'tag_number': 8, 'margin': 5.0}, OTHER),
     ],
 )
