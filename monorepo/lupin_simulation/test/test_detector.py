@@ -4,7 +4,6 @@ import cv2
 import numpy as np
 import pytest
 from lupin_simulation.pinhole_camera import PinholeCamera
-from lupin_simulation.tag36h11 import marker
 from lupin_tag_confirmation.confirmation import Confirmer, Frame, Moment, Sight
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.images import SMALLEST_SIDE_PIXELS
@@ -39,25 +38,6 @@ def test_4_cm_tags_are_found_where_the_robot_stands(found_in, distance_m, angles
             for condition in conditions:
                 picture = CAMERA.expose(scene, random, **condition)
                 assert found_in(picture) == {tag_number}, (angle_degrees, condition)
-
-
-def test_corners_and_margin_are_those_of_the_tag():
-    """With every release, the corners start at the lower left and go counter-clockwise."""
-    picture = np.full((200, 300), 255, np.uint8)
-    picture[50:130, 100:180] = np.rot90(marker(7, 10), 2)  # OpenCV draws the family upside down
-    (detection,) = TagDetector().detect(picture)
-    assert (detection.tag_number, detection.hamming) == (7, 0)
-    assert np.allclose(detection.corners, [(100, 130), (180, 130), (180, 50), (100, 50)], atol=1.0)
-    assert 100.0 < detection.decision_margin <= 255.0
-
-
-def test_max_hamming_is_the_number_of_bits_that_may_be_wrong():
-    tag = marker(7, 10)
-    tag[10:20, 10:20] ^= 255  # one bit of the code
-    picture = np.pad(tag, 40, constant_values=255)
-    assert TagDetector(max_hamming=0).detect(picture) == []
-    (detection,) = TagDetector(max_hamming=1).detect(picture)
-    assert (detection.tag_number, detection.hamming) == (7, 1)
 
 
 @pytest.mark.parametrize('height', [SMALLEST_SIDE_PIXELS, 17, 480])

@@ -1,6 +1,5 @@
 """The robot of the fake navigator: how it moves, and the parameters of the nodes. No time passes."""
 
-import importlib.util
 import math
 import random
 
@@ -68,34 +67,15 @@ def test_a_robot_that_is_stopped_stays_and_its_route_ends_there(robot):
 
 
 @pytest.mark.parametrize(
-    ('blocked', 'obstacles'),
-    [
-        ('', []),
-        ('0,1,2,3, -1 -1 0 0.5', [(0.0, 1.0, 2.0, 3.0), (-1.0, -1.0, 0.0, 0.5)]),
-        ([0.0, 1.0, 2.0, 3.0], [(0.0, 1.0, 2.0, 3.0)]),
-    ],
-)
-def test_obstacles_are_text_or_an_array(blocked, obstacles):
-    assert Settings(blocked=blocked).obstacles == obstacles
-
-
-@pytest.mark.parametrize(
     ('parameters', 'problem'),
     [
         ({'blocked': '0.4 0.4 0.6 0.6'}, 'start_pose is 0.5 0.5 0.0: a robot of radius 0.2 m does not fit'),
         ({'robot_radius_m': 2.0}, 'a robot of radius 2 m does not fit between the walls'),
-        ({'tag_file': '/none.json'}, '/none.json'),
     ],
 )
 def test_a_robot_that_cannot_start_is_refused(parameters, problem):
     with pytest.raises(StartUpError, match=problem):
         Settings(**parameters).free_space()
-
-
-def test_without_the_simulator_a_layout_has_to_be_named(monkeypatch):
-    monkeypatch.setattr(importlib.util, 'find_spec', lambda _name: None)
-    with pytest.raises(StartUpError, match=r'mdp-greenhouse is not installed here: .* tag_file'):
-        Settings().free_space()
 
 
 RECTANGLES = 'empty, or x0 y0 x1 y1 of each rectangle: "0.0 2.0 1.0 2.5", with x0 < x1 and y0 < y1'

@@ -6,7 +6,6 @@ import math
 import numpy as np
 import pytest
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
-from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_message
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, greet, wait_until
 from lupin_msgs.srv import ConfirmTag
@@ -34,13 +33,6 @@ def sight_of(source: str, picture: np.ndarray):
     message = message_of(picture)
     assert type(message) is message_type
     return open_source(ConfirmTagSettings(source=source))[1](message), message
-
-
-def test_another_kind_is_refused():
-    with pytest.raises(
-        StartUpError, match="parameter publishes is 'video': must be image, compressed or det"
-    ):
-        Settings(publishes='video')
 
 
 def test_each_message_has_the_picture_or_what_a_detector_finds_in_it(tag_7):

@@ -107,14 +107,6 @@ def test_the_texture_has_the_tag_with_a_black_square_of_the_side_that_was_asked_
     assert sides * 0.1 / 160 == pytest.approx(SIDE_M, rel=0.02)
 
 
-def test_light_comes_from_above_and_from_each_side_without_shadows(world):
-    lights = [numbers(light.findtext('direction')) for light in world.iter('light')]
-    assert all(z < 0.0 for *_, z in lights)
-    assert sorted((x, y) for x, y, _ in lights) == [(-1, 0), (0, -1), (0, 0), (0, 1), (1, 0)]
-    assert world.findtext('scene/shadows') == 'false'
-    assert {light.findtext('cast_shadows') for light in world.iter('light')} == {'false'}
-
-
 def test_each_tags_frame_has_z_out_of_the_face_x_to_the_viewers_right_and_y_up(world):
     poses = find_tag_poses(LAYOUT, WALLS)
     assert poses['7'].facing != poses['8'].facing
