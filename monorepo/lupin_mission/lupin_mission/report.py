@@ -59,14 +59,13 @@ class Report:
         try:
             if os.fstat(self._file).st_size < self._size:  # Cut by another program, such as logrotate.
                 self._end_last_line()
-            os.ftruncate(self._file, self._size)  # Removes what a write that failed has left.
             if os.write(self._file, line) != len(line):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             os.fsync(self._file)
         except ValueError as error:
             raise ReportError(f"report_file '{self.path}': {error}") from error
         except OSError as error:
-            with contextlib.suppress(OSError):  # The next line, or the next mission, removes it too.
+            with contextlib.suppress(OSError):  # The next mission removes it too.
                 os.ftruncate(self._file, self._size)
             raise ReportError(f"report_file '{self.path}': {error.strerror}") from error
         self._size += len(line)

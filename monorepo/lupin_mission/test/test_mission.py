@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 from lupin_mission.drive import Arrival, SimulatedDrive
+from lupin_mission.messages import observation_message
 from lupin_mission.mission import Mission, Severity, State
 from lupin_mission.report import Report
 from lupin_mission.settings import Settings
@@ -449,6 +450,8 @@ def test_a_robot_that_stands_off_its_pose_or_its_dock_says_how_far():
         ),
         Observation('c', Outcome.SKIPPED, f'pose 1: {off}; pose 2: skipped; {off}', 1, pose=2),
     ]
+    message = observation_message(world.recorded[0], 'id', None)
+    assert message.status_detail == f'read from pose 2; {off}'
     warnings = [event for event, severity in world.events if severity is Severity.WARN]
     assert warnings[:2] == [
         f"tag 'a': UNREACHABLE {off}: trying pose 2 of 2",

@@ -16,12 +16,11 @@ from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.simulator.layout import read_layout, shipped_file
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
-from lupin_greenhouse_bridge.testing._signals import SIGNALS
-from lupin_mission import nav2_drive, planner, sent_goal
+from lupin_mission import planner
 from lupin_mission.announcer import Announcer
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
-from lupin_msgs.msg import Observation
+from lupin_msgs.msg import MissionState, Observation
 from mission_helpers import CAMERA, READER
 from nav_msgs.msg import OccupancyGrid
 from rclpy.duration import Duration
@@ -292,36 +291,6 @@ def test_a_robot_looks_once_more_from_another_pose(start_mission, reader, confir
     ]
 
 
-def test_a_tag_that_is_read_from_elsewhere_says_how_far_from_its_pose(
-    start_mission, reader, navigator, twin, monkeypatch
-):
-    """Nav2's planner leads to the nearest free cell, and Nav2 reports success there."""
-    told, on_feedback = queue.SimpleQueue(), sent_goal.SentGoal._on_feedback
-
-    def record(self, message):
-        on_feedback(self, message)
-        told.put(message)
-
-    monkeypatch.setattr(sent_goal.SentGoal, '_on_feedback', record)
-    monkeypatch.setattr(nav2_drive, 'STATUS_SECONDS', 0.0)
-    subscriber, goals = twin(), goals_of(max_poses=2)[0]['1']
-    mission = start_mission(**{**NAV2, 'max_poses': 2}, tag_sequence='1')
-    for x, y, yaw in goals:
-        goal = navigator.accept()
-        navigator.tell_pose(goal, x, y + 0.389, yaw - math.radians(32.0))
-        told.get(timeout=PATIENCE_SECONDS)
-        navigator.end(goal, 'succeed')
-    reader.answer_ok(reader.wait_for_request(), co2=1.0)
-    assert mission.end() == 0
-    off = 'the robot stands 0.39 m and 32 degrees from its pose'
-    assert subscriber.wait_for().status_detail == f'read from pose 2; {off}'
-    assert [(each.outcome, each.detail) for each in mission.observations()] == [(Outcome.OK, off)]
-    assert any(line.endswith(f'OK from pose 2 {off}') for line in mission.log)
-    first, second = mission.warnings()
-    assert f"tag '1': UNREACHABLE {off}: trying pose 2 of 2" in first
-    assert f"tag '1': {off}: inspecting the tag from there" in second
-
-
 @pytest.fixture
 def held_plans(monkeypatch):
     """Hold every plan but the first in its thread; return events: a plan has begun, and it may go on."""
@@ -409,6 +378,7 @@ def test_the_state_tells_what_delays_a_mission(start_waiting_mission, held_navig
     clock.pass_seconds(28.0)
     state = operator.wait_for(last_error='dependency_timeout', paused=True)
     assert state.last_event == f'there is no action server {NAME}: start Nav2: resume to go on'
+    assert state.last_event_severity == MissionState.SEVERITY_ERROR
     navigator = held_navigator(NAME)
     assert operator.trigger('resume')
     goal = navigator.accept()
@@ -525,15 +495,6 @@ def test_a_mission_that_is_done_awaits_the_end_of_its_last_goal(start_mission, n
     navigator.end(goal, 'canceled')
     assert mission.end() == 1
     assert mission.outcomes() == [('1', Outcome.SKIPPED)]
-
-
-def test_sigterm_stops_the_robot(start_process, navigator):
-    mission = start_process(**NAV2, tag_sequence='1')
-    goal = navigator.accept()
-    mission.send(*SIGNALS['SIGTERM'])
-    navigator.grant_cancel(goal)
-    assert mission.end() == 1
-    assert mission.log[-1] == '0/1 tags read'
 
 
 @pytest.mark.parametrize('parameters', [{}, {'tag_sequence': '7'}])

@@ -248,18 +248,6 @@ def test_the_answers_of_the_bridge_become_outcomes(start_mission, reader):
     assert mission.log[-1] == '0/5 tags read'
 
 
-def test_a_late_answer_is_not_taken_for_the_next_ones(start_mission, reader, clock):
-    mission = start_mission(**READER, tag_sequence='1', retry_delay_seconds=0.0)
-    assert reader.wait_for_request() == '1'
-    clock.pass_seconds(HOUR)
-    assert reader.wait_for_request() == '1'
-    reader.answer_ok('1', co2=1.0)  # to the first request
-    reader.answer_ok('1', co2=2.0)
-    assert mission.end() == 0
-    (observation,) = mission.observations()
-    assert (observation.reading.values, observation.attempts) == ({'co2': 2.0}, 2)
-
-
 def test_a_mission_without_a_failure_logs_no_warning(start_mission, reader, confirmer):
     """The arguments of the team that have no effect are named in one line."""
     unused = {'discovery_goal': 5, 'map_yaml_path': '/map.yaml', **dict.fromkeys(OF_OTHER_MISSIONS, '0.5')}
@@ -459,10 +447,3 @@ def test_an_empty_array_is_no_tag_and_no_dock(start_mission, bridge_parameters, 
     reader.answer_ok('7', co2=1.0)
     assert mission.end() == 0
     assert mission.outcomes() == [('7', OK)]
-
-
-def test_a_mistyped_parameter_is_named_and_changes_nothing(start_mission):
-    mission = start_mission(tag_sequence=1, tags='2', max_attempts=1, scan_timeout_s=0.01)
-    assert mission.end() == 1
-    assert [tag_id for tag_id, _ in mission.outcomes()] == ['1']
-    assert len([line for line in mission.log if 'parameter tags is unknown and ignored' in line]) == 1

@@ -15,15 +15,6 @@ OK = Observation('7', Outcome.OK, '', 1, Reading('7', (12, 34), 43200.0, {'tempe
 FAILED = Observation('8', Outcome.TIMEOUT, 'no reply before the timeout', 3)
 
 
-def test_a_report_is_continued(tmp_path):
-    path = tmp_path / 'report.jsonl'
-    for observation in (OK, FAILED):
-        report = Report(path)
-        report.record(observation)
-        report.close()
-    assert report.observations == observations_in(path) == [OK, FAILED]
-
-
 def test_a_line_that_a_kill_cut_short_is_not_there(tmp_path):
     path = tmp_path / 'report.jsonl'
     for cut in range(1, len(FAILED.to_line())):
@@ -135,24 +126,6 @@ def test_an_observation_counts_only_once_it_is_on_the_disk(tmp_path, monkeypatch
         report.record(FAILED)
     report.close()
     assert observations_in(report.path) == [OK]
-
-
-def test_a_torn_line_that_cannot_be_removed_at_once_is_removed_before_the_next(tmp_path, monkeypatch):
-    report = Report(tmp_path / 'report.jsonl')
-    report.record(OK)
-
-    def write_a_part(file, line, write=os.write):
-        monkeypatch.setattr(os, 'ftruncate', fail)
-        return write(file, line[:20])
-
-    monkeypatch.setattr(os, 'write', write_a_part)
-    with pytest.raises(ReportError, match='No space left on device'):
-        report.record(FAILED)
-    monkeypatch.undo()
-    assert not report.path.read_bytes().endswith(b'\n')
-    report.record(FAILED)
-    report.close()
-    assert observations_in(report.path) == [OK, FAILED]
 
 
 def test_the_table_has_a_row_for_each_tag_and_counts_the_read_ones():

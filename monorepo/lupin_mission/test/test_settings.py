@@ -9,19 +9,11 @@ import yaml
 from ament_index_python.packages import get_package_share_path
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.testing._helpers import check_settings
-from lupin_mission import announcer, passive_observer, settings, visit
+from lupin_mission import passive_observer, settings
 from lupin_mission.settings import Settings
 from lupin_mission.visit import Service
 
 DOCUMENTS = Path(__file__).resolve().parent.parent / 'doc'
-
-
-def test_the_times_that_are_no_parameters_are_those_of_the_documents():
-    words = ' '.join(' '.join(page.read_text(encoding='utf-8') for page in DOCUMENTS.glob('*.md')).split())
-    assert visit.LONGEST_RETRY_DELAY_SECONDS == 10.0
-    assert 'doubles with each further attempt, up to 10' in words
-    assert announcer.LONGEST_WAIT_FOR_SUBSCRIBERS_SECONDS == 5.0
-    assert 'a mission waits up to 5 s until its subscribers' in words
 
 
 def test_a_reply_of_the_camera_may_take_3_seconds_more_than_its_look():

@@ -12,9 +12,7 @@ from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.runtime.graph import duplicate_server_warning
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
-from lupin_mission import mission_orchestrator, transport
-from lupin_mission.announcer import Announcer
-from lupin_mission.mission import Severity
+from lupin_mission import transport
 from lupin_mission.mission_orchestrator import MissionNode
 from lupin_msgs.msg import MissionState, Observation, TagReading
 from lupin_msgs.srv import ConfirmTag, GetTagReading
@@ -77,21 +75,6 @@ def test_a_twin_that_joins_in_the_middle_has_every_tag_at_the_end(
     assert len({each.mission_id for each in late.received}) == 1
     assert {each.source for each in late.received} == {'InspectionMission'}
     assert all(each.header.frame_id == 'map' and each.header.stamp.sec > 0 for each in late.received)
-
-
-def test_the_shipped_places_are_not_those_of_a_bridge_with_its_own_tag_file(
-    start_waiting_mission, start_bridge, twin, tmp_path
-):
-    tag_file = tmp_path / 'tags.json'
-    tag_file.write_text(json.dumps({'1': {'x': 9.0, 'y': 9.5, 'sensors': ['co2']}}))
-    service = {'bridge_service_name': start_bridge(tag_file=tag_file).service_name, **REAL}
-    subscriber = twin()
-    mission, operator = start_waiting_mission(**service)
-    operator.wait_for(lifecycle_state='READY')
-    operator.start()
-    assert subscriber.wait_for().tag_pose_in_map.orientation.w == 0.0
-    assert mission.stop() == 0
-    assert any('the positions of the tags are unknown' in line for line in mission.warnings())
 
 
 def test_a_web_client_receives_every_state_that_lasts(start_waiting_mission, reader, confirmer, states_of):
@@ -404,30 +387,6 @@ def test_simulated_time_reaches_the_stamps_and_delays_nothing(
     reader.answer_ok('1', co2=1.0)
     assert states.wait_for(lambda state: state.lifecycle_state == 'DONE').header.stamp.sec == 1234
     assert mission.stop() == 0
-
-
-def test_what_was_started_can_be_aborted_skipped_and_paused_before_its_next_step(
-    start_waiting_mission, monkeypatch
-):
-    monkeypatch.setattr(mission_orchestrator, 'STEP_SECONDS', HOUR)
-    _, operator = start_waiting_mission(**READER, tag_sequence='1 2', drive_seconds=HOUR)
-    for name, skipped in (('abort', 2), ('skip_current', 1), ('pause', 0)):
-        started = operator.start()
-        assert operator.trigger(name)
-        operator.wait_for(mission_id=started, targets_skipped=skipped, paused=name == 'pause')
-        assert name == 'abort' or operator.trigger('abort')
-
-
-def test_an_error_is_published_and_logged_as_one(node, capfd):
-    states = Subscriber(node, MissionState, '/mission/state', WEB_QOS)
-    announcer = Announcer(node, '/observations')
-    announcer.note('the robot is stuck', Severity.ERROR)
-    wait_until(lambda: announcer.publish_state(None, 'READY') or states.received)
-    state = states.received[0]
-    assert (state.last_event, state.last_event_severity) == ('the robot is stuck', state.SEVERITY_ERROR)
-    assert '[ERROR] ' in capfd.readouterr().err
-    severities = [MissionState.SEVERITY_INFO, MissionState.SEVERITY_WARN, MissionState.SEVERITY_ERROR]
-    assert [severity.value for severity in Severity] == severities
 
 
 def test_a_start_is_rejected_while_another_mission_of_that_name_lives(

@@ -74,14 +74,6 @@ def test_a_world_without_clear_tags_is_refused(tmp_path, text, fragment):
         read_world(str(path))
 
 
-def test_a_world_of_more_than_64_mib_is_refused(tmp_path):
-    path = tmp_path / 'world.sdf'
-    with path.open('wb') as file:
-        file.truncate(64 * 2**20 + 1)  # sparse: it takes no room
-    with pytest.raises(StartUpError, match=r'world\.sdf.: is larger than 64 MiB'):
-        read_world(str(path))
-
-
 @pytest.fixture
 def layout_file(tmp_path):
     """Return the path of a registration in the frame map."""
@@ -137,11 +129,6 @@ def test_perception_comes_first_then_the_registered_layout_then_the_robot(poses,
 def test_without_a_layout_in_the_map_the_robot_follows_perception(poses, layout_file):
     found = poses(layout_in_map=layout_file, tag_poses_in_map=False)
     assert found == [(7.0, 0.0, 1.0), (5.0, 0.0, 1.0), (7.0, 0.0, 1.0), (5.0, 0.0, 1.0)]
-
-
-def test_a_registration_in_another_frame_is_refused(start_mission, layout_file):
-    fatal = start_mission(layout_in_map=layout_file, frame_id='robot1/map').refusal(exit_code=2)
-    assert "frame_id is 'map', but the map's frame is 'robot1/map'" in fatal
 
 
 @pytest.mark.parametrize(

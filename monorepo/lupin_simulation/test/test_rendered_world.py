@@ -108,8 +108,7 @@ def test_a_camera_on_the_robot_looks_from_its_odometry_and_not_from_the_mission(
 
 
 def test_a_tag_is_read_in_all_views_of_a_group_and_the_tags_are_counted(monkeypatch, capsys):
-    for name in ('FIRST_SECONDS', 'NEXT_SECONDS'):
-        monkeypatch.setattr(check_world.Progress, name, 0.0)
+    monkeypatch.setattr(check_world.Progress, 'NEXT_SECONDS', 0.0)
     camera, random = PinholeCamera(), np.random.default_rng(0)
     front = camera.expose(camera.scene_of_tag(7, random, distance_m=0.5), random)
     blank = np.full_like(front, 255)
@@ -118,7 +117,7 @@ def test_a_tag_is_read_in_all_views_of_a_group_and_the_tags_are_counted(monkeypa
 
     def tags_read(groups: list[list[View]]) -> set[int]:
         setting = check_world.Setting('here', {7: groups, 8: groups})
-        return check_world.tags_read(world, setting, check_world.Progress('check_world'))
+        return check_world.tags_read(world, setting, check_world.Progress('check_world', first_seconds=0.0))
 
     assert tags_read([[each] for each in views]) == {7}
     assert capsys.readouterr().err.splitlines() == ['check_world: here: 0 of 2', 'check_world: here: 1 of 2']
