@@ -5,7 +5,6 @@ ROS 2 node `greenhouse_bridge`: returns the simulated climate at a tag, at the t
 ros2 run lupin_greenhouse_bridge bridge_node --ros-args -p debug_time_of_day:=12.0
 """
 
-import os
 from pathlib import Path
 
 from rcl_interfaces.msg import ParameterDescriptor
@@ -17,7 +16,6 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from lupin_greenhouse_bridge.contract import NODE_NAME, SERVICE_QOS, TAG_IDS_PARAMETER
 from lupin_greenhouse_bridge.errors import escaped, pluralized
 from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading, TagReading
-from lupin_greenhouse_bridge.runtime.graph import discovery_settings
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.settings import Settings
@@ -61,10 +59,6 @@ class GreenhouseBridgeNode(Node):
             callback_group=MutuallyExclusiveCallbackGroup(),
         )
         self.get_logger().info(f'ready: {greenhouse.summary}; {get_rmw_implementation_identifier()}')
-        if os.environ.get('ROS_DISCOVERY_SERVER'):
-            self.get_logger().info(
-                f'clients find this bridge only while its discovery server runs: {discovery_settings()}'
-            )
 
     def _handle_get_tag_reading(
         self, request: GetTagReading.Request, response: GetTagReading.Response

@@ -340,5 +340,5 @@ def test_a_bridge_that_needs_a_discovery_server_says_so(bridge_here, monkeypatch
 
     monkeypatch.setattr(bridge_node.simulation, 'load', load_later)
     log = bridge_here().err
-    assert 'only while its discovery server runs: ROS_DOMAIN_ID=' in log
+    assert 'only while the discovery server runs: ROS_DOMAIN_ID=' in log
     assert 'ROS_DISCOVERY_SERVER=127.0.0.1:11811' in log

@@ -26,7 +26,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.graph import namesake_warning
+from lupin_greenhouse_bridge.runtime.graph import discovery_settings, namesake_warning
 from lupin_greenhouse_bridge.runtime.output import aligned_table, print_line
 from lupin_greenhouse_bridge.runtime.parameters import default_text, fault_of_rule
 from lupin_greenhouse_bridge.runtime.process import security_problem
@@ -87,6 +87,10 @@ def run(
             try:
                 with node_creation():
                     node = create_node()
+                if os.environ.get('ROS_DISCOVERY_SERVER'):
+                    node.get_logger().info(
+                        f'nodes find it only while the discovery server runs: {discovery_settings()}'
+                    )
                 executor.add_node(node)
                 _spin(executor, node, is_done)
                 return conclude(node)
