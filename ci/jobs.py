@@ -92,21 +92,22 @@ class Build(Job):
         super().__init__('build', command, log)
         self._count = count  # of packages
         self._started: list[str] = []
-        self._share = ''
+        self._share = 0  # in percent
 
     def read(self, line: str) -> None:
         """Note the package, or the share of it that is built."""
         if package := self.PACKAGE.match(line):
             self._started.append(package[1])
-            self._share = ''
+            self._share = 0
         elif share := self.SHARE.match(line):
-            self._share = f', {share[1]} %'
+            self._share = max(self._share, int(share[1]))  # make works in parallel, and reports out of order
 
     def state(self) -> str:
         """Return the package, its place among the packages, and how far it is."""
         if not self._started:
             return 'build'
-        return f'build: package {len(self._started)} of {self._count}, {self._started[-1]}{self._share}'
+        share = f', {self._share} %' if self._share else ''
+        return f'build: package {len(self._started)} of {self._count}, {self._started[-1]}{share}'
 
     def explain_failure(self) -> str:
         """Return the whole output."""

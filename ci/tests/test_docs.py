@@ -53,7 +53,7 @@ def test_the_two_commands_of_the_readme():
         assert (ended.returncode, ended.stdout, ended.stderr) == (
             1,
             '',
-            'no bridge: is it on this ROS_DOMAIN_ID?\n',
+            'no bridge is found: start it (make run), with the same ROS_DOMAIN_ID\n',
         )
 
 

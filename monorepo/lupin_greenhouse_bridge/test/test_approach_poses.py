@@ -129,7 +129,7 @@ def test_a_narrow_passage_is_warned_of_with_what_to_do(poses_of, tmp_path):
     path.write_text(json.dumps({'tags': tags, 'tables': tables}), encoding='utf-8')
     _, _, err = poses_of('--tag-file', str(path), '--walls', '0', '0', '4', '4')
     (line,) = [each for each in err.splitlines() if 'a passage is narrower than 0.52 m' in each]
-    assert line.endswith('m: use finer cells then; otherwise nothing needs to be done')
+    assert line.endswith('m: give it finer cells; without Nav2, nothing needs to be done')
 
 
 def test_a_transform_moves_the_poses_into_the_map(poses_of, tmp_path):

@@ -371,8 +371,8 @@ def test_what_cannot_be_recorded_is_refused_in_one_line(
 
 def test_topics_without_a_publisher_are_named_once_and_the_first_publisher_too(start_node, tmp_path):
     recorder = start_node(RECORD_READINGS, readings_topics=TOPIC, file=tmp_path / 'readings.sqlite')
-    warning = recorder.wait_for_log(f'no publisher of {TOPIC} is found with ROS_DOMAIN_ID=')
-    assert 'start a mission or read_on_sight, or set these variables as for it' in warning
+    warning = recorder.wait_for_log(f'no publisher of {TOPIC} is found yet with ROS_DOMAIN_ID=')
+    assert 'wait for a mission or read_on_sight that starts, or set these variables as for it' in warning
     with spinning_node('publisher') as node:
         node.create_publisher(TagReading, TOPIC, QoSProfile(depth=10, durability=LATCHED))
         recorder.wait_for_log(f'{TOPIC} has a publisher now')

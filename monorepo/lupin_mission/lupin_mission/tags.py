@@ -86,7 +86,9 @@ class Tags:
         self._client = create_client(node, GetParameters, service)
         self._deadline = time.monotonic() + self._settings.dependency_timeout_s
         if not is_given:
-            node.get_logger().info(f'waiting for the tags of {self._client.srv_name}')
+            node.get_logger().info(
+                f'waiting for the list of tags of the bridge, from {self._client.srv_name}'
+            )
         self._timer = steady_timer(node, ASK_EVERY_SECONDS, self._ask_the_bridge)
 
     def is_waiting_for_tags(self) -> bool:

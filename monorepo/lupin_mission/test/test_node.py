@@ -44,7 +44,7 @@ OF_OTHER_MISSIONS = (
 # The start and the end of a run; the bridge's tests signal the same code in many more moments.
 MOMENTS = {
     'rclpy/node.py:__init__': 'signalled in',  # the start
-    'rclpy/executors.py:shutdown': 'waiting for the tags of',  # the end, which other signals bring about
+    'rclpy/executors.py:shutdown': 'waiting for the list of tags',  # the end, which other signals bring about
 }
 
 
@@ -111,7 +111,7 @@ def test_a_mission_that_waits_for_its_start_waits_for_its_bridge_too(
     bridge_parameters.answer_tags('7')
     operator.wait_for(lifecycle_state='READY')
     mission.stop()
-    assert len([line for line in mission.log if 'waiting for the tags of' in line]) == 1
+    assert len([line for line in mission.log if 'waiting for the list of tags' in line]) == 1
 
 
 def test_without_a_shipped_file_a_node_that_does_not_tell_its_tags_is_asked_again(

@@ -91,7 +91,8 @@ def speed_text(rows: list[Row]) -> str:
         return ''
     passed = np.unwrap([row.sim_time_of_day_seconds for row in rows], period=86_400)
     speed = (passed[-1] - passed[0]) / max(seconds[-1] - seconds[0], 1)
-    return f'greenhouse clock at least about {float(f"{speed:.2g}"):,.0f} times faster' if speed > 1.5 else ''
+    times = f'{float(f"{speed:.2g}"):,.0f}'
+    return f'greenhouse clock about {times} times faster than real time' if speed > 1.5 else ''
 
 
 def greenhouse_times(rows: list[Row]) -> str:

@@ -100,9 +100,9 @@ def _watch_publishers(node: Node, topics: list[str]) -> None:
         elif not has_warned and time.monotonic() >= deadline:
             has_warned = True
             node.get_logger().warning(
-                f'no publisher of {" or ".join(topics)} is found with {discovery_settings()}: start a mission'
-                " or read_on_sight, or set these variables as for it (a demo's mission has a domain of its"
-                ' own: record it with inspection --record FILE)'
+                f'no publisher of {" or ".join(topics)} is found yet with {discovery_settings()}: wait for a'
+                ' mission or read_on_sight that starts, or set these variables as for it (make mission has a'
+                ' domain of its own: record it with RECORD=FILE)'
             )
 
     timer = steady_timer(node, LOOK_EVERY_SECONDS, look)
