@@ -321,28 +321,23 @@ def test_an_abort_is_a_failed_drive_with_code_and_message(
     assert trip.arrival() == Arrival(f'{trip.name} aborted the drive{reason}')
 
 
-def test_a_goal_without_a_reply_is_given_up_and_cancelled_when_it_is_accepted(trip, navigator):
+@pytest.mark.parametrize('is_accepted', [False, True])
+def test_a_goal_without_a_reply_or_an_end_is_given_up_and_cancelled_once_it_is_accepted(
+    trip, navigator, is_accepted
+):
     trip.start('a')
-    trip.drive_until(navigator.has_goal)
-    trip.now_seconds = 4.9
+    if is_accepted:
+        goal = accepted(trip, navigator)
+        limit_seconds, failure = 60.0, 'the robot did not arrive within 60 s'
+    else:
+        limit_seconds, failure = 5.0, f'{trip.name} did not reply to the goal'
+        trip.drive_until(navigator.has_goal)
+    trip.now_seconds = limit_seconds - 0.1
     assert trip.spin() is None
-    trip.now_seconds = 5.0
-    assert trip.spin() == Arrival(f'{trip.name} did not reply to the goal')
+    trip.now_seconds = limit_seconds
+    assert trip.spin() == Arrival(failure)
     trip.start('a')
-    goal = navigator.accept()
-    trip.drive_until(navigator.has_cancel)
-    navigator.grant_cancel(goal)
-    trip.drive_until(lambda: len(navigator.goals) == 2)
-
-
-def test_a_drive_that_takes_too_long_fails_and_is_cancelled(trip, navigator):
-    trip.start('a')
-    goal = accepted(trip, navigator)
-    trip.now_seconds = 59.9
-    assert trip.spin() is None
-    trip.now_seconds = 60.0
-    assert trip.spin() == Arrival('the robot did not arrive within 60 s')
-    trip.start('a')
+    goal = goal if is_accepted else navigator.accept()
     trip.drive_until(navigator.has_cancel)
     navigator.grant_cancel(goal)
     trip.drive_until(lambda: len(navigator.goals) == 2)

@@ -16,16 +16,15 @@ from lupin_greenhouse_bridge.errors import OneLineError
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.simulator.layout import read_layout, shipped_file
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
-from lupin_mission import planner
+from lupin_mission import nav2_drive, planner
 from lupin_mission.announcer import Announcer
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
 from lupin_msgs.msg import MissionState, Observation
-from mission_helpers import CAMERA, READER
+from mission_helpers import CAMERA, HOUR, READER
 from nav_msgs.msg import OccupancyGrid
 from rclpy.duration import Duration
 from std_msgs.msg import Bool
-from std_srvs.srv import Trigger
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec('nav2_msgs') is None,
@@ -37,8 +36,9 @@ WITH_MAP = {**NAV2, 'map_topic': '/held/map'}
 
 
 @pytest.fixture
-def navigator(held_navigator):
-    """Return the navigator of the mission."""
+def navigator(held_navigator, monkeypatch):
+    """Return the navigator of the mission, of which it warns only after an hour."""
+    monkeypatch.setattr(nav2_drive, 'DISCOVERY_SECONDS', HOUR)
     return held_navigator(NAME)
 
 
@@ -152,7 +152,7 @@ def test_the_first_map_is_awaited_if_its_topic_has_a_publisher(
     start_mission, navigator, publish_map, states_of, monkeypatch
 ):
     for name in ('DISCOVERY_SECONDS', 'LONGEST_MAP_SECONDS'):
-        monkeypatch.setattr(planner, name, 3600.0)
+        monkeypatch.setattr(planner, name, HOUR)
     (usual, *_) = goals_of()[0]['1']
     mission = start_mission(**WITH_MAP, tag_sequence='1')
     states = states_of(mission)
@@ -396,23 +396,6 @@ def test_a_signal_ends_a_mission_that_plans(start_mission, held_plans):
     assert not released.is_set()
 
 
-def test_a_skip_on_the_way_cancels_the_goal_before_the_next_one_is_sent(start_waiting_mission, navigator):
-    mission, operator = start_waiting_mission(**NAV2, tag_sequence='1 2')
-    operator.start()
-    first = navigator.accept()
-    assert operator.trigger('skip_current')
-    navigator.wait_for_cancel()
-    operator.wait_for(current_target='2')
-    assert len(navigator.goals) == 1
-    navigator.answer_cancel()
-    navigator.end(first, 'canceled')
-    second = navigator.accept()
-    assert operator.trigger('abort')
-    navigator.grant_cancel(second)
-    operator.wait_for(lifecycle_state='DONE', targets_skipped=2)
-    assert mission.stop() == 1
-
-
 def test_a_fatal_error_cancels_the_goal_awaits_its_end_and_sends_no_other(
     start_mission, navigator, clock, states_of, monkeypatch
 ):
@@ -480,21 +463,6 @@ def test_a_signal_cancels_the_goal_awaits_its_end_for_2_s_and_sends_no_other(
     clock.pass_seconds(0.1)
     assert mission.end() == 1
     assert len(navigator.goals) == 1
-
-
-@pytest.mark.usefixtures('clock')  # it stands still: the mission would wait for ever
-def test_a_mission_that_is_done_awaits_the_end_of_its_last_goal(start_mission, navigator, node):
-    mission = start_mission(**NAV2, tag_sequence='1')
-    goal = navigator.accept()
-    abort = node.create_client(Trigger, f'{mission.namespace}/mission/abort')
-    wait_until(abort.service_is_ready)
-    abort.call_async(Trigger.Request())
-    navigator.wait_for_cancel()
-    assert mission.is_running()
-    navigator.answer_cancel()
-    navigator.end(goal, 'canceled')
-    assert mission.end() == 1
-    assert mission.outcomes() == [('1', Outcome.SKIPPED)]
 
 
 @pytest.mark.parametrize('parameters', [{}, {'tag_sequence': '7'}])

@@ -1,14 +1,13 @@
 """The goals of a robot in the map, and the order of its visits, without ROS."""
 
 import functools
-import itertools
 import math
 
 import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.planning.registration import Transform
-from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, read_layout, shipped_file
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
 
@@ -55,24 +54,9 @@ def test_a_goal_has_the_clearance_and_allows_for_the_arrival():
     assert angles['exact'] + 0.15 > math.pi / 4
 
 
-def test_a_pose_with_less_room_than_the_clearance_is_warned_of():
-    assert plan().room_warnings == {}
-    settings = Settings(drive='nav2', approach_clearance_m=0.4, walls='-1.6 0.0 5.6 3.6')
-    warnings = Plan(LAYOUT, settings, AS_IT_IS).room_warnings
-    assert set(warnings) == set('1234')
-    assert warnings['1'] == (
-        "tag '1': its pose has 0.300 m of room beyond the robot's radius, less than the clearance of 0.4 m:"
-        ' the robot fits, so nothing needs to be done'
-    )
-
-
 def test_each_tag_has_as_many_poses_as_the_robot_may_look_from():
     for count in (1, 2, 4):
-        goals = plan(TURNED, max_poses=count).goals['1']
-        assert len(goals) == count
-        for one, other in itertools.combinations(goals, 2):
-            turn_rad = abs(math.remainder(one.yaw - other.yaw, math.tau))
-            assert math.dist(one[:2], other[:2]) >= 0.2 - 1e-9 or turn_rad >= math.radians(20) - 1e-9
+        assert len(set(plan(TURNED, max_poses=count).goals['1'])) == count
 
 
 def test_a_goal_has_its_room_in_the_map_where_the_layout_lies():
@@ -125,16 +109,6 @@ def test_half_a_place_is_taken_unless_the_map_is_turned(overrides):
 def test_an_override_of_an_unknown_tag_is_a_warning(overrides):
     (warning,) = plan(**overrides('"99": {standoff: 0.4}')).warnings
     assert "tag '99' is not in the layout" in warning
-
-
-def test_a_tag_that_cannot_be_reached_has_a_reason_and_no_goal():
-    layout = read_layout(shipped_file('tag_locations.json'))
-    found = Plan(layout, Settings(drive='nav2', robot_radius_m=0.3), AS_IT_IS)
-    assert found.goals.keys() | found.unreachable.keys() == layout.tags.keys()
-    assert not found.goals.keys() & found.unreachable.keys()
-    assert found.unreachable
-    for reason in found.unreachable.values():
-        assert reason.startswith(('no place for a robot of radius 0.3 m within 1 m and 60°', 'cut off'))
 
 
 @pytest.mark.parametrize(
