@@ -25,7 +25,6 @@ from lupin_greenhouse_bridge.display.markers import (
     Scene,
     grid_over,
     interpolate,
-    scaled,
 )
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
@@ -126,11 +125,6 @@ def test_every_cell_lies_between_the_readings_or_has_no_value(samples, resolutio
         row, column = ((each - low) / resolution_m for each, low in ((y, grid.y), (x, grid.x)))
         assert 0 <= column <= grid.columns
         assert 0 <= row <= grid.rows
-
-
-def test_values_are_scaled_over_the_range_of_the_sensor():
-    values = np.array([-5.0, 10.0, 14.8, 20.0, 30.0, 99.0, math.nan])
-    assert scaled(values, 10.0, 30.0).tolist() == [0, 0, 24, 50, 100, 100, -1]
 
 
 # The markers

@@ -272,13 +272,18 @@ def test_each_parameter_has_its_type_and_its_limits(node):
 
 
 def test_an_unknown_parameter_is_named_and_changes_nothing(bridge_here):
-    ended = bridge_here(seed=42, use_sim_time='false', debug_sed=7, debug_seed=42)
+    ended = bridge_here(
+        seed=42, use_sim_time='false', debug_sed=7, debug_seed=42, debug_time_of_day=6, speedup_factor=60
+    )
     assert ended.code == 0
-    assert 'ready: ' in ended.err
-    warnings = [line.partition(': ')[2] for line in ended.err.splitlines() if '[WARN]' in line]
-    assert warnings == [
+    assert 'clock frozen at 6.0 h' in ended.err
+    *unknown, without_effect = (
+        line.partition(': ')[2] for line in ended.err.splitlines() if '[WARN]' in line
+    )
+    assert unknown == [
         f'parameter {name} is unknown and ignored: see --help' for name in ('seed', 'debug_sed')
     ]
+    assert without_effect.startswith('speedup_factor has no effect')
 
 
 def test_a_parameter_that_resembles_one_that_is_not_set_is_warned_of(bridge_here):

@@ -75,48 +75,41 @@ def room(is_taken, value=0) -> np.ndarray:
 GREY = [[254, 205, 204, 128], [90, 89, 88, 0]]  # 0, 0.196, 0.2, 0.498; 0.647, 0.651, 0.655 and 1 occupied
 
 
-@pytest.mark.parametrize('name', ['map.pgm', 'map.png'])
 @pytest.mark.parametrize(
-    ('values', 'rows'),
+    ('pixels', 'values', 'rows'),
     [
-        ({}, ['.???', '?###']),
-        ({'free_thresh': 0.25}, ['...?', '?###']),
-        ({'occupied_thresh': 0.652}, ['.???', '??##']),
-        ({'negate': 1, 'occupied_thresh': 0.9}, ['#???', '???.']),
-        ({'negate': True, 'occupied_thresh': 0.9}, ['#???', '???.']),
+        (GREY, {}, ['.???', '?###']),
+        (GREY, {'free_thresh': 0.25}, ['...?', '?###']),
+        (GREY, {'occupied_thresh': 0.652}, ['.???', '??##']),
+        (GREY, {'negate': 1, 'occupied_thresh': 0.9}, ['#???', '???.']),
+        (GREY, {'negate': True, 'occupied_thresh': 0.9}, ['#???', '???.']),
         # scale: from 0.196 to 0.65 it is 0 to 100 %, so 0.2 is 1 %, 0.498 is 67 %, and 0.647 is 99 %
-        ({'mode': 'scale'}, ['...#', '####']),
-        ({'mode': 'scale', 'occupied_thresh': 0.9}, ['...?', '?###']),  # 0.498 is 43 %, 0.647 is 64.1 %
+        (GREY, {'mode': 'scale'}, ['...#', '####']),
+        (GREY, {'mode': 'scale', 'occupied_thresh': 0.9}, ['...?', '?###']),  # 0.498 is 43 %, 0.647 64.1 %
         # raw: the value is the percentage, above 100 it is unknown, and negate has no effect
-        ({'mode': 'raw'}, ['????', '###.']),
-        ({'mode': 'raw', 'negate': 1}, ['????', '###.']),
+        (GREY, {'mode': 'raw'}, ['????', '###.']),
+        (GREY, {'mode': 'raw', 'negate': 1}, ['????', '###.']),
+        ([[0, 25, 26, 64, 65, 100, 101]], {'mode': 'raw'}, ['..??##?']),
     ],
 )
-def test_each_mode_reads_the_grey_as_nav2_does(write_map, name, values, rows):
-    assert percents(read_map(write_map(GREY, name, **values))) == rows
+@pytest.mark.parametrize('name', ['map.pgm', 'map.png'])
+def test_each_mode_reads_the_grey_as_nav2_does(write_map, name, pixels, values, rows):
+    assert percents(read_map(write_map(pixels, name, **values))) == rows
 
 
-def test_raw_cells_are_free_up_to_25_percent_and_occupied_from_65(write_map):
-    assert percents(read_map(write_map([[0, 25, 26, 64, 65, 100, 101]], mode='raw'))) == ['..??##?']
+WHITE, BLACK = (255, 255, 255), (0, 0, 0)
 
 
-def test_a_transparent_pixel_is_unknown_in_scale_and_counts_as_a_channel_in_trinary(write_map):
-    pixels = [[(255, 255, 255, 255), (255, 255, 255, 0), (0, 0, 0, 255), (0, 0, 0, 0)]]
-    # trinary: the mean of the four channels is 1, 0.75, 0.25 and 0
+def test_opacity_colours_palettes_and_16_bits_are_read(write_map, tmp_path):
+    """A transparent pixel is unknown in mode scale, and has a mean of four channels in mode trinary."""
+    pixels = [[(*WHITE, 255), (*WHITE, 0), (*BLACK, 255), (*BLACK, 0)]]  # the means are 1, 0.75, 0.25 and 0
     assert percents(read_map(write_map(pixels, 'map.png'))) == ['.?##']
     assert percents(read_map(write_map(pixels, 'map.png', mode='scale'))) == ['.?#?']
-
-
-def test_colours_and_palettes_are_read_as_their_mean(write_map, tmp_path):
-    pixels = [[(255, 255, 255), (255, 255, 100), (255, 0, 0), (0, 0, 60)]]  # 0, 0.203, 0.667, 0.92 occupied
-    path = write_map(pixels, 'map.png')
+    # 0, 0.203, 0.667 and 0.92 occupied
+    path = write_map([[WHITE, (255, 255, 100), (255, 0, 0), (0, 0, 60)]], 'map.png')
     assert percents(read_map(path)) == ['.?##']
     Image.open(tmp_path / 'map.png').quantize().save(tmp_path / 'map.png')
     assert percents(read_map(path)) == ['.?##']
-
-
-def test_16_bits_are_read(write_map, tmp_path):
-    path = write_map([[0]], 'map.png')
     Image.fromarray(np.array([[65535, 40000, 0]], dtype=np.uint16)).save(tmp_path / 'map.png')
     assert percents(read_map(path)) == ['.?#']
 
@@ -148,18 +141,6 @@ def test_the_gap_is_the_distance_to_the_nearest_cell(yaw, unknown_is_free):
             assert is_unknown == (nearest[True] < nearest[False])
         seen.add((is_outside, gap_m == 0.0))
     assert len(seen) >= 3
-
-
-def test_a_map_in_the_layout_has_the_same_gaps():
-    chance = random.Random(5)
-    layout_in_map = Transform(3.0, -2.0, 0.7)
-    data = [chance.choice([0, 0, 100]) for _ in range(200)]
-    in_map = OccupancyMap(20, 10, 0.1, (1.0, 2.0, 0.3), data)
-    in_layout = in_map.in_layout(layout_in_map)
-    points = np.array([(chance.uniform(-3.0, 3.0), chance.uniform(0.0, 6.0)) for _ in range(100)])
-    moved = np.array([layout_in_map.point(*each) for each in points])
-    assert in_layout.gaps_m(points, 0.5)[0] == pytest.approx(in_map.gaps_m(moved, 0.5)[0], abs=1e-9)
-    assert in_map.origin == (1.0, 2.0, 0.3)
 
 
 @pytest.mark.parametrize(
@@ -206,11 +187,12 @@ def test_every_pose_has_its_room_in_the_map():
     assert 0 < len(moved) < len(before)
 
 
-def test_a_tag_that_the_map_costs_is_unreachable_with_the_best_distance(write_map, poses_of):
+@pytest.mark.parametrize(('grey', 'kind'), [(0, 'has an obstacle'), (205, 'is unknown')])
+def test_a_tag_that_the_map_costs_is_unreachable_with_the_best_distance(write_map, poses_of, grey, kind):
     """A corridor of 0.24 m in front of the tag: in its middle, 0.6 m from it, both sides are 0.12 m away."""
-    path = write_map(room(lambda _x, y: not 0.28 < y < 0.52), resolution=CELL_M)
+    path = write_map(room(lambda _x, y: not 0.28 < y < 0.52, grey), resolution=CELL_M)
     exit_code, data, err = poses_of('--map', path)
-    reason = 'the map has an obstacle 0.12 m from every pose, and the robot needs 0.25 m'
+    reason = f'the map {kind} 0.12 m from every pose, and the robot needs 0.25 m'
     assert (exit_code, data['poses']) == (1, [])
     assert err.splitlines() == [
         'approach_poses: without --layout-in-map, the map counts as one in the frame of the layout',
@@ -218,8 +200,9 @@ def test_a_tag_that_the_map_costs_is_unreachable_with_the_best_distance(write_ma
     ]
     assert data['unreachable'] == [{'tag_id': '7', 'reason': reason}]
     exit_code, data, _ = poses_of('--map', path, '--radius', '0.1', '--clearance', '0.02')
-    assert exit_code == 0
-    assert data['poses'][0]['y'] == pytest.approx(0.4)
+    assert (exit_code, data['poses'][0]['y']) == (0, pytest.approx(0.4))
+    exit_code, data, _ = poses_of('--map', path, '--unknown', 'free')
+    assert (exit_code, bool(data['poses'])) == ((1, False) if grey == 0 else (0, True))
 
 
 BOTH_SIDES = LAYOUT | {'tags': LAYOUT['tags'] | {'8': {'x': 2.0, 'y': 1.5, 'sensors': ['co2']}}}
@@ -254,15 +237,6 @@ def test_a_pose_that_the_map_walls_off_is_cut_off(
     assert (exit_code, reasons) == (
         (1, {f'cut off from {origin} in the map'}) if len(seen) < 2 else (0, set())
     )
-
-
-def test_unknown_counts_as_occupied_unless_it_is_free(write_map, poses_of):
-    path = write_map(room(lambda _x, y: not 0.28 < y < 0.52, 205), resolution=CELL_M)
-    exit_code, data, _ = poses_of('--map', path)
-    assert exit_code == 1
-    assert data['unreachable'][0]['reason'].startswith('the map is unknown 0.12 m from every pose')
-    exit_code, data, _ = poses_of('--map', path, '--unknown', 'free')
-    assert (exit_code, data['poses'][0]['y']) == (0, 0.5)
 
 
 def test_the_map_is_in_the_frame_of_the_poses_and_its_origin_is_turned(write_map, poses_of, tmp_path):
@@ -348,24 +322,17 @@ def test_a_bad_map_is_one_line_and_exit_code_2(write_map, poses_of, values, faul
     assert fault in err
 
 
-def test_an_image_in_place_of_its_yaml_file_a_torn_image_and_no_file_are_refused(
-    write_map, poses_of, tmp_path
-):
+def test_what_is_no_map_is_refused(write_map, poses_of, tmp_path, monkeypatch):
     path = write_map(room(lambda _x, _y: False), 'map.png')
     assert 'is an image: name the YAML file' in poses_of('--map', tmp_path / 'map.png')[2]
     assert 'cannot be read (No such file' in poses_of('--map', tmp_path / 'none.yaml')[2]
     image = tmp_path / 'map.png'
     image.write_bytes(image.read_bytes()[:60])
     assert re.search(r"image '.*map\.png' cannot be read: ", poses_of('--map', path)[2])
+    monkeypatch.setitem(sys.modules, 'PIL', None)
+    assert poses_of('--map', path)[2].endswith(': sudo apt install python3-pil\n')
     path.write_text('[1, 2]', encoding='utf-8')
     assert 'not a mapping with image' in poses_of('--map', path)[2]
-
-
-def test_without_pillow_the_package_to_install_is_named(write_map, poses_of, monkeypatch):
-    path = write_map([[254]])
-    monkeypatch.setitem(sys.modules, 'PIL', None)
-    exit_code, _, err = poses_of('--map', path)
-    assert (exit_code, err.endswith(': sudo apt install python3-pil\n')) == (2, True)
 
 
 def test_the_picture_shows_the_map_and_never_replaces_it(write_map, poses_of, tmp_path):

@@ -218,19 +218,6 @@ def test_both_ends_of_the_day_are_midnight(hours, seconds):
     assert sim_time(loaded(debug_time_of_day=hours)) == pytest.approx(seconds)
 
 
-def test_a_whole_number_is_taken_for_a_time_of_day_and_a_speedup_without_effect_is_warned_of(start_bridge):
-    bridge = start_bridge(debug_time_of_day=6, speedup_factor=3600)
-    assert bridge.call('1').reading.sim_time_of_day_seconds == 6 * 3600.0
-    assert any('[WARN]' in line and 'speedup_factor has no effect' in line for line in bridge.log)
-
-
-def test_the_same_seed_gives_the_same_values_also_after_a_restart():
-    parameters = {'debug_seed': 7, 'debug_time_of_day': 12.0}
-    first = noisy_sequence(**parameters)
-    assert noisy_sequence(**parameters) == first
-    assert noisy_sequence(**{**parameters, 'debug_seed': 8}) != first
-
-
 def test_seeded_noise_is_the_simulators_own_from_the_first_request_on(start_bridge):
     """The reads at start-up do not count."""
     bridge = start_bridge(debug_seed=7, debug_time_of_day=12.0)

@@ -6,7 +6,7 @@ import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.tag_poses import EAST, NORTH, SOUTH, WEST, Table, find_tag_poses
 from lupin_greenhouse_bridge.planning.walls import Walls, find_walls, parse_walls
-from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, shipped_file
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, shipped_file
 
 LONG = (1.0, 1.0, 3.0, 1.5)  # x0, y0, x1, y1
 FAR = Walls(-50.0, -50.0, 50.0, 50.0)
@@ -84,13 +84,6 @@ def test_without_tables_tags_face_the_middle():
     assert [tag_poses[tag_id].facing for tag_id in '01234'] == pytest.approx(to_middle)
 
 
-def test_the_tags_come_in_the_order_of_the_layout_at_exactly_their_places():
-    layout = find_layout('')
-    assert [(tag_id, each[:2]) for tag_id, each in find_tag_poses(layout, FAR).items()] == [
-        (tag_id, tag[:2]) for tag_id, tag in layout.tags.items()
-    ]
-
-
 @pytest.mark.parametrize('edges', [(1.0, 1.0, 1.0, 2.0), (1.0, 2.0, 3.0, 2.0), (1.0, 1.0, 1.0, 1.0)])
 def test_a_table_without_an_area_is_refused(edges):
     with pytest.raises(StartUpError, match="table 't' has no area"):
@@ -122,21 +115,3 @@ def test_walls_that_are_no_rectangle_are_refused(walls):
     with pytest.raises(StartUpError) as refusal:
         parse_walls(walls)
     assert str(refusal.value).startswith(f'walls is {walls!r}: must be x0 y0 x1 y1 in metres')
-
-
-@pytest.mark.parametrize(
-    ('text', 'fault'),
-    [
-        ('visualization: 5', 'visualization is 5: must be a mapping, such as {greenhouse_width_m: '),
-        ('visualization: {greenhouse_height_m: 8}', 'greenhouse_width_m is missing'),
-        ('visualization: {greenhouse_width_m: .nan, greenhouse_height_m: 8}', 'greenhouse_width_m is nan'),
-        ('visualization: {greenhouse_width_m: 4, greenhouse_height_m: 0}', 'greenhouse_height_m is 0'),
-    ],
-)
-def test_a_config_with_wrong_walls_is_refused(tmp_path, text, fault):
-    config = tmp_path / 'config.yaml'
-    config.write_text(f'{CONFIG}{text}')
-    with pytest.raises(StartUpError) as refusal:
-        find_walls(LAYOUT, str(config))
-    assert f"sim_config_file '{config}': visualization" in str(refusal.value)
-    assert fault in str(refusal.value)
