@@ -1,5 +1,5 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
-"""The approach poses of a layout, the free space, and the order of visits."""
+"""The directions of the tags, the walls, the approach poses of a layout, the free space, and the route."""
 
 import functools
 import itertools
@@ -15,11 +15,20 @@ from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.overrides import Override
 from lupin_greenhouse_bridge.planning.passages import Passages
 from lupin_greenhouse_bridge.planning.route import Route, plan_route
-from lupin_greenhouse_bridge.planning.tag_poses import PLATE_WIDTH_M, find_tag_poses, tables_of
+from lupin_greenhouse_bridge.planning.tag_poses import (
+    EAST,
+    NORTH,
+    PLATE_WIDTH_M,
+    SOUTH,
+    WEST,
+    Table,
+    find_tag_poses,
+    tables_of,
+)
 from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, TIGHT_M, ApproachPose, ViewingLimits
 from lupin_greenhouse_bridge.planning.visibility_graph import shortest_path
-from lupin_greenhouse_bridge.planning.walls import Walls, find_walls, walls_around
-from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout
+from lupin_greenhouse_bridge.planning.walls import Walls, find_walls, parse_walls, walls_around
+from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, shipped_file
 
 HEAD_ON = {
     'smallest_standoff_m': 0.5,
@@ -330,36 +339,6 @@ def test_the_alternatives_of_a_tag_are_poses_too_and_apart_from_each_other(shipp
             assert not is_hidden(shipped, tag_id, pose)
 
 
-@pytest.mark.parametrize(
-    ('values', 'fragment'),
-    [
-        ({'smallest_standoff_m': 0.6}, 'the standoffs are 0.6, 0.5 and 1 m'),
-        ({'largest_standoff_m': math.nan}, 'must be above 0, and the smallest'),
-        ({'largest_angle_rad': math.pi / 2}, 'is 90 degrees: must be from 0 to below 90'),
-        ({'robot_radius_m': -0.1}, 'must not be below 0'),
-        ({'clearance_m': math.nan}, 'must not be below 0'),
-        ({'steepest_angle_rad': math.nan}, 'the steepest incidence angle is nan degrees'),
-        ({'arrival_tolerance_m': -0.1}, 'the arrival tolerances are -0.1 m and 0.15 rad: must not be'),
-        ({'arrival_tolerance_rad': math.nan}, 'the arrival tolerances are 0.06 m and nan rad: must not be'),
-        ({'camera_offset_m': 0.3}, "the camera is 0.3 m ahead of the robot's centre: must be less than"),
-        ({'camera_offset_m': math.nan}, 'the camera is nan m ahead'),
-    ],
-)
-def test_limits_that_allow_no_pose_are_refused(values, fragment):
-    with pytest.raises(StartUpError) as refusal:
-        ViewingLimits(**values)
-    assert fragment in str(refusal.value)
-
-
-def test_a_robot_that_does_not_fit_between_the_walls_is_refused_with_the_radius_that_was_set(shipped):
-    fault = 'a robot of radius 3 m and clearance 0.01 m does not fit between the walls, which are 4 m apart'
-    with pytest.raises(StartUpError, match=fault):
-        find_approaches(shipped, Walls(0.0, 0.0, 4.0, 8.0), ViewingLimits(3.0))
-    for radius_m in (2.0, -0.1, math.nan):
-        with pytest.raises(StartUpError, match='m does not fit between the walls'):
-            FreeSpace(shipped, Walls(0.0, 0.0, 4.0, 8.0), radius_m)
-
-
 coordinates_m = st.floats(0.0, 4.0).map(lambda value: round(value, 2))
 sizes = st.floats(0.05, 1.5).map(lambda value: round(value, 2))
 
@@ -655,3 +634,114 @@ def test_a_leg_avoids_a_narrow_passage_for_a_small_detour_only(away_m, is_wide):
     assert (passages.narrow_on(route, poses) == []) == is_wide
     assert route.length_m <= 1.1 * shortest.length_m
     assert is_wide or route == shortest
+
+
+# The direction that each tag faces, and the walls around the layout
+
+LONG = (1.0, 1.0, 3.0, 1.5)  # x0, y0, x1, y1
+FAR = Walls(-50.0, -50.0, 50.0, 50.0)
+CONFIG = 'time: {debug_mode: false}\nsensors: {co2: [{}]}\n'
+LAYOUT = Layout({'7': Tag(1.0, 2.5, ['co2'])}, {'bench': (0.0, 0.0, 2.0, 1.0)})
+
+
+def facing(x, y, walls=FAR, **tables):
+    layout = Layout({'7': Tag(x, y, ['co2'])}, tables or {'table': LONG})
+    return find_tag_poses(layout, walls)['7'].facing
+
+
+@pytest.mark.parametrize(
+    ('x', 'y', 'expected'),
+    [
+        (2.0, 1.0, SOUTH),
+        (2.0, 1.5, NORTH),
+        (1.0, 1.2, WEST),
+        (3.0, 1.2, EAST),
+        (2.0, 1.4, NORTH),  # on the table
+        (2.0, 0.2, SOUTH),  # beside it
+        (5.0, 1.2, EAST),
+        (1.0, 1.0, SOUTH),  # on a corner, with as much space on both sides
+        (3.0, 1.5, NORTH),
+    ],
+)
+def test_a_tag_faces_away_from_the_nearest_edge_of_its_table(x, y, expected):
+    assert facing(x, y) == expected
+
+
+def test_on_a_corner_a_tag_faces_the_side_where_the_next_table_or_wall_is_farther():
+    before_south = (1.0, 0.0, 3.0, 0.5)
+    assert facing(1.0, 1.0, table=LONG, south=before_south) == WEST
+    assert facing(1.0, 1.0, table=LONG, south=before_south, west=(0.0, 0.8, 0.9, 1.2)) == SOUTH
+    for beside_m, side in ((0.09, WEST), (0.11, SOUTH)):  # 10 cm beside the tag, a table is not ahead of it
+        assert facing(1.0, 1.0, table=LONG, beside=(1.0 + beside_m, 0.0, 3.0, 0.5)) == side
+    assert facing(1.0, 1.0, Walls(0.0, 0.1, 9.0, 9.0)) == WEST
+    assert facing(1.0, 1.0, Walls(0.1, 0.0, 9.0, 9.0)) == SOUTH
+    assert facing(3.0, 1.5, Walls(0.0, 0.0, 4.0, 2.4)) == EAST
+    assert facing(3.0, 1.5, Walls(0.0, 0.0, 3.8, 2.4)) == NORTH
+
+
+@pytest.mark.parametrize(
+    ('x', 'y', 'distance_m'),
+    [
+        (2.0, 1.2, 0.0),
+        (0.4, 1.2, 0.6),
+        (2.0, 1.9, 0.4),
+        (0.7, 0.6, 0.5),
+        (3.3, 1.9, 0.5),
+    ],
+)
+def test_the_distance_of_a_table_is_that_of_its_nearest_point(x, y, distance_m):
+    assert Table(*LONG).distance_m(x, y) == pytest.approx(distance_m)
+
+
+def test_the_nearest_table_counts_and_of_two_the_first():
+    assert facing(2.0, 2.0, near=(1.0, 1.0, 3.0, 1.9), far=(1.0, 2.5, 3.0, 3.0)) == NORTH
+    assert facing(2.0, 2.0, south=(1.0, 1.0, 3.0, 1.9), north=(1.0, 2.1, 3.0, 3.0)) == NORTH
+    assert facing(2.0, 2.0, north=(1.0, 2.1, 3.0, 3.0), south=(1.0, 1.0, 3.0, 1.9)) == SOUTH
+
+
+def test_the_order_of_a_tables_corners_does_not_matter():
+    for table in ((3.0, 1.5, 1.0, 1.0), (3.0, 1.0, 1.0, 1.5), (1.0, 1.5, 3.0, 1.0)):
+        assert facing(2.0, 1.0, table=table) == SOUTH
+        assert facing(3.0, 1.2, table=table) == EAST
+
+
+def test_without_tables_tags_face_the_middle():
+    places = {'0': (0.0, 0.0), '1': (2.0, 6.0), '2': (1.0, 3.0), '3': (0.0, 3.0), '4': (1.0, 6.0)}
+    tag_poses = find_tag_poses(
+        Layout({tag_id: Tag(*each, ['co2']) for tag_id, each in places.items()}, {}), FAR
+    )
+    to_middle = [math.atan2(3.0, 1.0), math.atan2(-3.0, -1.0), SOUTH, EAST, SOUTH]
+    assert [tag_poses[tag_id].facing for tag_id in '01234'] == pytest.approx(to_middle)
+
+
+@pytest.mark.parametrize('edges', [(1.0, 1.0, 1.0, 2.0), (1.0, 2.0, 3.0, 2.0), (1.0, 1.0, 1.0, 1.0)])
+def test_a_table_without_an_area_is_refused(edges):
+    with pytest.raises(StartUpError, match="table 't' has no area"):
+        find_tag_poses(Layout({'7': Tag(0.0, 0.0, ['co2'])}, {'t': edges}), FAR)
+
+
+def test_the_walls_are_those_of_the_config_or_go_around_everything(monkeypatch, tmp_path):
+    shipped = find_walls(LAYOUT)
+    assert shipped in ((0.0, 0.0, 4.0, 8.0), (0.0, 0.0, 5.0, 10.0))
+    assert shipped == find_walls(LAYOUT, shipped_file('greenhouse_config.yaml'))
+    config = tmp_path / 'config.yaml'
+    config.write_text(f'{CONFIG}visualization: {{greenhouse_width_m: 3, greenhouse_height_m: 6}}')
+    assert find_walls(LAYOUT, str(config)) == (0.0, 0.0, 3.0, 6.0)
+    assert find_walls(LAYOUT, str(config), '-1, -2 5 6.5') == (-1.0, -2.0, 5.0, 6.5)
+    for section in ('', 'visualization:', 'visualization: {grid_spacing_m: 1}'):
+        config.write_text(f'{CONFIG}{section}')
+        assert find_walls(LAYOUT, str(config)) == (-1.6, -1.6, 3.6, 4.1)
+    monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
+    assert find_walls(LAYOUT) == (-1.6, -1.6, 3.6, 4.1)
+
+
+@pytest.mark.parametrize('walls', ['0 0 4 8', '[0, 0, 4, 8]', ' 0.0,0.0,4.0,8.0 ', [0, 0, 4.0, 8]])
+def test_walls_are_text_or_an_array(walls):
+    assert parse_walls(walls) == (0.0, 0.0, 4.0, 8.0)
+
+
+@pytest.mark.parametrize('walls', ['0 0 4', 'wide', '0 0 4 nan', '4 0 0 8', [0.0, 8.0, 4.0, 8.0], 7, [1, 2]])
+def test_walls_that_are_no_rectangle_are_refused(walls):
+    with pytest.raises(StartUpError) as refusal:
+        parse_walls(walls)
+    assert str(refusal.value).startswith(f'walls is {walls!r}: must be x0 y0 x1 y1 in metres')

@@ -174,16 +174,35 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
         (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
         (['--overrides', '/missing.yaml'], "approach overrides '/missing.yaml': cannot be read"),
         (['--layout-in-map', '/missing.yaml'], "'/missing.yaml': cannot be read"),
-        (['--radius', '3'], 'a robot of radius 3 m and clearance 0.01 m does not fit'),
+        *(
+            (
+                ['--walls', '0', '0', '4', '8', '--radius', radius_m],
+                f'a robot of radius {radius_m} m and {fault}',
+            )
+            for radius_m, fault in (
+                ('3', 'clearance 0.01 m does not fit between the walls, which are 4 m apart'),
+                ('1.99', 'clearance 0.01 m does not fit between the walls'),
+            )
+        ),
         (['--walls', '0', '0', '0', '8'], 'walls is [0.0, 0.0, 0.0, 8.0]: must be x0 y0 x1 y1'),
         (['--sim-config-file', '/missing.yaml'], "sim_config_file '/missing.yaml': cannot be read"),
-        (['--standoff', 'nan'], 'the standoffs are 0.3, nan and 1 m'),
-        (['--steepest-angle', '95'], 'the steepest incidence angle is 95 degrees'),
+        (['--smallest-standoff', '0.6'], 'the standoffs are 0.6, 0.5 and 1 m'),
+        (['--standoff', 'nan'], 'the standoffs are 0.3, nan and 1 m: must be above 0, and the smallest'),
+        (['--largest-standoff', 'nan'], 'the standoffs are 0.3, 0.5 and nan m'),
+        (['--angle', '90'], 'the largest incidence angle is 90 degrees: must be from 0 to below 90'),
+        (['--steepest-angle', 'nan'], 'the steepest incidence angle is nan degrees'),
+        (
+            ['--radius', '-0.1'],
+            'the radius of the robot is -0.1 m and its clearance 0.05 m: must not be below',
+        ),
+        (['--clearance', 'nan'], 'its clearance nan m: must not be below 0'),
         (
             ['--arrival-tolerance', '-1', '0'],
             'the arrival tolerances are -1 m and 0 rad: must not be below 0',
         ),
-        (['--camera-offset', '0.4'], "the camera is 0.4 m ahead of the robot's centre: must be less than"),
+        (['--arrival-tolerance', '0', 'nan'], 'the arrival tolerances are 0 m and nan rad: must not be'),
+        (['--camera-offset', '0.3'], "the camera is 0.3 m ahead of the robot's centre: must be less than"),
+        (['--camera-offset', 'nan'], 'the camera is nan m ahead'),
         (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),
         (['--start', 'inf', '0'], 'the start at (inf, 0) is not free'),
         (['--end', '0', '0'], 'the end at (0.00, 0.00) is not free: choose another'),

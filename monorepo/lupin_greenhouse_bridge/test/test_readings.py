@@ -237,16 +237,3 @@ def test_without_a_seed_the_noise_goes_on_as_the_process_started_it():
         sequences.append(noisy_sequence(debug_time_of_day=12.0))
     first, same, other = sequences
     assert first == same != other
-
-
-@pytest.mark.parametrize(
-    ('arguments', 'is_warned_of'),
-    [
-        ({'speedup_factor': 60.0, 'debug_time_of_day': 12.0}, True),
-        ({'speedup_factor': 60.0}, False),
-        ({'debug_time_of_day': 12.0}, False),
-    ],
-)
-def test_a_speedup_is_warned_of_only_when_the_clock_is_frozen(arguments, is_warned_of):
-    warnings = simulation.load(Settings(**arguments), None, None).warnings
-    assert ['speedup_factor has no effect' in line for line in warnings] == [True] * is_warned_of
