@@ -91,14 +91,6 @@ def test_each_format_has_the_same_poses(poses_of):
         assert (x, y, 2 * math.atan2(z, w)) == pytest.approx((0.0, 0.0, pose['yaw']))
 
 
-def test_a_tag_without_a_pose_is_told_and_gives_exit_code_1(poses_of):
-    exit_code, out, err = poses_of('--radius', '0.79', '--largest-standoff', '0.6', '--format', 'json')
-    reason = 'no place for a robot of radius 0.79 m within 0.6 m and 60°'
-    assert exit_code == 1
-    assert json.loads(out)['unreachable'] == [{'tag_id': each, 'reason': reason} for each in ('7', '21')]
-    assert err.splitlines() == [f"approach_poses: tag '{each}': {reason}" for each in ('7', '21')]
-
-
 def test_a_pose_with_less_room_than_the_clearance_is_warned_of(poses_of):
     exit_code, out, err = poses_of(
         '--clearance', '0.7', '--largest-standoff', '0.8', '--walls', *['0', '0', '4', '4']
@@ -218,13 +210,6 @@ def test_bad_input_is_one_line_and_exit_code_2(poses_of, words, problem):
     assert (exit_code, out) == (2, '')
     assert line.startswith('approach_poses: ')
     assert problem in line
-
-
-def test_the_picture_is_drawn(poses_of, tmp_path):
-    path = tmp_path / 'route.png'
-    exit_code, _, err = poses_of('--picture', str(path))
-    assert (exit_code, err) == (0, f'approach_poses: picture: {path}\n')
-    assert path.read_bytes().startswith(b'\x89PNG')
 
 
 def test_a_missing_matplotlib_is_one_line(poses_of, monkeypatch):

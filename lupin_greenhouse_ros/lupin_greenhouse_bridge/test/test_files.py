@@ -162,7 +162,12 @@ GOOD_TAGS = [  # changes to TAGS by path, and the served tags
     ({f'tags/{tag_id}': TAGS['tags']['7'] for tag_id in ODD_IDS}, ['7', *ODD_IDS]),
     (b'{"7":\r\n{"x": 1, "y": 1,\r\n"sensors": ["co2"]}}', ['7']),
 ]
+SENSORS = ['temperature', 'humidity', 'co2', 'light', 'soil_moisture']
+SMALL_CONFIG = 'time: {debug_mode: false, speedup_factor: 1}\nsensors:\n'
+SMALL_CONFIG += ''.join(f'  {name}: [{{}}]\n' for name in SENSORS)
 GOOD_CONFIGS = [
+    f'\ufeff{SMALL_CONFIG}'.encode(),
+    SMALL_CONFIG.replace('\n', '\r\n').encode(),
     {},
     {'time/debug_mode': True},
     {'time/debug_mode': True, 'time/debug_time_of_day': 24},
@@ -290,17 +295,6 @@ def test_a_sensor_that_the_config_lacks_is_refused_by_the_commands_too(write, tm
         assert fault in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    'wrap',
-    [lambda text: b'\xef\xbb\xbf' + text, lambda text: text.replace(b'\n', b'\r\n')],
-    ids=['BOM', 'CRLF'],
-)
-def test_a_config_of_another_editor_is_served(write, wrap):
-    path = write('sim_config_file', {})
-    path.write_bytes(wrap(path.read_bytes()))
-    assert load('sim_config_file', path).tag_ids
-
-
 def test_sensors_come_in_the_order_of_the_file_and_a_tag_without_them_is_left_out_with_a_warning(write):
     names = ['soil_moisture', 'light', 'co2', 'humidity', 'temperature']
     bare = {'x': 1, 'y': 1, 'sensors': []}
@@ -388,7 +382,6 @@ def test_a_refused_value_of_any_size_is_shown_in_little_memory(write, key, value
     assert shown in str(refusal.value)
 
 
-SENSORS = ['temperature', 'humidity', 'co2', 'light', 'soil_moisture']
 good_numbers = st.one_of(st.floats(-1e12, 1e12), st.integers(-100, 100))
 bad_values = st.one_of(st.integers(), st.floats(), st.text(max_size=3), st.none(), st.booleans(), st.just([]))
 components = st.fixed_dictionaries(

@@ -132,34 +132,28 @@ def test_json_is_one_object_per_line_and_keeps_characters_as_they_are(read, noon
     assert bad == {'tag_id': '番茄', 'status': 'UNKNOWN_TAG', **nothing}
 
 
-def test_csv_has_the_columns_of_the_recorder_and_one_header(read, noon_bridge, shipped_tags, monkeypatch):
+def test_csv_has_the_columns_of_the_recorder_and_one_header_also_in_a_file_to_which_it_is_added(
+    read, noon_bridge, shipped_tags, tmp_path, monkeypatch
+):
     monkeypatch.setattr(process, 'sleep', lambda _seconds: None)
-    ended = read('--all', '--csv', '--watch', '10', '--count', '2')
-    rows = parse_csv(ended.out.encode())
-    assert ended.code == ALL_READ
-    assert ended.out.startswith(f'{HEADER}\n')
-    values = {(tag_id, name) for tag_id in shipped_tags for name in noon_bridge.values(tag_id)}
-    assert {(row.tag_id, row.sensor) for row in rows} == values
-    assert len(rows) == 2 * len(values)
-    for row in rows:
-        assert (row.x_m, row.y_m) == (shipped_tags[row.tag_id]['x'], shipped_tags[row.tag_id]['y'])
-        assert (row.sim_time_of_day_seconds, row.source) == (43200.0, 'read_tag')
-        assert row.unit
-
-
-def test_csv_that_is_added_to_a_file_has_no_second_header_and_no_failure(read, tmp_path, monkeypatch):
     file = tmp_path / 'day.csv'
     for _ in range(2):
         with file.open('a', encoding='utf-8') as output, monkeypatch.context() as patch:
             patch.setattr(sys, 'stdout', output)
-            ended = read('99', '6', '--csv')
+            ended = read('99', *shipped_tags, '--csv', '--watch', '10', '--count', '2')
         assert ended.code == SOME_FAILED
-        assert "read_tag: UNKNOWN_TAG: Tag '99'" in ended.said
-    header, *lines = file.read_text(encoding='utf-8').splitlines()
-    assert header == HEADER
-    assert header not in lines
-    rows = parse_csv(file.read_bytes())
-    assert [row.tag_id for row in rows] == ['6'] * len(lines)
+        assert ended.said.count("read_tag: UNKNOWN_TAG: Tag '99'") == 2
+    text = file.read_text(encoding='utf-8')
+    assert text.startswith(f'{HEADER}\n')
+    assert text.count(HEADER) == 1
+    rows = parse_csv(text.encode())
+    values = {(tag_id, name) for tag_id in shipped_tags for name in noon_bridge.values(tag_id)}
+    assert {(row.tag_id, row.sensor) for row in rows} == values
+    assert len(rows) == 4 * len(values)
+    for row in rows:
+        assert (row.x_m, row.y_m) == (shipped_tags[row.tag_id]['x'], shipped_tags[row.tag_id]['y'])
+        assert (row.sim_time_of_day_seconds, row.source) == (43200.0, 'read_tag')
+        assert row.unit
 
 
 BAD_READINGS = {
