@@ -171,6 +171,7 @@ def test_ready_moves_with_main_only(repository, remote, publish):
     assert git(remote, 'rev-parse', 'main~1').strip() == first['refs/heads/main']
     assert 'COLCON_IGNORE' not in git(remote, 'ls-tree', '--name-only', 'ready')
     assert git(remote, 'show', 'ready:README.md').endswith('More.\n')
+    assert publish() == (0, 'nothing to publish\n')
 
 
 @pytest.mark.parametrize(
