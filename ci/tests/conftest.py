@@ -24,15 +24,16 @@ def run(
     *command: object, cwd: Path = ROOT, env: dict | None = None, **options
 ) -> subprocess.CompletedProcess:
     """Run a command; the result has its exit code and its output as text."""
-    return subprocess.run(
-        [str(word) for word in command],
-        cwd=cwd,
-        env=env,
-        capture_output=True,
-        text=True,
-        check=False,
-        **options,
-    )
+    words = [str(word) for word in command]
+    return subprocess.run(words, cwd=cwd, env=env, capture_output=True, text=True, check=False, **options)
+
+
+def start(*command: str, cwd: Path = ROOT, **variables: str) -> subprocess.Popen:
+    """Start a command of a user in a session of its own, with pipes for its input and for all its output."""
+    return subprocess.Popen(
+        command, cwd=cwd, env=of_a_user(**variables), text=True, start_new_session=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
 
 
 def succeed(*command: object, **options) -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import kill_tree
 import pytest
-from conftest import ROOT, of_a_user
+from conftest import start
 
 PATIENCE_SECONDS = 60.0
 # Background jobs: plain, under timeout, in a session of its own, deaf to SIGTERM, orphaned.
@@ -36,19 +36,6 @@ def marked(mark: str) -> dict[int, str]:
     return found
 
 
-def start(command, mark):
-    """Start a command as a terminal does, in a process group of its own."""
-    return subprocess.Popen(
-        command,
-        cwd=ROOT,
-        env=of_a_user(LUPIN_TEST_MARK=mark),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-    )
-
-
 @pytest.fixture
 def mark():
     """Return a word for the environment of what a test starts, and kill what is left of it."""
@@ -61,7 +48,7 @@ def mark():
 
 def start_stubborn(mark, *container) -> subprocess.Popen:
     """Start the background jobs, and wait until each is what it becomes."""
-    process = start([*container, 'bash', '-c', STUBBORN], mark)
+    process = start(*container, 'bash', '-c', STUBBORN, LUPIN_TEST_MARK=mark)
     assert process.stdout.readline() == 'started\n'
     deadline = time.monotonic() + PATIENCE_SECONDS
     while [line[:5] for line in marked(mark).values()].count('sleep') < 5:
@@ -88,7 +75,8 @@ def test_without_it_descendants_survive(mark):
 
 @pytest.mark.parametrize(('script', 'code'), [('exit 0', 0), ('exit 7', 7), ('kill -9 $$', 137)])
 def test_the_exit_code_is_that_of_the_command_and_nothing_is_left(mark, script, code):
-    process = start([sys.executable, kill_tree.__file__, 'bash', '-c', f'setsid sleep 600 & {script}'], mark)
+    command = (sys.executable, kill_tree.__file__, 'bash', '-c', f'setsid sleep 600 & {script}')
+    process = start(*command, LUPIN_TEST_MARK=mark)
     assert process.wait(PATIENCE_SECONDS) == code
     assert not marked(mark)
 
@@ -96,7 +84,7 @@ def test_the_exit_code_is_that_of_the_command_and_nothing_is_left(mark, script, 
 @pytest.mark.heavy
 @pytest.mark.parametrize('target', ['test', 'soak'])
 def test_ctrl_c_on_make_ends_all_that_it_started(mark, target):
-    process = start(['make', target], mark)
+    process = start('make', target, LUPIN_TEST_MARK=mark)
     deadline = time.monotonic() + 5 * PATIENCE_SECONDS
     while not any('--ros-args' in line for line in marked(mark).values()):  # a node
         assert process.poll() is None, process.stdout.read()

@@ -4,13 +4,12 @@ import contextlib
 import json
 import os
 import re
-import subprocess
 from pathlib import Path
 
 import docs_check
 import domain_coordinator
 import pytest
-from conftest import ROOT, of_a_user, succeed
+from conftest import ROOT, of_a_user, start, succeed
 from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS
 
@@ -24,16 +23,7 @@ class Shell:
 
     def __init__(self, folder: Path):
         """Open it in a folder."""
-        self._bash = subprocess.Popen(
-            ['bash', '-e'],
-            cwd=folder,
-            env=of_a_user(ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST'),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-        )
+        self._bash = start('bash', '-e', cwd=folder, ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
         # On a busy machine the bridge may be found late.
         self.paste(f'read_tag() {{ command read_tag --timeout {PATIENCE_SECONDS} "$@"; }}')
 
