@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from lupin_greenhouse_bridge.display.drawing_command import read_route
+from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
 from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import find_walls
@@ -289,16 +290,9 @@ def test_a_reading_of_the_report_that_was_not_recorded_is_said(tmp_path, capfd, 
     """The recorder of this run keeps nothing."""
     report = tmp_path / 'output/now.jsonl'
     monkeypatch.setattr(inspection, 'new_report', lambda _options: report)
-    observation = {
-        'tag_id': '7',
-        'outcome': 'OK',
-        'detail': '',
-        'attempts': 1,
-        'stamp': {'sec': 1795190000, 'nanosec': 0},
-        'sim_time_of_day_seconds': 0.0,
-        'readings': {'co2': 400.0, 'humidity': 0.5},
-    }
-    (tmp_path / 'report.jsonl').write_text(json.dumps(observation) + '\n', encoding='utf-8')
+    reading = Reading('7', (1795190000, 0), 0.0, {'co2': 400.0, 'humidity': 0.5})
+    line = Observation('7', Outcome.OK, '', 1, reading).to_line()
+    (tmp_path / 'report.jsonl').write_text(f'{line}\n', encoding='utf-8')
     stand_in('mission_orchestrator', f'cp {tmp_path}/report.jsonl {report}')
     for name in ('bridge_node', 'record_readings'):
         stand_in(name, 'exec sleep 600')
