@@ -21,7 +21,7 @@ from lupin_greenhouse_bridge.planning.tag_poses import (
     PLATE_WIDTH_M,
     SOUTH,
     WEST,
-    Table,
+    distances_m,
     find_tag_poses,
     tables_of,
 )
@@ -66,7 +66,7 @@ def gap_m(layout: Layout, x: float, y: float, walls: Walls | None = None) -> flo
     """Return the distance of a point to the nearest table, plate or wall; below 0 outside the walls."""
     walls = walls or walls_around(layout)
     gaps = [x - walls.x0, y - walls.y0, walls.x1 - x, walls.y1 - y]
-    gaps += [each.distance_m(x, y) for each in tables_of(layout)]
+    gaps += [distances_m(np.array([each]), (x, y)).item() for each in tables_of(layout)]
     middles, along = plates_of(
         tuple(tag[:2] for tag in layout.tags.values()), tuple(layout.tables.items()), walls
     )
@@ -115,7 +115,7 @@ def is_hidden(layout: Layout, tag_id: str, pose: ApproachPose, camera_offset_m: 
     tag_poses = find_tag_poses(layout, walls_around(layout))
     tag, tables = tag_poses.pop(tag_id), tables_of(layout)
     if tables:
-        tables.remove(min(tables, key=lambda each: each.distance_m(tag.x, tag.y)))
+        del tables[int(distances_m(np.array(tables), tag[:2]).argmin())]
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     eye = pose.x + camera_offset_m * cos, pose.y + camera_offset_m * sin
     return any(
@@ -679,18 +679,10 @@ def test_on_a_corner_a_tag_faces_the_side_where_the_next_table_or_wall_is_farthe
     assert facing(3.0, 1.5, Walls(0.0, 0.0, 3.8, 2.4)) == NORTH
 
 
-@pytest.mark.parametrize(
-    ('x', 'y', 'distance_m'),
-    [
-        (2.0, 1.2, 0.0),
-        (0.4, 1.2, 0.6),
-        (2.0, 1.9, 0.4),
-        (0.7, 0.6, 0.5),
-        (3.3, 1.9, 0.5),
-    ],
-)
-def test_the_distance_of_a_table_is_that_of_its_nearest_point(x, y, distance_m):
-    assert Table(*LONG).distance_m(x, y) == pytest.approx(distance_m)
+def test_the_distance_of_a_table_is_that_of_its_nearest_point():
+    points = np.array([(2.0, 1.2), (0.4, 1.2), (2.0, 1.9), (0.7, 0.6), (3.3, 1.9)])
+    found_m = distances_m(np.array([LONG]), points[:, None])[:, 0]
+    assert found_m.tolist() == pytest.approx([0.0, 0.6, 0.4, 0.5, 0.5])
 
 
 def test_the_nearest_table_counts_and_of_two_the_first():

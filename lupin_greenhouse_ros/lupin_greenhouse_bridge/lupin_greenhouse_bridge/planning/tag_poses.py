@@ -28,10 +28,6 @@ class Table(NamedTuple):
     x1: float
     y1: float
 
-    def distance_m(self, x: float, y: float) -> float:
-        """Return the distance of a point; 0.0 inside."""
-        return float(distances_m(np.array([self]), (x, y))[0])
-
     def nearest_edges(self, x: float, y: float) -> list[float]:
         """Return the outward directions of the nearest edges, as angles to the x axis; two on a corner."""
         inside_x, inside_y = min(max(x, self.x0), self.x1), min(max(y, self.y0), self.y1)
@@ -108,7 +104,7 @@ def find_tag_poses(layout: Layout, walls: Walls) -> dict[str, TagPose]:
 
 
 def distances_m(tables: np.ndarray, points: ArrayLike) -> np.ndarray:
-    """Return the distance of each table (tables, 4) to a point (2), or to each of (points, 1, 2)."""
+    """Return the distance of each table (tables, 4) to a point (2), or to each of (points, 1, 2); 0 in it."""
     beside = np.maximum(tables[:, :2] - points, points - tables[:, 2:]).clip(0.0)
     return np.asarray(np.hypot(beside[..., 0], beside[..., 1]))
 

@@ -202,7 +202,7 @@ class _Search:
 
     def alternatives(self, tag_id: str, best: ApproachPose, region: int, most: int) -> list[ApproachPose]:
         """Return at most so many other poses of a tag in a region, the best first."""
-        if self._overrides[tag_id].yaw is not None:
+        if not most or self._overrides[tag_id].yaw is not None:
             return []
         poses, found = self._candidates(tag_id), [best]
         while len(found) <= most:

@@ -257,8 +257,9 @@ def _parser() -> argparse.ArgumentParser:
         description='Print the pose from which a robot sees each tag, in the order of visits.',
     )
     add = parser.add_argument
-    shipped = "the bridge's tag_file; default: the one of mdp-greenhouse"
-    add('--tag-file', default='', metavar='FILE', help=shipped)
+    file: dict[str, Any] = {'metavar': 'FILE'}
+    place: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
+    add('--tag-file', **file, default='', help="the bridge's tag_file; default: the one of mdp-greenhouse")
     add_wall_options(parser)
     for name, (option, what) in LIMITS.items():
         value, unit = getattr(default, name), 'M'
@@ -266,44 +267,39 @@ def _parser() -> argparse.ArgumentParser:
             value, unit = math.degrees(value), 'DEGREES'
         shown = f'{what} (default: %(default)g)'
         add(option, dest=name, type=float, default=value, metavar=unit, help=shown)
-    tolerances = default.arrival_tolerance_m, default.arrival_tolerance_rad
-    place: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
-    file: dict[str, Any] = {'metavar': 'FILE'}
-    for option, settings, what in (
-        (
-            '--arrival-tolerance',
-            place | {'default': tolerances, 'metavar': ('M', 'RADIANS')},
-            "how far from its pose the robot may stop, in position and in yaw, like Nav2's xy_goal_tolerance"
-            ' and yaw_goal_tolerance (default: 0.06 0.15)',
-        ),
-        (
-            '--order',
-            {'choices': ORDERS, 'default': 'shortest'},
-            'order of the visits: given (as in the tag file), numeric (by tag id), or shortest (the shortest'
-            ' route found) (default: %(default)s)',
-        ),
-        ('--start', place, 'where the robot starts: x and y in metres, in the layout'),
-        ('--end', place, 'where the route ends, such as at a dock: x and y in metres, in the layout'),
-        ('--overrides', file, 'YAML file of poses that are set by hand'),
-        ('--layout-in-map', file, 'file that register_layout has written: print the poses in the map'),
-        (
-            '--map',
-            file,
-            "YAML file of the robot's map, in the format of Nav2's map_server: each pose keeps its clearance"
-            ' from the obstacles in this map too',
-        ),
-        (
-            '--unknown',
-            {'choices': ('occupied', 'free'), 'default': 'occupied'},
-            'what the unknown cells of the map count as (default: %(default)s)',
-        ),
-        (
-            '--format',
-            {'choices': FORMATS, 'default': 'table'},
-            'format of the output (default: %(default)s)',
-        ),
-        ('--picture', file | {'type': Path}, 'draw the layout, the poses and the route'),
-    ):
-        add(option, help=what, **settings)
+    add(
+        '--arrival-tolerance',
+        type=float,
+        nargs=2,
+        metavar=('M', 'RADIANS'),
+        default=(default.arrival_tolerance_m, default.arrival_tolerance_rad),
+        help="how far from its pose the robot may stop, in position and in yaw, like Nav2's xy_goal_tolerance"
+        ' and yaw_goal_tolerance (default: 0.06 0.15)',
+    )
+    add(
+        '--order',
+        choices=ORDERS,
+        default='shortest',
+        help='order of the visits: given (as in the tag file), numeric (by tag id), or shortest (the shortest'
+        ' route found) (default: %(default)s)',
+    )
+    add('--start', **place, help='where the robot starts: x and y in metres, in the layout')
+    add('--end', **place, help='where the route ends, such as at a dock: x and y in metres, in the layout')
+    add('--overrides', **file, help='YAML file of poses that are set by hand')
+    add('--layout-in-map', **file, help='file that register_layout has written: print the poses in the map')
+    add(
+        '--map',
+        **file,
+        help="YAML file of the robot's map, in the format of Nav2's map_server: each pose keeps its clearance"
+        ' from the obstacles in this map too',
+    )
+    add(
+        '--unknown',
+        choices=('occupied', 'free'),
+        default='occupied',
+        help='what the unknown cells of the map count as (default: %(default)s)',
+    )
+    add('--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)')
+    add('--picture', **file, type=Path, help='draw the layout, the poses and the route')
     add('--publish', action='store_true', help='publish the poses on topic ~/poses for RViz, until Ctrl-C')
     return parser

@@ -20,7 +20,11 @@ from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml
 # Cells from 0 to 100 %, as map_saver of Nav2 takes them; what is between is unknown.
 FREE_PERCENT, OCCUPIED_PERCENT = 25, 65
 MODES = ('trinary', 'scale', 'raw')
-FLAGS = dict.fromkeys(('true', 'yes', 'on', 'y'), True) | dict.fromkeys(('false', 'no', 'off', 'n'), False)
+FLAGS = (
+    {'0': False, '1': True}
+    | dict.fromkeys(('true', 'yes', 'on', 'y'), True)
+    | dict.fromkeys(('false', 'no', 'off', 'n'), False)
+)
 DEFAULTS = {'negate': '0', 'occupied_thresh': 0.65, 'free_thresh': 0.25, 'mode': 'trinary'}
 NO_COLUMN = 2**30  # where no cell of a row is taken
 
@@ -168,16 +172,14 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap
     for key in ('resolution', 'occupied_thresh', 'free_thresh'):
         data[key] = _number_in(data.get(key))
     negate = _number_in(data['negate'])
-    # map_server takes each whole number as a flag, and the words of yaml-cpp.
-    values = {
-        'mode': {mode: mode for mode in MODES}.get(str(data['mode']).lower()),
-        'negate': negate != 0 if isinstance(negate, int) else FLAGS.get(str(negate).lower()),
-    }
-    for key, allowed in (('mode', MODES), ('negate', ('0', '1', *FLAGS))):
-        if values[key] is None:
+    if isinstance(negate, int):  # map_server takes each whole number as a flag
+        data['negate'] = str(negate != 0)
+    for key, allowed in (('mode', MODES), ('negate', FLAGS)):
+        word = str(data[key]).lower()
+        if word not in allowed:
             shown = escaped(repr(data[key]), 60)
             raise StartUpError(f'{where}: {key} is {shown}: must be one of {", ".join(allowed)}')
-    data |= values
+        data[key] = word
     resolution_m = number(data, 'resolution', where, 'metres per cell', smallest=1e-4)
     if not isinstance(data.get('origin'), list) or len(data['origin']) != 3:
         raise StartUpError(f'{where}: origin is missing or not a list of three: must be [x, y, yaw]')
@@ -233,7 +235,7 @@ def _cells(shade: np.ndarray, opacity: np.ndarray | None, data: dict[str, Any]) 
         return np.where(values <= 100.0, values, -1)
     if opacity is not None and data['mode'] == 'trinary':
         shade = (3.0 * shade + opacity) / 4.0  # a mean of all four channels
-    occupied = shade if data['negate'] else 1.0 - shade
+    occupied = shade if FLAGS[data['negate']] else 1.0 - shade
     low, high = data['free_thresh'], data['occupied_thresh']
     between = -1 if data['mode'] == 'trinary' else np.rint(100.0 * (occupied - low) / (high - low))
     cells = np.select([occupied > high, occupied < low], [100, 0], between)

@@ -39,6 +39,14 @@ EPILOG = (
     ' farthest from the others must be within the tolerance too.'
     ' Exit code: 0 written, 1 the layout does not fit the map, 2 usage.'
 )
+TOLERANCE = (
+    'largest residual in metres that a tag may have without being left out, and largest expected error in'
+    ' metres'
+)
+CLICK_ERROR = (
+    'assumed standard deviation of a position along each axis in metres; if the residuals show a larger one,'
+    ' that one counts'
+)
 CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
 
 
@@ -224,24 +232,11 @@ def _parser() -> argparse.ArgumentParser:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of layout_of() and register()."""
     add = parser.add_argument
-    add(
-        '-o',
-        '--output',
-        default='layout_in_map.yaml',
-        metavar='FILE',
-        help='file to write; default: %(default)s',
-    )
+    output = 'file to write; default: %(default)s'
+    add('-o', '--output', default='layout_in_map.yaml', metavar='FILE', help=output)
     add('--tag-file', default='', metavar='FILE', help="the bridge's tag_file; default: the shipped one")
     for option, default, what in (
-        (
-            *('--tolerance', DEFAULT_TOLERANCE_M),
-            'largest residual in metres that a tag may have without being left out, and largest expected'
-            ' error in metres',
-        ),
-        (
-            *('--click-error', DEFAULT_CLICK_ERROR_M),
-            'assumed standard deviation of a position along each axis in metres; if the residuals show a'
-            ' larger one, that one counts',
-        ),
+        ('--tolerance', DEFAULT_TOLERANCE_M, TOLERANCE),
+        ('--click-error', DEFAULT_CLICK_ERROR_M, CLICK_ERROR),
     ):
         add(option, type=float, metavar='M', default=default, help=f'{what}; default: %(default)s')
