@@ -26,7 +26,7 @@ FLAGS = (
     | dict.fromkeys(('true', 'yes', 'on', 'y'), True)
     | dict.fromkeys(('false', 'no', 'off', 'n'), False)
 )
-DEFAULTS = {'negate': '0', 'occupied_thresh': 0.65, 'free_thresh': 0.25, 'mode': 'trinary'}
+DEFAULTS = {'negate': '0', 'occupied_thresh': '0.65', 'free_thresh': '0.25', 'mode': 'trinary'}
 NO_COLUMN = 2**30  # where no cell of a row is taken
 
 

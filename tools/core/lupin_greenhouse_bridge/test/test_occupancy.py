@@ -297,6 +297,13 @@ def test_a_value_is_read_as_yaml_cpp_reads_it(write_map, line, instead):
     assert found.resolution_m == usual.resolution_m == 1.0
 
 
+def test_the_thresholds_of_a_map_have_defaults(write_map):
+    path = write_map(GREY, free_thresh=0.25)
+    usual = read_map(path)
+    path.write_text('image: map.pgm\nresolution: 1\norigin: [0, 0, 0]\n', encoding='utf-8')
+    assert percents(read_map(path)) == percents(usual)
+
+
 @pytest.mark.parametrize(
     ('values', 'fault'),
     [
