@@ -12,7 +12,8 @@ from lupin_greenhouse_bridge.planning.walls import Walls
 
 ARROW_EVERY_M, ARROW_M = 0.8, 0.22
 PATH_WIDTH_M = 0.1  # that a label leaves to a path
-FAR_COST = 0.15  # of a label at the double distance from its dot: a share of its area
+# Of a label at the double distance from its dot, and of one nearer to another dot: shares of its area.
+FAR_COST, NEARER_COST = 0.15, 0.05
 END_M = 0.24  # the mark at an end of a path
 Point = tuple[float, float]
 
@@ -65,12 +66,12 @@ def place_labels(
         around = np.array([Box(dot.x, dot.y, 4 * aside + width, 4 * above + height)])
         near = taken[:count][_overlaps(around, taken[:count])[0] > 0.0]
         costs = _overlaps(boxes, near).sum(axis=1)
-        others = labelled[_overlaps(around, labelled)[0] > 0.0]
-        distances_m, to_dot_m = (
-            np.hypot(*(boxes[:, None] - each)[..., :2].T) for each in (others, np.array([dot]))
-        )
-        costs[(distances_m < to_dot_m - 1e-9).any(axis=0)] += width * height
         if dot.width:
+            others = labelled[_overlaps(around, labelled)[0] > 0.0]
+            distances_m, to_dot_m = (
+                np.hypot(*(boxes[:, None] - each)[..., :2].T) for each in (others, np.array([dot]))
+            )
+            costs[(distances_m < to_dot_m - 1e-9).any(axis=0)] += NEARER_COST * width * height
             costs[len(tries) // 2 :] += FAR_COST * width * height
         if bounds:
             costs += width * height - _overlaps(boxes, np.array([bounds]))[:, 0]
