@@ -3,10 +3,8 @@
 import errno
 import os
 import subprocess
-import time
 
 import pytest
-import rclpy
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.errors import pluralized
@@ -20,13 +18,13 @@ from lupin_greenhouse_bridge.testing._helpers import (
 )
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from lupin_mission import mission_orchestrator, tags
-from lupin_mission.mission import State
-from lupin_mission.visit import Service
+from lupin_mission.settings import Settings
+from lupin_mission.transport import Transport
+from lupin_mission.visit import Request, Service
 from lupin_msgs.msg import Observation
 from lupin_msgs.srv import GetTagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, observations_in
 from rcl_interfaces.msg import ParameterValue
-from rclpy.executors import SingleThreadedExecutor
 
 OK = Outcome.OK
 OF_OTHER_MISSIONS = (
@@ -244,50 +242,34 @@ def test_a_mission_without_a_failure_logs_no_warning(start_mission, reader, conf
     assert line.endswith('without effect in this node: ' + ', '.join(sorted(unused)))
 
 
-@pytest.fixture
-def mission_and_executor(settings):
-    """Return the node of a mission to tag 1, and an executor for it that the test spins."""
-    parameters = {**settings, **READER, 'tag_sequence': '"1"'}
-    rclpy.init(args=['--ros-args', *overrides(parameters)])
-    node = mission_orchestrator.MissionNode()
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    while not node.mission:
-        executor.spin_once(timeout_sec=PATIENCE_SECONDS)
-    yield node, executor
-    node.destroy_node()
-    rclpy.shutdown()
-
-
-def test_a_request_that_waits_for_its_service_is_not_sent_in_a_pause(mission_and_executor, held_service):
-    node, executor = mission_and_executor
-    node.mission.pause()
+def test_a_request_that_waits_for_its_service_is_not_sent_in_a_pause(
+    start_waiting_mission, held_service, node
+):
+    mission, operator = start_waiting_mission(**READER, tag_sequence='1')
+    operator.start()
+    assert operator.trigger('pause')
     reader = held_service(GetTagReading, READER['bridge_service_name'])
-    clients = node._transport._clients
-    wait_until(clients[Service.READ].service_is_ready)
-    node._step()
-    assert node._transport._future is None
-    node.mission.resume()
-    node._step()
-    assert reader.wait_for_request() == '1'
-    reader.answer_ok('1', co2=1.0)
-    while node.mission.state is not State.DONE:
-        executor.spin_once(timeout_sec=PATIENCE_SECONDS)
-    assert node.mission.outcomes == {'1': OK}
-    # They keep as many replies to others as the bridge sends.
-    assert [each.qos_profile for each in clients.values()] == [SERVICE_QOS] * len(Service)
+    wait_until(lambda: has_found_a_client(node, reader.name))
+    for _ in range(3):  # the mission's steps are more frequent
+        operator.wait_for()
+    assert reader.tag_ids == []
+    assert operator.trigger('resume')
+    reader.answer_ok(reader.wait_for_request(), co2=1.0)
+    operator.wait_for(lifecycle_state='DONE', targets_completed=1)
+    assert mission.stop() == 0
 
 
 @pytest.mark.usefixtures('reader')
-@pytest.mark.filterwarnings('ignore:failed to send response')  # the node is gone before the reply
-def test_a_request_that_is_given_up_is_not_kept(mission_and_executor):
-    node, executor = mission_and_executor
-    while not node._transport._future:
-        executor.spin_once(timeout_sec=PATIENCE_SECONDS)
-    given_up, client = node._transport._future, node._transport._clients[Service.READ]
-    assert given_up in pending_requests(client)
-    node.mission.step(time.monotonic() + HOUR)
-    assert given_up not in pending_requests(client)  # rclpy would keep it for ever
+def test_a_request_that_is_given_up_is_not_kept(node):
+    transport = Transport(node, Settings(drive='simulated', **READER))
+    wait_until(lambda: transport.is_available(Service.READ))
+    request = Request(Service.READ, '1', 0.0)
+    transport.send(request, lambda _response: None)
+    client = transport._clients[Service.READ]
+    assert len(pending_requests(client)) == 1
+    assert transport.abandon(request) is Outcome.TIMEOUT
+    assert not pending_requests(client)  # rclpy would keep it for ever
+    assert client.qos_profile == SERVICE_QOS  # it keeps as many replies to others as the bridge sends
 
 
 def test_an_error_in_the_middle_of_the_start_is_one_line(start_mission, monkeypatch):

@@ -78,14 +78,6 @@ def test_it_waits_until_enough_tags_are_discovered(node, publish, register):
     assert '4 of 4 tags fit within 0.1 m.' in out
 
 
-def test_tags_that_do_not_fit_are_refused(publish, register, tmp_path):
-    publish(['1', '7'], off=['7'])
-    code, out, err = register('--tags', '2')
-    assert (code, out) == (1, '')
-    assert 'register_discovered_tags: the layout does not fit the map' in err
-    assert not (tmp_path / 'layout.yaml').exists()
-
-
 @pytest.mark.parametrize('count', ['1', '1000'])
 def test_a_count_that_no_layout_can_fit_is_refused(register, count):
     code, _, err = register('--tags', count)
