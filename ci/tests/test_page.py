@@ -250,6 +250,15 @@ def test_the_table_sorts_by_a_column_with_failures_first(report, open_page):
     assert 'read' not in page.evaluate("document.querySelector('table').innerText").split()
 
 
+@pytest.mark.parametrize(('most', 'is_shown'), [(2, False), (3, True)])
+def test_the_attempts_are_shown_if_a_tag_needed_more_than_others(report, open_page, most, is_shown):
+    text = report.read_text(encoding='utf-8').replace('"attempts": 1', f'"attempts": {most}', 1)
+    report.write_text(text.replace('"attempts": 1', '"attempts": 2'), encoding='utf-8')
+    page = open_page(report)
+    assert ('attempts' in page.evaluate("document.querySelector('thead').textContent")) == is_shown
+    assert any(' attempts' in name for name in page.evaluate(NAMES)) == is_shown
+
+
 def test_one_word_for_all_failures_is_in_the_key_and_not_at_each_tag(report, open_page):
     page = open_page(report)
     key = "document.getElementById('scale').textContent"

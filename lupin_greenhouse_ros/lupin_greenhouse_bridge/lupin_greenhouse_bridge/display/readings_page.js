@@ -295,7 +295,7 @@ const facts_of = tag => [
   `tag ${tag.id}: ${tag.outcome}${tag.reason ? ` (${tag.reason})` : ''}`,
   ...tag.values.map((value, n) => value === null ? '' : `${data.sensors[n].name} ${with_unit(data.sensors[n], value)}`),
   tag.stamp_ms === null ? '' : `${clock(tag.stamp_ms)} (greenhouse ${day_time(tag.time_of_day)})`,
-  tag.attempts > 1 ? `${tag.attempts} attempts` : '',
+  tag.attempts > data.fewest_attempts ? `${tag.attempts} attempts` : '',
 ].filter(Boolean);
 
 // What a column shows, and by what it sorts. A failed tag has its reason in place of the numbers.
@@ -310,7 +310,8 @@ const columns = [
     text: ms => is_over_days ? `${date(ms)} ${clock(ms)}` : clock(ms),
   },
   { name: 'greenhouse', unit: 'time of day', key: tag => tag.time_of_day, text: day_time },
-  ...data.tags.some(tag => tag.attempts > 1) ? [{ name: 'attempts', key: tag => tag.attempts, text: String }] : [],
+  ...data.tags.some(tag => tag.attempts > data.fewest_attempts)
+    ? [{ name: 'attempts', key: tag => tag.attempts, text: String }] : [],
 ];
 
 function write_table() {

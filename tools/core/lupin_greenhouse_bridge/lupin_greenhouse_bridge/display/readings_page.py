@@ -131,6 +131,7 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
     lines = lines_of(rows, {tag_id: number for number, tag_id in enumerate(tags)}, sensors)
     points = [*(tag[:2] for tag in layout.tags.values()), *route]
     boxes = np.array([walls, *layout.tables.values(), *(point * 2 for point in points)])
+    read_tags = [tag for tag in all_tags.values() if tag['outcome'] == 'read']
     notes = []
     if len(all_tags) > MOST_TAGS:
         notes.append(f'The map, the table and the charts show {MOST_TAGS:,} of {len(all_tags):,} tags.')
@@ -162,6 +163,7 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
         'tables': list(layout.tables.values()),
         'view': [*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0)],
         'notes': notes,
+        'fewest_attempts': min((tag['attempts'] or 0 for tag in read_tags), default=1),
         **_route_data(route, walls),
     }
 
