@@ -259,6 +259,17 @@ def test_the_attempts_are_shown_if_a_tag_needed_more_than_others(report, open_pa
     assert any(' attempts' in name for name in page.evaluate(NAMES)) == is_shown
 
 
+@pytest.mark.parametrize('height', [720, 1080])
+def test_the_whole_table_stands_beside_the_map(report, open_page, height):
+    """With its widest columns, and with its last row in no inner scroll box."""
+    report.write_text(report.read_text(encoding='utf-8').replace('"attempts": 1', '"attempts": 2', 9))
+    page = open_page(report, width=1280, height=height)
+    top = "document.querySelector('{}').getBoundingClientRect().top"
+    assert page.evaluate(top.format('#table')) == page.evaluate(top.format('.maps'))
+    scroll = "document.querySelector('.scroll')"
+    assert page.evaluate(f'{scroll}.scrollHeight - {scroll}.clientHeight') == 0
+
+
 def test_one_word_for_all_failures_is_in_the_key_and_not_at_each_tag(report, open_page):
     page = open_page(report)
     key = "document.getElementById('scale').textContent"
