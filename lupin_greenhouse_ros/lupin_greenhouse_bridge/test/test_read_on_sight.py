@@ -56,6 +56,15 @@ def asked(sightings, now, *seen) -> list[str]:
     return tag_ids
 
 
+def test_a_tag_is_asked_for_once_per_cooldown(sightings):
+    assert asked(sightings, 0.0, '7', '7') == ['7']
+    assert asked(sightings, 0.2, '7') == []
+    sightings.answered('7', 1.0)
+    for now, expected in ((10.9, []), (11.0, ['7'])):
+        sightings.forget(now)
+        assert asked(sightings, now, '7') == expected
+
+
 def test_few_requests_are_under_way_at_a_time_and_every_tag_has_its_turn(sightings):
     tag_ids, done = [str(number) for number in range(30)], []
     while len(done) < len(tag_ids):
