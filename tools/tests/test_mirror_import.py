@@ -66,6 +66,8 @@ def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositor
     monorepo, mirror = repositories
     add_hook(monorepo, 'pre-commit', 'python tools/generate.py --check | grep "are what the core"')
     more = f'{PACKAGE}/test/new/folder/test_more.py'
+    edit(monorepo / '.gitignore', '', 'test_more.py\n')  # which the mirror does not ignore
+    commit(monorepo)
     edits = [
         NEW_TITLE,
         LOG_MORE,
