@@ -58,7 +58,7 @@ def save(drawing: Any, path: Path, fingerprint: str) -> None:
         picture = io.BytesIO()
         drawing.savefig(picture, dpi=110)
         pyplot.close(drawing)
-        drawing = Image.open(picture).convert('RGB').quantize(256, Image.Quantize.MAXCOVERAGE)
+        drawing = Image.open(picture).convert('RGB').quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=2)
     metadata = PngImagePlugin.PngInfo()
     metadata.add_text('Description', fingerprint)
     drawing.save(path, pnginfo=metadata)
@@ -117,7 +117,7 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
         axes.set_title(f'{label_of(name)}, {extremes_of(curve, hours)}{noise}', loc='left', fontsize=9)
         axes.grid(alpha=0.3)
     all_axes[-1].set(xlabel='greenhouse time of day (h)', xlim=(0, 24), xticks=range(0, 25, 3))
-    figure.suptitle(f'a day at tag {tag_id} in the simulator\nnot measured: made by a formula', fontsize=11)
+    figure.suptitle(f'A day at tag {tag_id} in the simulator\nnot measured: made by a formula', fontsize=11)
     figure.legend(handles=[line, band], loc='outside lower center', ncols=2, frameon=False, fontsize=9)
     return figure
 

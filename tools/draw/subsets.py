@@ -2,6 +2,7 @@
 
 import argparse
 import itertools
+import random
 import textwrap
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
@@ -27,12 +28,14 @@ SUBSET_COLOURS = (
     *('#8900ff', '#002700', '#b1ffb1', '#4e144e', '#270089', '#89ffff'),
 )
 OTHER, FIELD_END = '0.5', '0.6'
+TABLE = '#b5936b'  # no shade of the field, in either scheme
 INKED = ('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color', 'patch.edgecolor')
 SCHEMES: dict[str, dict[Any, Any]] = {
     name: dict.fromkeys(INKED, ink) | {'figure.facecolor': paper, 'axes.facecolor': paper}
     for name, ink, paper in (('light', '#1f2328', 'white'), ('dark', '#e6edf3', '#0d1117'))
 }
 FIELD_STEPS = 100
+README_SEED = 42  # whose values the README shows
 PART_M, PART_POINTS = 4.0, 16.0  # its size, and that of its texts: 11 px on a phone 328 px wide
 
 
@@ -68,11 +71,9 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     }
     if rest := sum(counts[each] for each, colour in colour_of.items() if colour == OTHER):
         key[f'other subsets: {pluralized(rest, "tag")}'] = OTHER
-    write_key(figure, key, title=f'{len(colour_of)} subsets of sensors', loc='outside right upper')
-    names = [f'{letter}  {name.replace("_", " ")}' for name, letter in greenhouse.letters.items()]
-    place: dict[str, Any] = {'loc': 'outside right lower', 'frameon': False, 'handlelength': 0.0}
-    figure.legend([Line2D([], [])] * len(names), names, title='sensors', **place)
-    title = f'{pluralized(len(layout.tags), "tag")} in the colours of their sensors; tables are outlined'
+    letters = '\n'.join(names_of_letters(greenhouse))
+    write_key(figure, key, f'{letters}\n\n{len(colour_of)} subsets of sensors')
+    title = f'{pluralized(len(layout.tags), "tag")} in the colours of their sensors; tables are brown'
     axes.set_title(title, fontsize=11)
     return figure
 
@@ -86,7 +87,7 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     x, y = (min(max(at - side_m / 2, low), high - side_m) for at, low, high in ends)
     part = Walls(x, y, x + side_m, y + side_m)
     pyplot.rcParams['font.size'] = pyplot.rcParams['figure.titlesize'] = PART_POINTS  # until the scheme ends
-    figure = pyplot.figure(figsize=(6.4, 8.8), layout='constrained')
+    figure = pyplot.figure(figsize=(6.4, 8.2), layout='constrained')
     axes = figure.add_subplot()
     draw_field(axes, greenhouse, options, part, bands=4)
     axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
@@ -94,35 +95,40 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     seen = [tag_id for tag_id, tag in tags.items() if part.has_inside(*tag[:2])]
     taken = draw_reading(axes, greenhouse, read_id, options.hour, size)
     draw_tags(axes, greenhouse, seen, size, PART_POINTS, taken)
-    names = '  '.join(f'{letter} {name.replace("_", " ")}' for name, letter in greenhouse.letters.items())
-    shown = {greenhouse.subset_of[each] for each in seen}
-    colour_of = colours_of(greenhouse.subset_of.values())
-    key = {each: colour for each, colour in colour_of.items() if each in shown and colour != OTHER}
-    place = {'loc': 'outside lower center', 'ncols': 5, 'columnspacing': 1.0}
-    write_key(figure, key, title=textwrap.fill(names, 34), **place)
-    figure.suptitle(f'a robot asks for the climate at tag {read_id}')
+    letters = textwrap.fill(', '.join(names_of_letters(greenhouse)), 34)
+    figure.supxlabel(letters, fontsize=PART_POINTS)
+    figure.suptitle(f'A robot asks for the climate at tag {read_id}')
     return figure
 
 
 def draw_reading(
     axes: Any, greenhouse: Greenhouse, tag_id: str, hour: float, size: drawings.LabelSize
 ) -> list[placing.Box]:
-    """Draw the robot at its pose with the values of the tag, if it has a pose; return what they cover."""
+    """Draw the robot at its pose with the values of the tag, if it has a pose; return what is covered."""
     tags, found = greenhouse.layout.tags, greenhouse.approaches
     if tag_id not in found.poses:
         return []
     pose, tag, radius_m = found.poses[tag_id], tags[tag_id], found.free_space.robot_radius_m
     drawings.draw_robot(axes, pose, radius_m)
     robot = placing.Box(*pose[:2], 2 * radius_m, 2 * radius_m)
-    values = {name: greenhouse.value(name, (tag.x, tag.y), hour) for name in tag.sensors}
+    sight = pose[:2], tag[:2]
+    ray = {'color': pyplot.rcParams['text.color'], 'linestyle': drawings.DASHED, 'zorder': 1.9}
+    axes.plot(*zip(*sight, strict=True), **ray)
+    random.seed(README_SEED)
+    values = {name: greenhouse.value(name, tag[:2], hour, is_noisy=True) for name in tag.sensors}
     lines = [f'{units.value_text(name, value)} {units.unit_of(name)}' for name, value in values.items()]
     width_m, height_m = size.height_m / 2 + max(map(size.width_m, lines)), size.height_m * (len(lines) + 0.5)
     dots = [placing.Box(*each[:2], size.height_m, size.height_m) for each in tags.values()]
-    (place,) = placing.place_labels([*dots, robot], [(robot, width_m, height_m)], view_of(axes))
+    tables = [placing.box_of(Walls(*each)) for each in greenhouse.layout.tables.values()]
+    step_m = size.height_m / 2
+    drawn = [robot, *(placing.Box(x, y, step_m, step_m) for x, y, _ in placing.steps_of(sight, step_m))]
+    labels = [(robot, width_m, height_m), (robot, size.width_m('robot'), size.height_m)]
+    place, name_place = placing.place_labels([*dots, *tables, *drawn], labels, view_of(axes))
     frame = {'boxstyle': 'round,pad=0.3', 'facecolor': colours.ROUTE, 'edgecolor': 'none'}
     style = {'color': 'white', 'weight': 'bold', 'bbox': frame, 'zorder': 6, **drawings.CENTRED}
     axes.text(*place, '\n'.join(lines), **style)
-    return [robot, placing.Box(*place, width_m, height_m)]
+    axes.text(*name_place, 'robot', weight='bold', zorder=4, **drawings.CENTRED)
+    return [*drawn, placing.Box(*place, width_m, height_m), placing.Box(*name_place, *labels[1][1:])]
 
 
 def draw_field(
@@ -134,7 +140,7 @@ def draw_field(
     field = [[greenhouse.value(options.sensor, (x, y), options.hour) for x in xs] for y in ys]
     shades = LinearSegmentedColormap.from_list('shades', [paper, FIELD_END])
     field_bands = axes.contourf(xs, ys, field, bands, cmap=shades)
-    table = {'facecolor': paper, 'edgecolor': ink, 'linewidth': 0.6}
+    table = {'facecolor': TABLE, 'edgecolor': ink, 'linewidth': 0.6}
     drawings.draw_greenhouse(axes, greenhouse.layout, greenhouse.walls, table)
     label = f'{label_of(options.sensor)} at {clock_time(options.hour * 3600)}'
     axes.figure.colorbar(field_bands, ax=axes, location='bottom', label=label, shrink=0.9, pad=0.02)
@@ -169,9 +175,15 @@ def view_of(axes: Any) -> placing.Box:
     return placing.box_of(Walls(x0, y0, x1, y1))
 
 
-def write_key(figure: Figure, key: dict[str, str], **style: Any) -> None:
-    """Write the texts of a key beside dots of these colours."""
+def names_of_letters(greenhouse: Greenhouse) -> list[str]:
+    """Return the meaning of each letter, such as `T temperature`."""
+    return [f'{letter} {name.replace("_", " ")}' for name, letter in greenhouse.letters.items()]
+
+
+def write_key(figure: Figure, key: dict[str, str], title: str) -> None:
+    """Write the texts of a key beside dots of these colours, at the right."""
     ink = pyplot.rcParams['text.color']
     styles = [drawings.point_style('o', colour, 10, markeredgecolor=ink) for colour in key.values()]
     handles = [Line2D([], [], label=text, **style) for text, style in zip(key, styles, strict=True)]
-    figure.legend(handles=handles, frameon=False, handletextpad=0.2, **style)
+    place: dict[str, Any] = {'loc': 'outside right upper', 'alignment': 'left'}
+    figure.legend(handles=handles, title=title, frameon=False, handletextpad=0.2, **place)

@@ -121,6 +121,16 @@ def test_tags_with_the_same_value_are_all_named_and_ringed(tmp_path, figures):
     assert len(rings.get_xdata()) == 3
 
 
+def test_titles_over_one_and_two_lines_are_at_one_height(tmp_path, figures):
+    visits = visit('1', temperature=20.0, co2=500.0), visit('5', co2=600.0)
+    assert main([str(write_report(tmp_path / 'report.jsonl', *visits))]) == 0
+    figures[0].canvas.draw()
+    panels = [axes for axes in figures[0].axes if axes.get_title()]
+    assert [axes.texts[0].get_text().count('\n') for axes in panels] == [0, 1]
+    first, second = (axes.title.get_window_extent().y0 for axes in panels)
+    assert first == pytest.approx(second)
+
+
 def test_titles_keys_and_colour_bars_of_all_sensors_have_room_and_round_ticks(
     tmp_path, shipped_tags, figures
 ):

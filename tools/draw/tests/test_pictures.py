@@ -19,7 +19,7 @@ import yaml
 from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_tag_confirmation.detector import TagDetector
 from matplotlib.colors import to_rgb
-from matplotlib.patches import Circle, Wedge
+from matplotlib.patches import Circle, Rectangle, Wedge
 from matplotlib.text import Text
 from PIL import Image
 
@@ -81,10 +81,11 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path):
     }
     (tmp_path / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
     figures = figures_of(tmp_path, '--tag-file', str(tmp_path / 'tags.json'), '--hour', '6')
-    assert {'a1 CL', 'b2 C', 'temperature (°C) at 06:00', 'CL: 1 tag', 'C  co2', '2 subsets of sensors'} <= {
-        *texts_of(figures['greenhouse_light'])
-    }
-    assert any('a day at tag a1' in text for text in texts_of(figures['day']))
+    texts = texts_of(figures['greenhouse_light'])
+    assert {'a1 CL', 'b2 C', 'temperature (°C) at 06:00', 'CL: 1 tag'} <= set(texts)
+    key = next(text for text in texts if text.endswith('\n2 subsets of sensors'))
+    assert {'C co2', 'L light'} <= set(key.splitlines())
+    assert any('A day at tag a1' in text for text in texts_of(figures['day']))
 
 
 def test_the_day_says_when_each_sensor_is_highest_and_lowest(tmp_path):
@@ -159,7 +160,31 @@ def test_the_texts_of_the_part_are_legible_on_a_phone(drawn):
         texts = [each for each in drawing.findobj(Text) if each.get_visible() and each.get_text()]
         pixels_per_point = 328 / (72 * drawing.get_figwidth())
         assert min(each.get_fontsize() for each in texts) * pixels_per_point >= 11
-        assert {'22.7 °C\n600 ppm', '1 TC'} <= set(texts_of(drawing))
+        assert {'robot', '1 TC'} <= set(texts_of(drawing))
+
+
+def test_the_robot_of_the_part_has_the_values_of_the_readme_and_a_ray_to_its_tag(drawn):
+    readme = (ROOT / 'README.md').read_text(encoding='utf-8')
+    values = re.findall(r'^1 +12:00:00 +\w+ +([\d.]+) +(\S+)$', readme, re.MULTILINE)
+    assert len(values) == 2
+    axes, tag = drawn['greenhouse_part_light'].axes[0], shipped('tag_locations.json')['tags']['1']
+    (shown,) = [each for each in axes.texts if each.get_text() == '\n'.join(map(' '.join, values))]
+    frame = shown.get_bbox_patch().get_window_extent()
+    assert not any(frame.overlaps(table.get_window_extent()) for table in tables_of(axes))
+    (ray,) = [line for line in axes.lines if line.get_linestyle() == '--']
+    assert tuple(ray.get_xydata()[-1]) == (tag['x'], tag['y'])
+
+
+def tables_of(axes) -> list[Rectangle]:
+    return [each for each in axes.patches if isinstance(each, Rectangle) and each.get_fill()]
+
+
+@pytest.mark.parametrize('scheme', subsets.SCHEMES)
+def test_no_shade_of_the_field_is_the_colour_of_the_tables(scheme, drawn):
+    axes = drawn[f'greenhouse_part_{scheme}'].axes[0]
+    shades = axes.collections[0].get_cmap()(np.linspace(0, 1, 64))[:, :3]
+    (colour,) = {each.get_facecolor()[:3] for each in tables_of(axes)}
+    assert np.linalg.norm(shades - colour, axis=1).min() > 0.15
 
 
 def test_the_letters_of_sensors_are_the_start_of_their_names():

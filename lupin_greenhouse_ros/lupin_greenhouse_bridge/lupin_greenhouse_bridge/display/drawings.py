@@ -207,7 +207,7 @@ def draw_route(
     draw_greenhouse(axes, layout, walls)
     axes.set_ylabel('y (m)')
     counts = f'{len(poses)} of {len(layout.tags)} tags have a pose; the route is {route.length_m:.1f} m long'
-    axes.set_title(f'where a robot stands to read each tag\n{counts}', fontsize=11)
+    axes.set_title(f'Where a robot stands to read each tag\n{counts}', fontsize=11)
     sights = [((pose.x, pose.y), layout.tags[tag_id][:2]) for tag_id, pose in poses.items()]
     sight: Style = {'color': colours.SIGHT, 'linestyle': DASHED}
     for line in sights:

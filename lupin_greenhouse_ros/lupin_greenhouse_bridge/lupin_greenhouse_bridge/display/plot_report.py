@@ -176,9 +176,9 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
 
 def _write_title(axes: Any, title: str, more: str) -> None:
     """Write a title, and below it up to two small lines, which must not move the colour bar."""
-    axes.set_title(title, fontsize=12, pad=12 * (more.count('\n') + 1) + 8)
-    style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'ha': 'center', 'fontsize': 8.5}
-    axes.annotate(more, (0.5, 1), (0, 4), **style).set_in_layout(False)
+    axes.set_title(title, fontsize=12, pad=32)
+    style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'fontsize': 8.5}
+    axes.annotate(more, (0.5, 1), (0, 25), ha='center', va='top', **style).set_in_layout(False)
 
 
 def _write_labels(axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box], shown: Greenhouse) -> None:
