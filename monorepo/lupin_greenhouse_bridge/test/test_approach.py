@@ -230,17 +230,6 @@ def test_tags_side_by_side_hide_nothing_of_each_other():
     assert angles == pytest.approx([0.0] * 4)
 
 
-def test_the_view_is_that_of_the_camera_ahead_of_the_centre():
-    """Tag 1 is 0.4 m ahead of tag 0, so between the tag and the centre of a small robot."""
-    layout = layout_of((2.0, 1.0), (2.0, 0.6), table=(1.0, 1.0, 3.0, 1.5), post=(2.0, 0.59, 2.01, 0.61))
-    from_centre, ahead = (
-        approaches_of(layout, 0.01, camera_offset_m=each, arrival_tolerance_m=0.0).poses['0'].angle_rad
-        for each in (0.0, 0.15)
-    )
-    assert from_centre > 0.02
-    assert ahead == pytest.approx(0.0)
-
-
 def aisle_of(width_m: float) -> Layout:
     """Return a layout with a tag in the middle of a long aisle."""
     return layout_of((2.0, 1.0), south=(0.0, 0.0, 4.0, 1.0), north=(0.0, 1.0 + width_m, 4.0, 2.0 + width_m))
