@@ -43,6 +43,7 @@ HINT := $(or \
     $(if $(filter $(SWITCHES),$(WRONG)),write $(WRONG)=1),\
     $(if $(filter read,$(GOALS)),write TAG="$(strip $(TAG) $(WRONG))"),\
     $(if $(filter page,$(GOALS)),write FILE="$(strip $(FILE) $(WRONG))"),\
+    $(if $(filter 0 1,$(WRONG)),write a value without a space$(COMMA) such as DRIVE=1),\
     the targets are $(TARGETS))
 $(error there is no target $(WRONG): $(HINT))
 endif
@@ -129,6 +130,7 @@ page: page-check bridge  ## make a page of the readings of the last mission, or 
 page-check:
 	@[ "$$READINGS" ] || { echo 'page: .mission holds no report: make mission, or make page FILE=readings.sqlite' >&2; exit 2; }
 	@$(SPLIT_READINGS); for file in "$$@"; do \
+	    [ ! -d "$$file" ] || { echo "page: '$$file' is a folder: name a file of readings in it with FILE=" >&2; exit 2; }; \
 	    [ -f "$$file" ] || { echo "page: there is no file '$$file': name a file of readings with FILE=" >&2; exit 2; }; done
 	@$(if $(FILE),,echo "page: of the newest report, $$READINGS")
 

@@ -75,6 +75,7 @@ def test_without_a_report_make_page_names_the_command_that_makes_one(tmp_path):
 @pytest.mark.parametrize(
     ('words', 'said'),
     [
+        (['page', 'FILE=monorepo'], "page: 'monorepo' is a folder: name a file of readings in it with FILE="),
         (['page', 'FILE=README.md nothing.csv'], "page: there is no file 'nothing.csv': name a file of"),
         (['mission', 'RECORD=a.txt'], "mission: RECORD='a.txt' ends in none of .sqlite, .db, .csv: write "),
         (['mission', 'RECORD=no/a.csv'], "mission: RECORD='no/a.csv': there is no folder 'no': make it"),
@@ -107,6 +108,7 @@ def test_one_page_has_the_readings_of_several_files(reports):
     [
         (['red', 'tag=7'], 'there is no target red: the targets are help run smoke read '),
         (['read', '7'], 'there is no target 7: write TAG="7"'),
+        (['mission', 'DRIVE=', '1'], 'there is no target 1: write a value without a space, such as DRIVE=1'),
         (['read', 'TAG=1', '5'], 'there is no target 5: write TAG="1 5"'),
         (['mission', 'DRIVE'], 'there is no target DRIVE: write DRIVE=1'),
         (['page', 'FILE=a.csv', 'README.md'], 'there is no target README.md: write FILE="a.csv README.md"'),

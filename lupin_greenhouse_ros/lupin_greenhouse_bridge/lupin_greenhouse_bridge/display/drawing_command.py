@@ -14,7 +14,7 @@ from typing import NamedTuple
 from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_ranges
 from lupin_greenhouse_bridge.display.placing import Point
 from lupin_greenhouse_bridge.display.report_line import Observation, has_report, parse_report
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, UsageError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, parse_rows, with_places
 from lupin_greenhouse_bridge.recording.rows import Row, key_of
@@ -128,6 +128,9 @@ def draw_files(
     inputs = [*(('FILE', each) for each in options.files), ('--tag-file', options.tag_file)]
     inputs += [('--sim-config-file', options.sim_config_file), ('--route', options.route)]
     try:
+        for each in options.files:
+            if ':=' in str(each):
+                raise UsageError(f"'{each}' is no file of readings: write options such as --tag-file FILE")
         if options.output:
             check_output_file(options.output, '--output', inputs)
         if options.route and len(options.files) > 1:

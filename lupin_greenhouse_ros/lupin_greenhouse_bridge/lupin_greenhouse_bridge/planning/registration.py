@@ -18,7 +18,8 @@ DEFAULT_TOLERANCE_M = 0.1
 DEFAULT_CLICK_ERROR_M = 0.03
 FEWEST_THAT_OVERRULE = 3  # two tags can agree by chance
 _EXAMPLE = 'such as "frame_id: map", "x: 1.5", "y: -0.2" and "yaw: 0.3"'
-_UNITS = {'x': 'metres', 'y': 'metres', 'yaw': 'radians'}
+_METRES = ('metres', -1e12, 1e12)
+_LIMITS = {'x': _METRES, 'y': _METRES, 'yaw': ('radians', -10.0, 10.0)}  # not degrees
 Positions = NDArray[np.complex128]  # x + y * 1j in metres, which a factor of length 1 rotates
 Numbers = NDArray[np.intp]
 Point = tuple[float, float]  # x and y in metres
@@ -221,13 +222,13 @@ def read_registration(path: str | Path) -> tuple[str, Transform]:
     """Return the frame and the transform in a file of write_transform(); raises StartUpError."""
     where = _where(path)
     data = read_yaml(path, where, f'a mapping, {_EXAMPLE}')
-    if unknown := [key for key in data if key not in ('frame_id', *_UNITS)]:
+    if unknown := [key for key in data if key not in ('frame_id', *_LIMITS)]:
         shown = escaped(str(unknown[0]), 64)
         raise StartUpError(f"{where}: unknown key '{shown}': the keys are frame_id, x, y and yaw")
     frame_id = data.get('frame_id')
     if not isinstance(frame_id, str) or not frame_id.strip():
         raise StartUpError(f'{where}: frame_id is missing or no text: must name the frame of the map')
-    return frame_id, Transform(*(float(number(data, key, where, unit)) for key, unit in _UNITS.items()))
+    return frame_id, Transform(*(float(number(data, key, where, *each)) for key, each in _LIMITS.items()))
 
 
 def write_transform(path: str | Path, transform: Transform, frame_id: str = MAP_FRAME) -> None:

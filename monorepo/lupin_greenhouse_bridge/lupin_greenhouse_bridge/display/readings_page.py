@@ -23,7 +23,7 @@ from lupin_greenhouse_bridge.display import drawing_command as command
 from lupin_greenhouse_bridge.display import placing, summary
 from lupin_greenhouse_bridge.display.colours import STOPS, hex_colours_of
 from lupin_greenhouse_bridge.display.drawing_command import LONGEST_NAME, Limits, Recording
-from lupin_greenhouse_bridge.errors import escaped
+from lupin_greenhouse_bridge.errors import UsageError, escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import natural_order
@@ -53,6 +53,8 @@ def main(arguments: list[str] | None = None) -> int:
 def _page_of(
     options: argparse.Namespace, recordings: list[Recording], limits: Limits
 ) -> list[tuple[Path, bytes]]:
+    if options.output and options.output.suffix.lower() not in ('.html', '.htm'):
+        raise UsageError(f"--output '{options.output}' is a page: its name must end in .html")
     for each in recordings:
         if not (each.rows or each.visits):
             raise command.NothingToDraw(f"'{each.path}': holds no readings: there is no page")

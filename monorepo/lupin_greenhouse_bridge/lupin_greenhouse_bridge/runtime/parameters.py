@@ -125,6 +125,10 @@ def fault_of_rule(rule: str, words: Sequence[str]) -> str:
     """Return what is wrong with a parameter among the words of the command line, and what to write."""
     if rule.startswith('-'):
         return f"'{rule}' sets no parameter: leave it out, and write NAME:=VALUE"
+    before = words[words.index(rule) - 2] if rule in words[2:] else ''
+    if ':=' in before and not re.search('[:=]', rule):  # ci/serve puts -p before each word
+        name = before.partition(':=')[0]
+        return f"'{rule}' sets no parameter: quote a value with spaces, such as {name}:='A B'"
     separator = r'\s*:=\s*' if ':=' in rule else r'\s*[:=]+\s*'
     name, value = [*re.split(separator, rule, maxsplit=1), ''][:2]
     if value and rule == f'{name}:={value}' and re.fullmatch(r'[A-Za-z][\w.:/]*', name):

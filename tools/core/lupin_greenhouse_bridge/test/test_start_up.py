@@ -143,6 +143,7 @@ def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
         (['-p', 'debug-seed', ':=', '42'], {}, "'debug-seed' sets no parameter: write debug_seed:=42"),
         (['-p', 'debug_seed:42'], {}, "'debug_seed:42' sets no parameter: write debug_seed:=42, without"),
         (['-p', 'debug_seed := 42'], {}, "'debug_seed := 42' sets no parameter: write debug_seed:=42"),
+        (['-p', 'tag_file:=my', '-p', 'tags.json'], {}, "quote a value with spaces, such as tag_file:='A B'"),
         (['-p', '42', '-p', 'debug_seed:=1'], {}, "'42' sets no parameter: write NAME:=VALUE, without"),
         (
             ['-p', '-p', '-p', 'debug_seed:=1'],
