@@ -55,17 +55,6 @@ def test_it_ends_at_the_end_of_its_path_however_the_time_is_cut(robot, steps):
     assert robot.route == PATH
 
 
-def test_a_robot_that_is_stopped_stays_and_its_route_ends_there(robot):
-    robot.advance(1.0)
-    robot.stop()
-    robot.advance(100.0)
-    assert (robot.is_moving, robot.pose) == (False, pytest.approx((0.5, 0.0, 0.0)))
-    robot.follow([robot.pose[:2], (0.5, 1.0)], NORTH)
-    robot.advance(100.0)
-    robot.stop()
-    assert robot.route == [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0)]
-
-
 @pytest.mark.parametrize(
     ('parameters', 'problem'),
     [
