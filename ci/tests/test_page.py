@@ -270,6 +270,16 @@ def test_the_whole_table_stands_beside_the_map(report, open_page, height):
     assert page.evaluate(f'{scroll}.scrollHeight - {scroll}.clientHeight') == 0
 
 
+@pytest.mark.parametrize('is_of_several_times', [True, False])
+def test_the_map_says_that_its_values_differ_by_time_too(report, open_page, is_of_several_times):
+    text = report.read_text(encoding='utf-8')
+    one_time = re.sub(r'(_seconds": )[0-9.]+', r'\g<1>7200.0', text)
+    report.write_text(text if is_of_several_times else one_time, encoding='utf-8')
+    page = open_page(report)
+    seen = page.evaluate("document.querySelector('.maps header').innerText")
+    assert ('values differ by place and by time of day' in seen) == is_of_several_times
+
+
 def test_one_word_for_all_failures_is_in_the_key_and_not_at_each_tag(report, open_page):
     page = open_page(report)
     key = "document.getElementById('scale').textContent"

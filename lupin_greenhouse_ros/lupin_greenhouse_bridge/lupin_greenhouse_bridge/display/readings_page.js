@@ -9,7 +9,7 @@ const TAB = [108, 170];
 const LONG_LINE = 40;  // points, from which a chart is as wide as the page
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const LINES = 'Each line is a tag with its number';
-const POINTS = 'Each point is a reading of another tag, so values differ by place as well as by time';
+const POINTS = 'Each point is a reading of another tag';
 const TEXT_HEIGHT = 13;
 const DAY_SECONDS = 86400, DAY_MS = DAY_SECONDS * 1000;
 const WALL_STEPS_MS = [
@@ -562,6 +562,7 @@ document.querySelector('#failed b').textContent = failure_words.length > 1 ? 'no
 element('figures').classList.toggle('long', is_long);
 element('bins').hidden = !data.is_binned;
 element('failed').hidden = !failure_words.length;
+element('moments').hidden = !data.is_of_several_times;
 element('tables').hidden = !data.tables.length;
 element('route').hidden = data.route.length < 2;
 element('zone').textContent = `wall time (${zone})`;

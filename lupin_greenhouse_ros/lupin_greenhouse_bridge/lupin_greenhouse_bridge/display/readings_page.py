@@ -135,6 +135,7 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
     points = [*(tag[:2] for tag in layout.tags.values()), *route]
     boxes = np.array([walls, *layout.tables.values(), *(point * 2 for point in points)])
     read_tags = [tag for tag in all_tags.values() if tag['outcome'] == 'read']
+    times_of_day = {clock_time(tag['time_of_day']) for tag in read_tags if tag['time_of_day'] is not None}
     notes = []
     if len(all_tags) > MOST_TAGS:
         notes.append(f'The map, the table and the charts show {MOST_TAGS:,} of {len(all_tags):,} tags.')
@@ -159,6 +160,7 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
         'span_ms': [row.stamp_ns // NS_PER_MS for row in (*rows[:1], *rows[-1:])],
         'duration': summary.duration_text(rows[0].stamp_ns, rows[-1].stamp_ns) if rows else '',
         'greenhouse_times': summary.greenhouse_times(rows) if rows else '',
+        'is_of_several_times': len(times_of_day) > 1,
         'speed': summary.speed_text(rows),
         'is_binned': any(line['is_binned'] for each in lines.values() for line in each),
         'closest_m': placing.closest_m([tag[:2] for tag in layout.tags.values()]),
