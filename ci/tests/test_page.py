@@ -43,6 +43,20 @@ COVERED = """
             && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1)
         .map(([other]) => `${tag} ${other}`))
 """
+# Each id of a tag without a value that is less than 8 pixels beside another label, or the dot of another tag.
+CLOSE = """
+[...document.querySelectorAll('#map a > text.muted')].flatMap(text => {
+    const a = text.getBoundingClientRect(), own = text.parentNode;
+    return [...document.querySelectorAll('#map a > text, #map a > .dot')]
+        .filter(each => each.parentNode !== own)
+        .filter(each => {
+            const b = each.getBoundingClientRect();
+            return Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4
+                && Math.max(a.left, b.left) - Math.min(a.right, b.right) < 7.5;
+        })
+        .map(each => `${own.dataset.tag} ${each.parentNode.dataset.tag}`);
+})
+"""
 # Each piece of a line that is cut off at the left, as the dots between the pieces are.
 CUT_PIECES = """
 [...document.querySelectorAll('.pieces > span > span')].filter(each => {
@@ -329,6 +343,7 @@ def test_a_wider_window_never_makes_the_map_smaller(report, open_page, walls, he
         page.wait_for(f'innerWidth === {width} && {IS_DRAWN}')
         sizes.append(round(page.evaluate(PLOT_WIDTH)))
         assert walls != (4, 8) or page.evaluate(COVERED) == [], width
+        assert page.evaluate(CLOSE) == [], width
         assert page.evaluate('document.documentElement.scrollWidth') == width
     assert sizes == sorted(sizes)
     assert sizes[widths.index(1280)] >= wanted

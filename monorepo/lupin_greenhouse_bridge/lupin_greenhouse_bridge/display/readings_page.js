@@ -10,7 +10,7 @@ const LONG_LINE = 40;  // points, from which a chart is as wide as the page
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const LINES = 'Each line is a tag with its number';
 const POINTS = 'Each point is a reading of another tag';
-const TEXT_HEIGHT = 13;
+const TEXT_HEIGHT = 13, SPACE = 8;  // pixels of a label, and between it and what is beside it
 const DAY_SECONDS = 86400, DAY_MS = DAY_SECONDS * 1000;
 const WALL_STEPS_MS = [
   1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, DAY_SECONDS,
@@ -202,7 +202,7 @@ function draw_map() {
     return { tag, value, x: frame.x(tag.x), y: frame.y(tag.y), radius, outer, urgency: is_large + tag.has_failed };
   });
   const boxes = {
-    taken: dots.map(({ x, y, outer }) => around(x, y, 2 * outer, 2 * outer)), room: frame.room,
+    taken: dots.map(({ x, y, outer }) => around(x, y, 2 * outer + SPACE, 2 * outer)), room: frame.room,
     route: data.route_steps.map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)),
   };
   for (const [word, [x, y]] of Object.entries(data.route_ends)) {
@@ -226,9 +226,9 @@ function draw_tag(svg, leaders, { tag, value, x, y, radius, outer, urgency }, bo
   if (value === null) circle('dot empty', radius);
   else circle('dot', radius, { fill: data.sensors[state.sensor].colours[tag.number] });
   if (tag.has_failed) mark(group, 'path', { class: 'cross', d: cross_at(x, y, radius / 2) });
-  const text = label_of(tag, value), width = width_of(tag.id + text) + Math.min(tag.id.length, 12) + 6;
+  const text = label_of(tag, value), width = width_of(tag.id + text) + Math.min(tag.id.length, 12) + SPACE;
   const { box, covered, is_far } = place_label(x, y, outer, width, boxes);
-  if (covered > 0.12 * width * TEXT_HEIGHT) return;
+  if (covered > (urgency ? 0.12 : 0) * width * TEXT_HEIGHT) return;
   boxes.taken.push(box);
   if (is_far) draw_leader(leaders, x, y, box);
   const label = write_in(group, box, urgency ? 'halo' : 'muted halo');
