@@ -1,6 +1,7 @@
 # Source this file to enter the project's ROS 2 environment and the packages of TREE, if they are built.
 # VENV is the environment (default: .venv), TREE the tree (default: monorepo). The argument `without-overlay`
 # leaves the packages out, to build them.
+[[ "${BASH_SOURCE[0]}" != "$0" ]] || { echo "it must be sourced: write source $0" >&2; exit 1; }
 _root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 export VIRTUAL_ENV="${VENV:-$_root/.venv}"
 export PATH="$VIRTUAL_ENV/bin:$PATH"

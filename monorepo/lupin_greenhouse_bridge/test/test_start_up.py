@@ -149,7 +149,7 @@ def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
         (
             ['-p', '-p', '-p', 'debug_seed:=1'],
             {},
-            "'-p' sets no parameter: leave it out, and write NAME:=VALUE",
+            "'-p' sets no parameter: write NAME:=VALUE in its place",
         ),
         (['-p', 'x:=[1,', '2]'], {}, '-p "x:=\'[1,\'"; a list has no spaces'),
         (['-p'], {}, '-p has no value: write one after it, like -p name:=value'),

@@ -124,7 +124,8 @@ def check_names(node: 'Node', without_effect: Collection[str] = ()) -> None:
 def fault_of_rule(rule: str, words: Sequence[str]) -> str:
     """Return what is wrong with a parameter among the words of the command line, and what to write."""
     if rule.startswith('-'):
-        return f"'{rule}' sets no parameter: leave it out, and write NAME:=VALUE"
+        name = rule.lstrip('-').replace('-', '_') if rule.startswith('--') else 'NAME'
+        return f"'{rule}' sets no parameter: write {name}:=VALUE in its place"
     before = words[words.index(rule) - 2] if rule in words[2:] else ''
     if ':=' in before and not re.search('[:=]', rule):  # ci/serve puts -p before each word
         name = before.partition(':=')[0]

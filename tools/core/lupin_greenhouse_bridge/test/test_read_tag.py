@@ -231,7 +231,7 @@ def test_a_reader_that_closes_the_pipe_ends_the_watch(noon_bridge):
     ('arguments', 'last_line'),
     [
         ([], 'read_tag: name one or more tag ids, or --all'),
-        (['1', '--all'], 'read_tag: name one or more tag ids, or --all'),
+        (['1', '--all'], 'read_tag: name one or more tag ids, or --all, but not both'),
         (['1', '--watch', '-1'], "argument --watch: '-1' is not a number of seconds above 0"),
         (['1', '--json', '--csv'], 'argument --csv: not allowed with argument --json'),
         (['1', '--count', '2'], 'read_tag: --count needs --watch SECONDS'),
