@@ -141,14 +141,15 @@ def test_titles_keys_and_colour_bars_of_all_sensors_have_room_and_round_ticks(
     low = dict.fromkeys(('temperature', 'soil_moisture'), 7.0) | {'soil_moisture': 0.28}
     assert main([str(write_report(tmp_path / 'report.jsonl', *visits, visit('2', **low)))]) == 0
     (figure,) = figures
-    figure.canvas.draw()
+    renderer = pytest.importorskip('matplotlib.backends.backend_agg').FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
     bars = [axes for axes in figure.axes if axes.get_label() == '<colorbar>']
     panels = [axes for axes in figure.axes if axes.get_title()]
     (cell,) = [axes for axes in figure.axes if axes.get_legend()]
     assert (len(bars), len(panels), figure.legends) == (5, 5, [])
     gap = figure.dpi * 0.1
     for bar, panel in itertools.product(bars, [*(panel.title for panel in panels), cell.get_legend()]):
-        assert not bar.get_tightbbox().padded(gap).overlaps(panel.get_window_extent())
+        assert not bar.get_tightbbox(renderer).padded(gap).overlaps(panel.get_window_extent(renderer))
     for bar in bars:
         low, high = bar.get_xlim()
         ticks = [each for each in bar.get_xticks() if low <= each <= high]
