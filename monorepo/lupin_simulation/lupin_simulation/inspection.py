@@ -105,6 +105,10 @@ def run_mission(options: argparse.Namespace) -> int:
             for each in (report, *(companion(report, name) for name in COMPANION_ENDINGS)):
                 each.unlink(missing_ok=True)
         raise
+    except KeyboardInterrupt:
+        if options.record:
+            check_record(options.record, report)  # Ctrl-C in a terminal ends the recorder at the same time
+        raise
     if exit_code == USAGE:
         return USAGE
     drawn = draw(report, value_of(options.arguments, 'walls'))

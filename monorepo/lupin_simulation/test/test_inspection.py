@@ -286,19 +286,22 @@ def test_a_mission_in_the_world_takes_its_tags_from_there_unless_it_drives_aroun
     assert given & {'world_file', 'tag_locations_file'} == {source}
 
 
-def test_a_reading_of_the_report_that_was_not_recorded_is_said(tmp_path, capfd, monkeypatch, stand_in):
-    """The recorder of this run keeps nothing."""
+@pytest.mark.parametrize(('then', 'code'), [('', 1), ('; kill -INT $PPID; exec sleep 600', 130)])
+def test_a_reading_of_the_report_that_was_not_recorded_is_said(
+    tmp_path, capfd, monkeypatch, stand_in, then, code
+):
+    """The recorder of this run keeps nothing; the mission ends, or Ctrl-C ends it."""
     report = tmp_path / 'output/now.jsonl'
     monkeypatch.setattr(inspection, 'new_report', lambda _options: report)
     reading = Reading('7', (1795190000, 0), 0.0, {'co2': 400.0, 'humidity': 0.5})
     line = Observation('7', Outcome.OK, '', 1, reading).to_line()
     (tmp_path / 'report.jsonl').write_text(f'{line}\n', encoding='utf-8')
-    stand_in('mission_orchestrator', f'cp {tmp_path}/report.jsonl {report}')
+    stand_in('mission_orchestrator', f'cp {tmp_path}/report.jsonl {report}{then}')
     for name in ('bridge_node', 'record_readings'):
         stand_in(name, 'exec sleep 600')
     for name in ('plot_report', 'readings_page'):
         stand_in(name, '')
-    assert inspection.main(['--output', str(report.parent), '--record', str(tmp_path / 'kept.csv')]) == 1
+    assert inspection.main(['--output', str(report.parent), '--record', str(tmp_path / 'kept.csv')]) == code
     assert capfd.readouterr().err == f'mission: 2 rows of {report} were not recorded: see the log above\n'
 
 
