@@ -87,7 +87,7 @@ def test_any_transform_is_found_again_and_outliers_are_left_out_while_they_are_a
         assert fitted.residuals_m[tag_id] == pytest.approx(math.dist(place, places_m[tag_id]), abs=1e-8)
 
 
-@pytest.mark.parametrize('count', [4, len(SHIPPED_M)])
+@pytest.mark.parametrize('count', [4, len(SHIPPED_M)], ids=['four', 'all'])
 def test_a_noise_of_3_cm_stays_in_the_residuals_of_tags_that_are_good_to_click(count):
     noise, layout_m = random.Random(4), part(SHIPPED_M, best_to_click(SHIPPED_M, count))
     for _ in range(100):
