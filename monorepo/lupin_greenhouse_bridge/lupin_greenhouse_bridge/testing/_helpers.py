@@ -68,6 +68,11 @@ def running(
         while not ended.is_set():
             spin_once(executor, nodes[0])
 
+    def end_spinner() -> None:
+        executor.create_task(ended.set)
+        spinner.join(PATIENCE_SECONDS)
+        require(not spinner.is_alive(), 'a callback did not end')
+
     with contextlib.ExitStack() as stack:
         stack.callback(rclpy.try_shutdown, context=context)
         nodes = []
@@ -80,8 +85,7 @@ def running(
         # In reverse order, because rclpy raises in a thread that spins an executor while another closes it.
         # Without the timeout, Humble would wait for the task that ends the thread.
         stack.callback(executor.shutdown, timeout_sec=0)
-        stack.callback(spinner.join, PATIENCE_SECONDS)
-        stack.callback(executor.create_task, ended.set)
+        stack.callback(end_spinner)
         yield nodes
 
 

@@ -1,5 +1,6 @@
 """read_on_sight: what it requests, how often, and what it publishes."""
 
+import contextlib
 import importlib.util
 import re
 import signal
@@ -241,12 +242,20 @@ class HeldService:
             self._replies.release()
 
 
-@pytest.fixture
-def held_service():
+@contextlib.contextmanager
+def running_held_service():
     with spinning_node('held') as node:
         service = HeldService(node)
+        try:
+            yield service
+        finally:
+            service.reply(1000)  # else its node could end only after PATIENCE_SECONDS
+
+
+@pytest.fixture
+def held_service():
+    with running_held_service() as service:
         yield service
-        service.reply(1000)
 
 
 READINGS = '/read_on_sight/readings'
@@ -475,8 +484,7 @@ def test_without_a_bridge_it_says_so_after_some_seconds_and_then_when_one_comes(
     assert 'no service' not in log()  # DDS may not have discovered a bridge that runs
     reader.clock.pass_seconds(3.0)
     wait_until(lambda: f'no service {HeldService.name} with ROS_DOMAIN_ID=' in log())
-    with spinning_node('held') as node:
-        HeldService(node)
+    with running_held_service():
         wait_until(lambda: f'{HeldService.name} is available now' in log())
     assert log().count('no service') == 1
 
