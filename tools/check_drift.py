@@ -22,15 +22,13 @@ from pathlib import Path
 
 BRIDGE = 'lupin_greenhouse_bridge'
 MSGS = {'monorepo': 'lupin_msgs', 'mirror': 'lupin_greenhouse_msgs'}
-INTERFACES = ('msg/SensorReading.msg', 'msg/TagReading.msg', 'srv/GetTagReading.srv')
+INTERFACES = 'msg/SensorReading.msg|msg/TagReading.msg|srv/GetTagReading.srv'
 
 # The one allowed divergence: this function of this file only returns this.
 NODE_FILE = f'{BRIDGE}/{BRIDGE}/bridge_node.py'
 DIVERGENT_FUNCTION = '_config_path'
-DIVERGENT_LINE = {
-    'monorepo': '    return Path(value) if value else None',
-    'mirror': '    return value or None',
-}
+DIVERGENT_VALUE = {'monorepo': 'Path(value) if value else None', 'mirror': 'value or None'}
+UNDONE = '    return <the allowed divergence>'
 
 # Files of the mirror that are kept by hand, with the monorepo's names; every other file has its twin.
 MIRROR_ALONE = {
@@ -40,14 +38,11 @@ MIRROR_ALONE = {
     'lupin_msgs/CMakeLists.txt', 'lupin_msgs/package.xml', 'pixi.toml', 'rosdep.yaml',
 }  # fmt: skip
 
-HIDES_ITS_FOLDER_FROM_COLCON = re.compile('(AMENT|CATKIN|COLCON)_IGNORE')
+HIDES_FROM_COLCON = '(AMENT|CATKIN|COLCON)_IGNORE'
 # What is compared of each tree, with the folders that could be symlinks.
 COMPARED = {
-    'monorepo': re.compile(
-        rf'{BRIDGE}(/.*)?|lupin_msgs(/msg|/srv|/{"|/".join(INTERFACES)})?'
-        rf'|(lupin_msgs/)?{HIDES_ITS_FOLDER_FROM_COLCON.pattern}'
-    ),
-    'mirror': re.compile('.*'),
+    'monorepo': rf'{BRIDGE}(/.*)?|lupin_msgs(/msg|/srv|/({INTERFACES}))?|(lupin_msgs/)?{HIDES_FROM_COLCON}',
+    'mirror': '.*',
 }
 # Files that tools leave in a checkout. They are compared only if git tracks them.
 LEFT_BY_TOOLS = re.compile(
@@ -93,12 +88,21 @@ class Tree:
         for path in sorted(root.rglob('*')):  # which follows no symlinks
             own_name = path.relative_to(root).as_posix()
             is_wanted = own_name in tracked or not LEFT_BY_TOOLS.fullmatch(own_name)
-            if is_wanted and COMPARED[name].fullmatch(own_name) and (path.is_symlink() or path.is_file()):
+            if is_wanted and re.fullmatch(COMPARED[name], own_name) and (path.is_symlink() or path.is_file()):
                 self.files[own_name.replace(MSGS[name], MSGS['monorepo'])] = path
 
     def text(self, name: str) -> str:
         """Return a file as text; raises OSError."""
         return self.files[name].read_bytes().decode(errors='surrogateescape')
+
+    def shared_text(self, name: str) -> str:
+        """Return a file without the rename and the divergence: as both trees must have it. Raises OSError."""
+        text = self.text(name).replace(MSGS[self.name], MSGS['monorepo'])
+        if name != NODE_FILE:
+            return text
+        line = re.escape(f'    return {DIVERGENT_VALUE[self.name]}')
+        function = rf'^(def {DIVERGENT_FUNCTION}\(.*\n(    """.*"""\n)?){line}(?=\n\n|\n?\Z)'
+        return re.sub(function, rf'\1{UNDONE}', text, flags=re.MULTILINE)
 
 
 def tracked_files(root: Path) -> set[str]:
@@ -119,17 +123,15 @@ def compare(monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
     if symlinks:
         return
     for path in paths:
-        if HIDES_ITS_FOLDER_FROM_COLCON.fullmatch(path.name) and path != mirror.root / 'COLCON_IGNORE':
-            yield Finding('COLCON_IGNORE', path, 'hides packages from colcon: delete it')
-    if 'COLCON_IGNORE' in mirror.files and mirror.text('COLCON_IGNORE'):
-        message = 'is not empty: an empty one keeps a clone out of the workspace of the monorepo'
-        yield Finding('COLCON_IGNORE', mirror.files['COLCON_IGNORE'], message)
+        is_allowed = path == mirror.root / 'COLCON_IGNORE' and not path.read_bytes()
+        if re.fullmatch(HIDES_FROM_COLCON, path.name) and not is_allowed:
+            message = 'hides packages from colcon; only an empty COLCON_IGNORE at the root of the mirror may'
+            yield Finding('COLCON_IGNORE', path, message)
     for name in sorted(MIRROR_ALONE - mirror.files.keys()):
         path = mirror.root / name.replace(MSGS['monorepo'], MSGS['mirror'])
         yield Finding('missing', path, 'is missing; the mirror keeps it by hand: put it back')
     for tree, other in ((monorepo, mirror), (mirror, monorepo)):
         yield from _left_over_names(tree, MSGS[other.name])
-        yield from _divergence(tree)
         for name in sorted(tree.files.keys() - other.files.keys() - MIRROR_ALONE):
             message = f'only the {tree.name} has this file, and it is not on the list of own files'
             yield Finding('only one side', tree.files[name], message)
@@ -139,23 +141,13 @@ def compare(monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
 
 def _left_over_names(tree: Tree, foreign: str) -> Iterator[Finding]:
     """Find the other tree's package name; the mirror's own contains no copy of the monorepo's."""
-    pattern = re.compile(re.escape(foreign).replace('_', '[_-]'), re.IGNORECASE)
+    pattern = re.compile(foreign.replace('_', '[_-]'), re.IGNORECASE)
     message = f'names {foreign}; in the {tree.name} that package is {MSGS[tree.name]}'
     for name, path in tree.files.items():
-        lines = [(1, str(path.relative_to(tree.root))), *enumerate(tree.text(name).splitlines(), start=1)]
-        for number, line in lines:
+        lines = [str(path.relative_to(tree.root)), *tree.text(name).splitlines()]
+        for number, line in enumerate(lines):
             if pattern.search(line):
-                yield Finding('left-over name', path, message, number)
-
-
-def _divergence(tree: Tree) -> Iterator[Finding]:
-    """Require the tree's own line, once, as the whole body of the one function."""
-    line, text = DIVERGENT_LINE[tree.name], tree.text(NODE_FILE)
-    start = f'def {DIVERGENT_FUNCTION}('
-    whole = rf'^{re.escape(start)}.*\n(    """.*"""\n)?{re.escape(line)}(?=\n\n|\n?\Z)'
-    if not re.search(whole, text, re.MULTILINE) or text.count(start) > 1 or text.count(f'\n{line}\n') > 1:
-        message = f'{line.strip()!r} must be the body of {DIVERGENT_FUNCTION}, and be in this file only once'
-        yield Finding('allowed divergence', tree.files[NODE_FILE], message)
+                yield Finding('left-over name', path, message, max(number, 1))
 
 
 def _difference(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
@@ -164,14 +156,14 @@ def _difference(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
     executable = [tree.name for tree in trees if os.access(tree.files[name], os.X_OK)]
     if len(executable) == 1:
         yield Finding('file mode', path, f'is executable in the {executable[0]} only')
-    texts = [tree.text(name).replace(MSGS[tree.name], MSGS['monorepo']) for tree in trees]
+    texts = [tree.shared_text(name) for tree in trees]
     heading = 'interface' if name.endswith(('.msg', '.srv')) else 'package file'
     if name == NODE_FILE:
         heading = 'bridge_node.py'
-        texts = [
-            text.replace(DIVERGENT_LINE[tree.name], '    return <the allowed divergence>')
-            for tree, text in zip(trees, texts, strict=True)
-        ]
+        for tree, text in zip(trees, texts, strict=True):
+            if UNDONE not in text or text.count(f'def {DIVERGENT_FUNCTION}(') > 1:
+                told = f'must have {DIVERGENT_FUNCTION} once: return {DIVERGENT_VALUE[tree.name]}'
+                yield Finding('allowed divergence', tree.files[name], told)
     if texts[0] == texts[1]:
         return
     # ascii() shows what a person cannot see: trailing spaces, line endings, look-alike letters.
