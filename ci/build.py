@@ -9,6 +9,9 @@ one, because the mirror's COLCON_IGNORE hides its root. It imports little: every
 
 from __future__ import annotations
 
+import ctrl_c  # noqa: F401
+
+# isort: split
 import hashlib
 import os
 import re
@@ -59,8 +62,11 @@ class Workspace(NamedTuple):
 
 
 def here() -> Workspace:
-    """Return the workspace that VENV and TREE select."""
-    return Workspace(ROOT / os.environ.get('VENV', '.venv'), os.environ.get('TREE', 'monorepo'))
+    """Return the workspace that VENV and TREE select; end if there is no environment."""
+    venv = ROOT / os.environ.get('VENV', '.venv')
+    if not (venv / '.lupin-environment').exists():
+        sys.exit(f'there is no environment {venv}: make env')
+    return Workspace(venv, os.environ.get('TREE', 'monorepo'))
 
 
 def fingerprint(package: Path, venv: Path) -> str:

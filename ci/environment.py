@@ -14,7 +14,9 @@ Does nothing if nothing has changed. If it is incomplete or out of date, it is r
 
 from __future__ import annotations
 
-import contextlib
+import ctrl_c  # noqa: F401
+
+# isort: split
 import hashlib
 import importlib.util
 import os
@@ -25,10 +27,9 @@ import string
 import subprocess
 import sys
 import sysconfig
-import time
 from pathlib import Path
 
-from jobs import TICK_SECONDS, Status, end, lack_of_space, locked
+from jobs import Job, end, follow, lack_of_space, locked
 
 HERE = Path(__file__).resolve().parent
 REQUIREMENTS = HERE / 'requirements'
@@ -58,20 +59,19 @@ def unusable_characters(folder: Path) -> str:
 
 def missing_prerequisites(ros_distro: str | None) -> list[str]:
     """Return one line for each missing prerequisite, with the package to install."""
-    missing = []
-    if not (importlib.util.find_spec('venv') and importlib.util.find_spec('ensurepip')):
-        missing.append(f'the venv module of {sys.executable} is missing: sudo apt install python3-venv')
+    has_venv = importlib.util.find_spec('venv') and importlib.util.find_spec('ensurepip')
+    has_header = Path(sysconfig.get_path('include'), 'Python.h').exists()
+    needed = [
+        (has_venv, f'the venv module of {sys.executable}', 'python3-venv'),
+        (has_header, f'Python.h of {sys.executable}', 'python3-dev'),
+        (not ros_distro or shutil.which('cmake'), 'cmake', 'cmake'),
+    ]
     for variable, default in (('CC', 'cc'), ('CXX', 'c++')):
-        command = shlex.split(os.environ.get(variable) or default)[0]
-        if not shutil.which(command):
-            missing.append(
-                f'the compiler {command} ({variable}) is missing: sudo apt install build-essential'
-            )
-    if not Path(sysconfig.get_path('include'), 'Python.h').exists():
-        missing.append(f'Python.h of {sys.executable} is missing: sudo apt install python3-dev')
-    if ros_distro and not shutil.which('cmake'):
-        missing.append('cmake is missing: sudo apt install cmake')
-    return missing
+        command = (os.environ.get(variable, '').split() or [default])[0]
+        needed.append((shutil.which(command), f'the compiler {command} ({variable})', 'build-essential'))
+    return [
+        f'{what} is missing: sudo apt install {package}' for is_there, what, package in needed if not is_there
+    ]
 
 
 def sourced_ros() -> str | None:
@@ -85,7 +85,9 @@ def sourced_ros() -> str | None:
 def fingerprint(venv: Path, kind: str, requirements: list[Path]) -> str:
     """Return a hash of everything that the environment is made from; a change makes it again."""
     parts = [str(venv), kind, sys.base_prefix, sys.version]
-    parts += [path.read_text(encoding='utf-8') for path in (*requirements, Path(__file__))]
+    parts += [
+        path.read_text(encoding='utf-8') for path in (*requirements, Path(__file__), HERE / 'ctrl_c.py')
+    ]
     return hashlib.sha256('\0'.join(parts).encode()).hexdigest()
 
 
@@ -108,6 +110,10 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
     version = f'python{sys.version_info.major}.{sys.version_info.minor}'
     python = sys.executable if Path(sys.executable).exists() else f'{sys.base_prefix}/bin/{version}'
     run('the virtual environment', [python, '-m', 'venv', *is_shared, str(venv)], log)
+    # Python reads a0_* before the packages, which takes it 0.1 s, and zz_* after them.
+    for name, step in (('a0', 'begin'), ('zz', 'finish')):
+        (packages_of(venv) / f'{name}_ctrl_c.pth').write_text(f'import ctrl_c; ctrl_c.{step}()\n')
+    shutil.copy(HERE / 'ctrl_c.py', packages_of(venv))
     if ros_distro:
         pip = pip_install(venv)
         run('the packages', [*pip, '--requirement', str(REQUIREMENTS / 'sourced.txt')], log)
@@ -119,6 +125,12 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
         repair_cmake(venv)
         (venv / 'local_setup.bash').write_text(setup_script(venv, distro), encoding='utf-8')
     (venv / MARK).write_text(wanted, encoding='utf-8')
+
+
+def packages_of(venv: Path) -> Path:
+    """Return the folder of the environment's packages."""
+    (packages,) = venv.glob('lib/python3*/site-packages')
+    return packages
 
 
 def pip_install(venv: Path) -> list[str]:
@@ -144,29 +156,27 @@ def install_pinned(venv: Path, pins: Path, log: Path) -> None:
         run('the packages', [*pip, '--requirement', str(pins)], log)
 
 
+class Step(Job):
+    """A step, whose output is shown if it fails."""
+
+    def read(self, _line: str) -> None:
+        """Show nothing."""
+
+
 def run(what: str, command: list[str], log: Path) -> None:
-    """Run one step, with its output in the log; raises Stopped if it fails, with the end of the log."""
-    status, started_s = Status(), time.monotonic()
-    with log.open('a+', encoding='utf-8', errors='replace') as output:
-        output.seek(0, os.SEEK_END)
-        start = output.tell()
-        step = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT)
-        while step.poll() is None:
-            status.show(f'environment: installing {what} ({time.monotonic() - started_s:.0f} s so far)')
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                step.wait(TICK_SECONDS)
-        output.seek(start)
-        printed = output.read()
-    status.clear()
-    if step.returncode and 'pip' in command and NO_CONNECTION.search(printed):
+    """Run one step, with its output in the log; raises Stopped if it fails, after the end of its output."""
+    step = Step(f'environment: installing {what}', command, log)
+    follow([step])
+    if not step.exit_code:
+        return
+    if 'pip' in command and NO_CONNECTION.search(step.output()):
         proxies = [
             f'{name}={value}' for name, value in os.environ.items() if name.lower().endswith('s_proxy')
         ]
         behind = f' ({", ".join(proxies)})' if proxies else ''
         raise NoNetwork(f'{what} cannot be downloaded: check the network{behind}; details are in {log}')
-    if step.returncode:
-        print(*printed.splitlines()[-15:], sep='\n', file=sys.stderr)
-        raise Stopped(f'making the environment stopped at: {shlex.join(command)}')
+    print(*step.output().splitlines()[-15:], sep='\n', file=sys.stderr)
+    raise Stopped(*step.failures or [f'making the environment stopped at: {shlex.join(command)}'])
 
 
 def repair_cmake(venv: Path) -> list[Path]:
@@ -177,10 +187,9 @@ def repair_cmake(venv: Path) -> list[Path]:
     non-existent path". And rosidl reads a list of files as ASCII, which splits the path of a folder such as
     Büro. A second run changes nothing.
     """
-    (packages,) = venv.glob('lib/python3*/site-packages')
     repairs = (
         (re.compile(BUILD_PYTHON + r'/include/python3\.\d+'), sysconfig.get_path('include')),
-        (re.compile(BUILD_PYTHON + r'/lib/python3\.\d+/site-packages'), str(packages)),
+        (re.compile(BUILD_PYTHON + r'/lib/python3\.\d+/site-packages'), str(packages_of(venv))),
         (re.compile(r'(?<="\$\{idl_output\}" idl_tuples)(?=\))'), ' ENCODING UTF-8'),
     )
     changed = []
@@ -211,20 +220,16 @@ export ROS_DISTRO={distro} ROS_VERSION=2 ROS_PYTHON_VERSION=3
 """
 
 
-def main(venv: Path, distro: str) -> int:
-    """Make the environment in this absolute folder if it is not complete; return the exit code."""
+def complete(venv: Path, distro: str) -> None:
+    """Make the environment in this absolute folder unless it is complete; raises Stopped or OSError."""
     if characters := unusable_characters(venv):
-        print(
-            f'environment: {str(venv)!r} cannot be used, because CMake and scripts fail with {characters!r}'
-            ' in a path: move the clone to a folder whose path has letters, digits and ._+@~!^- alone',
-            file=sys.stderr,
+        raise Stopped(
+            f'{str(venv)!r} cannot be used, because CMake and scripts fail with {characters!r} in a path:'
+            ' move the clone to a folder whose path has letters, digits and ._+@~!^- alone'
         )
-        return 1
     ros_distro = sourced_ros()
-    missing = missing_prerequisites(ros_distro)
-    if missing:
-        print(*(f'environment: {line}' for line in missing), sep='\n', file=sys.stderr)
-        return 1
+    if missing := missing_prerequisites(ros_distro):
+        raise Stopped('\nenvironment: '.join(missing))
     names = ('sourced', 'simulator') if ros_distro else (distro,)
     wanted = fingerprint(venv, ros_distro or '', [REQUIREMENTS / f'{name}.txt' for name in names])
 
@@ -232,16 +237,23 @@ def main(venv: Path, distro: str) -> int:
     mark = venv / MARK
     with locked(f'{venv}.lock', 'environment'):  # of two runs at once, the second finds it complete
         if mark.exists() and mark.read_text(encoding='utf-8') == wanted and (venv / 'bin/python').exists():
-            return 0
+            return
         source = f'the sourced ROS 2 {ros_distro}' if ros_distro else f'ROS 2 {distro} wheels'
         print(f'environment: making {venv} from {source} (half a minute, once)', file=sys.stderr)
-        try:
-            make(venv, ros_distro, distro, wanted)
-        except (Stopped, OSError) as error:
-            print(f'environment: {error}', file=sys.stderr)
-            return 1
+        make(venv, ros_distro, distro, wanted)
+
+
+def main(venv: Path, distro: str) -> int:
+    """Make the environment if it is not complete; return the exit code."""
+    try:
+        complete(venv, distro)
+    except (Stopped, OSError) as error:
+        print(f'environment: {error}', file=sys.stderr)
+        return 1
     return 0
 
 
 if __name__ == '__main__':
+    if len(sys.argv) != 3 or not os.path.isabs(sys.argv[1]):
+        sys.exit('usage: python ci/environment.py VENV kilted|jazzy, where VENV is an absolute path')
     end(lambda: main(Path(sys.argv[1]), sys.argv[2]), 'environment')

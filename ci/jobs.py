@@ -21,7 +21,6 @@ ROOT = Path(__file__).resolve().parents[1]
 TICK_SECONDS = 0.2
 LINE_SECONDS = 15.0  # where no terminal can rewrite a line
 FIRST_SECONDS = 3.0  # a shorter wait needs no line
-END_OF_LOG_LINES = 60
 FAILED = 'failed: '  # begins each line at the end that names a failure
 
 
@@ -55,6 +54,8 @@ def end(main: Callable[[], int], name: str) -> NoReturn:
 class Job:
     """A command whose output is shown line by line."""
 
+    shown_at_failure = 0  # lines of the output, unless it has named what failed
+
     def __init__(self, name: str, command: Sequence[Word], log: Path):
         self.name = name
         self.command = [str(word) for word in command]
@@ -73,10 +74,6 @@ class Job:
         """Return the progress of the command."""
         return self.name
 
-    def explain_failure(self) -> str:
-        """Return the part of the output that has not been shown yet."""
-        return ''
-
     def output(self) -> str:
         """Return the whole output so far."""
         return self.log.read_text(encoding='utf-8', errors='replace')
@@ -85,6 +82,7 @@ class Job:
 class Build(Job):
     """A build by colcon: reads the packages that colcon reports, and the share of each that make reports."""
 
+    shown_at_failure = 100_000
     PACKAGE = re.compile(r'^Starting >>> (\S+)')
     SHARE = re.compile(r'^\[ *(\d+)%\] ')
 
@@ -109,14 +107,11 @@ class Build(Job):
         share = f', {self._share} %' if self._share else ''
         return f'build: package {len(self._started)} of {self._count}, {self._started[-1]}{share}'
 
-    def explain_failure(self) -> str:
-        """Return the whole output."""
-        return self.output()
-
 
 class Tests(Job):
     """A run of pytest, --verbose and --instafail: counts the tests, shows what failed or was skipped."""
 
+    shown_at_failure = 60
     TOTAL = re.compile(r'\b(\d+) items?\b(?:.* (\d+) selected)?')
     RESULT = re.compile(
         r'^(?:\[gw\d+\] \[ *\d+%\] |(.*::.*) )(PASSED|FAILED|ERROR|SKIPPED|XFAIL|XPASS)\b *(.*::.*)?'
@@ -154,10 +149,6 @@ class Tests(Job):
         failed = f', {len(self.failures)} failed' if self.failures else ''
         return f'{self.name} {self.done} of {self.total}{failed}'
 
-    def explain_failure(self) -> str:
-        """Return the end of the output, if no test has failed."""
-        return '' if self.failures else '\n'.join(self.output().splitlines()[-END_OF_LOG_LINES:])
-
 
 class Status:
     """A line on a stream: rewritten on a terminal, written every 15 s elsewhere."""
@@ -182,7 +173,7 @@ class Status:
             print('\r\033[K', end='', file=self._stream, flush=True)
 
 
-def follow(job: Job, events: Events) -> None:
+def start(job: Job, events: Events) -> None:
     """Run a job; put each line of its output, and None at its end."""
     try:
         job.log.parent.mkdir(parents=True, exist_ok=True)
@@ -201,37 +192,41 @@ def follow(job: Job, events: Events) -> None:
     events.put((job, None))
 
 
-def run(jobs: Sequence[Job], at_once: int = 1) -> bool:
-    """Run jobs, some of them in parallel; return whether all ended with exit code 0."""
+def follow(jobs: Sequence[Job], at_once: int = 1) -> None:
+    """Run jobs, some of them in parallel, and show their progress."""
     waiting, status, started_s = list(jobs), Status(), time.monotonic()
     running: list[Job] = []
     events: Events = queue.SimpleQueue()
     while waiting or running:
         while waiting and len(running) < at_once:
             running.append(waiting.pop(0))
-            threading.Thread(target=follow, args=(running[-1], events), daemon=True).start()
+            threading.Thread(target=start, args=(running[-1], events), daemon=True).start()
         with contextlib.suppress(queue.Empty):
             job, line = events.get(timeout=TICK_SECONDS)
             shown = job.read(line) if line is not None else None
             if line is None:
                 running.remove(job)
-                if job.exit_code and (why := job.explain_failure()):
-                    shown = f'== {job.name}\n{why}'
+                if job.exit_code and job.shown_at_failure and not job.failures:
+                    shown = '\n'.join([f'== {job.name}', *job.output().splitlines()[-job.shown_at_failure :]])
             if shown is not None:
                 status.clear()
                 print(shown, flush=True)
         states = ' | '.join(each.state() for each in running)
         status.show(f'{states} ({time.monotonic() - started_s:.0f} s so far)')
     status.clear()
-    print_outcome(jobs)
-    return not any(job.exit_code for job in jobs)
 
 
-def print_outcome(jobs: Sequence[Job]) -> None:
-    """Print a line for each failure, and then the summary of each run of pytest."""
+def run(jobs: Sequence[Job], at_once: int = 1) -> bool:
+    """
+    Run jobs, some of them in parallel; return whether all ended with exit code 0.
+
+    Prints a line for each failure, and then the summary of each run of pytest.
+    """
+    follow(jobs, at_once)
     for job in jobs:
         for failure in (job.failures or ['']) if job.exit_code else []:
             print(f'{FAILED}{job.name}: {failure}'.removesuffix(': '), flush=True)
     for job in jobs:
         if job.summary:
             print(f'== {job.name}', job.summary, sep='\n', flush=True)
+    return not any(job.exit_code for job in jobs)

@@ -83,6 +83,8 @@ def wait_for(pid: int) -> int:
 
 def main() -> int:
     """Run the command; return its exit code."""
+    if not sys.argv[1:]:
+        sys.exit('usage: python ci/kill_tree.py COMMAND [ARGUMENT...]')
     ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     try:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

@@ -7,6 +7,9 @@ Run a command in the project's environment, in the folder where you are, with wh
 --drake: reads and renders the SDF world. Exit code 3: Drake has no wheel for this machine.
 """
 
+import ctrl_c  # noqa: F401
+
+# isort: split
 import argparse
 import functools
 import os
@@ -77,6 +80,8 @@ def main() -> NoReturn:
     parser.add_argument('--drake', action='store_true', help='with Drake, which renders the world')
     parser.add_argument('command', nargs=argparse.REMAINDER, help='what to run')
     options = parser.parse_args()
+    if not options.command:
+        parser.error('name the COMMAND to run, such as bash')
     command = within(here(), *options.command, has_stand_ins=options.stand_ins, has_drake=options.drake)
     os.execvp(command[0], command)  # noqa: S606 - no shell is wanted
 

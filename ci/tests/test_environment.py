@@ -91,7 +91,10 @@ def test_uv_installs_the_pins_and_pip_does_where_uv_cannot(one_pin, tmp_path, mo
 
 
 def test_an_interrupted_making_is_recognised_and_made_again(commands, tmp_path, monkeypatch):
-    def interrupted(_what, command, _log):
+    record = environment.run
+
+    def interrupted(what, command, log):
+        record(what, command, log)
         if 'pip' in command:
             raise KeyboardInterrupt
 
@@ -101,6 +104,7 @@ def test_an_interrupted_making_is_recognised_and_made_again(commands, tmp_path, 
             make_it(tmp_path)
     half_made = tmp_path / 'venv/half-made'
     half_made.touch()
+    commands.clear()
     assert make_it(tmp_path) == 0
     assert len(commands) == 3
     assert not half_made.exists()
