@@ -55,13 +55,16 @@ TAKERS := $(strip $(foreach target,$(TARGETS),$(if $(filter $(REFUSED),$(TAKES_$
 HINT := $(if $(TAKERS),; $(REFUSED) is of make $(TAKERS),$(if $(filter run mission,$(GOALS)),; set a parameter with ARGS="name:=value"))
 $(error make $(GOALS) takes no $(REFUSED): it takes $(strip $(TAKEN) $(COMMON))$(HINT))
 endif
-ifeq ($(filter $(TREE),$(TREES)),)
+# What a person writes reaches a shell in quotes, and make expands no $ in it.
+QUOTED = '$(subst ','\'',$(1))'
+$(foreach name,$(TAKEN) TREE DISTRO PYTHON VENV,$(if $(value $(name)),$(eval override $(name) := $$(value $(name)))))
+ifneq ($(words $(TREE))$(filter-out $(TREES),$(TREE)),1)
 $(error TREE=$(TREE) is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros)
 endif
-ifeq ($(filter $(DISTRO),kilted jazzy),)
+ifneq ($(words $(DISTRO))$(filter-out kilted jazzy,$(DISTRO)),1)
 $(error DISTRO=$(DISTRO) has no wheels: set DISTRO=kilted or DISTRO=jazzy)
 endif
-$(foreach name,$(filter $(SWITCHES),$(TAKEN)),$(if $(filter-out $(ON) $(OFF) $(if $(filter CAMERA,$(name)),$(CAMERAS)),$($(name))),\
+$(foreach name,$(filter $(SWITCHES),$(TAKEN)),$(if $(word 2,$($(name)))$(filter-out $(ON) $(OFF) $(if $(filter CAMERA,$(name)),$(CAMERAS)),$($(name))),\
     $(error $(name)=$($(name)): write $(name)=1 or $(name)=0$(if $(filter CAMERA,$(name)),$(COMMA) CAMERA=compressed or CAMERA=detections))))
 # DRIVE=0 is off, as DRIVE= is, and DRIVE=yes is DRIVE=1.
 $(foreach name,$(SWITCHES),$(eval override $(name) := $(if $(filter $(ON),$($(name))),1,$(filter-out $(OFF),$($(name))))))
@@ -69,13 +72,21 @@ override VENV := $(if $(filter /%,$(VENV)),$(VENV),$(CURDIR)/$(VENV))
 export TREE VENV
 TAG ?= 1
 # TAG=1,5 and TAG=all are what a person may write, too.
-override TAG := $(patsubst all,--all,$(subst $(COMMA), ,$(TAG)))
+override TAG := $(foreach tag,$(patsubst all,--all,$(subst $(COMMA), ,$(TAG))),$(call QUOTED,$(tag)))
 # The root has no name: team7/ is /team7, and / is empty.
 override NAMESPACE := $(addprefix /,$(patsubst /%,%,$(patsubst %/,%,$(NAMESPACE))))
 SIDE ?= 40
 SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 MAKEFLAGS += --no-print-directory
+# ARGS becomes the words that a shell makes of it, but nothing in it is run.
+SPLIT := import os, shlex, sys; print(shlex.join(map(os.path.expanduser, shlex.split(sys.argv[1]))))
+ifdef ARGS
+override ARGS := $(shell $(call QUOTED,$(PYTHON)) -ESc $(call QUOTED,$(SPLIT)) $(call QUOTED,$(ARGS)) 2>/dev/null)
+ifeq ($(.SHELLSTATUS),1)
+$(error ARGS has a quote without its pair: write ARGS='name:="a value" --option value')
+endif
+endif
 IN_ENV := source ci/ros_env.bash &&
 # Of a package that is built: $(call EXECUTABLE,package,name)
 EXECUTABLE = "$$LUPIN_WORKSPACE/install/$(1)/lib/$(1)/$(2)"
@@ -83,7 +94,7 @@ EXECUTABLE = "$$LUPIN_WORKSPACE/install/$(1)/lib/$(1)/$(2)"
 KILL_TREE := python ci/kill_tree.py
 RUN_TESTS := $(IN_ENV) $(KILL_TREE) python ci/run_tests.py
 # These two start with every `make run`: -ES, because the environment's own modules take 0.1 s to find.
-QUICK_PYTHON := $(PYTHON) -ES
+QUICK_PYTHON := $(call QUOTED,$(PYTHON)) -ES
 BUILD := "$$VENV/bin/python" -ES ci/build.py
 WITHIN := "$$VENV/bin/python" -ES ci/within.py
 
@@ -99,13 +110,13 @@ help:  ## list the targets
 # use
 
 run: bridge  ## run the bridge in the foreground: make run ARGS="debug_seed:=42 debug_time_of_day:=12.0"
-	@$(IN_ENV) ci/serve $(addprefix namespace:=,$(NAMESPACE)) $(ARGS)
+	@$(IN_ENV) ci/serve $(if $(NAMESPACE),$(call QUOTED,namespace:=$(NAMESPACE))) $(ARGS)
 
 smoke: bridge  ## start the bridge on a private domain and read every tag
 	@$(IN_ENV) python ci/smoke.py
 
 read: bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TAG=--all, NAMESPACE=/team7
-	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(if $(NAMESPACE),--service '$(NAMESPACE)/greenhouse_bridge/get_tag_reading') $(ARGS)
+	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(if $(NAMESPACE),--service $(call QUOTED,$(NAMESPACE)/greenhouse_bridge/get_tag_reading)) $(ARGS)
 
 mission: mission-check $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world, DRIVE=1 drives a robot there, RECORD=FILE keeps the readings
 	@$(IN_ENV) $(addprefix $(WITHIN) ,$(strip $(if $(WORLD),--drake) $(if $(DRIVE)$(filter detections,$(CAMERA)),--stand-ins))) \
@@ -141,17 +152,17 @@ world-check: build  ## check with Drake that the camera can detect each tag of t
 	@$(IN_ENV) $(WITHIN) --drake $(call EXECUTABLE,lupin_simulation,check_world) $(ARGS)
 
 tags: build  ## make a PDF of the tags to print, SIDE millimetres each: make tags SIDE=40
-	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(SIDE) $(ARGS)
+	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(call QUOTED,$(SIDE)) $(ARGS)
 
 # change
 
 env:  ## make the Python environment (.venv) of all targets
 	@$(QUICK_PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null \
-	    || { echo 'environment: $(PYTHON) is not Python 3.10 or newer: sudo apt install python3, or make $(or $(MAKECMDGOALS),run) PYTHON=python3.12' >&2; exit 1; }
+	    || { echo 'environment: $(subst ','\'',$(PYTHON)) is not Python 3.10 or newer: sudo apt install python3, or make $(or $(MAKECMDGOALS),run) PYTHON=python3.12' >&2; exit 1; }
 	@$(QUICK_PYTHON) ci/environment.py "$$VENV" $(DISTRO)
 
 build: env  ## build TREE with colcon
-	@$(BUILD) $(PACKAGES)
+	@$(BUILD) $$PACKAGES
 
 bridge: env  ## build the bridge and its messages
 	@$(BUILD) $(TREE)/lupin_*msgs $(TREE)/lupin_greenhouse_bridge
@@ -163,7 +174,7 @@ generate-check: env  ## check that both trees are what tools/core generates
 	@$(IN_ENV) python tools/generate.py --check
 
 drift:  ## check that the two trees differ in the one allowed line only
-	@$(PYTHON) tools/check_drift.py --monorepo monorepo --mirror lupin_greenhouse_ros
+	@$(call QUOTED,$(PYTHON)) tools/check_drift.py --monorepo monorepo --mirror lupin_greenhouse_ros
 
 test: lint generate-check drift  ## run all that CI checks of every change
 	@$(RUN_TESTS) all
@@ -204,7 +215,7 @@ bench: bridge  ## compare the bridge with a plain wrapper of the simulator (SHOR
 	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)
 
 soak: build  ## check the promises under faults and load (SHORT=1, REFUSALS=12000, SIGNALS=500)
-	@$(IN_ENV) $(KILL_TREE) python ci/within.py --stand-ins python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(REFUSALS)) $(if $(SIGNALS),--signals $(SIGNALS)) $(ARGS)
+	@$(IN_ENV) $(KILL_TREE) python ci/within.py --stand-ins python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(call QUOTED,$(REFUSALS))) $(if $(SIGNALS),--signals $(call QUOTED,$(SIGNALS))) $(ARGS)
 
 test-network: bridge  ## call between two network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
 	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short) $(ARGS)
@@ -224,10 +235,10 @@ test-22-04: env  ## run the tests of the bridge and of the monorepo's nodes with
 # publish
 
 mirror-publish: env  ## push the mirror: REMOTE=URL [RELEASE=2.1.0] [ARGS=--dry-run]
-	@$(IN_ENV) python tools/mirror_publish.py '$(REMOTE)' $(if $(RELEASE),--release $(RELEASE)) $(ARGS)
+	@$(IN_ENV) python tools/mirror_publish.py $(call QUOTED,$(REMOTE)) $(if $(RELEASE),--release $(call QUOTED,$(RELEASE))) $(ARGS)
 
 mirror-publish-check: env  ## publish the mirror to a local repository, clone it and follow its README
 	@source ci/ros_env.bash without-overlay && python tools/mirror_publish_check.py
 
 mirror-import: env  ## import patches of the mirror into the core and both trees: PATCH=N.patch
-	@$(IN_ENV) python tools/mirror_import.py '$(PATCH)'
+	@$(IN_ENV) python tools/mirror_import.py $(call QUOTED,$(PATCH))

@@ -121,6 +121,9 @@ def test_one_page_has_the_readings_of_several_files(reports):
         (['run', 'FILE=x', 'seed:=3'], 'make run takes no '),
         (['run', 'seed:=3'], '; set a parameter with ARGS="name:=value".'),
         (['TAG=7'], 'make help takes no TAG: '),
+        (['run', 'ARGS="a:=1'], 'ARGS has a quote without its pair: '),
+        (['TREE=monorepo ;x'], 'TREE=monorepo ;x is not a tree'),
+        (['mission', 'CAMERA=image 1'], 'CAMERA=image 1: write CAMERA=1 or CAMERA=0'),
     ],
 )
 def test_a_target_or_variable_that_does_not_fit_is_named_with_what_does(words, said):
@@ -155,20 +158,45 @@ def test_a_target_of_the_monorepo_runs_whatever_tree_a_shell_has_set(target):
     assert result.stdout.startswith('usage: ')
 
 
+@pytest.fixture
+def shown(tmp_path):
+    """Return a function that runs a target, whose program only prints its arguments, one a line."""
+    (tmp_path / 'ci').mkdir()
+    (tmp_path / 'ci/ros_env.bash').write_text('LUPIN_EXECUTABLES=ci; python() { printf \'%s\\n\' "$@"; }\n')
+    for name in ('serve', 'read_tag'):
+        (tmp_path / 'ci' / name).write_text('#!/bin/sh\nprintf \'%s\\n\' "$@"\n')
+        (tmp_path / 'ci' / name).chmod(0o755)
+    return lambda *words: make('-o', 'env', *words, cwd=tmp_path).stdout.splitlines()
+
+
+SERVICE = '/team7/greenhouse_bridge/get_tag_reading'
+RUN = '$(touch x) `touch x` $HOME $(shell touch x) a;touch x'  # if a shell or make took it as its own
+
+
 @pytest.mark.parametrize(
-    ('words', 'command'),
+    ('words', 'arguments'),
     [
-        (['read'], 'read_tag" 1'),
-        (['read', 'TAG=1,5', 'NAMESPACE=/'], 'read_tag" 1 5'),
+        (['read'], ['1']),
+        (['read', 'TAG=1,5', 'NAMESPACE=/'], ['1', '5']),
+        (['read', 'TAG=all', 'NAMESPACE=team7'], ['--all', '--service', SERVICE]),
+        (['read', f"TAG=it's {RUN}"], ["it's", *RUN.split()]),
+        (['read', "NAMESPACE=it's;b"], ['1', '--service', "/it's;b/greenhouse_bridge/get_tag_reading"]),
+        (['run', 'NAMESPACE=team7/', 'ARGS=debug_seed:=3'], ['namespace:=/team7', 'debug_seed:=3']),
+        (['run', f'ARGS=a:="b  c" "it\'s" {RUN}'], ['a:=b  c', "it's", *RUN.split()]),
+        (['run', 'ARGS=a:=~ ~'], ['a:=~', os.path.expanduser('~')]),
+        (['tags', f'SIDE={RUN}'], ['tools/draw/tag_sheet.py', '--side', RUN]),
         (
-            ['read', 'TAG=all', 'NAMESPACE=team7'],
-            'read_tag" --all --service /team7/greenhouse_bridge/get_tag_reading',
+            ['mirror-publish', f"REMOTE=it's {RUN}", 'RELEASE=1;2'],
+            ['tools/mirror_publish.py', f"it's {RUN}", '--release', '1;2'],
         ),
-        (['run', 'NAMESPACE=team7/', 'ARGS=debug_seed:=3'], 'serve namespace:=/team7 debug_seed:=3'),
+        (['mirror-import', f'PATCH=a b.patch {RUN}'], ['tools/mirror_import.py', f'a b.patch {RUN}']),
     ],
 )
-def test_a_tag_and_a_namespace_may_be_written_in_several_ways(words, command):
-    assert make(*words, '--dry-run').stdout.replace("'", '').rstrip().endswith(command)
+def test_a_program_gets_the_words_that_a_person_wrote_and_nothing_in_them_is_run(
+    shown, tmp_path, words, arguments
+):
+    assert shown(*words) == arguments
+    assert not (tmp_path / 'x').exists()
 
 
 @pytest.mark.parametrize('namespace', ['/team7', 'team7/'])
