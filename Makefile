@@ -191,13 +191,12 @@ lint: env  ## check the code with ruff and mypy, the spelling, and the workflows
 	@$(IN_ENV) check-jsonschema --builtin-schema vendor.github-workflows $(wildcard .github/workflows/*.yml lupin_greenhouse_ros/.github/workflows/*.yml)
 	@$(IN_ENV) check-jsonschema --builtin-schema vendor.gitlab-ci .gitlab-ci.yml lupin_greenhouse_ros/.gitlab-ci.yml
 
-docs-check: build  ## check links, shell blocks, parameters, options and names of tests in the documents
-	@$(IN_ENV) python ci/docs_check.py
+docs-check: build  ## check links, shell blocks, parameters, ROS graphs and names of tests in the documents
+	@$(IN_ENV) $(WITHIN) --stand-ins python ci/docs_check.py
 
 figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
 	@$(if $(ARGS),,$(IN_ENV) python tools/draw/seen.py)
-	@$(if $(ARGS),,$(WITHIN) --stand-ins python tools/draw/graph.py)
 	@$(if $(WORLD),$(WITHIN) --drake python tools/draw/world.py)
 	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
 

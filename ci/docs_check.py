@@ -1,5 +1,5 @@
 """
-Check the documents: links, shell blocks, parameters, ranges of sensors, names of tests.
+Check the documents: links, shell blocks, parameters, ranges of sensors, ROS graphs, names of tests.
 
     make docs-check
 
@@ -19,6 +19,11 @@ A table of `sensor` and `lowest` has the ranges of the installed mdp-greenhouse,
 
     <!-- ranges of mdp-greenhouse VERSION -->
 
+A flowchart is a ROS graph. What its lines say of our nodes is in ROS too, and all that our nodes have in ROS
+is in some graph. The arrow of a topic is `-->`, of a service `-.->`, of an action `==>`:
+
+    source --> id["/name<br>Type"] --> target
+
 A test that a document names exists: `test_x.py`, `test_x.py::test_y` or `test_y`.
 Indented code blocks have no language, so they are refused.
 Exit code: 0 no findings, 1 findings, one line each.
@@ -31,18 +36,22 @@ import importlib.metadata
 import os
 import re
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote
 
+import rclpy
 from jobs import end
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.runtime.parameters import default_text
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.units import unit_of
+from rclpy.action import graph as actions
+from rclpy.node import Node
 
 ROOT = Path(__file__).resolve().parent.parent
 FENCED = re.compile(r'(?:^<!-- ([^\n]+?) -->\n)?^```(\S*)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
@@ -51,6 +60,16 @@ LINK = re.compile(r'\[[^\[\]]*\]\(([^)\s]+)\)')
 SOURCE = re.compile(r'\bsrc(?:set)?="([^"]+)"')  # of a <picture>
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
 NAMED_TEST = re.compile(r'`(test_\w+\.py)?(?:::)?(test_\w+)?`')
+GRAPH_LINE = re.compile(r'    (\w+).* (-->|-\.->|==>) \w+\["(\S+)<br>(\w+)"\] \2 (\w+.*)')
+NODES = {
+    'greenhouse_bridge': 'lupin_greenhouse_bridge.bridge_node.GreenhouseBridgeNode',
+    'read_on_sight': 'lupin_greenhouse_bridge.reading.read_on_sight.ReadOnSightNode',
+    'record_readings': 'lupin_greenhouse_bridge.recording.record_readings.RecordReadingsNode',
+    'show_readings': 'lupin_greenhouse_bridge.display.show_readings.ShowReadingsNode',
+    'confirm_tag': 'lupin_tag_confirmation.confirm_tag.ConfirmTagNode',
+    'mission_orchestrator': 'lupin_mission.mission_orchestrator.MissionNode',
+}
+OF_EVERY_NODE = ('rcl_interfaces', 'type_description_interfaces')
 PARAMETERS, RANGES = r'\| \w+ \| default \|', r'\| sensor \| lowest \|'
 
 
@@ -60,6 +79,20 @@ class Block(NamedTuple):
     mark: str
     language: str
     text: str
+
+
+class End(NamedTuple):
+    """What a node has of a topic, a service or an action; as text, the line of a graph."""
+
+    node: str
+    is_target: bool  # it subscribes or serves
+    arrow: str
+    name: str
+    message: str
+
+    def __str__(self) -> str:
+        source, target = ('other', self.node) if self.is_target else (self.node, 'other')
+        return f'{source} {self.arrow} id["{self.name}<br>{self.message}"] {self.arrow} {target}'
 
 
 class Document:
@@ -74,6 +107,12 @@ class Document:
         """Return each block of commands."""
         blocks = [Block(*found) for found in FENCED.findall(self.text)]
         return [block for block in blocks if block.language in ('bash', 'console', 'sh')]
+
+    def graph_lines(self) -> Iterator[str]:
+        """Yield the lines of the ROS graphs, which are flowcharts."""
+        for _, _, text in FENCED.findall(self.text):
+            _, _, lines = text.partition('flowchart ')
+            yield from lines.splitlines()[1:]
 
     def tables(self, head: str) -> list[tuple[str, list[str]]]:
         """Return each table whose first line matches a pattern: its mark, as of a block, and its rows."""
@@ -178,6 +217,57 @@ def wrong_ranges(document: Document) -> Iterator[str]:
         yield from wrong_rows('the ranges', rows, sensor_ranges())
 
 
+def ends_in_line(line: str) -> Iterator[End]:
+    """Yield what our nodes have, as a line of a graph says; nothing for a line of another form."""
+    if written := GRAPH_LINE.fullmatch(line):
+        source, arrow, names, message, targets = written.groups()
+        nodes = {source: False} | dict.fromkeys(re.findall(r'(?:^|& )(\w+)', targets), True)
+        for name in names.replace('/<br>', '/').split('<br>'):
+            yield from (End(node, nodes[node], arrow, name, message) for node in nodes.keys() & NODES)
+
+
+@functools.cache
+def ends_in_ros(name: str) -> set[End]:
+    """Create one of our nodes; return what it has in ROS, without what every node has."""
+    ends = set()
+    module, _, class_name = NODES[name].rpartition('.')
+    with tempfile.TemporaryDirectory() as folder:
+        parameters = f'-p file:={folder}/readings.sqlite -p require_visual_confirmation:=true'
+        rclpy.init(args=['--ros-args', '--log-level', 'error', *parameters.split()])
+        node = getattr(importlib.import_module(module), class_name)()
+        for arrow, is_target, entries_of in (
+            ('-->', False, Node.get_publisher_names_and_types_by_node),
+            ('-->', True, Node.get_subscriber_names_and_types_by_node),
+            ('-.->', False, Node.get_client_names_and_types_by_node),
+            ('-.->', True, Node.get_service_names_and_types_by_node),
+            ('==>', False, actions.get_action_client_names_and_types_by_node),
+            ('==>', True, actions.get_action_server_names_and_types_by_node),
+        ):
+            for entry, (kind, *_) in entries_of(node, name, '/'):
+                package, _, message = kind.split('/')
+                if package not in OF_EVERY_NODE and '/_action/' not in entry:
+                    ends.add(End(name, is_target, arrow, entry, message))
+        node.destroy_node()
+        rclpy.shutdown()
+    return ends
+
+
+def wrong_graphs(document: Document) -> Iterator[str]:
+    """Yield a finding for each line of a graph that has another form, or that is not in ROS."""
+    for line in document.graph_lines():
+        if not GRAPH_LINE.fullmatch(line):
+            yield f'write this line of a graph as `source --> id["/name<br>Type"] --> target`: {line.strip()}'
+        for node in [each.node for each in ends_in_line(line) if each not in ends_in_ros(each.node)]:
+            yield f'{node} does not have this in ROS: {line.strip()}'
+
+
+def undrawn_ends(documents: list[Document]) -> Iterator[str]:
+    """Yield a finding for each topic, service and action of our nodes that is in no graph."""
+    drawn = {each for document in documents for line in document.graph_lines() for each in ends_in_line(line)}
+    for name in NODES:
+        yield from (f'no graph has the line: {each}' for each in sorted(ends_in_ros(name) - drawn))
+
+
 def missing_tests(document: Document) -> Iterator[str]:
     """Yield a finding for each test that the document names and that does not exist."""
     tests = [document.root / path for path in files_in_git(document.root, '*test_*')]
@@ -211,15 +301,16 @@ def undocumented_nodes(documents: list[Document]) -> Iterator[str]:
 
 def findings_of(document: Document) -> list[str]:
     """Return what is wrong in one document, a line each."""
-    checks = (broken_links, unproved_blocks, wrong_parameters, wrong_ranges, missing_tests)
+    checks = (broken_links, unproved_blocks, wrong_parameters, wrong_ranges, wrong_graphs, missing_tests)
     return [f'{document.path}: {finding}' for check in checks for finding in check(document)]
 
 
 def main(root: Path = ROOT) -> int:
     """Check every document; return the exit code."""
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'  # no other node of the same name
     documents = [Document(root, path) for path in files_in_git(root, '*.md')]
     findings = [finding for document in documents for finding in findings_of(document)]
-    findings += undocumented_nodes(documents)
+    findings += [*undocumented_nodes(documents), *undrawn_ends(documents)]
     for finding in findings:
         print(f'docs: {finding}')
     blocks = sum(len(document.shell_blocks()) for document in documents)

@@ -66,6 +66,12 @@ def test_the_documents_are_true():
     assert re.search(r'^\d+ documents, \d+ shell blocks: 0 findings$', result.stdout)
 
 
+@pytest.fixture(autouse=True)
+def alone_in_ros(monkeypatch):
+    """Let the nodes of this process find no other one, which may have the same name."""
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')
+
+
 @pytest.fixture
 def documents(tmp_path):
     """Return a function that makes a repository of one document, and returns the findings."""
@@ -114,6 +120,12 @@ Shown by `test_it.py`, `test_it.py::test_this` and `test_this`.
 | co2 | 400 | 610 | ppm | 30 |
 | soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |
 | light | 755 | 989 | lx | 10 |
+
+```mermaid
+flowchart LR
+    node([your node]) -.-> x["/greenhouse_bridge/<br>get_tag_reading<br>GetTagReading"] -.-> greenhouse_bridge
+    node --> stop["/stop<br>Bool"] --> robot([a robot]) & lamp
+```
 """
 
 
@@ -140,6 +152,8 @@ def test_a_good_document_has_no_findings(documents):
         ('0.737', '0.6', 'table of the ranges lacks the row | soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |'),
         ('0.737', '73.7', 'the table of the ranges has a wrong row | soil_moisture | 0.3 | 73.7 |'),
         ('<!-- ranges of mdp-greenhouse 1.0.8 -->\n', '', 'mark the ranges with `ranges of mdp-greenhouse'),
+        ('<br>GetTagReading', '<br>GetReading', 'greenhouse_bridge does not have this in ROS: node'),
+        ('-.-> greenhouse', '--> greenhouse', 'write this line of a graph as `source --> id["/name<br>'),
         ('[here]', '    make run\n\n[here]', 'fence this block and set its language: make run'),
     ],
 )
@@ -153,3 +167,11 @@ def test_a_node_without_a_table_is_found_and_a_missing_row_is_no_missing_table(t
     found = list(docs_check.undocumented_nodes([docs_check.Document(tmp_path, Path('page.md'))]))
     assert 'no document has a table of the parameters of read_on_sight' in found
     assert not any('bridge_node' in each or 'read_tag' in each for each in found)
+
+
+def test_a_service_of_a_node_that_is_in_no_graph_is_found(tmp_path, monkeypatch):
+    monkeypatch.setattr(docs_check, 'NODES', {'greenhouse_bridge': docs_check.NODES['greenhouse_bridge']})
+    (tmp_path / 'page.md').write_text(GOOD, encoding='utf-8')
+    assert list(docs_check.undrawn_ends([docs_check.Document(tmp_path, Path('page.md'))])) == []
+    line = 'other -.-> id["/greenhouse_bridge/get_tag_reading<br>GetTagReading"] -.-> greenhouse_bridge'
+    assert list(docs_check.undrawn_ends([])) == [f'no graph has the line: {line}']
