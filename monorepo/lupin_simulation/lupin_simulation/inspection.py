@@ -13,6 +13,7 @@ import importlib.util
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -20,7 +21,7 @@ from pathlib import Path
 
 import domain_coordinator
 from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS, read_file
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized, reason_of
 from lupin_greenhouse_bridge.planning.walls import parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import key_of
@@ -79,8 +80,8 @@ def prepare(options: argparse.Namespace, report: Path) -> None:
             try:
                 shutil.copyfile(path, companion(report, name))
             except OSError as error:
-                reason = error.strerror or error
-                raise StartUpError(f"{name} '{path}': {reason}: name a file that can be read") from error
+                fault = f"{name} '{path}': {reason_of(error)}"
+                raise StartUpError(f'{fault}: name a file that can be read') from error
     if options.record:
         open_store(options.record)
     if options.world:
@@ -107,7 +108,7 @@ def run_mission(options: argparse.Namespace) -> int:
         raise
     except KeyboardInterrupt:
         if options.record:
-            check_record(options.record, report)  # Ctrl-C in a terminal ends the recorder at the same time
+            check_record(options.record, report)
         raise
     if exit_code == USAGE:
         return USAGE
@@ -123,7 +124,7 @@ def has_lines(report: Path) -> bool:
 
 def run_nodes(commands: list[list[str]], report: Path) -> int:
     """
-    Run these commands on a ROS domain of their own until the last one, the mission, ends.
+    Run these commands on a ROS domain of their own until the last one, the mission, ends; end the last first.
 
     Returns the exit code of the mission. Raises NodeEnded if another node ends before, and KeyboardInterrupt
     after Ctrl-C or SIGTERM.
@@ -136,7 +137,10 @@ def run_nodes(commands: list[list[str]], report: Path) -> int:
         }
         processes = []
         for command in commands:
+            # A terminal sends Ctrl-C to the nodes too, but the recorder has to end after the mission.
+            signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
             processes.append(subprocess.Popen(command, env=os.environ | domain))
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
             stack.callback(stop, processes[-1])
         *others, mission = processes
         while mission.poll() is None:

@@ -7,6 +7,8 @@ import os
 import re
 import signal
 import subprocess
+import sys
+import textwrap
 from argparse import Namespace
 from pathlib import Path
 
@@ -247,6 +249,42 @@ def test_a_signal_ends_a_node_that_has_just_been_started(tmp_path, monkeypatch, 
     assert inspection.main(['--output', str(tmp_path / 'output')]) == 130
     assert started
     assert all(each.returncode == -signal.SIGTERM for each in started)
+
+
+def test_ctrl_c_in_a_terminal_ends_the_mission_before_its_recorder(tmp_path, capfd, stand_in):
+    """It reaches each process. The recorder keeps the rows that the mission publishes until its end."""
+    (tmp_path / 'node.py').write_text(
+        textwrap.dedent("""
+            import os, signal, sys, time
+            from pathlib import Path
+
+            def end(*_):
+                with open('order', 'a') as file:
+                    print(name, file=file)
+                sys.exit()
+
+            name = sys.argv[1]
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, end)
+            Path(f'{name}.new').write_text(str(os.getpid()))
+            Path(f'{name}.new').rename(f'{name}.pid')
+            if name == 'mission_orchestrator':
+                while len(nodes := [*Path().glob('*.pid')]) < 3:
+                    time.sleep(0.05)
+                own_last = sorted((int(each.read_text()) for each in nodes), key=os.getpid().__eq__)
+                for pid in (os.getppid(), *own_last):
+                    os.kill(pid, signal.SIGINT)
+            while True:
+                signal.pause()
+        """),
+        encoding='utf-8',
+    )
+    names = ['mission_orchestrator', 'bridge_node', 'record_readings']
+    for name in names:
+        stand_in(name, f'cd {tmp_path}; exec {sys.executable} node.py {name}')
+    assert inspection.main(['--output', str(tmp_path / 'out'), '--record', str(tmp_path / 'kept.csv')]) == 130
+    assert (tmp_path / 'order').read_text(encoding='utf-8').split() == names
+    assert '0 rows kept' in capfd.readouterr().out
 
 
 @pytest.mark.parametrize('name', ['plot_report', 'readings_page'])
