@@ -64,7 +64,13 @@ BAD_TAGS = [
     ({'tags/7/sensors': ['CO2']}, "tag '7' has the sensor 'CO2', which"),
 ]
 BAD_TAG_BYTES = [
-    (b'', 'is not JSON:'),
+    (b'', 'is not JSON: it is empty: save it again'),
+    (b'{"7": {"x": 1,5}}', 'is not JSON: a number has a decimal comma: write a point (line 1, column 15)'),
+    (b'{\n // my tag\n"7": {}}', 'is not JSON: it has a comment: remove it (line 2, column 2)'),
+    (b"{'7': {}}", 'is not JSON: a name or a text has single quotes: write double quotes'),
+    (b'{"7": {},}', 'is not JSON: a comma is before a closing bracket: remove it'),
+    (b'{"7": {}', 'is not JSON: its end is missing: close every quote and bracket'),
+    (b'{"7" {}}', "is not JSON: Expecting ':' delimiter (line 1, column 6)"),
     (b'\xef\xbb\xbf{"7": {"x": 1, "y": 1, "sensors": ["co2"]}}', 'starts with a UTF-8 byte order mark'),
     ('{"é": {}}'.encode('latin-1'), 'is not UTF-8 text'),
     (b'{"7": {"x": ' + b'9' * 5000 + b'}}', 'is not JSON:'),
@@ -76,7 +82,7 @@ CO2 = "sensor 'co2', component 1"
 TYPO = 'is unknown: did you mean'
 ANY = 'must be a number from -1e+12 to 1e+12'
 POSITIVE = 'must be a number from 1e-12 to 1e+12'
-HOURS = 'must be a number from 0 to 24 (hours)'
+HOURS = 'must be a number from 0 to 24 (hours, such as 12.5)'
 KNOWN = 'known are co2, humidity, light, soil_moisture, temperature'
 # Changes to the shipped config by path, and the expected message.
 BAD_CONFIGS = [
@@ -137,7 +143,13 @@ BAD_CONFIG_BYTES = [
     (b'time: {}\nsensors: {}\ntime: {}', "'time' appears twice in the mapping of line 1: keep one of them"),
     (b'time:\n  debug_mode: no\n  debug_mode: yes', "'debug_mode' appears twice in the mapping of line 2"),
     (b'', 'time is missing: must be a mapping, such as {debug_mode: false'),
-    (b'time:\n\tdebug_mode: true\n', 'is not YAML:'),
+    (b'time:\n\tdebug_mode: true\n', 'is not YAML: ScannerError: line 2 has a tab: write spaces'),
+    (b'time: {debug_mode: true, debug_time_of_day: 12:30}', 'is 750: must be a number from 0 to 24 (hours,'),
+    (
+        b'{time: {debug_mode: no, speedup_factor: 1}, sensors: {co2: [{}]},'
+        b' visualization: {colorbar_ranges: {co2: {min: 2, max: 1}}}}',
+        "colorbar_ranges: 'co2': max is 1: must be a number from 2 to",
+    ),
     (b'time: !!int ""\n', 'is not YAML:'),
     (b'time: 2026-11-21\n', 'time is a date: must be a mapping, such as {'),
     (b'2026-11-21 06:00:00\n', 'holds a date at its top level'),

@@ -295,6 +295,8 @@ def test_the_colours_of_a_sensor_are_those_of_the_config(tmp_path, section, expe
         (['REPORT', '--tag-file', '/missing.json'], '/missing.json'),
         (['REPORT', '--tag-file', 'REPORT'], 'is not JSON'),
         (['REPORT', '--sim-config-file', 'TAGS'], 'time is missing'),
+        (['REPORT', 'TAGS'], ': name a tag file with --tag-file'),
+        (['config.yml'], "'config.yml': No such file or directory: name a file of record_readings"),
         (
             ['REPORT', '--tag-file', 'TAGS'],
             "4 of the file's 4 tags are not in it, such as '1': name the tag_file of its bridge",

@@ -43,6 +43,11 @@ def escaped(text: str, longest: int) -> str:
     return shown if len(text) <= longest else f'{shown}...'
 
 
+def reason_of(error: Exception) -> str:
+    """Return why a file cannot be read or written, without the number and the path of an OSError."""
+    return getattr(error, 'strerror', None) or str(error)
+
+
 def pluralized(count: int, thing: str) -> str:
     """Return a count with its noun, such as 1 tag or 29 tags."""
     return f'{count} {thing}' if count == 1 else f'{count} {thing}s'

@@ -108,7 +108,11 @@ def test_a_pose_with_less_room_than_the_clearance_is_warned_of(poses_of):
 def test_tags_and_tables_outside_the_walls_are_warned_of(poses_of):
     _, _, err = poses_of('--walls', '1.1', '0', '4', '4')
     outside = 'outside the walls (x 1.1 to 4 m, y 0 to 4 m): tag 21, table bench'
-    assert err.splitlines()[0] == f'approach_poses: {outside}: set --walls or --sim-config-file'
+    remedy = 'set --walls or --sim-config-file, all in metres'
+    assert err.splitlines()[0] == f'approach_poses: {outside}: {remedy}'
+    _, _, err = poses_of('--walls', '0', '0', '400', '400')
+    larger = 'the walls (x 0 to 400 m, y 0 to 400 m) are far larger than the layout'
+    assert err.splitlines()[0] == f'approach_poses: {larger}: {remedy}'
 
 
 def test_a_narrow_passage_is_warned_of_with_what_to_do(poses_of, tmp_path):
@@ -190,9 +194,11 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
         (['--clearance', 'nan'], 'its clearance nan m: must not be below 0'),
         (
             ['--arrival-tolerance', '-1', '0'],
-            'the arrival tolerances are -1 m and 0 rad: must not be below 0',
+            'the arrival tolerances are -1 m and 0 rad: must be from 0 to 1 m, and from 0 to pi rad',
         ),
-        (['--arrival-tolerance', '0', 'nan'], 'the arrival tolerances are 0 m and nan rad: must not be'),
+        (['--arrival-tolerance', '0', '10'], 'the arrival tolerances are 0 m and 10 rad: must be from 0 to'),
+        (['--largest-standoff', '100'], 'the standoffs are 0.3, 0.5 and 100 m'),
+        (['--unknown', 'free'], '--unknown is about the cells of a map: name one with --map FILE'),
         (['--camera-offset', '0.3'], "the camera is 0.3 m ahead of the robot's centre: must be less than"),
         (['--camera-offset', 'nan'], 'the camera is nan m ahead'),
         (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),
@@ -302,7 +308,7 @@ def test_the_overrides_are_read_by_tag_and_an_unknown_tag_is_warned_of(overrides
             'overrides:\n  "7": {yaw: 1}\n  tilt: {yaw: 1}\n  "21": {tilt: 2}\n',
             "tag '21': unknown key",
         ),
-        ('override: {}\n', "unknown key 'override': use overrides"),
+        ('"7": {yaw: 1}\n', "unknown key '7': use overrides, as in {overrides: {"),
         ('overrides: {"7": {standoff: 2.0}}', "tag '7': standoff is 2.0: must be a number from 0.2 to 1.5"),
         ('overrides: {"7": {goal_x: .nan}}', "tag '7': goal_x is nan: must be a number"),
         ('overrides: {"7": {yaw: "north"}}', "tag '7': yaw is 'north': must be a number"),

@@ -62,6 +62,11 @@ def noisy(places_m: dict, noise: random.Random, sigma_m: float) -> dict:
     }
 
 
+def scaled(places_m: dict, factor: int) -> dict:
+    """Return the places in another unit than metres."""
+    return {tag_id: (factor * x, factor * y) for tag_id, (x, y) in places_m.items()}
+
+
 def part(places_m: dict, tag_ids) -> dict:
     """Return the places of these tags."""
     return {tag_id: places_m[tag_id] for tag_id in tag_ids}
@@ -142,6 +147,8 @@ SPOTS_M = [{'a': (1.0, 1.0), 'b': (1.0 + width, 1.0), 'c': (1.0, 1.0 + width)} f
         (SQUARE_M, {'a': (1.0, 2.0)}, 'position in the map: 1: at least 2 are needed'),
         *((spot_m, spot_m, 'the 3 tags that fit lie in one spot of the layout') for spot_m in SPOTS_M),
         (SQUARE_M, dict.fromkeys(SQUARE_M, (1.0, 2.0)), 'the largest residual is'),
+        (SQUARE_M, scaled(SQUARE_M, 100), 'the positions in the map seem to be in centimetres: write metres'),
+        (scaled(SQUARE_M, 1000), SQUARE_M, 'the positions in the layout seem to be in millimetres: write'),
     ],
 )
 def test_positions_that_give_no_rotation_are_refused(layout_m, places_m, fault):
@@ -419,9 +426,12 @@ def test_a_tag_that_the_layout_lacks_is_refused(register, places, tmp_path):
         (['--pairs', 'none.json', '-o', 'none/a.yaml'], "there is no folder 'none'"),
         (
             ['--pairs', 'none.json', '-o', 'a.yaml', '--tolerance', 'nan'],
-            '--tolerance is nan: must be a number of metres',
+            '--tolerance is nan: must be above 0, and at most 1 m',
         ),
-        (['--pairs', 'none.json', '--click-error', '0'], '--click-error is 0: must be a number of metres'),
+        (['--pairs', 'none.json', '--click-error', '0'], '--click-error is 0: must be above 0'),
+        (['--pairs', 'none.json', '--tolerance', '10'], '--tolerance is 10: must be above 0, and at most'),
+        (['--click', '1,2', '3'], "tag '1,2' is not one of the"),
+        (['--click', '1,2', '3'], 'correct its id (ids have spaces between them)'),
         (['--suggest', '1'], '--suggest is 1: must be from 2 to'),
         (['--suggest', '999'], '--suggest is 999: must be from 2 to'),
         (['--click', '1', '2', '-o', '/'], "--output '/' is a folder: name a file in it"),

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.planning.registration import Transform
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, reason_of
+from lupin_greenhouse_bridge.planning.registration import POSE_LIMITS, Transform
 from lupin_greenhouse_bridge.planning.tag_poses import EQUAL_M
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml
@@ -181,12 +181,11 @@ def read_map(path: str | Path, *, unknown_is_free: bool = False) -> OccupancyMap
             shown = escaped(repr(data[key]), 60)
             raise StartUpError(f'{where}: {key} is {shown}: must be one of {", ".join(allowed)}')
         data[key] = word
-    resolution_m = number(data, 'resolution', where, 'metres per cell', smallest=1e-4)
+    resolution_m = number(data, 'resolution', where, 'metres per cell', 1e-4, 1.0)
     if not isinstance(data.get('origin'), list) or len(data['origin']) != 3:
         raise StartUpError(f'{where}: origin is missing or not a list of three: must be [x, y, yaw]')
     origin = dict(zip(('x', 'y', 'yaw'), map(_number_in, data['origin']), strict=True))
-    units = {'x': 'metres', 'y': 'metres', 'yaw': 'radians'}
-    x, y, yaw = (float(number(origin, key, f'{where}: origin', unit)) for key, unit in units.items())
+    x, y, yaw = (float(number(origin, key, f'{where}: origin', *each)) for key, each in POSE_LIMITS.items())
     for key in ('occupied_thresh', 'free_thresh'):
         number(data, key, where, 'share of 1', smallest=0.0, largest=1.0)
     if data['free_thresh'] >= data['occupied_thresh']:
@@ -223,8 +222,8 @@ def _read_image(path: Path, where: str) -> tuple[np.ndarray, np.ndarray | None]:
             has_alpha = 'A' in image.getbands() or 'transparency' in image.info
             channels = np.asarray(image.convert('RGBA'))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        shown = escaped(str(path), 300)
-        raise StartUpError(f"{where}: image '{shown}' cannot be read: {error}") from error
+        fault = f"image '{escaped(str(path), 300)}' cannot be read ({reason_of(error)})"
+        raise StartUpError(f'{where}: {fault}: correct image in this file, or save the map again') from error
     shade = channels[..., :3].sum(axis=2) / (3 * 255.0)
     return shade, channels[..., 3] / 255.0 if has_alpha else None
 

@@ -53,4 +53,5 @@ def read_overrides(path: str | Path, layout_ids: Collection[str]) -> tuple[dict[
 def _refuse_unknown_keys(mapping: dict[Any, Any], keys: Collection[str], where: str) -> None:
     for key in mapping:
         if key not in keys:
-            raise StartUpError(f"{where}: unknown key '{escaped(str(key), 64)}': use {', '.join(keys)}")
+            unknown = f"{where}: unknown key '{escaped(str(key), 64)}'"
+            raise StartUpError(f'{unknown}: use {", ".join(keys)}, as in {EXAMPLE}')

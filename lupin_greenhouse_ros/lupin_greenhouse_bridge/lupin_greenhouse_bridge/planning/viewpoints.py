@@ -45,11 +45,11 @@ class ViewingLimits:
     camera_offset_m: float = 0.0  # of the camera, ahead of the robot's centre
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.smallest_standoff_m <= self.preferred_standoff_m <= self.largest_standoff_m < 1e3:
+        if not 0.0 < self.smallest_standoff_m <= self.preferred_standoff_m <= self.largest_standoff_m <= 10.0:
             raise StartUpError(
                 f'the standoffs are {self.smallest_standoff_m:g}, {self.preferred_standoff_m:g} and'
                 f' {self.largest_standoff_m:g} m: must be above 0, and the smallest, the preferred and the'
-                ' largest in this order'
+                ' largest in this order, and at most 10'
             )
         for name, angle_rad in (('largest', self.largest_angle_rad), ('steepest', self.steepest_angle_rad)):
             if not 0.0 <= angle_rad < math.pi / 2:
@@ -62,10 +62,10 @@ class ViewingLimits:
                 f'the radius of the robot is {self.robot_radius_m:g} m and its clearance'
                 f' {self.clearance_m:g} m: must not be below 0'
             )
-        if not (self.arrival_tolerance_m >= 0.0 and self.arrival_tolerance_rad >= 0.0):
+        if not (0.0 <= self.arrival_tolerance_m <= 1.0 and 0.0 <= self.arrival_tolerance_rad <= math.pi):
             raise StartUpError(
                 f'the arrival tolerances are {self.arrival_tolerance_m:g} m and'
-                f' {self.arrival_tolerance_rad:g} rad: must not be below 0'
+                f' {self.arrival_tolerance_rad:g} rad: must be from 0 to 1 m, and from 0 to pi rad'
             )
         if not abs(self.camera_offset_m) < self.smallest_standoff_m:
             raise StartUpError(

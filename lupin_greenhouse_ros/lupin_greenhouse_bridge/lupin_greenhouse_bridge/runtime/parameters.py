@@ -51,7 +51,7 @@ def check_parameters(settings: Any) -> None:
         if smallest is not None and not accepted:
             wanted += f' from {smallest:g} to {largest:g}'
         if type(value) is not each.type and not (type(value) is int and each.type is float):
-            raise invalid(each.name, value, wanted)
+            raise invalid(each.name, value, f'{wanted}, {accepted}' if accepted else wanted)
         if smallest is not None and not smallest <= value <= largest:  # also refuses NaN
             raise invalid(each.name, value, accepted or wanted)
 

@@ -48,6 +48,7 @@ CLICK_ERROR = (
     'assumed standard deviation of a position along each axis in metres; if the residuals show a larger one,'
     ' that one counts'
 )
+LARGEST_TOLERANCE_M = 1.0
 CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
 
 
@@ -91,8 +92,8 @@ def _register(executor: Executor, options: argparse.Namespace) -> None:
 def layout_of(options: argparse.Namespace) -> Layout:
     """Return the layout of the options. Raises UsageError or StartUpError before anybody clicks."""
     for name, value in (('--tolerance', options.tolerance), ('--click-error', options.click_error)):
-        if not 0.0 < value < math.inf:
-            raise UsageError(f'{name} is {value:g}: must be a number of metres above 0')
+        if not 0.0 < value <= LARGEST_TOLERANCE_M:
+            raise UsageError(f'{name} is {value:g}: must be above 0, and at most {LARGEST_TOLERANCE_M:g} m')
     inputs = ('--pairs', getattr(options, 'pairs', None)), ('--tag-file', options.tag_file)
     check_output_file(Path(options.output), '--output', inputs)
     return require_layout(options.tag_file)
@@ -160,7 +161,7 @@ def _check_known(layout: Layout, tag_ids: Iterable[str]) -> None:
         if tag_id not in layout.tags:
             raise UsageError(
                 f"tag '{escaped(tag_id, 64)}' is not one of the {len(layout.tags)} tags of the layout:"
-                " correct its id, or name the bridge's tag file"
+                " correct its id (ids have spaces between them), or name the bridge's tag file"
             )
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, reason_of
 from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml
 
 MAP_FRAME, LAYOUT_FRAME = 'map', 'greenhouse'
@@ -19,7 +19,7 @@ DEFAULT_CLICK_ERROR_M = 0.03
 FEWEST_THAT_OVERRULE = 3  # two tags can agree by chance
 _EXAMPLE = 'such as "frame_id: map", "x: 1.5", "y: -0.2" and "yaw: 0.3"'
 _METRES = ('metres', -1e12, 1e12)
-_LIMITS = {'x': _METRES, 'y': _METRES, 'yaw': ('radians', -10.0, 10.0)}  # not degrees
+POSE_LIMITS = {'x': _METRES, 'y': _METRES, 'yaw': ('radians', -10.0, 10.0)}  # not degrees
 Positions = NDArray[np.complex128]  # x + y * 1j in metres, which a factor of length 1 rotates
 Numbers = NDArray[np.intp]
 Point = tuple[float, float]  # x and y in metres
@@ -92,6 +92,7 @@ def fit(
         raise CannotFit(f'tags with a position in the map: {len(tag_ids)}: at least 2 are needed')
     everywhere = _complex(layout_m.values())
     layout, in_map = _complex(layout_m[tag_id] for tag_id in tag_ids), _complex(map_m.values())
+    _check_unit(layout, in_map)
     kept = _agreeing(layout, in_map, tolerance_m)
     if _is_mirrored(layout, in_map, kept, tolerance_m, click_error_m):
         raise CannotFit(
@@ -164,6 +165,15 @@ def _aligned(layout: Positions, in_map: Positions) -> _Alignment:
     return _Alignment(rotation, shift, np.abs(rotation * layout + shift - in_map))
 
 
+def _check_unit(layout: Positions, in_map: Positions) -> None:
+    """Raise CannotFit if one side is about 100 or 1000 times as large as the other."""
+    apart, apart_in_map = (float(np.median(np.abs(np.diff(each)))) for each in (layout, in_map))
+    for side, large, small in (('map', apart_in_map, apart), ('layout', apart, apart_in_map)):
+        for factor, unit in ((100, 'centimetres'), (1000, 'millimetres')):
+            if 0.8 < large / factor / (small or math.inf) < 1.25:
+                raise CannotFit(f'the positions in the {side} seem to be in {unit}: write metres')
+
+
 def _agreeing(layout: Positions, in_map: Positions, tolerance_m: float) -> Numbers:
     """Return the numbers of the tags that fit when those that do not are left out; none if too few do."""
     fewest = max(FEWEST_THAT_OVERRULE, len(layout) // 2 + 1)
@@ -222,13 +232,13 @@ def read_registration(path: str | Path) -> tuple[str, Transform]:
     """Return the frame and the transform in a file of write_transform(); raises StartUpError."""
     where = _where(path)
     data = read_yaml(path, where, f'a mapping, {_EXAMPLE}')
-    if unknown := [key for key in data if key not in ('frame_id', *_LIMITS)]:
+    if unknown := [key for key in data if key not in ('frame_id', *POSE_LIMITS)]:
         shown = escaped(str(unknown[0]), 64)
         raise StartUpError(f"{where}: unknown key '{shown}': the keys are frame_id, x, y and yaw")
     frame_id = data.get('frame_id')
     if not isinstance(frame_id, str) or not frame_id.strip():
         raise StartUpError(f'{where}: frame_id is missing or no text: must name the frame of the map')
-    return frame_id, Transform(*(float(number(data, key, where, *each)) for key, each in _LIMITS.items()))
+    return frame_id, Transform(*(float(number(data, key, where, *each)) for key, each in POSE_LIMITS.items()))
 
 
 def write_transform(path: str | Path, transform: Transform, frame_id: str = MAP_FRAME) -> None:
@@ -242,8 +252,8 @@ def write_transform(path: str | Path, transform: Transform, frame_id: str = MAP_
             encoding='utf-8',
         )
     except (OSError, ValueError) as error:
-        reason = getattr(error, 'strerror', None) or error
-        raise StartUpError(f'{_where(path)} cannot be written ({reason}): name another file') from error
+        reason = f'cannot be written ({reason_of(error)})'
+        raise StartUpError(f'{_where(path)} {reason}: name another file') from error
 
 
 def _where(path: str | Path) -> str:

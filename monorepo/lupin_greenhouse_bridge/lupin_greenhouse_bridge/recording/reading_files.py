@@ -12,7 +12,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from lupin_greenhouse_bridge.errors import OneLineError
+from lupin_greenhouse_bridge.errors import OneLineError, reason_of
 from lupin_greenhouse_bridge.recording.rows import (
     FORMULAS,
     HEADER,
@@ -23,10 +23,13 @@ from lupin_greenhouse_bridge.recording.rows import (
     WrongValueError,
     fault_of,
 )
-from lupin_greenhouse_bridge.recording.store import SQLITE_HEAD, file_error_text
+from lupin_greenhouse_bridge.recording.store import SQLITE_HEAD
 from lupin_greenhouse_bridge.simulator.layout import find_places
 
 WANTED = "name a file of record_readings or read_tag --csv, or a mission's report"
+OPTIONS = {'.json': 'name a tag file with --tag-file'} | dict.fromkeys(
+    ('.yaml', '.yml'), 'name a greenhouse config with --sim-config-file'
+)
 SELECT = f'SELECT {HEADER} FROM readings'  # noqa: S608 (no text of a user)
 LONGEST_FIELD = 2**31 - 1  # characters; ROS does not limit the name of a sensor
 DELIMITERS = ',;\t|'
@@ -38,9 +41,10 @@ class ReadingFileError(OneLineError):
     """A file holds no readings, or cannot be read."""
 
     def __init__(self, path: Path | str, error: Exception) -> None:
-        """Tell which file to name instead, unless only a value in this one is wrong."""
-        hint = '' if isinstance(error, WrongValueError) else f': {WANTED}'
-        super().__init__(f"'{path}': {file_error_text(error)}{hint}")
+        """Tell which file to name instead, or which option takes it, unless only a value in it is wrong."""
+        other = OPTIONS.get(Path(path).suffix.lower()) if isinstance(error, ValueError) else None
+        hint = '' if isinstance(error, WrongValueError) else f': {other or WANTED}'
+        super().__init__(f"'{path}': {reason_of(error)}{hint}")
 
 
 def read_rows(path: Path | str, tag_file: str = '') -> list[Row]:

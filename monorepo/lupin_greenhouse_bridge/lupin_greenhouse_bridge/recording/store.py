@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized, reason_of
 from lupin_greenhouse_bridge.recording.rows import HEADER, Row, csv_text, key_of
 
 HEAD_BYTES = 128  # of a file: enough to tell its format
@@ -65,11 +65,6 @@ def open_store(path: str, warn: Callable[[str], object] = lambda _text: None) ->
         raise StartUpError(f'{error}: {remedy}') from error
 
 
-def file_error_text(error: Exception) -> str:
-    """Return why a file cannot be read or written, without the number and the path of an OSError."""
-    return getattr(error, 'strerror', None) or str(error)
-
-
 class Store(ABC):
     """
     A file of readings, which is open only while rows are added.
@@ -105,7 +100,7 @@ class Store(ABC):
             self._identity = None  # a part of a row may be in the file
             # SQLite raises subclasses of DatabaseError for all but a damaged file.
             self._damaged = found if type(error) is sqlite3.DatabaseError else None
-            raise StoreError(f"file '{self._path}': {file_error_text(error)}") from error
+            raise StoreError(f"file '{self._path}': {reason_of(error)}") from error
 
     def _find(self) -> tuple[int, int] | None:
         """Return the device and inode of the file; None if it is missing or empty."""

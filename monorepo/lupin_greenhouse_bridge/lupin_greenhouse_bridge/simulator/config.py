@@ -145,7 +145,7 @@ def _check_time(time: dict[str, Any], settings: Settings | None, where: str) -> 
         if time['debug_mode']:
             required.add('debug_seed')
     if 'debug_time_of_day' in {*time, *required}:
-        number(time, 'debug_time_of_day', where, 'hours', 0.0, 24.0)
+        number(time, 'debug_time_of_day', where, 'hours, such as 12.5', 0.0, 24.0)
     if 'speedup_factor' in {*time, *required}:
         number(time, 'speedup_factor', where, 'simulated seconds per second', SMALLEST_DIVISOR)
     if 'debug_seed' in {*time, *required} and type(time.get('debug_seed')) is not int:
@@ -187,8 +187,8 @@ def _check_visualization(section: dict[str, Any], where: str) -> list[str]:
         ranges = mapping_of(section, 'colorbar_ranges', where, RANGES_EXAMPLE)
         for sensor in ranges:
             limits = mapping_of(ranges, sensor, f'{where}: colorbar_ranges', '{min: 400, max: 600}')
-            for key in ('min', 'max'):
-                number(limits, key, f'{where}: colorbar_ranges: {start_of(sensor)}', UNIT)
+            here = f'{where}: colorbar_ranges: {start_of(sensor)}'
+            number(limits, 'max', here, UNIT, smallest=number(limits, 'min', here, UNIT))
     return unknown_keys(section, VISUALIZATION_KEYS, where)
 
 

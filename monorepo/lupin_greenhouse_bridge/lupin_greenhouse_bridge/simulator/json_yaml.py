@@ -5,6 +5,7 @@ import datetime
 import json
 import math
 import os
+import re
 import reprlib
 import stat
 from collections import Counter
@@ -12,13 +13,22 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from lupin_greenhouse_bridge.errors import StartUpError, escaped, refuse_typo
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, reason_of, refuse_typo
 
 LARGEST_YAML_BYTES = 2**20  # PyYAML takes seconds for a megabyte
 LARGEST_YAML_VALUES = 100_000  # after its aliases are expanded
 # No product of two such numbers overflows, so a finite config cannot give an infinite reading.
 LARGEST_NUMBER = 1e12
 TOO_DEEP = 'is too deeply nested: use at most 4 levels'
+# What people write that JSON does not have: what is before and after the place where the parser stops.
+JSON_FAULTS = {
+    r'\d,\n\d': 'a number has a decimal comma: write a point',
+    r'.*\n(#|//|/\*)': 'it has a comment: remove it',
+    r".*\n'": 'a name or a text has single quotes: write double quotes',
+    r'.*,\n[]}]|.*\n,': 'a comma is before a closing bracket: remove it',
+    r'\n$': 'it is empty: save it again, or name another',
+    r'.+\n$': 'its end is missing: close every quote and bracket',
+}
 KINDS = {
     dict: 'an object',
     str: 'text',
@@ -125,9 +135,10 @@ def read_text(path: str | Path, where: str, largest_bytes: int) -> str:
         with open(path, 'rb') as file:
             content = file.read(largest_bytes + 1)
     except (OSError, ValueError) as error:  # the latter: a NUL in the path
-        reason = getattr(error, 'strerror', None) or error
-        hint = 'set an absolute path (~ is not expanded)'
-        raise StartUpError(f'{where}: cannot be read ({reason}): {hint}') from error
+        hint = 'name a file that you can read'
+        if not os.path.isabs(path):
+            hint = f"looked for '{os.path.abspath(path)}' (~ is not expanded)"
+        raise StartUpError(f'{where}: cannot be read ({reason_of(error)}): {hint}') from error
     if len(content) > largest_bytes:
         raise StartUpError(f'{where}: is larger than {largest_bytes // 2**20} MiB: use a smaller file')
     try:
@@ -148,6 +159,11 @@ def _parse_json(text: str, where: str) -> Any:
         return json.loads(text, object_pairs_hook=without_duplicates)
     except RecursionError as error:
         raise StartUpError(f'{where}: {TOO_DEEP}') from error
+    except json.JSONDecodeError as error:
+        around = f'{text[: error.pos].rstrip()[-2:]}\n{text[error.pos :].lstrip()[:2]}'
+        causes = (cause for pattern, cause in JSON_FAULTS.items() if re.match(pattern, around))
+        place = f'line {error.lineno}, column {error.colno}'
+        raise StartUpError(f'{where}: is not JSON: {next(causes, error.msg)} ({place})') from error
     except ValueError as error:
         raise StartUpError(f'{where}: is not JSON: {error}') from error
 
@@ -175,7 +191,10 @@ def _parse_yaml(text: str, where: str, loader_name: str = 'SafeLoader') -> Any:
     except RecursionError as error:
         raise StartUpError(f'{where}: {TOO_DEEP}') from error
     except Exception as error:  # PyYAML's constructors leak KeyError, IndexError and others on bad scalars
-        raise StartUpError(f'{where}: is not YAML: {type(error).__name__}: {error}') from error
+        mark: Any = getattr(error, 'problem_mark', None)
+        is_tab = mark and text[mark.index : mark.index + 1] == '\t'
+        reason = f'line {mark.line + 1} has a tab: write spaces' if is_tab else error
+        raise StartUpError(f'{where}: is not YAML: {type(error).__name__}: {reason}') from error
 
 
 def _count_values(node: Any, counts: dict[int, float], where: str) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 
 SECONDS_PER_DAY = 86400.0
-HOURS = 'between 0 and 24 hours, or -1.0 for the time of the config'
+HOURS = 'between 0 and 24 hours, such as 12.5 for 12:30, or -1.0 for the time of the config'
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Settings:
     )
     speedup_factor: float = parameter(
         0.0,
-        'Simulated seconds per real second, above 0; 0.0: use the config.',
+        'Simulated seconds per real second; 0.0: use the config (debug_time_of_day stops the clock).',
         smallest=0.0,
         largest=sys.float_info.max / SECONDS_PER_DAY,
         accepted='finite and above 0 (simulated seconds per real second),'

@@ -307,10 +307,12 @@ def test_the_thresholds_of_a_map_have_defaults(write_map):
 @pytest.mark.parametrize(
     ('values', 'fault'),
     [
-        ({'image': 'none.pgm'}, 'cannot be read: [Errno 2]'),
-        ({'image': 'map.yaml'}, 'cannot be read: cannot identify image file'),
+        ({'image': 'none.pgm'}, "none.pgm' cannot be read (No such file or directory): correct image in"),
+        ({'image': 'map.yaml'}, 'cannot be read (cannot identify image file'),
         ({'image': ''}, 'image is missing or no text'),
         ({'resolution': 0}, 'resolution is 0: must be a number from'),
+        ({'resolution': 5}, 'resolution is 5: must be a number from 0.0001 to 1 (metres per cell)'),
+        ({'origin': [0.0, 0.0, 90.0]}, 'origin: yaw is 90.0: must be a number from -10 to 10 (radians)'),
         ({'resolution': '0.05 m'}, "resolution is '0.05 m': must be a number"),
         ({'origin': [0.0, 0.0]}, 'origin is missing or not a list of three'),
         ({'origin': [0.0, 'one', 0.0]}, "origin: y is 'one': must be a number"),
@@ -335,7 +337,7 @@ def test_what_is_no_map_is_refused(write_map, poses_of, tmp_path, monkeypatch):
     assert 'cannot be read (No such file' in poses_of('--map', tmp_path / 'none.yaml')[2]
     image = tmp_path / 'map.png'
     image.write_bytes(image.read_bytes()[:60])
-    assert re.search(r"image '.*map\.png' cannot be read: ", poses_of('--map', path)[2])
+    assert re.search(r"image '.*map\.png' cannot be read \(", poses_of('--map', path)[2])
     monkeypatch.setitem(sys.modules, 'PIL', None)
     assert poses_of('--map', path)[2].endswith(': sudo apt install python3-pil\n')
     path.write_text('[1, 2]', encoding='utf-8')

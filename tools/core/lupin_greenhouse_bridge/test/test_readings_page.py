@@ -254,7 +254,7 @@ def test_tags_outside_the_walls_are_named(recording, capsys):
     assert readings_page.main([str(path), '-o', str(output), '--walls', '0', '0', '6', '10']) == 0
     assert capsys.readouterr() == (f'page: {output}\n', '')
     shown(path, '--walls', '0', '0', '5', '10')
-    problem = 'outside the walls (x 0 to 5 m, y 0 to 10 m): tag a1: set --walls or --sim-config-file'
+    problem = 'outside the walls (x 0 to 5 m, y 0 to 10 m): tag a1: set --walls or --sim-config-file, all in'
     assert problem in capsys.readouterr().err
 
 

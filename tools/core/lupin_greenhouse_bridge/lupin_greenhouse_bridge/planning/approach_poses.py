@@ -16,7 +16,7 @@ from typing import Any
 
 import yaml
 
-from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, pluralized
+from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, UsageError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.approach import Approaches, find_approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
@@ -75,6 +75,8 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
     warnings += filter(None, [warning_of_outside(layout, walls)])
     limits = _limits_of(options)
     occupancy = None
+    if options.unknown and not options.map:
+        raise UsageError('--unknown is about the cells of a map: name one with --map FILE')
     if options.map:
         occupancy = read_map(options.map, unknown_is_free=options.unknown == 'free').in_layout(transform)
         if not options.layout_in_map:
@@ -296,8 +298,7 @@ def _parser() -> argparse.ArgumentParser:
     add(
         '--unknown',
         choices=('occupied', 'free'),
-        default='occupied',
-        help='what the unknown cells of the map count as (default: %(default)s)',
+        help='what the unknown cells of the map count as (default: occupied)',
     )
     add('--format', choices=FORMATS, default='table', help='format of the output (default: %(default)s)')
     add('--picture', **file, type=Path, help='draw the layout, the poses and the route')

@@ -5,6 +5,7 @@ import contextlib
 import itertools
 import math
 import os
+import re
 import shutil
 import sys
 import time
@@ -25,7 +26,7 @@ from lupin_greenhouse_bridge.contract import (
     tag_ids_of,
     tag_ids_request,
 )
-from lupin_greenhouse_bridge.errors import Interrupted, OneLineError, StartUpError, UsageError
+from lupin_greenhouse_bridge.errors import Interrupted, OneLineError, StartUpError, UsageError, escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.reading.table import Csv, Json, Table
@@ -81,6 +82,7 @@ def _read(node: Node, client: Client, options: argparse.Namespace) -> int:
     output = _output(client, service_name, options)
     rounds = 1 if options.watch is None else options.count
     exit_code, started, warning = INTERRUPTED, 0.0, ''
+    answers: list[Answer] = []
     with contextlib.suppress(Interrupted):
         for number in itertools.islice(itertools.count(), rounds):
             if number > 0:
@@ -98,6 +100,10 @@ def _read(node: Node, client: Client, options: argparse.Namespace) -> int:
             is_read = all(each.is_ok for each in answers)
             exit_code = NO_ANSWER if problem else ALL_READ if is_read else SOME_FAILED
             warning = warning or _warn_of_other_servers(node, service_name)
+    for each in answers:
+        ids = re.split('[,;]', each.tag_id)
+        if each.status == 'UNKNOWN_TAG' and len(ids) > 1:
+            _complain(f'write tag ids with spaces between them: {escaped(" ".join(ids), 64)}')
     return exit_code
 
 

@@ -51,8 +51,8 @@ def subscribe_to_readings(
     Call on_reading(reading, topic) once for each reading of these topics; return their full names.
 
     A latched topic delivers its readings again to each new subscriber, and therefore also after a restart. If
-    no topic has a publisher for NO_PUBLISHER_SECONDS, the node logs one warning, and another line when the
-    first publisher appears. Raises StartUpError for an invalid name.
+    no topic has a publisher for NO_PUBLISHER_SECONDS, the node logs one line, and another when the first
+    publisher appears. Raises StartUpError for an invalid name.
     """
     last: dict[tuple[object, ...], None] = {}  # the keys of the last readings, oldest first
 
@@ -87,18 +87,18 @@ def subscribe_to_readings(
 
 
 def _watch_publishers(node: Node, topics: list[str]) -> None:
-    """Log a warning if there is no publisher for a while, and when the first one comes after it."""
-    has_warned, deadline = False, time.monotonic() + NO_PUBLISHER_SECONDS
+    """Log that there is no publisher for a while, and when the first one comes after it."""
+    has_said, deadline = False, time.monotonic() + NO_PUBLISHER_SECONDS
 
     def look() -> None:
-        nonlocal has_warned
+        nonlocal has_said
         if found := [topic for topic in topics if node.count_publishers(topic)]:
             timer.cancel()
-            if has_warned:
+            if has_said:
                 node.get_logger().info(f'{found[0]} has a publisher now')
-        elif not has_warned and time.monotonic() >= deadline:
-            has_warned = True
-            node.get_logger().warning(
+        elif not has_said and time.monotonic() >= deadline:
+            has_said = True
+            node.get_logger().info(
                 f'no publisher of {" or ".join(topics)} is found yet with {discovery_settings()}: wait for a'
                 ' mission or read_on_sight that starts, or set these variables as for it (make mission has a'
                 ' domain of its own: record it with RECORD=FILE)'
