@@ -3,8 +3,8 @@ Publish the mirror into a fresh repository and use it as another course team doe
 
 mirror_publish.py publishes the last commit. Then the marked bash blocks of the published documents run word
 for word in two workspaces: as on Ubuntu 22.04, the first block of the README; and as on Ubuntu 24.04, the
-block of doc/install.md, after vcs has imported the .repos example of the README. The block of doc/tests.md
-follows in both. git clones the fresh repository from the mirror's address. Shell functions replace what only
+first block of doc/install.md, after vcs has imported the .repos example of the README. The second block of
+doc/install.md, which runs the tests, follows in both. git clones the fresh repository from the mirror's address. Shell functions replace what only
 Ubuntu has: `source /opt/ros/...` enters the wheels of this environment, `sudo apt install` installs nothing,
 and `ros2` runs the executables that colcon has installed.
 """
@@ -23,7 +23,7 @@ from mirror_publish import READY, publish
 
 BRIDGE = 'lupin_greenhouse_bridge'
 BLOCK = re.compile(r'<!-- followed by make mirror-publish-check -->\n```bash\n(.*?)```', re.DOTALL)
-PAGES = ('README.md', f'{BRIDGE}/doc/install.md', f'{BRIDGE}/doc/tests.md')
+PAGES = {'README.md': 1, f'{BRIDGE}/doc/install.md': 2}  # with the number of these blocks
 TIMEOUT_SECONDS = 900
 UBUNTU = """
 set -eo pipefail
@@ -57,13 +57,14 @@ class CheckFailedError(Exception):
 def scripts(pages: list[str]) -> dict[str, str]:
     """Return the script of each workspace, from the texts of PAGES; raises CheckFailedError."""
     blocks = []
-    for name, page in zip(PAGES, pages, strict=True):
-        block = BLOCK.search(page)
-        if not block:
+    for (name, count), page in zip(PAGES.items(), pages, strict=True):
+        found = BLOCK.findall(page)
+        if len(found) != count:
             raise CheckFailedError(
-                f'{name}: no bash block is marked with: followed by make mirror-publish-check'
+                f'{name}: {len(found)} bash blocks are marked with: followed by make mirror-publish-check,'
+                f' and not {count}'
             )
-        blocks.append(block[1])
+        blocks += found
     first, install, test = blocks
     entry = pages[0].partition('```yaml\n')[2].partition('```')[0]
     importing = f"mkdir -p workspace/src && cd workspace\nvcs import src <<'END'\n{entry}END\n"

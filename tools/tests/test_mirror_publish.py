@@ -257,7 +257,7 @@ def test_the_marked_blocks_of_the_pages_are_followed_word_for_word():
     assert all('-m colcon test ' in script for script in (by_clone, by_vcs))
     for number, name in enumerate(mirror_publish_check.PAGES):
         pages = [text.replace('followed by', 'x') if text is PAGES[number] else text for text in PAGES]
-        with pytest.raises(mirror_publish_check.CheckFailedError, match=f'{name}: no bash block is marked'):
+        with pytest.raises(mirror_publish_check.CheckFailedError, match=f'{name}: 0 bash blocks are marked'):
             mirror_publish_check.scripts(pages)
 
 

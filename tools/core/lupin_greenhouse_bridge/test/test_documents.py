@@ -238,14 +238,13 @@ def test_the_example_asks_again_for_a_lost_reply(start_check):
     assert set(asked_for) == {'1'}
 
 
-def test_the_test_of_the_page_about_tests_passes(start_bridge, run_nodes):
-    client = example_of('clients.md')['ReadingClient']
+def test_the_test_of_the_page_passes(start_bridge, run_nodes):
+    page = example_of('clients.md')
 
-    class PatientClient(client):
+    class PatientClient(page['ReadingClient']):
         async def read(self, tag_id):
             return await super().read(tag_id, attempts=1000)
 
-    page = example_of('tests.md')
     page['ReadingClient'] = PatientClient
     page['test_my_node'](start_bridge, run_nodes)
 
