@@ -30,7 +30,7 @@ def found_in():
     ],
 )
 def test_4_cm_tags_are_found_where_the_robot_stands(found_in, distance_m, angles_degrees, conditions):
-    """Three ids; doc/detector.md of lupin_tag_confirmation has 30, also with blur at 1 m."""
+    """Three ids; doc/confirm_tag.md of lupin_tag_confirmation has 30, also with blur at 1 m."""
     for tag_number in (1, 11, 21):
         for angle_degrees in angles_degrees:
             random = np.random.default_rng(tag_number)
@@ -59,7 +59,7 @@ def picture_without_tag_7(number: int, random: np.random.Generator) -> np.ndarra
 
 
 def test_no_tag_is_confirmed_in_100_images_without_it():
-    """With the most lenient criteria; doc/detector.md of lupin_tag_confirmation has 20,000 images."""
+    """With the most lenient criteria; doc/confirm_tag.md of lupin_tag_confirmation has 20,000 images."""
     detector = TagDetector(max_hamming=2)
     lenient = Settings(min_frames=1, min_decision_margin=0.0, max_hamming=2)
     random = np.random.default_rng(0)

@@ -23,7 +23,7 @@ class Settings:
     """
     The validated parameters of one run; raises StartUpError for an invalid value.
 
-    doc/parameters.md describes each parameter in detail.
+    doc/confirm_tag.md describes each parameter in detail.
     """
 
     source: str = parameter('image', 'image, compressed (JPEG or PNG), or detections (of another node).')
