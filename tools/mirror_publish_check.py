@@ -4,9 +4,9 @@ Publish the mirror into a fresh repository and use it as another course team doe
 mirror_publish.py publishes the last commit. Then the marked bash blocks of the published documents run word
 for word in two workspaces: as on Ubuntu 22.04, the first block of the README; and as on Ubuntu 24.04, the
 first block of doc/install.md, after vcs has imported the .repos example of the README. The second block of
-doc/install.md, which runs the tests, follows in both. git clones the fresh repository from the mirror's address. Shell functions replace what only
-Ubuntu has: `source /opt/ros/...` enters the wheels of this environment, `sudo apt install` installs nothing,
-and `ros2` runs the executables that colcon has installed.
+doc/install.md, which runs the tests, follows in both. git clones the fresh repository from the mirror's
+address. Shell functions replace what only Ubuntu has: `source /opt/ros/...` enters the wheels of this
+environment, `sudo apt install` installs nothing, and `ros2` runs the executables that colcon has installed.
 """
 
 import os
