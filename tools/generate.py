@@ -112,11 +112,20 @@ def _divergent_file(core: Files, tree: Table) -> Files:
     """Return the one file in which a tree differs from the core beyond the rename, if the tree has one."""
     if 'divergence' not in tree:
         return {}
-    path, ours, theirs = (tree['divergence'][key] for key in ('file', 'core', 'tree'))
+    path = tree['divergence']['file']
     content, mode = core.get(path, (b'', 0))
-    if (found := content.count(ours.encode())) != 1:
-        raise RefusedError(f'tools/twins.toml: {ours!r} must be once in {path}, and is {found} times')
-    return {path: (content.replace(ours.encode(), theirs.encode()), mode)}
+    return {path: (exchange(content, tree['divergence'], 'core', 'tree'), mode)}
+
+
+def exchange(content: bytes, divergence: Table, old: str, new: str) -> bytes:
+    """Exchange the text of one side of the divergence for that of the other; raises RefusedError."""
+    text = divergence[old].encode()
+    if (found := content.count(text)) != 1:
+        raise RefusedError(
+            f'{divergence["file"]}: must have {divergence[old].strip()!r} once, and has it {found} times:'
+            ' here the trees differ on purpose, as tools/twins.toml says'
+        )
+    return content.replace(text, divergence[new].encode())
 
 
 def _readme_with_address(root: Path, mirror: Table) -> Files:
@@ -152,15 +161,17 @@ def _listed(root: Path, *folders: str) -> list[str]:
     return sorted({path for path in git(root, *arguments).split('\0')[:-1] if os.path.lexists(root / path)})
 
 
-def extras(root: Path, rendered: Files, table: Table) -> list[str]:
-    """Return the files of the owned packages that are neither rendered nor ignored by git."""
+def compare(root: Path) -> tuple[Files, list[str], list[str]]:
+    """
+    Return what is rendered, the paths whose file is another one, and the files that are not from the core.
+
+    The last are in a package that the core owns, and git does not ignore them. Raises RefusedError.
+    """
+    table = load_table(root)
+    rendered = render(root, table)
+    stale = [path for path, file in rendered.items() if read(root / path) != file]
     packages = [f'{tree["root"]}/{name}' for tree in table['trees'].values() for name in table['owned']]
-    return [path for path in _listed(root, *packages) if path not in rendered]
-
-
-def differing(root: Path, rendered: Files) -> list[str]:
-    """Return the paths whose file is not what is rendered."""
-    return [path for path, file in rendered.items() if read(root / path) != file]
+    return rendered, stale, [path for path in _listed(root, *packages) if path not in rendered]
 
 
 def difference(root: Path, path: str, rendered: File) -> str:
@@ -178,47 +189,11 @@ def difference(root: Path, path: str, rendered: File) -> str:
     return '\n'.join([f'{path}: differs from what the core generates', *diff])
 
 
-def edited(root: Path, paths: list[str]) -> list[str]:
-    """Return the files whose content is neither that of HEAD nor what was written last."""
-    known = set(git(root, 'ls-tree', '-r', 'HEAD').split())
-    if _last_written(root).exists():
-        known.update(_last_written(root).read_text().split())
-    existing = [path for path in paths if (root / path).is_file()]
-    return [path for path in existing if _blob((root / path).read_bytes()) not in known]
-
-
-def _last_written(root: Path) -> Path:
-    """Return the file in git's folder that lists the blobs that were written last."""
-    return root / git(root, 'rev-parse', '--git-path', 'generated_from_core').strip()
-
-
-def _blob(content: bytes) -> str:
-    """Return the name that git gives to a content."""
-    return hashlib.sha1(b'blob %d\0' % len(content) + content, usedforsecurity=False).hexdigest()
-
-
-def write(root: Path, rendered: Files) -> list[str]:
-    """Write the rendered files, and remember what was written; return the paths that changed."""
-    changed = differing(root, rendered)
-    for path in changed:
-        write_file(root / path, rendered[path])
-    _last_written(root).write_text('\n'.join(_blob(content) for content, _ in rendered.values()))
-    return changed
-
-
-def write_file(path: Path, file: File) -> None:
-    """Write a plain file in place of whatever file is there."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.unlink(missing_ok=True)  # it may be a symlink
-    path.write_bytes(file[0])
-    path.chmod(file[1])
-
-
-def check(root: Path, table: Table) -> int:
+def check(root: Path) -> int:
     """Compare both trees with what the core renders; return the exit code. Raises RefusedError."""
-    rendered = render(root, table)
-    findings = [difference(root, path, rendered[path]) for path in differing(root, rendered)]
-    findings += [f'{path}: not generated from the core' for path in extras(root, rendered, table)]
+    rendered, stale, unknown = compare(root)
+    findings = [difference(root, path, rendered[path]) for path in stale]
+    findings += [f'{path}: not generated from the core' for path in unknown]
     end = f'{len(rendered)} generated files are what the core generates'
     if findings:
         counted = pluralized(len(findings), 'finding')
@@ -227,29 +202,46 @@ def check(root: Path, table: Table) -> int:
     return int(bool(findings))
 
 
-def generate(root: Path, table: Table, *, is_prune: bool, is_force: bool) -> None:
-    """Write both trees, and print what changed. Raises RefusedError."""
-    rendered = render(root, table)
-    unknown = extras(root, rendered, table)
+def generate(root: Path, *, is_prune: bool, is_force: bool) -> list[str]:
+    """Write both trees; return a line for each file that changed, and a count. Raises RefusedError."""
+    rendered, stale, unknown = compare(root)
     if unknown and not is_prune:
         raise RefusedError(
             'nothing was written. Move a file of your own into tools/core, or out of the package;'
             ' remove what a rename left behind with: make generate ARGS=--prune\n'
             + '\n'.join(f'{path}: is not from the core' for path in unknown)
         )
-    edits = [] if is_force else edited(root, differing(root, rendered))
-    if edits:
+    # Git's names of the contents that were committed, or written last: any other one is an edit.
+    last_written = root / git(root, 'rev-parse', '--git-path', 'generated_from_core').strip()
+    known = git(root, 'ls-tree', '-r', 'HEAD') + (last_written.read_text() if last_written.exists() else '')
+    existing = [] if is_force else [path for path in stale if (root / path).is_file()]
+    edited = [path for path in existing if _blob((root / path).read_bytes()) not in known]
+    if edited:
         raise RefusedError(
             'nothing was written. Somebody has edited what is generated. Make this edit in tools/core (of the'
             ' address, in tools/twins.toml); to drop it: make generate ARGS=--force\n'
-            + '\n'.join(difference(root, path, rendered[path]) for path in edits)
+            + '\n'.join(difference(root, path, rendered[path]) for path in edited)
         )
-    changed = write(root, rendered)
+    for path in stale:
+        write_file(root / path, rendered[path])
     for path in unknown:
         (root / path).unlink()
+    last_written.write_text('\n'.join(_blob(content) for content, _ in rendered.values()))
     removed = [f'{path} (removed)' for path in unknown]
-    counted = f'{pluralized(len(rendered), "file")} generated, {len(changed)} changed'
-    print(*changed, *removed, counted, sep='\n')
+    return [*stale, *removed, f'{pluralized(len(rendered), "file")} generated, {len(stale)} changed']
+
+
+def _blob(content: bytes) -> str:
+    """Return the name that git gives to a content."""
+    return hashlib.sha1(b'blob %d\0' % len(content) + content, usedforsecurity=False).hexdigest()
+
+
+def write_file(path: Path, file: File) -> None:
+    """Write a plain file in place of whatever file is there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.unlink(missing_ok=True)  # it may be a symlink
+    path.write_bytes(file[0])
+    path.chmod(file[1])
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -262,16 +254,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--root', type=Path, default=ROOT, help='the checkout; default: this one')
     options = parser.parse_args(arguments)
     try:
-        table = load_table(options.root)
         if options.check:
-            return check(options.root, table)
-        generate(options.root, table, is_prune=options.prune, is_force=options.force)
-    except (RefusedError, OSError) as error:
-        print(f'generate: {error}', file=sys.stderr)
+            return check(options.root)
+        lines = generate(options.root, is_prune=options.prune, is_force=options.force)
+    except (RefusedError, OSError, KeyError) as error:
+        told = f'tools/twins.toml: {error} is missing' if isinstance(error, KeyError) else error
+        print(f'generate: {told}', file=sys.stderr)
         return 2
-    except KeyError as error:
-        print(f'generate: tools/twins.toml: {error} is missing', file=sys.stderr)
-        return 2
+    print(*lines, sep='\n')
     return 0
 
 

@@ -39,15 +39,8 @@ def core_content(core_path: str, content: bytes, mirror: Table) -> bytes:
     content = content.replace(generate.header_of(core_path), b'', 1)
     if MESSAGES.encode() in content:
         raise RefusedError(f'{core_path}: names {MESSAGES}: in the mirror, it is {mirror["messages"]}')
-    divergence = mirror['divergence']
-    if core_path == divergence['file']:
-        line = divergence['tree'].encode()
-        if content.count(line) != 1:
-            told = divergence['tree'].strip()
-            raise RefusedError(
-                f'{core_path}: {told!r} differs from the monorepo on purpose: leave this line as it is'
-            )
-        content = content.replace(line, divergence['core'].encode())
+    if core_path == mirror['divergence']['file']:
+        content = generate.exchange(content, mirror['divergence'], 'tree', 'core')
     return content.replace(mirror['messages'].encode(), MESSAGES.encode())
 
 
@@ -65,11 +58,8 @@ def take_over(checkout: Path, table: Table) -> None:
             content = core_content(core_path, file[0], table['trees']['mirror'])
             generate.write_file(checkout / CORE / core_path, (content, file[1]))
             git(checkout, 'add', '--force', '--', f'{CORE}/{core_path}')  # git may ignore it
-    rendered = generate.render(checkout, table)
-    for path in generate.extras(checkout, rendered, table):
-        (checkout / path).unlink()
-    generate.write(checkout, rendered)
-    git(checkout, 'add', '--force', '--', *rendered)
+    generate.generate(checkout, is_prune=True, is_force=True)
+    git(checkout, 'add', '--force', '--', *generate.render(checkout, table))
     git(checkout, 'add', '--all')
     trees = (check_drift.Tree(name, checkout / tree['root']) for name, tree in table['trees'].items())
     for found in check_drift.compare(*trees):
@@ -95,16 +85,6 @@ def import_patch(checkout: Path, patch: Path, table: Table) -> None:
         raise RefusedError(f'{subject!r}: {error}') from error
 
 
-def apply(checkout: Path, patch: Path, root: str) -> None:
-    """Commit a patch of the mirror below its root; raises RefusedError."""
-    try:
-        git(checkout, 'am', '--quiet', '--3way', '--keep-cr', f'--directory={root}', str(patch))
-    except RefusedError as error:
-        told = str(error).removeprefix('git am: ').splitlines()  # with hints
-        reason = next((line for line in told if line.startswith('error: ')), told[0])
-        raise RefusedError(f'does not apply to {root}: {reason}') from error
-
-
 def check_form(checkout: Path, diff: Path) -> None:
     """Raise RefusedError if git would take a patch for another one than its author made."""
     text = diff.read_bytes().decode(errors='replace')
@@ -115,6 +95,16 @@ def check_form(checkout: Path, diff: Path) -> None:
     summary = re.search(r'^ \d+ files? changed.*', text, re.MULTILINE)
     if summary and summary[0] != git(checkout, 'apply', '--stat', str(diff)).splitlines()[-1]:
         raise RefusedError(f'is not whole: its summary says{summary[0]}')
+
+
+def apply(checkout: Path, patch: Path, root: str) -> None:
+    """Commit a patch of the mirror below its root; raises RefusedError."""
+    try:
+        git(checkout, 'am', '--quiet', '--3way', '--keep-cr', f'--directory={root}', str(patch))
+    except RefusedError as error:
+        told = str(error).removeprefix('git am: ').splitlines()  # with hints
+        reason = next((line for line in told if line.startswith('error: ')), told[0])
+        raise RefusedError(f'does not apply to {root}: {reason}') from error
 
 
 def split(series: Path, folder: Path) -> list[Path]:

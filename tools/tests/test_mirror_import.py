@@ -111,7 +111,10 @@ def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositor
 
 NODE, LINE = f'{BRIDGE}/bridge_node.py', '    return value or None\n'
 RENAMED = 'names lupin_msgs: in the mirror, it is lupin_greenhouse_msgs'
-ON_PURPOSE = "'return value or None' differs from the monorepo on purpose: leave this line as it is"
+ON_PURPOSE = (
+    "must have 'return value or None' once, and has it 0 times:"
+    ' here the trees differ on purpose, as tools/twins.toml says'
+)
 
 
 @pytest.mark.parametrize(
