@@ -12,7 +12,6 @@ the plain wrapper. If you swap them, the ratios invert.
 import argparse
 import contextlib
 import json
-import multiprocessing
 import os
 import platform
 import shlex
@@ -22,14 +21,13 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from functools import partial
-from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
 import rclpy
 from lupin_greenhouse_bridge.errors import OneLineError, pluralized
 from lupin_greenhouse_bridge.interfaces import GetTagReading
-from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
+from lupin_greenhouse_bridge.reading.client import Client
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from shared import (
@@ -42,6 +40,7 @@ from shared import (
     print_head,
     print_row,
 )
+from traffic import ClientProcess, Counts, start_clients, total_of
 
 HERE = Path(__file__).resolve().parent
 BRIDGE = f'{os.environ["LUPIN_EXECUTABLES"]}/bridge_node'
@@ -94,9 +93,8 @@ class Asker:
         self._node = rclpy.create_node(f'bench_{os.getpid()}', context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._patient = Client(self._executor, self._node, PATIENCE_SECONDS)
-        self._hasty = Client(self._executor, self._node, LOST_AFTER_SECONDS)
-        self._clients = {service: self._patient.connect(GetTagReading, service) for service in services}
+        self._client = Client(self._executor, self._node, PATIENCE_SECONDS)
+        self._clients = {service: self._client.connect(GetTagReading, service) for service in services}
         for service in services:
             self._microseconds(service)
 
@@ -109,7 +107,7 @@ class Asker:
     def _microseconds(self, service: str) -> float:
         """Return how long a call takes."""
         started = time.perf_counter_ns()
-        self._patient.call(self._clients[service], GetTagReading.Request(tag_id='1'))
+        self._client.call(self._clients[service], GetTagReading.Request(tag_id='1'))
         return (time.perf_counter_ns() - started) / 1000
 
     def latencies(self, services: Sequence[str], calls: int) -> list[list[float]]:
@@ -120,34 +118,6 @@ class Asker:
     def medians(self, services: Sequence[str], calls: int) -> tuple[float, ...]:
         """Return the median duration of a call to each service in microseconds."""
         return tuple(percentile(each, 0.5) for each in self.latencies(services, calls))
-
-    def calls_within(self, service: str, seconds: float) -> tuple[int, int]:
-        """Return how many calls, one after the other, were answered, and how many were lost."""
-        end = time.monotonic() + seconds
-        calls = lost = 0
-        while time.monotonic() < end:
-            try:
-                self._hasty.call(self._clients[service], GetTagReading.Request(tag_id='1'))
-                calls += 1
-            except NoAnswer:
-                lost += 1
-        return calls, lost
-
-
-ASKER_OF_PROCESS: list[Asker] = []  # of one of many client processes
-
-
-def begin_client_process(all_are_connected: Any, services: list[str]) -> None:
-    """Connect to services, and wait until the other client processes have done so."""
-    asker = Asker(*services)
-    ASKER_OF_PROCESS.append(asker)
-    Finalize(asker, asker.close, exitpriority=1)  # a killed participant would slow down the others
-    all_are_connected.wait()
-
-
-def calls_of_process(service: str, seconds: float) -> tuple[int, int]:
-    """Return the calls that a client process makes within this time, and the lost ones."""
-    return ASKER_OF_PROCESS[0].calls_within(service, seconds)
 
 
 def verdict(ratio: float, low: float, high: float, target: float, side: Side) -> str:
@@ -215,24 +185,24 @@ class Bench:
     def throughput(self) -> None:
         """Count the calls per second of several client processes at once."""
         seconds = 0.2 if self.options.short else 0.7
-        context = multiprocessing.get_context('spawn')
+        limits = ('--seconds', seconds, '--timeout', LOST_AFTER_SECONDS)
         for count in (1, 4, 16):
-            begin = context.Barrier(count), self.services
-            with context.Pool(count, begin_client_process, begin) as clients:
+            clients = start_clients(count, *self.services, '--wait', *limits)
 
-                def calls_and_losses(service: str, count: int = count, clients: Any = clients) -> list[int]:
-                    orders = [(service, seconds)] * count
-                    return [*map(sum, zip(*clients.starmap(calls_of_process, orders, 1), strict=True))]
+            def counts(service: str, clients: Sequence[ClientProcess] = clients) -> Counts:
+                for client in clients:
+                    client.go(service)
+                return total_of([client.counts_of_turn() for client in clients])
 
-                calls_and_losses(self.services[0])  # the first calls are slower
-                sides = [partial(calls_and_losses, service) for service in self.services]
-                results = in_turns(sides, max(4, self.rounds // 2))
-                clients.close()
-                clients.join()
+            counts(self.services[0])  # the first calls are slower
+            sides = [partial(counts, service) for service in self.services]
+            results = in_turns(sides, max(4, self.rounds // 2))
+            for client in clients:
+                client.process.communicate()
             name = pluralized(count, 'client')
-            rates = [(ours[0] / seconds, theirs[0] / seconds) for ours, theirs in results]
+            rates = [(ours.answered / seconds, theirs.answered / seconds) for ours, theirs in results]
             self.ratio(f'throughput, {name}', 'calls/s', rates)
-            lost = [sum(lost for _, lost in side) for side in zip(*results, strict=True)]
+            lost = [sum(each.timed_out for each in side) for side in zip(*results, strict=True)]
             figure = f'{name}: no reply within {LOST_AFTER_SECONDS:g} s'
             self.rows.append({'figure': figure, 'subject': lost[0], 'baseline': lost[1]})
             print_row(figure, str(lost[0]), str(lost[1]), '', '')

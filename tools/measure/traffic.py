@@ -1,8 +1,8 @@
 """
-A bridge and its clients as processes, for soak.py and network.py; as a script, one such client.
+A bridge and its clients as processes; as a script, one such client.
 
-A client calls the bridge repeatedly, one call at a time, and prints the counts as JSON. The requests that it
-sends until the bridge has discovered it, its greetings, are counted separately.
+A client calls a service repeatedly, one call at a time, and prints the counts as JSON. The requests that it
+sends until its services have discovered it, its greetings, are counted separately.
 """
 
 import argparse
@@ -15,6 +15,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,6 @@ from shared import PATIENCE_SECONDS, Server
 
 HERE = Path(__file__).resolve().parent
 TAG_IDS = [str(number) for number in range(1, 31) if number != 8]
-blocking_client.REPEAT_AFTER_SECONDS = 3600.0  # a call is one request here, so that they can be counted
 
 
 @dataclass
@@ -77,9 +77,13 @@ class ClientProcess:
         """Wait until the client has received a reply."""
         next(iter(self.process.stdout or ()))
 
-    def go(self) -> None:
-        """Release a client that was started with --wait."""
-        print('go', file=self.process.stdin, flush=True)
+    def go(self, service: str = DEFAULT_SERVICE) -> None:
+        """Let a client that was started with --wait call a service."""
+        print(service, file=self.process.stdin, flush=True)
+
+    def counts_of_turn(self) -> Counts:
+        """Return the counts of what go() began; the client waits for the next one."""
+        return Counts(**json.loads(next(iter(self.process.stdout or ()))))
 
     def counts(self) -> Counts:
         """Return the counts that the client prints when it ends; raise TimeoutExpired if it does not end."""
@@ -88,7 +92,7 @@ class ClientProcess:
 
 
 def start_clients(count: int, *options: object) -> list[ClientProcess]:
-    """Start clients with these options; return them when each has received a reply."""
+    """Start clients with these options; return them when each of their services has replied."""
     clients = [ClientProcess(*options, '--first', number) for number in range(count)]
     for client in clients:
         client.wait_for_first_answer()
@@ -127,37 +131,41 @@ def call_repeatedly(options: argparse.Namespace, ask: Callable[[str, float], Any
 def main() -> None:
     """Call, count, print."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').strip().splitlines()[0])
+    parser.add_argument('services', nargs='*', default=[DEFAULT_SERVICE])
     parser.add_argument('--calls', type=int, default=10**9, help='how many at the most')
     parser.add_argument('--seconds', type=float, default=600.0, help='how long at the most')
     parser.add_argument('--timeout', type=float, default=10.0, help='seconds for one call')
     parser.add_argument('--pause', type=float, default=0.0, help='seconds between two calls')
     parser.add_argument('--first', type=int, default=0, help='which tag comes first')
-    parser.add_argument('--wait', action='store_true', help='after the first answer, for a line of input')
+    parser.add_argument('--wait', action='store_true', help='for lines of input: which service to call')
     options = parser.parse_args()
 
+    blocking_client.REPEAT_AFTER_SECONDS = 3600.0  # a call is one request here, so that they can be counted
     with ros([]) as executor:
         node = rclpy.create_node(f'traffic_{os.getpid()}')
         executor.add_node(node)
-        get_tag_reading = Client(executor, node, PATIENCE_SECONDS).connect(GetTagReading, DEFAULT_SERVICE)
+        connect = partial(Client(executor, node, PATIENCE_SECONDS).connect, GetTagReading)
+        clients = {service: connect(service) for service in options.services}
 
-        def ask(tag_id: str, timeout_seconds: float) -> Any:
+        def ask(service: str, tag_id: str, timeout_seconds: float) -> Any:
             """Return the reading at a tag, None after a timeout."""
             request = GetTagReading.Request(tag_id=tag_id)
             try:
-                return Client(executor, node, timeout_seconds).call(get_tag_reading, request).reading
+                return Client(executor, node, timeout_seconds).call(clients[service], request).reading
             except NoAnswer:
                 return None
 
-        # The client finds the bridge before the bridge finds the client; until then DDS drops its requests.
-        greetings = 1
-        while ask(TAG_IDS[0], 2.0) is None:
+        # The client finds a service before the service finds the client; until then DDS drops its requests.
+        greetings = 0
+        for service in clients:
             greetings += 1
+            while ask(service, TAG_IDS[0], 2.0) is None:
+                greetings += 1
         print('first answer', flush=True)
-        if options.wait:
-            sys.stdin.readline()
-        counts = call_repeatedly(options, ask)
-        counts.greetings = greetings
-        print(json.dumps(asdict(counts)), flush=True)
+        for service in map(str.strip, sys.stdin) if options.wait else clients:
+            counts = call_repeatedly(options, partial(ask, service))
+            counts.greetings = greetings
+            print(json.dumps(asdict(counts)), flush=True)
 
 
 if __name__ == '__main__':
