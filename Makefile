@@ -57,7 +57,7 @@ $(error make $(GOALS) takes no $(REFUSED): it takes $(strip $(TAKEN) $(COMMON))$
 endif
 # What a person writes reaches a shell in quotes, and make expands no $ in it.
 QUOTED = '$(subst ','\'',$(1))'
-$(foreach name,$(TAKEN) TREE DISTRO PYTHON VENV,$(if $(value $(name)),$(eval override $(name) := $$(value $(name)))))
+$(foreach name,$(TAKEN) TREE DISTRO PYTHON VENV,$(if $(value $(name)),$(eval override $(name) := $$(value $(name)))$(eval export $(name))))
 ifneq ($(words $(TREE))$(filter-out $(TREES),$(TREE)),1)
 $(error TREE=$(TREE) is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros)
 endif
@@ -101,7 +101,7 @@ WITHIN := "$$VENV/bin/python" -ES ci/within.py
 # Their programs use packages that only the monorepo has, whatever TREE says.
 bench docs-check figure soak tags test-network world world-check: override TREE := monorepo
 
-.PHONY: $(TARGETS) page-check mission-check
+.PHONY: $(TARGETS) page-check mission-check run-check tags-check
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -109,8 +109,12 @@ help:  ## list the targets
 
 # use
 
-run: bridge  ## run the bridge in the foreground: make run ARGS="debug_seed:=42 debug_time_of_day:=12.0"
+run: run-check bridge  ## run the bridge in the foreground: make run ARGS="debug_seed:=42 debug_time_of_day:=12.0"
 	@$(IN_ENV) ci/serve $(if $(NAMESPACE),$(call QUOTED,namespace:=$(NAMESPACE))) $(ARGS)
+
+run-check:
+	@for word in $(ARGS); do [[ "$$word" == -* || "$$word" == ?*:=* ]] \
+	    || { echo "run: ARGS has '$$word', which sets no parameter: write name:=value" >&2; exit 2; }; done
 
 smoke: bridge  ## start the bridge on a private domain and read every tag
 	@$(IN_ENV) python ci/smoke.py
@@ -118,10 +122,12 @@ smoke: bridge  ## start the bridge on a private domain and read every tag
 read: bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TAG=--all, NAMESPACE=/team7
 	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(if $(NAMESPACE),--service $(call QUOTED,$(NAMESPACE)/greenhouse_bridge/get_tag_reading)) $(ARGS)
 
+mission: IN_MISSION = $(addprefix $(WITHIN) ,$(strip $(if $(WORLD),--drake) $(if $(DRIVE)$(filter detections,$(CAMERA)),--stand-ins)))
+mission: INSPECTION = $(call EXECUTABLE,lupin_simulation,inspection) --output '$(CURDIR)/.mission' $(if $(CAMERA),--camera $(CAMERA:1=image)) \
+    $(if $(WORLD),--world) $(if $(DRIVE),--drive) $(if $(RECORD),--record "$$RECORD") $(ARGS)
 mission: mission-check $(if $(filter monorepo,$(TREE)),build)  ## visit and read every tag; CAMERA=1 (compressed, detections) confirms each, WORLD=1 renders the world, DRIVE=1 drives a robot there, RECORD=FILE keeps the readings
-	@$(IN_ENV) $(addprefix $(WITHIN) ,$(strip $(if $(WORLD),--drake) $(if $(DRIVE)$(filter detections,$(CAMERA)),--stand-ins))) \
-	    $(call EXECUTABLE,lupin_simulation,inspection) --output '$(CURDIR)/.mission' \
-	    $(if $(CAMERA),--camera $(CAMERA:1=image)) $(if $(WORLD),--world) $(if $(DRIVE),--drive) $(if $(RECORD),--record "$$RECORD") $(ARGS)
+	@$(if $(IN_MISSION),$(IN_ENV) $(INSPECTION) --check)
+	@$(IN_ENV) $(IN_MISSION) $(INSPECTION)
 
 mission-check:
 	@[ $(TREE) = monorepo ] || { echo 'mission: it is in the monorepo only: make mission TREE=monorepo' >&2; exit 2; }
@@ -130,7 +136,8 @@ mission-check:
 	@[[ ! "$$RECORD" || "$${RECORD,,}" =~ \.(sqlite|db|csv)$$ ]] \
 	    || { echo "mission: RECORD='$$RECORD' ends in none of .sqlite, .db, .csv: write RECORD=readings.sqlite" >&2; exit 2; }
 	@folder=$$(dirname "$$RECORD"); [ -d "$$folder" ] \
-	    || { echo "mission: RECORD='$$RECORD': there is no folder '$$folder': make it (mkdir -p), or name another" >&2; exit 2; }
+	    || { echo "mission: RECORD='$$RECORD': there is no folder '$$folder': make it (mkdir -p), or name another" >&2; exit 2; }; \
+	[ -w "$$folder" ] || { echo "mission: RECORD='$$RECORD': you cannot write to the folder '$$folder': name another" >&2; exit 2; }
 
 # FILE is one file, whose path may have spaces, or several.
 SPLIT_READINGS = if [ -e "$$READINGS" ]; then set -- "$$READINGS"; else set -- $$READINGS; fi
@@ -151,8 +158,12 @@ world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file
 world-check: build  ## check with Drake that the camera can detect each tag of that world
 	@$(IN_ENV) $(WITHIN) --drake $(call EXECUTABLE,lupin_simulation,check_world) $(ARGS)
 
-tags: build  ## make a PDF of the tags to print, SIDE millimetres each: make tags SIDE=40
+tags: tags-check build  ## make a PDF of the tags to print, SIDE millimetres each: make tags SIDE=40
 	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(call QUOTED,$(SIDE)) $(ARGS)
+
+tags-check:
+	@[[ $(call QUOTED,$(SIDE)) =~ ^[0-9]+([.][0-9]*)?$$ ]] \
+	    || { echo $(call QUOTED,tags: SIDE=$(SIDE) is no number of millimetres: write SIDE=40) >&2; exit 2; }
 
 # change
 

@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,33 @@ def test_a_node_refuses_an_argument_that_it_does_not_know(executable, tmp_path):
     assert ended.returncode == 1
     assert "unknown argument 'readings.csv': set parameters with --ros-args -p name:=value" in ended.stderr
     assert not list(tmp_path.iterdir())
+
+
+# A command, an option with wrong values, and what its values must be.
+NUMBERS = [
+    *(
+        ('read_tag', option, 'a number of seconds above 0, such as 5')
+        for option in ('--timeout 0', '--watch x')
+    ),
+    ('read_tag', '--count 1.5', 'a whole number above 0, such as 3'),
+    *(('approach_poses', f'--{name} x', 'a number in metres, such as 0.5') for name in ('radius', 'start 1')),
+    ('approach_poses', '--angle 1e999', 'a number of degrees, such as 30'),
+    ('approach_poses', '--walls 0 0 1 nan', 'a number in metres, such as 0.5'),
+    ('register_layout', '--suggest few', 'a whole number, such as 3'),
+    ('generate_world', '--side 4cm', 'a number in metres, such as 0.5'),
+    ('register_discovered_tags', '--tags 4.0', 'a whole number, such as 4'),
+    ('tools/draw/tag_sheet.py', '--side 4cm', 'a number in millimetres, such as 40'),
+    ('tools/draw/figure.py', '--hour noon', 'a number of hours from 0 to 24, such as 12.5'),
+]
+
+
+@pytest.mark.parametrize(('command', 'option', 'accepted'), NUMBERS)
+def test_an_option_says_which_number_it_takes(command, option, accepted):
+    paths = {path.name: [path] for path in EXECUTABLES}
+    ended = run(*paths.get(command, [sys.executable, command]), *option.split())
+    wrong = option.split()[-1]
+    assert ended.returncode == 2
+    assert ended.stderr.endswith(f"error: argument {option.split()[0]}: '{wrong}': must be {accepted}\n")
 
 
 @pytest.fixture(scope='module')

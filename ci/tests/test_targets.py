@@ -83,6 +83,11 @@ def test_without_a_report_make_page_names_the_command_that_makes_one(tmp_path):
             ['mission', 'WORLD=1', 'CAMERA=detections'],
             'mission: WORLD=1 renders images, so CAMERA=detections',
         ),
+        (
+            ['run', 'ARGS=a:=b debug_seed=42'],
+            "run: ARGS has 'debug_seed=42', which sets no parameter: ",
+        ),
+        (['tags', "SIDE=it's 4;cm"], "tags: SIDE=it's 4;cm is no number of millimetres: write SIDE=40"),
         (['mission', 'CAMERA=maybe'], 'Makefile: *** CAMERA=maybe: write CAMERA=1 or CAMERA=0, CAMERA=comp'),
         (['mission', 'DRIVE=image'], 'Makefile: *** DRIVE=image: write DRIVE=1 or DRIVE=0'),
     ],
@@ -141,6 +146,7 @@ def test_a_switch_is_off_with_0_and_on_with_1(off, on):
     assert not re.search('--(drive|camera|world|drake)', shown)
     shown = make('mission', '--dry-run', *(f'{each}={on}' for each in switches)).stdout
     assert '--camera image --world --drive' in shown
+    assert shown.index('--check') < shown.index('ci/within.py')  # before it makes what it needs
 
 
 def test_smoke_does_not_wait_for_the_discovery_server_of_a_robot_that_is_off():
@@ -182,9 +188,9 @@ RUN = '$(touch x) `touch x` $HOME $(shell touch x) a;touch x'  # if a shell or m
         (['read', f"TAG=it's {RUN}"], ["it's", *RUN.split()]),
         (['read', "NAMESPACE=it's;b"], ['1', '--service', "/it's;b/greenhouse_bridge/get_tag_reading"]),
         (['run', 'NAMESPACE=team7/', 'ARGS=debug_seed:=3'], ['namespace:=/team7', 'debug_seed:=3']),
-        (['run', f'ARGS=a:="b  c" "it\'s" {RUN}'], ['a:=b  c', "it's", *RUN.split()]),
-        (['run', 'ARGS=a:=~ ~'], ['a:=~', os.path.expanduser('~')]),
-        (['tags', f'SIDE={RUN}'], ['tools/draw/tag_sheet.py', '--side', RUN]),
+        (['tags', 'SIDE=40.5'], ['tools/draw/tag_sheet.py', '--side', '40.5']),
+        (['bench', f'ARGS="b  c" "it\'s" {RUN}'], ['tools/measure/bench.py', 'b  c', "it's", *RUN.split()]),
+        (['bench', 'ARGS=a=~ ~'], ['tools/measure/bench.py', 'a=~', os.path.expanduser('~')]),
         (
             ['mirror-publish', f"REMOTE=it's {RUN}", 'RELEASE=1;2'],
             ['tools/mirror_publish.py', f"it's {RUN}", '--release', '1;2'],

@@ -22,17 +22,19 @@ from pathlib import Path
 import domain_coordinator
 from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS, read_file
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized, reason_of
-from lupin_greenhouse_bridge.planning.walls import parse_numbers
+from lupin_greenhouse_bridge.planning.walls import Walls, parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import key_of
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.process import install_signal_handlers, is_asked_to_end, sleep
+from lupin_greenhouse_bridge.simulator.layout import Layout
 
 from lupin_simulation.generate_world import make_world
 from lupin_simulation.inspection_nodes import (
     LAYOUT,
     UnknownArgument,
+    check_values,
     commands_of,
     companion,
     executable,
@@ -62,15 +64,22 @@ def new_report(options: argparse.Namespace) -> Path:
     return report.with_stem(f'{report.stem}-{os.getpid()}') if report.exists() else report
 
 
-def prepare(options: argparse.Namespace, report: Path) -> None:
+def check(options: argparse.Namespace, commands: list[list[str]]) -> tuple[Layout, Walls]:
     """
-    Make the output, the recorder's file and the SDF world, before a node starts.
+    Return the greenhouse of a run, after its arguments and the recorder's file have been checked.
 
-    Raises OneLineError, also for a greenhouse that the bridge refuses, before anything is made.
+    Raises OneLineError, also for a greenhouse that the bridge refuses.
     """
-    layout, walls = LayoutSettings(
-        **{name: value_of(options.arguments, name) for name in LAYOUT}
-    ).read_layout()
+    check_values(commands)
+    given = LayoutSettings(**{name: value_of(options.arguments, name) for name in LAYOUT})
+    layout, walls = given.read_layout()
+    if options.record:
+        open_store(options.record)
+    return layout, walls
+
+
+def prepare(options: argparse.Namespace, report: Path, layout: Layout, walls: Walls) -> None:
+    """Make the output and the SDF world, before a node starts. Raises OneLineError."""
     try:
         options.output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -82,8 +91,6 @@ def prepare(options: argparse.Namespace, report: Path) -> None:
             except OSError as error:
                 fault = f"{name} '{path}': {reason_of(error)}"
                 raise StartUpError(f'{fault}: name a file that can be read') from error
-    if options.record:
-        open_store(options.record)
     if options.world:
         if not importlib.util.find_spec('pydrake'):
             raise StartUpError('Drake is missing, which renders the world: pip install drake')
@@ -97,7 +104,10 @@ def run_mission(options: argparse.Namespace) -> int:
         raise StartUpError('--world publishes images only: leave --camera out, or name image')
     report = new_report(options)
     commands = commands_of(options, report)
-    prepare(options, report)
+    layout, walls = check(options, commands)
+    if options.check:
+        return 0
+    prepare(options, report, layout, walls)
     print_line(f'mission: starting {", ".join(Path(path).name for path, *_ in commands)}')
     try:
         exit_code = run_nodes(commands, report)
@@ -205,6 +215,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     add('--record', metavar='FILE', help=record)
     output = 'folder for the report, its picture and its page; default: %(default)s'
     add('--output', type=Path, default=Path('.mission'), metavar='FOLDER', help=output)
+    add('--check', action='store_true', help='check the arguments and the file to record to, and end')
     add('arguments', nargs='*', metavar='name:=value', help='parameters of the nodes')
     options = parser.parse_args(arguments)
     # The mission has another name for the tag file, but a run has one greenhouse.

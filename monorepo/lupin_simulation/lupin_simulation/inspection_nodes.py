@@ -1,12 +1,14 @@
 """The nodes of an inspection as commands, with the parameters that each of them gets. Does not import ROS."""
 
 import argparse
+import contextlib
 import json
 import textwrap
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from lupin_greenhouse_bridge import settings as bridge_settings
 from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS
@@ -22,6 +24,12 @@ DRIVING_SPEEDUP = 20
 RENDERING_SECONDS = 10.0  # for enough images of the SDF world, on a busy machine
 # The inspection itself sets these parameters of the nodes.
 SET_HERE = {'report_file', 'wait_for_start', 'wait_for_subscriber', 'route_file'}
+SETTINGS = {
+    'bridge_node': bridge_settings.Settings,
+    'mission_orchestrator': mission_settings.Settings,
+    'confirm_tag': confirm_tag_settings.Settings,
+    'fake_navigator': navigator_settings.Settings,
+}
 LAYOUT = {each.name for each in fields(LayoutSettings)}
 
 
@@ -54,12 +62,11 @@ def arguments_by_node(options: argparse.Namespace) -> dict[str, list[str]]:
 
     Raises StartUpError for a typing mistake, and UnknownArgument for a parameter that no node has.
     """
-    modules = {'bridge_node': bridge_settings, 'mission_orchestrator': mission_settings}
-    if options.camera:
-        modules['confirm_tag'] = confirm_tag_settings
-    if options.drive:
-        modules['fake_navigator'] = navigator_settings
-    names = {node: {each.name for each in fields(module.Settings)} for node, module in modules.items()}
+    names = {node: {each.name for each in fields(kind)} for node, kind in SETTINGS.items()}
+    if not options.camera:
+        del names['confirm_tag']
+    if not options.drive:
+        del names['fake_navigator']
     settable = set().union(*names.values()) - SET_HERE
     names['mission_orchestrator'] |= set(mission_settings.WITHOUT_EFFECT)
     names |= {'record_readings': {'tag_file'}, 'fake_camera': LAYOUT, 'world_camera': set()}
@@ -114,3 +121,22 @@ def commands_of(options: argparse.Namespace, report: Path) -> list[list[str]]:
         nodes.append(node('lupin_tag_confirmation', 'confirm_tag', **confirming))
         nodes.append(node('lupin_simulation', camera, from_odometry=options.drive, **shown))
     return [*nodes, node('lupin_mission', 'mission_orchestrator', **mission)]
+
+
+def check_values(commands: list[list[str]]) -> None:
+    """Raise StartUpError for a value that a node will refuse."""
+    for path, *words in commands:
+        if kind := SETTINGS.get(Path(path).name):
+            given = dict(each.split(':=', 1) for each in words if ':=' in each)
+            kind(**{each.name: parsed(given[each.name]) for each in fields(kind) if each.name in given})
+
+
+def parsed(text: str) -> Any:
+    """Return what ROS makes of a value: true or false, a number, an array, or else a text."""
+    with contextlib.suppress(ValueError):  # YAML takes 1e3 for a text
+        return int(text) if text.strip().isdecimal() else float(text)
+    with contextlib.suppress(yaml.YAMLError):
+        value = yaml.safe_load(text)
+        if isinstance(value, bool | int | list | str):
+            return value
+    return text

@@ -19,6 +19,7 @@ from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
+from lupin_greenhouse_bridge.recording.rows import HEADER
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing._helpers import executable
@@ -147,6 +148,12 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path, tol
         (['--camera', 'detections', '--world'], '--world publishes images only: leave --camera out, or name'),
         (['--world'], 'Drake is missing, which renders the world: pip install drake'),
         (['--output', '{folder}/file'], "--output '{folder}/file': File exists: name a folder"),
+        (['max_attempts:=few'], "parameter max_attempts is 'few': must be a whole number from 1 to "),
+        (['--drive', 'tolerance:=far'], "parameter tolerance is 'far': must be a number from 0 to "),
+        (
+            ['--record', '{folder}/file.db'],
+            "file '{folder}/file.db': not a file of record_readings: name another",
+        ),
         (['--record', 'kept.txt'], "file 'kept.txt' ends in none of .sqlite, .db, .csv"),
         (
             ['tag_locations_file:=/none.json'],
@@ -163,6 +170,7 @@ def test_what_cannot_run_is_refused_in_one_line_before_a_node_starts(
 ):
     stand_in('bridge_node', f'touch {tmp_path}/started')
     (tmp_path / 'file').touch()
+    (tmp_path / 'file.db').write_text('tag_id,value', encoding='utf-8')
     find = importlib.util.find_spec
     without_drake = lambda name: None if name == 'pydrake' else find(name)  # noqa: E731
     monkeypatch.setattr(importlib.util, 'find_spec', without_drake)
@@ -172,6 +180,17 @@ def test_what_cannot_run_is_refused_in_one_line_before_a_node_starts(
     assert line.startswith(f'mission: {error.format(folder=tmp_path)}')
     assert not (tmp_path / 'started').exists()
     assert not list(tmp_path.glob('output/*'))
+
+
+@pytest.mark.parametrize('options', [[], ['--drive'], ['--camera', 'detections'], ['--world', '--drive']])
+def test_a_check_of_good_arguments_starts_and_makes_nothing(tmp_path, stand_in, capsys, options):
+    stand_in('bridge_node', f'touch {tmp_path}/started')
+    record = tmp_path / 'kept.csv'
+    record.write_text(f'{HEADER}\n', encoding='utf-8')
+    good = ['tag_sequence:="7 1"', 'speedup_factor:=1e3', 'walls:=[-1.0, -1, 9, 9]']
+    arguments = ['--check', '--output', str(tmp_path / 'out'), '--record', str(record), *options, *good]
+    assert inspection.main(arguments) == 0, capsys.readouterr().err
+    assert {each.name for each in tmp_path.iterdir()} == {'bridge_node', 'kept.csv'}
 
 
 @pytest.mark.parametrize(
