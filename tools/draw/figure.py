@@ -27,6 +27,7 @@ import subsets
 from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.display import colours, drawings, placing
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
+from lupin_greenhouse_bridge.runtime.arguments import number_type
 from lupin_greenhouse_bridge.units import clock_time, label_of
 from matplotlib import pyplot
 from matplotlib.figure import Figure
@@ -161,7 +162,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--tag-file', default='', metavar='FILE')
     parser.add_argument('--sim-config-file', default='', metavar='FILE')
     parser.add_argument('--sensor', default='temperature', help='whose field lies under the tags')
-    parser.add_argument('--hour', type=float, default=12.0, help='of that field, 0 to 24')
+    hour = number_type('a number of hours from 0 to 24, such as 12.5', float)
+    parser.add_argument('--hour', type=hour, default=12.0, help='of that field, 0 to 24')
     parser.add_argument('--tag', default='', help='of the day; default: 5, or the tag with most sensors')
     options = parser.parse_args(arguments)
     matplotlib.use('Agg')

@@ -35,6 +35,7 @@ from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import key_of, make_rows
 from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.runtime.arguments import number_type
 from lupin_greenhouse_bridge.testing import NodeProcess
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node
 from rclpy.duration import Duration
@@ -369,8 +370,9 @@ def main() -> int:
     parser.add_argument(
         '--only', nargs='+', choices=names, default=names, metavar='NAME', help=', '.join(names)
     )
-    parser.add_argument('--refusals', type=int, help='default: 200, or 20')
-    parser.add_argument('--signals', type=int, help='at each executable; default: 100, or 10')
+    count = number_type('a whole number above 0, such as 20', int, above=0)
+    parser.add_argument('--refusals', type=count, help='default: 200, or 20')
+    parser.add_argument('--signals', type=count, help='at each executable; default: 100, or 10')
     options = parser.parse_args()
     scale = 1 if options.short else 10
     load = Load(scale, options.refusals or 20 * scale, options.signals or 10 * scale)

@@ -18,6 +18,7 @@ from lupin_greenhouse_bridge.display.drawing_command import read_file, read_rout
 from lupin_greenhouse_bridge.display.markers import scaled
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
+from lupin_greenhouse_bridge.errors import source_of_messages
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
@@ -156,7 +157,7 @@ def test_a_cell_of_the_field_has_this_value():
 
 @pytest.mark.skipif(
     not importlib.util.find_spec('apriltag_msgs'),
-    reason='apriltag_msgs is missing: sudo apt install ros-$ROS_DISTRO-apriltag-msgs',
+    reason=f'apriltag_msgs is missing: {source_of_messages("apriltag_msgs")}',
 )
 def test_every_topic_has_this_qos(run_nodes, tmp_path):
     nodes = run_nodes(

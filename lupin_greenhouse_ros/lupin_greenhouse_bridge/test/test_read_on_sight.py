@@ -14,7 +14,7 @@ from typing import ClassVar, NamedTuple
 import pytest
 import rclpy
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
-from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError, source_of_messages
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
 from lupin_greenhouse_bridge.reading import read_on_sight
 from lupin_greenhouse_bridge.reading.detections import Sightings
@@ -34,7 +34,7 @@ from rclpy.qos import qos_profile_sensor_data
 
 needs_detections = pytest.mark.skipif(
     not importlib.util.find_spec('apriltag_msgs'),
-    reason='apriltag_msgs is missing: sudo apt install ros-$ROS_DISTRO-apriltag-msgs',
+    reason=f'apriltag_msgs is missing: {source_of_messages("apriltag_msgs")}',
 )
 READ_ON_SIGHT = [executable('lupin_greenhouse_bridge', 'read_on_sight')]
 TOPIC = '/tested/detections'
@@ -495,7 +495,7 @@ def test_without_apriltag_msgs_it_is_refused_in_one_line(run_here, monkeypatch):
         monkeypatch.setitem(sys.modules, name, None)
     refusal = run_here(read_on_sight.main).refusal
     assert 'package apriltag_msgs' in refusal
-    assert 'sudo apt install ros-$ROS_DISTRO-apriltag-msgs' in refusal
+    assert source_of_messages('apriltag_msgs') in refusal
 
 
 @pytest.mark.parametrize(

@@ -234,10 +234,10 @@ def test_a_reader_that_closes_the_pipe_ends_the_watch(noon_bridge):
     [
         ([], 'read_tag: name one or more tag ids, or --all'),
         (['1', '--all'], 'read_tag: name one or more tag ids, or --all, but not both'),
-        (['1', '--watch', '-1'], "argument --watch: '-1' is not a number of seconds above 0"),
+        (['1', '--watch', '-1'], "argument --watch: '-1': must be a number of seconds above 0, such as 5"),
         (['1', '--json', '--csv'], 'argument --csv: not allowed with argument --json'),
         (['1', '--count', '2'], 'read_tag: --count needs --watch SECONDS'),
-        (['1', '--watch', '1', '--count', '0'], "'0' is not a number of rounds above 0"),
+        (['1', '--watch', '1', '--count', '0'], "'0': must be a whole number above 0"),
         (
             ['1', '--ros-args', '-r', 'a:=b', '--timeout', '1'],
             "read_tag: '--timeout' is no ROS argument: write",
@@ -250,7 +250,7 @@ def test_a_reader_that_closes_the_pipe_ends_the_watch(noon_bridge):
         (['no UTF-8: \udcff'], CANNOT_BE_PARSED),
         (['1', '--ros-args', '-r', '__node:=a b'], "read_tag: ROS cannot rename by '__node:=a b': write"),
         *(
-            (['1', '--timeout', text], f"argument --timeout: '{text}' is not a number of seconds above 0")
+            (['1', '--timeout', text], f"argument --timeout: '{text}': must be a number of seconds above 0")
             for text in ('soon', '0', 'nan', '-1', 'inf')
         ),
     ],
@@ -379,7 +379,7 @@ def test_waiting_for_the_service_is_said_and_on_a_terminal_wiped_out(
             patch.setattr(sys, 'stderr', terminal.stream)
         ended = run_here(read_tag.main, '1', '--service', '/nobody/get_tag_reading', '--timeout', '7')
     waiting = 'read_tag: waiting for /nobody/get_tag_reading, 7 s more'
-    shown = f'\r\x1b[K{waiting}\r\x1b[K' if is_terminal else f'{waiting}\n'
+    shown = f'\r\x1b[K{waiting}\r\r\x1b[K\r' if is_terminal else f'{waiting}\n'
     assert (terminal.text if is_terminal else ended.err).startswith(f'{shown}read_tag: no service ')
 
 

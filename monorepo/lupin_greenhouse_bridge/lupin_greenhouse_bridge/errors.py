@@ -3,7 +3,9 @@
 
 import difflib
 import re
+import sys
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 
 class OneLineError(Exception):
@@ -58,3 +60,10 @@ def names_text(thing: str, names: Sequence[str], most: int) -> str:
     more = [f'{len(names) - most:,} more'] if len(names) > most else []
     *first, last = [*(escaped(name, 64) for name in names[:most]), *more]
     return f'{thing}s {", ".join(first)} and {last}' if first else f'{thing} {last}'
+
+
+def source_of_messages(package: str) -> str:
+    """Return how to get a ROS package of messages, of which the environment of make has a stand-in."""
+    if sys.prefix != sys.base_prefix and Path(sys.prefix, 'local_setup.bash').exists():
+        return 'write `python3 ci/within.py --stand-ins` before the command'
+    return f'sudo apt install ros-$ROS_DISTRO-{package.replace("_", "-")}'

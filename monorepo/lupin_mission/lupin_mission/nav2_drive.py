@@ -8,7 +8,7 @@ from typing import Any
 
 from action_msgs.msg import GoalStatus, GoalStatusArray
 from geometry_msgs.msg import PoseStamped
-from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError, source_of_messages
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from rclpy.action.client import ActionClient
 from rclpy.node import Node
@@ -36,7 +36,7 @@ def navigate_to_pose() -> Any:
         return importlib.import_module('nav2_msgs.action').NavigateToPose
     except ImportError as error:
         raise StartUpError(
-            f'drive:=nav2 needs the package nav2_msgs ({error}): sudo apt install ros-$ROS_DISTRO-nav2-msgs,'
+            f'drive:=nav2 needs the package nav2_msgs ({error}): {source_of_messages("nav2_msgs")},'
             ' or set drive:=simulated on a machine without a robot'
         ) from error
 

@@ -13,6 +13,7 @@ from lupin_greenhouse_bridge.planning.register_layout import (
     run_registration,
     spin_until,
 )
+from lupin_greenhouse_bridge.runtime.arguments import number_type
 from lupin_msgs.msg import DiscoveredTags
 from rclpy.executors import Executor
 
@@ -32,7 +33,7 @@ def main(args: list[str] | None = None) -> int:
     add_arguments(parser)
     parser.add_argument(
         '--tags',
-        type=int,
+        type=number_type('a whole number, such as 4', int),
         default=FEWEST_TAGS,
         metavar='N',
         help='wait until perception has discovered this many tags of the layout; default: %(default)s',

@@ -9,6 +9,7 @@ import pytest
 import rclpy
 from action_msgs.srv import CancelGoal
 from geometry_msgs.msg import PoseStamped
+from lupin_greenhouse_bridge.errors import source_of_messages
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_message
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
 from lupin_mission.drive import Arrival
@@ -22,7 +23,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 HAS_NAV2 = importlib.util.find_spec('nav2_msgs') is not None
 pytestmark = pytest.mark.skipif(
-    not HAS_NAV2, reason='nav2_msgs is missing: sudo apt install ros-$ROS_DISTRO-nav2-msgs'
+    not HAS_NAV2, reason=f'nav2_msgs is missing: {source_of_messages("nav2_msgs")}'
 )
 actions = importlib.import_module('nav2_msgs.action') if HAS_NAV2 else None
 HOUR = 3600.0

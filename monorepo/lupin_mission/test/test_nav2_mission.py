@@ -12,7 +12,7 @@ import pytest
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.display.report_line import Outcome
-from lupin_greenhouse_bridge.errors import OneLineError
+from lupin_greenhouse_bridge.errors import OneLineError, source_of_messages
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.simulator.layout import read_layout, shipped_file
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
@@ -28,7 +28,7 @@ from std_msgs.msg import Bool
 
 pytestmark = pytest.mark.skipif(
     importlib.util.find_spec('nav2_msgs') is None,
-    reason='nav2_msgs is missing: sudo apt install ros-$ROS_DISTRO-nav2-msgs',
+    reason=f'nav2_msgs is missing: {source_of_messages("nav2_msgs")}',
 )
 NAME = '/held/navigate_to_pose'
 NAV2 = {**READER, 'drive': 'nav2', 'nav_action_name': NAME, 'max_poses': 1, 'map_topic': "''"}
@@ -479,7 +479,7 @@ def test_without_nav2_msgs_the_mission_is_refused_in_one_line(start_mission, mon
         monkeypatch.setitem(sys.modules, name, None)
     refusal = start_mission(**NAV2, tag_sequence='1').refusal(exit_code=2)
     assert 'drive:=nav2 needs the package nav2_msgs' in refusal
-    assert 'sudo apt install ros-$ROS_DISTRO-nav2-msgs' in refusal
+    assert source_of_messages('nav2_msgs') in refusal
 
 
 @pytest.mark.parametrize(

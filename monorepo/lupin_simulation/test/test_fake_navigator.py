@@ -16,7 +16,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from lupin_greenhouse_bridge.contract import latched
-from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError, source_of_messages
 from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
@@ -46,7 +46,7 @@ NO_PATH = f'no path from 0.50, 0.50 to {FAR.x:.2f}, {FAR.y:.2f}'
 HOUR = 3600.0
 HAS_NAV2 = importlib.util.find_spec('nav2_msgs') is not None
 pytestmark = pytest.mark.skipif(
-    not HAS_NAV2, reason='nav2_msgs is missing: sudo apt install ros-$ROS_DISTRO-nav2-msgs'
+    not HAS_NAV2, reason=f'nav2_msgs is missing: {source_of_messages("nav2_msgs")}'
 )
 actions = importlib.import_module('nav2_msgs.action') if HAS_NAV2 else None
 # The stand-in for nav2_msgs has the actions of three distros, and the real one only that of its own.

@@ -90,7 +90,6 @@ def test_a_file_that_it_did_not_make_is_refused_and_nothing_is_written(tmp_path,
     [
         (['--side', '0.1501'], '--side is 0.1501: must be between 0.01 and 0.15 m'),
         (['--side', '0.0099'], '--side is 0.0099: must be between 0.01 and 0.15 m'),
-        (['--side', 'nan'], '--side is nan: must be between'),
         (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
         (['--output', '/proc/nowhere'], 'No such file or directory: name another folder'),
         ([], "mdp-greenhouse is not installed here: name the bridge's tag file with --tag-file"),

@@ -12,6 +12,7 @@ import rclpy
 from ament_index_python.packages import get_package_share_directory
 from builtin_interfaces.msg import Time
 from conftest import PATIENCE_SECONDS, Perception, compressed, detections, image_of, picture_of_tag
+from lupin_greenhouse_bridge.errors import source_of_messages
 from lupin_greenhouse_bridge.runtime.rclpy_internals import rclpy_implementation
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
@@ -181,7 +182,7 @@ def test_without_apriltag_msgs_the_executable_refuses_detections(start_confirm_t
     monkeypatch.setenv('PYTHONPATH', f'{tmp_path}:{os.environ["PYTHONPATH"]}')
     refusal = start_confirm_tag(source='detections').refusal()
     assert 'package apriltag_msgs' in refusal
-    assert 'sudo apt install ros-$ROS_DISTRO-apriltag-msgs' in refusal
+    assert source_of_messages('apriltag_msgs') in refusal
 
 
 def test_a_caller_who_waits_keeps_nobody_else_waiting_and_a_signal_ends_it_all_the_same(

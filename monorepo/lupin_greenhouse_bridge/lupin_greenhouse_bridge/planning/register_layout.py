@@ -28,6 +28,7 @@ from lupin_greenhouse_bridge.planning.registration import (
     write_transform,
 )
 from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime.arguments import METRES, number_type
 from lupin_greenhouse_bridge.runtime.output import aligned_table, check_output_file, print_line
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
@@ -226,7 +227,7 @@ def _parser() -> argparse.ArgumentParser:
     clicks = 'click these tags in RViz with Publish Point, one after the other in this order'
     add('--click', nargs='+', metavar='ID', help=clicks)
     count = 'print the N tags that are best to click, and write nothing'
-    add('--suggest', type=int, metavar='N', help=count)
+    add('--suggest', type=number_type('a whole number, such as 3', int), metavar='N', help=count)
     add_arguments(parser)
     return parser
 
@@ -241,4 +242,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ('--tolerance', DEFAULT_TOLERANCE_M, TOLERANCE),
         ('--click-error', DEFAULT_CLICK_ERROR_M, CLICK_ERROR),
     ):
-        add(option, type=float, metavar='M', default=default, help=f'{what}; default: %(default)s')
+        add(option, type=METRES, metavar='M', default=default, help=f'{what}; default: %(default)s')

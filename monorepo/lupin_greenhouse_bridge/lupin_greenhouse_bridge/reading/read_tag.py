@@ -4,7 +4,6 @@
 import argparse
 import contextlib
 import itertools
-import math
 import os
 import re
 import shutil
@@ -32,6 +31,7 @@ from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.reading.table import Csv, Json, Table
 from lupin_greenhouse_bridge.runtime import process
+from lupin_greenhouse_bridge.runtime.arguments import SECONDS, number_type
 from lupin_greenhouse_bridge.runtime.graph import discovery_settings, duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.output import Progress
 from lupin_greenhouse_bridge.runtime.parameters import check_names
@@ -222,11 +222,12 @@ def _parser(executor: Executor) -> argparse.ArgumentParser:
     parser.add_argument('--all', action='store_true', help='read every tag that the bridge has loaded')
     parser.add_argument(
         '--watch',
-        type=_seconds,
+        type=SECONDS,
         metavar='SECONDS',
         help='read each tag once per round, and start a round every SECONDS',
     )
-    parser.add_argument('--count', type=_rounds, metavar='N', help='end --watch after N rounds')
+    rounds = number_type('a whole number above 0, such as 3', int, above=0)
+    parser.add_argument('--count', type=rounds, metavar='N', help='end --watch after N rounds')
     formats = parser.add_mutually_exclusive_group()
     for name, text in (
         ('--json', 'print one JSON object for each tag, on a line of its own'),
@@ -241,7 +242,7 @@ def _parser(executor: Executor) -> argparse.ArgumentParser:
     )
     parser.add_argument(
         '--timeout',
-        type=_seconds,
+        type=SECONDS,
         default=5.0,
         metavar='SECONDS',
         help='how long to wait for the service, and then for each reply; default: %(default)s',
@@ -251,16 +252,3 @@ def _parser(executor: Executor) -> argparse.ArgumentParser:
 
         argcomplete.autocomplete(parser)
     return parser
-
-
-def _seconds(text: str) -> float:
-    with contextlib.suppress(ValueError):
-        if 0.0 < (seconds := float(text)) < math.inf:
-            return seconds
-    raise argparse.ArgumentTypeError(f'{text!r} is not a number of seconds above 0')
-
-
-def _rounds(text: str) -> int:
-    if not text.isdecimal() or int(text) == 0:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a number of rounds above 0')
-    return int(text)

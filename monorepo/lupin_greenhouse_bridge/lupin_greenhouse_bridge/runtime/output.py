@@ -72,7 +72,11 @@ def terminal_size(stream: TextIO) -> tuple[int, int]:
 
 
 class ProgressLine:
-    """The last line of a terminal, where each text replaces the previous one; nothing in a pipe."""
+    """
+    The last line of a terminal, where each text replaces the previous one; nothing in a pipe.
+
+    The cursor is left at its beginning, where a line of another process on the terminal replaces it too.
+    """
 
     def __init__(self, stream: TextIO | None) -> None:
         """Write to this stream, which is None if it was closed before Python started."""
@@ -85,7 +89,7 @@ class ProgressLine:
         if self._stream and self.is_visible and text != self._text:
             self._text = text
             columns, _ = terminal_size(self._stream)
-            print_line(f'\r\x1b[K{text[: columns - 1]}', self._stream, end='')
+            print_line(f'\r\x1b[K{text[: columns - 1]}\r', self._stream, end='')
 
     def clear(self) -> None:
         """Remove the text, so that something else can be printed there."""

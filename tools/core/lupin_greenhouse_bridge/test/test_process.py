@@ -9,7 +9,7 @@ import pytest
 import rclpy
 from conftest import SPINS, Terminal
 from lupin_greenhouse_bridge import bridge_node
-from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized
+from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized, source_of_messages
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
 from lupin_greenhouse_bridge.runtime.output import Progress, ProgressLine
@@ -169,6 +169,24 @@ def test_an_error_is_one_line_that_keeps_the_spaces_of_a_name_and_a_long_text_is
     assert [pluralized(count, 'tag') for count in (0, 1, 2)] == ['0 tags', '1 tag', '2 tags']
 
 
+@pytest.mark.parametrize(
+    ('is_venv', 'has_ros', 'source'),
+    [
+        (True, True, 'write `python3 ci/within.py --stand-ins` before the command'),
+        (True, False, 'sudo apt install ros-$ROS_DISTRO-nav2-msgs'),  # /opt/ros is seen from a venv
+        (False, True, 'sudo apt install ros-$ROS_DISTRO-nav2-msgs'),  # a prefix of conda
+    ],
+)
+def test_messages_that_are_missing_come_from_apt_only_where_ros_does(
+    tmp_path, monkeypatch, is_venv, has_ros, source
+):
+    monkeypatch.setattr(sys, 'prefix', str(tmp_path))
+    monkeypatch.setattr(sys, 'base_prefix', '/usr' if is_venv else str(tmp_path))
+    if has_ros:
+        (tmp_path / 'local_setup.bash').touch()
+    assert source_of_messages('nav2_msgs') == source
+
+
 def test_a_progress_line_takes_the_position_of_the_last_at_a_terminal_and_is_silent_in_a_pipe():
     with Terminal(columns=20) as terminal:
         for line in (ProgressLine(terminal.stream), ProgressLine(io.StringIO()), ProgressLine(None)):
@@ -176,7 +194,7 @@ def test_a_progress_line_takes_the_position_of_the_last_at_a_terminal_and_is_sil
                 line.show(text)
             line.clear()
             line.clear()
-    assert terminal.text == f'\r\x1b[K1/29\r\x1b[K{"x" * 19}\r\x1b[K'
+    assert terminal.text == f'\r\x1b[K1/29\r\r\x1b[K{"x" * 19}\r\r\x1b[K\r'
 
 
 @pytest.mark.parametrize('is_terminal', [False, True])
@@ -192,7 +210,7 @@ def test_a_line_tells_of_work_that_takes_more_than_3_seconds(monkeypatch, is_ter
         progress.clear()
     line = 'approach_poses: tags with a pose: {} of 99'.format
     assert terminal.text == (
-        ''.join(f'\r\x1b[K{text}' for text in (*map(line, (1, 2, 3)), '')) if is_terminal else ''
+        ''.join(f'\r\x1b[K{text}\r' for text in (*map(line, (1, 2, 3)), '')) if is_terminal else ''
     )
     assert pipe.getvalue() == ('' if is_terminal else f'{line(1)}\n{line(3)}\n')
 

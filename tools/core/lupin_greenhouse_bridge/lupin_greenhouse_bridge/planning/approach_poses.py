@@ -25,6 +25,7 @@ from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, 
 from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
 from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, ApproachPose, ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
+from lupin_greenhouse_bridge.runtime.arguments import DEGREES, METRES, number_type
 from lupin_greenhouse_bridge.runtime.output import Progress, aligned_table, check_output_file, print_line
 from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
@@ -260,18 +261,18 @@ def _parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     file: dict[str, Any] = {'metavar': 'FILE'}
-    place: dict[str, Any] = {'type': float, 'nargs': 2, 'metavar': ('X', 'Y')}
+    place: dict[str, Any] = {'type': METRES, 'nargs': 2, 'metavar': ('X', 'Y')}
     add('--tag-file', **file, default='', help="the bridge's tag_file; default: the one of mdp-greenhouse")
     add_wall_options(parser)
     for name, (option, what) in LIMITS.items():
-        value, unit = getattr(default, name), 'M'
+        value, unit, kind = getattr(default, name), 'M', METRES
         if name.endswith('_rad'):
-            value, unit = math.degrees(value), 'DEGREES'
+            value, unit, kind = math.degrees(value), 'DEGREES', DEGREES
         shown = f'{what} (default: %(default)g)'
-        add(option, dest=name, type=float, default=value, metavar=unit, help=shown)
+        add(option, dest=name, type=kind, default=value, metavar=unit, help=shown)
     add(
         '--arrival-tolerance',
-        type=float,
+        type=number_type('a number, such as 0.06', float),
         nargs=2,
         metavar=('M', 'RADIANS'),
         default=(default.arrival_tolerance_m, default.arrival_tolerance_rad),

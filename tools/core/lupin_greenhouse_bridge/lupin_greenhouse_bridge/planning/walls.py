@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, names_text
+from lupin_greenhouse_bridge.runtime.arguments import METRES
 from lupin_greenhouse_bridge.runtime.parameters import parameter
 from lupin_greenhouse_bridge.simulator.config import SIDES, check_sensors, find_config
 from lupin_greenhouse_bridge.simulator.layout import Layout
@@ -119,7 +120,7 @@ def add_wall_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--walls',
-        type=float,
+        type=METRES,
         nargs=4,
         metavar=('X0', 'Y0', 'X1', 'Y1'),
         help='the walls in metres, in the layout; default: those of the greenhouse config',

@@ -1,0 +1,35 @@
+# Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
+"""The values of a command's options. Does not import ROS."""
+
+import argparse
+import contextlib
+import math
+from collections.abc import Callable
+from typing import TypeVar
+
+from lupin_greenhouse_bridge.errors import escaped
+
+NumberT = TypeVar('NumberT', int, float)
+
+
+def number_type(
+    accepted: str, kind: Callable[[str], NumberT], above: float = -math.inf
+) -> Callable[[str], NumberT]:
+    """
+    Return the type of an option of argparse: a finite number of a kind above a limit.
+
+    `accepted` says in the error what the option "must be", such as `a number in metres, such as 0.5`.
+    """
+
+    def parse(text: str) -> NumberT:
+        with contextlib.suppress(ValueError):
+            if above < (value := kind(text)) < math.inf:
+                return value
+        raise argparse.ArgumentTypeError(f'{escaped(repr(text), 100)}: must be {accepted}')
+
+    return parse
+
+
+SECONDS = number_type('a number of seconds above 0, such as 5', float, above=0.0)
+DEGREES = number_type('a number of degrees, such as 30', float)
+METRES = number_type('a number in metres, such as 0.5', float)
