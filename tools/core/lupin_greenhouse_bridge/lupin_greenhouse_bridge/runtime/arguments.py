@@ -8,19 +8,19 @@ from typing import TypeVar
 
 from lupin_greenhouse_bridge.errors import escaped
 
-NumberT = TypeVar('NumberT', int, float)
+ValueT = TypeVar('ValueT', int, float)
 
 
 def number_type(
-    accepted: str, kind: Callable[[str], NumberT], above: float = -math.inf
-) -> Callable[[str], NumberT]:
+    accepted: str, kind: Callable[[str], ValueT], above: float = -math.inf
+) -> Callable[[str], ValueT]:
     """
     Return the type of an option of argparse: a finite number of a kind above a limit.
 
     `accepted` says in the error what the option "must be", such as `a number in metres, such as 0.5`.
     """
 
-    def parse(text: str) -> NumberT:
+    def parse(text: str) -> ValueT:
         with contextlib.suppress(ValueError):
             if above < (value := kind(text)) < math.inf:
                 return value
