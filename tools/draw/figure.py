@@ -54,15 +54,15 @@ def draw_or_check(name: str, pictures: dict[Path, Picture], *, is_check: bool) -
 
 
 def save(drawing: Any, path: Path, fingerprint: str) -> None:
-    """Write a Figure or an Image as PNG with its fingerprint; a palette makes the file of a figure small."""
+    """Write a Figure or an Image as PNG with its fingerprint."""
     if isinstance(drawing, Figure):
         picture = io.BytesIO()
         drawing.savefig(picture, dpi=110)
         pyplot.close(drawing)
-        drawing = Image.open(picture).convert('RGB').quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=2)
+        drawing = Image.open(picture).convert('RGB')
     metadata = PngImagePlugin.PngInfo()
     metadata.add_text('Description', fingerprint)
-    drawing.save(path, pnginfo=metadata)
+    drawing.save(path, pnginfo=metadata, optimize=True)
 
 
 def fingerprint_of(path: Path) -> str:

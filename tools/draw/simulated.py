@@ -3,6 +3,7 @@
 import itertools
 from collections import Counter
 from pathlib import Path
+from typing import TypeAlias
 
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge.display.placing import Point
@@ -14,6 +15,8 @@ from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator.layout import require_layout, shipped_file
 from lupin_greenhouse_bridge.simulator.simulation import load
 from lupin_greenhouse_bridge.units import sensor_order
+
+Subset: TypeAlias = tuple[str, ...]  # the letters of some sensors
 
 
 class Greenhouse:
@@ -36,8 +39,8 @@ class Greenhouse:
                 component['noise_sigma'] = 0.0
         self.sensors: list[str] = sorted(self._noisy.sensors(), key=sensor_order)
         self.letters = letters_of(self.sensors)
-        self.subset_of = {
-            tag_id: ''.join(letter for name, letter in self.letters.items() if name in tag.sensors)
+        self.subset_of: dict[str, Subset] = {
+            tag_id: tuple(letter for name, letter in self.letters.items() if name in tag.sensors)
             for tag_id, tag in self.layout.tags.items()
         }
 

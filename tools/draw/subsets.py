@@ -1,11 +1,11 @@
 """Draw each tag in the colour of its subset of sensors, over one sensor's field: all, or a part."""
 
 import argparse
-import itertools
 import random
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,15 +18,14 @@ from lupin_greenhouse_bridge.units import clock_time, label_of
 from matplotlib import pyplot
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from simulated import Greenhouse
+from simulated import Greenhouse, Subset
 
-# Of subsets of sensors, the most frequent first: those of Okabe and Ito, and others that protanopes and
-# deuteranopes can tell from them.
+# Of subsets of sensors, in the order of the key. Protanopes and deuteranopes can tell them apart too.
 SUBSET_COLOURS = (
-    *('#e69f00', '#0072b2', '#009e73', '#cc79a7', '#56b4e9', '#f0e442', '#d55e00'),
-    *('#8900ff', '#002700', '#b1ffb1', '#4e144e', '#270089', '#89ffff'),
+    *('#d55e00', '#56b4e9', '#552489', '#f0e442', '#009e73'),
+    *('#7a1f00', '#0072a0', '#8e7cff', '#b0d7ff', '#e8a000', '#bbffc0', '#f4b1a5', '#181657'),
 )
+SHAPES = 'os^D'  # of one, two, three and more sensors
 OTHER, FIELD_END = '0.5', '0.6'
 TABLE = '#b5936b'  # no shade of the field, in either scheme
 INKED = ('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color', 'patch.edgecolor')
@@ -34,15 +33,26 @@ SCHEMES: dict[str, dict[Any, Any]] = {
     name: dict.fromkeys(INKED, ink) | {'figure.facecolor': paper, 'axes.facecolor': paper}
     for name, ink, paper in (('light', '#1f2328', 'white'), ('dark', '#e6edf3', '#0d1117'))
 }
-FIELD_STEPS = 100
+FIELD_STEPS = 200  # along the longer side
 README_SEED = 42  # whose values the README shows
 PART_M, PART_POINTS = 4.0, 16.0  # its size, and that of its texts: 11 px on a phone 328 px wide
 
 
-def colours_of(subsets: Collection[str]) -> dict[str, str]:
-    """Return the colour of each subset, the most frequent first; those beyond the palette share OTHER."""
-    ordered = [subset for subset, _ in Counter(subsets).most_common()]
-    return dict(itertools.zip_longest(ordered, SUBSET_COLOURS[: len(ordered)], fillvalue=OTHER))
+def styles_of(greenhouse: Greenhouse, size: float) -> dict[Subset, drawings.Style]:
+    """Return the mark of each subset, in the order of the key; the rarest beyond the palette share OTHER."""
+    counts, letters = Counter(greenhouse.subset_of.values()), list(greenhouse.letters.values())
+    frequent = {subset for subset, _ in counts.most_common(len(SUBSET_COLOURS))}
+    palette, styles = iter(SUBSET_COLOURS), {}
+    for subset in sorted(counts, key=lambda each: (len(each), *map(letters.index, each))):
+        shape = SHAPES[min(len(subset), len(SHAPES)) - 1]
+        colour = next(palette) if subset in frequent else OTHER
+        styles[subset] = mark(shape, colour, size)
+    return styles
+
+
+def mark(shape: str, colour: str, size: float) -> drawings.Style:
+    """Return the style of a point with an edge in the colour of the texts."""
+    return drawings.point_style(shape, colour, size, markeredgecolor=pyplot.rcParams['text.color'])
 
 
 def in_scheme(scheme: str, draw: Callable[..., Figure], *arguments: Any) -> Figure:
@@ -54,27 +64,16 @@ def in_scheme(scheme: str, draw: Callable[..., Figure], *arguments: Any) -> Figu
 
 def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     """Return the figure of the tags, coloured by the subset of sensors of each, over one sensor's field."""
-    layout, walls, subset_of = greenhouse.layout, greenhouse.walls, greenhouse.subset_of
+    layout, walls = greenhouse.layout, greenhouse.walls
     width_m, height_m, scale = drawings.scale_of(layout, walls)
     width, height = (size_m * drawings.INCHES_PER_M / scale for size_m in (width_m, height_m))
     figure = pyplot.figure(figsize=(width + 3.0, max(height, 5.0) + 1.8), layout='constrained')
     axes = figure.add_subplot()
-    draw_field(axes, greenhouse, options, walls, bands=8)
+    draw_field(axes, greenhouse, options, walls)
     axes.set_ylabel('y (m)')
     draw_tags(axes, greenhouse, list(layout.tags), drawings.LABELS.times(scale), 8)
-    colour_of = colours_of(subset_of.values())
-    counts = Counter(subset_of.values())
-    key = {
-        f'{each}: {pluralized(counts[each], "tag")}': colour
-        for each, colour in colour_of.items()
-        if colour != OTHER
-    }
-    if rest := sum(counts[each] for each, colour in colour_of.items() if colour == OTHER):
-        key[f'other subsets: {pluralized(rest, "tag")}'] = OTHER
-    letters = '\n'.join(names_of_letters(greenhouse))
-    write_key(figure, key, f'{letters}\n\n{len(colour_of)} subsets of sensors')
-    title = f'{pluralized(len(layout.tags), "tag")} in the colours of their sensors; tables are brown'
-    axes.set_title(title, fontsize=11)
+    write_key(figure, greenhouse)
+    axes.set_title(f'The {pluralized(len(layout.tags), "tag")} and their sensors', fontsize=11)
     return figure
 
 
@@ -89,7 +88,7 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     pyplot.rcParams['font.size'] = pyplot.rcParams['figure.titlesize'] = PART_POINTS  # until the scheme ends
     figure = pyplot.figure(figsize=(6.4, 8.2), layout='constrained')
     axes = figure.add_subplot()
-    draw_field(axes, greenhouse, options, part, bands=4)
+    draw_field(axes, greenhouse, options, part)
     axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
     size = drawings.LABELS.times(2 * drawings.INCHES_PER_M * side_m / 6.0)
     seen = [tag_id for tag_id, tag in tags.items() if part.has_inside(*tag[:2])]
@@ -131,19 +130,30 @@ def draw_reading(
     return [*drawn, placing.Box(*place, width_m, height_m), placing.Box(*name_place, *labels[1][1:])]
 
 
-def draw_field(
-    axes: Any, greenhouse: Greenhouse, options: argparse.Namespace, part: Walls, bands: int
-) -> None:
+def draw_field(axes: Any, greenhouse: Greenhouse, options: argparse.Namespace, part: Walls) -> None:
     """Draw the tables, the walls, and the values of a sensor in shades of grey with their scale."""
     paper, ink = axes.get_facecolor(), pyplot.rcParams['text.color']
-    xs, ys = (np.linspace(*ends, FIELD_STEPS) for ends in (part[::2], part[1::2]))
-    field = [[greenhouse.value(options.sensor, (x, y), options.hour) for x in xs] for y in ys]
+    xs, ys, field = field_of(greenhouse, options.sensor, options.hour, part)
     shades = LinearSegmentedColormap.from_list('shades', [paper, FIELD_END])
-    field_bands = axes.contourf(xs, ys, field, bands, cmap=shades)
+    extent = (*part[::2], *part[1::2])
+    image = axes.imshow(field, shades, extent=extent, origin='lower', interpolation='bilinear')
+    lines = axes.contour(xs, ys, field, 5, colors=ink, linewidths=0.6, alpha=0.6)
     table = {'facecolor': TABLE, 'edgecolor': ink, 'linewidth': 0.6}
     drawings.draw_greenhouse(axes, greenhouse.layout, greenhouse.walls, table)
     label = f'{label_of(options.sensor)} at {clock_time(options.hour * 3600)}'
-    axes.figure.colorbar(field_bands, ax=axes, location='bottom', label=label, shrink=0.9, pad=0.02)
+    place = {'location': 'bottom', 'shrink': 0.9, 'pad': 0.02}
+    axes.figure.colorbar(image, ax=axes, label=label, ticks=lines.levels, **place).add_lines(lines)
+
+
+@cache
+def field_of(
+    greenhouse: Greenhouse, sensor: str, hour: float, part: Walls
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return x, y and the values of a sensor, row by row."""
+    sides_m = part.x1 - part.x0, part.y1 - part.y0
+    counts = [round(FIELD_STEPS * side_m / max(sides_m)) + 2 for side_m in sides_m]
+    xs, ys = (np.linspace(*ends, count) for ends, count in zip((part[::2], part[1::2]), counts, strict=True))
+    return xs, ys, np.array([[greenhouse.value(sensor, (x, y), hour) for x in xs] for y in ys])
 
 
 def draw_tags(
@@ -156,13 +166,12 @@ def draw_tags(
 ) -> None:
     """Draw each tag in the colour of its subset, with its id and its letters beside it."""
     ink = pyplot.rcParams['text.color']
-    colour_of = colours_of(greenhouse.subset_of.values())
-    labels = []
+    styles, labels = styles_of(greenhouse, 1.3 * points), []
     for tag_id in tag_ids:
         x, y, _ = greenhouse.layout.tags[tag_id]
         subset = greenhouse.subset_of[tag_id]
-        axes.plot(x, y, 'o', color=colour_of[subset], markeredgecolor=ink, markersize=1.3 * points, zorder=5)
-        labels.append((f'{tag_id} {subset}', placing.Box(x, y, size.height_m, size.height_m), ink))
+        axes.plot(x, y, **styles[subset], zorder=5)
+        labels.append((f'{tag_id} {"".join(subset)}', placing.Box(x, y, size.height_m, size.height_m), ink))
     box = {'boxstyle': 'round,pad=0.1', 'facecolor': axes.get_facecolor(), 'edgecolor': 'none', 'alpha': 0.8}
     taken = [*taken, *(dot for _, dot, _ in labels)]
     style = {'weight': 'bold', 'bbox': box, 'fontsize': points, 'zorder': 4}
@@ -180,10 +189,18 @@ def names_of_letters(greenhouse: Greenhouse) -> list[str]:
     return [f'{letter} {name.replace("_", " ")}' for name, letter in greenhouse.letters.items()]
 
 
-def write_key(figure: Figure, key: dict[str, str], title: str) -> None:
-    """Write the texts of a key beside dots of these colours, at the right."""
-    ink = pyplot.rcParams['text.color']
-    styles = [drawings.point_style('o', colour, 10, markeredgecolor=ink) for colour in key.values()]
-    handles = [Line2D([], [], label=text, **style) for text, style in zip(key, styles, strict=True)]
-    place: dict[str, Any] = {'loc': 'outside right upper', 'alignment': 'left'}
-    figure.legend(handles=handles, title=title, frameon=False, handletextpad=0.2, **place)
+def write_key(figure: Figure, greenhouse: Greenhouse) -> None:
+    """Write at the right the name of each letter, and the mark and the number of tags of each subset."""
+    counts, styles = Counter(greenhouse.subset_of.values()), styles_of(greenhouse, 10)
+    names: dict[Subset, str] = {(text.split()[0],): text for text in names_of_letters(greenhouse)}
+    rest = [each for each, style in styles.items() if style['color'] == OTHER and each not in names]
+    shown = dict.fromkeys(names, mark('', OTHER, 10)) | styles
+    marks = [
+        (f'{names.get(each, "".join(each))} ({counts[each]})', style)
+        for each, style in shown.items()
+        if each not in rest
+    ]
+    marks += [(f'other ({sum(counts[each] for each in rest)})', mark('o', OTHER, 10))] if rest else []
+    marks.append(('table', mark('s', TABLE, 10)))
+    place = {'loc': 'outside right upper', 'bbox_to_anchor': None, 'handletextpad': 0.2}
+    drawings.write_key(figure, marks, 1, title='sensors (number of tags)', alignment='left', **place)

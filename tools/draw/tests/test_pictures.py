@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import figure
 import numpy as np
@@ -81,9 +82,10 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path):
     (tmp_path / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
     figures = figures_of(tmp_path, '--tag-file', str(tmp_path / 'tags.json'), '--hour', '6')
     texts = texts_of(figures['greenhouse_light'])
-    assert {'a1 CL', 'b2 C', 'temperature (°C) at 06:00', 'CL: 1 tag'} <= set(texts)
-    key = next(text for text in texts if text.endswith('\n2 subsets of sensors'))
-    assert {'C co2', 'L light'} <= set(key.splitlines())
+    assert {'a1 CL', 'b2 C', 'temperature (°C) at 06:00'} <= set(texts)
+    (key,) = figures['greenhouse_light'].legends
+    names = ['T temperature (0)', 'H humidity (0)', 'C co2 (1)', 'L light (0)', 'S soil moisture (0)']
+    assert texts_of(key) == ['sensors (number of tags)', *names, 'CL (1)', 'table']
     assert any('A day at tag a1' in text for text in texts_of(figures['day']))
 
 
@@ -116,7 +118,7 @@ def test_no_label_lies_on_a_tag_or_on_another_label(drawn, name):
 
 def dots_of(axes) -> list[str]:
     """Return the colour of each tag that is drawn."""
-    return [line.get_color() for line in axes.lines if line.get_marker() == 'o']
+    return [line.get_color() for line in axes.lines if line.get_marker() in subsets.SHAPES]
 
 
 @pytest.mark.parametrize('scheme', subsets.SCHEMES)
@@ -131,10 +133,16 @@ def test_each_subset_of_sensors_has_its_own_colour_in_the_picture(scheme, drawn)
         assert (np.abs(pixels / 255 - to_rgb(colour)).max(axis=1) < 0.02).sum() > 100
 
 
-def test_more_subsets_than_colours_share_grey():
-    colour_of = subsets.colours_of([*map(str, range(20)), '19'])
-    assert colour_of['19'] == subsets.SUBSET_COLOURS[0]
-    assert sum(colour == subsets.OTHER for colour in colour_of.values()) == 20 - len(subsets.SUBSET_COLOURS)
+def test_the_rarest_of_more_subsets_than_colours_share_grey_and_have_shapes():
+    letters = {name: name for name in 'abcde'}
+    pairs = [pair for size in (1, 2) for pair in itertools.combinations('abcde', size)]
+    subset_of = dict(enumerate([*pairs, pairs[-1]]))
+    styles = subsets.styles_of(SimpleNamespace(subset_of=subset_of, letters=letters), 10)
+    assert list(styles) == pairs
+    assert [each['marker'] for each in styles.values()] == 5 * ['o'] + 10 * ['s']
+    drawn = [each['color'] for each in styles.values()]
+    assert [colour for colour in drawn if colour != subsets.OTHER] == list(subsets.SUBSET_COLOURS)
+    assert drawn[-1] != subsets.OTHER
 
 
 # Machado, Oliveira and Fernandes, 2009: linear RGB as seen without red and without green cones.
@@ -149,7 +157,7 @@ AS_SEEN = {
 def test_the_colours_of_the_subsets_differ_for_colour_blind_people(eyes):
     linear = np.array([to_rgb(each) for each in subsets.SUBSET_COLOURS]) ** 2.2
     seen = np.clip(linear @ np.transpose(AS_SEEN[eyes]), 0, 1) ** (1 / 2.2)
-    assert min(np.linalg.norm(one - other) for one, other in itertools.combinations(seen, 2)) > 0.1
+    assert min(np.linalg.norm(one - other) for one, other in itertools.combinations(seen, 2)) > 0.22
 
 
 def test_the_texts_of_the_part_are_legible_on_a_phone(drawn):
@@ -181,9 +189,18 @@ def tables_of(axes) -> list[Rectangle]:
 @pytest.mark.parametrize('scheme', subsets.SCHEMES)
 def test_no_shade_of_the_field_is_the_colour_of_the_tables(scheme, drawn):
     axes = drawn[f'greenhouse_part_{scheme}'].axes[0]
-    shades = axes.collections[0].get_cmap()(np.linspace(0, 1, 64))[:, :3]
+    shades = axes.images[0].get_cmap()(np.linspace(0, 1, 64))[:, :3]
     (colour,) = {each.get_facecolor()[:3] for each in tables_of(axes)}
     assert np.linalg.norm(shades - colour, axis=1).min() > 0.15
+
+
+def test_the_field_has_no_bands_and_its_lines_are_the_ticks_of_its_scale(drawn):
+    with Image.open(figure.COMMITTED / 'greenhouse_light.png') as image:
+        pixels = np.asarray(image.convert('RGB')).reshape(-1, 3)
+    greys = {grey for grey, *others in map(tuple, pixels.tolist()) if {grey} == set(others)}
+    assert greys >= set(range(round(255 * float(subsets.FIELD_END)) + 1, 255))
+    axes, bar = drawn['greenhouse_light'].axes
+    assert list(bar.get_xticks()) == list(axes.collections[0].levels)
 
 
 def test_the_letters_of_sensors_are_the_start_of_their_names():
