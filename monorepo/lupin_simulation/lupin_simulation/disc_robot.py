@@ -23,15 +23,15 @@ class DiscRobot:
 
     def __init__(self, start: PoseInPlane, speed_m_per_s: float) -> None:
         """Stand at the start."""
-        self.route: list[Point] = [start[:2]]  # where the robot has driven until it was stopped
+        # Where the robot has driven until it was stopped. Where it stood, a point is there twice in a row.
+        self.route: list[Point] = [start[:2]]
         self._speed_m_per_s, self._seconds = speed_m_per_s, 0.0
         self._plan(start, [], start.yaw)
 
     def follow(self, path: Iterable[Point], yaw: float) -> None:
         """Follow a new path, which begins where the robot is, and turn to this direction at its end."""
         here, is_passed = self.pose, self._times[::2] <= self._seconds
-        driven = [*self.route, *itertools.compress(self._points, is_passed), here[:2]]
-        self.route = [point for point, _ in itertools.groupby(driven)]
+        self.route += [*itertools.compress(self._points[1:], is_passed[1:]), here[:2]]
         self._plan(here, path, yaw)
 
     def stop(self) -> None:

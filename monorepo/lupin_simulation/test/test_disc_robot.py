@@ -52,7 +52,7 @@ def test_it_ends_at_the_end_of_its_path_however_the_time_is_cut(robot, steps):
     assert (robot.is_moving, robot.pose) == (False, (1.0, 2.0, 0.0))
     assert (type(robot.left_m), robot.left_m) == (float, 0.0)  # a message takes no int
     robot.stop()
-    assert robot.route == PATH
+    assert robot.route == [PATH[0], *PATH, PATH[-1]]  # it stood at the start and stands at the end
 
 
 @pytest.mark.parametrize(
