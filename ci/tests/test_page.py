@@ -33,30 +33,27 @@ LINES = "document.querySelectorAll('.series').length"
 HEAD = "document.querySelector('h1').textContent"
 CHOSEN = """[...document.querySelectorAll('.chosen')].map(
     each => each.dataset.tag ?? each.firstChild.textContent)"""
-# Each label on the map whose box shares an area with another's, or with the dot of another tag.
-COVERED = """
-[...document.querySelectorAll('#map a > text, #map a > .dot')]
-    .map(each => [each.parentNode.dataset.tag, each.getBoundingClientRect()])
-    .flatMap(([tag, a], n, all) => all.slice(n + 1)
-        .filter(([other, b]) => tag !== other
-            && Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
-            && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 1)
-        .map(([other]) => `${tag} ${other}`))
-"""
-# Each id of a tag without a value that is less than 8 pixels beside another label, or the dot of another tag.
-CLOSE = """
-[...document.querySelectorAll('#map a > text.muted')].flatMap(text => {
-    const a = text.getBoundingClientRect(), own = text.parentNode;
-    return [...document.querySelectorAll('#map a > text, #map a > .dot')]
-        .filter(each => each.parentNode !== own)
-        .filter(each => {
-            const b = each.getBoundingClientRect();
-            return Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4
-                && Math.max(a.left, b.left) - Math.min(a.right, b.right) < 7.5;
-        })
-        .map(each => `${own.dataset.tag} ${each.parentNode.dataset.tag}`);
-})
-"""
+
+
+def pairs(texts: str, others: str, across: float, down: float) -> str:
+    """Return JavaScript for each text and other thing, of two tags, whose boxes share more pixels."""
+    return f"""
+        [...document.querySelectorAll('{texts}')].flatMap(text => {{
+            const a = text.getBoundingClientRect(), own = text.closest('[data-tag]').dataset.tag;
+            return [...document.querySelectorAll('{others}')].flatMap(other => {{
+                const b = other.getBoundingClientRect(), tag = other.closest('[data-tag]').dataset.tag;
+                const is_near = Math.min(a.right, b.right) - Math.max(a.left, b.left) > {across}
+                    && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > {down};
+                return tag !== own && a.width && b.width && is_near ? `${{own}} ${{tag}}` : [];
+            }});
+        }})"""
+
+
+THINGS = '#map a > text, #map a > .dot'
+COVERED = pairs(THINGS, THINGS, 1, 1)
+CLOSE = pairs('#map a > text.muted', THINGS, -7.5, 4)  # an id without a value that looks like part of another
+COVERED_IN_CHARTS = pairs('.series text', '.series text, .series circle', 1, 4)
+WITHOUT_LABEL = "[...document.querySelectorAll('.spare')].map(each => each.textContent)"
 # Each piece of a line that is cut off at the left, as the dots between the pieces are.
 CUT_PIECES = """
 [...document.querySelectorAll('.pieces > span > span')].filter(each => {
@@ -64,19 +61,6 @@ CUT_PIECES = """
     const start = line.getBoundingClientRect().left + 0.9 * em;
     return [...each.getClientRects()].some(box => box.left < start - 1 || box.right > innerWidth);
 }).map(each => each.textContent)
-"""
-# Each label in a chart that covers the point of another tag, or another label.
-COVERED_IN_CHARTS = """
-[...document.querySelectorAll('figure')].flatMap(figure => {
-    const texts = [...figure.querySelectorAll('.series text')].filter(each => each.getClientRects().length);
-    const boxes = [...texts, ...figure.querySelectorAll('.series circle')].map(
-        each => [each.parentNode.dataset.tag, each.getBoundingClientRect()]);
-    return boxes.slice(0, texts.length).flatMap(([tag, a], n) => boxes.slice(n + 1)
-        .filter(([other, b]) => tag !== other
-            && Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
-            && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4)
-        .map(([other]) => `${tag} ${other}`));
-})
 """
 # Elements that reach over the edge of the window, or of the box that would cut them.
 CUT = """
@@ -86,14 +70,25 @@ CUT = """
         || (frame && each.scrollWidth > each.clientWidth + 1);
 }).map(each => each.textContent)
 """
-PLOT_WIDTH = "document.querySelector('#map .wall').getBoundingClientRect().width"
+BOXES = """
+Object.fromEntries(
+    ['h1', '#file', '#bar', '#map', '#map .wall', '.maps', '#table', '.scroll', 'table', '#charts'].map(
+        name => [name, document.querySelector(name).getBoundingClientRect().toJSON()]))
+"""
+SMALLEST_TARGET = """
+Math.min(...[...document.querySelectorAll('#tabs button, thead button, tbody tr, label, #chosen button')]
+    .map(each => each.offsetHeight))
+"""
+GROUNDS = (
+    "[...new Set([...document.querySelectorAll('.bench')].map(each => getComputedStyle(each).fill))].length"
+)
 IS_DRAWN = """
 [...document.querySelectorAll('#map, .charting')].every(
-    each => each.clientWidth === each.firstChild.clientWidth)
+    each => Math.abs(each.clientWidth - each.firstChild.clientWidth) < 2)
 """
 CHART_SHARES = """
 [...document.querySelectorAll('.charting')].map(
-    each => each.clientWidth / document.querySelector('main').clientWidth)"""
+    each => each.clientWidth / document.querySelector('#charts').clientWidth)"""
 SUM = 'match(/[0-9]+/g).slice(0, 3).reduce((sum, part) => sum + Number(part), 0)'
 BACKGROUND = f'getComputedStyle(document.body).backgroundColor.{SUM}'
 AXIS_TEXT = f"getComputedStyle(document.querySelector('#map .muted')).fill.{SUM}"
@@ -159,7 +154,6 @@ def test_the_page_shows_each_tag_and_asks_no_host_for_anything(report, open_page
     assert page.evaluate(HEAD).startswith(f'{len(tags) - 2} of {len(tags)} tags read · 2 timeout · ')
     assert page.evaluate(DOTS) == len(tags)
     assert sorted(page.evaluate(LABELS)) == sorted(tags)
-    assert page.evaluate(COVERED) == []
     assert page.evaluate(COVERED_IN_CHARTS) == []
     assert page.evaluate(CUT) == []
     read = [tag for tag_id, tag in tags.items() if tag_id not in failed]
@@ -176,7 +170,7 @@ def test_the_page_shows_each_tag_and_asks_no_host_for_anything(report, open_page
     labels = page.evaluate("[...document.querySelectorAll('#map a > text')].map(each => each.textContent)")
     assert sorted(text.partition(':')[0] for text in labels if '▲' in text) == sorted(hot)
     assert not any('▼' in text for text in labels)
-    assert f'scale: {len(hot)}' in page.evaluate("document.getElementById('scale').textContent")
+    assert f'scale: {len(hot)}' in page.evaluate("document.getElementById('key').textContent")
     script = "Object.assign(document.createElement('script'), { textContent: 'window.ran = 1' })"
     assert page.complaints == []
     page.evaluate(f'document.body.append({script})')  # which is not the page's own
@@ -264,39 +258,22 @@ def test_the_table_sorts_by_a_column_with_failures_first(report, open_page):
     assert 'read' not in page.evaluate("document.querySelector('table').innerText").split()
 
 
-@pytest.mark.parametrize(('most', 'is_shown'), [(2, False), (3, True)])
-def test_the_attempts_are_shown_if_a_tag_needed_more_than_others(report, open_page, most, is_shown):
-    text = report.read_text(encoding='utf-8').replace('"attempts": 1', f'"attempts": {most}', 1)
-    report.write_text(text.replace('"attempts": 1', '"attempts": 2'), encoding='utf-8')
-    page = open_page(report)
-    assert ('attempts' in page.evaluate("document.querySelector('thead').textContent")) == is_shown
-    assert any(' attempts' in name for name in page.evaluate(NAMES)) == is_shown
-
-
-@pytest.mark.parametrize('height', [720, 1080])
-def test_the_whole_table_stands_beside_the_map(report, open_page, height):
-    """With its widest columns, and with its last row in no inner scroll box."""
-    report.write_text(report.read_text(encoding='utf-8').replace('"attempts": 1', '"attempts": 2', 9))
-    page = open_page(report, width=1280, height=height)
-    top = "document.querySelector('{}').getBoundingClientRect().top"
-    assert page.evaluate(top.format('#table')) == page.evaluate(top.format('.maps'))
-    scroll = "document.querySelector('.scroll')"
-    assert page.evaluate(f'{scroll}.scrollHeight - {scroll}.clientHeight') == 0
-
-
-@pytest.mark.parametrize('is_of_several_times', [True, False])
-def test_the_map_says_that_its_values_differ_by_time_too(report, open_page, is_of_several_times):
-    text = report.read_text(encoding='utf-8')
+@pytest.mark.parametrize('do_differ', [True, False])
+def test_the_attempts_and_the_times_are_told_if_they_differ(report, open_page, do_differ):
+    text = report.read_text(encoding='utf-8').replace('"attempts": 1', f'"attempts": {2 + do_differ}', 1)
+    text = text.replace('"attempts": 1', '"attempts": 2')
     one_time = re.sub(r'(_seconds": )[0-9.]+', r'\g<1>7200.0', text)
-    report.write_text(text if is_of_several_times else one_time, encoding='utf-8')
+    report.write_text(text if do_differ else one_time, encoding='utf-8')
     page = open_page(report)
-    seen = page.evaluate("document.querySelector('.maps header').innerText")
-    assert ('values differ by place and by time of day' in seen) == is_of_several_times
+    assert ('attempts' in page.evaluate("document.querySelector('thead').textContent")) == do_differ
+    assert any(' attempts' in name for name in page.evaluate(NAMES)) == do_differ
+    seen = page.evaluate("document.querySelector('.maps').innerText")
+    assert ('values differ by place and by time of day' in seen) == do_differ
 
 
 def test_one_word_for_all_failures_is_in_the_key_and_not_at_each_tag(report, open_page):
     page = open_page(report)
-    key = "document.getElementById('scale').textContent"
+    key = "document.getElementById('key').textContent"
     labels = "[...document.querySelectorAll('#map .failed > text')].map(each => each.textContent)"
     assert sorted(page.evaluate(labels)) == sorted(list(find_layout('').tags)[3:5])
     assert 'timeout' in page.evaluate(key)
@@ -311,7 +288,7 @@ def test_the_page_fits_a_window_and_follows_its_colour_scheme(report, open_page,
     page = open_page(report, width=width, height=740)
     for scheme, ground, text in (('light', '>', '<'), ('dark', '<', '>')):
         page.prefer(scheme)
-        page.wait_for(f'{BACKGROUND} {ground} {MIDDLE} && {AXIS_TEXT} {text} {MIDDLE}')
+        page.wait_for(f'{BACKGROUND} {ground} {MIDDLE} && {AXIS_TEXT} {text} {MIDDLE} && {GROUNDS} === 1')
         assert page.evaluate('document.documentElement.scrollWidth') == width
         colours = page.evaluate(COLOURS_OF_SCHEME)
         for name in ('text', 'muted', 'bad', 'accent'):
@@ -329,45 +306,79 @@ def test_the_page_fits_a_window_and_follows_its_colour_scheme(report, open_page,
 
 
 @pytest.mark.parametrize(
-    ('walls', 'height', 'wanted'), [((4, 8), 720, 336), ((4, 8), 1440, 540), ((20, 8), 720, 1150)]
+    ('walls', 'height', 'wanted'), [((4, 8), 720, 280), ((4, 8), 1080, 420), ((20, 8), 720, 1150)]
 )
 def test_a_wider_window_never_makes_the_map_smaller(report, open_page, walls, height, wanted):
-    """Of a mission with a route and attempts, in which no label touches another tag."""
+    """Of a mission with a route and attempts. Each tag has a label, and none touches another tag."""
     report.write_text(report.read_text(encoding='utf-8').replace('"attempts": 1', '"attempts": 2', 9))
     route = report.with_name('report-route.csv')
-    route.write_text('x,y\n0.5,0.5\n3,0.5\n3,6\n1,6\n1,5\n2,4\n0.5,0.5\n', encoding='utf-8')
+    route.write_text('x,y\n0.5,0.5\n3,0.5\n3,6\n3,6\n1,6\n1,5\n2,4\n2,4\n0.5,0.5\n', encoding='utf-8')
     page = open_page(report, '--walls', '0', '0', *map(str, walls), width=320, height=height)
-    sizes, widths = [], [320, 360, 412, 560, 703, 704, 720, 768, 900, 1100, 1279, 1280, 1440, 1920, 2560]
+    assert page.evaluate("document.querySelectorAll('#map .stop').length") == 2
+    boxes, widths = {}, [320, 360, 412, 560, 703, 704, 768, 900, 1280, 1920, 2560]
     for width in widths:
         page.resize(width, height)
         page.wait_for(f'innerWidth === {width} && {IS_DRAWN}')
-        sizes.append(round(page.evaluate(PLOT_WIDTH)))
-        assert walls != (4, 8) or page.evaluate(COVERED) == [], width
-        assert page.evaluate(CLOSE) == [], width
+        boxes[width] = page.evaluate(BOXES)
+        faults = (CLOSE, COVERED_IN_CHARTS) + (COVERED, WITHOUT_LABEL) * (walls == (4, 8))
+        assert [page.evaluate(each) for each in faults] == [[]] * len(faults), width
         assert page.evaluate('document.documentElement.scrollWidth') == width
+    sizes = [round(boxes[width]['#map .wall']['width']) for width in widths]
     assert sizes == sorted(sizes)
-    assert sizes[widths.index(1280)] >= wanted
+    assert boxes[1280]['#map .wall']['width'] >= wanted
+    if walls == (4, 8):
+        assert boxes[1280]['#table']['top'] == boxes[1280]['.maps']['top']
+        assert boxes[1280]['.scroll']['height'] >= boxes[1280]['table']['height']  # which is seen as a whole
+        assert 0 < boxes[1280]['#bar']['top'] < boxes[1280]['#map .wall']['bottom'] < height
+        assert boxes[2560]['#charts']['top'] == boxes[2560]['.maps']['top']
+        assert boxes[2560]['#charts']['right'] > 2500
+    assert page.evaluate('parseFloat(getComputedStyle(document.body).fontSize)') > 18
 
 
 @pytest.mark.parametrize('width', [320, 360])
-def test_a_phone_cuts_no_text(report, open_page, width):
-    """Of a mission that ended on the next day."""
-    later = visit(86_400, '1', ['co2'])
+def test_a_phone_shows_the_map_first_and_cuts_no_text(report, open_page, width):
+    page = open_page(report, width=width, height=640)
+    assert width == 320 or page.evaluate(CUT) == []
+    before = page.evaluate(BOXES)
+    assert before['h1']['bottom'] < before['#map']['top'] < before['#file']['top']
+    assert page.evaluate(SMALLEST_TARGET) >= 44
+    beside = """
+        document.querySelector('#map svg').dispatchEvent(new MouseEvent('click', (({ right, bottom }) =>
+            ({ clientX: right + 7, clientY: bottom + 7, bubbles: true }))(
+            document.querySelector('#map a[data-tag="19"] .dot').getBoundingClientRect())))"""
+    page.evaluate(beside)
+    assert page.evaluate("document.querySelector('#map .chosen').dataset.tag") == '19'
+    after = page.evaluate(BOXES)
+    assert {name: box['top'] for name, box in after.items()} == {
+        name: box['top'] for name, box in before.items()
+    }
+    page.evaluate("document.querySelector('#chosen button').click()")
+    assert page.evaluate(CHOSEN) == []
+    later = visit(86_400, '1', ['co2'])  # on the next day
     report.write_text(report.read_text(encoding='utf-8') + later + '\n', encoding='utf-8')
     page = open_page(report, width=width, height=640)
     assert page.evaluate(CUT_PIECES) == []
     assert page.evaluate('document.documentElement.scrollWidth') == width
 
 
-def test_the_table_of_a_mission_fits_a_phone(report, open_page):
-    page = open_page(report, width=360, height=640)
-    assert page.evaluate(CUT) == []
+def test_numbers_that_have_no_room_are_counted(tmp_path, open_page):
+    tags = {
+        f't{n}': {'x': 1 + n / 500, 'y': 2, 'sensors': ['co2']} for n in range(readings_page.MOST_TAGS // 4)
+    }
+    path, tag_file = tmp_path / 'report.jsonl', tmp_path / 'tags.json'
+    tag_file.write_text(json.dumps(tags), encoding='utf-8')
+    path.write_text('\n'.join(visit(0, tag_id, ['co2']) for tag_id in tags), encoding='utf-8')
+    page = open_page(path, '--tag-file', str(tag_file))
+    missing = "document.querySelectorAll('{} .spare').length"
+    for place, text in (('#map', '#unlabelled'), ('#charts', '#series')):
+        told = page.evaluate(f"document.querySelector('{text}').textContent")
+        assert f'{page.evaluate(missing.format(place))} of the numbers have no room' in told
 
 
 @pytest.mark.parametrize(
     ('sensors', 'rounds', 'is_wide'), [(['co2'], 2, True), (list(UNITS), 96, True), (list(UNITS), 2, False)]
 )
-def test_a_chart_of_one_sensor_or_of_a_day_is_as_wide_as_the_page(
+def test_a_chart_of_one_sensor_or_of_a_day_is_as_wide_as_all_charts(
     tmp_path, open_page, sensors, rounds, is_wide
 ):
     path, start_ns = tmp_path / 'day.sqlite', START_S * 10**9
@@ -383,6 +394,7 @@ def test_a_chart_of_one_sensor_or_of_a_day_is_as_wide_as_the_page(
     shares = page.evaluate(CHART_SHARES)
     assert len(shares) == len(sensors)
     assert all((share > 0.99) == is_wide for share in shares)
+    assert page.evaluate(BOXES)['#charts']['width'] >= 448
     assert page.evaluate("document.getElementById('tabs').offsetHeight > 0") == (len(sensors) > 1)
 
 
@@ -425,7 +437,10 @@ def test_of_several_files_one_is_shown_and_all_are_compared(report, tmp_path, op
 def test_two_sheets_of_paper_hold_the_page(report, open_page):
     """With a long reason for each of the two failures."""
     report.write_text(report.read_text(encoding='utf-8').replace('&amp;', 'no path to it ' * 15))
-    sheets = pypdfium2.PdfDocument(open_page(report, width=390).paper())
+    page = open_page(report, width=390)
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.evaluate(WITHOUT_LABEL) == page.evaluate(COVERED_IN_CHARTS) == []
+    sheets = pypdfium2.PdfDocument(page.paper())
     texts = [sheet.get_textpage().get_text_range() for sheet in sheets]
     assert len(texts) == 2
     assert 'temperature (°C)' in texts[0]

@@ -10,7 +10,11 @@ const LONG_LINE = 40;  // points, from which a chart is as wide as the page
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const LINES = 'Each line is a tag with its number';
 const POINTS = 'Each point is a reading of another tag';
-const TEXT_HEIGHT = 13, SPACE = 8;  // pixels of a label, and between it and what is beside it
+const NO_ROOM = 'of the numbers have no room: choose a tag to see its own';
+// A drawing is in units of 1/16 of the page's font size, which grows with the window.
+const TEXT_HEIGHT = 13, SPACE = 8;  // of a label, and between it and what is beside it
+const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
+const FARTHEST = 8;  // rings of places for a label around its dot
 const DAY_SECONDS = 86400, DAY_MS = DAY_SECONDS * 1000;
 const WALL_STEPS_MS = [
   1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, DAY_SECONDS,
@@ -19,8 +23,10 @@ const KEY_STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
 data.tags.forEach((tag, number) => { tag.number = number; });
 const is_long = data.sensors.length === 1
   || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
-const PAPER = { map: [440, 740], chart: [is_long ? 696 : 222, 148] };  // pixels in print
+const PAPER = { map: [440, 740], chart: is_long ? [696, 170] : [222, 185] };  // in print
 const placed_tags = data.tags.filter(tag => tag.x !== null);
+// The robot stood where a point is there twice in a row.
+const stops = data.route.filter((point, n) => n && String(point) === String(data.route[n - 1]));
 const state = { sensor: 0, clock: 'wall', sort: null, is_descending: false, is_printed: false };
 const pen = document.createElement('canvas').getContext('2d');
 pen.font = '11px system-ui, sans-serif';
@@ -34,9 +40,24 @@ function mark(parent, name, attributes = {}, ...children) {
   return child;
 }
 
+// Returns the size of an element in units.
+function size_of(place) {
+  const { width, height } = place.getBoundingClientRect();
+  const unit = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
+  return [width / unit, height / unit];
+}
+
 function start_drawing(parent, width, height, more) {
   parent.replaceChildren();
-  return mark(parent, 'svg', { width, height, viewBox: `0 0 ${width} ${height}`, ...more });
+  const size = { width: `${width / 16}rem`, height: `${height / 16}rem` };
+  return mark(parent, 'svg', { ...size, viewBox: `0 0 ${width} ${height}`, ...more });
+}
+
+// Returns the point of a drawing that is nearest to an event and less far from it than this.
+function nearest(points, svg, event, farthest) {
+  const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+  const distance = p => Math.hypot(p.x - x, p.y - y);
+  return points.reduce((best, p) => distance(p) < (best ? distance(best) : farthest) ? p : best, null);
 }
 
 // Writes texts with a dot between them, with which no line begins or ends.
@@ -122,30 +143,53 @@ const around = (x, y, width, height) => [x - width / 2, y - height / 2, x + widt
 const common = (a, b) => Math.max(Math.min(a[2], b[2]) - Math.max(a[0], b[0]), 0)
   * Math.max(Math.min(a[3], b[3]) - Math.max(a[1], b[1]), 0);
 
-// Returns the box beside a dot in which a label covers least, how much it covers there, and whether it
-// is so far from the dot that it needs a line. A label may cross the `route`, if it must.
-function place_label(x, y, radius, width, { taken, room, route = [] }, most_places = Infinity) {
+// Returns the box around a dot in which a label and the line to it cover least, how much they cover there,
+// this line, and in which ring of places the box is. A label may cross the `route`, if it must.
+function place_label(x, y, radius, width, { taken, room, route = [] }) {
   const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1, area = width * TEXT_HEIGHT;
   const mirrored = (dx, dy) => [[dx, dy], [-dx, dy], [dx, -dy], [-dx, -dy]];
-  const cross = (dx, dy) => [[dx, 0], [-dx, 0], [0, -dy], [0, dy]];
-  const near = [...cross(aside, above), ...mirrored(aside / 2, -above), ...mirrored(aside, 0.75 * above)];
-  const far = [...cross(aside + 14, 2.2 * above), ...mirrored(aside + 6, 1.7 * above)];
-  const reach = around(x, y, 4 * aside + width, 6 * above + TEXT_HEIGHT);
+  const ring = (dx, dy) => [[dx, 0], [-dx, 0], [0, -dy], [0, dy], ...mirrored(dx / 2, -dy), ...mirrored(dx, 0.75 * dy)];
+  const reach = around(x, y, 2 * (aside + 12 * FARTHEST) + width, 2 * (above + 11 * FARTHEST + TEXT_HEIGHT));
   const [boxes, steps] = [taken, route].map(each => each.filter(box => common(reach, box) > 0));
   const shared_with = (box, others) => others.reduce((sum, other) => sum + common(box, other), 0);
-  const choices = [...near, ...far].slice(0, most_places).map(([dx, dy], number) => {
-    const box = around(x + dx, y + dy, width, TEXT_HEIGHT);
-    const covered = shared_with(box, boxes), outside = area - common(box, room);
-    const cost = 3 * covered + 5 * shared_with(box, steps) + 2 * outside + number * 0.01 * area;
-    return { box, cost, covered, outside, is_far: number >= near.length };
+  let best = { cost: Infinity };
+  for (let far = 0; far < FARTHEST && best.cost > 0.2 * far * area; far++) {
+    ring(aside + 12 * far, above + 11 * far).forEach(([dx, dy], number) => {
+      const box = around(x + dx, y + dy, width, TEXT_HEIGHT), outside = area - common(box, room);
+      const leader = far ? leader_to(x, y, radius + SPACE, box) : [];
+      const covered = [box, ...leader].reduce((sum, each) => sum + shared_with(each, boxes), outside);
+      const cost = 99 * covered + 5 * shared_with(box, steps) + (0.2 * far + 0.01 * number) * area;
+      if (cost < best.cost) best = { cost, box, covered, leader, far };
+    });
+  }
+  return best;
+}
+
+// Returns small boxes along the line from a dot to its label, without those on the dot.
+function leader_to(x, y, radius, [left, top, right, bottom]) {
+  const dx = clamp(x, left, right) - x, dy = clamp(y, top, bottom) - y, length = Math.hypot(dx, dy);
+  const steps = Math.max(Math.floor((length - radius) / 3), 0);
+  return Array.from({ length: steps }, (_, n) => {
+    const share = 1 - (n + 1) * 3 / length;
+    return around(x + share * dx, y + share * dy, 2, 2);
   });
-  return choices.reduce((best, each) => each.cost < best.cost ? each : best);
 }
 
 const write_in = (parent, [left, , right, bottom], name, text = '') =>
   write(parent, (left + right) / 2, bottom - 3, text, 'middle', name);
-const draw_leader = (parent, x, y, [left, top, right, bottom]) =>
-  mark(parent, 'line', { class: 'leader', x1: x, y1: y, x2: clamp(x, left, right), y2: clamp(y, top, bottom) });
+const draw_leader = (parent, x1, y1, x2, y2) =>
+  parent.prepend(mark(parent, 'line', { class: 'leader', x1, y1, x2, y2 }));
+
+// Labels a dot, and returns its text. A label without a free place is shown if its tag is chosen.
+function label_dot(group, x, y, radius, width, boxes, name, text) {
+  const { box, covered, leader, far } = place_label(x, y, radius, width, boxes), is_spare = covered > 1;
+  if (!is_spare) {
+    boxes.taken.push(box, ...leader);
+    const [left, top, right, bottom] = box;
+    if (far) draw_leader(group, x, y, clamp(x, left, right), clamp(y, top, bottom));
+  }
+  return write_in(group, box, is_spare ? `${name} spare` : name, text);
+}
 
 // The map, and the small ones of the tabs
 
@@ -172,6 +216,7 @@ function draw_route(svg, { x, y }) {
     const transform = `translate(${x(at_x)} ${y(at_y)}) rotate(${-heading * 180 / Math.PI})`;
     mark(svg, 'path', { class: 'arrow', d: 'M5 0L-4 -3.5L-4 3.5Z', transform });
   }
+  for (const stop of stops) mark(svg, 'circle', { class: 'stop', cx: x(stop[0]), cy: y(stop[1]), r: 3 });
   mark(svg, 'circle', { class: 'end', cx: start[0], cy: start[1], r: 4.5 });
   mark(svg, 'rect', { class: 'end', x: end[0] - 4, y: end[1] - 4, width: 8, height: 8 });
 }
@@ -187,7 +232,7 @@ function draw_axes(svg, { x, y, scale, room: [left, top, right, bottom] }) {
 
 function draw_map() {
   const place = element('map'), number = state.sensor, sensor = data.sensors[number];
-  const size = state.is_printed ? PAPER.map : [place.clientWidth, Infinity];
+  const size = state.is_printed ? PAPER.map : [size_of(place)[0], Infinity];
   const frame = frame_of(...size, { left: 40, right: 12, top: 6, bottom: 34 });
   const name = 'Map of the greenhouse. The arrow keys choose the next tag.';
   const svg = start_drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': name });
@@ -203,20 +248,23 @@ function draw_map() {
   });
   const boxes = {
     taken: dots.map(({ x, y, outer }) => around(x, y, 2 * outer + SPACE, 2 * outer)), room: frame.room,
-    route: data.route_steps.map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)),
+    route: [...data.route_steps, ...stops].map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)),
   };
   for (const [word, [x, y]] of Object.entries(data.route_ends)) {
     const { box } = place_label(frame.x(x), frame.y(y), 5, width_of(word) + 16, boxes);
     boxes.taken.push(around(frame.x(x), frame.y(y), 10, 10), box);
     write_in(svg, box, 'muted halo', word);
   }
-  const leaders = mark(svg, 'g');
-  dots.sort((one, other) => other.urgency - one.urgency).forEach(dot => draw_tag(svg, leaders, dot, boxes));
+  dots.sort((one, other) => other.urgency - one.urgency).forEach(dot => draw_tag(svg, dot, boxes));
+  const unlabelled = svg.querySelectorAll('.spare').length;
+  element('unlabelled').textContent = unlabelled ? `${unlabelled} ${NO_ROOM}` : '';
+  // A finger is larger than a dot.
+  svg.addEventListener('click', event => event.target.closest('a') || choose(nearest(dots, svg, event, 22)?.tag));
   write_key(sensor);
   show_chosen();
 }
 
-function draw_tag(svg, leaders, { tag, value, x, y, radius, outer, urgency }, boxes) {
+function draw_tag(svg, { tag, value, x, y, radius, outer, urgency }, boxes) {
   const name = tag.has_failed ? 'failed' : '';
   const group = mark(svg, 'a', { class: name, href: address(tag.id), 'data-tag': tag.id, tabindex: -1 });
   const circle = (className, r, more) => mark(group, 'circle', { class: className, cx: x, cy: y, r, ...more });
@@ -227,11 +275,7 @@ function draw_tag(svg, leaders, { tag, value, x, y, radius, outer, urgency }, bo
   else circle('dot', radius, { fill: data.sensors[state.sensor].colours[tag.number] });
   if (tag.has_failed) mark(group, 'path', { class: 'cross', d: cross_at(x, y, radius / 2) });
   const text = label_of(tag, value), width = width_of(tag.id + text) + Math.min(tag.id.length, 12) + SPACE;
-  const { box, covered, is_far } = place_label(x, y, outer, width, boxes);
-  if (covered > (urgency ? 0.12 : 0) * width * TEXT_HEIGHT) return;
-  boxes.taken.push(box);
-  if (is_far) draw_leader(leaders, x, y, box);
-  const label = write_in(group, box, urgency ? 'halo' : 'muted halo');
+  const label = label_dot(group, x, y, outer, width, boxes, urgency ? 'halo' : 'muted halo');
   mark(label, 'tspan', { class: urgency ? 'id' : '' }, tag.id);
   if (text) mark(label, 'tspan', {}, text);
 }
@@ -244,12 +288,12 @@ function label_of(tag, value) {
 }
 
 function write_key(sensor) {
-  document.querySelector('#scale p').hidden = !sensor;
+  element('bar').hidden = !sensor;
   if (!sensor) return;
   const [low, high] = sensor.limits;
   element('low').textContent = short(low, 4);
   element('high').textContent = `${short(high, 4)} ${sensor.unit}`;
-  document.querySelector('#scale .colours').ariaLabel = `Colours from ${low} to ${high} ${sensor.unit}`;
+  document.querySelector('#bar .colours').ariaLabel = `Colours from ${low} to ${high} ${sensor.unit}`;
   const values = data.tags.map(tag => tag.values[state.sensor]).filter(value => value !== null);
   const outside = values.filter(value => value < low || value > high).length;
   element('outside').textContent = outside ? `▲ above, ▼ below the scale: ${outside}` : '';
@@ -406,14 +450,16 @@ function draw_charts() {
   });
   figures.forEach(each => draw_chart(...each));  // after all figures are there, which changes their widths
   const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
+  const unlabelled = document.querySelectorAll('.series .spare').length;
+  const hint = unlabelled ? `; ${unlabelled} ${NO_ROOM}` : '';
   const axis = state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : '';
-  element('series').textContent = `${is_line ? LINES : POINTS}${axis}.`;
+  element('series').textContent = `${is_line ? LINES : POINTS}${hint}${axis}.`;
   show_chosen();
 }
 
 function draw_chart(sensor, place, readout) {
-  const [width, height] = state.is_printed ? PAPER.chart : [Math.max(place.clientWidth, 120), 220];
-  const values = value_axis(sensor, height), right = width - 34;
+  const [width, height] = state.is_printed ? PAPER.chart : size_of(place).map(each => Math.max(Math.floor(each), 120));
+  const values = value_axis(sensor, height), labels = column_of(sensor, height), right = width - labels.width;
   const left = 10 + Math.max(...values.ticks.map(each => width_of(values.text(each))));
   const times = (state.clock === 'wall' ? wall_axis : day_axis)(right - left);
   const x = at => left + (at - times.low) / (times.high - times.low) * (right - left);
@@ -436,19 +482,15 @@ function draw_chart(sensor, place, readout) {
     });
     return { points, group: draw_line(svg, tag, points) };
   });
-  label_lines(lines, [left, 0, width, y(values.bottom) + 8]);
-  const nearest = event => {
-    const corner = svg.getBoundingClientRect(), points = lines.flatMap(line => line.points);
-    const distance = p => Math.hypot(p.x - event.clientX + corner.left, p.y - event.clientY + corner.top);
-    return points.reduce((best, p) => distance(p) < (best ? distance(best) : 40) ? p : best, null);
-  };
-  place.addEventListener('pointermove', event => { readout.textContent = readout_of(sensor, nearest(event)); });
+  label_lines(lines, [left, 0, width, y(values.bottom) + 8], labels);
+  const points = lines.flatMap(line => line.points), point_at = event => nearest(points, svg, event, 40);
+  place.addEventListener('pointermove', event => { readout.textContent = readout_of(sensor, point_at(event)); });
   place.addEventListener('pointerleave', () => { readout.textContent = ''; });
-  place.addEventListener('click', event => choose(nearest(event)?.tag));
+  place.addEventListener('click', event => choose(point_at(event)?.tag));
 }
 
 function draw_line(svg, tag, points) {
-  const group = mark(svg, 'g', { class: points.length > 1 ? 'series line' : 'series', 'data-tag': tag.id });
+  const group = mark(svg, 'g', { class: 'series', 'data-tag': tag.id });
   const runs = runs_of(points).filter(run => run.length > 1);
   for (const run of runs.filter(each => each.some(p => p.low < p.high))) {
     const band = [...run.map(p => [p.x, p.y_high]), ...run.map(p => [p.x, p.y_low]).reverse()];
@@ -470,20 +512,45 @@ function runs_of(points) {
   return runs;
 }
 
-// Labels the last point of each line. A label without a free place is shown if its tag is chosen.
-function label_lines(lines, room) {
-  const taken = lines.flatMap(line => line.points.map(p => around(p.x, p.y, 5, 5)));
-  for (const { group, points } of lines) {
-    const { tag, x, y } = points.at(-1), most_places = points.length > 1 ? 1 : Infinity, width = width_of(tag.id);
-    const { box, covered, outside, is_far } = place_label(x, y, 1, width, { taken, room }, most_places);
-    if (lines.length <= MOST_LABELLED && covered + outside < 1) {
-      taken.push(box);
-      if (is_far) draw_leader(group, x, y, box);
-      write_in(group, box, 'halo', tag.id);
-    } else {
-      const aside = (5 + width / 2) * (x + 5 + width > room[2] ? -1 : 1);
-      write_in(group, around(x + aside, y, 0, TEXT_HEIGHT), 'halo spare', tag.id);
+// Returns the room for the labels at the ends of the lines, which stand in several columns if they are many.
+function column_of({ lines }, height) {
+  const ids = lines.filter(line => line[state.clock].length > 1).map(line => data.tags[line.tag].id);
+  const count = ids.length > MOST_LABELLED ? 1 : Math.ceil(ids.length * LINE_STEP / (height - 34));
+  const widest = Math.min(Math.max(...ids.map(width_of), 14), 80) + 6;
+  return { count, widest, width: 14 + Math.max(count, 1) * widest, low: 8, high: height - 26 };
+}
+
+// Returns the nearest places to these, in their order, which are this far apart and within the limits.
+function spread(places, apart, low, high) {
+  const blocks = [], mean = ({ sum, count }) => sum / count;
+  places.forEach((place, number) => {
+    let block = { sum: place - number * apart, count: 1 };
+    while (blocks.length && mean(blocks.at(-1)) > mean(block)) {
+      const { sum, count } = blocks.pop();
+      block = { sum: sum + block.sum, count: count + block.count };
     }
+    blocks.push(block);
+  });
+  const highest = high - (places.length - 1) * apart;
+  return blocks.flatMap(block => Array(block.count).fill(clamp(mean(block), low, highest)))
+    .map((place, number) => place + number * apart);
+}
+
+// Labels the end of each line at the right, and each point of a tag that has only one beside it.
+function label_lines(lines, room, { count, widest, low, high }) {
+  const taken = lines.flatMap(line => line.points.map(p => around(p.x, p.y, 5, 5)));
+  const ends = lines.filter(line => line.points.length > 1).map(({ group, points }) => ({ group, ...points.at(-1) }))
+    .sort((one, other) => one.y - other.y);
+  const is_spare = ends.length > MOST_LABELLED;
+  spread(ends.map(end => end.y), LINE_STEP / count, low, high).forEach((y, number) => {
+    const end = ends[number], left = room[2] - (count - number % count) * widest + 3;
+    const width = width_of(end.tag.id), box = around(left + width / 2, is_spare ? end.y : y, width, TEXT_HEIGHT);
+    taken.push(box);
+    if (!is_spare) draw_leader(end.group, end.x + 2, end.y, left - 3, y);
+    write_in(end.group, box, is_spare ? 'halo spare' : 'halo', end.tag.id);
+  });
+  for (const { group, points: [{ x, y, tag }, ...more] } of lines) {
+    if (!more.length) label_dot(group, x, y, 1, width_of(tag.id), { taken, room }, 'halo', tag.id);
   }
 }
 
@@ -514,7 +581,6 @@ function choose(tag) {
 function show_chosen() {
   const tag = chosen_tag(), focused = document.activeElement;
   write_pieces(element('facts'), tag ? facts_of(tag) : []);
-  element('hint').hidden = Boolean(tag);
   for (const each of document.querySelectorAll('[data-tag]')) {
     const is_chosen = each.dataset.tag === tag?.id;
     each.classList.toggle('chosen', is_chosen);
@@ -542,6 +608,7 @@ element('tabs').addEventListener('keydown', event => {
   element('tabs').children[state.sensor].focus();
 });
 document.addEventListener('keydown', event => { if (event.key === 'Escape') choose(); });
+document.querySelector('#chosen button').addEventListener('click', () => choose());
 for (const each of document.querySelectorAll('[name=clock]')) {
   each.addEventListener('change', () => {
     state.clock = each.value;
@@ -565,6 +632,7 @@ element('failed').hidden = !failure_words.length;
 element('moments').hidden = !data.is_of_several_times;
 element('tables').hidden = !data.tables.length;
 element('route').hidden = data.route.length < 2;
+element('stops').hidden = !stops.length;
 element('zone').textContent = `wall time (${zone})`;
 element('charts').hidden = !data.sensors.length;
 element('files').hidden = element('comparison').hidden = files.length < 2;
