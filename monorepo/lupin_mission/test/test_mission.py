@@ -7,10 +7,9 @@ import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
-from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading
+from lupin_greenhouse_bridge.display.report_line import Outcome, Reading
 from lupin_mission.drive import Arrival, SimulatedDrive
-from lupin_mission.messages import observation_message
-from lupin_mission.mission import Mission, Severity, State
+from lupin_mission.mission import Mission, State
 from lupin_mission.settings import Settings
 from lupin_mission.visit import Service
 
@@ -18,6 +17,10 @@ WITHOUT_DOCK = Settings(dock_pose='')
 SETTINGS = replace(WITHOUT_DOCK, flower_scan_dwell_s=1.0, scan_timeout_s=2.0)
 LONGEST_MISSION_SECONDS = 100_000.0  # simulated
 SEEN = {True: Outcome.OK, False: Outcome.NOT_CONFIRMED}  # what the camera replies
+REPLIES = {
+    Service.CONFIRM: list(SEEN.values()),
+    Service.READ: [Outcome.OK, Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR],
+}
 STUCK = Arrival('aborted', is_stuck=True)
 MISSED = Arrival(miss='0.39 m and 32 degrees')
 NEEDS_PERSON = Arrival('Nav2 sleeps', needs_person=True)
@@ -80,6 +83,7 @@ class World:
 
     `trace` has it in order: what the robot is told; 'confirm' and 'read' for the requests, and 'give-up' for
     the end of one without a reply; 'a=OK' for the outcome of tag a, and 'a=OK@2' if from its second pose.
+    `events` has what the mission tells people: the severity, the text, and the code if there is one.
     """
 
     def __init__(
@@ -96,8 +100,7 @@ class World:
         **options,
     ):
         self.now = now
-        self.sent, self.sent_at, self.abandoned = [], [], []
-        self.recorded, self.events, self.codes = [], [], []
+        self.sent, self.abandoned, self.recorded, self.events = [], [], [], []
         self.robot = Robot(drive_seconds, arrivals, failures, poses)
         self.trace = self.robot.told
         self.mission = Mission(tag_ids, self, self.robot, replace(settings, **options))
@@ -106,8 +109,9 @@ class World:
         self.mission.step(self.now)
 
     def send(self, request):
+        assert not self.mission.is_paused
+        assert request.tag_id not in self.mission.outcomes
         self.sent.append(request)
-        self.sent_at.append(self.now)
         self.trace.append(request.service.value)
 
     def abandon(self, request):
@@ -122,14 +126,19 @@ class World:
         self.trace.append(f'{observation.tag_id}={observation.outcome.value}{pose}')
 
     def note(self, event, severity, code=''):
-        self.events.append((event, severity))
-        self.codes.append(code)
+        self.events.append(f'{severity.name} {event} {code}'.rstrip())
 
     def wait(self, seconds):
         """Take a step after this time."""
         self.now += seconds
         assert self.now < LONGEST_MISSION_SECONDS, 'the mission does not end'
         self.mission.step(self.now)
+
+    def wait_in_vain(self, seconds):
+        """Take a step after this time, in which nothing happens."""
+        before = list(self.trace)
+        self.wait(seconds)
+        assert self.trace == before
 
     @property
     def summary(self):
@@ -139,19 +148,18 @@ class World:
         words = (mission.state.value, mission.target, mission.phase, 'paused' if mission.is_paused else '')
         return ' '.join(filter(None, words))
 
-    def answer(self, found=None):
+    def answer(self, outcome=Outcome.OK, detail='', found=None):
+        """Reply to the last request."""
+        assert self.mission.on_reply(self.sent[-1], outcome, detail, found)
+
+    def read(self, tag_id=None, value=20.0):
         """Reply to the last request with a reading, by default of its tag."""
-        request = self.sent[-1]
-        assert self.mission.on_reply(request, Outcome.OK, reading=found or reading(request.tag_id))
+        self.answer(found=reading(tag_id or self.sent[-1].tag_id, value))
 
     def confirm(self, is_seen):
         """Reply to the last request like the camera, and take a step."""
-        assert self.mission.on_reply(self.sent[-1], SEEN[is_seen], 'not in view')
+        self.answer(SEEN[is_seen], 'not in view')
         self.wait(0.0)
-
-    def refuse(self, outcome=Outcome.SIMULATOR_ERROR):
-        """Reply to the last request with a failure."""
-        assert self.mission.on_reply(self.sent[-1], outcome, 'broken')
 
     def reply_late(self):
         """Reply to all requests that were given up."""
@@ -161,20 +169,21 @@ class World:
 
     def play(self, script):
         """
-        Do what the words of a script say, one after the other; a number is a time in seconds.
+        Do what the words of a script say, one after the other.
 
-        Where people ask something of the mission, it must do it, or refuse it after `no-`.
+        A number is a time in seconds, and one after `~` a time in which nothing happens. Where people ask
+        something of the mission, it must do it, or refuse it after `no-`.
         """
         acts = {
             'estop': self.mission.engage_estop,
             'release': self.mission.release_estop,
-            'answer': self.answer,
+            'answer': self.read,
             'seen': lambda: self.confirm(True),
             'unseen': lambda: self.confirm(False),
-            'wrong': lambda: self.answer(reading('of another tag')),
-            'nan': lambda: self.answer(reading(self.sent[-1].tag_id, math.nan)),
-            'refused': self.refuse,
-            'unknown': lambda: self.refuse(Outcome.UNKNOWN_TAG),
+            'wrong': lambda: self.read('of another tag'),
+            'nan': lambda: self.read(value=math.nan),
+            'refused': lambda: self.answer(Outcome.SIMULATOR_ERROR, 'broken'),
+            'unknown': lambda: self.answer(Outcome.UNKNOWN_TAG, 'broken'),
             'late': self.reply_late,
             'end': lambda: self.mission.end('the node was ended'),
         }
@@ -184,6 +193,8 @@ class World:
                 acts[word]()
             elif asked in ('pause', 'resume', 'skip', 'abort', 'dock'):
                 assert getattr(self.mission, asked)() == (asked == word), word
+            elif word.startswith('~'):
+                self.wait_in_vain(float(word[1:]))
             else:
                 self.wait(float(word))
 
@@ -208,6 +219,32 @@ SCENARIOS = {
         'unseen 10 unseen 10 seen refused 10 refused 10 answer 1'
         ' => a confirm confirm confirm read read read a=OK'
         ' b confirm confirm confirm read read read b=OK => done',
+    ),
+    'a timeout gives the request up, and the tag is asked for again later and later': (
+        {'tag_ids': 'a'},
+        '~1.875 0.125 ~0.375 0.125 ~1.875 0.125 ~0.875 0.125 ~1.875 0.125 1'
+        ' => a read give-up read give-up read give-up a=TIMEOUT => done',
+    ),
+    'the delay before a further attempt grows up to 10 seconds': (
+        {'settings': replace(WITHOUT_DOCK, retry_delay_seconds=3.0, max_attempts=5)},
+        'refused ~2.5 0.5 refused ~5.5 0.5 refused ~9.5 0.5 refused ~9.5 0.5'
+        ' => a read read read read read => inspecting a SCANNING',
+    ),
+    'a drive that fails is tried again later and later, and then the tag is unreachable': (
+        {
+            'drive_seconds': 1.0,
+            'failures': {'a': 'the aisle is blocked'},
+            'settings': replace(WITHOUT_DOCK, nav_max_attempts=3),
+        },
+        '~1 ~0.375 0.125 ~1 ~0.875 0.125 ~0.875 0.125 => a a a a=UNREACHABLE b => driving b NAVIGATING',
+    ),
+    'a dock that is not reached is tried again, and the mission ends': (
+        {'tag_ids': '', 'drive_seconds': 1.0, 'failures': {'dock': 'the door is shut'}, **DOCK},
+        'no-dock ~1 0.5 ~1 => dock dock => done',
+    ),
+    'a dock that is not reached is tried again, and the mission pauses': (
+        {'tag_ids': 'a', 'drive_seconds': 1.0, 'failures': {'dock': 'the door is shut'}, **DOCK},
+        'dock ~1 0.5 ~1 => a stop dock dock => docked paused',
     ),
     'a tag that is never confirmed is never read': (
         {'tag_ids': 'a', **CAMERA},
@@ -288,10 +325,6 @@ SCENARIOS = {
         {'arrivals': [MISSED, MISSED, MISSED, Arrival()], 'poses': 2},
         'answer 1 answer 1 => a a2 read a=OK@2 b b2 read b=OK@2 => done',
     ),
-    'a robot that misses its only pose still asks the camera': (
-        {'arrivals': [MISSED], **CAMERA},
-        'unseen 1 seen => a confirm confirm read => inspecting a SCANNING',
-    ),
     'a failure that is final is not tried again': (
         {'arrivals': [Arrival('cut off', is_final=True)]},
         '=> a a=UNREACHABLE b read => inspecting b SCANNING',
@@ -359,6 +392,73 @@ def test_what_happens_leads_to(options, scenario):
     assert world.summary == summary.strip()
 
 
+OFF = 'the robot stands 0.39 m and 32 degrees from its pose'
+# By name: the options of the world, the script, and of each observation the tag and the outcome, its detail,
+# the number of requests, whether the camera has seen the tag, and the last pose.
+OBSERVATIONS = {
+    'a tag without a reply': (
+        {'tag_ids': 'a'},
+        '2 0.5 2 1 2',
+        [('a=TIMEOUT', 'read: no reply before the timeout', 3, None, 1)],
+    ),
+    'tags without a drive': (
+        {'failures': {'a': 'the aisle is blocked', 'b': 'no'}},
+        '0.5 0.5',
+        [('a=UNREACHABLE', 'the aisle is blocked', 0, None, 1), ('b=UNREACHABLE', 'no', 0, None, 1)],
+    ),
+    'a robot that stands off its poses': (
+        {'tag_ids': 'abc', 'arrivals': [MISSED] * 6, **LOOKS, 'poses': 2},
+        '1 1 seen answer 0 1 1 unseen unseen 1 1 skip',
+        [
+            ('a=OK', OFF, 2, True, 2),
+            ('b=NOT_CONFIRMED', f'pose 1: {OFF}; pose 2: not in view; {OFF}', 2, False, 2),
+            ('c=SKIPPED', f'pose 1: {OFF}; pose 2: skipped; {OFF}', 1, None, 2),
+        ],
+    ),
+    'a tag of which no pose is reached': (
+        {'tag_ids': 'a', 'failures': dict.fromkeys(['a', 'a2', 'a3'], 'blocked'), **LOOKS},
+        '1 1 1',
+        [('a=UNREACHABLE', 'pose 1: blocked; pose 2: blocked; pose 3: blocked', 0, None, 3)],
+    ),
+    'a tag that is not in view, and then is not reached': (
+        {'tag_ids': 'a', 'failures': {'a2': 'blocked', 'a3': 'blocked'}, **LOOKS},
+        '1 unseen unseen 1 1',
+        [('a=NOT_CONFIRMED', 'pose 1: not in view; pose 2: blocked; pose 3: blocked', 2, False, 3)],
+    ),
+    'tags that are left between two looks': (
+        {'tag_ids': 'abc', **LOOKS},
+        '1 unseen unseen skip 0 1 unseen unseen abort',
+        [
+            ('a=SKIPPED', 'pose 1: not in view; pose 2: skipped', 2, False, 2),
+            ('b=SKIPPED', 'pose 1: not in view; pose 2: aborted', 2, False, 2),
+            ('c=SKIPPED', 'aborted', 0, None, 1),
+        ],
+    ),
+    'the requests before a return to the dock, and the pose': (
+        {'arrivals': [Arrival(), MISSED], 'failures': {'b': 'no', 'b2': 'no'}, 'poses': 2, **CAMERA, **DOCK},
+        'unseen 0.5 unseen 1 unseen unseen dock 0 resume 0 seen answer 1 0.5 0.5',
+        [('a=OK', '', 6, True, 2), ('b=UNREACHABLE', 'pose 1: no; pose 2: no', 0, None, 2)],
+    ),
+    'a tag that was not in view before a return to the dock, and then is not reached': (
+        {'tag_ids': 'a', 'arrivals': [Arrival()], 'failures': {'a': 'blocked'}, **CAMERA, **DOCK},
+        'unseen dock 0 resume 0 0.5',
+        [('a=NOT_CONFIRMED', 'blocked', 1, False, 1)],
+    ),
+}
+
+
+@pytest.mark.parametrize(('options', 'script', 'expected'), OBSERVATIONS.values(), ids=OBSERVATIONS)
+def test_the_observation_tells_of(options, script, expected):
+    world = World(**options)
+    world.play(script)
+    assert [
+        (f'{each.tag_id}={each.outcome.value}', each.detail, each.attempts, each.seen, each.pose)
+        for each in world.recorded
+    ] == expected
+    for each in world.recorded:
+        assert each.reading == (reading(each.tag_id) if each.outcome is Outcome.OK else None)
+
+
 def test_a_mission_is_ready_until_it_is_started():
     mission = Mission('ab', World(''), Robot(), SETTINGS)
     assert (mission.state, mission.target, mission.tag_at_hand) == (State.READY, None, None)
@@ -372,25 +472,6 @@ def test_a_mission_is_ready_until_it_is_started():
     assert (mission.target, mission.tag_ids) == ('b', ('b', 'a'))
 
 
-def test_a_timeout_gives_the_request_up_and_asks_again_later_and_later():
-    world = World('a')
-    while world.mission.state is not State.DONE:
-        world.wait(0.125)
-    assert world.sent_at == [0.0, 2.0 + 0.5, 2.5 + 2.0 + 1.0]
-    assert world.codes.count('dependency_timeout') == 2
-    assert world.abandoned == world.sent
-    assert world.recorded == [Observation('a', Outcome.TIMEOUT, 'read: no reply before the timeout', 3)]
-
-
-def test_the_delay_before_a_further_attempt_grows_up_to_10_seconds():
-    world = World('a', settings=replace(WITHOUT_DOCK, retry_delay_seconds=3.0, max_attempts=5))
-    for attempts in (2, 3, 4, 5):
-        world.refuse()
-        while len(world.sent) < attempts:
-            world.wait(0.5)
-    assert world.sent_at == [0.0, 3.0, 3.0 + 6.0, 9.0 + 10.0, 19.0 + 10.0]
-
-
 def test_a_scan_has_one_outcome_and_only_the_tag_at_hand_has_one():
     mission = World('ab').mission
     with pytest.raises(ValueError, match='not being scanned'):
@@ -400,169 +481,52 @@ def test_a_scan_has_one_outcome_and_only_the_tag_at_hand_has_one():
         mission.mark_scan_failed('a', Outcome.TIMEOUT, '')
 
 
-def test_a_drive_that_fails_is_tried_again_and_then_the_tag_is_unreachable():
-    """Each tag has all its drives."""
-    world = World(
-        'abc',
-        drive_seconds=1.0,
-        failures={'a': 'the aisle is blocked', 'b': 'no'},
-        settings=replace(WITHOUT_DOCK, nav_max_attempts=3),
-    )
-    departures = []
-    while world.trace[-1] != 'c':
-        before = world.trace.count('a') + world.trace.count('b')
-        world.wait(0.25)
-        if world.trace.count('a') + world.trace.count('b') > before:
-            departures.append(world.now)
-    assert departures == [1.5, 3.5, 4.5, 6.0, 8.0]  # 0.5 s and 1 s after the end of the drive
-    assert world.trace == [*'aaa', 'a=UNREACHABLE', *'bbb', 'b=UNREACHABLE', 'c']
-    assert world.recorded == [
-        Observation('a', Outcome.UNREACHABLE, 'the aisle is blocked', 0),
-        Observation('b', Outcome.UNREACHABLE, 'no', 0),
-    ]
-    retry = "the drive to tag 'a' failed: the aisle is blocked: trying again"
-    assert world.events.count((retry, Severity.WARN)) == 2
-
-
-@pytest.mark.parametrize('docks', [False, True])
-def test_a_dock_that_is_not_reached_is_tried_again_and_then_a_warning(docks):
-    world = World('a' if docks else '', drive_seconds=1.0, failures={'dock': 'the door is shut'}, **DOCK)
-    world.play('dock 1' if docks else 'no-dock 1')
-    assert world.summary == ('docking' if docks else 'returning')
-    world.play('0.5 1')
-    assert world.summary == ('docked paused' if docks else 'done')
-    assert world.trace[-2:] == ['dock', 'dock']
-    assert ('the robot is not at the dock: the door is shut', Severity.WARN) in world.events
-
-
-def test_a_robot_that_stands_off_its_pose_or_its_dock_says_how_far():
-    off, settings = 'the robot stands 0.39 m and 32 degrees from its pose', replace(SETTINGS, max_attempts=1)
-    world = World('abc', poses=2, arrivals=[MISSED] * 7, settings=settings, **CAMERA, **DOCK)
-    world.play('seen answer 1 unseen 1 skip 0')
-    assert world.recorded == [
-        Observation('a', Outcome.OK, off, 2, reading('a'), seen=True, pose=2),
-        Observation(
-            'b', Outcome.NOT_CONFIRMED, f'pose 1: {off}; pose 2: not in view; {off}', 1, seen=False, pose=2
-        ),
-        Observation('c', Outcome.SKIPPED, f'pose 1: {off}; pose 2: skipped; {off}', 1, pose=2),
-    ]
-    message = observation_message(world.recorded[0], 'id', None)
-    assert message.status_detail == f'read from pose 2; {off}'
-    warnings = [event for event, severity in world.events if severity is Severity.WARN]
-    assert warnings[:2] == [
-        f"tag 'a': UNREACHABLE {off}: trying pose 2 of 2",
-        f"tag 'a': {off}: inspecting the tag from there",
-    ]
-    assert warnings[-1] == 'the robot is not at the dock: it stands 0.39 m and 32 degrees from its pose there'
-
-
 def test_events_tell_what_happened_and_how_bad_it_is():
-    world = World('abc', arrivals=[STUCK, STUCK], **DOCK)
-    world.play('0.5 resume 0 pause resume refused 1 answer 1 skip 0 dock 0 abort')
-    blocked = 'the robot is stuck: it did not move in 2 drives: aborted'
+    arrivals = [STUCK, STUCK, Arrival(), MISSED, MISSED, Arrival(), MISSED]
+    world = World('abcd', arrivals=arrivals, poses=2, **CAMERA, **DOCK)
+    world.play('0.5 resume 0 pause resume seen refused 1 2 1 answer 1 1 skip 0 unseen dock 0 abort')
     assert world.events == [
-        ("driving to tag 'a'", Severity.INFO),
-        ("the drive to tag 'a' failed: aborted: trying again", Severity.WARN),
-        (f'{blocked}: resume to go on', Severity.ERROR),
-        ('resumed', Severity.INFO),
-        ("driving to tag 'a'", Severity.INFO),
-        ('paused', Severity.INFO),
-        ('resumed', Severity.INFO),
-        ("tag 'a': SIMULATOR_ERROR broken: trying again", Severity.WARN),
-        ("driving to tag 'b'", Severity.INFO),
-        ("tag 'b' skipped", Severity.WARN),
-        ("driving to tag 'c'", Severity.INFO),
-        ('heading to dock', Severity.INFO),
-        ('driving to the dock', Severity.INFO),
-        ('paused after the return: resume to go on with the tags left', Severity.INFO),
-        ('aborted', Severity.WARN),
-        ('done: 1 tags read', Severity.INFO),
+        "INFO driving to tag 'a'",
+        "WARN the drive to tag 'a' failed: aborted: trying again",
+        'ERROR the robot is stuck: it did not move in 2 drives: aborted: resume to go on',
+        'INFO resumed',
+        "INFO driving to tag 'a'",
+        'INFO paused',
+        'INFO resumed',
+        "WARN tag 'a': SIMULATOR_ERROR broken: trying again",
+        "WARN tag 'a': TIMEOUT read: no reply before the timeout: trying again dependency_timeout",
+        "INFO driving to tag 'b'",
+        f"WARN tag 'b': UNREACHABLE {OFF}: trying pose 2 of 2",
+        "INFO driving to tag 'b'",
+        f"WARN tag 'b': {OFF}: inspecting the tag from there",
+        "WARN tag 'b' skipped",
+        "INFO driving to tag 'c'",
+        "WARN tag 'c': NOT_CONFIRMED not in view: trying again",
+        'INFO heading to dock',
+        'INFO driving to the dock',
+        'WARN the robot is not at the dock: it stands 0.39 m and 32 degrees from its pose there',
+        'INFO paused after the return: resume to go on with the tags left',
+        'WARN aborted',
+        'INFO done: 1 tags read',
     ]
-
-
-@pytest.mark.parametrize(
-    ('blocked', 'outcome', 'detail', 'attempts'),
-    [
-        (['a', 'a2', 'a3'], Outcome.UNREACHABLE, 'pose 1: blocked; pose 2: blocked; pose 3: blocked', 0),
-        (['a'], Outcome.NOT_CONFIRMED, 'pose 1: blocked; pose 2: not in view; pose 3: not in view', 4),
-        (['a2', 'a3'], Outcome.NOT_CONFIRMED, 'pose 1: not in view; pose 2: blocked; pose 3: blocked', 2),
-    ],
-)
-def test_a_tag_that_no_pose_shows_has_one_outcome_with_every_reason(blocked, outcome, detail, attempts):
-    world = World('a', failures=dict.fromkeys(blocked, 'blocked'), **LOOKS)
-    for pose in ('a', 'a2', 'a3'):
-        world.play('1' if pose in blocked else '1 unseen unseen')
-    seen = False if attempts else None
-    assert world.recorded == [Observation('a', outcome, detail, attempts, seen=seen, pose=3)]
-    assert world.summary == 'done'
-
-
-def test_a_tag_that_is_skipped_or_aborted_between_two_looks_says_from_which_poses():
-    world = World('abc', **LOOKS)
-    world.play('1 unseen unseen skip 0 1 unseen unseen abort')
-    event = "tag 'a': NOT_CONFIRMED not in view: trying pose 2 of 3"
-    assert (event, Severity.WARN) in world.events
-    assert world.recorded == [
-        Observation('a', Outcome.SKIPPED, 'pose 1: not in view; pose 2: skipped', 2, seen=False, pose=2),
-        Observation('b', Outcome.SKIPPED, 'pose 1: not in view; pose 2: aborted', 2, seen=False, pose=2),
-        Observation('c', Outcome.SKIPPED, 'aborted', 0),
-    ]
-
-
-def test_the_requests_and_the_pose_before_a_return_to_the_dock_belong_to_the_observation_of_the_tag():
-    missed = {'arrivals': [Arrival(), MISSED], 'poses': 2, 'failures': {'b': 'blocked', 'b2': 'blocked'}}
-    world = World('ab', **missed, settings=replace(LOOKS['settings'], max_attempts=3), **CAMERA, **DOCK)
-    world.play('unseen unseen unseen unseen dock 0 resume 0 seen answer 0')
-    assert world.recorded == [
-        Observation('a', Outcome.OK, '', 6 + 1, reading('a'), seen=True, pose=2),
-        Observation('b', Outcome.UNREACHABLE, 'pose 1: blocked; pose 2: blocked', 0, pose=2),
-    ]
-    world = World(
-        'a', failures={'a': 'blocked'}, arrivals=[Arrival()], settings=LOOKS['settings'], **CAMERA, **DOCK
-    )
-    world.play('unseen dock 0 resume 0')
-    assert world.recorded == [Observation('a', Outcome.NOT_CONFIRMED, 'blocked', 2, seen=False)]
 
 
 class AnyOrder(RuleBasedStateMachine):
     """Pauses, blocked ways and all kinds of replies in any order."""
 
-    tag_ids = ('1', '2', '3', '4')
-
     def __init__(self):
         super().__init__()
-        self.now = 0.0
+        self.world = World('1234', drive_seconds=0.02, poses=2, **CAMERA, **DOCK)
+        self.mission, self.robot = self.world.mission, self.world.robot
         self.accepted = {}  # tag id -> value of the accepted reading
-        self.requests, self.abandoned, self.recorded = [], [], []
-        self.robot = Robot(0.02, poses=2)
-        self.mission = Mission(self.tag_ids, self, self.robot, replace(SETTINGS, **CAMERA, **DOCK))
-        self.mission.step(self.now)
 
     @property
     def closed(self):
-        return [each.tag_id for each in self.recorded]
-
-    def send(self, request):
-        assert not self.mission.is_paused
-        assert request.tag_id not in self.accepted
-        self.requests.append(request)
-
-    def abandon(self, request):
-        self.abandoned.append(request)
-        return Outcome.TIMEOUT
-
-    def record(self, observation):
-        self.recorded.append(observation)
-
-    def note(self, event, severity, code=''):
-        assert event
-        assert code in ('', 'dependency_timeout')
-        assert severity in Severity
+        return [each.tag_id for each in self.world.recorded]
 
     @rule(seconds=st.sampled_from([0.0, 0.02, 0.5, 1.0, 2.0, 5.0]))
     def time_passes(self, seconds):
-        self.now += seconds
-        self.mission.step(self.now)
+        self.world.wait(seconds)
 
     @rule(is_pause=st.booleans())
     def pause_or_resume(self, is_pause):
@@ -578,39 +542,19 @@ class AnyOrder(RuleBasedStateMachine):
     def the_way_is(self, is_blocked):
         self.robot.obstacle = 'blocked' if is_blocked else ''
 
-    @invariant()
-    def the_robot_moves_only_on_its_way(self):
-        is_on_its_way = self.mission.state in (State.DRIVING, State.DOCKING, State.RETURNING)
-        assert not self.robot.is_moving or (is_on_its_way and not self.mission.is_paused)
-
-    @precondition(lambda self: self.requests)
-    @rule(data=st.data(), confirmed=st.booleans())
-    def some_confirmation_comes(self, data, confirmed):
+    @precondition(lambda self: self.world.sent)
+    @rule(data=st.data(), value=st.floats(-1e6, 1e6), of_tag=st.sampled_from(['', 'another']))
+    def a_reply_comes(self, data, value, of_tag):
         """In time, late, or twice."""
-        request = data.draw(st.sampled_from(self.requests))
-        if request.service is Service.CONFIRM:
-            was_taken = self.mission.on_reply(request, SEEN[confirmed], 'as the camera says')
-            assert not (was_taken and request in self.abandoned)
-
-    @precondition(lambda self: self.requests)
-    @rule(data=st.data(), value=st.floats(-1e6, 1e6), tag=st.sampled_from(['own', *tag_ids]))
-    def some_reading_comes(self, data, value, tag):
-        request = data.draw(st.sampled_from(self.requests))
-        tag_id = request.tag_id if tag == 'own' else tag
-        if request.service is not Service.READ:
-            return
-        was_taken = self.mission.on_reply(request, Outcome.OK, reading=reading(tag_id, value))
-        assert not (was_taken and request in self.abandoned)
-        if was_taken and tag_id == request.tag_id:
-            assert tag_id not in self.accepted
-            self.accepted[tag_id] = value
-
-    @precondition(lambda self: self.requests)
-    @rule(data=st.data(), outcome=st.sampled_from([Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR]))
-    def some_refusal_comes(self, data, outcome):
-        request = data.draw(st.sampled_from(self.requests))
-        if request.service is Service.READ:
-            self.mission.on_reply(request, outcome, 'as the bridge says')
+        request = data.draw(st.sampled_from(self.world.sent[-3:]))
+        outcome = data.draw(st.sampled_from(REPLIES[request.service]))
+        is_reading = outcome is Outcome.OK and request.service is Service.READ
+        found = reading(of_tag or request.tag_id, value) if is_reading else None
+        was_taken = self.mission.on_reply(request, outcome, 'as it says', found)
+        assert not (was_taken and request in self.world.abandoned)
+        if was_taken and is_reading and not of_tag:
+            assert request.tag_id not in self.accepted
+            self.accepted[request.tag_id] = value
 
     @rule()
     def skip(self):
@@ -628,28 +572,31 @@ class AnyOrder(RuleBasedStateMachine):
         assert not self.mission.is_paused or not is_running
 
     @invariant()
+    def the_robot_moves_only_on_its_way(self):
+        is_on_its_way = self.mission.state in (State.DRIVING, State.DOCKING, State.RETURNING)
+        assert not self.robot.is_moving or (is_on_its_way and not self.mission.is_paused)
+
+    @invariant()
     def a_tag_is_closed_once(self):
         assert len(set(self.closed)) == len(self.closed)
         assert list(self.mission.outcomes) == self.closed
 
     @invariant()
     def no_reading_is_lost_or_there_twice(self):
-        read = [each for each in self.recorded if each.outcome is Outcome.OK]
+        read = [each for each in self.world.recorded if each.outcome is Outcome.OK]
         assert {each.tag_id: each.reading.values['temperature'] for each in read} == self.accepted
         assert len(read) == len(self.accepted)
 
     def teardown(self):
         """Left alone, the mission always ends with an outcome for every tag."""
-        self.mission.resume()
         # The longest time at each of two poses: two drives and three attempts of each service, with their
         # delays, and the dwell.
         longest = 2 * (2 * 0.02 + 0.5 + 2 * (3 * 2.0 + 0.5 + 1.0) + 1.0)
-        for _ in range(int(len(self.tag_ids) * longest / 0.5) + 10):
-            self.mission.resume()  # at the dock, once more
-            self.now += 0.5
-            self.mission.step(self.now)
+        for _ in range(int(len(self.mission.tag_ids) * longest / 0.5) + 10):
+            self.mission.resume()  # after a pause, and once more at the dock
+            self.world.wait(0.5)
         assert self.mission.state is State.DONE
-        assert set(self.closed) == set(self.tag_ids)
+        assert set(self.closed) == set(self.mission.tag_ids)
         self.no_reading_is_lost_or_there_twice()
 
 
