@@ -1,34 +1,50 @@
 """
-The real mission in a thread of the test, and what is around it: services, subscribers, an operator.
+Fixtures: the real mission, in a thread of the test or as a process, and what is around it.
 
 No test of a mission depends on how fast DDS or the machine is. A state that a test acts in lasts until the
 test ends it: a reply is withheld, a dwell of an hour is skipped, or the clock of the process is moved.
 """
 
+import contextlib
 import queue
+import signal
 import threading
+import time
 import uuid
 from collections import defaultdict
 from concurrent.futures import Future
 from pathlib import Path
 
+import lupin_msgs.msg
+import pytest
+import rclpy
+from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, parse_report
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.runtime.poses import pose_message
+from lupin_greenhouse_bridge.runtime.run import spin_once
+from lupin_greenhouse_bridge.testing import NodeProcess
 from lupin_greenhouse_bridge.testing._helpers import (
     PATIENCE_SECONDS,
+    ManualClock,
     call,
+    executable,
     greet,
     has_found_a_client,
+    overrides,
     wait_until,
 )
 from lupin_mission import mission_orchestrator
-from lupin_msgs.msg import MissionState, SensorReading, TagReading
-from lupin_msgs.srv import StartMission
+from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState, SensorReading, TagReading
+from lupin_msgs.srv import ConfirmTag, GetTagReading, StartMission
 from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import GetParameters
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.executors import MultiThreadedExecutor
 from rclpy.qos import QoSProfile
 from rclpy.utilities import get_default_context
 from std_srvs.srv import Trigger
@@ -48,6 +64,39 @@ SERVICES = {
     **dict.fromkeys(['pause', 'resume', 'skip_current', 'abort', 'dock', 'reset'], Trigger),
     'start': StartMission,
 }
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Return the monotonic clock of this process, which stands still but for what the test adds."""
+    clock = ManualClock()
+    monkeypatch.setattr(time, 'monotonic', clock)
+    return clock
+
+
+@pytest.fixture
+def node():
+    """Return a node of the test, spun by threads: a request that waits for its reply blocks no other."""
+    context = Context()
+    rclpy.init(args=[], context=context)
+    node = rclpy.create_node('mission_test', context=context)
+    executor = MultiThreadedExecutor(16, context=context)
+    executor.add_node(node)
+    ended = threading.Event()
+
+    def spin():
+        while not ended.is_set():
+            spin_once(executor, node)  # survives the end of an action server that a callback still takes from
+
+    spinner = threading.Thread(target=spin, daemon=True)
+    spinner.start()
+    yield node
+    ended.set()
+    executor.create_task(int)  # wakes it up
+    spinner.join()  # rclpy raises in a thread that spins an executor while another closes it
+    executor.shutdown(timeout_sec=0)
+    node.destroy_node()
+    rclpy.shutdown(context=context)
 
 
 class HeldService:
@@ -98,11 +147,13 @@ class HeldService:
             self._replied += 1
         reply.set_result(response)
 
-    def answer_ok(self, tag_id: str, **values: float) -> None:
-        """Reply like the bridge."""
+    def answer_ok(self, *tag_ids: str, **values: float) -> None:
+        """Reply like the bridge for each of these tags, with 1 ppm of CO2 unless other values are given."""
+        values = values or {'co2': 1.0}
         readings = [SensorReading(name=name, value=value) for name, value in values.items()]
-        reading = TagReading(tag_id=tag_id, sim_time_of_day_seconds=43200.0, readings=readings)
-        self.answer(reading=reading)
+        for tag_id in tag_ids:
+            reading = TagReading(tag_id=tag_id, sim_time_of_day_seconds=43200.0, readings=readings)
+            self.answer(reading=reading)
 
     def answer_tags(self, *tag_ids: str, tag_file: str = '') -> None:
         """Reply like the parameter service of a bridge."""
@@ -117,6 +168,31 @@ class HeldService:
             waiting = [reply for reply in self._replies.values() if not reply.done()]
         for reply in waiting:
             reply.set_result(self._type.Response())
+
+
+@pytest.fixture
+def held_service(node):
+    """Return a function that makes a service which the test controls."""
+    with contextlib.ExitStack() as stack:
+        yield lambda *words: stack.enter_context(contextlib.closing(HeldService(node, *words)))
+
+
+@pytest.fixture
+def reader(held_service):
+    """Return a GetTagReading service that the test controls."""
+    return held_service(GetTagReading, '/held/get_tag_reading')
+
+
+@pytest.fixture
+def confirmer(held_service):
+    """Return a ConfirmTag service that the test controls."""
+    return held_service(ConfirmTag, '/held/confirm_tag')
+
+
+@pytest.fixture
+def bridge_parameters(held_service):
+    """Return the parameter service of a bridge that the test controls."""
+    return held_service(GetParameters, '/held/get_parameters')
 
 
 class HeldNavigator:
@@ -227,6 +303,40 @@ class HeldNavigator:
         self._server.destroy()
 
 
+@pytest.fixture
+def held_navigator(node):
+    """Return a function that makes an action server which the test controls."""
+    from nav2_msgs.action import NavigateToPose  # which some computers lack
+
+    with contextlib.ExitStack() as stack:
+        yield lambda name: stack.enter_context(contextlib.closing(HeldNavigator(node, NavigateToPose, name)))
+
+
+def publish(publisher, message) -> None:
+    """Publish a message once somebody subscribes, and wait until it has arrived there."""
+    wait_until(publisher.get_subscription_count)
+    publisher.publish(message)
+    assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+
+
+def discovered(*tags: tuple, frame_id: str = 'map') -> DiscoveredTags:
+    """Return the message of perception for tags of (id, x, y, w), where w is 0 if the pose is unset."""
+    message = DiscoveredTags()
+    message.header.frame_id = frame_id
+    for tag_id, x, y, w in tags:
+        message.tags.append(DiscoveredTag(tag_id=tag_id, pose_in_map=pose_message(x, y, 0.0)))
+        message.tags[-1].pose_in_map.orientation.w = w
+    return message
+
+
+def localized(x: float, y: float, frame_id: str = 'map') -> PoseWithCovarianceStamped:
+    """Return the message of the localiser for a robot that stands here."""
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = frame_id
+    message.pose.pose = pose_message(x, y, 1.0)  # turned, as no tag is
+    return message
+
+
 class Subscriber:
     """Subscribes to one topic, and keeps its messages."""
 
@@ -243,6 +353,24 @@ class Subscriber:
             self._seen += 1
             if is_it(message):
                 return message
+
+    def wait_for_steps(self) -> None:
+        """Wait for more of a mission's states: it has taken more steps than that."""
+        received = len(self.received)
+        wait_until(lambda: len(self.received) > received + 2)
+
+
+@pytest.fixture
+def states_of(node):
+    """Return a function that subscribes to the state of a mission like a web client."""
+    return lambda mission: Subscriber(node, MissionState, f'{mission.namespace}/mission/state', WEB_QOS)
+
+
+@pytest.fixture
+def twin(node):
+    """Return a function that subscribes like the digital twin."""
+    topic = '/floranova/observations'
+    return lambda: Subscriber(node, lupin_msgs.msg.Observation, topic, TWIN_QOS)
 
 
 class Operator:
@@ -301,18 +429,17 @@ class Operator:
         )
 
 
-class MissionThread:
+class MissionThread(NodeProcess):
     """A mission in a thread of the test: the whole run, but for the signals, which belong to the process."""
 
-    def __init__(self, monkeypatch, capture, **parameters):
+    def __init__(self, monkeypatch, capture, **parameters):  # no process is started
         self.namespace = f'/test_{uuid.uuid4().hex[:8]}'
-        self.log: list[str] = []  # once it has ended: what ROS logs, then what the mission prints
+        self.log = []  # once it has ended: what ROS logs, then what the mission prints
         self._capture = capture
         self._is_asked_to_end = threading.Event()
         self._exit_code = Future()
         monkeypatch.setattr(process, 'is_asked_to_end', self._is_asked_to_end.is_set)
-        overrides = [word for name, value in parameters.items() for word in ('-p', f'{name}:={value}')]
-        args = ['--ros-args', '-r', f'__ns:={self.namespace}', *overrides]
+        args = ['--ros-args', '-r', f'__ns:={self.namespace}', *overrides(parameters)]
         self._thread = threading.Thread(target=self._run, args=[args], daemon=True)
         self._thread.start()
 
@@ -325,7 +452,7 @@ class MissionThread:
             get_default_context(shutting_down=True)  # what follows needs a new one
             self._exit_code.set_result(exit_code)
 
-    def ask_to_end(self) -> None:
+    def send(self, *_numbers) -> None:
         """Ask the mission to end, like a signal."""
         self._is_asked_to_end.set()
 
@@ -335,7 +462,7 @@ class MissionThread:
 
     def close(self) -> None:
         """Ask the mission to end, and wait for it."""
-        self.ask_to_end()
+        self.send()
         self._thread.join(PATIENCE_SECONDS)
 
     def end(self) -> int:
@@ -345,17 +472,6 @@ class MissionThread:
         self.log += (logged + printed).splitlines()
         assert 'Traceback' not in logged, logged
         return exit_code
-
-    def stop(self) -> int:
-        """Ask the mission to end, like a signal, and return the exit code."""
-        self.ask_to_end()
-        return self.end()
-
-    def refusal(self, exit_code: int) -> str:
-        """Return the one FATAL line of a mission that refuses to start with this exit code."""
-        assert self.end() == exit_code, self.log
-        (fatal,) = [line for line in self.log if '[FATAL]' in line]
-        return fatal
 
 
 def observations_in(report: Path) -> list[Observation]:
@@ -380,11 +496,67 @@ class RunningMission:
         """Return (tag id, outcome) for each line of the report so far."""
         return [(each.tag_id, each.outcome) for each in self.observations(mission_id)]
 
+    def lines_with(self, fragment: str) -> list[str]:
+        """Return the lines of a mission's log that contain this."""
+        return [line for line in self.run.log if fragment in line]
+
     def warnings(self) -> list[str]:
         """Return what the node of a mission that has ended logged above INFO."""
-        lines = [line for line in self.run.log if f'{self.run.namespace[1:]}.mission_orchestrator]' in line]
+        lines = self.lines_with(f'{self.run.namespace[1:]}.mission_orchestrator]')
         assert lines, self.run.log
         return [line for line in lines if '[INFO]' not in line]
 
     def __getattr__(self, name):
         return getattr(self.run, name)
+
+
+@pytest.fixture
+def settings(tmp_path):
+    """Return the parameters of a mission that moves on only when the test replies."""
+    return {
+        'drive': 'simulated',
+        'dock_pose': "''",
+        'retry_delay_seconds': 0.05,
+        'scan_timeout_s': HOUR,
+        'visual_confirmation_timeout_s': HOUR,
+        'wait_for_start': False,
+        'report_file': f'"{tmp_path / "report.jsonl"}"',
+    }
+
+
+@pytest.fixture
+def start_mission(settings, tmp_path, monkeypatch, capfd):
+    """Return a function that runs a mission in a thread, one at a time; it ends with the test."""
+    monkeypatch.setattr(signal, 'signal', lambda *_arguments: None)  # Python refuses it in a thread
+    monkeypatch.setattr(signal, 'set_wakeup_fd', lambda *_arguments, **_keywords: -1)  # as above
+    with contextlib.ExitStack() as stack:
+
+        def start(**parameters):
+            mission = MissionThread(monkeypatch, capfd, **{**settings, **parameters})
+            stack.callback(mission.close)
+            return RunningMission(mission, tmp_path / 'report.jsonl')
+
+        yield start
+
+
+@pytest.fixture
+def start_waiting_mission(start_mission, node):
+    """Return a function that starts a mission which waits for its start; it returns it and its operator."""
+
+    def start(**parameters):
+        mission = start_mission(**parameters, wait_for_start=True)
+        return mission, Operator(node, mission.namespace)
+
+    return start
+
+
+@pytest.fixture
+def start_process(settings, start_node, tmp_path):
+    """Return a function that starts a mission as a process; it ends with the test."""
+
+    def start(command=None, environment=None, **parameters):
+        command = command or [executable('lupin_mission', 'mission_orchestrator')]
+        process = start_node(command, environment=environment, **{**settings, **parameters})
+        return RunningMission(process, tmp_path / 'report.jsonl')
+
+    return start

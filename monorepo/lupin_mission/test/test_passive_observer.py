@@ -5,14 +5,14 @@ import math
 import threading
 
 import pytest
-from geometry_msgs.msg import Pose, PoseWithCovarianceStamped
+from geometry_msgs.msg import Pose, PoseWithCovarianceStamped, Quaternion
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, spinning_node, wait_until
 from lupin_mission.passive_observer import PassiveObserver, Settings
-from lupin_msgs.msg import DiscoveredTag, DiscoveredTags, MissionState, Observation, SensorReading, TagReading
-from rclpy.duration import Duration
+from lupin_msgs.msg import DiscoveredTags, MissionState, Observation, SensorReading, TagReading
+from mission_helpers import discovered, localized, publish
 from rclpy.qos import QoSProfile
 
 LATCHED = latched(50)
@@ -38,8 +38,7 @@ class Stack:
 
     def _send(self, publisher, message) -> None:
         """Publish a message, and return when the observer has handled it."""
-        publisher.publish(message)
-        assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS))
+        publish(publisher, message)
         for _ in range(2):  # the executor handles what has arrived between two tasks
             handled = threading.Event()
             self.node.executor.create_task(handled.set)
@@ -78,21 +77,10 @@ class Stack:
         wait_until(lambda: self.node.count_publishers(f'{self._namespace}/mission/state') == 0)
 
     def discover(self, tag_id: str, x: float, y: float, w: float = 1.0, frame: str = 'map') -> None:
-        message = DiscoveredTags(tags=[DiscoveredTag(tag_id=tag_id, pose_in_map=pose(x, y, w))])
-        message.header.frame_id = frame
-        self._send(self._tags, message)
+        self._send(self._tags, discovered((tag_id, x, y, w), frame_id=frame))
 
     def stand(self, x: float, y: float, frame: str = 'map') -> None:
-        message = PoseWithCovarianceStamped()
-        message.header.frame_id = frame
-        message.pose.pose = pose(x, y, 0.7)
-        self._send(self._poses, message)
-
-
-def pose(x: float, y: float, w: float) -> Pose:
-    result = Pose()
-    result.position.x, result.position.y, result.orientation.w = x, y, w
-    return result
+        self._send(self._poses, localized(x, y, frame))
 
 
 @pytest.fixture
@@ -111,7 +99,7 @@ def test_a_reading_becomes_an_observation(stack):
     assert observation.header.stamp.sec > 0
     assert [(sensor.name, sensor.value) for sensor in observation.tag_reading.readings] == [('co2', 600.0)]
     for unset in (observation.tag_pose_in_map, observation.flower.pose.pose, observation.anomaly.pose.pose):
-        assert unset == pose(0.0, 0.0, 0.0)
+        assert unset == Pose(orientation=Quaternion(w=0.0))
     late = stack.subscribe()
     wait_until(lambda: late == [observation])
 
@@ -168,10 +156,7 @@ def test_a_localiser_that_is_older_than_the_observer_is_used(run_nodes):
     """AMCL publishes its pose when the robot moves, and latches it."""
     with spinning_node('amcl') as amcl:
         poses = amcl.create_publisher(PoseWithCovarianceStamped, 'amcl_pose', LATCHED)
-        message = PoseWithCovarianceStamped()
-        message.header.frame_id = 'map'
-        message.pose.pose = pose(1.0, 2.0, 0.7)
-        poses.publish(message)
+        poses.publish(localized(1.0, 2.0))
         *_, node = run_nodes(PassiveObserver)
         stack = Stack(node)
         wait_until(lambda: stack.place_of('7') == (1.0, 2.0))

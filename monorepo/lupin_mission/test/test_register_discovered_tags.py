@@ -9,8 +9,8 @@ from lupin_greenhouse_bridge.planning.registration import Transform, read_regist
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.testing import wait_until
 from lupin_mission import register_discovered_tags
-from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
-from mission_helpers import TWIN_QOS
+from lupin_msgs.msg import DiscoveredTags
+from mission_helpers import TWIN_QOS, discovered
 from rclpy.utilities import get_default_context
 
 TRANSFORM = Transform(2.0, -1.0, math.pi / 2)
@@ -18,23 +18,17 @@ TOPIC = '/perception/discovered_tags'
 
 
 @pytest.fixture
-def publish(node, shipped_tags):
+def discover(node, shipped_tags):
     """Return a function that publishes these tags as perception discovers them, latched."""
     publisher = node.create_publisher(DiscoveredTags, TOPIC, TWIN_QOS)
 
-    def publish(tag_ids, frame_id='map', *, unset=(), off=()):
-        message = DiscoveredTags()
-        message.header.frame_id = frame_id
-        for tag_id in tag_ids:
-            tag, discovered = shipped_tags.get(tag_id, {'x': 0.0, 'y': 0.0}), DiscoveredTag(tag_id=tag_id)
-            at = discovered.pose_in_map.position
-            at.x, at.y = TRANSFORM.point(tag['x'], tag['y'])
-            at.x += 1.0 * (tag_id in off)
-            discovered.pose_in_map.orientation.w = float(tag_id not in unset)
-            message.tags.append(discovered)
-        publisher.publish(message)
+    def discover(tag_ids, frame_id='map', *, unset=(), off=()):
+        places = {tag_id: TRANSFORM.point(tag['x'], tag['y']) for tag_id, tag in shipped_tags.items()}
+        found = [(each, *places.get(each, (0.0, 0.0)), float(each not in unset)) for each in tag_ids]
+        tags = [(tag_id, x + (tag_id in off), y, w) for tag_id, x, y, w in found]
+        publisher.publish(discovered(*tags, frame_id=frame_id))
 
-    return publish
+    return discover
 
 
 @pytest.fixture
@@ -53,9 +47,9 @@ def register(monkeypatch, tmp_path, capfd):
         signal.signal(number, handler)
 
 
-def test_the_layout_is_fitted_to_the_discovered_tags(publish, register, tmp_path):
+def test_the_layout_is_fitted_to_the_discovered_tags(discover, register, tmp_path):
     """A tag that the layout lacks and a tag without a pose do not count; an outlier is left out."""
-    publish(['1', '99', '7', '20', '5', '12', '3'], 'robot1/map', unset=['5'], off=['7'])
+    discover(['1', '99', '7', '20', '5', '12', '3'], 'robot1/map', unset=['5'], off=['7'])
     code, out, _ = register('--tags', '5')
     assert code == 0
     assert [line.split()[0] for line in out.splitlines()[1:-3]] == ['1', '7', '20', '12', '3']
@@ -64,13 +58,13 @@ def test_the_layout_is_fitted_to_the_discovered_tags(publish, register, tmp_path
     assert (frame_id, transform) == ('robot1/map', pytest.approx(TRANSFORM))
 
 
-def test_it_waits_until_enough_tags_are_discovered(node, publish, register):
-    def discover():
-        publish(['1', '7', '20'])
+def test_it_waits_until_enough_tags_are_discovered(node, discover, register):
+    def perceive():
+        discover(['1', '7', '20'])
         wait_until(lambda: node.count_subscribers(TOPIC) == 1)
-        publish(['1', '7', '20', '12'])
+        discover(['1', '7', '20', '12'])
 
-    perception = threading.Thread(target=discover)
+    perception = threading.Thread(target=perceive)
     perception.start()
     code, out, _ = register()
     perception.join()

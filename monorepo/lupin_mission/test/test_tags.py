@@ -5,7 +5,6 @@ import math
 import threading
 
 import pytest
-from geometry_msgs.msg import PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
 from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
@@ -14,11 +13,9 @@ from lupin_mission import tags as tags_of_bridge
 from lupin_mission.settings import Settings
 from lupin_mission.tags import Tags
 from lupin_mission.world import read_world
-from lupin_msgs.msg import DiscoveredTag, DiscoveredTags
 from lupin_msgs.srv import GetTagReading
-from mission_helpers import CAMERA, READER, TWIN_QOS
+from mission_helpers import CAMERA, READER, TWIN_QOS, discovered, localized, publish
 from rclpy.client import Client
-from rclpy.duration import Duration
 
 TRANSFORM = Transform(10.0, 20.0, math.pi / 2)
 MODEL = '<model name="tag_{}"><pose>{}</pose></model>'
@@ -27,6 +24,13 @@ NESTED_ENTITIES = ''.join(f'<!ENTITY x{each + 1} "{f"&x{each};" * 10}">' for eac
 
 def world(*models: str) -> str:
     return f'<sdf version="1.6"><world name="w">{"".join(models)}</world></sdf>'
+
+
+def tags_of(**parameters) -> Tags:
+    """Return the tags of a file; no bridge is needed for them."""
+    tags = Tags(Settings(drive='simulated', **parameters))
+    tags.find(None, None, lambda: None, lambda: None)
+    return tags
 
 
 def test_the_tags_of_a_world_come_in_numeric_order_with_their_places(tmp_path):
@@ -39,8 +43,7 @@ def test_the_tags_of_a_world_come_in_numeric_order_with_their_places(tmp_path):
     ]
     path = tmp_path / 'world.sdf'
     path.write_text(world(*models))
-    tags = Tags(Settings(drive='simulated', world_file=str(path)))
-    tags.find(None, None, lambda: None, lambda: None)
+    tags = tags_of(world_file=str(path))
     assert tags.ids == ['9', '10', longest]
     assert tags.positions_m == {'9': (0.1, 7.3), '10': (1.5, -2.0), longest: (3.0, 4.0)}
 
@@ -80,34 +83,27 @@ def layout_file(tmp_path):
 
 
 @pytest.fixture
-def poses(start_mission, reader, confirmer, operate, twin, node):
+def poses(start_waiting_mission, reader, confirmer, twin, node):
     """
     Return a function that runs a mission to the tags 1, 2, 777 and 888, and returns x, y and w of each pose.
 
     The layout has tags 1 and 2. Perception has discovered 1 and 777. The robot stands at x = 5.
     """
 
-    def run(**parameters):
-        subscriber = twin()
-        mission = start_mission(**CAMERA, tag_sequence='1 2 777 888', wait_for_start=True, **parameters)
-        pose, tags = PoseWithCovarianceStamped(), DiscoveredTags()
-        pose.header.frame_id = tags.header.frame_id = parameters.get('frame_id', 'map')
-        pose.pose.pose.position.x = 5.0
-        for tag_id in ('1', '777'):
-            tag = DiscoveredTag(tag_id=tag_id)
-            tag.pose_in_map.position.x, tag.pose_in_map.orientation.w = 7.0, 1.0
-            tags.tags.append(tag)
-        publishers = []
-        for name, message in (('amcl_pose', pose), ('perception/discovered_tags', tags)):
-            publisher = node.create_publisher(type(message), f'{mission.namespace}/{name}', TWIN_QOS)
-            wait_until(publisher.get_subscription_count)
-            publisher.publish(message)
-            publishers.append(publisher)
-        assert all(each.wait_for_all_acked(Duration(seconds=PATIENCE_SECONDS)) for each in publishers)
-        operate(mission).start()
-        for tag_id in ('1', '2', '777', '888'):
+    def run(frame_id='map', **parameters):
+        subscriber, tag_ids = twin(), ('1', '2', '777', '888')
+        parameters = {**CAMERA, **parameters, 'frame_id': frame_id, 'tag_sequence': ' '.join(tag_ids)}
+        mission, operator = start_waiting_mission(**parameters)
+        tags = discovered(('1', 7.0, 0.0, 1.0), ('777', 7.0, 0.0, 1.0), frame_id=frame_id)
+        for name, message in (
+            ('amcl_pose', localized(5.0, 0.0, frame_id)),
+            ('perception/discovered_tags', tags),
+        ):
+            publish(node.create_publisher(type(message), f'{mission.namespace}/{name}', TWIN_QOS), message)
+        operator.start()
+        for tag_id in tag_ids:
             confirmer.answer(detected=True)
-            reader.answer_ok(tag_id, co2=1.0)
+            reader.answer_ok(tag_id)
         wait_until(lambda: len(subscriber.received) == 4)
         assert mission.stop() == 0
         found = [each.tag_pose_in_map for each in subscriber.received]
@@ -141,8 +137,7 @@ def test_the_tags_of_a_file_are_moved_to_the_map(tmp_path, layout_file, paramete
     path.write_text(text, encoding='utf-8')
     files = {parameter: str(path), 'layout_in_map': layout_file}
     for has_poses, positions_m in ((True, {'7': pytest.approx((8.0, 21.0))}), (False, {})):
-        tags = Tags(Settings(drive='simulated', **files, tag_poses_in_map=has_poses))
-        tags.find(None, None, lambda: None, lambda: None)
+        tags = tags_of(**files, tag_poses_in_map=has_poses)
         assert (tags.ids, tags.positions_m) == (['7'], positions_m)
 
 
@@ -182,11 +177,10 @@ def test_a_sequence_has_no_poses_if_the_bridge_has_its_own_tag_file(
     bridge_parameters.wait_for_request()
     reader = held_service(GetTagReading, '/held/get_tag_reading')
     wait_until(lambda: has_found_a_client(node, reader.name))
-    for _ in range(3):  # the mission's steps are more frequent
-        operator.wait_for()
+    operator.states.wait_for_steps()
     assert reader.tag_ids == []
     bridge_parameters.answer_tags('1', tag_file='/home/me/tags.json')
-    reader.answer_ok('1', co2=1.0)
+    reader.answer_ok('1')
     assert subscriber.wait_for().tag_pose_in_map.orientation.w == 0.0
     assert mission.stop() == 0
     warning = mission.warnings()[-1]
