@@ -4,7 +4,7 @@ COMMON := TREE DISTRO PYTHON VENV CC CXX
 TREE ?= monorepo
 DISTRO ?= kilted
 PYTHON ?= python3
-VENV ?= .venv
+override VENV := $(or $(VENV),.venv)
 TREES := monorepo lupin_greenhouse_ros
 TARGETS := help run smoke read mission page world world-check tags \
     env build bridge generate generate-check drift test test-tree lint docs-check figure clean lock \
@@ -52,7 +52,10 @@ GIVEN := $(foreach name,$(.VARIABLES),$(if $(findstring command line,$(origin $(
 REFUSED := $(filter-out $(COMMON) $(TAKEN),$(GIVEN))
 ifneq ($(REFUSED),)
 TAKERS := $(strip $(foreach target,$(TARGETS),$(if $(filter $(REFUSED),$(TAKES_$(target))),$(target))))
-HINT := $(if $(TAKERS),; $(REFUSED) is of make $(TAKERS),$(if $(filter run mission,$(GOALS)),; set a parameter with ARGS="name:=value"))
+HINT := $(or \
+    $(if $(TAKERS),; $(REFUSED) is of make $(TAKERS)),\
+    $(if $(filter ROS_% RMW_%,$(REFUSED)),; write $(firstword $(REFUSED))=... before make),\
+    $(if $(filter run mission,$(GOALS)),; set a parameter with ARGS="name:=value"))
 $(error make $(GOALS) takes no $(REFUSED): it takes $(strip $(TAKEN) $(COMMON))$(HINT))
 endif
 # What a person writes reaches a shell in quotes, and make expands no $ in it.
@@ -69,7 +72,7 @@ $(foreach name,$(filter $(SWITCHES),$(TAKEN)),$(if $(word 2,$($(name)))$(filter-
 # DRIVE=0 is off, as DRIVE= is, and DRIVE=yes is DRIVE=1.
 $(foreach name,$(SWITCHES),$(eval override $(name) := $(if $(filter $(ON),$($(name))),1,$(filter-out $(OFF),$($(name))))))
 override VENV := $(if $(filter /%,$(VENV)),$(VENV),$(CURDIR)/$(VENV))
-export TREE VENV
+export TREE VENV SIDE
 TAG ?= 1
 # TAG=1,5 and TAG=all are what a person may write, too.
 override TAG := $(foreach tag,$(patsubst all,--all,$(subst $(COMMA), ,$(TAG))),$(call QUOTED,$(tag)))
@@ -101,7 +104,7 @@ WITHIN := "$$VENV/bin/python" -ES ci/within.py
 # Their programs use packages that only the monorepo has, whatever TREE says.
 bench docs-check figure soak tags test-network world world-check: override TREE := monorepo
 
-.PHONY: $(TARGETS) page-check mission-check run-check tags-check
+.PHONY: $(TARGETS) page-check mission-check namespace-check run-check tags-check
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -109,17 +112,21 @@ help:  ## list the targets
 
 # use
 
-run: run-check bridge  ## run the bridge in the foreground: make run ARGS="debug_seed:=42 debug_time_of_day:=12.0"
+run: run-check namespace-check bridge  ## run the bridge in the foreground: make run ARGS="debug_seed:=42 debug_time_of_day:=12.0"
 	@$(IN_ENV) ci/serve $(if $(NAMESPACE),$(call QUOTED,namespace:=$(NAMESPACE))) $(ARGS)
 
 run-check:
 	@for word in $(ARGS); do [[ "$$word" == -* || "$$word" == ?*:=* ]] \
 	    || { echo "run: ARGS has '$$word', which sets no parameter: write name:=value" >&2; exit 2; }; done
 
+namespace-check:
+	@[[ ! "$$NAMESPACE" || "$$NAMESPACE" =~ ^(/[A-Za-z_][A-Za-z0-9_]*)+$$ ]] \
+	    || { echo "NAMESPACE='$$NAMESPACE' is none: write letters, digits and _, such as NAMESPACE=/team7" >&2; exit 2; }
+
 smoke: bridge  ## start the bridge on a private domain and read every tag
 	@$(IN_ENV) python ci/smoke.py
 
-read: bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TAG=--all, NAMESPACE=/team7
+read: namespace-check bridge  ## read tags from a running bridge: make read TAG=7, TAG="1 5", TAG=--all, NAMESPACE=/team7
 	@$(IN_ENV) "$$LUPIN_EXECUTABLES/read_tag" $(TAG) $(if $(NAMESPACE),--service $(call QUOTED,$(NAMESPACE)/greenhouse_bridge/get_tag_reading)) $(ARGS)
 
 mission: IN_MISSION = $(addprefix $(WITHIN) ,$(strip $(if $(WORLD),--drake) $(if $(DRIVE)$(filter detections,$(CAMERA)),--stand-ins)))
@@ -162,8 +169,8 @@ tags: tags-check build  ## make a PDF of the tags to print, SIDE millimetres eac
 	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(call QUOTED,$(SIDE)) $(ARGS)
 
 tags-check:
-	@[[ $(call QUOTED,$(SIDE)) =~ ^[0-9]+([.][0-9]*)?$$ ]] \
-	    || { echo $(call QUOTED,tags: SIDE=$(SIDE) is no number of millimetres: write SIDE=40) >&2; exit 2; }
+	@[[ "$$SIDE" =~ ^[0-9]+([.][0-9]*)?$$ ]] \
+	    || { echo "tags: SIDE='$$SIDE' is no number of millimetres: write SIDE=40" >&2; exit 2; }
 
 # change
 

@@ -8,7 +8,8 @@ executables too; a person's own program keeps its traceback, which shows where i
 import sys
 
 show = sys.excepthook
-if any(word.startswith(('ci/', 'tools/')) or '/lib/lupin_' in word for word in sys.orig_argv):
+own = ('/lib/lupin_', '/_local_setup_util_sh.py')  # the latter finds the packages for a shell
+if any(word.startswith(('ci/', 'tools/')) or any(each in word for each in own) for word in sys.orig_argv):
     # Python itself still ends by the signal.
     sys.excepthook = lambda kind, *rest: None if kind is KeyboardInterrupt else show(kind, *rest)
 

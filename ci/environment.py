@@ -37,6 +37,7 @@ BUILD_PYTHON = r'/opt/python/cp3\d+-cp3\d+'  # of the container that the wheels 
 NO_CONNECTION = re.compile(
     'ProxyError|NewConnectionError|NameResolutionError|ConnectTimeout|Network is unreachable'
 )
+DISTROS = ('kilted', 'jazzy')
 NEEDED_MB = 750
 MARK = '.lupin-environment'  # its text: 'incomplete', or the fingerprint of what was installed
 
@@ -94,7 +95,7 @@ def fingerprint(venv: Path, kind: str, requirements: list[Path]) -> str:
 def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
     """Make the environment from scratch, and write the fingerprint last."""
     if venv.exists():
-        if any(venv.iterdir()) and not (venv / MARK).exists():
+        if not venv.is_dir() or (any(venv.iterdir()) and not (venv / MARK).exists()):
             raise Stopped(
                 f'{venv} was not made by this project and is left alone:'
                 ' move it away, or name another folder with make VENV=...'
@@ -102,6 +103,8 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
         shutil.rmtree(venv)
     if problem := lack_of_space(venv.parent, NEEDED_MB):
         raise Stopped(problem)
+    source = f'the sourced ROS 2 {ros_distro}' if ros_distro else f'ROS 2 {distro} wheels'
+    print(f'environment: making {venv} from {source} (half a minute, once)', file=sys.stderr)
     venv.mkdir(parents=True)
     (venv / MARK).write_text('incomplete', encoding='utf-8')
     log = venv / 'install.log'
@@ -238,8 +241,6 @@ def complete(venv: Path, distro: str) -> None:
     with locked(f'{venv}.lock', 'environment'):  # of two runs at once, the second finds it complete
         if mark.exists() and mark.read_text(encoding='utf-8') == wanted and (venv / 'bin/python').exists():
             return
-        source = f'the sourced ROS 2 {ros_distro}' if ros_distro else f'ROS 2 {distro} wheels'
-        print(f'environment: making {venv} from {source} (half a minute, once)', file=sys.stderr)
         make(venv, ros_distro, distro, wanted)
 
 
@@ -247,13 +248,18 @@ def main(venv: Path, distro: str) -> int:
     """Make the environment if it is not complete; return the exit code."""
     try:
         complete(venv, distro)
-    except (Stopped, OSError) as error:
+    except Stopped as error:
         print(f'environment: {error}', file=sys.stderr)
+        return 1
+    except OSError as error:
+        print(
+            f'environment: {venv}: {error.strerror}: name another folder with make VENV=...', file=sys.stderr
+        )
         return 1
     return 0
 
 
 if __name__ == '__main__':
-    if len(sys.argv) != 3 or not os.path.isabs(sys.argv[1]):
+    if len(sys.argv) != 3 or not os.path.isabs(sys.argv[1]) or sys.argv[2] not in DISTROS:
         sys.exit('usage: python ci/environment.py VENV kilted|jazzy, where VENV is an absolute path')
     end(lambda: main(Path(sys.argv[1]), sys.argv[2]), 'environment')

@@ -123,39 +123,59 @@ def test_a_failed_step_is_told_and_not_taken_for_done(tmp_path, monkeypatch, cap
         assert last.startswith(f'environment: making the environment stopped at: {broken} -m venv ')
 
 
-def test_a_folder_that_is_not_ours_is_never_removed(commands, tmp_path, capsys):
+@pytest.fixture
+def refusal(commands, tmp_path, capsys):
+    """Return a function that tries to make the environment, and returns the line that refuses it."""
+
+    def refused(name='venv'):
+        assert environment.main(tmp_path / name, 'kilted') == 1
+        assert commands == []
+        return capsys.readouterr().err.splitlines()[-1]
+
+    return refused
+
+
+def test_a_folder_that_is_not_ours_is_never_removed(refusal, tmp_path):
     precious = tmp_path / 'venv/precious'
     precious.parent.mkdir()
     precious.touch()
-    assert make_it(tmp_path) == 1
-    assert 'was not made by this project' in capsys.readouterr().err
+    assert 'was not made by this project' in refusal()
     assert precious.exists()
-    assert commands == []
+
+
+@pytest.mark.parametrize('character', [*' \'"$#%,=;:&()*?[]{}<>|`\\', '\u00a0', '\udcfc'])
+def test_a_folder_in_which_nothing_can_be_built_is_refused(refusal, character):
+    assert f'fail with {character!r} in a path: move the clone' in refusal(f'a{character}b')
+
+
+def test_a_full_disk_is_named(refusal, tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, 'disk_usage', lambda _folder: shutil._ntuple_diskusage(1, 1, 9e6))
+    assert refusal() == f'environment: {tmp_path} has 9 MB free: make room for 750 MB'
 
 
 @pytest.mark.parametrize(
-    ('without', 'package'),
-    [('cc', 'build-essential'), ('c++', 'build-essential'), ('venv', 'python3-venv'),
-     ('ensurepip', 'python3-venv'), ('Python.h', 'python3-dev'), ('cmake', 'cmake')],
-)  # fmt: skip
-def test_each_missing_prerequisite_is_one_line_with_its_package(
-    commands, tmp_path, monkeypatch, capsys, without, package
+    ('without', 'missing'),
+    [
+        ('cc', 'the compiler cc (CC) is missing: sudo apt install build-essential'),
+        ('c++', 'the compiler c++ (CXX) is missing: sudo apt install build-essential'),
+        ('venv', f'the venv module of {sys.executable} is missing: sudo apt install python3-venv'),
+        ('ensurepip', f'the venv module of {sys.executable} is missing: sudo apt install python3-venv'),
+        ('Python.h', f'Python.h of {sys.executable} is missing: sudo apt install python3-dev'),
+        ('cmake', 'cmake is missing: sudo apt install cmake'),
+    ],
+)
+def test_each_missing_prerequisite_is_named_with_its_package(
+    refusal, tmp_path, monkeypatch, without, missing
 ):
     monkeypatch.delenv('CC', raising=False)
-    monkeypatch.delenv('CXX', raising=False)
+    monkeypatch.setenv('CXX', ' ')
     monkeypatch.setattr(environment, 'sourced_ros', lambda: 'humble' if without == 'cmake' else None)
-    find_program, find_module = shutil.which, environment.importlib.util.find_spec
-    monkeypatch.setattr(shutil, 'which', lambda name: None if name == without else find_program(name))
-    monkeypatch.setattr(
-        environment.importlib.util, 'find_spec', lambda name: None if name == without else find_module(name)
-    )
+    for module, name in ((shutil, 'which'), (environment.importlib.util, 'find_spec')):
+        find = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda each, find=find: None if each == without else find(each))
     if without == 'Python.h':
         monkeypatch.setattr(environment.sysconfig, 'get_path', lambda _name: str(tmp_path))
-    assert make_it(tmp_path) == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert without.replace('ensurepip', 'venv') in line
-    assert f'sudo apt install {package}' in line
-    assert commands == []
+    assert refusal() == f'environment: {missing}'
 
 
 @pytest.mark.parametrize('own', ['', '/my/profiles.xml'])
@@ -205,27 +225,6 @@ def test_pre_commit_comes_with_the_environment():
     succeed(sys.executable, '-m', 'pre_commit', 'validate-config', ROOT / '.pre-commit-config.yaml')
 
 
-def test_make_passes_on_a_refusal_in_one_line(tmp_path):
-    old = tmp_path / 'python3'
-    old.write_text('#!/bin/sh\nexit 1\n')
-    old.chmod(0o755)
-    clone = tmp_path / "My 'green' house"
-    clone.mkdir()
-    for each in ('ci', 'tools', 'monorepo', 'Makefile'):
-        (clone / each).symlink_to(ROOT / each)
-    for words, said in (
-        (['env', f'PYTHON={old}'], 'is not Python 3.10 or newer: sudo apt install'),
-        (['TREE=nowhere'], 'TREE=nowhere is not a tree'),
-        (['DISTRO=humble'], 'DISTRO=humble has no wheels'),
-        (['run', 'VENV=.venv'], 'move the clone to a folder whose path has letters'),
-    ):
-        result = run('make', *words, cwd=clone, env=of_a_user())
-        first, *end = result.stderr.splitlines()
-        assert result.returncode != 0
-        assert said in first
-        assert all(line.startswith('make: *** ') for line in end)
-
-
 @pytest.mark.heavy
 def test_a_sourced_ros_is_found_used_and_only_completed(tmp_path):
     """A second prefix, set up like a sourced setup.bash, replaces the wheels."""
@@ -258,24 +257,6 @@ def test_a_folder_for_the_environment_is_taken_as_it_is(given):
     (venv,) = re.findall('^VENV := (.*)$', result.stdout, re.MULTILINE)
     assert venv == str(given if given[0] == '/' else ROOT / given)
     assert environment.unusable_characters(venv) == ''
-
-
-@pytest.mark.parametrize('character', [*' \'"$#%,=;:&()*?[]{}<>|`\\', '\u00a0', '\udcfc'])
-def test_a_folder_in_which_nothing_can_be_built_is_refused_before_anything_is_installed(
-    commands, tmp_path, capsys, character
-):
-    assert environment.main(tmp_path / f'a{character}b', 'kilted') == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f'fail with {character!r} in a path: move the clone' in line
-    assert commands == []
-
-
-def test_a_full_disk_is_named_before_anything_is_installed(commands, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(shutil, 'disk_usage', lambda _folder: shutil._ntuple_diskusage(1, 1, 9e6))
-    assert make_it(tmp_path) == 1
-    (_, line) = capsys.readouterr().err.splitlines()
-    assert line == f'environment: {tmp_path} has 9 MB free: make room for 750 MB'
-    assert commands == []
 
 
 @pytest.mark.heavy

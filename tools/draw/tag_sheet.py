@@ -112,8 +112,11 @@ def main(arguments: list[str] | None = None) -> int:
         matplotlib.use('Agg')
         print(f'tags: drawing {pluralized(len(tag_ids), "tag")}', file=sys.stderr)
         pages = write(path, sorted(numbers[tag_id] for tag_id in tag_ids), options.side)
-    except (OneLineError, OSError) as error:
+    except OneLineError as error:
         print(f'tags: {error}', file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"tags: --output '{options.output}': {error.strerror}: name a folder", file=sys.stderr)
         return 2
     print(f'{path}: {pluralized(len(tag_ids), "tag")} on {pluralized(pages, "page")}')
     return 0
