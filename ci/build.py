@@ -83,15 +83,11 @@ def fingerprint(package: Path, venv: Path) -> str:
     return digest.hexdigest()
 
 
-def build(workspace: Workspace, packages: list[Path]) -> int:
-    """Build what has changed; return the exit code."""
+def build(workspace: Workspace, packages: list[Path]) -> None:
+    """Build what has changed; end the process if that fails."""
     for package in packages:
         if not (package / 'package.xml').exists():
-            print(
-                f'build: {package} is no package: name a folder such as monorepo/lupin_mission',
-                file=sys.stderr,
-            )
-            return 1
+            sys.exit(f'build: {package} is no package: name a folder such as monorepo/lupin_mission')
     folder = workspace.folder
     folder.mkdir(parents=True, exist_ok=True)
     with locked(f'{folder}.lock', 'build'):  # of two builds at once, the second finds nothing to do
@@ -104,22 +100,22 @@ def build(workspace: Workspace, packages: list[Path]) -> int:
                 if (package / 'setup.py').exists():  # it would install a deleted or renamed module once more
                     shutil.rmtree(folder / 'build' / package.name, ignore_errors=True)
                     shutil.rmtree(folder / 'install' / package.name, ignore_errors=True)
-        if not changed:
-            return 0
-        if problem := lack_of_space(folder, NEEDED_MB):
-            print(f'build: {problem}', file=sys.stderr)
-            return 1
-        code = run_colcon(workspace, packages, [mark.stem for mark in changed])
-        if not code:
-            for mark, now in changed.items():
-                mark.write_text(now, encoding='utf-8')
-    return code
+        if changed:
+            run_colcon(workspace, packages, [mark.stem for mark in changed])
+        for mark, now in changed.items():
+            mark.write_text(now, encoding='utf-8')
 
 
-def run_colcon(workspace: Workspace, packages: list[Path], names: list[str]) -> int:
-    """Build the packages of these names; show warnings and the summary, or everything if it fails."""
+def run_colcon(workspace: Workspace, packages: list[Path], names: list[str]) -> None:
+    """
+    Build the packages of these names.
+
+    Shows warnings and the summary; or everything, and ends the process, if it fails.
+    """
     print(f'build: {len(names)} new or changed:', *names, file=sys.stderr)
     folder = workspace.folder
+    if problem := lack_of_space(folder, NEEDED_MB):
+        sys.exit(f'build: {problem}')
     command = workspace.colcon('build', 'log', '--paths', *packages, '--packages-select', *names)
     # Only Python uses what is built here, so the messages leave out C++, which takes most of the time.
     command += ['--cmake-args', f'-DPython3_EXECUTABLE={workspace.venv}/bin/python']
@@ -129,9 +125,8 @@ def run_colcon(workspace: Workspace, packages: list[Path], names: list[str]) -> 
     os.environ['MAKEFLAGS'] = f'-j{os.cpu_count()}'
     job = Build(workspace.inside(*command, is_overlaid=False), folder / 'build.log', len(names))
     if not run([job]):
-        return 1
+        sys.exit(1)
     print('\n'.join(SHOWN.findall(job.output())), file=sys.stderr)
-    return 0
 
 
 if __name__ == '__main__':

@@ -42,7 +42,7 @@ def lack_of_space(folder: Path, needed_mb: int) -> str:
     return '' if free_mb >= needed_mb else f'{folder} has {free_mb:.0f} MB free: make room for {needed_mb} MB'
 
 
-def end(main: Callable[[], int], name: str) -> NoReturn:
+def end(main: Callable[[], int | None], name: str) -> NoReturn:
     """End this process with the exit code of its main function, or after Ctrl-C with one line and 130."""
     try:
         sys.exit(main())

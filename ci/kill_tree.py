@@ -22,22 +22,15 @@ from types import FrameType
 from typing import NoReturn
 
 PR_SET_CHILD_SUBREAPER = 36  # linux/prctl.h
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 SECONDS_TO_END = 2.0  # from SIGTERM to SIGKILL
 
 
-class Interrupted(Exception):
-    """A signal asked this process to end."""
-
-    def __init__(self, number: int):
-        super().__init__(number)
-        self.number = number
-
-
 def interrupt(number: int, _frame: FrameType | None) -> NoReturn:
-    """Raise Interrupted, once."""
-    for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    """Raise SystemExit, once."""
+    for each in SIGNALS:
         signal.signal(each, signal.SIG_IGN)
-    raise Interrupted(number)
+    sys.exit(128 + number)
 
 
 def descendants() -> list[int]:
@@ -54,21 +47,18 @@ def descendants() -> list[int]:
     return found[1:]
 
 
-def send(number: signal.Signals) -> None:
-    """Send a signal to every descendant."""
-    for pid in descendants():
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, number)
-
-
 def end_descendants() -> None:
     """End every descendant: SIGTERM first, then SIGKILL."""
-    send(signal.SIGTERM)
     deadline = time.monotonic() + SECONDS_TO_END
+    signalled: dict[int, signal.Signals] = {}
     # Twice: what loses its parent while /proc is read is in no tree at that moment.
-    while descendants() or descendants():
-        if time.monotonic() >= deadline:
-            send(signal.SIGKILL)
+    while pids := descendants() or descendants():
+        number = signal.SIGTERM if time.monotonic() < deadline else signal.SIGKILL
+        for pid in pids:
+            if signalled.get(pid) != number:
+                signalled[pid] = number
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, number)
         time.sleep(0.02)
 
 
@@ -87,13 +77,11 @@ def main() -> int:
         sys.exit('usage: python ci/kill_tree.py COMMAND [ARGUMENT...]')
     ctypes.CDLL(None, use_errno=True).prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
     try:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in SIGNALS:
             signal.signal(number, interrupt)
         # In a session of its own, so that Ctrl-C arrives here first.
         command = subprocess.Popen(sys.argv[1:], start_new_session=True)
         return wait_for(command.pid)
-    except Interrupted as error:
-        return 128 + error.number
     finally:
         end_descendants()
 

@@ -50,12 +50,6 @@ OLDEST_SIMULATOR = '1.0.7'
 AXE = 'axe-core@4.14.1'
 
 
-def checked(code: int) -> None:
-    """End with an exit code that is not 0."""
-    if code:
-        sys.exit(code)
-
-
 def pip(venv: Path, *arguments: str) -> None:
     """Run the pip of an environment; end with its output if it fails."""
     command = [str(venv / 'bin/python'), '-m', 'pip', '--disable-pip-version-check', *arguments]
@@ -72,7 +66,8 @@ def starts(python: str) -> bool:
 def make_environment(python: str, venv: Path, distro: str) -> None:
     """Make an environment of another Python; end if it fails."""
     command = [python, 'ci/environment.py', str(venv.absolute()), distro]
-    checked(subprocess.run(command, cwd=ROOT, check=False).returncode)
+    if subprocess.run(command, cwd=ROOT, check=False).returncode:
+        sys.exit(1)
 
 
 def use_simulator(venv: Path, version: str) -> None:
@@ -100,7 +95,7 @@ def mirror_environment(venv: Path) -> Path:
 
 def tests_of_tree(workspace: Workspace, packages: list[Path]) -> list[Tests]:
     """Build packages; return a job for the tests of each that has some, by colcon."""
-    checked(build(workspace, packages))
+    build(workspace, packages)
     jobs = []
     for package in packages:
         if not (package / 'test').is_dir():
@@ -133,7 +128,7 @@ def test_all() -> bool:
     os.environ['MIRROR_VENV'] = str(mirror.venv)
     both = monorepo._replace(tree='both')  # what compares the two on the wire needs the messages of both
     jobs: list[Job] = [job for each in (mirror, monorepo) for job in tests_of_tree(each, each.packages())]
-    checked(build(both, [ROOT / 'lupin_greenhouse_ros/lupin_greenhouse_msgs']))
+    build(both, [ROOT / 'lupin_greenhouse_ros/lupin_greenhouse_msgs'])
 
     def tests(name: str, *folders: str) -> Tests:
         pytest = [*PYTEST, '-n', WORKERS, '-m', 'not heavy', *folders]
@@ -154,7 +149,7 @@ def test_heavy() -> bool:
     """Run what takes minutes."""
     for tree in TREES:
         workspace = Workspace(here().venv, tree)
-        checked(build(workspace, workspace.packages()))
+        build(workspace, workspace.packages())
     install_axe(here().venv)
     monorepo = Workspace(here().venv, TREES[0])
     logs = monorepo.folder / 'heavy'
@@ -212,7 +207,7 @@ def make_22_04(python: str, trees: Sequence[Workspace]) -> None:
     make_environment(python, venv, 'kilted')
     within(trees[0], 'true', has_stand_ins=True)
     for tree in trees:  # first, because messages do not build with the NumPy of 22.04
-        checked(build(tree, tree.packages()))
+        build(tree, tree.packages())
     pip(venv, 'uninstall', '--quiet', '--yes', *NOT_IN_22_04)
     pip(venv, 'install', '--quiet', *VERSIONS_OF_22_04)
     mark.write_text(versions, encoding='utf-8')
@@ -227,7 +222,7 @@ def test_ubuntu_22_04() -> bool:
     mirror, monorepo = (Workspace(Path(f'{here().venv}-22.04'), tree) for tree in reversed(TREES))
     make_22_04(python, (mirror, monorepo))
     for each in (mirror, monorepo):
-        checked(build(each, [package for package in each.packages() if not package.name.endswith('_msgs')]))
+        build(each, [package for package in each.packages() if not package.name.endswith('_msgs')])
     tested = [(mirror, mirror.packages('lupin_greenhouse_bridge')[0])]
     tested += [(monorepo, each) for each in monorepo.packages() if each not in bridge_of(monorepo)]
     jobs = []
@@ -267,4 +262,6 @@ if __name__ == '__main__':
     }
     if sys.argv[1:] not in [[name] for name in steps]:
         sys.exit(f'run_tests: name one step: {", ".join(steps)}')
+    if not WORKERS.isdecimal() and WORKERS not in ('auto', 'logical'):
+        sys.exit(f'run_tests: WORKERS={WORKERS} is no whole number: write WORKERS=2')
     sys.exit(not steps[sys.argv[1]]())
