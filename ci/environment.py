@@ -95,11 +95,6 @@ def fingerprint(venv: Path, kind: str, requirements: list[Path]) -> str:
 def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
     """Make the environment from scratch, and write the fingerprint last."""
     if venv.exists():
-        if not venv.is_dir() or (any(venv.iterdir()) and not (venv / MARK).exists()):
-            raise Stopped(
-                f'{venv} was not made by this project and is left alone:'
-                ' move it away, or name another folder with make VENV=...'
-            )
         shutil.rmtree(venv)
     if problem := lack_of_space(venv.parent, NEEDED_MB):
         raise Stopped(problem)
@@ -229,6 +224,12 @@ def complete(venv: Path, distro: str) -> None:
         raise Stopped(
             f'{str(venv)!r} cannot be used, because CMake and scripts fail with {characters!r} in a path:'
             ' move the clone to a folder whose path has letters, digits and ._+@~!^- alone'
+        )
+    is_empty = venv.is_dir() and not any(venv.iterdir())
+    if venv.exists() and not is_empty and not (venv / MARK).exists():
+        raise Stopped(
+            f'{venv} was not made by this project and is left alone:'
+            ' move it away, or name another folder with make VENV=...'
         )
     ros_distro = sourced_ros()
     if missing := missing_prerequisites(ros_distro):
