@@ -13,8 +13,7 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.overrides import Override
-from lupin_greenhouse_bridge.planning.passages import Passages
-from lupin_greenhouse_bridge.planning.route import Route, plan_route
+from lupin_greenhouse_bridge.planning.route import Passages, Route, plan_route
 from lupin_greenhouse_bridge.planning.tag_poses import (
     EAST,
     NORTH,

@@ -21,9 +21,8 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, UsageErro
 from lupin_greenhouse_bridge.planning.approach import Approaches, find_approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
-from lupin_greenhouse_bridge.planning.passages import Passage, Passages
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
-from lupin_greenhouse_bridge.planning.route import ORDERS, Route, plan_route
+from lupin_greenhouse_bridge.planning.route import ORDERS, Passage, Passages, Route, plan_route
 from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, ApproachPose, ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
 from lupin_greenhouse_bridge.runtime.arguments import DEGREES, METRES, number_type
