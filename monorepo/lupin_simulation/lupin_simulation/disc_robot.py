@@ -10,7 +10,7 @@ from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.visibility_graph import shortest_path
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 
-from lupin_simulation.navigator_settings import Settings
+from lupin_simulation.settings import Settings
 
 TURN_RAD_PER_S = 1.5
 CELL_M = 0.05  # of the planner, as by default in Nav2's costmaps

@@ -22,8 +22,8 @@ from lupin_tag_confirmation.settings import TOPICS, check_source
 from sensor_msgs.msg import CompressedImage, Image
 
 from lupin_simulation.camera_node import NODE_NAME, CameraNode, from_odometry_parameter, image_of
-from lupin_simulation.layout_settings import LayoutSettings
 from lupin_simulation.pinhole_camera import PinholeCamera
+from lupin_simulation.settings import LayoutSettings
 
 FRAMES_PER_SECOND = 8
 

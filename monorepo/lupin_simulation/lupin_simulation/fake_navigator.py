@@ -35,7 +35,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
 from lupin_simulation.disc_robot import DiscRobot, arrival_at, path_towards
-from lupin_simulation.navigator_settings import Settings
+from lupin_simulation.settings import Settings
 
 GoalHandle: TypeAlias = 'ServerGoalHandle[Any, Any, Any]'
 

@@ -40,7 +40,7 @@ from lupin_simulation.inspection_nodes import (
     executable,
     value_of,
 )
-from lupin_simulation.layout_settings import LayoutSettings
+from lupin_simulation.settings import LayoutSettings
 
 USAGE, INTERRUPTED = 2, 130
 LOOK_EVERY_SECONDS = 0.2

@@ -17,8 +17,8 @@ from lupin_greenhouse_bridge.runtime.parameters import fault_of_rule
 from lupin_mission import settings as mission_settings
 from lupin_tag_confirmation import settings as confirm_tag_settings
 
-from lupin_simulation import navigator_settings
-from lupin_simulation.layout_settings import LayoutSettings
+from lupin_simulation import settings as navigator_settings
+from lupin_simulation.settings import LayoutSettings
 
 DRIVING_SPEEDUP = 20
 RENDERING_SECONDS = 10.0  # for enough images of the SDF world, on a busy machine

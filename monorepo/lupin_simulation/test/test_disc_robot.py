@@ -7,9 +7,10 @@ import pytest
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
 from lupin_greenhouse_bridge.testing._helpers import check_settings
-from lupin_simulation import fake_camera, navigator_settings, world_camera
+from lupin_simulation import fake_camera, world_camera
+from lupin_simulation import settings as navigator_settings
 from lupin_simulation.disc_robot import TURN_RAD_PER_S, DiscRobot, arrival_at
-from lupin_simulation.navigator_settings import Settings
+from lupin_simulation.settings import Settings
 
 NORTH = math.pi / 2
 PATH = [(0.0, 0.0), (1.0, 0.0), (1.0, 2.0)]  # 3 m, with one turn

@@ -1,23 +1,48 @@
-"""The parameters of the fake navigator. Does not import ROS."""
+"""The parameters of the simulated nodes. Does not import ROS."""
 
 import math
 from dataclasses import dataclass
 
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
-from lupin_greenhouse_bridge.planning.walls import parse_numbers
-from lupin_greenhouse_bridge.runtime.parameters import invalid, parameter
+from lupin_greenhouse_bridge.planning.walls import (
+    Walls,
+    find_walls,
+    parse_numbers,
+    parse_walls,
+    walls_parameter,
+)
+from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane
-
-from lupin_simulation.layout_settings import LayoutSettings
+from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
 LARGEST_INT = 2**31 - 1
 
 
 @dataclass(frozen=True)
+class LayoutSettings:
+    """The validated files and walls of a greenhouse. Raises StartUpError for an invalid value."""
+
+    tag_file: str = parameter('', "The bridge's tag_locations.json; empty: the simulator's.")
+    sim_config_file: str = parameter(
+        '', "The bridge's greenhouse_config.yaml, for the walls; empty: the simulator's."
+    )
+    walls: str = walls_parameter()
+
+    def __post_init__(self) -> None:
+        check_parameters(self)
+        parse_walls(self.walls)
+
+    def read_layout(self) -> tuple[Layout, Walls]:
+        """Return the layout and its walls, both in metres; raises StartUpError for a malformed file."""
+        layout = require_layout(self.tag_file, 'tag_file')
+        return layout, find_walls(layout, self.sim_config_file, self.walls)
+
+
+@dataclass(frozen=True)
 class Settings(LayoutSettings):
     """
-    The validated parameters of one run; raises StartUpError for an invalid value.
+    The validated parameters of the fake navigator; raises StartUpError for an invalid value.
 
     doc/commands.md describes each parameter in detail.
     """
