@@ -10,8 +10,8 @@ import rclpy
 from conftest import SPINS
 from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
 from lupin_greenhouse_bridge.recording import record_readings
-from lupin_greenhouse_bridge.recording.buffered_writer import MOST_BYTES, MOST_ROWS, BufferedWriter
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
+from lupin_greenhouse_bridge.recording.record_readings import MOST_BYTES, MOST_ROWS, BufferedWriter
 from lupin_greenhouse_bridge.recording.rows import HEADER, rows_of
 from lupin_greenhouse_bridge.recording.store import StoreError
 from lupin_greenhouse_bridge.recording.subscription import subscribe_to_readings, topics_of

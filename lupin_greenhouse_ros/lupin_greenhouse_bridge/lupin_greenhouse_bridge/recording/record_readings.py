@@ -5,6 +5,11 @@ ROS 2 node `record_readings`: keeps each value that it receives as a row of a SQ
 ros2 run lupin_greenhouse_bridge record_readings --ros-args -p file:=readings.csv
 """
 
+import math
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,9 +22,8 @@ from rclpy.task import Future
 from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, parameter_service_of, tag_ids_request
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.interfaces import TagReading
-from lupin_greenhouse_bridge.recording.buffered_writer import ERROR_EVERY_SECONDS, BufferedWriter
-from lupin_greenhouse_bridge.recording.rows import fault_of, rows_of
-from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.recording.rows import Row, fault_of, rows_of
+from lupin_greenhouse_bridge.recording.store import Store, StoreError, open_store
 from lupin_greenhouse_bridge.recording.subscription import (
     subscribe_to_readings,
     take_what_has_arrived,
@@ -27,12 +31,17 @@ from lupin_greenhouse_bridge.recording.subscription import (
     topics_parameter,
 )
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, declare_parameters, parameter
-from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
+from lupin_greenhouse_bridge.runtime.rclpy_internals import RcutilsLogger, steady_timer
 from lupin_greenhouse_bridge.runtime.run import run
 from lupin_greenhouse_bridge.simulator.layout import find_places
 
 NODE_NAME = 'record_readings'
 ASK_EVERY_SECONDS = 1.0
+MOST_ROWS = 50_000
+MOST_BYTES = 64 * 2**20  # of memory
+WRITE_EVERY_SECONDS = 0.5
+ERROR_EVERY_SECONDS = 10.0
+LAST_TRIES = 6  # at the end: three seconds for a file that another program locks
 TAG_FILE_UNKNOWN = 'the bridge has not told its tag_file'
 SHIPPED_PLACES = 'positions are those of mdp-greenhouse: set tag_file for others'
 
@@ -52,6 +61,85 @@ class Settings:
     def __post_init__(self) -> None:
         check_parameters(self)
         topics_of(self.readings_topics)
+
+
+class BufferedWriter:
+    """
+    Writes the waiting rows twice a second after start(). A file that cannot be written blocks nobody else.
+
+    Up to MOST_ROWS rows and MOST_BYTES wait in memory, and rows that do not fit are counted as lost. The line
+    "N rows kept" acknowledges that the first N new rows are on the disk.
+    """
+
+    def __init__(
+        self, store: Store, logger: RcutilsLogger, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Write to an open store. The clock is monotonic, in seconds."""
+        self._store, self._logger, self._clock = store, logger, clock
+        self._lock = threading.Lock()
+        self._waiting: list[Row] = []
+        self._bytes = self._kept = self._lost = self._lost_said = 0
+        self._next_error_at = -math.inf
+        self._is_ended = threading.Event()
+        self._thread = threading.Thread(target=self._write_all, name='writer', daemon=True)
+
+    def start(self) -> None:
+        """Start to write."""
+        self._thread.start()
+
+    def add(self, rows: Iterable[Row]) -> None:
+        """Take rows, without waiting for the file."""
+        with self._lock:
+            for row in rows:
+                size = _bytes_of(row)
+                if len(self._waiting) < MOST_ROWS and self._bytes + size <= MOST_BYTES:
+                    self._waiting.append(row)
+                    self._bytes += size
+                else:
+                    self._lost += 1
+
+    def _write_all(self) -> None:
+        while not self._is_ended.wait(WRITE_EVERY_SECONDS):
+            self.write()
+
+    def write(self) -> bool:
+        """Write the waiting rows, and log the result; return whether all of them are written."""
+        with self._lock:
+            rows = list(self._waiting)
+        try:
+            new_count = self._store.keep(rows) if rows else 0
+        except StoreError as error:
+            if self._clock() >= self._next_error_at:
+                self._next_error_at = self._clock() + ERROR_EVERY_SECONDS
+                waiting = pluralized(len(rows), 'row')
+                self._logger.error(f'{error}: {waiting} waiting in memory, {self._lost} dropped')
+            return False
+        with self._lock:
+            del self._waiting[: len(rows)]
+            self._bytes -= sum(map(_bytes_of, rows))
+        self._kept += new_count
+        if new_count:
+            self._logger.info(f'{pluralized(self._kept, "row")} kept')
+        if self._lost > self._lost_said:
+            self._lost_said = self._lost
+            dropped = pluralized(self._lost, 'row')
+            self._logger.warning(f'{dropped} dropped so far: the file could not be written for too long')
+        return True
+
+    def end(self) -> int:
+        """Write the waiting rows, and return how many rows were lost since the start."""
+        self._is_ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._next_error_at = -math.inf
+        any(self.write() for _ in range(LAST_TRIES))
+        self._lost += len(self._waiting)
+        self._waiting.clear()
+        return self._lost + self._store.refused_rows
+
+
+def _bytes_of(row: Row) -> int:
+    return sys.getsizeof(row) + sum(map(sys.getsizeof, row))
 
 
 class RecordReadingsNode(Node):
