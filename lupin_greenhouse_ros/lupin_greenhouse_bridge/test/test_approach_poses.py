@@ -110,7 +110,8 @@ def test_tags_and_tables_outside_the_walls_are_warned_of(poses_of):
     outside = 'outside the walls (x 1.1 to 4 m, y 0 to 4 m): tag 21, table bench'
     remedy = 'set --walls or --sim-config-file, all in metres'
     assert err.splitlines()[0] == f'approach_poses: {outside}: {remedy}'
-    _, _, err = poses_of('--walls', '0', '0', '400', '400')
+    _, _, err = poses_of('--walls', '0', '0', '400', '400', '--angle', '0.7')
+    assert 'approach_poses: --angle is below 2 degrees: it is no number of radians\n' in err
     larger = 'the walls (x 0 to 400 m, y 0 to 400 m) are far larger than the layout'
     assert err.splitlines()[0] == f'approach_poses: {larger}: {remedy}'
 
@@ -202,6 +203,7 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
         (['--camera-offset', '0.3'], "the camera is 0.3 m ahead of the robot's centre: must be less than"),
         (['--camera-offset', 'nan'], 'the camera is nan m ahead'),
         (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),
+        (['--start', '150', '400'], 'radius 0.2 m: choose another within x 0'),
         (['--start', 'inf', '0'], 'the start at (inf, 0) is not free'),
         (['--end', '0', '0'], 'the end at (0.00, 0.00) is not free: choose another'),
         (['--picture', '/missing/a.png'], "--picture '/missing/a.png': there is no folder '/missing': name"),
@@ -312,9 +314,9 @@ def test_the_overrides_are_read_by_tag_and_an_unknown_tag_is_warned_of(overrides
         ('overrides: {"7": {standoff: 2.0}}', "tag '7': standoff is 2.0: must be a number from 0.2 to 1.5"),
         ('overrides: {"7": {goal_x: .nan}}', "tag '7': goal_x is nan: must be a number"),
         ('overrides: {"7": {yaw: "north"}}', "tag '7': yaw is 'north': must be a number"),
-        ('overrides: [7]', 'is not a mapping, such as {overrides:'),
+        ('overrides: [7]', 'overrides is a list: must be a mapping, such as {overrides:'),
         ('[7]', 'holds a list at its top level, not a mapping, such as {overrides:'),
-        ('overrides: {"7": 1.5}', "tag '7': is not a mapping"),
+        ('overrides: {"7": 1.5}', '7 is 1.5: must be a mapping, such as {overrides:'),
         ('overrides: {', 'is not YAML'),
         ('{"overrides": {\n\t"7": {"Yaw": 1}}}', "tag '7': unknown key 'Yaw': use yaw"),
     ],

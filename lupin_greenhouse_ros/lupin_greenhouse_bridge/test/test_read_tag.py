@@ -114,7 +114,8 @@ def test_readings_are_a_table_with_the_number_of_tags_and_each_failure_is_a_line
     assert ended.said == (
         f"read_tag: UNKNOWN_TAG: Tag '99' is not in the loaded greenhouse ({len(shipped_tags)} tags known)."
     )
-    assert read('1,6').said.endswith('\nread_tag: write tag ids with spaces between them: 1 6')
+    for tag_id in ('1,6', '1;6', '1-6', 'all', 'tag_id:=1'):
+        assert read(tag_id).said.endswith(': write tag ids with spaces between them, such as 1 2, or --all')
 
 
 def test_json_is_one_object_per_line_and_keeps_characters_as_they_are(read, noon_bridge, warm_tag_id):

@@ -65,6 +65,7 @@ BAD_TAGS = [
 ]
 BAD_TAG_BYTES = [
     (b'', 'is not JSON: it is empty: save it again'),
+    (b'tags:\n  "7": {}', 'is not JSON: it does not begin with { or [: name a JSON file'),
     (b'{"7": {"x": 1,5}}', 'is not JSON: a number has a decimal comma: write a point (line 1, column 15)'),
     (b'{\n // my tag\n"7": {}}', 'is not JSON: it has a comment: remove it (line 2, column 2)'),
     (b"{'7': {}}", 'is not JSON: a name or a text has single quotes: write double quotes'),

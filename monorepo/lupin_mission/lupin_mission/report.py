@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from lupin_greenhouse_bridge.display.report_line import Observation, Outcome, Reading, parse_report
-from lupin_greenhouse_bridge.errors import OneLineError, escaped
+from lupin_greenhouse_bridge.errors import OneLineError, escaped, reason_of
 from lupin_greenhouse_bridge.runtime.output import aligned_table
 from lupin_greenhouse_bridge.units import clock_time, sensor_order, unit_of, value_text
 
@@ -34,8 +34,9 @@ class Report:
         try:
             self._file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
         except (OSError, ValueError) as error:
-            reason = getattr(error, 'strerror', error)
-            raise ReportError(f"report_file '{path}': {reason}: name a file that can be written") from error
+            folder = self.path.parent
+            remedy = 'name a file that can be written' if folder.is_dir() else f"make the folder '{folder}'"
+            raise ReportError(f"report_file '{path}': {reason_of(error)}: {remedy}") from error
         try:
             if not stat.S_ISREG(os.fstat(self._file).st_mode):  # /dev/zero is endless.
                 raise OSError(errno.EINVAL, 'it is not a regular file')

@@ -8,7 +8,7 @@ from typing import Any
 
 from lupin_greenhouse_bridge.errors import StartUpError, escaped
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
-from lupin_greenhouse_bridge.planning.walls import parse_numbers, parse_walls, walls_parameter
+from lupin_greenhouse_bridge.planning.walls import parse_pose, parse_walls, walls_parameter
 from lupin_greenhouse_bridge.runtime.parameters import check_parameters, invalid, parameter
 
 from lupin_mission.visit import Service
@@ -191,8 +191,9 @@ class Settings:
                 'world_file does not name the tables that a robot drives around:'
                 ' set tag_locations_file to the tag file of the world instead'
             )
-        if len(self.dock) != (3 if _words(self.dock_pose) else 0):
-            raise invalid('dock_pose', self.dock_pose, 'empty, or x, y and yaw: "1.0 0.5 3.14", or an array')
+        if bool(self.dock) != bool(_words(self.dock_pose)):
+            accepted = 'empty, or x, y and yaw in radians: "1.0 0.5 3.14", or an array'
+            raise invalid('dock_pose', self.dock_pose, accepted)
         if self.world_file and self.tag_locations_file:
             raise StartUpError('parameters world_file and tag_locations_file are both set: set one of them')
         ids = self.chosen_tag_ids
@@ -217,7 +218,7 @@ class Settings:
     @property
     def dock(self) -> list[float]:
         """x, y and yaw of the dock in the map; [] if the robot does not return to one."""
-        return parse_numbers(_words(self.dock_pose))
+        return parse_pose(_words(self.dock_pose))
 
     @property
     def has_poses_in_map(self) -> bool:

@@ -85,7 +85,7 @@ def test_each_parameter_has_its_type_and_its_limits(node):
         *(({'report_file': each}, 'parameter report_file is .*: must be') for each in ('.', '/', 'a/..')),
         *(
             ({'dock_pose': each}, 'parameter dock_pose is .*: must be empty, or x, y and yaw')
-            for each in ('1 2', [1.0, 2.0, math.nan], 'a b c', True, 1.0)
+            for each in ('1 2', '1 2 90', [1.0, 2.0, math.nan], 'a b c', True, 1.0)
         ),
     ],
 )

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls
+from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
 from lupin_greenhouse_bridge.runtime.arguments import METRES
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
@@ -33,6 +33,8 @@ def main(arguments: list[str] | None = None) -> int:
     except OneLineError as error:
         print(f'generate_world: {error}', file=sys.stderr)
         return USAGE
+    if warning := warning_of_outside(layout, walls):
+        print(f'generate_world: {warning}', file=sys.stderr)
     if not layout.tables:
         print('generate_world: the layout has no tables: the tags face its middle', file=sys.stderr)
     print_line(f'{sdf_file}: {len(layout.tags)} tags, {len(layout.tables)} tables')

@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import json
+import re
 import textwrap
 from dataclasses import fields
 from pathlib import Path
@@ -72,7 +73,7 @@ def arguments_by_node(options: argparse.Namespace) -> dict[str, list[str]]:
     names |= {'record_readings': {'tag_file'}, 'fake_camera': LAYOUT, 'world_camera': set()}
     for each in options.arguments:
         name, _, value = each.partition(':=')
-        if not value:
+        if not value and (re.search('[:=]', each) or name in settable):
             raise StartUpError(fault_of_rule(each, options.arguments))
         if name not in settable | set(mission_settings.WITHOUT_EFFECT):
             refuse_typo(name, settable, 'parameter')

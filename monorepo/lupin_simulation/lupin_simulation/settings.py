@@ -9,6 +9,7 @@ from lupin_greenhouse_bridge.planning.walls import (
     Walls,
     find_walls,
     parse_numbers,
+    parse_pose,
     parse_walls,
     walls_parameter,
 )
@@ -67,8 +68,10 @@ class Settings(LayoutSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(parse_numbers(self.start_pose)) != 3:
-            raise invalid('start_pose', self.start_pose, 'x, y and yaw: "0.5 0.5 0.0", or an array')
+        if not parse_pose(self.start_pose):
+            raise invalid(
+                'start_pose', self.start_pose, 'x, y and yaw in radians: "0.5 0.5 0.0", or an array'
+            )
         numbers = parse_numbers(self.blocked)
         are_rectangles = all(x0 < x1 and y0 < y1 for x0, y0, x1, y1 in self.obstacles)
         if not are_rectangles or len(numbers) % 4 or (self.blocked and not numbers):

@@ -75,7 +75,11 @@ RECTANGLES = 'empty, or x0 y0 x1 y1 of each rectangle: "0.0 2.0 1.0 2.5", with x
     ('name', 'values', 'accepted'),
     [
         ('blocked', ['1 2 3', 'here', '0 1 2 nan', '2 1 0 3', '0 0 0 1', 7, [1.0, 2.0]], RECTANGLES),
-        ('start_pose', ['', '1 2 up', '1 2 inf', '1 2 3 4'], 'x, y and yaw: "0.5 0.5 0.0", or an array'),
+        (
+            'start_pose',
+            ['', '1 2 up', '1 2 90', '1 2 3 4'],
+            'x, y and yaw in radians: "0.5 0.5 0.0", or an array',
+        ),
     ],
 )
 def test_wrong_numbers_are_refused(name, values, accepted):

@@ -85,6 +85,11 @@ def test_a_file_that_it_did_not_make_is_refused_and_nothing_is_written(tmp_path,
     assert content(folder) == {'models/tag_7/tag_7.png': b'mine'}
 
 
+def test_walls_in_millimetres_are_warned_of(tmp_path, tag_file, capsys):
+    assert make(tmp_path / 'world', '--tag-file', tag_file, '--walls', *['0', '0', '4000', '8000']) == 0
+    assert '(x 0 to 4000 m, y 0 to 8000 m) are far larger than the layout' in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ('arguments', 'fragment'),
     [

@@ -200,6 +200,7 @@ def test_a_check_of_good_arguments_starts_and_makes_nothing(tmp_path, stand_in, 
         ('min_frames:=1', ['--drive']),
         ('seed:=3', ['--drive']),
         ('report_file:=x.jsonl', ['--drive']),
+        ('fast', ['--drive']),
     ],
 )
 def test_an_argument_of_no_node_is_refused_with_those_that_there_are(tmp_path, capsys, argument, options):

@@ -3,10 +3,16 @@
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
-from lupin_greenhouse_bridge.simulator.json_yaml import LARGEST_NUMBER, number, read_yaml
+from lupin_greenhouse_bridge.errors import escaped
+from lupin_greenhouse_bridge.simulator.json_yaml import (
+    LARGEST_NUMBER,
+    mapping_of,
+    number,
+    read_yaml,
+    refuse_unknown_keys,
+)
 
 EXAMPLE = '{overrides: {"7": {yaw: 3.14, standoff: 0.4}}}'
 # The unit, the smallest and the largest value of each key.
@@ -31,27 +37,16 @@ def read_overrides(path: str | Path, layout_ids: Collection[str]) -> tuple[dict[
     """Return the overrides of a file by tag id, and a warning for each unknown id; raises StartUpError."""
     where = f"approach overrides '{escaped(str(path), 500)}'"
     data = read_yaml(path, where, f'a mapping, such as {EXAMPLE}')
-    _refuse_unknown_keys(data, ['overrides'], where)
-    overrides = data.get('overrides') or {}
-    if not isinstance(overrides, dict):
-        raise StartUpError(f'{where}: is not a mapping, such as {EXAMPLE}')
+    refuse_unknown_keys(data, ['overrides'], where, EXAMPLE)
+    overrides = mapping_of(data, 'overrides', where, EXAMPLE) if data.get('overrides') else {}
     found, warnings = {}, []
     for tag_id, each in overrides.items():
         here = f"{where}: tag '{escaped(str(tag_id), 64)}'"
-        values = {} if each is None else each
-        if not isinstance(values, dict):
-            raise StartUpError(f'{here}: is not a mapping, such as {EXAMPLE}')
-        _refuse_unknown_keys(values, _LIMITS, here)
+        values = {} if each is None else mapping_of(overrides, tag_id, where, EXAMPLE)
+        refuse_unknown_keys(values, _LIMITS, here, EXAMPLE)
         override = Override(**{key: float(number(values, key, here, *_LIMITS[key])) for key in values})
         if str(tag_id) in layout_ids:
             found[str(tag_id)] = override
         else:
             warnings.append(f'{here} is not in the layout: its override has no effect')
     return found, warnings
-
-
-def _refuse_unknown_keys(mapping: dict[Any, Any], keys: Collection[str], where: str) -> None:
-    for key in mapping:
-        if key not in keys:
-            unknown = f"{where}: unknown key '{escaped(str(key), 64)}'"
-            raise StartUpError(f'{unknown}: use {", ".join(keys)}, as in {EXAMPLE}')

@@ -15,6 +15,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout
 SOUTH, NORTH, WEST, EAST = -math.pi / 2, math.pi / 2, math.pi, 0.0
 MOST_NAMED = 4  # tags or tables in a warning
 FAR_LARGER = 30  # times as large as the layout: then one of them is not in metres
+LARGEST_YAW_RAD = 10.0
 MARGIN_M = 1.6  # without a config, the robot can stand 1.5 m in front of every tag
 
 
@@ -103,6 +104,12 @@ def parse_numbers(value: Any) -> list[float]:
     except ValueError:
         return []
     return numbers if all(map(math.isfinite, numbers)) else []
+
+
+def parse_pose(value: Any) -> list[float]:
+    """Return x, y and yaw of what parse_numbers() takes; [] if it is no pose, or its yaw is in degrees."""
+    pose = parse_numbers(value)
+    return pose if len(pose) == 3 and abs(pose[2]) <= LARGEST_YAW_RAD else []
 
 
 def walls_parameter() -> Any:

@@ -18,6 +18,7 @@ from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, parse_rows, with_places
 from lupin_greenhouse_bridge.recording.rows import Row, key_of
 from lupin_greenhouse_bridge.runtime.output import check_output_file, print_line
+from lupin_greenhouse_bridge.simulator.json_yaml import read_text
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order, require_layout
 from lupin_greenhouse_bridge.units import sensor_order
 
@@ -31,6 +32,7 @@ COMPANION_ENDINGS = {
 }
 MOST_SENSORS = 20  # more panels than this are no picture to look at
 LONGEST_NAME = 64  # characters
+LARGEST_ROUTE_BYTES = 2**30
 LARGEST_VALUE, LARGEST_M = 1e20, 1e12  # no program that draws fails at sums and squares of these
 DRAWABLE = f'values must be within {LARGEST_VALUE:g}, and positions within {LARGEST_M:g} m, of 0'
 
@@ -248,16 +250,12 @@ def read_route(name: str | Path) -> list[Point]:
     """Return x and y in metres of each point of a CSV file, or none for ''; raises StartUpError."""
     if not name:
         return []
-    path = Path(name)
-    if path.exists() and not path.is_file():  # a pipe would wait for its writer
-        raise StartUpError(f"--route '{path}': is not a regular file: name another")
+    where = f"--route '{name}'"
+    lines = read_text(name, where, LARGEST_ROUTE_BYTES).splitlines()
     try:
-        with path.open(encoding='utf-8', newline='') as file:
-            route = [(float(row['x']), float(row['y'])) for row in csv.DictReader(file)]
-    except OSError as error:
-        raise StartUpError(f"--route '{path}': {error.strerror}: name another") from error
+        route = [(float(row['x']), float(row['y'])) for row in csv.DictReader(lines)]
     except (KeyError, TypeError, ValueError, csv.Error):
         route = []
     if not route or not all(abs(each) <= LARGEST_M for point in route for each in point):
-        raise StartUpError(f"--route '{path}': is not a CSV file of x,y in metres: name another")
+        raise StartUpError(f'{where}: is not a CSV file of x,y in metres: name another')
     return route

@@ -119,10 +119,8 @@ def _free_space(layout: Layout, walls: Walls, limits: ViewingLimits, start_m: Po
     """Return where the robot can be; raises StartUpError for a start that is not free, or without a place."""
     free_space = FreeSpace(layout, walls, limits.robot_radius_m, limits.smallest_room_m)
     if start_m and not free_space.is_free(*start_m):
-        radius_m = limits.robot_radius_m
-        raise StartUpError(
-            f'{_named(start_m)} is not free for a robot of radius {radius_m:g} m: choose another'
-        )
+        robot = f'a robot of radius {limits.robot_radius_m:g} m'
+        raise StartUpError(f'{_named(start_m)} is not free for {robot}: choose another within {walls}')
     if free_space.is_empty():
         raise StartUpError('tables and tags leave no free space for the robot: choose a smaller radius')
     return free_space

@@ -74,6 +74,8 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
     walls = find_walls(layout, options.sim_config_file, options.walls)
     warnings += filter(None, [warning_of_outside(layout, walls)])
     limits = _limits_of(options)
+    if 0.0 < limits.largest_angle_rad < math.radians(2.0):
+        warnings.append('--angle is below 2 degrees: it is no number of radians')
     occupancy = None
     if options.unknown and not options.map:
         raise UsageError('--unknown is about the cells of a map: name one with --map FILE')

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, reason_of
-from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml
+from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml, refuse_unknown_keys
 
 MAP_FRAME, LAYOUT_FRAME = 'map', 'greenhouse'
 DEFAULT_TOLERANCE_M = 0.1
 DEFAULT_CLICK_ERROR_M = 0.03
 FEWEST_THAT_OVERRULE = 3  # two tags can agree by chance
-_EXAMPLE = 'such as "frame_id: map", "x: 1.5", "y: -0.2" and "yaw: 0.3"'
+_EXAMPLE = '{frame_id: map, x: 1.5, y: -0.2, yaw: 0.3}'
 _METRES = ('metres', -1e12, 1e12)
 POSE_LIMITS = {'x': _METRES, 'y': _METRES, 'yaw': ('radians', -10.0, 10.0)}  # not degrees
 Positions = NDArray[np.complex128]  # x + y * 1j in metres, which a factor of length 1 rotates
@@ -230,10 +230,8 @@ def read_transform(path: str | Path, frame_id: str = '') -> Transform:
 def read_registration(path: str | Path) -> tuple[str, Transform]:
     """Return the frame and the transform in a file of write_transform(); raises StartUpError."""
     where = _where(path)
-    data = read_yaml(path, where, f'a mapping, {_EXAMPLE}')
-    if unknown := [key for key in data if key not in ('frame_id', *POSE_LIMITS)]:
-        shown = escaped(str(unknown[0]), 64)
-        raise StartUpError(f"{where}: unknown key '{shown}': the keys are frame_id, x, y and yaw")
+    data = read_yaml(path, where, f'a mapping, such as {_EXAMPLE}')
+    refuse_unknown_keys(data, ('frame_id', *POSE_LIMITS), where, _EXAMPLE)
     frame_id = data.get('frame_id')
     if not isinstance(frame_id, str) or not frame_id.strip():
         raise StartUpError(f'{where}: frame_id is missing or no text: must name the frame of the map')

@@ -25,7 +25,7 @@ from lupin_greenhouse_bridge.contract import (
     tag_ids_of,
     tag_ids_request,
 )
-from lupin_greenhouse_bridge.errors import Interrupted, OneLineError, StartUpError, UsageError, escaped
+from lupin_greenhouse_bridge.errors import Interrupted, OneLineError, StartUpError, UsageError
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.reading.table import Csv, Json, Table
@@ -39,6 +39,7 @@ from lupin_greenhouse_bridge.simulator.layout import find_places, natural_order
 
 SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
+NO_ID = re.compile(r'[,;=]|^all$|^\d+-\d+$')  # what people write who want several tags
 COMPLETION_TIMEOUT_SECONDS = 0.3
 SILENT_SECONDS = 1.0  # while it waits for the service; a bridge that runs is discovered sooner
 
@@ -100,10 +101,8 @@ def _read(node: Node, client: Client, options: argparse.Namespace) -> int:
             is_read = all(each.is_ok for each in answers)
             exit_code = NO_ANSWER if problem else ALL_READ if is_read else SOME_FAILED
             warning = warning or _warn_of_other_servers(node, service_name)
-    for each in answers:
-        ids = re.split('[,;]', each.tag_id)
-        if each.status == 'UNKNOWN_TAG' and len(ids) > 1:
-            _complain(f'write tag ids with spaces between them: {escaped(" ".join(ids), 64)}')
+    if any(each.status == 'UNKNOWN_TAG' and NO_ID.search(each.tag_id) for each in answers):
+        _complain('write tag ids with spaces between them, such as 1 2, or --all')
     return exit_code
 
 

@@ -21,6 +21,7 @@ LARGEST_NUMBER = 1e12
 TOO_DEEP = 'is too deeply nested: use at most 4 levels'
 # What people write that JSON does not have: what is before and after the place where the parser stops.
 JSON_FAULTS = {
+    r'\n[^/]': 'it does not begin with { or [: name a JSON file',
     r'\d,\n\d': 'a number has a decimal comma: write a point',
     r'.*\n(#|//|/\*)': 'it has a comment: remove it',
     r".*\n'": 'a name or a text has single quotes: write double quotes',
@@ -101,6 +102,14 @@ def unknown_keys(mapping: Mapping[Any, Any], known: Collection[str], where: str)
         if isinstance(key, str):
             refuse_typo(key, missing, f'{where}:')
     return [escaped(key, 60) if isinstance(key, str) else start_of(key) for key in unknown]
+
+
+def refuse_unknown_keys(mapping: Mapping[Any, Any], known: Collection[str], where: str, example: str) -> None:
+    """Raise a StartUpError that begins with `where` for the first key that is not known."""
+    for key in mapping:
+        if key not in known:
+            unknown = f"unknown key '{escaped(str(key), 64)}'"
+            raise StartUpError(f'{where}: {unknown}: use {", ".join(known)}, as in {example}')
 
 
 def shown(mapping: Mapping[str, Any], key: str) -> str:
