@@ -306,10 +306,14 @@ class HeldNavigator:
 @pytest.fixture
 def held_navigator(node):
     """Return a function that makes an action server which the test controls."""
-    from nav2_msgs.action import NavigateToPose  # which some computers lack
+    import nav2_msgs.action  # which some computers lack
+
+    def make(name):
+        navigator = HeldNavigator(node, nav2_msgs.action.NavigateToPose, name)
+        return stack.enter_context(contextlib.closing(navigator))
 
     with contextlib.ExitStack() as stack:
-        yield lambda name: stack.enter_context(contextlib.closing(HeldNavigator(node, NavigateToPose, name)))
+        yield make
 
 
 def publish(publisher, message) -> None:

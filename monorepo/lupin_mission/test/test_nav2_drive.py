@@ -131,6 +131,18 @@ def accepted(trip, navigator):
     return goal
 
 
+def under_way(trip, navigator):
+    """Set off to tag a, and return the handle of its goal, which the server has accepted."""
+    trip.start('a')
+    return accepted(trip, navigator)
+
+
+def arrives(trip, navigator) -> bool:
+    """Return whether a goal that the server accepts and reaches ends the drive there."""
+    navigator.end(accepted(trip, navigator), 'succeed')
+    return trip.arrival() == HERE
+
+
 def test_the_goal_is_a_pose_of_the_tag_or_the_dock_in_the_map(make_trip, held_navigator):
     trip = make_trip(dock_pose='5.0 6.0 0.0')
     navigator = held_navigator(trip.name)
@@ -147,12 +159,10 @@ def test_the_goal_is_a_pose_of_the_tag_or_the_dock_in_the_map(make_trip, held_na
     assert (goal.pose.orientation.z, goal.pose.orientation.w) == pytest.approx([math.sqrt(0.5)] * 2)
     navigator.end(navigator.accept(), 'succeed')
     assert trip.arrival() == HERE
-    assert trip.drive.is_over()
     trip.drive.start_return(0.0)
-    trip.drive_until(navigator.has_goal)
-    assert navigator.wait_for_goal().pose.position.x == 5.0
-    navigator.end(navigator.accept(), 'succeed')
-    assert trip.arrival() == HERE
+    assert arrives(trip, navigator)
+    assert trip.drive.is_over()
+    assert [each.pose.position.x for each in navigator.goals] == [1.0, 5.0]
 
 
 def test_a_server_that_starts_late_is_waited_for_before_a_person_is_needed(trip, held_navigator):
@@ -171,8 +181,7 @@ def test_a_server_that_starts_late_is_waited_for_before_a_person_is_needed(trip,
     trip.now_seconds = 150.0
     assert trip.spin() is None
     navigator = held_navigator(trip.name)
-    navigator.end(accepted(trip, navigator), 'succeed')
-    assert trip.arrival() == HERE
+    assert arrives(trip, navigator)
 
 
 def rejected(trip, navigator):
@@ -191,8 +200,7 @@ def test_a_server_that_rejects_goals_gets_the_goal_again_for_30_s(trip, navigato
         assert trip.spin() is None
         assert (trip.notes, len(navigator.goals)) == ([warning], count)
         trip.now_seconds += 0.5
-    navigator.end(accepted(trip, navigator), 'succeed')
-    assert trip.arrival() == HERE
+    assert arrives(trip, navigator)
     assert trip.drive.is_over()
     trip.start('a')
     set_off = trip.now_seconds
@@ -212,8 +220,7 @@ def test_a_server_that_rejects_goals_gets_the_goal_again_for_30_s(trip, navigato
 
 def test_a_goal_that_another_client_preempts_needs_a_person(trip, navigator, node):
     """As RViz's 2D Goal Pose does; Nav2 aborts the goal before."""
-    trip.start('a')
-    goal = accepted(trip, navigator)
+    goal = under_way(trip, navigator)
     rviz = rclpy.create_node('rviz', context=node.context)
     # On a node that nobody spins: rclpy spins a client of an action before it is complete.
     someone = ActionClient(rviz, actions.NavigateToPose, trip.name)
@@ -225,9 +232,7 @@ def test_a_goal_that_another_client_preempts_needs_a_person(trip, navigator, nod
     navigator.end(goal, 'abort')
     assert trip.arrival() == Arrival('another client drives the robot', needs_person=True)
     trip.drive.resume()
-    trip.start('a')  # takes the robot back
-    goal = accepted(trip, navigator)
-    navigator.end(goal, 'abort')
+    navigator.end(under_way(trip, navigator), 'abort')  # it has taken the robot back
     assert trip.arrival() == Arrival(f'{trip.name} aborted the drive')
     someone.destroy()
     rviz.destroy_node()
@@ -244,8 +249,7 @@ def test_a_goal_that_another_client_preempts_needs_a_person(trip, navigator, nod
     ],
 )
 def test_a_drive_that_fails_where_it_began_is_stuck(trip, navigator, positions, is_stuck, how):
-    trip.start('a')
-    goal = accepted(trip, navigator)
+    goal = under_way(trip, navigator)
     sent = trip.drive._sent
     moved_m = max((math.dist(positions[0], each) for each in positions), default=0.0)
     for position in positions:
@@ -284,8 +288,7 @@ def test_a_drive_that_succeeded_elsewhere_tells_how_far_off_the_robot_stands(
         trip.localized_pose = PoseStamped(pose=pose_message(*localized))
         trip.localized_pose.header.frame_id = 'map'
         trip.localized_pose.header.stamp.sec = localized_at_seconds
-    trip.start('a')
-    goal = accepted(trip, navigator)
+    goal = under_way(trip, navigator)
     if told:
         navigator.tell_pose(goal, *told, frame_id=frame_id)
         trip.drive_until(lambda: trip.drive._sent.pose)
@@ -317,8 +320,7 @@ def test_an_abort_is_a_failed_drive_with_code_and_message(
     monkeypatch.setattr(actions, 'NavigateToPose', getattr(actions, name))
     trip = make_trip()
     navigator = held_navigator(trip.name)
-    trip.start('a')
-    navigator.end(accepted(trip, navigator), 'abort', **result)
+    navigator.end(under_way(trip, navigator), 'abort', **result)
     assert trip.arrival() == Arrival(f'{trip.name} aborted the drive{reason}')
 
 
@@ -345,8 +347,7 @@ def test_a_goal_without_a_reply_or_an_end_is_given_up_and_cancelled_once_it_is_a
 
 
 def test_a_goal_that_another_client_cancels_is_a_failed_drive(trip, navigator, node):
-    trip.start('a')
-    goal = accepted(trip, navigator)
+    goal = under_way(trip, navigator)
     someone = node.create_client(CancelGoal, f'{trip.name}/_action/cancel_goal')
     wait_until(someone.service_is_ready)
     someone.call_async(CancelGoal.Request())  # cancels all goals
@@ -355,8 +356,7 @@ def test_a_goal_that_another_client_cancels_is_a_failed_drive(trip, navigator, n
 
 
 def test_a_cancel_that_is_refused_is_an_error_and_the_next_goal_is_sent_after_2_s(trip, navigator):
-    trip.start('a')
-    accepted(trip, navigator)
+    under_way(trip, navigator)
     trip.drive.stop()
     trip.start('b')
     navigator.answer_cancel(accept=False)
@@ -367,22 +367,19 @@ def test_a_cancel_that_is_refused_is_an_error_and_the_next_goal_is_sent_after_2_
     assert trip.spin() is None
     assert len(navigator.goals) == 1
     trip.now_seconds = 2.0
-    navigator.end(accepted(trip, navigator), 'succeed')
-    assert trip.arrival() == HERE
+    assert arrives(trip, navigator)
 
 
 def test_a_server_that_dies_under_way_is_a_failed_drive_and_its_successor_gets_the_goal(
     trip, navigator, held_navigator
 ):
-    trip.start('a')
-    accepted(trip, navigator)
+    under_way(trip, navigator)
     navigator.close()
     assert trip.arrival() == Arrival(f'{trip.name} has gone')
     trip.start('a')
     assert trip.spin() is None
     successor = held_navigator(trip.name)
-    successor.end(accepted(trip, successor), 'succeed')
-    assert trip.arrival() == HERE
+    assert arrives(trip, successor)
     assert trip.drive.is_over()
 
 
@@ -390,8 +387,7 @@ def test_without_a_limit_a_drive_lasts_until_its_server_starts_again(make_trip, 
     """Even between two looks."""
     trip = make_trip(nav_timeout_s=0.0)
     navigator = held_navigator(trip.name)
-    trip.start('a')
-    accepted(trip, navigator)
+    under_way(trip, navigator)
     trip.now_seconds = HOUR
     trip.drive_until(lambda: trip.drive._sent.servers)
     navigator.close()
@@ -403,8 +399,7 @@ def test_without_a_limit_a_drive_lasts_until_its_server_starts_again(make_trip, 
 
 @pytest.mark.parametrize('how', ['succeed', 'canceled'])
 def test_a_result_that_comes_after_a_cancel_is_not_that_of_the_next_drive(trip, navigator, how):
-    trip.start('a')
-    goal = accepted(trip, navigator)
+    goal = under_way(trip, navigator)
     trip.drive.stop()
     trip.start('b')
     trip.drive_until(navigator.has_cancel)
@@ -414,15 +409,12 @@ def test_a_result_that_comes_after_a_cancel_is_not_that_of_the_next_drive(trip, 
         navigator.answer_cancel()
     else:
         navigator.grant_cancel(goal)
-    following = accepted(trip, navigator)
+    assert arrives(trip, navigator)
     assert len(navigator.goals) == 2
-    navigator.end(following, 'succeed')
-    assert trip.arrival() == HERE
 
 
 def test_a_success_at_the_moment_of_a_pause_counts(trip, navigator):
-    trip.start('a')
-    goal = accepted(trip, navigator)
+    goal = under_way(trip, navigator)
     trip.drive.pause()
     navigator.wait_for_cancel()
     navigator.end(goal, 'succeed')
@@ -446,8 +438,7 @@ def test_a_reply_whose_executor_has_ended_is_taken_under_the_next(trip, navigato
 
 
 def test_after_a_pause_of_an_hour_the_goal_is_sent_again_with_all_its_time(trip, navigator):
-    trip.start('a')
-    goal = accepted(trip, navigator)
+    goal = under_way(trip, navigator)
     trip.now_seconds = 50.0
     assert trip.spin() is None
     trip.drive.pause()
