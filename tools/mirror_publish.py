@@ -72,16 +72,14 @@ def is_ancestor(here: Path, old: str, new: str) -> bool:
 def next_ready(here: Path, ready: str, main: str, committer: list[str]) -> str:
     """Return the commit of `ready` that contains `main`; '' is a `ready` that does not exist yet."""
     if ready:
-        published = git(here, 'show', '-s', '--format=%P', ready).split()[-1:]
-        trees = git(here, 'show', '-s', '--format=%T', ready).split()
-        if trees != [tree_without_ignore(here, commit) for commit in published]:
+        tree, *parents = git(here, 'show', '-s', '--format=%T %P', ready).split()
+        if [tree] != [tree_without_ignore(here, published) for published in parents[-1:]]:
             raise RefusedError('the branch ready has changes of its own: move them to main by a patch')
         if is_ancestor(here, main, ready):
             return ready
-    parents = [argument for parent in (ready, main) if parent for argument in ('-p', parent)]
-    message = 'Merge main, without COLCON_IGNORE\n\nColcon finds the packages of this branch.\n'
-    tree = tree_without_ignore(here, main)
-    return git(here, *committer, 'commit-tree', tree, *parents, '-m', message).strip()
+    options = [f'-p{parent}' for parent in (ready, main) if parent]
+    options.append('-mMerge main, without COLCON_IGNORE\n\nColcon finds the packages of this branch.\n')
+    return git(here, *committer, 'commit-tree', *options, tree_without_ignore(here, main)).strip()
 
 
 def publish(here: Path, remote: str, release: str, *, is_dry_run: bool) -> list[str]:
@@ -141,8 +139,7 @@ def address_advice(here: Path, remote: str) -> str:
 
 def default_branch_advice(here: Path, remote: str) -> str:
     """Return what to set if a clone of the remote does not begin with `ready`, or ''."""
-    head = git(here, 'ls-remote', '--symref', remote, 'HEAD')
-    if head.startswith(f'ref: {READY}\t'):
+    if git(here, 'ls-remote', '--symref', remote, 'HEAD').startswith(f'ref: {READY}\t'):
         return ''
     return (
         'set the default branch of the remote to ready, in the settings of the project (in a bare repository,'

@@ -40,7 +40,6 @@ from lupin_greenhouse_bridge.testing import NodeProcess
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from shared import PATIENCE_SECONDS, Promises, check_promises, own_domain, parser_of, status_of
 from traffic import Bridge, ClientProcess, start_clients, total_of
 
@@ -50,7 +49,6 @@ BRIDGE_NODE, READ_TAG, READ_ON_SIGHT, RECORD_READINGS = (
     for name in ('bridge_node', 'read_tag', 'read_on_sight', 'record_readings')
 )
 START_NS = 1_795_189_976_000_000_000
-LATCHED = latched(50)
 
 
 class Load(NamedTuple):
@@ -228,7 +226,7 @@ def record(
     topic, published = f'/soak/{file.name.replace(".", "_")}', 0
     recorder = NodeProcess(RECORD_READINGS, readings_topics=topic, file=file)
     recorder.wait_for_log('ready: ')
-    readings = node.create_publisher(TagReading, topic, QoSProfile(depth=2000, durability=LATCHED.durability))
+    readings = node.create_publisher(TagReading, topic, latched(2000))
     values = [SensorReading(name=f'sensor {number}', value=1.0) for number in range(60)]
     start = time.monotonic()
     with contextlib.closing(sqlite3.connect(file, isolation_level=None)) as other:
