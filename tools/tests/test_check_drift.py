@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import check_drift
 import pytest
@@ -35,6 +36,10 @@ class Trees:
     def path(self, side, name):
         """Return a file of a tree; MSGS stands for the tree's own message package."""
         return self.base / TREES[side] / name.replace('MSGS', check_drift.MSGS[side])
+
+    def change(self, sides, name, change):
+        for side in TREES if sides == 'both' else [sides]:
+            change(self.path(side, name))
 
     def check(self, form='text'):
         sides = [word for side, folder in TREES.items() for word in (f'--{side}', str(self.base / folder))]
@@ -128,131 +133,116 @@ EDITS = [
 ]  # fmt: skip
 
 
-def rewrite(side, name, pattern, new):
-    """Replace a pattern in all of a file."""
-
-    def mutate(trees):
-        path = trees.path(side, name)
-        path.write_bytes(re.sub(pattern, new, path.read_bytes(), flags=re.MULTILINE | re.DOTALL))
-
-    return mutate
+def replaced(old, new):
+    return lambda path: edit(path, old, new)
 
 
-def swap(side, name, first, second):
-    """Swap the first two lines that begin like this."""
-    return rewrite(side, name, rf'^({first}[^\n]*\n)(.*?)^({second}[^\n]*\n)'.encode(), rb'\3\2\1')
-
-
-def moved_line(trees):
-    """Move the right line into another function, in both trees."""
-    for side, line in (('monorepo', WRAP), ('mirror', PLAIN)):
-        node = trees.path(side, NODE)
-        edit(node, f'    {line}\n', '    return _elsewhere(value)\n')
-        edit(node, 'def main(', f'def _elsewhere(value):\n    {line}\n\n\ndef main(')
-
-
-def add(side, name, content=''):
+def added(content=''):
     """Add a file, or text at the end of it."""
-    return lambda trees: edit(trees.path(side, name), '', content)
+    return replaced('', content)
 
 
-def delete(side, name):
-    return lambda trees: trees.path(side, name).unlink()
+def rewritten(pattern, new):
+    """Replace a pattern in all of a file."""
+    flags = re.MULTILINE | re.DOTALL
+    return lambda path: path.write_bytes(re.sub(pattern, new, path.read_bytes(), flags=flags))
 
 
-def chmod(side, name, mode):
-    return lambda trees: trees.path(side, name).chmod(mode)
+def swapped(first, second):
+    """Swap the first two lines that begin like this."""
+    return rewritten(rf'^({first}[^\n]*\n)(.*?)^({second}[^\n]*\n)'.encode(), rb'\3\2\1')
 
 
-def link(side, name, target=''):
-    """Put a symlink in place of a file or folder; without a target, to where that was moved to."""
-
-    def mutate(trees):
-        path = trees.path(side, name)
-        if path.exists():
-            path.rename(trees.base / 'elsewhere')
-        path.symlink_to(target or trees.base / 'elsewhere')
-
-    return mutate
+def move_line(path):
+    """Move the right line into another function."""
+    line = WRAP if 'monorepo' in path.parts else PLAIN
+    edit(path, f'    {line}\n', '    return _elsewhere(value)\n')
+    edit(path, 'def main(', f'def _elsewhere(value):\n    {line}\n\n\ndef main(')
 
 
-def track(side, name):
-    """Commit a file in a clone, where git knows it."""
+def linked(target):
+    """Put a symlink in place of a file or folder."""
 
-    def mutate(trees):
-        add(side, name)(trees)
-        git(trees.base, 'add', '--force', str(trees.path(side, name)))
+    def change(path):
+        if path.is_dir():
+            shutil.rmtree(path)
+        path.unlink(missing_ok=True)
+        path.symlink_to(target)
 
-    return mutate
-
-
-def edit_in(sides, name, old, new):
-    def mutate(trees):
-        for side in TREES if sides == 'both' else [sides]:
-            edit(trees.path(side, name), old, new)
-
-    return mutate
+    return change
 
 
+def track(path):
+    """Add a file to a clone, where git knows it."""
+    edit(path, '', '')
+    git(path.parent, 'add', '--force', str(path))
+
+
+def executable(path):
+    path.chmod(0o755)
+
+
+NEW, GONE = added(), Path.unlink
+# heading, name of the test, sides, file, change
 CHANGES = [
-    (INTERFACE, 'two fields swapped', swap('mirror', SENSOR, 'string name', 'float64 value')),
-    (INTERFACE, 'a field over the dashes', swap('mirror', SRV, '---', 'string error_message')),
-    (INTERFACE, 'constants reordered', swap('monorepo', SRV, 'uint8 STATUS_OK', 'uint8 STATUS_UNK')),
-    (DIVERGENCE, 'the line moved in both', moved_line),
-    (ONE_SIDE, 'a new file in the mirror', add('mirror', f'{BRIDGE}/{BRIDGE}/extra.py')),
-    (ONE_SIDE, 'a new file in the monorepo', add('monorepo', f'{BRIDGE}/test/test_extra.py')),
-    (ONE_SIDE, 'a message only there', add('mirror', 'MSGS/msg/Extra.msg', 'bool extra\n')),
-    (ONE_SIDE, 'ConfirmTag in the mirror', add('mirror', 'MSGS/srv/ConfirmTag.srv', 'string a\n---\n')),
-    (ONE_SIDE, 'an unlisted repository file', add('mirror', 'NOTES.md')),
-    (ONE_SIDE, 'a file named like build output', add('mirror', f'{BRIDGE}/log')),
-    (ONE_SIDE, 'a module named like build output', add('mirror', f'{BRIDGE}/{BRIDGE}/build/__init__.py')),
-    (ONE_SIDE, 'a third package in the mirror', add('mirror', 'lupin_extra/package.xml')),
-    (ONE_SIDE, 'a deleted test', delete('mirror', f'{BRIDGE}/test/test_node.py')),
-    (ONE_SIDE, 'a deleted resource marker', delete('mirror', f'{BRIDGE}/resource/{BRIDGE}')),
-    (ONE_SIDE, 'a deleted manifest', delete('monorepo', f'{BRIDGE}/package.xml')),
-    (ONE_SIDE, 'a deleted service', delete('monorepo', SRV)),
-    (LEFT_OVER, 'a file named after the old package', add('mirror', f'{BRIDGE}/test/lupin_msgs.txt')),
-    (LEFT_OVER, 'the old package beside the new', add('mirror', 'lupin_msgs/msg/SensorReading.msg', 'bool a\n')),
-    (MISSING, 'a file kept by hand', delete('mirror', 'README.md')),
-    (MISSING, 'a file of the messages kept by hand', delete('mirror', 'MSGS/CHANGELOG.rst')),
-    (MISSING, 'COLCON_IGNORE missing', delete('mirror', 'COLCON_IGNORE')),
-    (IGNORE, 'COLCON_IGNORE not empty', add('mirror', 'COLCON_IGNORE', '\n')),
-    (IGNORE, 'COLCON_IGNORE in the monorepo', add('monorepo', 'COLCON_IGNORE')),
-    (IGNORE, 'COLCON_IGNORE in a package', add('mirror', f'{BRIDGE}/COLCON_IGNORE')),
-    (IGNORE, 'AMENT_IGNORE in both packages', edit_in('both', f'{BRIDGE}/AMENT_IGNORE', '', '')),
-    (IGNORE, 'CATKIN_IGNORE in the messages', add('monorepo', 'MSGS/CATKIN_IGNORE')),
-    (MODE, 'executable in the mirror', chmod('mirror', NODE, 0o755)),
-    (MODE, 'executable in the monorepo', chmod('monorepo', READING, 0o755)),
-    (LINK, 'a symlink out of the tree', link('mirror', SIMULATION, '/etc/hostname')),
-    (LINK, 'a symlink to the other tree', link('mirror', NODE.replace('bridge_node', 'errors'), '../../../monorepo/x')),
-    (LINK, 'a new symlink', link('monorepo', f'{BRIDGE}/extra', '/')),
-    (LINK, 'a package that is a symlink', link('monorepo', BRIDGE)),
-    (LINK, 'a package of the mirror that is a symlink', link('mirror', BRIDGE)),
-    (LINK, 'a folder of messages that is a symlink', link('monorepo', 'MSGS/msg')),
-    (LINK, 'a folder of a package that is a symlink', link('mirror', f'{BRIDGE}/doc')),
-    *((ONE_SIDE, f'{name} that git tracks', track('mirror', name)) for name in (f'{BRIDGE}/build/a.py', 'MSGS/log/a', '.vscode/a', 'a~')),
-    (PACKAGE_DIFFERS, 'CRLF in a whole file', rewrite('mirror', LAUNCH, b'\n', b'\r\n')),
-    (INTERFACE, 'CRLF in a message', rewrite('monorepo', SENSOR, b'\n', b'\r\n')),
-    (PACKAGE_DIFFERS, 'a binary resource marker', lambda t: t.path('mirror', f'{BRIDGE}/resource/{BRIDGE}').write_bytes(b'\xff')),
+    (INTERFACE, 'two fields swapped', 'mirror', SENSOR, swapped('string name', 'float64 value')),
+    (INTERFACE, 'a field over the dashes', 'mirror', SRV, swapped('---', 'string error_message')),
+    (INTERFACE, 'constants reordered', 'monorepo', SRV, swapped('uint8 STATUS_OK', 'uint8 STATUS_UNK')),
+    (DIVERGENCE, 'the line moved in both', 'both', NODE, move_line),
+    (ONE_SIDE, 'a new file in the mirror', 'mirror', f'{BRIDGE}/{BRIDGE}/extra.py', NEW),
+    (ONE_SIDE, 'a new file in the monorepo', 'monorepo', f'{BRIDGE}/test/test_extra.py', NEW),
+    (ONE_SIDE, 'a message only there', 'mirror', 'MSGS/msg/Extra.msg', added('bool extra\n')),
+    (ONE_SIDE, 'ConfirmTag in the mirror', 'mirror', 'MSGS/srv/ConfirmTag.srv', added('string a\n---\n')),
+    (ONE_SIDE, 'an unlisted repository file', 'mirror', 'NOTES.md', NEW),
+    (ONE_SIDE, 'a file named like build output', 'mirror', f'{BRIDGE}/log', NEW),
+    (ONE_SIDE, 'a module named like build output', 'mirror', f'{BRIDGE}/{BRIDGE}/build/__init__.py', NEW),
+    (ONE_SIDE, 'a third package in the mirror', 'mirror', 'lupin_extra/package.xml', NEW),
+    (ONE_SIDE, 'a deleted test', 'mirror', f'{BRIDGE}/test/test_node.py', GONE),
+    (ONE_SIDE, 'a deleted resource marker', 'mirror', f'{BRIDGE}/resource/{BRIDGE}', GONE),
+    (ONE_SIDE, 'a deleted manifest', 'monorepo', f'{BRIDGE}/package.xml', GONE),
+    (ONE_SIDE, 'a deleted service', 'monorepo', SRV, GONE),
+    (LEFT_OVER, 'a file named after the old package', 'mirror', f'{BRIDGE}/test/lupin_msgs.txt', NEW),
+    (LEFT_OVER, 'the old package beside the new', 'mirror', 'lupin_msgs/msg/SensorReading.msg', added('bool a\n')),
+    (MISSING, 'a file kept by hand', 'mirror', 'README.md', GONE),
+    (MISSING, 'a file of the messages kept by hand', 'mirror', 'MSGS/CHANGELOG.rst', GONE),
+    (MISSING, 'COLCON_IGNORE missing', 'mirror', 'COLCON_IGNORE', GONE),
+    (IGNORE, 'COLCON_IGNORE not empty', 'mirror', 'COLCON_IGNORE', added('\n')),
+    (IGNORE, 'COLCON_IGNORE in the monorepo', 'monorepo', 'COLCON_IGNORE', NEW),
+    (IGNORE, 'COLCON_IGNORE in a package', 'mirror', f'{BRIDGE}/COLCON_IGNORE', NEW),
+    (IGNORE, 'AMENT_IGNORE in both packages', 'both', f'{BRIDGE}/AMENT_IGNORE', NEW),
+    (IGNORE, 'CATKIN_IGNORE in the messages', 'monorepo', 'MSGS/CATKIN_IGNORE', NEW),
+    (MODE, 'executable in the mirror', 'mirror', NODE, executable),
+    (MODE, 'executable in the monorepo', 'monorepo', READING, executable),
+    (LINK, 'a symlink out of the tree', 'mirror', SIMULATION, linked('/etc/hostname')),
+    (LINK, 'a symlink to the other tree', 'mirror', f'{BRIDGE}/{BRIDGE}/errors.py', linked('../../../monorepo/x')),
+    (LINK, 'a new symlink', 'monorepo', f'{BRIDGE}/extra', linked('/')),
+    (LINK, 'a package that is a symlink', 'monorepo', BRIDGE, linked(f'../{TREES["mirror"]}/{BRIDGE}')),
+    (LINK, 'a package of the mirror that is a symlink', 'mirror', BRIDGE, linked(f'../monorepo/{BRIDGE}')),
+    (LINK, 'a folder of messages that is a symlink', 'monorepo', 'MSGS/msg', linked('/')),
+    (LINK, 'a folder of a package that is a symlink', 'mirror', f'{BRIDGE}/doc', linked('/')),
+    *((ONE_SIDE, f'{name} that git tracks', 'mirror', name, track) for name in (f'{BRIDGE}/build/a.py', 'MSGS/log/a', '.vscode/a', 'a~')),
+    (PACKAGE_DIFFERS, 'CRLF in a whole file', 'mirror', LAUNCH, rewritten(b'\n', b'\r\n')),
+    (INTERFACE, 'CRLF in a message', 'monorepo', SENSOR, rewritten(b'\n', b'\r\n')),
+    (PACKAGE_DIFFERS, 'a binary resource marker', 'mirror', f'{BRIDGE}/resource/{BRIDGE}', rewritten(b'\\Z', b'\xff')),
 ]  # fmt: skip
-
-
 MUTANTS = [
-    *((heading, f'{sides}, {name}: {new!r}', edit_in(sides, name, old, new)) for heading, sides, name, old, new in EDITS),
+    *((heading, f'{sides}, {name}: {new!r}', sides, name, replaced(old, new)) for heading, sides, name, old, new in EDITS),
     *CHANGES,
 ]  # fmt: skip
 
 
 def test_every_heading_has_a_mutant_and_all_differ():
-    assert len({name for _, name, _ in MUTANTS}) == len(MUTANTS)
-    headings = set(re.findall(r"Finding\(\s*'([^']+)'", check_drift.Path(check_drift.__file__).read_text()))
+    assert len({test for _, test, *_ in MUTANTS}) == len(MUTANTS)
+    headings = set(re.findall(r"Finding\(\s*'([^']+)'", Path(check_drift.__file__).read_text()))
     assert headings
-    assert headings <= {heading for heading, _, _ in MUTANTS}
+    assert headings <= {heading for heading, *_ in MUTANTS}
 
 
-@pytest.mark.parametrize(('heading', 'mutate'), [pytest.param(h, m, id=n) for h, n, m in MUTANTS])
-def test_mutant(trees, heading, mutate, capsys):
-    mutate(trees)
+@pytest.mark.parametrize(
+    ('heading', 'sides', 'name', 'change'), [pytest.param(h, *how, id=test) for h, test, *how in MUTANTS]
+)
+def test_mutant(trees, heading, sides, name, change, capsys):
+    trees.change(sides, name, change)
     assert trees.check('json') == 1
     findings = json.loads(capsys.readouterr().out)['findings']
     assert heading in [finding['heading'] for finding in findings]
@@ -266,25 +256,27 @@ LEFT_BY_TOOLS = [
     'pixi.lock', 'x.py.swp', 'x.py~', 'x.pyc',
 ]  # fmt: skip
 HARMLESS = [
-    ('nothing', lambda _trees: None),
-    ('the git folder of a clone', add('mirror', '.git/config', 'lupin_msgs')),
-    ('the git file of a submodule', add('mirror', '.git', 'gitdir: lupin_msgs')),
-    *((name, add('mirror', name, 'lupin_msgs')) for name in LEFT_BY_TOOLS),
-    *((f'{name} in a package', add('monorepo', f'{BRIDGE}/{name}', 'x')) for name in LEFT_BY_TOOLS),
-    ('another interface of the team', add('monorepo', 'MSGS/msg/Extra.msg', 'bool extra\n')),
-    ('a file kept by hand', edit_in('monorepo', 'MSGS/package.xml', '<version>', '<!-- x --><version>')),
-    ('another package of the monorepo', add('monorepo', 'lupin_mission/package.xml', 'x')),
-    ('the same edit in both', edit_in('both', NODE, 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0')),
-    ('the same field in both', edit_in('both', SENSOR, 'float64 value', 'float32 value')),
-    ('the same new file in both', edit_in('both', f'{BRIDGE}/test/test_new.py', '', 'import lupin\n')),
-    ('an edited README of the mirror', add('mirror', 'README.md', 'x')),
-    ('the mode of a folder', lambda t: t.path('mirror', f'{BRIDGE}/test').chmod(0o700)),
+    ('nothing', 'mirror', '.', lambda _path: None),
+    ('the git folder of a clone', 'mirror', '.git/config', added('lupin_msgs')),
+    ('the git file of a submodule', 'mirror', '.git', added('gitdir: lupin_msgs')),
+    *((name, 'mirror', name, added('lupin_msgs')) for name in LEFT_BY_TOOLS),
+    *((f'{name} in a package', 'monorepo', f'{BRIDGE}/{name}', added('x')) for name in LEFT_BY_TOOLS),
+    ('another interface of the team', 'monorepo', 'MSGS/msg/Extra.msg', added('bool extra\n')),
+    ('a file kept by hand', 'monorepo', 'MSGS/package.xml', replaced('<version>', '<!-- x --><version>')),
+    ('another package of the monorepo', 'monorepo', 'lupin_mission/package.xml', added('x')),
+    ('the same edit in both', 'both', NODE, replaced('LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0')),
+    ('the same field in both', 'both', SENSOR, replaced('float64 value', 'float32 value')),
+    ('the same new file in both', 'both', f'{BRIDGE}/test/test_new.py', added('import lupin\n')),
+    ('an edited README of the mirror', 'mirror', 'README.md', added('x')),
+    ('the mode of a folder', 'mirror', f'{BRIDGE}/test', lambda path: path.chmod(0o700)),
 ]
 
 
-@pytest.mark.parametrize('change', [pytest.param(change, id=name) for name, change in HARMLESS])
-def test_harmless(trees, change, capsys):
-    change(trees)
+@pytest.mark.parametrize(
+    ('sides', 'name', 'change'), [pytest.param(*how, id=test) for test, *how in HARMLESS]
+)
+def test_harmless(trees, sides, name, change, capsys):
+    trees.change(sides, name, change)
     assert trees.check() == 0
     assert 'only the allowed divergence' in capsys.readouterr().out
 
@@ -297,15 +289,15 @@ def test_git_ignores_in_the_mirror_what_tools_leave_there(trees):
 
 
 @pytest.mark.parametrize(
-    ('mutate', 'reason'),
+    ('side', 'name', 'change', 'reason'),
     [
-        (lambda trees: shutil.rmtree(trees.path('mirror', '.')), 'ros: has no lupin_greenhouse_msgs'),
-        (lambda trees: shutil.rmtree(trees.path('monorepo', 'MSGS')), 'has no lupin_msgs: is it the monorepo?'),
-        (delete('mirror', NODE), 'bridge_node.py: is it the mirror?'),
+        ('mirror', '.', shutil.rmtree, 'ros: has no lupin_greenhouse_msgs'),
+        ('monorepo', 'MSGS', shutil.rmtree, 'has no lupin_msgs: is it the monorepo?'),
+        ('mirror', NODE, GONE, 'bridge_node.py: is it the mirror?'),
     ],
 )  # fmt: skip
-def test_trees_that_cannot_be_compared_are_exit_code_2(trees, mutate, reason, capsys):
-    mutate(trees)
+def test_trees_that_cannot_be_compared_are_exit_code_2(trees, side, name, change, reason, capsys):
+    trees.change(side, name, change)
     assert trees.check() == 2
     output = capsys.readouterr()
     assert output.out == ''
@@ -337,7 +329,7 @@ def test_github_gets_one_annotation_per_finding_on_one_line(trees, capsys):
 def test_it_runs_alone_on_any_two_checkouts(repository):
     """With the standard library only, from any folder, without git and the rest of this repository."""
     shutil.rmtree(repository / '.git')
-    add('mirror', 'build/x')(Trees(repository))
+    edit(repository / 'lupin_greenhouse_ros/build/x', '', '')
     shutil.copy(check_drift.__file__, repository)
     sides = ['--monorepo', 'monorepo', '--mirror', 'lupin_greenhouse_ros']
     command = [sys.executable, '-I', '-S', 'check_drift.py', *sides]
@@ -347,6 +339,6 @@ def test_it_runs_alone_on_any_two_checkouts(repository):
 
 
 def test_an_unreadable_file_is_exit_code_2(trees, monkeypatch, capsys):
-    monkeypatch.setattr(check_drift.Path, 'read_bytes', lambda path: path.with_name('missing').open())
+    monkeypatch.setattr(Path, 'read_bytes', lambda path: path.with_name('missing').open())
     assert trees.check() == 2
     assert 'No such file' in capsys.readouterr().err
