@@ -36,11 +36,10 @@ from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import key_of, make_rows
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.runtime.arguments import number_type
-from lupin_greenhouse_bridge.testing import NodeProcess
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node
 from rclpy.duration import Duration
 from rclpy.node import Node
-from shared import PATIENCE_SECONDS, Promises, check_promises, own_domain, parser_of, status_of
+from shared import PATIENCE_SECONDS, Promises, Server, check_promises, own_domain, parser_of, status_of
 from traffic import Bridge, ClientProcess, start_clients, total_of
 
 GROWTH = {'RSS in kB': 4096, 'open files': 2, 'threads': 0}  # the largest during many calls
@@ -224,8 +223,7 @@ def record(
     Returns the numbers of rows: `published`, `kept` and `lost` as the recorder says, and `in file`.
     """
     topic, published = f'/soak/{file.name.replace(".", "_")}', 0
-    recorder = NodeProcess(RECORD_READINGS, readings_topics=topic, file=file)
-    recorder.wait_for_log('ready: ')
+    recorder = Server(*RECORD_READINGS, namespace=topic, readings_topics=topic, file=file)
     readings = node.create_publisher(TagReading, topic, latched(2000))
     values = [SensorReading(name=f'sensor {number}', value=1.0) for number in range(60)]
     start = time.monotonic()
@@ -260,10 +258,9 @@ def recorder_of_many_rows(load: Load) -> Promises:
             for number in range(0, size, 1000):
                 store.keep([first._replace(stamp_ns=START_NS + n) for n in range(number, number + 1000)])
             start = time.monotonic()
-            recorder = NodeProcess(RECORD_READINGS, readings_topics='/soak/none', file=Path(folder, name))
-            recorder.wait_for_log('ready: ')
+            recorder = Server(*RECORD_READINGS, readings_topics='/soak/none', file=Path(folder, name))
             seconds = time.monotonic() - start
-            megabytes = int(status_of(recorder.process.pid, 'VmHWM')) / 1000
+            megabytes = recorder.status('VmHWM') / 1000
             recorder.stop()
         yield f'{name} of {size:,} rows: ready after {seconds:.1f} s, {megabytes:.0f} MB', megabytes < 150
 
