@@ -255,7 +255,7 @@ mirror-publish: env  ## push the mirror: REMOTE=URL [RELEASE=2.1.0] [ARGS=--dry-
 	@$(IN_ENV) python tools/mirror_publish.py $(call QUOTED,$(REMOTE)) $(if $(RELEASE),--release $(call QUOTED,$(RELEASE))) $(ARGS)
 
 mirror-publish-check: env  ## publish the mirror to a local repository, clone it and follow its README
-	@source ci/ros_env.bash without-overlay && python tools/mirror_publish_check.py
+	@source ci/ros_env.bash without-overlay && $(KILL_TREE) python tools/mirror_publish_check.py
 
 mirror-import: env  ## import patches of the mirror into the core and both trees: PATCH=N.patch
 	@$(IN_ENV) python tools/mirror_import.py $(call QUOTED,$(PATCH))

@@ -79,9 +79,9 @@ def run(script: str, home: Path, environment: dict[str, str]) -> str:
     log = home / 'printed.log'
     with log.open('w') as output:
         result = subprocess.run(
-            ['bash', '-xc', UBUNTU + script],
+            ['timeout', '--kill-after=10', str(TIMEOUT_SECONDS), 'bash', '-xc', UBUNTU + script],
             cwd=home, env=environment, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
-            timeout=TIMEOUT_SECONDS, check=False,
+            check=False,
         )  # fmt: skip
     printed = log.read_text(errors='replace')
     if result.returncode:
@@ -114,7 +114,7 @@ def follow(script: str, home: Path, environment: dict[str, str]) -> str:
 
 
 def check(folder: Path) -> None:
-    """Publish, clone, build and test in a folder; raises CheckFailedError, RefusedError, TimeoutExpired."""
+    """Publish, clone, build and test in a folder; raises CheckFailedError and RefusedError."""
     repository = folder / 'published.git'
     # A host makes the first branch that it gets the default branch.
     git(ROOT, 'init', '--quiet', '--bare', f'--initial-branch={Path(READY).name}', str(repository))
@@ -137,7 +137,7 @@ def main() -> int:
     try:
         with tempfile.TemporaryDirectory(prefix='publish-check-') as folder:
             check(Path(folder))
-    except (CheckFailedError, RefusedError, subprocess.TimeoutExpired) as error:
+    except (CheckFailedError, RefusedError) as error:
         print(f'publish check failed: {error}', file=sys.stderr)
         return 1
     return 0
