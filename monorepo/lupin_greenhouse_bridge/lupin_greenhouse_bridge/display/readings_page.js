@@ -8,13 +8,12 @@ const data = files[file_number] ?? files[0];
 const TAB = [108, 170];
 const LONG_LINE = 40;  // points, from which a chart is as wide as the page
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
-const LINES = 'Each line is a tag with its number';
-const POINTS = 'Each point is a reading of another tag';
 const NO_ROOM = 'of the numbers have no room: choose a tag to see its own';
 // A drawing is in units of 1/16 of the page's font size, which grows with the window.
 const TEXT_HEIGHT = 13, SPACE = 8;  // of a label, and between it and what is beside it
 const LINE_STEP = 11;  // between the labels at the ends of the lines of a chart
-const FARTHEST = 8;  // rings of places for a label around its dot
+const FARTHEST = 8;  // rings of places for a label around its dot, but only one in a crowd
+const CROWD = 200;  // boxes near a dot
 const DAY_SECONDS = 86400, DAY_MS = DAY_SECONDS * 1000;
 const WALL_STEPS_MS = [
   1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, DAY_SECONDS,
@@ -23,7 +22,7 @@ const KEY_STEPS = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 };
 data.tags.forEach((tag, number) => { tag.number = number; });
 const is_long = data.sensors.length === 1
   || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
-const PAPER = { map: [440, 740], chart: is_long ? [696, 170] : [222, 185] };  // in print
+const PAPER = { map: [440, 740], chart: is_long ? [696, 190] : [222, 185] };  // in print
 const placed_tags = data.tags.filter(tag => tag.x !== null);
 // The robot stood where a point is there twice in a row.
 const stops = data.route.filter((point, n) => n && String(point) === String(data.route[n - 1]));
@@ -95,9 +94,9 @@ const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(ta
 function write_head() {
   const parts = data.counts.map(([text]) => text);
   if (data.span_ms.length) {
-    const [from, to] = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`);
-    const duration = data.duration.replaceAll(' ', '\u00a0');  // which does not break
-    parts.push(from === to ? from : `${from} to ${to} (${duration})`, data.greenhouse_times);
+    const whole = text => text.replaceAll(' ', '\u00a0');  // does not break
+    const [from, to] = data.span_ms.map(ms => whole(`${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`));
+    parts.push(from === to ? from : `${from} to ${to} (${whole(data.duration)})`, data.greenhouse_times);
   }
   write_pieces(document.querySelector('h1'), parts, number => data.counts[number]?.[1]);
   const day = is_one_day && data.span_ms.length ? date(data.span_ms[0]) : '';
@@ -152,8 +151,9 @@ function place_label(x, y, radius, width, { taken, room, route = [] }) {
   const reach = around(x, y, 2 * (aside + 12 * FARTHEST) + width, 2 * (above + 11 * FARTHEST + TEXT_HEIGHT));
   const [boxes, steps] = [taken, route].map(each => each.filter(box => common(reach, box) > 0));
   const shared_with = (box, others) => others.reduce((sum, other) => sum + common(box, other), 0);
+  const rings = boxes.length > CROWD ? 1 : FARTHEST;
   let best = { cost: Infinity };
-  for (let far = 0; far < FARTHEST && best.cost > 0.2 * far * area; far++) {
+  for (let far = 0; far < rings && best.cost > 0.2 * far * area; far++) {
     ring(aside + 12 * far, above + 11 * far).forEach(([dx, dy], number) => {
       const box = around(x + dx, y + dy, width, TEXT_HEIGHT), outside = area - common(box, room);
       const leader = far ? leader_to(x, y, radius + SPACE, box) : [];
@@ -168,11 +168,9 @@ function place_label(x, y, radius, width, { taken, room, route = [] }) {
 // Returns small boxes along the line from a dot to its label, without those on the dot.
 function leader_to(x, y, radius, [left, top, right, bottom]) {
   const dx = clamp(x, left, right) - x, dy = clamp(y, top, bottom) - y, length = Math.hypot(dx, dy);
-  const steps = Math.max(Math.floor((length - radius) / 3), 0);
-  return Array.from({ length: steps }, (_, n) => {
-    const share = 1 - (n + 1) * 3 / length;
-    return around(x + share * dx, y + share * dy, 2, 2);
-  });
+  const steps = { length: Math.max(Math.floor((length - radius) / 3), 0) };
+  return Array.from(steps, (_, n) => 1 - (n + 1) * 3 / length)
+    .map(share => around(x + share * dx, y + share * dy, 2, 2));
 }
 
 const write_in = (parent, [left, , right, bottom], name, text = '') =>
@@ -453,7 +451,8 @@ function draw_charts() {
   const unlabelled = document.querySelectorAll('.series .spare').length;
   const hint = unlabelled ? `; ${unlabelled} ${NO_ROOM}` : '';
   const axis = state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : '';
-  element('series').textContent = `${is_line ? LINES : POINTS}${hint}${axis}.`;
+  const line = is_line ? 'line is a tag with its number' : 'point is a reading of another tag';
+  element('series').textContent = `Each ${line}${hint}${axis}.`;
   show_chosen();
 }
 

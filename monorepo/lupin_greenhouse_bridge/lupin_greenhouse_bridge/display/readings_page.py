@@ -295,13 +295,7 @@ def binned(times: np.ndarray, values: np.ndarray, width: float) -> list[list[flo
     points = []
     for group in np.split(order, starts):
         each, at = values[group], round(float(times[group].mean()))
-        if each.min() == each.max():
-            points.append([at, rounded(each[0])])
-        else:
-            points.append([at, *map(rounded, (np.median(each), each.min(), each.max()))])
+        # With six digits, which are more than any pixel shows.
+        middle, low, high = (float(f'{value:.6g}') for value in (np.median(each), each.min(), each.max()))
+        points.append([at, middle, low, high] if low < high else [at, middle])
     return points
-
-
-def rounded(value: float) -> float:
-    """Return a value with six digits, more than any pixel shows."""
-    return float(f'{value:.6g}')
