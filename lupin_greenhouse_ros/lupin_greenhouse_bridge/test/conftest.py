@@ -15,7 +15,7 @@ import sys
 import termios
 import threading
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 # Set before the messages are imported: a wrong type in a field raises, here and in the bridge.
 os.environ['ROS_PYTHON_CHECK_FIELDS'] = '1'
@@ -24,10 +24,12 @@ import hypothesis
 import pytest
 import yaml
 from lupin_greenhouse_bridge import bridge_node
-from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.errors import source_of_messages
+from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading, TagReading
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.simulator import simulation
+from rclpy.qos import QoSProfile
 from rclpy.utilities import get_default_context
 
 pytest_plugins = ['lupin_greenhouse_bridge.testing']
@@ -42,7 +44,9 @@ TAKES_TAG_FILES = 'greenhouse' not in GetTagReading.__module__.split('.')[
     0
 ] or 'Path(value)' in inspect.getsource(bridge_node._config_path)
 SPINS = 'rclpy/executors.py:spin_once'  # the moment at which a node is ready
+NO_DETECTIONS = f'apriltag_msgs is missing: {source_of_messages("apriltag_msgs")}'
 START_S = 1795190000
+LONGEST_HOLD_SECONDS = 30.0
 
 
 def pytest_collection_modifyitems(items):
@@ -59,6 +63,20 @@ def launch():
     return launch
 
 
+@pytest.fixture
+def write_layout(tmp_path):
+    """Return a function that writes a tag file of places and tables (x0, y0, x1, y1); it returns the path."""
+
+    def write(places_m, **tables):
+        path, edges = tmp_path / 'tags.json', ('x0', 'y0', 'x1', 'y1')
+        tags = {tag_id: {'x': x, 'y': y, 'sensors': ['co2']} for tag_id, (x, y) in places_m.items()}
+        tables = {name: dict(zip(edges, each, strict=True)) for name, each in tables.items()}
+        path.write_text(json.dumps({'tags': tags, 'tables': tables}), encoding='utf-8')
+        return str(path)
+
+    return write
+
+
 @pytest.fixture(scope='session')
 def warm_tag_id(shipped_tags):
     """Return a tag with a temperature, which has no noise."""
@@ -67,13 +85,11 @@ def warm_tag_id(shipped_tags):
 
 @pytest.fixture(scope='session')
 def shipped_config():
-    """Return the config of the installed simulator."""
     return yaml.safe_load(simulation.shipped_file('greenhouse_config.yaml').read_text(encoding='utf-8'))
 
 
 @pytest.fixture(scope='session')
 def altered():
-    """Return a function that returns the command of an altered bridge."""
     return lambda alteration: [sys.executable, str(ALTERED_BRIDGE), alteration]
 
 
@@ -143,6 +159,55 @@ class Terminal:
         self.stream.close()
         self._reader.join()
         os.close(self._screen)
+
+
+class HeldService:
+    """A service of readings that replies only when the test lets it; `requests` are the tag ids."""
+
+    name = '/held/get_tag_reading'
+    status, error_message = GetTagReading.Response.STATUS_OK, ''
+    fields: ClassVar = {}  # of the reading, in place of right ones
+
+    def __init__(self, node):
+        self.node, self.requests = node, []
+        self._replies = threading.Semaphore(0)
+        # Deep enough for the requests of many clients at once.
+        node.create_service(GetTagReading, self.name, self._reply, qos_profile=QoSProfile(depth=1000))
+
+    def _reply(self, request, response):
+        if request.tag_id:  # no greeting
+            self.requests.append(request.tag_id)
+            self._replies.acquire(timeout=LONGEST_HOLD_SECONDS)
+        response.status, response.error_message = self.status, self.error_message
+        right = {
+            'tag_id': request.tag_id,
+            'sim_time_of_day_seconds': float(len(self.requests)),
+            'readings': [SensorReading(name='co2', value=400.0)],
+        }
+        response.reading = TagReading(**{**right, **self.fields})
+        return response
+
+    def reply(self, times: int = 1) -> None:
+        for _ in range(times):
+            self._replies.release()
+
+
+@contextlib.contextmanager
+def running_held_service():
+    from lupin_greenhouse_bridge.testing._helpers import spinning_node  # as above
+
+    with spinning_node('held') as node:
+        service = HeldService(node)
+        try:
+            yield service
+        finally:
+            service.reply(1000)  # else its node could end only after LONGEST_HOLD_SECONDS
+
+
+@pytest.fixture
+def held_service():
+    with running_held_service() as service:
+        yield service
 
 
 @pytest.fixture

@@ -2,9 +2,11 @@
 """The blocking client: one call at a time, each with a timeout."""
 
 import threading
+from types import SimpleNamespace
 
 import pytest
 import rclpy
+from conftest import HeldService
 from lupin_greenhouse_bridge.contract import has_tag_file, parameter_service_of, tag_ids_of
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading import client
@@ -15,34 +17,8 @@ from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import QoSProfile
 
-SERVICE = '/served/get_tag_reading'
-GREETING = GetTagReading.Request(tag_id='greeting')
-
-
-class Service:
-    """Keeps the ids that it is asked for, and replies while it `replies`."""
-
-    def __init__(self, node):
-        self.requests = []
-        self.replies = threading.Event()
-        self.replies.set()
-        node.create_service(GetTagReading, SERVICE, self._reply, qos_profile=QoSProfile(depth=1000))
-
-    def _reply(self, request, response):
-        self.requests.append(request.tag_id)
-        self.replies.wait(PATIENCE_SECONDS)
-        response.reading.tag_id = request.tag_id
-        return response
-
-
-@pytest.fixture
-def service():
-    with spinning_node('served') as node:
-        service = Service(node)
-        yield service
-        service.replies.set()
+GREETING, MINE = GetTagReading.Request(), GetTagReading.Request(tag_id='mine')
 
 
 @pytest.fixture
@@ -61,7 +37,7 @@ def caller():
 
 def connected(executor, node):
     """Return a client of the service, which the service has found."""
-    found = Client(executor, node, PATIENCE_SECONDS).connect(GetTagReading, SERVICE)
+    found = Client(executor, node, PATIENCE_SECONDS).connect(GetTagReading, HeldService.name)
     greeting = threading.Thread(target=greet, args=(found, GREETING))
     greeting.start()
     while greeting.is_alive():
@@ -70,67 +46,63 @@ def connected(executor, node):
 
 
 def test_a_reply_is_kept_though_more_replies_to_others_follow_than_ros_keeps_by_default(
-    service, caller, monkeypatch
+    held_service, caller, monkeypatch
 ):
     """Each client receives the replies to all clients. This one looks late, and asks once."""
     monkeypatch.setattr(client, 'REPEAT_AFTER_SECONDS', 2 * PATIENCE_SECONDS)
+    held_service.reply(1000)
     executor, node = caller
     found = connected(executor, node)
     others = iter(range(40))
 
-    class LateExecutor:
-        def spin_once(self, timeout_sec):
-            wait_until(lambda: 'mine' in service.requests)
-            for number in others:
-                call(other, GetTagReading.Request(tag_id=f'other {number}'))
-            executor.spin_once(timeout_sec=timeout_sec)
+    def spin_late(timeout_sec):
+        wait_until(lambda: 'mine' in held_service.requests)
+        for number in others:
+            call(other, GetTagReading.Request(tag_id=f'other {number}'))
+        executor.spin_once(timeout_sec=timeout_sec)
 
     with spinning_node('other') as other_node:
-        other = other_node.create_client(GetTagReading, SERVICE)
+        other = other_node.create_client(GetTagReading, HeldService.name)
         assert other.wait_for_service(PATIENCE_SECONDS)
         greet(other, GREETING)
-        late = Client(LateExecutor(), node, PATIENCE_SECONDS)
-        assert late.call(found, GetTagReading.Request(tag_id='mine')).reading.tag_id == 'mine'
+        late = Client(SimpleNamespace(spin_once=spin_late), node, PATIENCE_SECONDS)
+        assert late.call(found, MINE).reading.tag_id == 'mine'
 
 
-class Time:
-    """A clock that shows these times, one after the other, and fails when it is asked more often."""
-
-    def __init__(self, *times):
-        self._times = iter(times)
-
-    def monotonic(self):
-        return next(self._times)
+@pytest.fixture
+def times(monkeypatch):
+    """Return the times that the clock shows, one after the other; it fails when it is asked more often."""
+    times = []
+    monkeypatch.setattr(client, 'time', SimpleNamespace(monotonic=lambda: times.pop(0)))
+    return times
 
 
-def test_the_wait_for_a_service_ends_at_its_timeout_and_not_before(caller, monkeypatch):
-    times = Time(100.0, 101.4, 102.0)
-    monkeypatch.setattr(client, 'time', times)
+def test_the_wait_for_a_service_ends_at_its_timeout_and_not_before(caller, times):
+    times += [100.0, 101.4, 102.0]
     shown = []
     with pytest.raises(NoAnswer, match=r'^no service /nobody within 2 s$'):
         Client(*caller, 2.0).connect(GetTagReading, '/nobody', shown.append)
-    assert shown == ['waiting for /nobody, 1 s more']
-    assert list(times._times) == []
+    assert (shown, times) == (['waiting for /nobody, 1 s more'], [])
 
 
-def test_a_call_ends_at_its_timeout_and_is_forgotten(service, caller, monkeypatch):
+@pytest.mark.usefixtures('held_service')
+def test_a_call_ends_at_its_timeout_and_is_forgotten(caller, times):
+    spins = []
+
+    def spin_once(timeout_sec):
+        spins.append((timeout_sec, len(pending_requests(found))))
+
+    times += [100.0] * 1000  # for its connection
     found = connected(*caller)
-    service.replies.clear()
-    pending = []
-
-    class Executor:
-        def spin_once(self, timeout_sec):
-            assert timeout_sec == pytest.approx(0.1)
-            pending.extend(pending_requests(found))
-
-    monkeypatch.setattr(client, 'time', Time(100.0, 101.9, 102.0))
-    with pytest.raises(NoAnswer, match=f'^{SERVICE} did not answer within 2 s$'):
-        Client(Executor(), caller[1], 2.0).call(found, GREETING)
-    assert len(pending) == 1
+    times[:] = [100.0, 101.9, 102.0]
+    with pytest.raises(NoAnswer, match=f'^{HeldService.name} did not answer within 2 s$'):
+        Client(SimpleNamespace(spin_once=spin_once), caller[1], 2.0).call(found, MINE)
+    assert spins == [(pytest.approx(0.1), 1)]
     assert not pending_requests(found)
 
 
-def test_a_request_whose_reply_is_lost_is_sent_again(service, caller, monkeypatch):
+def test_a_request_whose_reply_is_lost_is_sent_again(held_service, caller, monkeypatch):
+    held_service.reply(1000)
     found = connected(*caller)
     call_async, asked = found.call_async, []
 
@@ -141,9 +113,9 @@ def test_a_request_whose_reply_is_lost_is_sent_again(service, caller, monkeypatc
         return asked[-1]
 
     monkeypatch.setattr(found, 'call_async', lose_the_first)
-    response = Client(*caller, PATIENCE_SECONDS).call(found, GetTagReading.Request(tag_id='mine'))
+    response = Client(*caller, PATIENCE_SECONDS).call(found, MINE)
     assert response.reading.tag_id == 'mine'
-    assert service.requests.count('mine') > 1
+    assert held_service.requests.count('mine') > 1
     assert len(asked) > 1  # a slow reply may cost one more
 
 

@@ -1,20 +1,18 @@
 """read_on_sight: what it requests, how often, and what it publishes."""
 
-import contextlib
 import importlib.util
 import re
-import signal
 import sys
-import threading
 import time
 from types import SimpleNamespace
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import pytest
 import rclpy
+from conftest import NO_DETECTIONS, HeldService, running_held_service
 from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
 from lupin_greenhouse_bridge.errors import StartUpError, source_of_messages
-from lupin_greenhouse_bridge.interfaces import SensorReading, TagReading
+from lupin_greenhouse_bridge.interfaces import TagReading
 from lupin_greenhouse_bridge.reading import read_on_sight
 from lupin_greenhouse_bridge.reading.detections import Sightings
 from lupin_greenhouse_bridge.reading.read_on_sight import GetTagReading, ReadOnSightNode, Settings
@@ -25,18 +23,14 @@ from lupin_greenhouse_bridge.testing._helpers import (
     ManualClock,
     executable,
     greet,
-    running,
     spinning_node,
     wait_until,
 )
 from rclpy.qos import qos_profile_sensor_data
 
-needs_detections = pytest.mark.skipif(
-    not importlib.util.find_spec('apriltag_msgs'),
-    reason=f'apriltag_msgs is missing: {source_of_messages("apriltag_msgs")}',
-)
+needs_detections = pytest.mark.skipif(not importlib.util.find_spec('apriltag_msgs'), reason=NO_DETECTIONS)
 READ_ON_SIGHT = [executable('lupin_greenhouse_bridge', 'read_on_sight')]
-TOPIC = '/tested/detections'
+TOPIC, READINGS = '/tested/detections', '/read_on_sight/readings'
 SETTINGS = Settings(cooldown_seconds=10.0, request_timeout_seconds=2.0, max_attempts=3)
 
 
@@ -60,9 +54,9 @@ def test_a_tag_is_asked_for_once_per_cooldown(sightings):
     assert asked(sightings, 0.0, '7', '7') == ['7']
     assert asked(sightings, 0.2, '7') == []
     sightings.answered('7', 1.0)
-    for now, expected in ((10.9, []), (11.0, ['7'])):
-        sightings.forget(now)
-        assert asked(sightings, now, '7') == expected
+    sightings.forget(10.9)
+    assert asked(sightings, 10.9, '7') == []
+    assert asked(sightings, 11.0, '7') == ['7']
 
 
 def test_few_requests_are_under_way_at_a_time_and_every_tag_has_its_turn(sightings):
@@ -77,6 +71,9 @@ def test_few_requests_are_under_way_at_a_time_and_every_tag_has_its_turn(sightin
 
 
 def test_an_unanswered_request_is_tried_again_so_many_times_and_then_left_for_as_long(sightings):
+    assert asked(sightings, -5.0, '7') == ['7']
+    assert sightings.timed_out('7', -3.0)
+    sightings.forget(-0.5)  # the attempts start again for a tag that comes back into view
     for attempts, now in enumerate((0.0, 2.0, 4.0), 1):
         assert asked(sightings, now, '7') == ['7']
         assert sightings.overdue(now + 1.9) == []
@@ -85,17 +82,6 @@ def test_an_unanswered_request_is_tried_again_so_many_times_and_then_left_for_as
     assert asked(sightings, 6.0, '7') == asked(sightings, 11.9, '7') == []
     assert asked(sightings, 12.0, '7') == ['7']  # three times two seconds later, before the cooldown
     assert sightings.timed_out('7', 14.0)  # the attempts start again
-
-
-def test_the_attempts_start_again_for_a_tag_that_comes_back_into_view(sightings):
-    assert asked(sightings, 0.0, '7') == ['7']
-    assert sightings.timed_out('7', 2.0)
-    sightings.forget(4.5)
-    waits = []
-    for now in (5.0, 7.0, 9.0):
-        assert asked(sightings, now, '7') == ['7']
-        waits.append(sightings.timed_out('7', now + 2.0))
-    assert waits == [True, True, False]
 
 
 def test_a_tag_that_left_the_view_while_its_request_was_pending_is_not_requested_again(sightings):
@@ -152,6 +138,7 @@ def listen(node, topic) -> list[TagReading]:
 @pytest.fixture
 def detector():
     """Return the node of the camera and the listeners."""
+    pytest.importorskip('apriltag_msgs', reason=NO_DETECTIONS)
     with spinning_node('detector') as node:
         yield node
 
@@ -201,7 +188,6 @@ def start_reader(monkeypatch, run_nodes, detector):
 
 @pytest.fixture
 def log(capfd):
-    """Return a function that returns what was logged so far."""
     parts = []
 
     def read() -> str:
@@ -211,57 +197,6 @@ def log(capfd):
     return read
 
 
-class HeldService:
-    """A service of readings that replies only when the test lets it; `requests` are the tag ids."""
-
-    name = '/held/get_tag_reading'
-    status, error_message = GetTagReading.Response.STATUS_OK, ''
-    fields: ClassVar = {}  # of the reading, in place of right ones
-
-    def __init__(self, node):
-        self.node, self.requests = node, []
-        self._replies = threading.Semaphore(0)
-        node.create_service(GetTagReading, self.name, self._reply)
-
-    def _reply(self, request, response):
-        if request.tag_id:  # no greeting
-            self.requests.append(request.tag_id)
-            self._replies.acquire(timeout=PATIENCE_SECONDS)
-        response.status, response.error_message = self.status, self.error_message
-        right = {
-            'tag_id': request.tag_id,
-            'sim_time_of_day_seconds': float(len(self.requests)),
-            'readings': [SensorReading(name='co2', value=400.0)],
-        }
-        response.reading = TagReading(**{**right, **self.fields})
-        return response
-
-    def reply(self, times: int = 1) -> None:
-        """Let it reply this often."""
-        for _ in range(times):
-            self._replies.release()
-
-
-@contextlib.contextmanager
-def running_held_service():
-    with spinning_node('held') as node:
-        service = HeldService(node)
-        try:
-            yield service
-        finally:
-            service.reply(1000)  # else its node could end only after PATIENCE_SECONDS
-
-
-@pytest.fixture
-def held_service():
-    with running_held_service() as service:
-        yield service
-
-
-READINGS = '/read_on_sight/readings'
-
-
-@needs_detections
 def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(
     start_bridge, start_node, detector, shipped_tags
 ):
@@ -294,7 +229,6 @@ def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(
     assert reader.stop() == 0
 
 
-@needs_detections
 def test_a_tag_in_view_is_published_again_after_its_cooldown_and_to_late_subscribers(
     noon_bridge, start_reader, detector
 ):
@@ -310,7 +244,6 @@ def test_a_tag_in_view_is_published_again_after_its_cooldown_and_to_late_subscri
     assert late[:3] == reader.readings[:3]
 
 
-@needs_detections
 def test_other_families_are_ignored_the_format_makes_the_id_and_an_unknown_one_is_said_once(
     held_service, start_reader, log
 ):
@@ -326,16 +259,15 @@ def test_other_families_are_ignored_the_format_makes_the_id_and_an_unknown_one_i
     assert reader.readings == []
 
 
-@needs_detections
+BURNS = {'status': GetTagReading.Response.STATUS_SIMULATOR_ERROR, 'error_message': 'it burns'}
+OF_ANOTHER = {'fields': {'tag_id': '8'}}  # the tests of read_tag have the other faults
+
+
 @pytest.mark.parametrize(
     ('answer', 'said'),
     [
-        (
-            {'status': GetTagReading.Response.STATUS_SIMULATOR_ERROR, 'error_message': 'it burns'},
-            'SIMULATOR_ERROR: it burns',
-        ),
-        # The tests of read_tag have the other faults.
-        ({'fields': {'tag_id': '8'}}, "BAD_READING: the reading of tag '7': it is of tag '8'"),
+        (BURNS, 'SIMULATOR_ERROR: it burns'),
+        (OF_ANOTHER, "BAD_READING: the reading of tag '7': it is of tag '8'"),
     ],
 )
 def test_what_is_no_reading_of_this_tag_is_said_and_not_published(
@@ -353,39 +285,30 @@ def test_what_is_no_reading_of_this_tag_is_said_and_not_published(
     assert reader.tag_ids == ['9']
 
 
-@needs_detections
-def test_two_servers_of_the_service_are_named_once(held_service, start_reader, log):
+def test_two_servers_of_the_service_are_named_once_also_by_a_relative_or_remapped_name(
+    held_service, start_reader, log
+):
     with spinning_node('other') as other:
         other.create_service(GetTagReading, held_service.name, lambda _request, response: response)
-        reader = start_reader()
+        reader = start_reader(arguments=('-r', f'remapped:={held_service.name}'))
         wait_until(lambda: servers_of(reader.node, held_service.name) == ['/held', '/other'])
         reader.camera.look_at(7, 8)
-        wait_until(lambda: 'is offered by /held and /other: clients use the first reply' in log())
+        named = f'{held_service.name} is offered by /held and /other: clients use the first reply'
+        wait_until(lambda: named in log())
         reader.look()
         assert log().count('is offered by') == 1
+        for name in ('held/get_tag_reading', 'remapped'):
+            assert duplicate_server_warning(reader.node, name).startswith(named)
 
 
-@pytest.mark.parametrize('name', ['perception/confirm_tag', 'remapped'])
-def test_two_servers_of_a_relative_or_remapped_name_are_named(held_service, name):
-    wanted = '/perception/confirm_tag'
-    with (
-        running(lambda: rclpy.create_node('asking'), arguments=('-r', f'remapped:={wanted}')) as (node,),
-        spinning_node('other') as other,
-    ):
-        for server in (held_service.node, other):
-            server.create_service(GetTagReading, wanted, lambda _request, response: response)
-        wait_until(lambda: servers_of(node, wanted) == ['/held', '/other'])
-        assert duplicate_server_warning(node, name).startswith(f'{wanted} is offered by /held and /other: ')
-
-
-@needs_detections
-def test_a_reply_after_its_timeout_is_dropped_and_that_of_the_next_attempt_is_published(
-    held_service, start_reader
+def test_a_late_reply_is_dropped_the_next_one_is_published_and_a_tag_without_any_is_said(
+    held_service, start_reader, log
 ):
-    reader = start_reader()
+    reader = start_reader(max_attempts=2)
     reader.camera.look_at(7)
     wait_until(lambda: held_service.requests)
     reader.look(2.0)
+    assert 'no reply' not in log()
     held_service.reply(2)
     wait_until(lambda: reader.readings)
     reader.camera.look_at(7, 8)
@@ -394,24 +317,17 @@ def test_a_reply_after_its_timeout_is_dropped_and_that_of_the_next_attempt_is_pu
     assert held_service.requests == ['7', '7', '8']
     assert reader.tag_ids == ['7', '8']
     assert [each.sim_time_of_day_seconds for each in reader.readings] == [2.0, 3.0]
-
-
-@needs_detections
-def test_a_tag_without_any_reply_is_said_after_its_attempts(held_service, start_reader, log):
-    reader = start_reader(max_attempts=2)
-    reader.camera.look_at(7)
-    wait_until(lambda: held_service.requests)
-    said = f"tag '7': no reply from {held_service.name}"
+    reader.camera.look_at(9)
+    wait_until(lambda: '9' in held_service.requests)
     reader.look(2.0)
-    assert said not in log()
+    assert 'no reply' not in log()
     wait_until(lambda: reader.node._futures)
     (last,) = reader.node._futures.values()
     reader.clock.pass_seconds(2.0)
-    wait_until(lambda: said in log())
+    wait_until(lambda: f"tag '9': no reply from {held_service.name}" in log())
     assert last not in pending_requests(reader.node._client)  # rclpy would keep it for ever
 
 
-@needs_detections
 def test_a_reply_that_arrives_while_its_request_is_given_up_is_ignored(
     held_service, start_reader, log, monkeypatch
 ):
@@ -430,8 +346,7 @@ def test_a_reply_that_arrives_while_its_request_is_given_up_is_ignored(
     assert [each.sim_time_of_day_seconds for each in reader.readings] == [2.0]
 
 
-@needs_detections
-def test_a_request_that_ros_refuses_to_send_is_sent_again(run_here, held_service, detector, monkeypatch):
+def test_a_request_that_ros_refuses_to_send_is_sent_again(held_service, start_reader, log, monkeypatch):
     call_async, refused = rclpy.client.Client.call_async, []
 
     def refuse_the_first(client, request):
@@ -440,52 +355,33 @@ def test_a_request_that_ros_refuses_to_send_is_sent_again(run_here, held_service
             raise RCLError('failed to send request')
         return call_async(client, request)
 
-    def wait_for_request():
-        try:
-            wait_until(lambda: held_service.requests)
-        finally:
-            signal.raise_signal(signal.SIGTERM)
-
+    held_service.reply()
+    reader = start_reader()
     monkeypatch.setattr(rclpy.client.Client, 'call_async', refuse_the_first)
-    Camera(detector).look_at(7)
-    waiter = threading.Thread(target=wait_for_request)
-    waiter.start()
-    settings = f'-p detections_topic:={TOPIC} -p bridge_service_name:={held_service.name}'.split()
-    settings += ['-p', 'max_attempts:=1000', '-p', 'request_timeout_seconds:=0.2']
-    ended = run_here(read_on_sight.main, '--ros-args', *settings)
-    waiter.join()
-    assert ended.code == 0
-    assert 'continued after: failed to send request' in ended.err
-    assert (refused, set(held_service.requests)) == (['7'], {'7'})
+    reader.camera.look_at(7)
+    wait_until(lambda: 'continued after: failed to send request' in log())
+    wait_until(lambda: reader.readings)
+    assert (refused, held_service.requests) == (['7'], ['7'])
 
 
-@needs_detections
-def test_a_tag_that_was_seen_long_before_the_bridge_came_is_not_read(start_reader):
-    reader = start_reader(is_served=False)
-    for number in (1, 2):  # the node has seen all of the first when it sees the second
-        reader.camera.look_at(number)
-        wait_until(lambda: str(number) in reader.seen)  # noqa: B023 (called at once)
-    reader.look(2.5)
-    reader.camera.look_at(3)
-    with spinning_node('late') as node:
-        service = HeldService(node)
-        service.reply(1000)
-        wait_until(lambda: reader.clock.pass_seconds(0.01) or '3' in service.requests)
-    assert '1' not in service.requests
-
-
-@needs_detections
-def test_without_a_bridge_it_says_so_after_some_seconds_and_then_when_one_comes(start_reader, log):
+def test_without_a_bridge_it_says_so_after_some_seconds_and_reads_what_is_in_view_when_one_comes(
+    start_reader, log
+):
     reader = start_reader(is_served=False)
     (client,) = reader.node.clients
     assert client.qos_profile == SERVICE_QOS  # keeps as many replies to other clients as the bridge sends
-    reader.camera.look_at(1)
-    wait_until(lambda: len(reader.seen) >= 3)
+    for number in (1, 2):  # the node has seen all of the first when it sees the second
+        reader.camera.look_at(number)
+        wait_until(lambda: str(number) in reader.seen)  # noqa: B023 (called at once)
     assert 'no service' not in log()  # DDS may not have discovered a bridge that runs
-    reader.clock.pass_seconds(3.0)
+    reader.look(3.0)
     wait_until(lambda: f'no service {HeldService.name} with ROS_DOMAIN_ID=' in log())
-    with running_held_service():
+    reader.camera.look_at(3)
+    with running_held_service() as service:
+        service.reply(1000)
+        wait_until(lambda: reader.clock.pass_seconds(0.01) or '3' in service.requests)
         wait_until(lambda: f'{HeldService.name} is available now' in log())
+    assert '1' not in service.requests
     assert log().count('no service') == 1
 
 
