@@ -24,22 +24,13 @@ from lupin_greenhouse_bridge.planning.registration import Transform, write_trans
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from lupin_greenhouse_bridge.testing._helpers import spinning_node, wait_until
 
-LAYOUT = {
-    'tags': {
-        '7': {'x': 2.0, 'y': 1.0, 'sensors': ['co2']},
-        '21': {'x': 1.0, 'y': 1.25, 'sensors': ['co2']},
-    },
-    'tables': {'bench': {'x0': 1.0, 'y0': 1.0, 'x1': 3.0, 'y1': 1.5}},
-}
 POSES = {'7': (2.0, 0.5, math.pi / 2), '21': (0.5, 1.25, 0.0)}
+WALLS = ('--walls', '0', '0', '4', '8')
 
 
 @pytest.fixture
-def tag_file(tmp_path):
-    """Return the path of a tag file with two tags."""
-    path = tmp_path / 'tags.json'
-    path.write_text(json.dumps(LAYOUT), encoding='utf-8')
-    return str(path)
+def tag_file(write_layout):
+    return write_layout({'7': (2.0, 1.0), '21': (1.0, 1.25)}, bench=(1.0, 1.0, 3.0, 1.5))
 
 
 @pytest.fixture
@@ -63,26 +54,23 @@ def test_the_table_has_a_line_for_each_tag_and_the_length_of_the_route(poses_of)
     assert out.splitlines()[-1] == '2/2 tags have an approach pose; the route is 1.7 m long'
 
 
-def test_the_json_has_poses_unreachable_tags_and_the_length(poses_of):
-    exit_code, out, err = poses_of('--format', 'json', '--order', 'given', '--start', '1', '0.3')
-    data = json.loads(out)
-    assert (exit_code, err) == (0, '')
+def test_each_format_has_the_same_poses_and_json_the_length(poses_of):
+    ended = {
+        form: poses_of('--order', 'given', '--start', '1', '0.3', '--format', form)
+        for form in ('json', 'yaml', 'csv', 'nav2')
+    }
+    assert {(exit_code, err) for exit_code, _, err in ended.values()} == {(0, '')}
+    data = json.loads(ended['json'][1])
     assert list(data) == ['poses', 'unreachable', 'length_m']
     assert [each['tag_id'] for each in data['poses']] == ['7', '21']
-    assert list(data['poses'][0]) == ['tag_id', 'x', 'y', 'yaw', 'distance_m', 'angle_rad']
     for each in data['poses']:
         assert (each['x'], each['y'], each['yaw']) == pytest.approx(POSES[each['tag_id']], abs=1e-6)
     assert data['length_m'] == pytest.approx(math.hypot(1.0, 0.2) + 1.7, abs=0.05)
-
-
-def test_each_format_has_the_same_poses(poses_of):
-    data = json.loads(poses_of('--format', 'json')[1])
-    assert yaml.safe_load(poses_of('--format', 'yaml')[1]) == data
-    rows = list(csv.DictReader(io.StringIO(poses_of('--format', 'csv')[1])))
-    assert [{key: float(row[key]) for key in row if key != 'tag_id'} for row in rows] == [
-        {key: each[key] for key in each if key != 'tag_id'} for each in data['poses']
-    ]
-    waypoints = yaml.safe_load(poses_of('--format', 'nav2')[1])['waypoints']
+    assert yaml.safe_load(ended['yaml'][1]) == data
+    header, *rows = csv.reader(io.StringIO(ended['csv'][1]))
+    assert header == list(data['poses'][0]) == ['tag_id', 'x', 'y', 'yaw', 'distance_m', 'angle_rad']
+    assert rows == [[str(value) for value in each.values()] for each in data['poses']]
+    waypoints = yaml.safe_load(ended['nav2'][1])['waypoints']
     assert list(waypoints) == ['waypoint0', 'waypoint1']
     for waypoint, pose in zip(waypoints.values(), data['poses'], strict=True):
         assert waypoint['pose'] == [pose['x'], pose['y'], 0.0]
@@ -91,16 +79,13 @@ def test_each_format_has_the_same_poses(poses_of):
 
 
 def test_a_pose_with_less_room_than_the_clearance_is_warned_of(poses_of):
-    exit_code, out, err = poses_of(
-        '--clearance', '0.7', '--largest-standoff', '0.8', '--walls', *['0', '0', '4', '4']
-    )
-    rooms_m = re.findall(r"approach_poses: tag '(\d+)': its pose has (0\.\d+) m of room beyond the", err)
+    exit_code, out, err = poses_of('--clearance', '0.7', '--largest-standoff', '0.8', '--walls', *'0044')
+    rooms_m = dict(re.findall(r"approach_poses: tag '(\d+)': its pose has (0\.\d+) m of room beyond", err))
     assert exit_code == 0
-    assert sorted(tag_id for tag_id, _ in rooms_m) == sorted(LAYOUT['tags'])
-    assert all(0.2 < float(room_m) < 0.7 for _, room_m in rooms_m)
-    assert err.splitlines()[0].endswith(
-        'less than the clearance of 0.7 m: the robot fits, so nothing needs to be done'
-    )
+    assert rooms_m.keys() == POSES.keys()
+    assert all(0.2 < float(room_m) < 0.7 for room_m in rooms_m.values())
+    need = 'less than the clearance of 0.7 m: the robot fits, so nothing needs to be done'
+    assert err.splitlines()[0].endswith(need)
     assert '2/2 tags have an approach pose' in out
 
 
@@ -115,15 +100,9 @@ def test_tags_and_tables_outside_the_walls_are_warned_of(poses_of):
     assert err.splitlines()[0] == f'approach_poses: {larger}: {remedy}'
 
 
-def test_a_narrow_passage_is_warned_of_with_what_to_do(poses_of, tmp_path):
-    tags = {'7': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}, '8': {'x': 1.0, 'y': 1.0, 'sensors': ['co2']}}
-    tables = {
-        'left': {'x0': 0, 'y0': 1, 'x1': 1.9, 'y1': 2},
-        'right': {'x0': 2.35, 'y0': 1, 'x1': 4, 'y1': 2},
-    }
-    path = tmp_path / 'narrow.json'
-    path.write_text(json.dumps({'tags': tags, 'tables': tables}), encoding='utf-8')
-    _, _, err = poses_of('--tag-file', str(path), '--walls', '0', '0', '4', '4')
+def test_a_narrow_passage_is_warned_of_with_what_to_do(poses_of, write_layout):
+    write_layout({'7': (1.0, 2.0), '8': (1.0, 1.0)}, left=(0, 1, 1.9, 2), right=(2.35, 1, 4, 2))
+    _, _, err = poses_of('--walls', '0', '0', '4', '4')
     (line,) = [each for each in err.splitlines() if 'a passage is narrower than 0.52 m' in each]
     assert line.endswith('m: give it finer cells; without Nav2, nothing needs to be done')
 
@@ -139,12 +118,9 @@ def test_a_transform_moves_the_poses_into_the_map(poses_of, tmp_path):
         assert math.remainder(each['yaw'] - moved[2], math.tau) == pytest.approx(0.0, abs=1e-5)
 
 
-def test_an_id_that_no_terminal_can_show_is_escaped(poses_of, tmp_path):
-    tags = {'7\n\x1b[2J': {'x': 2.0, 'y': 1.0, 'sensors': ['co2']}}
-    (tmp_path / 'odd.json').write_text(json.dumps(tags), encoding='utf-8')
-    _, out, err = poses_of(
-        '--tag-file', str(tmp_path / 'odd.json'), '--radius', '0.79', '--largest-standoff', '0.5'
-    )
+def test_an_id_that_no_terminal_can_show_is_escaped(poses_of, write_layout):
+    write_layout({'7\n\x1b[2J': (2.0, 1.0)})
+    _, out, err = poses_of('--radius', '0.79', '--largest-standoff', '0.5')
     assert (out + err).count('7\\n\\x1b[2J') == 1
     assert '\x1b' not in out + err
 
@@ -161,7 +137,7 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
     exit_code, out, err = poses_of('--format', 'json', '--overrides', str(path))
     assert exit_code == 0
     assert {each['tag_id']: each['distance_m'] for each in json.loads(out)['poses']} == {'7': 0.4, '21': 0.5}
-    assert "tag '99' is not in the layout" in err
+    assert "tag '99' is not in the layout: its override has no effect" in err
 
 
 @pytest.mark.parametrize(
@@ -170,45 +146,29 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
         (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
         (['--overrides', '/missing.yaml'], "approach overrides '/missing.yaml': cannot be read"),
         (['--layout-in-map', '/missing.yaml'], "'/missing.yaml': cannot be read"),
-        *(
-            (
-                ['--walls', '0', '0', '4', '8', '--radius', radius_m],
-                f'a robot of radius {radius_m} m and {fault}',
-            )
-            for radius_m, fault in (
-                ('3', 'clearance 0.01 m does not fit between the walls, which are 4 m apart'),
-                ('1.99', 'clearance 0.01 m does not fit between the walls'),
-            )
-        ),
+        ([*WALLS, '--radius', '3'], '3 m and clearance 0.01 m does not fit between the walls, which are 4 m'),
+        ([*WALLS, '--radius', '1.99'], 'a robot of radius 1.99 m and clearance 0.01 m does not fit between'),
         (['--walls', '0', '0', '0', '8'], 'walls is [0.0, 0.0, 0.0, 8.0]: must be x0 y0 x1 y1'),
         (['--sim-config-file', '/missing.yaml'], "sim_config_file '/missing.yaml': cannot be read"),
         (['--smallest-standoff', '0.6'], 'the standoffs are 0.6, 0.5 and 1 m'),
-        (['--standoff', 'nan'], 'the standoffs are 0.3, nan and 1 m: must be above 0, and the smallest'),
-        (['--largest-standoff', 'nan'], 'the standoffs are 0.3, 0.5 and nan m'),
+        (['--standoff', '2'], 'the standoffs are 0.3, 2 and 1 m: must be above 0, and the smallest'),
         (['--angle', '90'], 'the largest incidence angle is 90 degrees: must be from 0 to below 90'),
-        (['--steepest-angle', 'nan'], 'the steepest incidence angle is nan degrees'),
-        (
-            ['--radius', '-0.1'],
-            'the radius of the robot is -0.1 m and its clearance 0.05 m: must not be below',
-        ),
-        (['--clearance', 'nan'], 'its clearance nan m: must not be below 0'),
-        (
-            ['--arrival-tolerance', '-1', '0'],
-            'the arrival tolerances are -1 m and 0 rad: must be from 0 to 1 m, and from 0 to pi rad',
-        ),
+        (['--steepest-angle', '90'], 'the steepest incidence angle is 90 degrees'),
+        (['--radius', '-0.1'], 'the radius of the robot is -0.1 m and its clearance 0.05 m: must not be'),
+        (['--clearance', '-1'], 'its clearance -1 m: must not be below 0'),
+        (['--arrival-tolerance', '-1', '0'], 'the arrival tolerances are -1 m and 0 rad: must be from 0'),
         (['--arrival-tolerance', '0', '10'], 'the arrival tolerances are 0 m and 10 rad: must be from 0 to'),
         (['--largest-standoff', '100'], 'the standoffs are 0.3, 0.5 and 100 m'),
         (['--unknown', 'free'], '--unknown is about the cells of a map: name one with --map FILE'),
         (['--camera-offset', '0.3'], "the camera is 0.3 m ahead of the robot's centre: must be less than"),
-        (['--camera-offset', 'nan'], 'the camera is nan m ahead'),
+        (['--camera-offset', '-0.3'], 'the camera is -0.3 m ahead'),
         (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),
         (['--start', '150', '400'], 'radius 0.2 m: choose another within x 0'),
-        (['--start', 'inf', '0'], 'the start at (inf, 0) is not free'),
         (['--end', '0', '0'], 'the end at (0.00, 0.00) is not free: choose another'),
         (['--picture', '/missing/a.png'], "--picture '/missing/a.png': there is no folder '/missing': name"),
         (['--picture', '/'], "--picture '/' is a folder: name a file in it"),
         (['--picture', 'route.mp3'], "--picture 'route.mp3': the ending must be one of "),
-        (['--picture', 'route', '--start', 'inf', '0'], "--picture 'route': the ending must be one of "),
+        (['--picture', 'route', '--start', '2', '1.2'], "--picture 'route': the ending must be one of "),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(poses_of, words, problem):
@@ -277,38 +237,28 @@ def test_publish_keeps_the_poses_on_a_latched_topic_until_a_signal(run_here, tag
     ]
 
 
-@pytest.fixture
-def overrides(tmp_path):
-    """Return a function that reads overrides of this text."""
-
-    def read(text: str):
-        path = tmp_path / f'approach_overrides.{"json" if text.startswith("{") else "yaml"}'
-        path.write_text(text, encoding='utf-8')
-        return read_overrides(path, {'7', '21'})
-
-    return read
-
-
-def test_the_overrides_are_read_by_tag_and_an_unknown_tag_is_warned_of(overrides):
-    found, (warning,) = overrides(
-        'overrides:\n  "7": {yaw: 1, goal_x: 2.5}\n  21:\n  "99": {standoff: 0.4}\n'
-    )
-    assert found == {'7': Override(yaw=1.0, goal_x=2.5), '21': Override()}
-    assert warning.endswith("tag '99' is not in the layout: its override has no effect")
-    assert overrides('') == overrides('overrides:\n') == ({}, [])
+@pytest.mark.parametrize(
+    ('text', 'overrides', 'warnings'),
+    [
+        ('', {}, 0),
+        ('overrides:\n', {}, 0),
+        ('overrides: {"7": {yaw: 1, goal_x: 2.5}}', {'7': Override(yaw=1.0, goal_x=2.5)}, 0),
+        ('overrides:\n  21:\n', {'21': Override()}, 0),
+        ('overrides: {"99": {standoff: 0.4}}', {}, 1),
+    ],
+)
+def test_the_overrides_are_read_by_tag(tmp_path, text, overrides, warnings):
+    path = tmp_path / 'approach_overrides.yaml'
+    path.write_text(text, encoding='utf-8')
+    found, said = read_overrides(path, {'7', '21'})
+    assert (found, len(said)) == (overrides, warnings)
 
 
 @pytest.mark.parametrize(
     ('text', 'problem'),
     [
-        (
-            'overrides:\n  "7":\n    yaw: 1\n    stand_off: 0.4\n',
-            "tag '7': unknown key 'stand_off': use yaw, ",
-        ),
-        (
-            'overrides:\n  "7": {yaw: 1}\n  tilt: {yaw: 1}\n  "21": {tilt: 2}\n',
-            "tag '21': unknown key",
-        ),
+        ('overrides: {"7": {yaw: 1, stand_off: 0.4}}', "tag '7': unknown key 'stand_off': use yaw, "),
+        ('overrides: {"7": {yaw: 1}, tilt: {yaw: 1}, "21": {tilt: 2}}', "tag '21': unknown key"),
         ('"7": {yaw: 1}\n', "unknown key '7': use overrides, as in {overrides: {"),
         ('overrides: {"7": {standoff: 2.0}}', "tag '7': standoff is 2.0: must be a number from 0.2 to 1.5"),
         ('overrides: {"7": {goal_x: .nan}}', "tag '7': goal_x is nan: must be a number"),
@@ -320,10 +270,11 @@ def test_the_overrides_are_read_by_tag_and_an_unknown_tag_is_warned_of(overrides
         ('{"overrides": {\n\t"7": {"Yaw": 1}}}', "tag '7': unknown key 'Yaw': use yaw"),
     ],
 )
-def test_a_malformed_override_is_refused_with_its_place(overrides, text, problem):
-    with pytest.raises(StartUpError) as refusal:
-        overrides(text)
-    assert problem in str(refusal.value)
+def test_a_malformed_override_is_refused_with_its_place(tmp_path, text, problem):
+    path = tmp_path / f'approach_overrides.{"json" if text.startswith("{") else "yaml"}'
+    path.write_text(text, encoding='utf-8')
+    with pytest.raises(StartUpError, match=re.escape(problem)):
+        read_overrides(path, {'7', '21'})
 
 
 def test_the_overrides_of_the_documents_show_the_robot_their_tags(tmp_path, capsys):
