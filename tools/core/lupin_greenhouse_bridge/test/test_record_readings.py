@@ -1,5 +1,6 @@
 """record_readings: what it receives, what it keeps, and what it says when it cannot."""
 
+import contextlib
 import threading
 from itertools import count
 from types import SimpleNamespace
@@ -25,7 +26,7 @@ from lupin_greenhouse_bridge.testing._signals import SIGNALS
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
-from test_store import STAMP_NS, row
+from test_store import STAMP_NS, row, rows
 
 LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
 TOPIC = '/tested/readings'
@@ -64,11 +65,11 @@ def test_rows_that_arrive_while_the_file_is_locked_wait_for_nobody_and_are_writt
     kept.writer.start()
     kept.writer.add([row(0)])
     assert kept.disk.is_asked.wait(PATIENCE_SECONDS)
-    kept.writer.add([row(number) for number in range(1, 1000)])
+    kept.writer.add(rows(1, 1000))
     assert kept.disk.rows == []
     kept.disk.is_free.set()
     assert kept.writer.end() == 0
-    assert kept.disk.rows == [row(number) for number in range(1000)]
+    assert kept.disk.rows == rows(1000)
     assert kept.log.infos == ['1 row kept', '1000 rows kept']
 
 
@@ -81,13 +82,12 @@ def test_a_full_disk_is_one_error_every_ten_seconds_and_its_rows_are_written_aft
         kept.writer.write()
         said.append(len(kept.log.errors))
     assert said == [1, 1, 1, 2, 2, 3]
-    assert kept.log.errors[0].endswith(': 1 row waiting in memory, 0 dropped')
-    assert kept.log.errors[-1] == (
-        "file 'x.csv': No space left on device: 6 rows waiting in memory, 0 dropped"
-    )
+    full = "file 'x.csv': No space left on device"
+    assert kept.log.errors[0] == f'{full}: 1 row waiting in memory, 0 dropped'
+    assert kept.log.errors[-1] == f'{full}: 6 rows waiting in memory, 0 dropped'
     kept.disk.is_full = False
     kept.writer.write()
-    assert kept.disk.rows == [row(number) for number in range(6)]
+    assert kept.disk.rows == rows(6)
     assert (kept.log.infos, kept.log.warnings) == (['6 rows kept'], [])
 
 
@@ -138,97 +138,89 @@ def reading(number, tag_id='7') -> TagReading:
 
 @pytest.fixture
 def robot():
-    """Return the node that publishes readings."""
     with spinning_node('robot') as node:
         yield node
 
 
-def publisher_on(node, durability, topic=TOPIC, depth=2000):
-    return node.create_publisher(TagReading, topic, QoSProfile(depth=depth, durability=durability))
-
-
 @pytest.fixture
-def subscriber():
-    """Return a node with the numbers of the readings that were `delivered` to its subscriptions."""
+def readings(robot):
+    return publisher_on(robot)
+
+
+def publisher_on(node, durability=LATCHED, topic=TOPIC):
+    return node.create_publisher(TagReading, topic, QoSProfile(depth=2000, durability=durability))
+
+
+def test_each_reading_is_received_once_from_latched_and_volatile_publishers(robot, readings, capfd):
+    received, delivered, more = [], [], '/tested/more'
+
+    def create_subscription(kind, topic, callback, *rest, **keywords):
+        def receive(each):
+            callback(each)
+            delivered.append(each.stamp.nanosec)
+
+        return create(kind, topic, receive, *rest, **keywords)
+
+    readings.publish(reading(1))
+    volatile = publisher_on(robot, VOLATILE, more)
     with spinning_node('subscriber') as node:
-        create, delivered = node.create_subscription, []
-
-        def create_subscription(kind, topic, callback, *rest, **keywords):
-            def receive(each):
-                callback(each)
-                delivered.append(each.stamp.nanosec)
-
-            return create(kind, topic, receive, *rest, **keywords)
-
-        node.create_subscription = create_subscription
-        yield SimpleNamespace(node=node, delivered=delivered)
-
-
-def test_each_reading_is_received_once_from_latched_and_volatile_publishers(robot, subscriber, capfd):
-    received, more = [], '/tested/more'
-    latched, volatile = publisher_on(robot, LATCHED), publisher_on(robot, VOLATILE, more)
-    latched.publish(reading(1))
-    names = subscribe_to_readings(
-        subscriber.node, [TOPIC, more], lambda each, topic: received.append((each, topic))
-    )
-    assert names == [TOPIC, more]
-    wait_until(lambda: 1 in subscriber.delivered)  # published before it was subscribed to
-    wait_until(lambda: latched.get_subscription_count() == 2)
-    # Another sensor or value makes another reading, also with the same stamp and tag.
-    same_stamp = [reading(2), reading(2), reading(2)]
-    same_stamp[1].readings[0].value = 7.5
-    same_stamp[2].readings[0].name = 'temperature'
-    for each in same_stamp:
-        latched.publish(each)
-    wait_until(lambda: subscriber.delivered.count(2) == 6)
-    wait_until(lambda: volatile.publish(reading(3)) or 3 in subscriber.delivered)
+        create, node.create_subscription = node.create_subscription, create_subscription
+        names = subscribe_to_readings(node, [TOPIC, more], lambda *both: received.append(both))
+        assert names == [TOPIC, more]
+        wait_until(lambda: 1 in delivered)  # published before it was subscribed to
+        wait_until(lambda: readings.get_subscription_count() == 2)
+        # Another sensor or value makes another reading, also with the same stamp and tag.
+        same_stamp = [reading(2), reading(2), reading(2)]
+        same_stamp[1].readings[0].value = 7.5
+        same_stamp[2].readings[0].name = 'temperature'
+        for each in same_stamp:
+            readings.publish(each)
+        wait_until(lambda: delivered.count(2) == 6)
+        wait_until(lambda: volatile.publish(reading(3)) or 3 in delivered)
     assert received == [(each, TOPIC) for each in (reading(1), *same_stamp)] + [(reading(3), more)]
     assert '[subscriber]' not in capfd.readouterr().err  # no warning of rclpy
 
 
 @pytest.fixture
-def start_recorder(run_nodes, tmp_path):
-    """Return a function that starts the node in the test's process, with a file in the test's folder."""
+def file(tmp_path):
+    return tmp_path / 'readings.sqlite'
 
-    def start(name='readings.sqlite', **parameters):
-        file = tmp_path / name
+
+@pytest.fixture
+def start_recorder(run_nodes, file):
+    def start(**parameters):
         parameters = {'readings_topics': TOPIC, 'file': file, **parameters}
-        node, _ = run_nodes(record_readings.RecordReadingsNode, **parameters)
-        return SimpleNamespace(node=node, file=file)
+        return run_nodes(record_readings.RecordReadingsNode, **parameters)[0]
 
     return start
 
 
-@pytest.mark.parametrize('file', ['readings.sqlite', 'readings.csv'])
-def test_a_thousand_readings_at_once_are_all_kept(start_recorder, robot, shipped_tags, file):
-    recorder = start_recorder(file)
-    readings = publisher_on(robot, LATCHED)
+def test_a_thousand_readings_at_once_are_all_kept(start_recorder, readings, shipped_tags, file):
+    start_recorder()
     for number in range(1000):
         readings.publish(reading(number))
-    wait_until(lambda: len(read_rows(recorder.file)) >= 2000)
+    wait_until(lambda: len(read_rows(file)) >= 2000)
     place_m = shipped_tags['7']['x'], shipped_tags['7']['y']
-    assert read_rows(recorder.file) == [
-        each for number in range(1000) for each in rows_of(reading(number), TOPIC, place_m)
-    ]
+    expected = [each for number in range(1000) for each in rows_of(reading(number), TOPIC, place_m)]
+    assert read_rows(file) == expected
 
 
-def test_a_row_with_a_number_that_cannot_be_right_is_refused_and_counted(start_recorder, robot, capfd):
-    recorder, readings = start_recorder(), publisher_on(robot, LATCHED)
-    bad, good = reading(1), reading(2)
+def test_a_row_with_a_number_that_cannot_be_right_is_refused_and_counted(
+    start_recorder, readings, file, capfd
+):
+    recorder, bad = start_recorder(), reading(1, 'new\nline')
     bad.readings[0].value = float('nan')
-    bad.tag_id = 'new\nline'
     readings.publish(bad)
-    readings.publish(good)
-    wait_until(lambda: len(read_rows(recorder.file)) == 3)
-    assert recorder.node.end() == 0
+    readings.publish(reading(2))
+    wait_until(lambda: len(read_rows(file)) == 3)
+    assert recorder.end() == 0
     said = capfd.readouterr().err
     assert r"tag 'new\nline': value of co2 is nan: must be a finite number: 1 row refused so far" in said
     assert '1 row refused: a number cannot be right' in said
 
 
-def test_readings_that_have_arrived_at_the_end_are_kept(robot, tmp_path):
+def test_readings_that_have_arrived_at_the_end_are_kept(readings, file):
     """The node is never spun, as one that a signal ends while it is busy."""
-    file, readings = tmp_path / 'readings.sqlite', publisher_on(robot, LATCHED)
     arguments = ['--ros-args', '-p', f'readings_topics:={TOPIC}', '-p', f'file:={file}']
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     node = record_readings.RecordReadingsNode()
@@ -244,56 +236,56 @@ def test_readings_that_have_arrived_at_the_end_are_kept(robot, tmp_path):
     assert len(read_rows(file)) == 200
 
 
-def test_positions_are_those_of_the_bridges_own_tag_file(start_recorder, robot, tmp_path, capfd):
-    (tmp_path / 'tags.json').write_text('{"7": {"x": 9.0, "y": 9.5, "sensors": ["co2"]}}')
-    recorder, readings = start_recorder(), publisher_on(robot, LATCHED)
-    readings.publish(reading(0))
-    wait_until(lambda: read_rows(recorder.file))
-    said = 'the bridge has not told its tag_file: positions are those of mdp-greenhouse'
-    assert said in capfd.readouterr().err
-    with spinning_node('greenhouse_bridge') as bridge:
-        bridge.declare_parameter('tag_file', str(tmp_path / 'tags.json'))
-        bridge.declare_parameter('loaded_tag_ids', ['7'])
-        numbers = count(1)
-        wait_until(
-            lambda: readings.publish(reading(next(numbers))) or read_rows(recorder.file)[-1].x_m == 9.0
-        )
-    assert said not in capfd.readouterr().err  # once
-
-
-@pytest.mark.parametrize(
-    ('parameters', 'reason'),
-    [
-        ({'tag_file': '/elsewhere/tags.json', 'loaded_tag_ids': ['7']}, "tag_file '/elsewhere/tags.json'"),
-        ({}, 'the bridge has not told its tag_file'),
-    ],
-)
-def test_a_tag_file_of_the_bridge_that_cannot_be_used_is_said(start_recorder, capfd, parameters, reason):
-    said = []
+@contextlib.contextmanager
+def bridge_with(**parameters):
+    """Run a node with the name of the bridge and these parameters."""
     with spinning_node('greenhouse_bridge') as bridge:
         for name, value in parameters.items():
             bridge.declare_parameter(name, value)
+        yield
+
+
+NOT_TOLD = 'the bridge has not told its tag_file: positions are those of mdp-greenhouse'
+
+
+def test_positions_are_those_of_the_bridges_own_tag_file(start_recorder, readings, file, write_layout, capfd):
+    start_recorder()
+    readings.publish(reading(0))
+    wait_until(lambda: read_rows(file))
+    assert NOT_TOLD in capfd.readouterr().err
+    numbers = count(1)
+    with bridge_with(tag_file=write_layout({'7': (9.0, 9.5)}), loaded_tag_ids=['7']):
+        wait_until(lambda: readings.publish(reading(next(numbers))) or read_rows(file)[-1].x_m == 9.0)
+    assert NOT_TOLD not in capfd.readouterr().err  # once
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'said'),
+    [
+        ({'tag_file': '/elsewhere/tags.json', 'loaded_tag_ids': ['7']}, "tag_file '/elsewhere/tags.json'"),
+        ({}, NOT_TOLD),
+    ],
+)
+def test_a_tag_file_of_the_bridge_that_cannot_be_used_is_said(start_recorder, capfd, parameters, said):
+    lines = []
+    with bridge_with(**parameters):
         start_recorder()
-        wait_until(lambda: said.append(capfd.readouterr().err) or 'of mdp-greenhouse' in ''.join(said))
-    assert reason in ''.join(said)
+        wait_until(lambda: lines.append(capfd.readouterr().err) or 'of mdp-greenhouse' in ''.join(lines))
+    assert said in ''.join(lines)
 
 
-def test_positions_come_from_the_tag_file(start_recorder, robot, tmp_path):
-    (tmp_path / 'tags.json').write_text('{"7": {"x": 9.0, "y": 9.5, "sensors": ["co2"]}}')
-    recorder = start_recorder(tag_file=tmp_path / 'tags.json', readings_topics=[TOPIC])
-    readings = publisher_on(robot, LATCHED)
+def test_positions_come_from_the_tag_file(start_recorder, readings, file, write_layout):
+    start_recorder(tag_file=write_layout({'7': (9.0, 9.5)}), readings_topics=[TOPIC])
     for tag_id in ('7', 'nowhere'):
         readings.publish(reading(1, tag_id))
-    wait_until(lambda: len(read_rows(recorder.file)) == 4)
-    rows = {(row.tag_id, row.x_m, row.y_m, row.source) for row in read_rows(recorder.file)}
-    assert rows == {('7', 9.0, 9.5, TOPIC), ('nowhere', None, None, TOPIC)}
+    wait_until(lambda: len(read_rows(file)) == 4)
+    kept = {(row.tag_id, row.x_m, row.y_m, row.source) for row in read_rows(file)}
+    assert kept == {('7', 9.0, 9.5, TOPIC), ('nowhere', None, None, TOPIC)}
 
 
-def test_a_recorder_that_was_killed_goes_on_and_keeps_nothing_twice(start_node, robot, tmp_path):
+def test_a_recorder_that_was_killed_goes_on_and_keeps_nothing_twice(start_node, readings, file):
     """The latched readings are delivered again to the second recorder."""
-    file = tmp_path / 'readings.sqlite'
     parameters = {'readings_topics': TOPIC, 'file': file}
-    readings = publisher_on(robot, LATCHED)
     for number in range(10):
         readings.publish(reading(number))
     first = start_node(RECORD_READINGS, **parameters)
@@ -323,22 +315,16 @@ def recorded_here(run_here, tmp_path, monkeypatch):
     return lambda signals: run_here(record_readings.main, *arguments, signals_at={SPINS: SIGNALS[signals]})
 
 
-@pytest.mark.parametrize('signals', ['Ctrl-C', 'SIGTERM and Ctrl-C'])
-def test_a_signal_writes_the_last_rows_and_ends_with_exit_code_0(recorded_here, tmp_path, signals):
-    file = tmp_path / 'readings.csv'
-    file.write_text(f'{HEADER}\n1795')
-    ended = recorded_here(signals)
-    assert ended.code == 0
-    assert '2 rows kept' in ended.err
-    assert len(read_rows(file)) == 2
-
-
-def test_rows_lost_at_the_end_are_exit_code_1(recorded_here, monkeypatch):
+@pytest.mark.parametrize(('signals', 'lost'), [('Ctrl-C', 0), ('SIGTERM and Ctrl-C', 0), ('SIGTERM', 1)])
+def test_a_signal_writes_the_last_rows_and_the_exit_code_is_1_if_some_are_lost(
+    recorded_here, tmp_path, monkeypatch, signals, lost
+):
+    (tmp_path / 'readings.csv').write_text(f'{HEADER}\n1795')
     end = BufferedWriter.end
-    monkeypatch.setattr(BufferedWriter, 'end', lambda writer: end(writer) + 1)
-    ended = recorded_here('SIGTERM')
-    assert ended.code == 1
-    assert '1 row lost' in ended.err
+    monkeypatch.setattr(BufferedWriter, 'end', lambda writer: end(writer) + lost)
+    ended = recorded_here(signals)
+    assert (ended.code, '2 rows kept' in ended.err, '1 row lost' in ended.err) == (lost, True, bool(lost))
+    assert len(read_rows(tmp_path / 'readings.csv')) == 2
 
 
 @pytest.mark.parametrize(
@@ -350,8 +336,8 @@ def test_rows_lost_at_the_end_are_exit_code_1(recorded_here, monkeypatch):
         ('tag_file', '/no/tags.json', "tag_file '/no/tags.json': cannot be read"),
         ('readings_topics', '/a no-name', 'parameter readings_topics: Invalid topic name: '),
         *(
-            ('readings_topics', value, 'parameter readings_topics is ')
-            for value in ("' '", '[]', '7', '[1, 2]')
+            ('readings_topics', each, 'parameter readings_topics is ')
+            for each in ("' '", '[]', '7', '[1, 2]')
         ),
     ],
 )
@@ -364,13 +350,13 @@ def test_what_cannot_be_recorded_is_refused_in_one_line(
     assert fragment in ended.refusal
 
 
-def test_topics_without_a_publisher_are_named_once_and_the_first_publisher_too(start_node, tmp_path):
-    recorder = start_node(RECORD_READINGS, readings_topics=TOPIC, file=tmp_path / 'readings.sqlite')
+def test_topics_without_a_publisher_are_named_once_and_the_first_publisher_too(start_node, file):
+    recorder = start_node(RECORD_READINGS, readings_topics=TOPIC, file=file)
     line = recorder.wait_for_log(f'no publisher of {TOPIC} is found yet with ROS_DOMAIN_ID=')
     assert 'wait for a mission or read_on_sight that starts, or set these variables as for it' in line
     assert 'INFO' in line  # a mission that starts may need longer
     with spinning_node('publisher') as node:
-        node.create_publisher(TagReading, TOPIC, QoSProfile(depth=10, durability=LATCHED))
+        publisher_on(node)
         recorder.wait_for_log(f'{TOPIC} has a publisher now')
     assert recorder.stop() == 0
     assert len([line for line in recorder.rest_of_log() if 'publisher' in line]) == 2
