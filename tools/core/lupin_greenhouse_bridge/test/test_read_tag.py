@@ -12,6 +12,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import redirect_stderr, redirect_stdout
 from types import SimpleNamespace
 
 import domain_coordinator
@@ -40,12 +41,10 @@ from rcl_interfaces.srv import GetParameters
 
 READ_TAG = executable('lupin_greenhouse_bridge', 'read_tag')
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER = 0, 1, 2, 3
-CANNOT_BE_PARSED = 'read_tag: the ROS arguments cannot be parsed (put other arguments before --ros-args): '
 
 
 @pytest.fixture
 def read(read_tag_here, noon_bridge):
-    """Return a function that reads from the bridge with these arguments."""
     return lambda *arguments: read_tag_here(*arguments, '--service', noon_bridge.service_name)
 
 
@@ -56,8 +55,7 @@ def times_out_when(monkeypatch):
 
     A test that hangs ends after PATIENCE_SECONDS.
     """
-    nodes = []
-    create_node = rclpy.create_node
+    nodes, create_node = [], rclpy.create_node
 
     def create(*arguments, **keywords):
         nodes.append(create_node(*arguments, **keywords))
@@ -107,8 +105,9 @@ def test_readings_are_a_table_with_the_number_of_tags_and_each_failure_is_a_line
     assert [warm_tag_id, '12:00:00', 'temperature', f'{temperature:.1f}', '°C'] in rows
     assert {row[0] for row in rows} == set(shipped_tags)
     assert last == [f'{len(shipped_tags)}/{len(shipped_tags)}', 'tags', 'read']
-    ended = read('6', '99')
+    ended = read('6', '99', '--ros-args', '-p', 'time_out:=3', '--')
     assert ended.code == SOME_FAILED
+    assert 'parameter time_out is unknown and ignored' in ended.err
     assert ended.out.splitlines()[-1] == '1/2 tags read'
     assert ended.said == (
         f"read_tag: UNKNOWN_TAG: Tag '99' is not in the loaded greenhouse ({len(shipped_tags)} tags known)."
@@ -139,8 +138,7 @@ def test_csv_has_the_columns_of_the_recorder_and_one_header_also_in_a_file_to_wh
     monkeypatch.setattr(process, 'sleep', lambda _seconds: None)
     file = tmp_path / 'day.csv'
     for _ in range(2):
-        with file.open('a', encoding='utf-8') as output, monkeypatch.context() as patch:
-            patch.setattr(sys, 'stdout', output)
+        with file.open('a', encoding='utf-8') as output, redirect_stdout(output):
             ended = read('99', *shipped_tags, '--csv', '--watch', '10', '--count', '2')
         assert ended.code == SOME_FAILED
         assert ended.said.count("read_tag: UNKNOWN_TAG: Tag '99'") == 2
@@ -192,41 +190,32 @@ def test_a_reading_that_no_bridge_sends_fails_its_tag_in_one_line(read_tag_here,
         assert (row.tag_id, row.value, row.unit, row.x_m, row.y_m) == ('7', 1.5, 'ppm', None, None)
 
 
-def without_waiting(text):
-    """Return what a process has said, but for what it says on a machine that is slow."""
-    return re.sub(r'read_tag: waiting for .* s more\n', '', text)
+FULL, NO_SPACE = '>/dev/full', 'No space left on device'
 
 
-@pytest.mark.parametrize('options', [['--csv'], ['--json'], [], ['--watch', '0.01']])
-def test_a_full_disk_under_the_output_is_one_line_and_exit_code_4(noon_bridge, options):
-    command = [READ_TAG, '6', '--service', noon_bridge.service_name, *options]
-    with open('/dev/full', 'w', encoding='utf-8') as full:
-        ended = subprocess.run(
-            command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=120, check=False
-        )
-    reason = 'No space left on device'
-    assert ended.returncode == 4
-    assert without_waiting(ended.stderr) == f'read_tag: standard output cannot be written: {reason}\n'
-
-
-def test_with_a_closed_standard_error_the_output_and_the_exit_code_are_the_same(noon_bridge):
-    command = [READ_TAG, '99', '--csv', '--service', noon_bridge.service_name]
-    command += ['--timeout', str(PATIENCE_SECONDS)]
+@pytest.mark.parametrize(
+    ('arguments', 'redirection', 'first_word', 'code', 'reason'),
+    [
+        *((['6', *options], FULL, '', 4, NO_SPACE) for options in ([], ['--csv'], ['--json'])),
+        (['6', '--watch', '0.01'], FULL, '', 4, NO_SPACE),
+        (['6', '--watch', '0.01'], '| head -n 1; exit ${PIPESTATUS[0]}', 'tag', 4, 'Broken pipe'),
+        (['99', '--csv'], '2>&-', HEADER, SOME_FAILED, ''),  # as with an open standard error
+    ],
+)
+def test_an_output_that_cannot_be_written_is_one_line_and_exit_code_4(
+    noon_bridge, arguments, redirection, first_word, code, reason
+):
+    command = [READ_TAG, *arguments, '--service', noon_bridge.service_name]
     ended = subprocess.run(
-        ['bash', '-c', 'exec "$@" 2>&-', 'bash', *command], capture_output=True, timeout=120, check=False
+        ['bash', '-c', f'"$@" {redirection}', 'bash', *command, '--timeout', str(PATIENCE_SECONDS)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
-    assert (ended.returncode, ended.stdout.decode()) == (SOME_FAILED, f'{HEADER}\n')
-
-
-def test_a_reader_that_closes_the_pipe_ends_the_watch(noon_bridge):
-    ask = [READ_TAG, '6', '--watch', '0.01', '--service', noon_bridge.service_name]
-    ask += ['--timeout', str(PATIENCE_SECONDS)]
-    with subprocess.Popen(ask, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        process.stdout.readline()
-        process.stdout.close()
-        assert process.wait(PATIENCE_SECONDS) == 4
-        said = process.stderr.read()
-    assert without_waiting(said) == 'read_tag: standard output cannot be written: Broken pipe\n'
+    assert (ended.returncode, ended.stdout.split()[:1]) == (code, first_word.split())
+    said = re.sub(r'read_tag: waiting for .* s more\n', '', ended.stderr)  # on a machine that is slow
+    assert said == (f'read_tag: standard output cannot be written: {reason}\n' if reason else '')
 
 
 @pytest.mark.parametrize(
@@ -238,16 +227,10 @@ def test_a_reader_that_closes_the_pipe_ends_the_watch(noon_bridge):
         (['1', '--json', '--csv'], 'argument --csv: not allowed with argument --json'),
         (['1', '--count', '2'], 'read_tag: --count needs --watch SECONDS'),
         (['1', '--watch', '1', '--count', '0'], "'0': must be a whole number above 0"),
-        (
-            ['1', '--ros-args', '-r', 'a:=b', '--timeout', '1'],
-            "read_tag: '--timeout' is no ROS argument: write",
-        ),
+        (['1', '--ros-args', '--timeout', '1'], "read_tag: '--timeout' is no ROS argument: write"),
         (['--service', 'a b', '1'], "read_tag: 'a b' is not a service name: "),
-        (
-            ['1', '--ros-args', '-p', 'x:=[1'],
-            'read_tag: -p x:=[1: ROS reads each value as YAML: quote it once',
-        ),
-        (['no UTF-8: \udcff'], CANNOT_BE_PARSED),
+        (['1', '--ros-args', '-p', 'x:=[1'], 'read_tag: -p x:=[1: ROS reads each value as YAML: quote it'),
+        (['no UTF-8: \udcff'], 'read_tag: the ROS arguments cannot be parsed (put other arguments before'),
         (['1', '--ros-args', '-r', '__node:=a b'], "read_tag: ROS cannot rename by '__node:=a b': write"),
         *(
             (['1', '--timeout', text], f"argument --timeout: '{text}': must be a number of seconds above 0")
@@ -259,12 +242,6 @@ def test_a_wrong_command_line_is_exit_code_2_and_says_why(read_tag_here, argumen
     ended = read_tag_here(*arguments)
     assert (ended.code, ended.out) == (USAGE, '')
     assert last_line in ended.said.splitlines()[-1]
-
-
-def test_a_mistyped_parameter_is_named(read, warm_tag_id):
-    ended = read(warm_tag_id, '--ros-args', '-p', 'time_out:=3', '--')
-    assert ended.code == ALL_READ
-    assert 'parameter time_out is unknown and ignored' in ended.err
 
 
 def test_a_client_that_ros_refuses_is_exit_code_2_and_names_the_security(read, monkeypatch):
@@ -280,15 +257,12 @@ def test_a_client_that_ros_refuses_is_exit_code_2_and_names_the_security(read, m
     assert read('1').said == 'read_tag: security is enabled: error creating client'
 
 
-def test_all_of_a_bridge_with_another_tag_file_are_its_own(read_tag_here, start_bridge, altered, tmp_path):
+def test_all_of_a_bridge_with_another_tag_file_is_its_own(read_tag_here, start_bridge, altered, write_layout):
     """Even if this machine has another release of the simulator than the bridge."""
-    tag_file = tmp_path / 'tags.json'
-    tag_file.write_text(
-        '{"10": {"x": 1, "y": 1, "sensors": ["co2"]}, "9": {"x": 1, "y": 1, "sensors": ["co2"]}}'
-    )
+    tag_file = write_layout(dict.fromkeys(('10', '9'), (1.0, 1.0)))
     bridge = start_bridge(altered('path_arguments'), tag_file=tag_file)
     bridge.connect()
-    tag_file.unlink()
+    os.remove(tag_file)
     ended = read_tag_here('--all', '--json', '--service', bridge.service_name)
     assert ended.code == ALL_READ
     assert [json.loads(line)['tag_id'] for line in ended.out.splitlines()] == ['9', '10']
@@ -328,7 +302,7 @@ def hint(run_here, times_out_when):
     return hint
 
 
-def test_the_hint_names_the_domain_and_what_starts_a_bridge(hint, monkeypatch, tmp_path):
+def test_the_hint_names_what_can_keep_a_client_from_its_bridge(hint, monkeypatch, tmp_path):
     monkeypatch.setenv('PATH', str(tmp_path))
     with empty_domain() as domain:
         monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
@@ -341,13 +315,14 @@ def test_the_hint_names_the_domain_and_what_starts_a_bridge(hint, monkeypatch, t
         with spinning_node('somebody'):
             text = hint(lambda node: 'somebody' in node.get_node_names())
         assert text.startswith('other nodes but no bridge is found with ')
-
-
-def test_the_hint_names_a_discovery_server_that_may_be_off(hint, monkeypatch):
-    with empty_domain():  # the variable comes after the node, which would keep it for the whole process
+        # Without enforcement, a node without keys starts but finds no other node.
+        monkeypatch.setenv('ROS_SECURITY_ENABLE', 'true')
+        monkeypatch.setenv('ROS_SECURITY_STRATEGY', 'Permissive')
+        assert 'the bridge needs the same keystore, and keys for this domain' in hint()
+        # The variable comes after the node, which would keep it for the whole process.
         text = hint(lambda _node: monkeypatch.setenv('ROS_DISCOVERY_SERVER', '127.0.0.1:11811') or True)
-    assert 'ROS_DISCOVERY_SERVER=127.0.0.1:11811' in text
-    assert 'start the discovery server or unset its variable' in text
+        assert 'ROS_DISCOVERY_SERVER=127.0.0.1:11811' in text
+        assert 'start the discovery server or unset its variable' in text
 
 
 def test_the_hint_names_a_service_of_another_name_or_type(hint, noon_bridge):
@@ -355,14 +330,11 @@ def test_the_hint_names_a_service_of_another_name_or_type(hint, noon_bridge):
     text = hint(lambda node: name in dict(node.get_service_names_and_types()))
     namespace = name.removesuffix('/greenhouse_bridge/get_tag_reading')
     assert text == f'there is {name}: name it with --service (make read: NAMESPACE={namespace})'
+    name, its_type = '/stranger/get_tag_reading', 'rcl_interfaces/srv/GetParameters'
     with empty_domain(), spinning_node('stranger') as stranger:
-        stranger.create_service(GetParameters, '~/get_tag_reading', lambda _request, response: response)
-        name, its_type = '/stranger/get_tag_reading', 'rcl_interfaces/srv/GetParameters'
-
-        def is_discovered(node):
-            return its_type in dict(node.get_service_names_and_types()).get(name, [])
-
-        text = hint(is_discovered, service=name)
+        stranger.create_service(GetParameters, name, lambda _request, response: response)
+        is_found = (name, [its_type]).__eq__
+        text = hint(lambda node: any(map(is_found, node.get_service_names_and_types())), service=name)
     wanted = f'{GetTagReading.__module__.split(".")[0]}/srv/GetTagReading'
     assert text.startswith(f'{name} has the type {its_type}, but this client calls {wanted}')
 
@@ -374,13 +346,11 @@ def test_waiting_for_the_service_is_said_and_on_a_terminal_wiped_out(
     monkeypatch.setattr(read_tag, 'SILENT_SECONDS', 0.0)
     ends = iter([False, False, True])
     times_out_when(lambda _node: next(ends))
-    with Terminal(columns=80) as terminal, monkeypatch.context() as patch:
-        if is_terminal:
-            patch.setattr(sys, 'stderr', terminal.stream)
+    with Terminal(columns=80) as shown, redirect_stderr(shown.stream if is_terminal else sys.stderr):
         ended = run_here(read_tag.main, '1', '--service', '/nobody/get_tag_reading', '--timeout', '7')
     waiting = 'read_tag: waiting for /nobody/get_tag_reading, 7 s more'
-    shown = f'\r\x1b[K{waiting}\r\r\x1b[K\r' if is_terminal else f'{waiting}\n'
-    assert (terminal.text if is_terminal else ended.err).startswith(f'{shown}read_tag: no service ')
+    first = f'\r\x1b[K{waiting}\r\r\x1b[K\r' if is_terminal else f'{waiting}\n'
+    assert (shown.text if is_terminal else ended.err).startswith(f'{first}read_tag: no service ')
 
 
 def test_watch_reads_from_start_to_start_until_a_signal(read, shipped_tags, monkeypatch):
@@ -436,39 +406,28 @@ def test_a_watch_goes_on_while_the_bridge_is_away(run_here, times_out_when, monk
 @pytest.mark.parametrize('other', ['second', 'first'])
 def test_two_servers_of_the_service_are_named(run_here, monkeypatch, other):
     def warning_once_found(node, name, **options):
-        wait_until(lambda: servers_of(node, name) == sorted(['/first', f'/{other}']))
+        wait_until(lambda: len(servers_of(node, name)) == 2)
         return duplicate_server_warning(node, name, **options)
 
     monkeypatch.setattr(read_tag, 'duplicate_server_warning', warning_once_found)
-    service = '/shared/get_tag_reading'
     with empty_domain(), spinning_node('first') as first, spinning_node(other) as second:
         for node in (first, second):
-            node.create_service(GetTagReading, service, reply)
-        assert run_here(read_tag.main, '1', '--service', service).said == (
-            f'read_tag: {service} is offered by /first and /{other}: clients use the first reply;'
-            ' stop one of them, or rename it'
-        )
+            node.create_service(GetTagReading, '/a/get_tag_reading', reply)
+        said = run_here(read_tag.main, '1', '--service', '/a/get_tag_reading').said
+    faults = f'/a/get_tag_reading is offered by /first and /{other}: clients use the first reply; stop one'
+    assert said == f'read_tag: {faults} of them, or rename it'
 
 
 @pytest.mark.parametrize(('typed', 'offered'), [('read_tag --wa', '--watch'), ('read_tag 2', '21')])
 def test_the_shell_completes_options_and_tag_ids(tmp_path, typed, offered):
-    answer = tmp_path / 'answer'
-    command = f'exec 8>{shlex.quote(str(answer))} 9>/dev/null; exec {shlex.quote(READ_TAG)}'
-    environment = {
-        '_ARGCOMPLETE': '1',
-        'COMP_LINE': typed,
-        'COMP_POINT': str(len(typed)),
-        '_ARGCOMPLETE_IFS': '\n',
-        '_ARGCOMPLETE_SUPPRESS_SPACE': '1',
-    }
-    subprocess.run(
-        ['bash', '-c', command], env={**os.environ, **environment}, timeout=PATIENCE_SECONDS, check=True
-    )
-    assert offered in answer.read_text().split('\n')
+    command = f'exec 8>answer 9>/dev/null; exec {shlex.quote(READ_TAG)}'
+    asked = {'_ARGCOMPLETE': '1', '_ARGCOMPLETE_IFS': '\n', '_ARGCOMPLETE_SUPPRESS_SPACE': '1'}
+    asked |= {'COMP_LINE': typed, 'COMP_POINT': str(len(typed))}
+    subprocess.run(['bash', '-c', command], cwd=tmp_path, env={**os.environ, **asked}, timeout=60, check=True)
+    assert offered in (tmp_path / 'answer').read_text().split('\n')
 
 
 def answer(tag_id, seconds=0.0, **values):
-    """Return the answer with this reading."""
     response = GetTagReading.Response(reading=reading_of(tag_id, seconds, values.items()))
     return answer_of(tag_id, response)
 
@@ -506,22 +465,16 @@ def test_a_watched_table_in_a_pipe_has_one_header_and_its_columns_never_get_narr
     )
 
 
-@pytest.fixture
-def shown(monkeypatch):
-    """Return a function that returns what tables of these many tags look like on a terminal of 24 rows."""
-
-    def shown(*counts, failures=()):
-        with Terminal() as terminal, monkeypatch.context() as patch:
-            patch.setattr(sys, 'stdout', terminal.stream)
-            table = Table(is_watched=True)
-            for count in counts:
-                table.show([*(answer(f'tag {number}', co2=1.0) for number in range(count)), *failures])
-        return terminal.text.replace('\r\n', '\n')
-
-    return shown
+def shown(*counts, failures=()):
+    """Return what tables of these many tags look like on a terminal of 24 rows."""
+    with Terminal() as terminal, redirect_stdout(terminal.stream):
+        table = Table(is_watched=True)
+        for count in counts:
+            table.show([*(answer(f'tag {number}', co2=1.0) for number in range(count)), *failures])
+    return terminal.text.replace('\r\n', '\n')
 
 
-def test_on_a_terminal_a_table_replaces_the_last_one_and_is_cut_to_the_window(shown):
+def test_on_a_terminal_a_table_replaces_the_last_one_and_is_cut_to_the_window():
     table = 'tag    sim time  sensor  value  unit\ntag 0  00:00:00  co2         1  ppm\n'
     table += 'read_tag: UNKNOWN_TAG: no lost\n'
     assert shown(1, 1, failures=[failure('no lost')]) == f'\x1b[J{table}\x1b[3F\x1b[J{table}'
