@@ -4,10 +4,12 @@ import copy
 import datetime
 import fractions
 import importlib.metadata
+import itertools
 import math
 import random
 import re
 import time
+from types import SimpleNamespace
 
 import numpy
 import pytest
@@ -17,7 +19,7 @@ from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 
 TAGS_SHIPPED = {'1.0.7': 22, '1.0.8': 29}
-HOURS = {'midnight': 0.0, '06:00': 6.0, 'noon': 12.0, '18:00': 18.0}
+TICK_SECONDS = 1800.0  # simulated seconds per wall second in the shipped config
 
 
 def closed_form(components, x, y, hour):
@@ -40,16 +42,9 @@ def closed_form(components, x, y, hour):
     return max(values)
 
 
-@pytest.fixture(scope='module')
-def noise_free_config_file(shipped_config, tmp_path_factory):
-    """Return a file with the shipped config without noise."""
-    config = copy.deepcopy(shipped_config)
-    for components in config['sensors'].values():
-        for component in components:
-            component['noise_sigma'] = 0
-    path = tmp_path_factory.mktemp('config') / 'noise_free.yaml'
-    path.write_text(yaml.safe_dump(config), encoding='utf-8')
-    return path
+def loaded(config_file=None, **parameters):
+    """Return the simulator that a bridge with these parameters serves."""
+    return simulation.load(Settings(**parameters), None, config_file).sim
 
 
 def test_every_tag_gives_exactly_its_own_sensors_in_its_order(noon_bridge, shipped_tags):
@@ -59,20 +54,16 @@ def test_every_tag_gives_exactly_its_own_sensors_in_its_order(noon_bridge, shipp
     assert served == {tag_id: tag['sensors'] for tag_id, tag in shipped_tags.items()}
 
 
-def values_of(tag_ids, config_file=None, **parameters):
-    """Return the values by tag that a bridge with these parameters serves."""
-    sim = loaded(config_file, **parameters)
-    return {tag_id: simulation.read(sim, tag_id)[1] for tag_id in tag_ids}
-
-
-@pytest.mark.parametrize('hour', HOURS.values(), ids=HOURS)
-def test_without_noise_all_five_sensors_follow_the_closed_form(
-    shipped_tags, shipped_config, noise_free_config_file, hour
-):
-    seen = set()
-    for tag_id, values in values_of(shipped_tags, noise_free_config_file, debug_time_of_day=hour).items():
-        tag = shipped_tags[tag_id]
-        for name, value in values.items():
+@pytest.mark.parametrize('hour', [0.0, 6.0, 12.0, 18.0])
+def test_without_noise_all_five_sensors_follow_the_closed_form(shipped_tags, shipped_config, tmp_path, hour):
+    config = copy.deepcopy(shipped_config)
+    for component in itertools.chain(*config['sensors'].values()):
+        component['noise_sigma'] = 0
+    path = tmp_path / 'noise_free.yaml'
+    path.write_text(yaml.safe_dump(config), encoding='utf-8')
+    sim, seen = loaded(path, debug_time_of_day=hour), set()
+    for tag_id, tag in shipped_tags.items():
+        for name, value in simulation.read(sim, tag_id)[1].items():
             expected = closed_form(shipped_config['sensors'][name], tag['x'], tag['y'], hour)
             assert value == pytest.approx(expected, rel=1e-12), (tag_id, name)
             seen.add(name)
@@ -155,67 +146,42 @@ def test_any_finite_real_number_is_cast(read_answer, value):
 
 
 NOISY_TAGS = ('21', '1', '5', '21', '12', '1')
-TICK_SECONDS = 1800.0  # simulated seconds per wall second in the shipped config
-
-
-class WallClock:
-    """Replaces `datetime` in the simulator."""
-
-    def now(self):
-        return datetime.datetime.strptime(self.time, '%H:%M:%S')
-
-
-def loaded(config_file=None, **parameters):
-    """Return the simulator that a bridge with these parameters serves."""
-    return simulation.load(Settings(**parameters), None, config_file).sim
-
-
-def sim_time(sim) -> float:
-    return simulation.read(sim, '1')[0]
 
 
 @pytest.fixture
 def sim_times(monkeypatch):
-    """Return a function that returns the simulated times of one start at these wall times."""
-    clock = WallClock()
+    """Return a function that returns the simulated times of a start at midnight at these wall times."""
 
-    def read_at(wall_times, **parameters):
-        clock.time = '00:00:00'
+    def read_at(*wall_times, **parameters):
+        nows = [datetime.datetime.strptime(each, '%H:%M:%S') for each in ('00:00:00', *wall_times)]
+        clock = SimpleNamespace(now=lambda: nows[0])  # in place of `datetime` in the simulator
+        monkeypatch.setattr(simulator, 'datetime', clock)
         sim = loaded(**parameters)
         times = []
-        for clock.time in wall_times:
-            times.append(sim_time(sim))
+        for _ in wall_times:
+            del nows[0]
+            times.append(simulation.read(sim, '1')[0])
         return times
 
-    monkeypatch.setattr(simulator, 'datetime', clock)
     return read_at
-
-
-def noisy_sequence(**parameters):
-    sim = loaded(**parameters)
-    return [simulation.read(sim, tag_id)[1] for tag_id in NOISY_TAGS]
 
 
 @pytest.mark.parametrize('speedup', [1, 7.5, 3600])
 def test_a_wall_second_is_speedup_seconds_of_the_live_clock(sim_times, speedup):
-    first, second, later = sim_times(['00:00:01', '00:00:02', '00:00:12'], speedup_factor=speedup)
+    first, second, later = sim_times('00:00:01', '00:00:02', '00:00:12', speedup_factor=speedup)
     assert (first, second - first, later - second) == (speedup, speedup, 10 * speedup)
 
 
 def test_the_live_clock_takes_the_speedup_of_the_config_from_midnight_and_stays_within_a_day(sim_times):
-    times = sim_times(['00:00:00', '00:00:01', '00:00:47', '00:00:48', '10:11:13', '11:59:59', '23:59:59'])
+    times = sim_times('00:00:00', '00:00:01', '00:00:47', '00:00:48', '10:11:13', '11:59:59', '23:59:59')
     assert times[:5] == [0.0, TICK_SECONDS, 86400 - TICK_SECONDS, 0.0, TICK_SECONDS]
     assert all(0.0 <= each < 86400.0 for each in times)
 
 
-def test_a_frozen_clock_stays_frozen(sim_times):
-    wall_times = ['01:00:00', '13:30:59', '23:59:59']
-    assert sim_times(wall_times, debug_time_of_day=7.25) == [7.25 * 3600] * 3
-
-
-@pytest.mark.parametrize(('hours', 'seconds'), [(0, 0.0), (0.0, 0.0), (23.999, 86396.4), (24, 0.0)])
-def test_both_ends_of_the_day_are_midnight(hours, seconds):
-    assert sim_time(loaded(debug_time_of_day=hours)) == pytest.approx(seconds)
+@pytest.mark.parametrize(('hours', 'seconds'), [(0, 0), (0.0, 0), (7.25, 26100), (23.999, 86396.4), (24, 0)])
+def test_a_frozen_clock_stays_frozen_and_both_ends_of_the_day_are_midnight(sim_times, hours, seconds):
+    times = sim_times('01:00:00', '13:30:59', '23:59:59', debug_time_of_day=hours)
+    assert times == pytest.approx([seconds] * 3)
 
 
 def test_seeded_noise_is_the_simulators_own_from_the_first_request_on(start_bridge):
@@ -233,6 +199,7 @@ def test_without_a_seed_the_noise_goes_on_as_the_process_started_it():
     sequences = []
     for seed_of_the_process in (1, 1, 2):
         random.seed(seed_of_the_process)
-        sequences.append(noisy_sequence(debug_time_of_day=12.0))
+        sim = loaded(debug_time_of_day=12.0)
+        sequences.append([simulation.read(sim, tag_id)[1] for tag_id in NOISY_TAGS])
     first, same, other = sequences
     assert first == same != other
