@@ -2,7 +2,6 @@
 """The documents: their Python runs, each example of a format loads, and its table describes the code."""
 
 import contextlib
-import importlib.util
 import json
 import re
 import sqlite3
@@ -12,13 +11,13 @@ import numpy as np
 import pytest
 import rclpy
 import yaml
+from conftest import NO_DETECTIONS
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.display.colours import read_colour_ranges
 from lupin_greenhouse_bridge.display.drawing_command import read_file, read_route
 from lupin_greenhouse_bridge.display.markers import scaled
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
-from lupin_greenhouse_bridge.errors import source_of_messages
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.planning.overrides import read_overrides
@@ -69,24 +68,21 @@ def test_the_tag_file_has_three_tags_and_its_tables(example):
     assert simulation.load(Settings(), tag_file=path, sim_config_file=None).tag_ids == ['1', '2', '3']
 
 
-def test_the_schema_and_the_page_name_every_sensor():
-    schema = json.loads((PAGE.parents[1] / 'schema/tag_locations.schema.json').read_text(encoding='utf-8'))
-    named = schema['definitions']['tags']['additionalProperties']['properties']['sensors']['items']['anyOf']
-    assert named[0]['enum'] == list(UNITS)
-    rows = table('greenhouse_config.yaml', 3)
-    (on_page,) = [meaning for key, _, meaning in rows if key == 'sensors']
+def schema_of(name: str) -> dict:
+    return json.loads((PAGE.parents[1] / f'schema/{name}.schema.json').read_text(encoding='utf-8'))
+
+
+def test_the_schemas_and_the_page_name_every_sensor():
+    tags = schema_of('tag_locations')['definitions']['tags']['additionalProperties']
+    assert tags['properties']['sensors']['items']['anyOf'][0]['enum'] == list(UNITS)
+    config = schema_of('greenhouse_config')['properties']
+    assert config['sensors']['propertyNames']['enum'] == list(UNITS)
+    (on_page,) = [meaning for key, _, meaning in table('greenhouse_config.yaml', 3) if key == 'sensors']
     assert re.findall('`(.*?)`', on_page.partition(' a list')[0]) == list(UNITS)
-    schema = json.loads(
-        (PAGE.parents[1] / 'schema/greenhouse_config.schema.json').read_text(encoding='utf-8')
-    )
-    assert schema['properties']['sensors']['propertyNames']['enum'] == list(UNITS)
 
 
 def test_the_page_and_the_schema_have_the_defaults_that_the_bridge_warns_of():
-    schema = json.loads(
-        (PAGE.parents[1] / 'schema/greenhouse_config.schema.json').read_text(encoding='utf-8')
-    )
-    component = schema['definitions']['component']['properties']
+    component = schema_of('greenhouse_config')['definitions']['component']['properties']
     assert {key: value['default'] for key, value in component.items()} == COMPONENT_DEFAULTS
     on_page = {}
     for keys, required, _ in table('greenhouse_config.yaml', 3):
@@ -155,24 +151,17 @@ def test_a_cell_of_the_field_has_this_value():
     assert scaled(values, *read_colour_ranges()['temperature']).tolist() == [int(cell) for _, cell in rows]
 
 
-@pytest.mark.skipif(
-    not importlib.util.find_spec('apriltag_msgs'),
-    reason=f'apriltag_msgs is missing: {source_of_messages("apriltag_msgs")}',
-)
 def test_every_topic_has_this_qos(run_nodes, tmp_path):
-    nodes = run_nodes(
-        ReadOnSightNode, RecordReadingsNode, ShowReadingsNode, file=str(tmp_path / 'readings.sqlite')
-    )
+    pytest.importorskip('apriltag_msgs', reason=NO_DETECTIONS)
+    file = str(tmp_path / 'readings.sqlite')
+    *nodes, _ = run_nodes(ReadOnSightNode, RecordReadingsNode, ShowReadingsNode, file=file)
     found = []
-    for node in nodes[:3]:
-        ends = [('publishes', each) for each in node.publishers]
-        ends += [('subscribes', each) for each in node.subscriptions]
-        for direction, end in ends:
-            profile = end.qos_profile
-            policies = [
-                each.name.lower().replace('_', ' ') for each in (profile.reliability, profile.durability)
-            ]
-            found.append([node.get_name(), end.topic_name, direction, *policies, str(profile.depth)])
+    for node in nodes:
+        for direction, ends in (('publishes', node.publishers), ('subscribes', node.subscriptions)):
+            for end in ends:
+                qos = end.qos_profile
+                policies = [each.name.lower().replace('_', ' ') for each in (qos.reliability, qos.durability)]
+                found.append([node.get_name(), end.topic_name, direction, *policies, str(qos.depth)])
     own = [row for row in found if row[1] not in ('/parameter_events', '/rosout')]
     described = [
         [node, topic, *qos]
@@ -188,10 +177,8 @@ SERVICE = '/greenhouse_bridge/get_tag_reading'
 
 def example_of(page: str) -> dict:
     """Return the names that the Python blocks of a page define."""
-    blocks = re.findall(
-        r'^```python\n(.*?)^```', (PAGE.parent / page).read_text(encoding='utf-8'), re.M | re.S
-    )
-    names = {}
+    text, names = (PAGE.parent / page).read_text(encoding='utf-8'), {}
+    blocks = re.findall(r'^```python\n(.*?)^```', text, re.M | re.S)
     exec(compile(''.join(blocks), page, 'exec'), names)  # noqa: S102 (our own document)
     return names
 
@@ -201,9 +188,8 @@ def start_check(run_nodes):
     """Return a function that runs the example, and returns the reply of its service."""
 
     def start(service_name: str, serve=lambda _node: None):
-        *_, node = run_nodes(
-            example_of('clients.md')['VentilationCheck'], arguments=['-r', f'{SERVICE}:={service_name}']
-        )
+        check = example_of('clients.md')['VentilationCheck']
+        *_, node = run_nodes(check, arguments=['-r', f'{SERVICE}:={service_name}'])
         serve(node)
         client = node.create_client(Trigger, '/ventilation_check/has_enough_co2')
         assert client.wait_for_service(PATIENCE_SECONDS)

@@ -89,19 +89,16 @@ def test_one_module_imports_what_rclpy_keeps_for_itself():
 
 
 @pytest.mark.parametrize(
-    ('files', 'kinds', 'besides'),
+    ('folders', 'kinds', 'besides'),
     [
-        (
-            [*PACKAGE.glob('lupin*/**/*.py'), *PACKAGE.glob('launch/*.py')],
-            ('depend', 'exec_depend'),
-            OPTIONAL,
-        ),
-        ([*PACKAGE.glob('test/*.py')], ('depend', 'exec_depend', 'test_depend'), set()),
+        (('lupin*/**', 'launch'), ('depend', 'exec_depend'), OPTIONAL),
+        (('test',), ('depend', 'exec_depend', 'test_depend'), set()),
     ],
     ids=['package', 'test'],
 )
-def test_every_import_is_a_dependency(files, kinds, besides):
+def test_every_import_is_a_dependency(folders, kinds, besides):
     declared = {depend.text for kind in kinds for depend in package_xml().iter(kind)}
+    files = [file for folder in folders for file in PACKAGE.glob(f'{folder}/*.py')]
     products = [file for file in files if file.parent.name != 'testing']
     imported = {name.partition('.')[0] for file in products for name in imports(file)}
     own = {PACKAGE.name, *(file.stem for file in files)} | sys.stdlib_module_names
