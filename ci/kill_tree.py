@@ -62,15 +62,6 @@ def end_descendants() -> None:
         time.sleep(0.02)
 
 
-def wait_for(pid: int) -> int:
-    """Return the exit code of a child; also collects adopted orphans."""
-    while True:
-        ended, status = os.wait()
-        if ended == pid:
-            code = os.waitstatus_to_exitcode(status)
-            return code if code >= 0 else 128 - code
-
-
 def main() -> int:
     """Run the command; return its exit code."""
     if not sys.argv[1:]:
@@ -80,8 +71,8 @@ def main() -> int:
         for number in SIGNALS:
             signal.signal(number, interrupt)
         # In a session of its own, so that Ctrl-C arrives here first.
-        command = subprocess.Popen(sys.argv[1:], start_new_session=True)
-        return wait_for(command.pid)
+        code = subprocess.Popen(sys.argv[1:], start_new_session=True).wait()
+        return code if code >= 0 else 128 - code
     finally:
         end_descendants()
 

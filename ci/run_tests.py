@@ -58,9 +58,19 @@ def pip(venv: Path, *arguments: str) -> None:
         sys.exit(result.stdout)
 
 
-def starts(python: str) -> bool:
-    """Return whether a Python starts and can make environments."""
-    return subprocess.run([python, '-c', 'import venv'], capture_output=True, check=False).returncode == 0
+def has_module(python: str, module: str) -> bool:
+    """Return whether a Python starts, which the shim of a version manager may not, and imports a module."""
+    return (
+        subprocess.run([python, '-c', f'import {module}'], capture_output=True, check=False).returncode == 0
+    )
+
+
+def python_of(version: str) -> str | None:
+    """Return a Python of a version, such as 3.10, that can make environments."""
+    pyenv = Path(os.environ.get('PYENV_ROOT') or Path.home() / '.pyenv')
+    found = [f'python{version}', f'/usr/bin/python{version}']
+    found += map(str, pyenv.glob(f'versions/{version}.*/bin/python'))
+    return next((each for each in found if shutil.which(each) and has_module(each, 'venv')), None)
 
 
 def make_environment(python: str, venv: Path, distro: str) -> None:
@@ -172,7 +182,7 @@ def test_heavy() -> bool:
 def test_apriltag() -> bool:
     """Run the detector's tests with apt's python3-apriltag and the system's Python, which it is built for."""
     venv, python = Path(f'{here().venv}-apriltag'), '/usr/bin/python3'
-    if subprocess.run([python, '-c', 'import apriltag'], capture_output=True, check=False).returncode:
+    if not has_module(python, 'apriltag'):
         packages = 'python3-apriltag python3-venv'
         if os.getuid() or not shutil.which('apt-get'):
             print(f'test-apriltag: skipped, python3-apriltag is missing: sudo apt install {packages}')
@@ -188,13 +198,6 @@ def test_apriltag() -> bool:
     python_here = str(venv / 'bin/python')
     command = ['env', '--chdir=monorepo', python_here, *PYTEST[1:], '--noconftest', *APRILTAG_TESTS]
     return run([Tests("apt's python3-apriltag", command, venv / 'test.log')])
-
-
-def python_3_10() -> str | None:
-    """Return a Python 3.10 that works: the shim of a version manager may not start."""
-    pyenv = Path(os.environ.get('PYENV_ROOT') or Path.home() / '.pyenv')
-    found = ['python3.10', '/usr/bin/python3.10', *map(str, pyenv.glob('versions/3.10.*/bin/python3.10'))]
-    return next((each for each in found if shutil.which(each) and starts(each)), None)
 
 
 def make_22_04(python: str, trees: Sequence[Workspace]) -> None:
@@ -215,8 +218,7 @@ def make_22_04(python: str, trees: Sequence[Workspace]) -> None:
 
 def test_ubuntu_22_04() -> bool:
     """Run the tests of the mirror's bridge and of the monorepo's nodes with the versions of Ubuntu 22.04."""
-    python = python_3_10()
-    if not python:
+    if not (python := python_of('3.10')):
         print('test-22-04: skipped, there is no working Python 3.10: sudo apt install python3.10-venv')
         return True
     mirror, monorepo = (Workspace(Path(f'{here().venv}-22.04'), tree) for tree in reversed(TREES))
@@ -238,8 +240,7 @@ def test_matrix() -> bool:
     print('| Python | ROS 2 | mdp-greenhouse | monorepo | lupin_greenhouse_ros |\n|---|---|---|---|---|')
     are_good = True
     for version in os.environ.get('PYTHONS', '3.10 3.11 3.12 3.13').split():
-        python = shutil.which(f'python{version}')
-        if not python or not starts(python):
+        if not (python := python_of(version)):
             print(f'matrix: no Python {version} here', file=sys.stderr)
             continue
         for distro in os.environ.get('DISTROS', 'kilted jazzy').split():

@@ -14,7 +14,6 @@ import pytest
 from conftest import ROOT, make, of_a_user, run, succeed
 
 CI = ROOT / 'ci'
-pytest_plugins = ['lupin_greenhouse_bridge.testing']
 
 
 @pytest.fixture
@@ -280,24 +279,3 @@ def test_ctrl_c_ends_it_in_one_line(tmp_path):
         os.killpg(process.pid, signal.SIGINT)
         *_, last = process.stderr.read().splitlines()
     assert (process.returncode, last) == (130, 'environment: interrupted')
-
-
-@pytest.mark.parametrize(
-    ('version', 'said'),
-    [
-        ('1.0.5', "mdp-greenhouse 1.0.5 is installed.*pip install --upgrade 'mdp-greenhouse>=1.0.7'"),
-        ('1.0.6', "mdp-greenhouse 1.0.6 is installed.*pip install --upgrade 'mdp-greenhouse>=1.0.7'"),
-        ('1.0.7', 'ready: 22 tags'),
-        ('1.0.8', 'ready: 29 tags'),
-    ],
-)
-def test_a_simulator_is_served_from_1_0_7_on(start_bridge, tmp_path, version, said):
-    """Each release is installed from PyPI."""
-    pip = [sys.executable, '-m', 'pip', 'install', '--quiet', '--no-deps', '--target', tmp_path]
-    succeed(*pip, f'mdp-greenhouse=={version}')
-    path = os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])
-    bridge = start_bridge(environment={'PYTHONPATH': path})
-    is_served = 'ready' in said
-    assert re.search(
-        said, bridge.wait_for_log(f'mdp-greenhouse {version}') if is_served else bridge.refusal()
-    )

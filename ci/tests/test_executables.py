@@ -32,16 +32,6 @@ def test_help_says_what_it_does_and_how_with_exit_code_0_and_leaves_no_file(exec
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
-    'executable', [path for path in EXECUTABLES if path.name in ('bridge_node', 'record_readings')]
-)
-def test_a_node_refuses_an_argument_that_it_does_not_know(executable, tmp_path):
-    ended = run(executable, 'readings.csv', cwd=tmp_path)
-    assert ended.returncode == 1
-    assert "unknown argument 'readings.csv': set parameters with --ros-args -p name:=value" in ended.stderr
-    assert not list(tmp_path.iterdir())
-
-
 # A command, an option with wrong values, and what its values must be.
 NUMBERS = [
     *(

@@ -64,15 +64,6 @@ def test_a_signal_ends_every_descendant(mark, number):
     assert not marked(mark)
 
 
-def test_without_it_descendants_survive(mark):
-    """The check above can fail."""
-    process = start_stubborn(mark)
-    os.killpg(process.pid, signal.SIGINT)
-    os.killpg(process.pid, signal.SIGTERM)
-    process.wait(PATIENCE_SECONDS)
-    assert marked(mark)
-
-
 @pytest.mark.parametrize(('script', 'code'), [('exit 0', 0), ('exit 7', 7), ('kill -9 $$', 137)])
 def test_the_exit_code_is_that_of_the_command_and_nothing_is_left(mark, script, code):
     command = (sys.executable, kill_tree.__file__, 'bash', '-c', f'setsid sleep 600 & {script}')

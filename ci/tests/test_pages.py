@@ -118,12 +118,15 @@ def test_the_course(open_shell):
 
 @pytest.mark.heavy
 def test_the_thread_of_the_readme(copy):
-    """What a mission reports, what is recorded beside it, and what the page shows are the same values."""
+    """A mission drives to every tag; its report, its record and its page have the same values."""
     (block,) = [
         text for _, _, text in docs_check.Document(ROOT, Path('README.md')).shell_blocks() if THREAD in text
     ]
     printed = succeed('bash', '-c', f'set -e\n{block}', cwd=copy, env=of_a_user())
+    assert '29/29 tags read' in printed.splitlines()
     (report,) = copy.glob('.mission/*.jsonl')
+    assert len(report.with_name(f'{report.stem}-route.csv').read_text().splitlines()) > 29
+    assert report.with_suffix('.png').exists()
     reported = {row[:1] + row[2:5] for row in read_file(report).rows}
     recorded = read_file(copy / 'readings.sqlite').rows
     assert {row[:1] + row[2:5] for row in recorded} == reported
