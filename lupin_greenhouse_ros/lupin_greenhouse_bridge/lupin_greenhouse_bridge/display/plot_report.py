@@ -19,13 +19,14 @@ from lupin_greenhouse_bridge.errors import StartUpError, escaped, names_text
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
-from lupin_greenhouse_bridge.units import label_of, value_text
+from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 
-MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.3, 0.65  # a panel in inches
-DOT_M, GAP_M, LABELS = 0.24, 0.1, LabelSize(0.1, 0.1, 0.2)  # scaled by scale_of()
+MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 2.9, 0.58  # a panel in inches
+DOT_M, GAP_M, LABELS = 0.27, 0.11, LabelSize(0.112, 0.112, 0.224)  # scaled by scale_of()
 READ, UNKNOWN = point_style('o', '0.35', 5), point_style('o', '0.75', 4)
 RINGS = 'lowest or highest value'
-EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS)
+SEVERAL_TIMES = 'Tags were read at different times, so values differ by place and by time of day.'
+EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
 MOST_NAMED, LONGEST_LINE = 30, 110  # tags in a line of failures, and its characters
 
 
@@ -104,7 +105,8 @@ def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:
 
 def _panels_of(figure: Any, count: int, shown: Greenhouse) -> tuple[list[Any], Any]:
     """Return the axes of this many greenhouses, row by row, and the axes of an empty cell or None."""
-    columns, rows = min(count, MOST_COLUMNS), -(-count // MOST_COLUMNS)
+    rows = -(-count // MOST_COLUMNS)
+    columns = -(-count // rows)
     width_m, height_m, scale = drawings.scale_of(shown.layout, shown.walls)
     width, height = (size_m / scale * INCHES_PER_M for size_m in (width_m, height_m))
     figure.set_size_inches(max(SMALLEST_PANEL, width + 0.5) * columns, rows * (height + 1.6))
@@ -205,7 +207,7 @@ def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, has_rings: bool)
     """Write what each mark means into an empty cell, or else below the panels."""
     marks: list[tuple[str, Style]] = [
         ('wall', {'color': 'black', 'linewidth': 1.5}),
-        ('table', point_style('s', colours.TABLE, 11)),
+        *([('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
         *([(RINGS, EXTREME)] if has_rings else []),
         ('tag without a value', UNKNOWN),
@@ -254,13 +256,15 @@ def _write_head(
         lines += [(part, 11, colours.FAILED) for part in textwrap.wrap(text, LONGEST_LINE)]
     origin = [escaped(name, 64), _time_text('%d %b %Y, times in %Z', last), summary.speed_text(rows)]
     lines.append((' · '.join(filter(None, origin)), 10, '0.35'))
+    if len({clock_time(row.sim_time_of_day_seconds) for row in drawn}) > 1:
+        lines.append((SEVERAL_TIMES, 10, '0.35'))
     points = 12.0  # above the panels
     for text, size, colour in reversed(lines):
         style = {'fontsize': size, 'color': colour, 'ha': 'center', 'va': 'bottom'}
         figure.text(0.5, 1.0 + points / 72 / figure.get_figheight(), text, **style)
         points += 1.5 * size
     parts = [part for each in headline for part in (each, ('·', 'black'))][:-1]
-    bold: Style = {'fontsize': 14, 'fontweight': 'bold'}
+    bold: Style = {'fontsize': 12, 'fontweight': 'bold'}
     texts: list[Artist] = [TextArea(text, textprops={'color': colour, **bold}) for text, colour in parts]
     line = HPacker(children=texts, align='baseline', pad=0, sep=5)
     at: Style = {'xycoords': figure.transFigure, 'box_alignment': (0.5, 0), 'frameon': False, 'pad': 0}

@@ -157,6 +157,20 @@ def test_titles_keys_and_colour_bars_of_all_sensors_have_room_and_round_ticks(
         assert [each / step for each in ticks] == pytest.approx([round(each / step) for each in ticks])
 
 
+def test_that_values_differ_by_time_of_day_is_said_if_the_times_differ(tmp_path, texts_of):
+    noon, night = visit('1', co2=600.0), visit('5', co2=500.0) | {'sim_time_of_day_seconds': 3600.0}
+    for visits, is_said in (([noon], False), ([noon, night], True)):
+        drawn = texts_of(write_report(tmp_path / 'report.jsonl', *visits))
+        assert any('values differ by place and by time of day' in text for text in drawn) is is_said
+
+
+@pytest.mark.parametrize(('count', 'columns'), [(1, 1), (3, 3), (4, 2), (5, 3)])
+def test_the_panels_are_in_rows_of_up_to_three_with_few_empty_cells(tmp_path, figures, count, columns):
+    values = dict.fromkeys([*UNITS][:count], 20.0)
+    assert main([str(write_report(tmp_path / 'report.jsonl', visit('1', **values)))]) == 0
+    assert figures[0].axes[0].get_gridspec().ncols == columns
+
+
 def test_the_failed_tags_come_first_and_a_code_last(tmp_path, texts_of):
     detail = 'navigate_to_pose aborted the drive with code 208: no path'
     visits = (
