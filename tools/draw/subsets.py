@@ -137,7 +137,7 @@ def draw_field(axes: Any, greenhouse: Greenhouse, options: argparse.Namespace, p
     shades = LinearSegmentedColormap.from_list('shades', [paper, FIELD_END])
     extent = (*part[::2], *part[1::2])
     image = axes.imshow(field, shades, extent=extent, origin='lower', interpolation='bilinear')
-    lines = axes.contour(xs, ys, field, 5, colors=ink, linewidths=0.6, alpha=0.6)
+    lines = axes.contour(xs, ys, field, 5, colors=ink, linewidths=0.6, alpha=0.6, zorder=0.5)
     table = {'facecolor': TABLE, 'edgecolor': ink, 'linewidth': 0.6}
     drawings.draw_greenhouse(axes, greenhouse.layout, greenhouse.walls, table)
     label = f'{label_of(options.sensor)} at {clock_time(options.hour * 3600)}'

@@ -238,6 +238,19 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
         assert not path.intersects_bbox(text.get_window_extent(), filled=False), text.get_text()
 
 
+def test_each_stop_has_a_dot_and_a_line_from_its_number_to_its_disc(drawn):
+    axes = drawn['route'].axes[0]
+    discs = [each for each in axes.patches if isinstance(each, Circle)]
+    (dots,) = [line for line in axes.lines if line.get_markeredgecolor() == 'white']
+    assert sorted(map(tuple, dots.get_xydata())) == sorted(disc.center for disc in discs)
+    numbers = [text.get_position() for text in axes.texts if text.get_color() == 'white']
+    lines = [line.get_xydata() for line in axes.lines if line.get_linewidth() == 2.5]
+    assert {tuple(start) for start, _ in lines} == set(numbers)
+    assert len(lines) == len(discs)
+    for _, end in lines:
+        assert any(math.dist(end, disc.center) == pytest.approx(disc.radius) for disc in discs)
+
+
 def test_the_robot_is_drawn_to_scale_with_its_heading_towards_each_tag(drawn):
     axes, tags = drawn['route'].axes[0], shipped('tag_locations.json')['tags']
     discs = [each for each in axes.patches if isinstance(each, Circle)]

@@ -51,6 +51,7 @@ def point_style(marker: str, colour: str, size: float, **more: Any) -> Style:
 
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', 'black', 5), point_style('X', colours.FAILED, 8)
+STOP = point_style('o', colours.ROUTE, 5, markeredgecolor='white')
 
 
 class LabelSize(NamedTuple):
@@ -178,8 +179,8 @@ def draw_robot(axes: Any, pose: ApproachPose, radius_m: float) -> None:
     from matplotlib.patches import Circle, Wedge
 
     heading, half = math.degrees(pose.yaw), FRONT_DEGREES / 2
-    axes.add_patch(Circle(pose[:2], radius_m, facecolor=colours.ROBOT, edgecolor=colours.ROUTE, zorder=2.0))
-    front = Wedge(pose[:2], radius_m, heading - half, heading + half, color=colours.ROUTE, zorder=2.1)
+    axes.add_patch(Circle(pose[:2], radius_m, facecolor=colours.ROBOT, edgecolor=colours.ROUTE, zorder=1.2))
+    front = Wedge(pose[:2], radius_m, heading - half, heading + half, color=colours.ROUTE, zorder=1.3)
     axes.add_patch(front)
 
 
@@ -225,10 +226,21 @@ def draw_route(
     bounds = box_of(walls)
     labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route.points_m).items()]
     taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, fontweight='bold', zorder=6)
-    stops = join_stops([poses[tag_id][:2] for tag_id in route.tag_ids], scale * JOINED_M)
-    numbers = [(text.center(2), Box(x, y, robot_m, robot_m), 'white') for text, (x, y) in stops.items()]
+    stops = [poses[tag_id][:2] for tag_id in route.tag_ids]
+    axes.plot(*np.reshape(stops, (-1, 2)).T, **STOP, zorder=2.4)
+    groups = join_stops(stops, scale * JOINED_M)
+    middles = (np.mean(group, axis=0).tolist() for group in groups.values())
+    numbers = [
+        (text.center(2), Box(x, y, robot_m, robot_m), 'white')
+        for text, (x, y) in zip(groups, middles, strict=True)
+    ]
     frame: Style = {'boxstyle': 'round,pad=0.25,rounding_size=0.7', 'color': colours.ROUTE}
-    write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
+    boxes = write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
+    for box, group in zip(boxes, groups.values(), strict=True):
+        for stop in group:
+            share = robot_radius_m / math.dist(stop, box[:2])  # so the line ends at the robot's disc
+            ends = zip(box[:2], np.array(stop) + share * (np.array(box[:2]) - stop), strict=True)
+            axes.plot(*ends, color=colours.ROUTE, linewidth=2.5, zorder=2.3)
     marks: list[tuple[str, Style, bool]] = [
         (
             'route, in the direction of its arrows',
@@ -240,10 +252,14 @@ def draw_route(
             point_style('o', colours.ROUTE, 10, markerfacecolor=colours.ROBOT),
             True,
         ),
-        ('number of the stop; close ones share a mark', point_style('o', colours.ROUTE, 8), True),
+        (
+            'number of the stop; close ones share a mark',
+            point_style('$❷$', colours.ROUTE, 12, markeredgewidth=0),
+            True,
+        ),
         ('from a stop to its tag', sight, True),
-        ('tag and its id', TAG, True),
-        ('table', point_style('s', colours.TABLE, 9), True),
+        ('tag and its id', point_style(r'$■\,\bf{7}$', 'black', 14, markeredgewidth=0), True),
+        ('table', point_style('s', colours.TABLE, 9), bool(layout.tables)),
         ('tag without a pose', UNREACHABLE, bool(approaches.unreachable)),
         ('obstacle in the map', point_style('s', colours.OBSTACLE, 8), occupancy is not None),
     ]
@@ -252,21 +268,20 @@ def draw_route(
     return figure
 
 
-def join_stops(stops: list[Point], joined_m: float) -> dict[str, Point]:
-    """Return the numbers of stops and their places; close stops share one, such as `4, 5` or `19-21`."""
+def join_stops(stops: list[Point], joined_m: float) -> dict[str, Sequence[Point]]:
+    """Return the places of stops by their numbers; close stops share a text, such as `4, 5` or `19-21`."""
     groups: list[list[tuple[int, Point]]] = []
     for number, stop in enumerate(stops, start=1):
         group = next((each for each in groups if math.dist(each[0][1], stop) < joined_m), [])
         groups += [] if group else [group]
         group.append((number, stop))
-    marks = {}
+    joined: dict[str, Sequence[Point]] = {}
     for group in groups:
         numbers, places = zip(*group, strict=True)
         is_run = len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1
         text = f'{numbers[0]}-{numbers[-1]}' if is_run else ', '.join(map(str, numbers))
-        x, y = np.mean(places, axis=0).tolist()
-        marks[text] = x, y
-    return marks
+        joined[text] = places
+    return joined
 
 
 def _draw_map(axes: Any, occupancy: OccupancyMap) -> None:
@@ -285,7 +300,7 @@ def _draw_map(axes: Any, occupancy: OccupancyMap) -> None:
         extent=(0.0, width, 0.0, height),
         interpolation='none',
         transform=Affine2D().rotate(yaw).translate(x, y) + axes.transData,
-        zorder=1.5,
+        zorder=1.1,
     )
 
 
