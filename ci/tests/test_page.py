@@ -234,6 +234,9 @@ def test_one_value_is_told_once_on_an_axis_of_its_decimals_and_has_a_colour(tmp_
     page = open_page(path)
     assert page.complaints == []
     assert page.evaluate(COLOURS).startswith('#21918c')  # the middle of viridis
+    path.write_text(visit(0, '1', [], 'TIMEOUT') + '\n', encoding='utf-8')
+    boxes = open_page(path).evaluate(BOXES)
+    assert boxes['#bar']['height'] == boxes['#charts']['height'] == 0
 
 
 def test_the_table_sorts_by_a_column_with_failures_first(report, open_page):
