@@ -15,15 +15,20 @@ OK = Observation('7', Outcome.OK, '', 1, Reading('7', (12, 34), 43200.0, {'tempe
 FAILED = Observation('8', Outcome.TIMEOUT, 'no reply before the timeout', 3)
 
 
-def test_a_line_that_a_kill_cut_short_is_not_there(tmp_path):
-    path = tmp_path / 'report.jsonl'
-    for cut in range(1, len(FAILED.to_line())):
-        path.write_text(f'{OK.to_line()}\n{FAILED.to_line()[:cut]}', encoding='utf-8')
-        assert observations_in(path) == [OK]
+def lines_of(*observations) -> str:
+    return ''.join(f'{each.to_line()}\n' for each in observations)
+
+
+def test_a_line_that_a_kill_cut_short_is_not_there_unless_it_lacks_only_its_newline(tmp_path):
+    path, line = tmp_path / 'report.jsonl', FAILED.to_line()
+    for cut in range(1, len(line) + 1):
+        kept = [OK, FAILED] if cut == len(line) else [OK]
+        path.write_text(f'{OK.to_line()}\n{line[:cut]}', encoding='utf-8')
+        assert observations_in(path) == kept
         report = Report(path)
         report.record(FAILED)
         report.close()
-        assert path.read_text(encoding='utf-8') == f'{OK.to_line()}\n{FAILED.to_line()}\n'
+        assert path.read_text(encoding='utf-8') == lines_of(*kept, FAILED)
 
 
 @pytest.mark.parametrize(('size', 'kept'), [(0, []), (len(OK.to_line()) + 10, [OK])])
@@ -36,18 +41,7 @@ def test_a_report_that_another_program_cuts_goes_on_without_a_gap(tmp_path, size
     for _ in range(2):
         report.record(FAILED)
     report.close()
-    assert path.read_text() == ''.join(f'{each.to_line()}\n' for each in [*kept, FAILED, FAILED])
-
-
-def test_a_last_line_that_lost_only_its_newline_is_kept(tmp_path):
-    path = tmp_path / 'report.jsonl'
-    path.write_text(f'{OK.to_line()}\n{FAILED.to_line()}', encoding='utf-8')
-    assert observations_in(path) == [OK, FAILED]
-    report = Report(path)
-    report.record(OK)
-    report.close()
-    lines = [each.to_line() for each in (OK, FAILED, OK)]
-    assert path.read_text(encoding='utf-8') == '\n'.join([*lines, ''])
+    assert path.read_text(encoding='utf-8') == lines_of(*kept, FAILED, FAILED)
 
 
 @pytest.mark.parametrize(
@@ -75,18 +69,18 @@ def test_a_file_that_is_no_report_is_refused_and_left_alone(tmp_path, content):
     del refusal
 
 
-@pytest.mark.parametrize('path', ['', 'missing/report.jsonl', '.', 'nul\0'])
-def test_a_place_that_cannot_be_written_is_refused(tmp_path, monkeypatch, path):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(ReportError, match='name a file that can be written'):
-        Report(path)
-
-
-@pytest.mark.parametrize('path', ['/dev/zero', 'pipe'])
-def test_what_is_no_regular_file_is_refused(tmp_path, monkeypatch, path):
+@pytest.mark.parametrize(
+    ('path', 'reason'),
+    [
+        *((path, 'name a file that can be written') for path in ('', '.', 'nul\0')),
+        ('missing/report.jsonl', "make the folder 'missing'"),
+        *((path, 'is not a regular file') for path in ('/dev/zero', 'pipe')),
+    ],
+)
+def test_a_place_where_no_report_can_be_is_refused(tmp_path, monkeypatch, path, reason):
     monkeypatch.chdir(tmp_path)
     os.mkfifo('pipe')
-    with pytest.raises(ReportError, match='is not a regular file'):
+    with pytest.raises(ReportError, match=reason):
         Report(path)
 
 
@@ -114,11 +108,10 @@ def test_a_full_disk_leaves_whole_lines_only(tmp_path):
     assert report.path.read_bytes().endswith(b'\n')
 
 
-def fail(*_arguments):
-    raise OSError(errno.EIO, 'Input/output error')
-
-
 def test_an_observation_counts_only_once_it_is_on_the_disk(tmp_path, monkeypatch):
+    def fail(_file):
+        raise OSError(errno.EIO, 'Input/output error')
+
     report = Report(tmp_path / 'report.jsonl')
     report.record(OK)
     monkeypatch.setattr(os, 'fsync', fail)

@@ -165,7 +165,7 @@ def test_a_start_that_cannot_be_is_rejected_with_the_reason(
     """Without a sequence, it takes all tags in numeric order."""
     parameters = {**READER, **tag_file('b', '10', '9', 'a'), 'report_file': tmp_path / 'reports/report.jsonl'}
     _, operator = start_waiting_mission(**parameters)
-    assert 'name a file that can be written' in operator.rejection()
+    assert f"make the folder '{tmp_path}/reports'" in operator.rejection()
     (tmp_path / 'reports').mkdir()
     for rejected, reason in (
         (
