@@ -19,7 +19,6 @@ DURATION_SECONDS = 3.0 / 0.5 + NORTH / TURN_RAD_PER_S + NORTH / TURN_RAD_PER_S
 
 @pytest.fixture
 def robot():
-    """Return a robot at the start of its path."""
     robot = DiscRobot(PoseInPlane(0.0, 0.0, 0.0), speed_m_per_s=0.5)
     robot.follow(PATH, 0.0)
     return robot

@@ -88,21 +88,17 @@ class Client:
         return self
 
     def has_server(self) -> bool:
-        """Return whether the action is offered."""
         return self._client.server_is_ready()
 
     def call(self, name: str, request) -> None:
-        """Call a service of the navigator."""
         assert self._services[name].wait_for_service(timeout_sec=PATIENCE_SECONDS)
         assert call(self._services[name], request).success
 
     def change_state(self, *transitions: int) -> None:
-        """Take the navigator through these transitions of its life cycle."""
         for each in transitions:
             self.call('change_state', ChangeState.Request(transition=Transition(id=each)))
 
     def send(self, pose: PoseInPlane, frame_id: str = 'map'):
-        """Send a goal; return its handle."""
         goal = self._type.Goal()
         goal.pose.header.frame_id = frame_id
         goal.pose.pose = pose_message(*pose)
@@ -113,7 +109,6 @@ class Client:
         return await self._client.send_goal_async(goal, feedback_callback=self.feedback.append)
 
     def status_of(self, goal) -> int:
-        """Return the status of a goal that ends."""
         return result_of(goal.get_result_async()).status
 
     def is_aborted(self, goal, **reason) -> bool:
@@ -129,13 +124,11 @@ class Client:
         return self.status_of(goal) == GoalStatus.STATUS_SUCCEEDED
 
     def stays_at(self, here: PoseInPlane, clock) -> None:
-        """Fail if the robot moves in the next hour."""
         clock.pass_seconds(HOUR)
         for _ in range(3):
             assert self.wait_until_robot(lambda _pose: True) == here
 
     def wait_until_robot(self, is_it) -> PoseInPlane:
-        """Return the pose of the robot once this is true of it."""
         heard = len(self.odometry)
         wait_until(lambda: len(self.odometry) > heard and is_it(pose_in_plane(self.odometry[-1].pose.pose)))
         return pose_in_plane(self.odometry[-1].pose.pose)

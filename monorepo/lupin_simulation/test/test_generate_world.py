@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -109,17 +110,15 @@ def test_what_cannot_be_made_is_said_in_one_line(tmp_path, monkeypatch, argument
     assert fragment in line
 
 
-def test_a_missing_library_is_exit_code_2_and_one_line_with_its_packages(
-    tmp_path, tag_file, monkeypatch, capsys
-):
+def test_a_missing_library_is_named_with_its_packages(tmp_path, tag_file, monkeypatch, capsys):
     for module in ('lupin_simulation.sdf', 'lupin_simulation.tag36h11'):
         monkeypatch.delitem(sys.modules, module)
     monkeypatch.setitem(sys.modules, 'cv2', None)  # as if it was not installed
     assert make(tmp_path / 'world', '--tag-file', tag_file) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith('generate_world: ')
-    assert 'cv2' in line
-    assert line.endswith(': sudo apt install python3-opencv python3-pil python3-numpy')
+    assert re.match(
+        'generate_world: .*cv2.*: sudo apt install python3-opencv python3-pil python3-numpy$', line
+    )
     assert not (tmp_path / 'world').exists()
 
 
