@@ -172,26 +172,22 @@ class HeldService:
 
 @pytest.fixture
 def held_service(node):
-    """Return a function that makes a service which the test controls."""
     with contextlib.ExitStack() as stack:
         yield lambda *words: stack.enter_context(contextlib.closing(HeldService(node, *words)))
 
 
 @pytest.fixture
 def reader(held_service):
-    """Return a GetTagReading service that the test controls."""
     return held_service(GetTagReading, '/held/get_tag_reading')
 
 
 @pytest.fixture
 def confirmer(held_service):
-    """Return a ConfirmTag service that the test controls."""
     return held_service(ConfirmTag, '/held/confirm_tag')
 
 
 @pytest.fixture
 def bridge_parameters(held_service):
-    """Return the parameter service of a bridge that the test controls."""
     return held_service(GetParameters, '/held/get_parameters')
 
 
@@ -252,7 +248,6 @@ class HeldNavigator:
         return self._accepted.get(timeout=PATIENCE_SECONDS)
 
     def reject(self) -> None:
-        """Reject the goal that is held, or the next one."""
         self._goal_replies.put(GoalResponse.REJECT)
 
     def wait_for_cancel(self) -> None:
@@ -305,7 +300,6 @@ class HeldNavigator:
 
 @pytest.fixture
 def held_navigator(node):
-    """Return a function that makes an action server which the test controls."""
     import nav2_msgs.action  # which some computers lack
 
     def make(name):
@@ -405,7 +399,6 @@ class Operator:
         return response.mission_id
 
     def start_later(self):
-        """Ask for a mission, and return the future of the response."""
         return self._clients['start'].call_async(StartMission.Request())
 
     def rejection(self, **fields) -> str:
@@ -422,7 +415,6 @@ class Operator:
         return response.success
 
     def dock(self) -> tuple[bool, str]:
-        """Call mission/dock, and return its response."""
         response = self._call('dock')
         return response.success, response.message
 
@@ -461,16 +453,13 @@ class MissionThread(NodeProcess):
         self._is_asked_to_end.set()
 
     def is_running(self) -> bool:
-        """Return whether the mission has not ended."""
         return self._thread.is_alive()
 
     def close(self) -> None:
-        """Ask the mission to end, and wait for it."""
         self.send()
         self._thread.join(PATIENCE_SECONDS)
 
     def end(self) -> int:
-        """Return the exit code of a mission that ends."""
         exit_code = self._exit_code.result(PATIENCE_SECONDS)
         printed, logged = self._capture.readouterr()
         self.log += (logged + printed).splitlines()
@@ -484,8 +473,6 @@ def observations_in(report: Path) -> list[Observation]:
 
 
 class RunningMission:
-    """One real mission and its report."""
-
     def __init__(self, run, report_file: Path):
         self.run = run  # a NodeProcess or a MissionThread
         self.report_file = report_file
@@ -501,7 +488,6 @@ class RunningMission:
         return [(each.tag_id, each.outcome) for each in self.observations(mission_id)]
 
     def lines_with(self, fragment: str) -> list[str]:
-        """Return the lines of a mission's log that contain this."""
         return [line for line in self.run.log if fragment in line]
 
     def warnings(self) -> list[str]:

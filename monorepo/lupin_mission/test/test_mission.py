@@ -129,7 +129,6 @@ class World:
         self.events.append(f'{severity.name} {event} {code}'.rstrip())
 
     def wait(self, seconds):
-        """Take a step after this time."""
         self.now += seconds
         assert self.now < LONGEST_MISSION_SECONDS, 'the mission does not end'
         self.mission.step(self.now)
@@ -149,7 +148,6 @@ class World:
         return ' '.join(filter(None, words))
 
     def answer(self, outcome=Outcome.OK, detail='', found=None):
-        """Reply to the last request."""
         assert self.mission.on_reply(self.sent[-1], outcome, detail, found)
 
     def read(self, tag_id=None, value=20.0):

@@ -48,13 +48,11 @@ class Trip:
         self.drive.goals.update(a=[PoseInPlane(1.0, 2.0, math.pi / 2)], b=[PoseInPlane(3.0, 4.0, 0.0)])
 
     def change_executor(self) -> None:
-        """End the executor, and go on with another."""
         self._executor.shutdown()
         self._executor = SingleThreadedExecutor(context=self._node.context)
         self._executor.add_node(self._node)
 
     def start(self, tag_id: str) -> None:
-        """Set off."""
         self.drive.start(tag_id, self.now_seconds)
 
     def spin(self) -> Arrival | None:
@@ -92,7 +90,6 @@ class Trip:
 
 @pytest.fixture
 def make_trip():
-    """Return a function that makes a drive on a node which the test spins."""
     context = Context()
     rclpy.init(args=[], context=context)
     name = f'driver_{uuid.uuid4().hex[:8]}'  # of the node before, the graph may still know the clients
@@ -112,13 +109,11 @@ def make_trip():
 
 @pytest.fixture
 def trip(make_trip):
-    """Return a drive with the default times."""
     return make_trip()
 
 
 @pytest.fixture
 def navigator(held_navigator, trip):
-    """Return the navigator of the trip."""
     return held_navigator(trip.name)
 
 

@@ -48,7 +48,6 @@ def image_of(picture: np.ndarray, **fields) -> Image:
 
 
 def compressed(picture: np.ndarray, kind: str) -> CompressedImage:
-    """Return the message of a grey picture, as JPEG or PNG."""
     data = io.BytesIO()
     PictureFile.fromarray(picture).save(data, kind)
     return CompressedImage(format=f'mono8; {kind.lower()} compressed ', data=data.getvalue())
@@ -86,7 +85,6 @@ class Perception:
         self._images.publish(image)
 
     def ask(self, tag_id: str):
-        """Call the service, and return the future of the response."""
         return self._client.call_async(ConfirmTag.Request(expected_tag_id=tag_id))
 
     def confirm(self, tag_id: str, image=None, *, is_stamped=True) -> ConfirmTag.Response:

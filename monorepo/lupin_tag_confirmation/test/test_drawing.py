@@ -21,11 +21,7 @@ def colours(part: np.ndarray) -> set[tuple]:
 
 @pytest.mark.parametrize(
     ('detection', 'colour'),
-    [
-        ({}, GOOD),
-        ({'margin': 5.0}, FLAWED),
-        ({'tag_number': 8, 'margin': 5.0}, OTHER),
-    ],
+    [({}, GOOD), ({'margin': 5.0}, FLAWED), ({'tag_number': 8, 'margin': 5.0}, OTHER)],
 )
 def test_the_outline_has_the_colour_of_the_detection(detection, colour):
     picture = drawn(**detection)

@@ -90,18 +90,15 @@ def png_header(width, height) -> bytes:
 
 
 @pytest.mark.parametrize(
-    ('kind', 'mode', 'options'),
+    'content',
     [
-        ('JPEG', 'L', {'quality': 95}),
-        ('JPEG', 'RGB', {'quality': 95, 'progressive': True}),
-        ('PNG', 'L', {}),
-        ('PNG', 'RGBA', {}),
-        ('PNG', 'P', {}),
-        ('PNG', 'LA', {}),
+        encoded('JPEG', quality=95),
+        encoded('JPEG', 'RGB', quality=95, progressive=True),
+        *(encoded('PNG', mode) for mode in ('L', 'RGBA', 'P', 'LA')),
     ],
 )
-def test_jpeg_and_png_give_the_brightness(kind, mode, options):
-    picture = decoded_picture(encoded(kind, mode, **options))
+def test_jpeg_and_png_give_the_brightness(content):
+    picture = decoded_picture(content)
     assert (picture.dtype, picture.shape) == (np.uint8, GRADIENT.shape)
     assert np.abs(picture.astype(int) - GRADIENT).max() <= 8
 
