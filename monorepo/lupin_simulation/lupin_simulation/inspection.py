@@ -82,15 +82,11 @@ def prepare(options: argparse.Namespace, report: Path, layout: Layout, walls: Wa
     """Make the output and the SDF world, before a node starts. Raises OneLineError."""
     try:
         options.output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StartUpError(f"--output '{options.output}': {error.strerror}: name a folder") from error
-    for name in ('tag_file', 'sim_config_file'):
-        if path := value_of(options.arguments, name):
-            try:
+        for name in ('tag_file', 'sim_config_file'):  # both have been read above
+            if path := value_of(options.arguments, name):
                 shutil.copyfile(path, companion(report, name))
-            except OSError as error:
-                fault = f"{name} '{path}': {reason_of(error)}"
-                raise StartUpError(f'{fault}: name a file that can be read') from error
+    except OSError as error:
+        raise StartUpError(f"--output '{options.output}': {reason_of(error)}: name a folder") from error
     if options.world:
         if not importlib.util.find_spec('pydrake'):
             raise StartUpError('Drake is missing, which renders the world: pip install drake')

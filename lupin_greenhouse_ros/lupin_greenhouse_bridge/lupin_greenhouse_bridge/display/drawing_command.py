@@ -4,7 +4,6 @@
 import argparse
 import csv
 import math
-import sqlite3
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable
@@ -16,7 +15,7 @@ from lupin_greenhouse_bridge.display.placing import Point
 from lupin_greenhouse_bridge.display.report_line import Observation, has_report, parse_report
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, UsageError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
-from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, parse_rows, with_places
+from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, read_rows, with_places
 from lupin_greenhouse_bridge.recording.rows import Row, key_of
 from lupin_greenhouse_bridge.runtime.output import check_output_file, print_line
 from lupin_greenhouse_bridge.simulator.json_yaml import read_text
@@ -73,13 +72,12 @@ def read_file(path: Path | str, tag_file: str = '') -> ReadingFile:
     """
     path = Path(path)
     try:
-        if path.is_file() and has_report(path):
-            visits, _ = parse_report(path.read_bytes())
-            rows = [row for each in visits if each.reading for row in each.reading.rows]
-        else:
-            rows, visits = parse_rows(path), []
-    except (OSError, sqlite3.Error, ValueError) as error:
+        if not (path.is_file() and has_report(path)):
+            return ReadingFile(read_rows(path, tag_file), [])
+        visits, _ = parse_report(path.read_bytes())
+    except (OSError, ValueError) as error:
         raise ReadingFileError(path, error) from error
+    rows = [row for each in visits if each.reading for row in each.reading.rows]
     return ReadingFile(with_places(rows, tag_file), visits)
 
 

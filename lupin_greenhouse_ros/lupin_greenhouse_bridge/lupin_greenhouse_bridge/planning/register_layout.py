@@ -28,7 +28,7 @@ from lupin_greenhouse_bridge.planning.registration import (
     write_transform,
 )
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.arguments import METRES, number_type
+from lupin_greenhouse_bridge.runtime.arguments import number_type
 from lupin_greenhouse_bridge.runtime.output import aligned_table, check_output_file, print_line
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
@@ -49,7 +49,6 @@ CLICK_ERROR = (
     'assumed standard deviation of a position along each axis in metres; if the residuals show a larger one,'
     ' that one counts'
 )
-LARGEST_TOLERANCE_M = 1.0
 CLICK_TOPIC = '/clicked_point'  # of RViz's tool Publish Point
 
 
@@ -92,9 +91,6 @@ def _register(executor: Executor, options: argparse.Namespace) -> None:
 
 def layout_of(options: argparse.Namespace) -> Layout:
     """Return the layout of the options. Raises UsageError or StartUpError before anybody clicks."""
-    for name, value in (('--tolerance', options.tolerance), ('--click-error', options.click_error)):
-        if not 0.0 < value <= LARGEST_TOLERANCE_M:
-            raise UsageError(f'{name} is {value:g}: must be above 0, and at most {LARGEST_TOLERANCE_M:g} m')
     inputs = ('--pairs', getattr(options, 'pairs', None)), ('--tag-file', options.tag_file)
     check_output_file(Path(options.output), '--output', inputs)
     return require_layout(options.tag_file)
@@ -235,6 +231,7 @@ def _parser() -> argparse.ArgumentParser:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of layout_of() and register()."""
     add = parser.add_argument
+    metres = number_type('above 0 and below 1 m, such as 0.1', float, above=0.0, below=1.0)
     output = 'file to write; default: %(default)s'
     add('-o', '--output', default='layout_in_map.yaml', metavar='FILE', help=output)
     add('--tag-file', default='', metavar='FILE', help="the bridge's tag_file; default: the shipped one")
@@ -242,4 +239,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ('--tolerance', DEFAULT_TOLERANCE_M, TOLERANCE),
         ('--click-error', DEFAULT_CLICK_ERROR_M, CLICK_ERROR),
     ):
-        add(option, type=METRES, metavar='M', default=default, help=f'{what}; default: %(default)s')
+        add(option, type=metres, metavar='M', default=default, help=f'{what}; default: %(default)s')

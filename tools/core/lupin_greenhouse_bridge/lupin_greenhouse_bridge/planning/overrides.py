@@ -2,24 +2,18 @@
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from lupin_greenhouse_bridge.errors import escaped
-from lupin_greenhouse_bridge.simulator.json_yaml import (
-    LARGEST_NUMBER,
-    mapping_of,
-    number,
-    read_yaml,
-    refuse_unknown_keys,
-)
+from lupin_greenhouse_bridge.simulator.json_yaml import mapping_of, number, read_yaml, refuse_unknown_keys
 
 EXAMPLE = '{overrides: {"7": {yaw: 3.14, standoff: 0.4}}}'
-# The unit, the smallest and the largest value of each key.
-_LIMITS = {
+# The unit of each key, and its smallest and largest value.
+_LIMITS: dict[str, tuple[Any, ...]] = {
     'yaw': ('radians', -10.0, 10.0),
     'standoff': ('metres', 0.2, 1.5),
-    'goal_x': ('metres', -LARGEST_NUMBER, LARGEST_NUMBER),
-    'goal_y': ('metres', -LARGEST_NUMBER, LARGEST_NUMBER),
+    'goal_x': ('metres',),
+    'goal_y': ('metres',),
 }
 
 

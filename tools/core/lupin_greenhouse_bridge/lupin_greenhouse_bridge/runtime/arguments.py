@@ -12,17 +12,17 @@ ValueT = TypeVar('ValueT', int, float)
 
 
 def number_type(
-    accepted: str, kind: Callable[[str], ValueT], above: float = -math.inf
+    accepted: str, kind: Callable[[str], ValueT], above: float = -math.inf, below: float = math.inf
 ) -> Callable[[str], ValueT]:
     """
-    Return the type of an option of argparse: a finite number of a kind above a limit.
+    Return the type of an option of argparse: a finite number of a kind between two limits.
 
     `accepted` says in the error what the option "must be", such as `a number in metres, such as 0.5`.
     """
 
     def parse(text: str) -> ValueT:
         with contextlib.suppress(ValueError):
-            if above < (value := kind(text)) < math.inf:
+            if above < (value := kind(text)) < below:
                 return value
         raise argparse.ArgumentTypeError(f'{escaped(repr(text), 100)}: must be {accepted}')
 
