@@ -22,6 +22,8 @@ from lupin_tag_confirmation.settings import TOPICS
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 
+EXECUTABLE = ('lupin_tag_confirmation', 'confirm_tag')
+
 
 @pytest.mark.parametrize(
     ('source', 'message_of'),
@@ -153,28 +155,19 @@ def test_the_parameter_file_holds_in_each_namespace(run_nodes, tmp_path, argumen
     assert confirming.get_parameter('min_frames').value == 5
 
 
-@pytest.fixture
-def start_confirm_tag(start_node):
-    """Return a function that starts the executable with these parameters; it ends with the test."""
-    return lambda **parameters: start_node(
-        [executable('lupin_tag_confirmation', 'confirm_tag')], **parameters
-    )
-
-
-def test_without_apriltag_msgs_the_executable_refuses_detections(start_confirm_tag, tmp_path, monkeypatch):
+def test_without_apriltag_msgs_the_executable_refuses_detections(start_node, tmp_path, monkeypatch):
     hidden = tmp_path / 'apriltag_msgs'
     hidden.mkdir()
     (hidden / '__init__.py').write_text("raise ImportError('hidden')")
     monkeypatch.setenv('PYTHONPATH', f'{tmp_path}:{os.environ["PYTHONPATH"]}')
-    refusal = start_confirm_tag(source='detections').refusal()
+    refusal = start_node([executable(*EXECUTABLE)], source='detections').refusal()
     assert 'package apriltag_msgs' in refusal
     assert source_of_messages('apriltag_msgs') in refusal
 
 
-def test_a_caller_who_waits_keeps_nobody_else_waiting_and_a_signal_ends_it_all_the_same(
-    start_confirm_tag, tag_7
-):
-    process = start_confirm_tag(timeout_seconds=60.0, max_image_age_seconds=3600.0)
+def test_a_caller_who_waits_keeps_nobody_else_waiting_and_a_signal_ends_it_all_the_same(start_node, tag_7):
+    patient = {'timeout_seconds': 60.0, 'max_image_age_seconds': 3600.0}
+    process = start_node([executable(*EXECUTABLE)], **patient)
     process.wait_for_log('ready: images from ')
     with spinning_node('perception_test') as node:
         topic = f'{process.namespace}/{TOPICS["image"]}'
@@ -197,7 +190,7 @@ def test_a_caller_who_waits_keeps_nobody_else_waiting_and_a_signal_ends_it_all_t
 )
 def test_signals_end_it_with_exit_code_0(start_node, moment, signals):
     """While it imports, serves and ends; a second pair of signals always follows the first."""
-    process = start_node(command('lupin_tag_confirmation', 'confirm_tag', moment, SIGNALS[signals]))
+    process = start_node(command(*EXECUTABLE, moment, SIGNALS[signals]))
     is_ending = moment.endswith('destroy_node')
     process.wait_for_log('ready:' if is_ending else 'signalled in')
     process.send(*SIGNALS['SIGTERM and Ctrl-C'])

@@ -158,10 +158,9 @@ def test_an_id_that_is_none_of_the_family_is_refused(tag_id):
 
 @pytest.mark.parametrize(('min_frames', 'confidence'), [(1, 1.0), (2, 0.5)])
 def test_the_verdict_comes_with_the_newest_usable_sight(min_frames, confidence):
-    old, new = Sight([GOOD]), Sight([])
-    frames = [Frame(lambda: old, NOW, NOW), Frame(lambda: new, NOW, NOW)]
+    new = Sight([])
+    frames = [frame_of([GOOD]), Frame(lambda: new, NOW, NOW)]
     if min_frames > 1:
         frames.append(refused())
     verdict = verdict_of(confirmer(*frames, min_frames=min_frames))
-    assert verdict.confidence == confidence
-    assert verdict.sight is new
+    assert (verdict.confidence, verdict.sight is new) == (confidence, True)
