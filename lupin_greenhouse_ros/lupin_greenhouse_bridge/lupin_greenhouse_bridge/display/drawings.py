@@ -52,6 +52,9 @@ def point_style(marker: str, colour: str, size: float, **more: Any) -> Style:
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', 'black', 5), point_style('X', colours.FAILED, 8)
 STOP = point_style('o', colours.ROUTE, 5, markeredgecolor='white')
+ROBOT = point_style('o', colours.ROUTE, 10, markerfacecolor=colours.ROBOT)  # in the key, as the next two
+STOP_NUMBER = point_style('$❷$', colours.ROUTE, 12, markeredgewidth=0)
+TAG_AND_ID = point_style(r'$■\,\bf{7}$', 'black', 14, markeredgewidth=0)
 
 
 class LabelSize(NamedTuple):
@@ -241,29 +244,17 @@ def draw_route(
             share = robot_radius_m / math.dist(stop, box[:2])  # so the line ends at the robot's disc
             ends = zip(box[:2], np.array(stop) + share * (np.array(box[:2]) - stop), strict=True)
             axes.plot(*ends, color=colours.ROUTE, linewidth=2.5, zorder=2.3)
-    marks: list[tuple[str, Style, bool]] = [
-        (
-            'route, in the direction of its arrows',
-            {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
-            True,
-        ),
-        (
-            f'robot (radius {robot_radius_m:g} m) at a stop; dark: its front',
-            point_style('o', colours.ROUTE, 10, markerfacecolor=colours.ROBOT),
-            True,
-        ),
-        (
-            'number of the stop; close ones share a mark',
-            point_style('$❷$', colours.ROUTE, 12, markeredgewidth=0),
-            True,
-        ),
-        ('from a stop to its tag', sight, True),
-        ('tag and its id', point_style(r'$■\,\bf{7}$', 'black', 14, markeredgewidth=0), True),
-        ('table', point_style('s', colours.TABLE, 9), bool(layout.tables)),
-        ('tag without a pose', UNREACHABLE, bool(approaches.unreachable)),
-        ('obstacle in the map', point_style('s', colours.OBSTACLE, 8), occupancy is not None),
-    ]
-    shown = [(label, {'linewidth': 0.9, **mark}) for label, mark, is_shown in marks if is_shown]
+    marks: dict[str, Style] = {
+        'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
+        f'robot (radius {robot_radius_m:g} m) at a stop; dark: its front': ROBOT,
+        'number of the stop; close ones share a mark': STOP_NUMBER,
+        'from a stop to its tag': sight,
+        'tag and its id': TAG_AND_ID,
+    }
+    marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
+    marks |= {'tag without a pose': UNREACHABLE} if approaches.unreachable else {}
+    marks |= {'obstacle in the map': point_style('s', colours.OBSTACLE, 8)} if occupancy is not None else {}
+    shown = [(label, {'linewidth': 0.9, **mark}) for label, mark in marks.items()]
     write_key(axes, shown, columns=2, fontsize=9, borderaxespad=3.6)  # below the label of the x axis
     return figure
 
