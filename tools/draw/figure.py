@@ -131,14 +131,6 @@ def extremes_of(values: list[float], hours: list[float]) -> str:
     return f'highest at {highest}, lowest at {lowest}'
 
 
-def draw_route(greenhouse: Greenhouse) -> Figure:
-    """Return the figure of the approach poses and the shortest route of a robot of the default size."""
-    figure: Figure = drawings.draw_route(
-        greenhouse.layout, greenhouse.walls, greenhouse.approaches, greenhouse.route
-    )
-    return figure
-
-
 def check_options(options: argparse.Namespace, greenhouse: Greenhouse) -> None:
     """Choose the tag of the day if none is given; raises StartUpError for an option that cannot be drawn."""
     tags = greenhouse.layout.tags
@@ -180,7 +172,9 @@ def main(arguments: list[str] | None = None) -> int:
             for scheme in subsets.SCHEMES
         },
         'day': lambda: draw_day(greenhouse, options.tag),
-        'route': lambda: draw_route(greenhouse),
+        'route': lambda: drawings.draw_route(
+            greenhouse.layout, greenhouse.walls, greenhouse.approaches, greenhouse.route
+        ),
     }
     fingerprint = fingerprint_of_data(greenhouse, options)
     pictures = {options.output / f'{name}.png': (fingerprint, draw) for name, draw in draws.items()}
