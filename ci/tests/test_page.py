@@ -30,6 +30,7 @@ RINGED = "[...document.querySelectorAll('#map .extreme')].map(each => each.paren
 CELLS = "[...document.querySelectorAll('tbody tr > :first-child')].map(each => each.textContent)"
 TABS = "[...document.querySelectorAll('[role=tab] > b')].map(each => each.textContent)"
 SCALE = "[...document.querySelectorAll('figure text[text-anchor=end]')].map(each => each.textContent)"
+TIMES = SCALE.replace('end', 'middle')
 CLICK = "dispatchEvent(new MouseEvent('click', { bubbles: true, cancelable: true }))"
 LINES = "document.querySelectorAll('.series').length"
 HEAD = "document.querySelector('h1').textContent"
@@ -237,6 +238,15 @@ def test_one_value_is_told_once_on_an_axis_of_its_decimals_and_has_a_colour(tmp_
     path.write_text(visit(0, '1', [], 'TIMEOUT') + '\n', encoding='utf-8')
     boxes = open_page(path).evaluate(BOXES)
     assert boxes['#bar']['height'] == boxes['#charts']['height'] == 0
+
+
+def test_a_mission_of_a_tenth_of_a_second_has_one_time_on_its_axis(tmp_path, open_page):
+    path = tmp_path / 'report.jsonl'
+    first, last = (visit(0, tag_id, ['temperature']) for tag_id in ('5', '1'))
+    later = last.replace('"nanosec": 0', '"nanosec": 100000000')
+    path.write_text(f'{first}\n{later}\n', encoding='utf-8')
+    times = open_page(path).evaluate(TIMES)
+    assert sum(':' in each for each in times) == 1
 
 
 def test_the_table_sorts_by_a_column_with_failures_first(report, open_page):

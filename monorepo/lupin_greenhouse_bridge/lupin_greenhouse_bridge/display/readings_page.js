@@ -422,7 +422,8 @@ function wall_axis(width) {
   const offset = new Date(first).getTimezoneOffset() * 60000;
   const ticks = ticks_of(low - offset, high - offset, step).map(at => at + offset);
   const text = ms => step >= DAY_MS ? date(ms).slice(0, -5) : clock(ms).slice(0, step < 60000 ? 8 : 5);
-  return { low, high, ticks: ticks.length < 2 ? [first, last] : ticks, text, start: first };
+  const are_one = last - first < least || text(first) === text(last);  // nearer labels would overlap
+  return { low, high, ticks: ticks.length < 2 ? (are_one ? [first] : [first, last]) : ticks, text, start: first };
 }
 
 function day_axis(width) {
@@ -451,7 +452,7 @@ function draw_charts() {
   const unlabelled = document.querySelectorAll('.series .spare').length;
   const hint = unlabelled ? `; ${unlabelled} ${NO_ROOM}` : '';
   const axis = state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : '';
-  const line = is_line ? 'line is a tag with its number' : 'point is a reading of another tag';
+  const line = is_line ? 'line is a tag with its number' : 'point is one tag';
   element('series').textContent = `Each ${line}${hint}${axis}.`;
   show_chosen();
 }
