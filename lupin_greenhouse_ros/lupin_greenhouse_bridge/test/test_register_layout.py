@@ -366,7 +366,7 @@ def test_a_stranger_a_layout_that_does_not_fit_and_an_error_above_the_tolerance_
     ended = register({**places, '99': [0.0, 0.0]})
     assert ended.code == 2
     assert refusal(ended).startswith(f"tag '99' is not one of the {len(places)} tags of the layout")
-    ended = register({'1': places['1'], '2': [100.0, 0.0]}, '--tolerance', '0.2')
+    ended = register({'1': places['1'], '2': [30.0, 0.0]}, '--tolerance', '0.2')
     assert (ended.code, ended.out) == (1, '')
     assert 'the layout does not fit the map' in refusal(ended)
     assert 'the tolerance is 0.2 m' in refusal(ended)

@@ -21,8 +21,8 @@ from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 
-MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 2.9, 0.58  # a panel in inches
-DOT_M, GAP_M, LABELS = 0.27, 0.11, LabelSize(0.112, 0.112, 0.224)  # scaled by scale_of()
+MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.1, 0.62  # a panel in inches
+DOT_M, GAP_M, LABELS = 0.25, 0.105, LabelSize(0.106, 0.106, 0.212)  # scaled by scale_of()
 READ, UNKNOWN = point_style('o', '0.35', 5), point_style('o', '0.75', 4)
 RINGS = 'lowest or highest value'
 SEVERAL_TIMES = 'Tags were read at different times, so values differ by place and by time of day.'
