@@ -246,6 +246,6 @@ def test_a_parameter_that_is_a_text_of_digits_stays_a_text(run_nodes):
 
 def test_json_keeps_the_keys_of_the_simulator(noon_bridge):
     reading = noon_bridge.call('1').reading
-    found = json.loads(example_of('install.md')['as_json'](reading))
+    found = json.loads(example_of('clients.md')['as_json'](reading))
     assert found['timestamp'] == 12 * 3600.0
     assert {name for name in found if name not in ('tag_id', 'timestamp')} == set(noon_bridge.values('1'))
