@@ -78,7 +78,7 @@ TAG ?= 1
 override TAG := $(foreach tag,$(patsubst all,--all,$(subst $(COMMA), ,$(TAG))),$(call QUOTED,$(tag)))
 # The root has no name: team7/ is /team7, and / is empty.
 override NAMESPACE := $(addprefix /,$(patsubst /%,%,$(patsubst %/,%,$(NAMESPACE))))
-SIDE ?= 40
+SIDE := $(or $(SIDE),40)
 SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
 MAKEFLAGS += --no-print-directory
