@@ -19,8 +19,10 @@ def main() -> int:
         }
         with subprocess.Popen([f'{executables}/bridge_node'], env=environment) as bridge:
             command = [f'{executables}/read_tag', '--all', '--timeout', '30']
-            reading = subprocess.run(command, env=environment, check=False)
-            bridge.terminate()  # it ends within a minute, whatever DDS does
+            try:
+                reading = subprocess.run(command, env=environment, check=False)
+            finally:
+                bridge.terminate()  # it ends within a minute, whatever DDS does
             return reading.returncode or bridge.wait()
 
 

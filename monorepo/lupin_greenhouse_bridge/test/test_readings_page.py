@@ -1,6 +1,8 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """The page of readings: what it holds, and what it refuses. A browser opens it in the monorepo's ci/tests."""
 
+import base64
+import hashlib
 import importlib.util
 import json
 import os
@@ -185,11 +187,23 @@ def test_a_day_of_readings_shows_each_tag_in_each_half_hour():
     assert len(readings_page.fill([recording], limits)) < 5e6
 
 
-def test_names_of_any_kind_are_shown_and_none_ends_the_data(report, tmp_path):
+def test_only_the_script_of_the_page_itself_may_run(report):
+    """No text of a file ends the data of the page."""
+    path = report(visit(EVIL, 'UNKNOWN_TAG', EVIL), visit('1', **{EVIL: 1.0}))
+    data = shown(path)
+    assert (data['tags'][0]['id'], data['tags'][0]['reason']) == (EVIL, EVIL)
+    assert data['sensors'][0]['name'] == EVIL
+    page = path.with_suffix('.html').read_text(encoding='utf-8')
+    (digest,) = re.findall("script-src 'sha256-([^']+)'", page)
+    (script,) = re.findall('<script>(.*?)</script>', page, re.DOTALL)
+    assert base64.b64decode(digest) == hashlib.sha256(script.encode()).digest()
+
+
+def test_names_of_any_kind_are_shown(report, tmp_path):
     number = '9' * 5000  # more digits than Python converts to a number
-    visits = visit('1', 'TIMEOUT', '\ud800'), visit(number, **{EVIL: 1.0})
+    visits = visit('1', 'TIMEOUT', '\ud800'), visit(number, co2=1.0)
     data = shown(report(*visits).rename(tmp_path / os.fsdecode(b'<\xff.jsonl')))
-    assert (data['title'], data['sensors'][0]['name']) == ('<\\udcff.jsonl', EVIL)
+    assert data['title'] == '<\\udcff.jsonl'
     assert data['tags'][0]['reason'] == '\\ud800'
     name = f'{number[:64]}...'
     assert name in [tag['id'] for tag in data['tags']]
