@@ -30,22 +30,15 @@ AT_ONCE = 3  # tests often wait, so there are more workers than cores
 PYTEST = ('python', '-m', 'pytest', '-p', 'no:cacheprovider', '--verbose', '--instafail', '-rs')
 # Many times the longest run: a hang must fail. What a run leaves behind ends with it.
 BOUNDED = (sys.executable, 'ci/kill_tree.py', 'timeout', '30m')
-APRILTAG_PACKAGES = (
-    'hypothesis', 'numpy<2', 'opencv-python-headless<4.11', 'pillow', 'pytest', 'pytest-instafail', 'scipy'
-)  # fmt: skip
 APRILTAG_TESTS = (
     'lupin_tag_confirmation/test/test_images.py',
     'lupin_tag_confirmation/test/test_confirmation.py',
     'lupin_simulation/test/test_detector.py',
 )
-VERSIONS_OF_22_04 = (
-    'argcomplete==1.8.1', 'attrs<22', 'hypothesis==6.36.0', 'matplotlib==3.5.1', 'numpy==1.21.5',
-    'opencv-contrib-python-headless==4.5.4.60', 'packaging==21.3', 'pillow==9.0.1', 'pytest==6.2.5',
-    'scipy==1.8.0', 'setuptools==59.6.0',
-)  # fmt: skip
 NOT_IN_22_04 = (
     'opencv-python-headless', 'pytest-cov', 'pytest-repeat', 'pytest-rerunfailures', 'pytest-xdist'
 )  # fmt: skip
+REQUIREMENTS = ROOT / 'ci/requirements'
 OLDEST_SIMULATOR = '1.0.7'
 AXE = 'axe-core@4.14.1'
 
@@ -192,7 +185,7 @@ def test_apriltag() -> bool:
     if not (venv / 'bin/pytest').exists():
         shutil.rmtree(venv, ignore_errors=True)
         subprocess.run([python, '-m', 'venv', '--system-site-packages', venv], check=True)
-        pip(venv, 'install', '--quiet', *APRILTAG_PACKAGES)
+        pip(venv, 'install', '--quiet', '--requirement', str(REQUIREMENTS / 'apriltag.txt'))
     imported = ('lupin_greenhouse_bridge', 'lupin_tag_confirmation', 'lupin_simulation')
     os.environ['PYTHONPATH'] = os.pathsep.join(str(ROOT / 'monorepo' / each) for each in imported)  # no ROS
     python_here = str(venv / 'bin/python')
@@ -202,9 +195,9 @@ def test_apriltag() -> bool:
 
 def make_22_04(python: str, trees: Sequence[Workspace]) -> None:
     """Make the environment with the versions of Ubuntu 22.04, unless these trees have it already."""
-    venv, versions = trees[0].venv, ' '.join(VERSIONS_OF_22_04)
+    venv, versions = trees[0].venv, REQUIREMENTS / 'ubuntu_22_04.txt'
     mark = venv / 'workspace/versions-22.04'
-    if mark.exists() and mark.read_text(encoding='utf-8') == versions:
+    if mark.exists() and mark.read_text(encoding='utf-8') == versions.read_text(encoding='utf-8'):
         return
     shutil.rmtree(venv, ignore_errors=True)
     make_environment(python, venv, 'kilted')
@@ -212,8 +205,8 @@ def make_22_04(python: str, trees: Sequence[Workspace]) -> None:
     for tree in trees:  # first, because messages do not build with the NumPy of 22.04
         build(tree, tree.packages())
     pip(venv, 'uninstall', '--quiet', '--yes', *NOT_IN_22_04)
-    pip(venv, 'install', '--quiet', *VERSIONS_OF_22_04)
-    mark.write_text(versions, encoding='utf-8')
+    pip(venv, 'install', '--quiet', '--requirement', str(versions))
+    shutil.copy(versions, mark)
 
 
 def test_ubuntu_22_04() -> bool:
