@@ -38,7 +38,6 @@ import re
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote
@@ -279,24 +278,15 @@ def missing_tests(document: Document) -> Iterator[str]:
             yield f'there is no test {"::".join(filter(None, (file, function)))}'
 
 
-def parameters_of(command: Path) -> set[str]:
-    """Return the names of the parameters that the --help of a node lists; none for a command with options."""
-    text = subprocess.run([command, '--help'], capture_output=True, text=True, check=True).stdout
-    return set() if text.startswith('usage: ') else set(re.findall(r'^  (\w+)', text, re.MULTILINE))
-
-
 def undocumented_nodes(documents: list[Document]) -> Iterator[str]:
     """Yield a finding for each node of the packages without a table of its parameters."""
-    tables = [rows for document in documents for _, rows in document.tables(PARAMETERS)]
-    documented = [{cells_of(row)[0] for row in rows} for rows in tables]
-    installed = Path(os.environ['LUPIN_WORKSPACE'], 'install').glob('*/lib/lupin_*/*')
-    commands = [path for path in sorted(installed) if path.is_file() and os.access(path, os.X_OK)]
-    with ThreadPoolExecutor() as threads:
-        found = list(threads.map(parameters_of, commands))
-    for command, parameters in zip(commands, found, strict=True):
-        # wrong_parameters() names the rows that a table lacks.
-        if parameters and all(2 * len(names & parameters) < len(parameters) for names in documented):
-            yield f'no document has a table of the parameters of {command.name}'
+    marks = {mark for document in documents for mark, _ in document.tables(PARAMETERS)}
+    for command in importlib.metadata.entry_points(group='console_scripts'):
+        if command.module.startswith('lupin_'):
+            module = importlib.import_module(command.load().args[0])
+            settings = getattr(module, 'Settings', None)
+            if settings and f'parameters of {settings.__module__}.{settings.__name__}' not in marks:
+                yield f'no document has a table of the parameters of {command.name}'
 
 
 def findings_of(document: Document) -> list[str]:
