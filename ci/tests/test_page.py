@@ -14,7 +14,7 @@ from lupin_greenhouse_bridge.display import readings_page
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.simulator.layout import find_layout
-from lupin_greenhouse_bridge.units import UNITS, value_text
+from lupin_greenhouse_bridge.units import UNITS, name_of, value_text
 from PIL import ImageColor
 
 pytestmark = pytest.mark.skipif(not CHROMIUM, reason=NO_CHROMIUM)
@@ -153,7 +153,7 @@ def test_the_page_shows_each_tag_and_asks_no_host_for_anything(report, open_page
     read = [tag for tag_id, tag in tags.items() if tag_id not in failed]
     assert page.evaluate(LINES) == sum(len(tag.sensors) for tag in read)
     (name,) = [each for each in page.evaluate(NAMES) if each.startswith('tag 1:')]
-    values = [f'{each} {value_text(each, 20 + list(tags).index("1"))}' for each in tags['1'].sensors]
+    values = [f'{name_of(each)} {value_text(each, 20 + list(tags).index("1"))}' for each in tags['1'].sensors]
     for fragment in ('tag 1: read', *values, 'greenhouse '):
         assert fragment in name
     assert f'tag {failed[0]}: timeout ({EVIL})' in page.evaluate(NAMES)
@@ -174,10 +174,10 @@ def test_the_page_shows_each_tag_and_asks_no_host_for_anything(report, open_page
 
 def test_a_sensor_is_chosen_by_its_tab_with_mouse_and_keys(report, open_page):
     page = open_page(report)
-    assert page.evaluate(TABS) == ['temperature', 'humidity', 'co2', 'light', 'soil moisture']
+    assert page.evaluate(TABS) == ['temperature', 'humidity', 'CO₂', 'light', 'soil moisture']
     before = page.evaluate(COLOURS)
     page.evaluate("document.querySelectorAll('[role=tab]')[2].click()")
-    assert page.evaluate("document.getElementById('shown').textContent") == 'co2 (ppm)'
+    assert page.evaluate("document.getElementById('shown').textContent") == 'CO₂ (ppm)'
     assert page.evaluate(COLOURS) != before
     named = page.evaluate("document.getElementById('extremes').textContent")
     ringed = page.evaluate(RINGED)

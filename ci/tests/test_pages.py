@@ -12,6 +12,7 @@ import pytest
 from conftest import ROOT, of_a_user, start, succeed
 from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS
+from lupin_greenhouse_bridge.units import name_of
 
 PAGES = Path('tools/core/lupin_greenhouse_bridge/doc')
 PASTED = '[pasted]'
@@ -135,11 +136,11 @@ def test_the_thread_of_the_readme(copy):
     found = re.search('<script id="data" type="application/json">(.*?)</script>', page, re.DOTALL)[1]
     (data,) = json.loads(found)['files']
     shown = {
-        (tag['id'], sensor['name'].replace(' ', '_'), value)
+        (tag['id'], sensor['name'], value)
         for tag in data['tags']
         for sensor, value in zip(data['sensors'], tag['values'], strict=True)
         if value is not None
     }
-    assert shown == {(row.tag_id, row.sensor, row.value) for row in recorded}
+    assert shown == {(row.tag_id, name_of(row.sensor), row.value) for row in recorded}
     assert (copy / 'poses.png').stat().st_size > 0
     assert (copy / 'readings.png').stat().st_size > 0

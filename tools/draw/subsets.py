@@ -1,6 +1,8 @@
 """Draw each tag in the colour of its subset of sensors, over one sensor's field: all, or a part."""
 
 import argparse
+import itertools
+import math
 import random
 import textwrap
 from collections import Counter
@@ -17,6 +19,7 @@ from lupin_greenhouse_bridge.simulator.layout import natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of
 from matplotlib import pyplot
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from simulated import Greenhouse, Subset
 
@@ -25,7 +28,8 @@ SUBSET_COLOURS = (
     *('#d55e00', '#56b4e9', '#552489', '#f0e442', '#009e73'),
     *('#7a1f00', '#0072a0', '#8e7cff', '#b0d7ff', '#e8a000', '#bbffc0', '#f4b1a5', '#181657'),
 )
-SHAPES = 'os^D'  # of one, two, three and more sensors
+# By the number of sensors.
+SHAPES = {'one sensor': 'o', 'two sensors': 's', 'three sensors': '^', 'more sensors': 'D'}
 OTHER, FIELD_END = '0.5', '0.6'
 TABLE = '#b5936b'  # no shade of the field, in either scheme
 INKED = ('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color', 'patch.edgecolor')
@@ -44,10 +48,15 @@ def styles_of(greenhouse: Greenhouse, size: float) -> dict[Subset, drawings.Styl
     frequent = {subset for subset, _ in counts.most_common(len(SUBSET_COLOURS))}
     palette, styles = iter(SUBSET_COLOURS), {}
     for subset in sorted(counts, key=lambda each: (len(each), *map(letters.index, each))):
-        shape = SHAPES[min(len(subset), len(SHAPES)) - 1]
+        shape = SHAPES[word_of(len(subset))]
         colour = next(palette) if subset in frequent else OTHER
         styles[subset] = mark(shape, colour, size)
     return styles
+
+
+def word_of(count: int) -> str:
+    """Return a number of sensors as the key writes it."""
+    return list(SHAPES)[min(count, len(SHAPES)) - 1]
 
 
 def mark(shape: str, colour: str, size: float) -> drawings.Style:
@@ -69,9 +78,11 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     width, height = (size_m * drawings.INCHES_PER_M / scale for size_m in (width_m, height_m))
     figure = pyplot.figure(figsize=(width + 3.0, max(height, 5.0) + 1.8), layout='constrained')
     axes = figure.add_subplot()
-    draw_field(axes, greenhouse, options, walls)
+    lines = draw_field(axes, greenhouse, options, walls)
     axes.set_ylabel('y (m)')
-    draw_tags(axes, greenhouse, list(layout.tags), drawings.LABELS.times(scale), 8)
+    size = drawings.LABELS.times(scale)
+    numbers = write_values(axes, lines, walls.x1 - 2 * size.width_m('00'), size)
+    draw_tags(axes, greenhouse, list(layout.tags), size, 8, numbers)
     write_key(figure, greenhouse)
     axes.set_title(f'The {pluralized(len(layout.tags), "tag")} and their sensors', fontsize=11)
     return figure
@@ -115,34 +126,60 @@ def draw_reading(
     axes.plot(*zip(*sight, strict=True), **ray)
     random.seed(README_SEED)
     values = {name: greenhouse.value(name, tag[:2], hour, is_noisy=True) for name in tag.sensors}
-    lines = [f'{units.value_text(name, value)} {units.unit_of(name)}' for name, value in values.items()]
-    width_m, height_m = size.height_m / 2 + max(map(size.width_m, lines)), size.height_m * (len(lines) + 0.5)
+    lines = [
+        f'{greenhouse.letters[name]} {units.value_text(name, value)} {units.unit_of(name)}'
+        for name, value in values.items()
+    ]
+    width_m, height_m = max(map(size.width_m, lines)), size.height_m * (len(lines) + 0.5)
     dots = [placing.Box(*each[:2], size.height_m, size.height_m) for each in tags.values()]
     tables = [placing.box_of(Walls(*each)) for each in greenhouse.layout.tables.values()]
     step_m = size.height_m / 2
     drawn = [robot, *(placing.Box(x, y, step_m, step_m) for x, y, _ in placing.steps_of(sight, step_m))]
-    labels = [(robot, width_m, height_m), (robot, size.width_m('robot'), size.height_m)]
+    around = placing.Box(*pose[:2], robot.width + step_m, robot.height + step_m)  # room for the tail
+    labels = [(around, width_m, height_m), (robot, size.width_m('robot'), size.height_m)]
     place, name_place = placing.place_labels([*dots, *tables, *drawn], labels, view_of(axes))
     frame = {'boxstyle': 'round,pad=0.3', 'facecolor': colours.ROUTE, 'edgecolor': 'none'}
     style = {'color': 'white', 'weight': 'bold', 'bbox': frame, 'zorder': 6, **drawings.CENTRED}
-    axes.text(*place, '\n'.join(lines), **style)
-    axes.text(*name_place, 'robot', weight='bold', zorder=4, **drawings.CENTRED)
+    tail = {'arrowstyle': 'wedge,tail_width=1.2', 'color': colours.ROUTE, 'linewidth': 0, 'shrinkB': 0}
+    share = radius_m / math.dist(pose[:2], place)
+    edge = [at + share * (to - at) for at, to in zip(pose[:2], place, strict=True)]
+    axes.annotate('\n'.join(lines), edge, place, arrowprops=tail, **style)
+    axes.text(*name_place, 'robot', weight='bold', zorder=4, bbox=plate_of(axes), **drawings.CENTRED)
     return [*drawn, placing.Box(*place, width_m, height_m), placing.Box(*name_place, *labels[1][1:])]
 
 
-def draw_field(axes: Any, greenhouse: Greenhouse, options: argparse.Namespace, part: Walls) -> None:
-    """Draw the tables, the walls, and the values of a sensor in shades of grey with their scale."""
+def plate_of(axes: Any) -> drawings.Style:
+    """Return the style of the plate under a label."""
+    return {'boxstyle': 'round,pad=0.1', 'facecolor': axes.get_facecolor(), 'edgecolor': 'none', 'alpha': 0.8}
+
+
+def draw_field(axes: Any, greenhouse: Greenhouse, options: argparse.Namespace, part: Walls) -> ContourSet:
+    """Draw the tables, the walls, and the values of a sensor in greys; return its lines of equal values."""
     paper, ink = axes.get_facecolor(), pyplot.rcParams['text.color']
     xs, ys, field = field_of(greenhouse, options.sensor, options.hour, part)
     shades = LinearSegmentedColormap.from_list('shades', [paper, FIELD_END])
     extent = (*part[::2], *part[1::2])
     image = axes.imshow(field, shades, extent=extent, origin='lower', interpolation='bilinear')
-    lines = axes.contour(xs, ys, field, 5, colors=ink, linewidths=0.6, alpha=0.6, zorder=0.5)
+    lines: ContourSet = axes.contour(xs, ys, field, 5, colors=ink, linewidths=0.6, alpha=0.6, zorder=0.5)
     table = {'facecolor': TABLE, 'edgecolor': ink, 'linewidth': 0.6}
     drawings.draw_greenhouse(axes, greenhouse.layout, greenhouse.walls, table)
     label = f'{label_of(options.sensor)} at {clock_time(options.hour * 3600)}'
     place = {'location': 'bottom', 'shrink': 0.9, 'pad': 0.02}
     axes.figure.colorbar(image, ax=axes, label=label, ticks=lines.levels, **place).add_lines(lines)
+    return lines
+
+
+def write_values(axes: Any, lines: ContourSet, x: float, size: drawings.LabelSize) -> list[placing.Box]:
+    """Write the value of each line of equal values where it crosses this x; return what is covered."""
+    numbers: list[placing.Box] = []
+    for level, paths in zip(lines.levels, lines.allsegs, strict=True):
+        for (x0, y0), (x1, y1) in (pair for path in paths for pair in itertools.pairwise(path)):
+            y = y0 + (x - x0) / (x1 - x0 or 1.0) * (y1 - y0)
+            box = placing.Box(x, y, size.width_m(f'{level:g}'), size.height_m)
+            if min(x0, x1) <= x < max(x0, x1) and all(abs(y - each.y) > size.height_m for each in numbers):
+                axes.text(x, y, f'{level:g}', fontsize=7, zorder=4, bbox=plate_of(axes), **drawings.CENTRED)
+                numbers.append(box)
+    return numbers
 
 
 @cache
@@ -172,9 +209,8 @@ def draw_tags(
         subset = greenhouse.subset_of[tag_id]
         axes.plot(x, y, **styles[subset], zorder=5)
         labels.append((f'{tag_id} {"".join(subset)}', placing.Box(x, y, size.height_m, size.height_m), ink))
-    box = {'boxstyle': 'round,pad=0.1', 'facecolor': axes.get_facecolor(), 'edgecolor': 'none', 'alpha': 0.8}
     taken = [*taken, *(dot for _, dot, _ in labels)]
-    style = {'weight': 'bold', 'bbox': box, 'fontsize': points, 'zorder': 4}
+    style = {'weight': 'bold', 'bbox': plate_of(axes), 'fontsize': points, 'zorder': 4}
     drawings.write_labels(axes, labels, size, taken, view_of(axes), **style)
 
 
@@ -186,7 +222,7 @@ def view_of(axes: Any) -> placing.Box:
 
 def names_of_letters(greenhouse: Greenhouse) -> list[str]:
     """Return the meaning of each letter, such as `T temperature`."""
-    return [f'{letter} {name.replace("_", " ")}' for name, letter in greenhouse.letters.items()]
+    return [f'{letter} {units.name_of(name)}' for name, letter in greenhouse.letters.items()]
 
 
 def write_key(figure: Figure, greenhouse: Greenhouse) -> None:
@@ -195,12 +231,16 @@ def write_key(figure: Figure, greenhouse: Greenhouse) -> None:
     names: dict[Subset, str] = {(text.split()[0],): text for text in names_of_letters(greenhouse)}
     rest = [each for each, style in styles.items() if style['color'] == OTHER and each not in names]
     shown = dict.fromkeys(names, mark('', OTHER, 10)) | styles
-    marks = [
-        (f'{names.get(each, "".join(each))} ({counts[each]})', style)
-        for each, style in shown.items()
-        if each not in rest
-    ]
+    nothing: drawings.Style = {'linestyle': ''}
+    marks: list[tuple[str, drawings.Style]] = []
+    for word, subsets in itertools.groupby(shown, lambda each: word_of(len(each))):
+        entries = [
+            (f'{names.get(each, "".join(each))} ({counts[each]})', shown[each])
+            for each in subsets
+            if each not in rest
+        ]
+        marks += [(f'{word}:', nothing), *entries] if entries else []
     marks += [(f'other ({sum(counts[each] for each in rest)})', mark('o', OTHER, 10))] if rest else []
-    marks.append(('table', mark('s', TABLE, 10)))
+    marks += [('', nothing), ('table', mark('s', TABLE, 10))]
     place = {'loc': 'outside right upper', 'bbox_to_anchor': None, 'handletextpad': 0.2}
     drawings.write_key(figure, marks, 1, title='sensors (number of tags)', alignment='left', **place)

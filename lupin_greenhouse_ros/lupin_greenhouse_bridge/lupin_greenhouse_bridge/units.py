@@ -2,6 +2,7 @@
 """The units of the sensors, and how values are written. The simulator itself has no units."""
 
 UNITS = {'temperature': '°C', 'humidity': '%', 'co2': 'ppm', 'light': 'lx', 'soil_moisture': 'm³/m³'}
+NAMES = {'co2': 'CO₂'}  # as pictures write them
 DECIMALS = {'temperature': 1, 'humidity': 1, 'co2': 0, 'light': 0, 'soil_moisture': 3}
 
 
@@ -25,10 +26,15 @@ def value_text(sensor: str, value: float) -> str:
     return f'{value:.{decimals_of(sensor)}f}'
 
 
+def name_of(sensor: str) -> str:
+    """Return a sensor's name as pictures show it, such as `soil moisture`."""
+    return NAMES.get(sensor, sensor.replace('_', ' '))
+
+
 def label_of(sensor: str) -> str:
-    """Return a sensor's name with its unit, such as `co2 (ppm)`."""
+    """Return a sensor's name with its unit, such as `CO₂ (ppm)`."""
     unit = unit_of(sensor)
-    return f'{sensor.replace("_", " ")} ({unit})' if unit else sensor.replace('_', ' ')
+    return f'{name_of(sensor)} ({unit})' if unit else name_of(sensor)
 
 
 def clock_time(time_of_day_seconds: float) -> str:

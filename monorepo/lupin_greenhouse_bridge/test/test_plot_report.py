@@ -72,7 +72,7 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, texts_
     drawn = texts_of(report)
     assert {
         'temperature (°C)',
-        'co2 (ppm)',
+        'CO₂ (ppm)',
         '1: 22.6',
         '5: 615',
         'y (m)',
@@ -89,7 +89,7 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, texts_
 def test_a_recording_is_drawn_like_a_report(report, tmp_path, texts_of, name):
     store = open_store(str(tmp_path / name))
     store.keep(read_file(report).rows)
-    assert {'temperature (°C)', 'co2 (ppm)', '1: 22.6', '5: 615'} <= set(texts_of(tmp_path / name))
+    assert {'temperature (°C)', 'CO₂ (ppm)', '1: 22.6', '5: 615'} <= set(texts_of(tmp_path / name))
 
 
 def test_what_is_the_same_is_told_once(tmp_path, figures, texts_of):

@@ -84,8 +84,16 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path):
     texts = texts_of(figures['greenhouse_light'])
     assert {'a1 CL', 'b2 C', 'temperature (°C) at 06:00'} <= set(texts)
     (key,) = figures['greenhouse_light'].legends
-    names = ['T temperature (0)', 'H humidity (0)', 'C co2 (1)', 'L light (0)', 'S soil moisture (0)']
-    assert texts_of(key) == ['sensors (number of tags)', *names, 'CL (1)', 'table']
+    names = ['T temperature (0)', 'H humidity (0)', 'C CO₂ (1)', 'L light (0)', 'S soil moisture (0)']
+    assert texts_of(key) == [
+        'sensors (number of tags)',
+        'one sensor:',
+        *names,
+        'two sensors:',
+        'CL (1)',
+        '',
+        'table',
+    ]
     assert any('A day at tag a1' in text for text in texts_of(figures['day']))
 
 
@@ -101,7 +109,7 @@ def test_the_day_says_when_each_sensor_is_highest_and_lowest(tmp_path):
         figures_of(tmp_path, '--sim-config-file', str(tmp_path / 'config.json'), '--tag', '5')['day']
     )
     assert 'temperature (°C), highest at 12:00, lowest at 00:00, without noise' in texts
-    assert 'co2 (ppm), highest at 00:00, lowest at 12:00' in texts
+    assert 'CO₂ (ppm), highest at 00:00, lowest at 12:00' in texts
     assert 'soil moisture (m³/m³), always the same' in texts
 
 
@@ -118,7 +126,7 @@ def test_no_label_lies_on_a_tag_or_on_another_label(drawn, name):
 
 def dots_of(axes) -> list[str]:
     """Return the colour of each tag that is drawn."""
-    return [line.get_color() for line in axes.lines if line.get_marker() in subsets.SHAPES]
+    return [line.get_color() for line in axes.lines if line.get_marker() in subsets.SHAPES.values()]
 
 
 @pytest.mark.parametrize('scheme', subsets.SCHEMES)
@@ -175,7 +183,8 @@ def test_the_robot_of_the_part_has_the_values_of_the_readme_and_a_ray_to_its_tag
     values = re.findall(r'^1 +12:00:00 +\w+ +([\d.]+) +(\S+)$', readme, re.MULTILINE)
     assert len(values) == 2
     axes, tag = drawn['greenhouse_part_light'].axes[0], shipped('tag_locations.json')['tags']['1']
-    (shown,) = [each for each in axes.texts if each.get_text() == '\n'.join(map(' '.join, values))]
+    said = [f'{letter} {" ".join(each)}' for letter, each in zip('TC', values, strict=True)]
+    (shown,) = [each for each in axes.texts if each.get_text() == '\n'.join(said)]
     frame = shown.get_bbox_patch().get_window_extent()
     assert not any(frame.overlaps(table.get_window_extent()) for table in tables_of(axes))
     (ray,) = [line for line in axes.lines if line.get_linestyle() == '--']
@@ -244,7 +253,8 @@ def test_each_stop_has_a_dot_and_a_line_from_its_number_to_its_disc(drawn):
     (dots,) = [line for line in axes.lines if line.get_markeredgecolor() == 'white']
     assert sorted(map(tuple, dots.get_xydata())) == sorted(disc.center for disc in discs)
     numbers = [text.get_position() for text in axes.texts if text.get_color() == 'white']
-    lines = [line.get_xydata() for line in axes.lines if line.get_linewidth() == 2.5]
+    width = figure.drawings.LEADER_POINTS
+    lines = [line.get_xydata() for line in axes.lines if line.get_linewidth() == width]
     assert {tuple(start) for start, _ in lines} == set(numbers)
     assert len(lines) == len(discs)
     for _, end in lines:

@@ -115,7 +115,7 @@ def ends_of_path(points: Sequence[Point]) -> dict[str, Box]:
     """Return the words at the start and the end of a path, and the marks beside which they lie."""
     marks = [Box(*point, END_M, END_M) for point in (*points[:1], *points[-1:])]
     if marks and math.dist(points[0], points[-1]) < PATH_WIDTH_M:
-        return {'start and end': marks[0]}
+        return {'start, end': marks[0]}
     return dict(zip(('start', 'end'), marks, strict=False))
 
 

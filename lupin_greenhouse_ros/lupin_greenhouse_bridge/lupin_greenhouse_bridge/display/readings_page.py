@@ -27,7 +27,7 @@ from lupin_greenhouse_bridge.errors import UsageError, escaped
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
 from lupin_greenhouse_bridge.simulator.layout import natural_order
-from lupin_greenhouse_bridge.units import clock_time, decimals_of, label_of, unit_of, value_text
+from lupin_greenhouse_bridge.units import clock_time, decimals_of, label_of, name_of, unit_of, value_text
 
 MOST_TAGS, MOST_NAMED = 1000, 50  # in the table, and in a line of failures
 WALL_BINS, DAY_BINS = 150, 48  # of a line: one for two pixels of a chart, and the half hours of a day
@@ -180,7 +180,7 @@ def _sensor_data(sensor: str, tags: dict[str, dict[str, Any]], limits: tuple[flo
     colours = dict(zip(known, hex_colours_of(list(known.values()), *limits), strict=True))
     ends = dict.fromkeys(value_text(sensor, pick(known.values())) for pick in (min, max) if known)
     return {
-        'name': escaped(sensor.replace('_', ' '), LONGEST_NAME),
+        'name': escaped(name_of(sensor), LONGEST_NAME),
         'label': escaped(label_of(sensor), LONGEST_NAME),
         'unit': unit_of(sensor),
         'decimals': decimals_of(sensor),

@@ -39,6 +39,7 @@ VIEW_MARGIN_M = 0.15
 INCHES_PER_M = 0.87
 FRONT_DEGREES = 50.0  # of the robot's disc, around its heading
 MOST_ARROWS = 200  # along a path
+LEADER_POINTS = 1.1  # the width of the line from a stop to its number
 Style = dict[str, Any]  # of what matplotlib draws
 CENTRED: Style = {'ha': 'center', 'va': 'center'}
 DASHED = (0, (4, 2))
@@ -52,7 +53,8 @@ def point_style(marker: str, colour: str, size: float, **more: Any) -> Style:
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', 'black', 5), point_style('X', colours.FAILED, 8)
 STOP = point_style('o', colours.ROUTE, 5, markeredgecolor='white')
-ROBOT = point_style('o', colours.ROUTE, 10, markerfacecolor=colours.ROBOT)  # in the key, as the next two
+# In the key, as the next two.
+ROBOT = point_style('o', colours.ROUTE, 10, markerfacecoloralt=colours.ROBOT, fillstyle='right')
 STOP_NUMBER = point_style('$❷$', colours.ROUTE, 12, markeredgewidth=0)
 TAG_AND_ID = point_style(r'$■\,\bf{7}$', 'black', 14, markeredgewidth=0)
 
@@ -243,7 +245,7 @@ def draw_route(
         for stop in group:
             share = robot_radius_m / math.dist(stop, box[:2])  # so the line ends at the robot's disc
             ends = zip(box[:2], np.array(stop) + share * (np.array(box[:2]) - stop), strict=True)
-            axes.plot(*ends, color=colours.ROUTE, linewidth=2.5, zorder=2.3)
+            axes.plot(*ends, color=colours.ROUTE, linewidth=LEADER_POINTS, zorder=2.3)
     marks: dict[str, Style] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         f'robot (radius {robot_radius_m:g} m) at a stop; dark: its front': ROBOT,

@@ -187,7 +187,7 @@ def age_text(seconds: float) -> str:
 
 def plain(text: str) -> str:
     """Return a text in ASCII, because RViz cannot draw other characters."""
-    text = text.replace('°', 'deg ').replace('³', '3')
+    text = text.replace('°', 'deg ').replace('³', '3').replace('₂', '2')
     return text.encode('ascii', 'backslashreplace').decode()
 
 

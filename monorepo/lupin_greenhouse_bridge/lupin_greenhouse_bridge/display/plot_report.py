@@ -144,7 +144,8 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     ]
     labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route).items()]
     way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
-    _write_labels(axes, labels, [*dots.values(), *way], shown)
+    tables = [box_of(Walls(*each)) for each in shown.layout.tables.values()]
+    _write_labels(axes, labels, [*dots.values(), *way, *tables], shown)
     _draw_crosses(axes, shown, 60)
 
 

@@ -19,6 +19,7 @@ from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.simulator.layout import find_layout
+from lupin_greenhouse_bridge.units import name_of
 
 EVIL = '</script><script>alert(1)</script>'
 
@@ -88,7 +89,7 @@ def test_the_table_has_failures_first_and_the_last_reading_of_each_tag(report, s
         [f'{len(shipped_tags) - 6} not visited', False],
     ]
     assert [tag['id'] for tag in data['tags'][:4]] == ['5', '7', '9', '10']
-    assert [sensor['name'] for sensor in data['sensors']] == ['temperature', 'co2']
+    assert [sensor['name'] for sensor in data['sensors']] == ['temperature', 'CO₂']
     (tag,) = (each for each in data['tags'] if each['id'] == '1')
     assert (tag['values'], tag['stamp_ms']) == ([None, 700.0], (START_S + 5) * 1000)
     assert len(data['tags']) == len(shipped_tags)
@@ -177,11 +178,12 @@ def test_a_day_of_readings_shows_each_tag_in_each_half_hour():
             wall, day = ([value for _, *three in line[clock] for value in three] for clock in ('wall', 'day'))
             assert (min(wall), max(wall)) == (min(day), max(day))
             for at, *three in line['day']:
-                shown[sensor['name'].replace(' ', '_'), data['tags'][line['tag']]['id'], float(at)] = three
+                shown[sensor['name'], data['tags'][line['tag']]['id'], float(at)] = three
     assert data['is_binned']
     assert len(shown) == 48 * len(series)
     assert shown == {
-        key: pytest.approx([median(found), min(found), max(found)], rel=1e-3) for key, found in values.items()
+        (name_of(sensor), *key): pytest.approx([median(found), min(found), max(found)], rel=1e-3)
+        for (sensor, *key), found in values.items()
     }
     assert len(readings_page.fill([recording], limits)) < 5e6
 
@@ -286,13 +288,13 @@ def test_several_files_are_compared_by_tag_and_sensor(tmp_path, monkeypatch):
         for each in data['differences']
     ] == [
         ('5', 'temperature (°C)', ['20.0', '20.5', 'none'], None, '0.5'),
-        ('5', 'co2 (ppm)', ['500', '800', '510'], 1, '300'),  # 290 from the median, 510; 500 is 10 from it
-        ('1', 'co2 (ppm)', ['600', '610', '602'], 1, '10'),
+        ('5', 'CO₂ (ppm)', ['500', '800', '510'], 1, '300'),  # 290 from the median, 510; 500 is 10 from it
+        ('1', 'CO₂ (ppm)', ['600', '610', '602'], 1, '10'),
     ]
     assert {time for each in data['differences'] for text, time in each['cells'] if text != 'none'} == {
         '12:00'
     }
-    limits = [each['limits'] for file in data['files'] for each in file['sensors'] if each['name'] == 'co2']
+    limits = [each['limits'] for file in data['files'] for each in file['sensors'] if each['name'] == 'CO₂']
     assert limits == [limits[0]] * 3
     low, high = limits[0]
     assert low <= 500.0
