@@ -33,13 +33,13 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         large = make_world(Path(folder, 'large'), layout, walls, LARGEST_SIDE_M)
         sdf_file = make_world(Path(folder, 'usual'), layout, walls)
-        above = RenderedWorld(large, width=1600, height=1100, focal_length_pixels=1250.0, nearest_m=2.0)
+        above = RenderedWorld(large, width=1600, height=900, focal_length_pixels=1250.0, nearest_m=2.0)
         eye = RenderedWorld(sdf_file, width=640, height=360)
         centres = np.array([tag.centre for tag in above.tags.values()])
         middle = (centres.min(axis=0) + centres.max(axis=0)) / 2
         pictures = {
-            'above': without_margin(above.look(middle + np.array([7.5, -4.5, 6.5]), middle)),
-            'eye': eye.look(viewpoint(eye.tags[TAG], 0.5, 25.0), eye.tags[TAG].centre),
+            'above': without_margin(above.look(middle + np.array([7.5, -5.0, 3.8]), middle)),
+            'eye': eye.look(viewpoint(eye.tags[TAG], 0.4, 25.0), eye.tags[TAG].centre),
         }
     for name, picture in pictures.items():
         Image.fromarray(picture).save(COMMITTED / f'{name}.png', optimize=True)

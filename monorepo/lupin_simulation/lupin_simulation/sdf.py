@@ -24,7 +24,7 @@ THICKNESS_M = 0.1  # of the floor and the walls
 PLATE_THICKNESS_M = 0.004
 GAP_M = 0.0005  # between the plate and the tag on it
 TEXTURE_MODULE_PIXELS = 16  # sharp at 0.2 m, and coarse enough for renderers without mipmaps
-WHITE, GREY, BROWN, GREEN = '0.9 0.9 0.9', '0.6 0.6 0.6', '0.45 0.35 0.25', '0.35 0.45 0.35'
+WHITE, GREY, BROWN, GREEN = '0.9 0.9 0.9', '0.65 0.65 0.65', '0.7 0.55 0.38', '0.5 0.62 0.48'
 # From above and from each side, so that no tag is dark.
 LIGHT_DIRECTIONS = ('0 0 -1', '0 1 -0.5', '0 -1 -0.5', '1 0 -0.5', '-1 0 -0.5')
 
