@@ -104,7 +104,7 @@ WITHIN := "$$VENV/bin/python" -ES ci/within.py
 # Their programs use packages that only the monorepo has, whatever TREE says.
 bench docs-check figure soak tags test-network world world-check: override TREE := monorepo
 
-.PHONY: $(TARGETS) page-check mission-check namespace-check run-check tags-check
+.PHONY: $(TARGETS) page-check mission-check namespace-check run-check soak-check tags-check
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -231,8 +231,12 @@ lock:  ## pin every wheel of ci/requirements/*.in, direct and transitive, for Py
 bench: bridge  ## compare the bridge with a plain wrapper of the simulator (SHORT=1: one minute)
 	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)
 
-soak: build  ## check the promises under faults and load (SHORT=1, REFUSALS=12000, SIGNALS=500)
+soak: soak-check build  ## check the promises under faults and load (SHORT=1, REFUSALS=12000, SIGNALS=500)
 	@$(IN_ENV) $(KILL_TREE) python ci/within.py --stand-ins python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(call QUOTED,$(REFUSALS))) $(if $(SIGNALS),--signals $(call QUOTED,$(SIGNALS))) $(ARGS)
+
+soak-check:
+	@for number in "$$REFUSALS" "$$SIGNALS"; do [[ "$$number" =~ ^[0-9]*$$ ]] \
+	    || { echo "soak: '$$number' is no whole number: write one, such as SIGNALS=500" >&2; exit 2; }; done
 
 test-network: bridge  ## call between two network namespaces: loss, delay, a pulled cable (needs root; SHORT=1)
 	@$(IN_ENV) python tools/measure/network.py $(if $(SHORT),--short) $(ARGS)

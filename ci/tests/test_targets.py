@@ -73,6 +73,7 @@ MISTAKES = [
     (['mission', 'WORLD=1', 'CAMERA=detections'], 'WORLD=1 renders images, so CAMERA=detections'),
     (['run', 'ARGS=a:=b debug_seed=42'], "run: ARGS has 'debug_seed=42', which sets no parameter: "),
     (['tags', "SIDE=it's 4;cm"], "tags: SIDE='it's 4;cm' is no number of millimetres: write SIDE=40"),
+    (['soak', 'SIGNALS=many'], "soak: 'many' is no whole number: write one, such as SIGNALS=500"),
     (['mission', 'CAMERA=maybe'], 'CAMERA=maybe: write CAMERA=1 or CAMERA=0, CAMERA=comp'),
     (['mission', 'DRIVE=image'], 'DRIVE=image: write DRIVE=1 or DRIVE=0'),
     (['red', 'tag=7'], 'there is no target red: the targets are help run smoke read '),
