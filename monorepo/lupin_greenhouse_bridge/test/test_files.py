@@ -5,7 +5,6 @@ import copy
 import json
 import math
 import os
-import random
 import tracemalloc
 
 import pytest
@@ -39,22 +38,16 @@ BAD_TAGS = [
     ({'': None}, 'holds null at its top level, not an object of tags'),
     ({'': {'units': 'm', '7': TAGS['tags']['7']}}, "tag 'units' is text, not an object"),
     ({'tags': {}}, 'holds no tags: add at least one'),
-    ({'': {'units': 'm'}}, 'holds no tags: add at least one, such as {"1": {"x": 1.5'),
-    ({'': {'units': 'm', 'tables': {}}}, 'holds no tags: add at least one'),
+    ({'': {'units': 'm', 'tables': {}}}, 'holds no tags: add at least one, such as {"1": {"x": 1.5'),
     ({'tabels': {}}, 'tabels is unknown: did you mean tables?'),
-    *(
-        ({'': {key: TAGS['tags'], 'units': 'm', 'tables': {}}}, f'{key} is unknown: did you mean tags?')
-        for key in ('tag', 'Tags')
-    ),
+    ({'': {'Tags': TAGS['tags'], 'units': 'm', 'tables': {}}}, 'Tags is unknown: did you mean tags?'),
     ({'tags': []}, "tag 'tags' is a list, not an object"),
     ({'tags/7': 'x'}, "tag '7' is text, not an object"),
     ({'tags/': TAGS['tags']['7']}, f"tag '' {NOT_ASKABLE}"),
     ({'tags/7\0': TAGS['tags']['7']}, f"tag '7\\x00' {NOT_ASKABLE}"),
     ({'tags/\ud83c': TAGS['tags']['7']}, f"tag '\\ud83c' {NOT_ASKABLE}"),
     ({'tags/7/x': MISSING}, f"tag '7': x is missing: {ANY_METRES}"),
-    ({'tags/7/sensors': MISSING}, "tag '7': sensors is missing: must be a list of names"),
     ({'tags/7/x': '1.0'}, f"tag '7': x is '1.0': {ANY_METRES}"),
-    ({'tags/7/x': 1.0001e12}, f"tag '7': x is 1000100000000.0: {ANY_METRES}"),
     ({'tags/7/x': 10**400}, f"tag '7': x is 100000000000000000...0000000000000000000: {ANY_METRES}"),
     ({'tags/7/y': math.inf}, f"tag '7': y is inf: {ANY_METRES}"),
     ({'tags/7/sensors': 'co2'}, "tag '7': sensors is 'co2': must be a list of names"),
@@ -86,27 +79,21 @@ HOURS = 'must be a number from 0 to 24 (hours, such as 12.5)'
 KNOWN = 'known are co2, humidity, light, soil_moisture, temperature'
 # Changes to the shipped config by path, and the expected message.
 BAD_CONFIGS = [
-    ({'': None}, 'time is missing: must be a mapping, such as {debug_mode: false'),
     ({'': []}, 'holds a list at its top level, not a mapping with time and sensors'),
     ({'time/debug_mode': MISSING}, 'time: debug_mode is missing: must be true or false'),
     ({'time/debug_mode': 'false'}, "time: debug_mode is 'false': must be true or false"),
     ({'time/debug_seed': True}, 'time: debug_seed is True: must be a whole number'),
     ({'time/debug_mode': True, 'time/debug_seed': MISSING}, 'time: debug_seed is missing: must be a whole'),
     ({'time/debug_time_of_day': 24.000001}, f'time: debug_time_of_day is 24.000001: {HOURS}'),
-    ({'time/debug_time_of_day': -1e-20}, f'time: debug_time_of_day is -1e-20: {HOURS}'),
     ({'time/debug_mode': True, 'time/debug_time_of_day': MISSING}, f'debug_time_of_day is missing: {HOURS}'),
     ({'time/speedup_factor': 0}, f'time: speedup_factor is 0: {POSITIVE}'),
     ({'time/speedup_factor': MISSING}, f'time: speedup_factor is missing: {POSITIVE}'),
     ({'sensors': {}}, 'sensors is empty: name at least one of co2, humidity'),
-    ({'sensors/co2': [{'value_at_non': 32}]}, f'{CO2}: value_at_non {TYPO} value_at_noon?'),
     ({'sensors/co2': [{'Decay-Type': 'linear'}]}, f'{CO2}: Decay-Type {TYPO} decay_type?'),
-    ({'sensor': {}, 'sensors': MISSING}, f'sensor {TYPO} sensors?'),
     ({'Time': {}, 'time': MISSING}, f'Time {TYPO} time?'),
-    ({'visualisation': {}, 'visualization': MISSING}, f'visualisation {TYPO} visualization?'),
     ({'time/speed_factor': 5, 'time/speedup_factor': MISSING}, f'time: speed_factor {TYPO} speedup_factor?'),
     ({'visualization': 5}, 'visualization is 5: must be a mapping, such as {greenhouse_width_m: '),
     ({'visualization/greenhouse_width_m': MISSING}, 'visualization: greenhouse_width_m is missing'),
-    ({'visualization/greenhouse_width_m': math.nan}, 'visualization: greenhouse_width_m is nan'),
     ({'visualization/greenhouse_height_m': 0}, 'visualization: greenhouse_height_m is 0'),
     ({'visualization/colorbar_ranges': []}, 'colorbar_ranges is a list: must be a mapping, such as {co2'),
     ({'visualization/colorbar_ranges/co2': 5}, 'co2 is 5: must be a mapping, such as {min: '),
@@ -150,7 +137,6 @@ BAD_CONFIG_BYTES = [
     (b'time: !!int ""\n', 'is not YAML:'),
     (b'time: 2026-11-21\n', 'time is a date: must be a mapping, such as {'),
     (b'2026-11-21 06:00:00\n', 'holds a date at its top level'),
-    (b'!!set {time, sensors}\n', 'holds a set at its top level'),
     (b'!!python/object/apply:os.system ["touch was_run"]\n', 'is not YAML: ConstructorError'),
     (b'[' * 500, 'is too deeply nested: use at most 4 levels'),
 ]
@@ -161,16 +147,14 @@ BAD_FILES = [
 
 ODD_IDS = ('Tomate №7', '番茄', '🍅', "o'brien", '"7"', ' 7')
 GOOD_TAGS = [  # changes to TAGS by path, and the served tags
-    ({}, ['7']),
     ({'': TAGS['tags']}, ['7']),
     ({'': {'tags': {'tags': TAGS['tags']['7']}}}, ['tags']),
-    ({'tags/7/colour': 'red', 'tables': {}, 'units': 'm'}, ['7']),
+    ({'tags/7/colour': 'red', 'tables': {}, 'units': 'm', 'tags/7/sensors': ['co2', 'co2']}, ['7']),
     ({'tags/7/x': 1e12, 'tags/7/y': -1e12}, ['7']),
-    ({'tags/7/x': 3, 'tags/7/y': 7e-1}, ['7']),
-    ({'tags/7/sensors': ['co2', 'co2']}, ['7']),
     ({f'tags/{tag_id}': TAGS['tags']['7'] for tag_id in ODD_IDS}, ['7', *ODD_IDS]),
     (b'{"7":\r\n{"x": 1, "y": 1,\r\n"sensors": ["co2"]}}', ['7']),
 ]
+TABLE = {'x0': 0, 'y0': 0, 'x1': 2, 'y1': 1}
 SENSORS = ['temperature', 'humidity', 'co2', 'light', 'soil_moisture']
 SMALL_CONFIG = 'time: {debug_mode: false, speedup_factor: 1}\nsensors:\n'
 SMALL_CONFIG += ''.join(f'  {name}: [{{}}]\n' for name in SENSORS)
@@ -179,19 +163,13 @@ ANCHORS = SMALL_CONFIG.replace(
 )
 ANCHORS = ANCHORS.replace('[{}]', '[{<<: *lamp, value_at_noon: 3}, *lamp]')
 GOOD_CONFIGS = [
-    f'\ufeff{SMALL_CONFIG}'.encode(),
-    SMALL_CONFIG.replace('\n', '\r\n').encode(),
+    f'\ufeff{SMALL_CONFIG}'.replace('\n', '\r\n').encode(),
     ANCHORS.encode(),
-    {},
-    {'time/debug_mode': True},
-    {'time/debug_mode': True, 'time/debug_time_of_day': 24},
-    {'time/debug_mode': True, 'time/speedup_factor': MISSING},
+    {'time/debug_mode': True, 'time/debug_time_of_day': 24, 'time/speedup_factor': MISSING},
     {'time/debug_time_of_day': MISSING, 'time/debug_seed': MISSING},
     {'time/colour': 'red', 'visualization': MISSING, 'notes': ['any']},
-    {'sensors/co2/0': {}},
     {'sensors/co2/0/decay_distance': 1e-12, 'sensors/co2/0/value_at_noon': 1e12},
-    {'sensors/co2/0/decay_type': 'cubic'},
-    {'sensors/co2': [{'noise_sigma': 0}] * 9},
+    {'sensors/co2': [{}, {'decay_type': 'cubic'}, {'decay_type': 7}] + 9 * [{'noise_sigma': 0}]},
 ]
 
 
@@ -302,14 +280,21 @@ def test_a_sensor_that_the_config_lacks_is_refused_by_the_commands_too(write, tm
         assert fault in capsys.readouterr().err
 
 
-def test_sensors_come_in_the_order_of_the_file_and_a_tag_without_them_is_left_out_with_a_warning(write):
+@pytest.mark.parametrize('is_nested', [True, False])
+def test_tags_and_sensors_come_in_the_order_of_the_file_and_a_tag_without_sensors_is_left_out(
+    write, is_nested
+):
     names = ['soil_moisture', 'light', 'co2', 'humidity', 'temperature']
     bare = {'x': 1, 'y': 1, 'sensors': []}
-    row = {'tags/7/sensors': names, 'tags/8': bare, 'tags/9': bare}
-    greenhouse = load('tag_file', write('tag_file', row))
-    assert greenhouse.tag_ids == ['7']
-    assert list(simulation.read(greenhouse.sim, '7')[1]) == names
-    assert greenhouse.warnings == ["2 tags without sensors, treated as unknown: '8', '9'"]
+    tags = {'9': {'x': 1, 'y': 2.5, 'sensors': names}, '8': bare, '7': TAGS['tags']['7'], '6': bare}
+    nested = {'tags': tags, 'tables': {'bench': {**TABLE, 'colour': 'green'}}}
+    path = write('tag_file', {'': nested if is_nested else tags})
+    greenhouse, layout = load('tag_file', path), read_layout(path)
+    assert greenhouse.tag_ids == list(layout.tags) == ['9', '7']
+    assert list(simulation.read(greenhouse.sim, '9')[1]) == names
+    assert greenhouse.warnings == ["2 tags without sensors, treated as unknown: '8', '6'"]
+    assert layout.tags['9'] == Tag(1.0, 2.5, names)
+    assert layout.tables == ({'bench': (0.0, 0.0, 2.0, 1.0)} if is_nested else {})
 
 
 def test_a_relative_path_to_a_symlink_with_spaces_and_any_letters_is_followed(
@@ -378,101 +363,42 @@ def test_a_refused_value_of_any_size_is_shown_in_little_memory(write, key, value
         tracemalloc.stop()
 
 
-good_numbers = st.one_of(st.floats(-1e12, 1e12), st.integers(-100, 100))
-bad_values = st.one_of(st.integers(), st.floats(), st.text(max_size=3), st.none(), st.booleans(), st.just([]))
-components = st.fixed_dictionaries(
-    {},
-    optional={
-        'value_at_midnight': good_numbers,
-        'value_at_noon': good_numbers,
-        'noise_sigma': st.floats(0, 1e12),
-        'decay_distance': st.floats(1e-12, 1e12),
-        'decay_type': st.sampled_from(['linear', 'quadratic', 'square', None, 7]),
-        'position': st.lists(good_numbers, min_size=2, max_size=2),
-        'angle': good_numbers,
-        'dynamics': st.sampled_from(['radial', 'linear', 'uniform']),
-    },
-)
-times = st.fixed_dictionaries(
-    {
-        'debug_mode': st.booleans(),
-        'speedup_factor': st.floats(1e-12, 1e12),
-        'debug_time_of_day': st.floats(0, 24),
-        'debug_seed': st.integers(),
-    }
-)
-sensors = st.fixed_dictionaries({name: st.lists(components, min_size=1, max_size=3) for name in SENSORS})
-configs = st.fixed_dictionaries({'time': times, 'sensors': sensors})
-some_sensors = st.lists(st.sampled_from(SENSORS), min_size=1, max_size=3)
-tags = st.fixed_dictionaries({'x': good_numbers, 'y': good_numbers, 'sensors': some_sensors})
-tag_ids = st.text(min_size=1, max_size=5).filter(lambda text: text.strip() and '\0' not in text)
-tag_files = st.dictionaries(tag_ids, tags, min_size=1, max_size=4)
-good_greenhouses = st.fixed_dictionaries({'tags': tag_files, 'config': configs})
-some_settings = st.sampled_from([Settings(), Settings(debug_seed=1), Settings(debug_time_of_day=3.0)])
+COMPONENTS = [{**COMPONENT_DEFAULTS, 'dynamics': each} for each in ('uniform', 'radial', 'linear')]
+TIME = {'debug_mode': False, 'speedup_factor': 1.5, 'debug_time_of_day': 3.25, 'debug_seed': 1}
+WHOLE = {'tags': TAGS['tags'], 'config': {'time': TIME, 'sensors': {'co2': COMPONENTS}}}
 
 
-@st.composite
-def spoiled_greenhouses(draw):
-    """Generate a good greenhouse, and change or drop one value in it."""
-    greenhouse = draw(good_greenhouses)
-    at = greenhouse
-    while True:
-        key = draw(st.sampled_from(list(at) if isinstance(at, dict) else range(len(at))))
-        if not (isinstance(at[key], (dict, list)) and at[key]) or draw(st.integers(0, 3)) == 0:
-            break
-        at = at[key]
-    if draw(st.booleans()) or at is greenhouse:
-        at[key] = draw(bad_values)
-    else:
-        del at[key]
-    return greenhouse
-
-
-QUICK_DUMPER = getattr(yaml, 'CSafeDumper', yaml.SafeDumper)  # PyYAML may be built without libyaml
-
-
-def load_generated(folder, greenhouse, chosen):
-    tag_file, config_file = folder / 'tags.json', folder / 'config.yaml'
-    tag_file.write_text(json.dumps({'tags': greenhouse['tags']}), encoding='utf-8')
-    config_file.write_text(yaml.dump(greenhouse['config'], Dumper=QUICK_DUMPER), encoding='utf-8')
-    return simulation.load(chosen, tag_file, config_file)
+def places_in(value, at=''):
+    """Yield the place of each value in objects and lists, as changed() takes it."""
+    for key, each in (value if isinstance(value, dict) else dict(enumerate(value))).items():
+        yield f'{at}{key}'
+        if isinstance(each, (dict, list)):
+            yield from places_in(each, f'{at}{key}/')
 
 
 @settings(max_examples=300, suppress_health_check=list(HealthCheck))
 @given(
-    good_greenhouses | spoiled_greenhouses().map(lambda greenhouse: {**greenhouse, 'is_spoiled': True}),
-    some_settings,
+    st.sampled_from([*places_in(WHOLE)]),
+    st.sampled_from([MISSING, None, True, 'x', [], 0, -1.5, 24, 1e-12, 1e12, -1e12, 1.1e12, 1e308, math.nan]),
+    st.sampled_from([Settings(), Settings(debug_seed=1), Settings(debug_time_of_day=3.0)]),
 )
-def test_a_good_greenhouse_is_read_at_any_hour_and_a_spoiled_one_too_or_it_is_refused(
-    tmp_path_factory, greenhouse, chosen
+def test_a_greenhouse_with_any_other_value_is_refused_or_read_at_every_hour(
+    tmp_path_factory, place, value, chosen
 ):
+    greenhouse = changed(WHOLE, {place: value})
+    tag_file, config_file = (tmp_path_factory.getbasetemp() / name for name in ('tags.json', 'config.yaml'))
+    tag_file.write_text(json.dumps({'tags': greenhouse.get('tags')}), encoding='utf-8')
+    config_file.write_text(yaml.safe_dump(greenhouse.get('config')), encoding='utf-8')
     try:
-        loaded = load_generated(tmp_path_factory.getbasetemp(), greenhouse, chosen)
-    except StartUpError:  # always one line, see test_process.py
-        assert 'is_spoiled' in greenhouse
+        loaded = simulation.load(chosen, tag_file, config_file)
+    except StartUpError:
         return
-    assert loaded.tag_ids
-    for hour in (0.0, 5.99, 6.0, 12.0, 18.0, 23.999, random.uniform(0.0, 24.0)):
+    for hour in (0.0, 5.99, 6.0, 12.0, 18.0, 23.999):
         loaded.sim.sim_config['time'].update(debug_mode=True, debug_time_of_day=hour)
-        for tag_id in loaded.tag_ids:
-            sim_time, values = simulation.read(loaded.sim, tag_id)
-            assert 0.0 <= sim_time < 86400.0
-            assert values
-            assert all(map(math.isfinite, values.values()))
-
-
-TAG = {'x': 1, 'y': 2.5, 'sensors': ['co2']}
-TABLE = {'x0': 0, 'y0': 0, 'x1': 2, 'y1': 1}
-
-
-@pytest.mark.parametrize('is_nested', [True, False])
-def test_both_formats_give_the_served_tags_in_their_order_and_one_has_tables(write, is_nested):
-    tags = {'9': TAG, '8': {**TAG, 'sensors': []}, '7': TAG}
-    nested = {'tags': tags, 'tables': {'bench': {**TABLE, 'colour': 'green'}}}
-    layout = read_layout(write('tag_file', {'': nested if is_nested else tags}))
-    assert (list(layout.tags), layout.tags_without_sensors) == (['9', '7'], ('8',))
-    assert layout.tags['7'] == Tag(1.0, 2.5, ['co2'])
-    assert layout.tables == ({'bench': (0.0, 0.0, 2.0, 1.0)} if is_nested else {})
+        sim_time, values = simulation.read(loaded.sim, '7')
+        assert 0.0 <= sim_time < 86400.0
+        assert values
+        assert all(map(math.isfinite, values.values()))
 
 
 def test_the_shipped_layout_is_that_of_the_simulator_if_there_is_one(shipped_tags, monkeypatch):
