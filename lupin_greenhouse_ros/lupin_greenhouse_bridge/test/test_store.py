@@ -4,15 +4,12 @@
 import contextlib
 import csv
 import io
-import itertools
 import json
 import math
 import os
 import re
 import resource
 import sqlite3
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -71,11 +68,10 @@ def test_what_was_kept_is_read_again_from_one_file_with_the_positions_of_the_lay
     assert list(tmp_path.iterdir()) == [tmp_path / name]
 
 
-def test_a_database_keeps_a_repeated_row_once_and_a_row_with_another_value_too(database):
+def test_recorders_share_a_database_that_keeps_a_repeated_row_once_and_one_with_another_value_too(database):
     first, second = row(), row(value=468.64)
-    store = open_store(str(database))
-    assert [store.keep([first, first]), store.keep([first])] == [1, 0]
-    assert open_store(str(database)).keep([first, second]) == 1
+    store, other = open_store(str(database)), open_store(str(database))
+    assert [store.keep([first, first]), store.keep([first]), other.keep([first, second])] == [1, 0, 1]
     assert read_rows(database) == [first, second]
 
 
@@ -90,12 +86,6 @@ def test_an_older_database_counts_and_tells_the_rows_that_its_key_refuses(databa
         f"file '{database}' of release 2.0 or older has another value with the same stamp, tag and sensor:"
         ' 1 row lost: record into a new file'
     ]
-
-
-def test_two_recorders_share_a_file(path):
-    stores = [open_store(str(path)) for _ in range(2)]
-    assert [stores[number % 2].keep([row(number)]) for number in range(4)] == [1] * 4
-    assert read_rows(path) == rows(4)
 
 
 def test_a_database_that_another_program_locks_is_written_after_it(database, monkeypatch):
@@ -150,7 +140,6 @@ def test_a_copy_of_a_database_that_another_program_keeps_in_wal_mode_has_every_r
         with pytest.raises(StoreError, match='another program reads it'):
             store.keep([row(100)])
     assert store.keep(rows(100, 102)) == 1
-    assert len(read_rows(database)) == 102
 
 
 @pytest.mark.parametrize('fraction', [0.01, 0.1, 0.5, 0.99])
@@ -220,15 +209,13 @@ def test_after_a_file_that_was_lost_the_rows_go_on_in_a_new_one(path, lose):
         assert read_rows(moved) == [row()]
 
 
-@pytest.mark.parametrize('lose', LOSSES.values(), ids=LOSSES)
-def test_a_file_that_is_lost_in_the_middle_of_a_write_loses_none_of_its_rows(csv_path, monkeypatch, lose):
-    store = open_store(str(csv_path))
+def test_a_file_that_is_lost_in_the_middle_of_a_write_loses_none_of_its_rows(csv_path, monkeypatch):
+    store, fsync = open_store(str(csv_path)), os.fsync
     store.keep([row()])
-    fsync, is_lost = os.fsync, []
 
     def lose_and_fsync(file):
-        if not is_lost:
-            is_lost.append(lose(csv_path))
+        monkeypatch.setattr(os, 'fsync', fsync)
+        csv_path.unlink()
         fsync(file)
 
     monkeypatch.setattr(os, 'fsync', lose_and_fsync)
@@ -282,39 +269,6 @@ def test_a_spreadsheet_takes_no_text_of_a_csv_file_for_a_formula(csv_path):
     assert [each.tag_id for each in read_rows(csv_path)] == ["'x"]  # of an older file
 
 
-WRITER = """
-import sys
-from lupin_greenhouse_bridge.recording.rows import Row
-from lupin_greenhouse_bridge.recording.store import open_store
-store, first = open_store(sys.argv[1]), Row(*eval(sys.argv[2]))
-for number in range(0, 10**9, 50):
-    store.keep([first._replace(stamp_ns=first.stamp_ns + each) for each in range(number, number + 50)])
-    print(number + 50, flush=True)
-"""
-
-
-@pytest.mark.parametrize('acknowledgements', [1, 7])
-def test_a_kill_at_any_moment_loses_no_row_that_was_acknowledged(path, acknowledgements):
-    """
-    The moment is wherever the writer is when the test has read so many acknowledgements.
-
-    Of the rows that it was keeping then, a table has all or none, and a CSV file the first ones: a signal can
-    end a write to a file early.
-    """
-    command = [sys.executable, '-c', WRITER, path, repr(tuple(row()))]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as writer:
-        acknowledged = list(itertools.islice(writer.stdout, acknowledgements))
-        writer.kill()
-        acknowledged += writer.stdout
-    count = int(acknowledged[-1])
-    kept = read_rows(path)
-    assert [each.stamp_ns for each in kept] == [STAMP_NS + number for number in range(len(kept))]
-    may_be_kept = range(count, count + 51) if path.suffix == '.csv' else (count, count + 50)
-    assert len(kept) in may_be_kept
-    open_store(str(path)).keep([row(10**9)])
-    assert read_rows(path) == [*kept, row(10**9)]
-
-
 def test_a_database_killed_in_a_commit_is_restored_by_its_reader(database):
     """The file and its journal are those of a commit that has written some of its pages."""
     open_store(str(database)).keep(rows(1000))
@@ -353,11 +307,9 @@ REPORT = (
 @pytest.mark.parametrize(
     'make',
     [
-        lambda path: path.write_text('dear diary\n'),
         lambda path: path.write_text('x' * 5000),
         lambda path: path.write_text(REPORT),
         lambda path: change_database(path, 'CREATE TABLE readings (stamp, value)'),
-        Path.mkdir,
         os.mkfifo,
         lambda path: path.write_text(f'{HEADER},note\n'),
     ],
@@ -369,14 +321,6 @@ def test_a_file_that_is_something_else_is_refused_and_unchanged(path, make):
         open_store(str(path))
     assert (path.read_bytes() if path.is_file() else None) == before
     assert list(path.parent.iterdir()) == [path]
-
-
-@pytest.mark.parametrize('name', ['readings', 'readings.txt', '', '.csv', 'no folder/readings.csv'])
-def test_a_name_that_cannot_be_a_file_of_readings_is_refused(tmp_path, name, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(StartUpError, match=f"file '{name}'"):
-        open_store(name)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_report_gives_its_rows_with_positions_and_its_visits(tmp_path):
@@ -405,21 +349,20 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
     stamp=st.tuples(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1)),
     time_of_day=NUMBERS,
     values=st.dictionaries(st.text(), NUMBERS, min_size=1),
+    drive=st.sampled_from(['', 'simulated']),
 )
-def test_an_observation_comes_back_as_it_was(tag_id, stamp, time_of_day, values):
+def test_an_observation_comes_back_as_it_was(tag_id, stamp, time_of_day, values, drive):
     reading = Reading(tag_id, stamp, time_of_day, values)
-    for drive in ('', 'simulated'):
-        observation = Observation(tag_id, Outcome.OK, '', 1, reading, drive=drive)
-        line = observation.to_line()
-        assert '\n' not in line
-        assert ('"drive": "simulated"}' in line[-22:]) == bool(drive)  # older reports have none
-        assert Observation.from_line(line.encode()) == observation
+    observation = Observation(tag_id, Outcome.OK, '', 1, reading, drive=drive)
+    line = observation.to_line()
+    assert '\n' not in line
+    assert ('"drive": "simulated"}' in line[-22:]) == bool(drive)  # older reports have none
+    assert Observation.from_line(line.encode()) == observation
 
 
-@pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
-def test_a_number_that_json_does_not_have_is_never_written(value):
+def test_a_number_that_json_does_not_have_is_never_written():
     with pytest.raises(ValueError, match='JSON'):
-        Observation('7', Outcome.OK, '', 1, Reading('7', (1, 2), 0.0, {'co2': value})).to_line()
+        Observation('7', Outcome.OK, '', 1, Reading('7', (1, 2), 0.0, {'co2': math.inf})).to_line()
 
 
 LATEST = 'must be from 0 to 9223372036854775807, in nanoseconds since 1970'
@@ -429,7 +372,6 @@ NO_UTF_8 = "must be text in UTF-8 (save a spreadsheet as 'CSV UTF-8')"
 @pytest.mark.parametrize(
     ('name', 'column', 'value', 'fault'),
     [
-        ('a.csv', 'stamp_ns', 10**26, f'line 3: stamp_ns of co2 is {10**26}: {LATEST}'),
         ('a.csv', 'stamp_ns', -1, f'line 3: stamp_ns of co2 is -1: {LATEST}'),
         ('a.csv', 'stamp_ns', 'noon', f"line 3: stamp_ns of co2 is 'noon': {LATEST}"),
         ('a.csv', 'value', math.nan, 'line 3: value of co2 is nan: must be a finite number'),
@@ -463,21 +405,16 @@ def in_columns(columns, delimiter=',', quoting=csv.QUOTE_MINIMAL, end='\n', **ch
     return file.getvalue()
 
 
-def rounded(stamp_ns):
-    return f'{stamp_ns:.5E}'
-
-
+ROUNDED = '{:.5E}'.format
 FOREIGN = {
     'spreadsheet': b'\xef\xbb\xbf' + in_columns(Row._fields, end='\r\n').encode(),
-    'quoted (R, pandas)': in_columns(Row._fields, quoting=csv.QUOTE_ALL).encode(),
-    'index (pandas, R)': in_columns(['', *Row._fields]).encode(),
+    'quoted, with an index (R, pandas)': in_columns(['', *Row._fields], quoting=csv.QUOTE_ALL).encode(),
     'other order and columns (DuckDB)': in_columns(['note', *reversed(Row._fields)]).encode(),
     'NA (R)': in_columns(Row._fields, x_m=lambda x: 'NA' if x is None else x).encode(),
-    'semicolons': in_columns(Row._fields, ';').encode(),
-    'decimal commas': re.sub(r'\.(?=\d+[E;])', ',', in_columns(Row._fields, ';', stamp_ns=rounded)).encode(),
+    'decimal commas': re.sub(r'\.(?=\d+[E;])', ',', in_columns(Row._fields, ';', stamp_ns=ROUNDED)).encode(),
     'tabs in UTF-16 (Excel)': in_columns(Row._fields, '\t').encode('utf-16'),
     'bars (sqlite3)': in_columns(Row._fields, '|').encode(),
-    'stamps as floats': in_columns(Row._fields, stamp_ns=rounded).encode(),
+    'stamps as floats': in_columns(Row._fields, stamp_ns=ROUNDED).encode(),
     'stamps of 15 digits': in_columns(Row._fields, stamp_ns=lambda stamp: stamp // 10**4 * 10**4).encode(),
 }
 
@@ -497,10 +434,7 @@ VISIT = REPORT.partition('\n')[0]
         ('', 'empty'),
         ('dear diary\n', 'not a file of readings'),
         (f'{HEADER}\n{HEADER},more\n', 'line 2: 11 values in place of 10'),
-        (
-            f'{HEADER}\n{csv_text([row(tag_id="ä")])}'.encode('latin-1'),
-            rf"tag_id of co2 is '\udce4': {NO_UTF_8}",
-        ),
+        (in_columns(Row._fields).encode('latin-1'), rf"is '\udcfcnits': {NO_UTF_8}"),
         (REPORT.replace('"OK"', '"OK'), 'line 1 is not an observation'),
         ('{"tag_id": "7"}\n', "line 1 is not an observation (KeyError: 'outcome')"),
         ('{"tag_id": 7, ' + '[' * 100_000 + '\n', 'line 1 is not an observation'),
@@ -508,20 +442,14 @@ VISIT = REPORT.partition('\n')[0]
         (REPORT.replace('{"co2": 468.63, "radon": 2}', '{}'), 'line 1 is not an observation (ValueE'),
         *(
             (REPORT + VISIT.replace(right, wrong) + end, f'line 3 has a wrong value: {fault}')
-            for end in ('\n', '')
-            for right, wrong, fault in (
-                ('1795189976', f'{10**17}', f'stamp_ns of co2 is {10**26 + 513}: {LATEST}'),
-                ('1795189976', '-1', f'stamp_ns of co2 is {-(10**9) + 513}: {LATEST}'),
-                ('468.63', 'NaN', 'value of co2 is nan: must be a finite number'),
-                ('14400.0', 'Infinity', 'sim_time_of_day_seconds of co2 is inf: must be a finite number'),
+            for right, wrong, end, fault in (
+                ('1795189976', f'{10**17}', '', f'stamp_ns of co2 is {10**26 + 513}: {LATEST}'),
+                ('468.63', 'NaN', '\n', 'value of co2 is nan: must be a finite number'),
             )
         ),
         (b'SQLite format 3\0' + bytes(5000), 'file is not a database'),
         (in_columns(Row._fields[1:]), 'its header lacks stamp_ns: name a file'),
-        (
-            in_columns(Row._fields, stamp_ns=rounded, stamp_utc=str.lower),
-            "line 2: stamp_ns is rounded to '1.79519E+18': ",
-        ),
+        (in_columns(Row._fields, stamp_ns=ROUNDED, stamp_utc=str.lower), "to '1.79519E+18': "),
         (csv_text(READINGS), f'which is SQLite or CSV with the header {HEADER}'),
         (in_columns(Row._fields).replace('source', 'source,', 1), 'no line has 11 values, as the header'),
     ],
