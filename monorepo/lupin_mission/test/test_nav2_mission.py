@@ -350,19 +350,26 @@ def test_abort_and_pause_hold_while_the_mission_plans(start_waiting_mission, nav
 
 
 def test_the_state_tells_what_delays_a_mission(start_waiting_mission, held_navigator, clock):
+    waiting = f'waiting for the action server {NAME}: start Nav2'
     mission, operator = start_waiting_mission(**NAV2, tag_sequence='1')
     operator.start()
-    clock.pass_seconds(2.0)
-    operator.wait_for(last_error=f'waiting for the action server {NAME}: start Nav2', paused=False)
-    clock.pass_seconds(28.0)
+    for seconds, error in ((1.9, ''), (0.1, waiting), (27.9, waiting)):  # a server may be found late
+        clock.pass_seconds(seconds)
+        operator.states.wait_for_steps()
+        state = operator.states.received[-1]
+        assert (state.last_error, state.paused) == (error, False)
+    clock.pass_seconds(0.1)
     state = operator.wait_for(last_error='dependency_timeout', paused=True)
     assert state.last_event == f'there is no action server {NAME}: start Nav2: resume to go on'
     assert state.last_event_severity == MissionState.SEVERITY_ERROR
-    navigator = held_navigator(NAME)
     assert operator.trigger('resume')
+    clock.pass_seconds(29.9)  # it waits for 30 s again
+    operator.states.wait_for_steps()
+    navigator = held_navigator(NAME)
     goal = navigator.accept()
     operator.wait_for(last_error='', paused=False)
     end_on_the_way(mission, navigator, goal)
+    assert len(mission.lines_with(waiting)) == 1
 
 
 @pytest.mark.usefixtures('navigator')

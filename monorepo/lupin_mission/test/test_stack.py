@@ -2,10 +2,10 @@
 
 import itertools
 import json
+import os
 import re
 from pathlib import Path
 
-import pytest
 from builtin_interfaces.msg import Time
 from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.display.report_line import Outcome
@@ -13,27 +13,12 @@ from lupin_greenhouse_bridge.testing._helpers import executable, wait_until
 from lupin_mission import transport
 from lupin_mission.mission_orchestrator import MissionNode
 from lupin_msgs.msg import MissionState, Observation, TagReading
-from lupin_msgs.srv import GetTagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Operator, Subscriber, publish
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Bool, String
 
 OK = Outcome.OK
 READINGS = 'mission/readings'
-
-
-@pytest.fixture
-def tag_file(tmp_path):
-    """Return a function that writes a tag file with these tags, and returns the parameter."""
-
-    def write(*tag_ids):
-        path = tmp_path / 'tags.json'
-        tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
-        tags = {**dict.fromkeys(tag_ids, tag), 'without sensors': {**tag, 'sensors': []}}
-        path.write_text(json.dumps({'tags': tags}), encoding='utf-8')
-        return {'tag_locations_file': f'"{path}"'}
-
-    return write
 
 
 def received_tags(subscriber) -> list[str]:
@@ -159,12 +144,13 @@ def test_at_tag_names_the_tag_that_the_robot_stands_at(start_mission, reader, no
     assert [message.data for message in at_tag.received[:4]] == ['', '1', '', '2']
 
 
-def test_a_start_that_cannot_be_is_rejected_with_the_reason(
-    start_waiting_mission, reader, tag_file, tmp_path
-):
-    """Without a sequence, it takes all tags in numeric order."""
-    parameters = {**READER, **tag_file('b', '10', '9', 'a'), 'report_file': tmp_path / 'reports/report.jsonl'}
-    _, operator = start_waiting_mission(**parameters)
+def test_a_start_that_cannot_be_is_rejected_with_the_reason(start_waiting_mission, reader, tmp_path):
+    """Without a sequence, it takes all tags that have a sensor, in numeric order."""
+    tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
+    tags = {**dict.fromkeys(['b', '10', '9', 'a'], tag), 'bare': {**tag, 'sensors': []}}
+    (tmp_path / 'tags.json').write_text(json.dumps({'tags': tags}), encoding='utf-8')
+    files = {'tag_locations_file': tmp_path / 'tags.json', 'report_file': tmp_path / 'reports/report.jsonl'}
+    _, operator = start_waiting_mission(**READER, **files)
     assert f"make the folder '{tmp_path}/reports'" in operator.rejection()
     (tmp_path / 'reports').mkdir()
     for rejected, reason in (
@@ -203,11 +189,21 @@ def test_a_start_names_a_tag_of_the_bridge_once_it_has_replied(
 
 
 def test_a_mission_waits_for_its_start_and_lives_on_after_it(
-    start_waiting_mission, start_bridge, start_node, twin, shipped_tags, tmp_path
+    start_process, start_bridge, start_node, node, twin, shipped_tags, tmp_path
 ):
-    """With every tag of the real bridge; the recorder starts last, and receives what was latched."""
-    bridge = start_bridge(debug_time_of_day=12.0)
-    mission, operator = start_waiting_mission(bridge_service_name=bridge.service_name, **REAL)
+    """
+    With every tag of the real bridge, and as a process that cannot import mdp-greenhouse.
+
+    The recorder starts last, and receives what was latched.
+    """
+    (tmp_path / 'greenhouse_sim.py').write_text("raise ModuleNotFoundError('hidden')\n", encoding='utf-8')
+    mission = start_process(
+        environment={'PYTHONPATH': os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])},
+        bridge_service_name=start_bridge(debug_time_of_day=12.0).service_name,
+        wait_for_start=True,
+        **REAL,
+    )
+    operator = Operator(node, mission.namespace)
     state = operator.wait_for(lifecycle_state='READY')
     assert (state.mission_id, state.mission_type, state.targets_total) == ('', '', 0)
 
@@ -239,7 +235,9 @@ def test_a_mission_waits_for_its_start_and_lives_on_after_it(
     assert all(row.source == topic and row.x_m is not None for row in kept)
 
     assert mission.stop() == 0
+    assert mission.log[-1] == f'{len(shipped_tags)}/{len(shipped_tags)} tags read'
     assert mission.outcomes(first) == [('7', OK), ('1', OK)]
+    assert {each.drive for each in mission.observations(second)} == {'simulated'}
     for received, written in zip(visited, mission.observations(second), strict=True):
         readings = {each.name: each.value for each in received.tag_reading.readings}
         assert readings == written.reading.values
@@ -327,27 +325,6 @@ def test_two_servers_of_a_service_are_named_once(start_mission, reader, monkeypa
     assert mission.end() == 0
     (warning,) = mission.warnings()
     assert '/held/get_tag_reading has two servers' in warning
-
-
-def test_two_robots_have_missions_of_their_own(
-    start_process, start_waiting_mission, node, reader, held_service, tmp_path
-):
-    """Each with its namespace: neither uses the camera, the services or the state of the other."""
-    other_reader = held_service(GetTagReading, '/other/get_tag_reading')
-    _, operator = start_waiting_mission(**READER, tag_sequence='1')
-    other = start_process(
-        bridge_service_name=other_reader.name,
-        tag_sequence='1',
-        wait_for_start=True,
-        report_file=f'"{tmp_path / "other.jsonl"}"',
-    )
-    other_operator = Operator(node, other.namespace)
-    operator.start()
-    assert reader.wait_for_request() == '1'
-    assert other_operator.wait_for(lifecycle_state='READY')
-    assert not other_operator.trigger('abort')
-    assert operator.trigger('abort')
-    assert other_reader.tag_ids == []
 
 
 def test_simulated_time_reaches_the_stamps_and_delays_nothing(start_waiting_mission, node, reader):
