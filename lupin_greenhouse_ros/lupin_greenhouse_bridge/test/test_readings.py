@@ -20,7 +20,6 @@ from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 
 TAGS_SHIPPED = {'1.0.7': 22, '1.0.8': 29}
-TICK_SECONDS = 1800.0  # simulated seconds per wall second in the shipped config
 
 
 def closed_form(components, x, y, hour):
@@ -95,13 +94,6 @@ def test_a_reading_is_never_torn(start_bridge, altered, shipped_tags, shipped_co
     assert len(times) == len(warm_tags)
 
 
-class HostileNumber(float):
-    """A number that raises when it is used."""
-
-    def __float__(self):
-        raise ZeroDivisionError
-
-
 @pytest.fixture
 def read_answer(monkeypatch):
     """Return a function that reads a tag for which the simulator returns this answer."""
@@ -118,18 +110,13 @@ def read_answer(monkeypatch):
     ('answer', 'cause'),
     [
         ({'timestamp': 0, 'co2': math.nan}, 'nan for co2'),
-        ({'timestamp': 0, 'co2': math.inf}, 'inf for co2'),
         ({'timestamp': 0, 'co2': '21.3'}, "'21.3' for co2"),
         ({'timestamp': 0, 'co2': True}, 'True for co2'),
-        ({'timestamp': 0, 'co2': numpy.float32('nan')}, 'nan'),
-        ({'timestamp': 0, 'co2': numpy.bool_(True)}, 'for co2, not a finite number'),
         ({'timestamp': 0, 'co2': 10**400}, 'OverflowError'),
-        ({'timestamp': 0, 'co2': HostileNumber(1.0)}, 'ZeroDivisionError'),
         ({'timestamp': 0}, 'no value'),
         ({}, "KeyError: 'timestamp'"),
         (7, 'AttributeError'),
         ({'timestamp': math.nan, 'co2': 1.0}, 'nan for timestamp'),
-        ({'timestamp': 'noon', 'co2': 1.0}, "'noon' for timestamp"),
         ({'timestamp': 86400.0, 'co2': 1.0}, 'outside [0, 86400)'),
         ({'timestamp': -1e-9, 'co2': 1.0}, 'outside [0, 86400)'),
     ],
@@ -149,44 +136,32 @@ def test_any_finite_real_number_is_cast(read_answer, value):
 NOISY_TAGS = ('21', '1', '5', '21', '12', '1')
 
 
-@pytest.fixture
-def sim_times(monkeypatch):
-    """Return a function that returns the simulated times of a start at midnight at these wall times."""
-
-    def read_at(*wall_times, **parameters):
-        nows = [datetime.datetime.strptime(each, '%H:%M:%S') for each in ('00:00:00', *wall_times)]
-        clock = SimpleNamespace(now=lambda: nows[0])  # in place of `datetime` in the simulator
-        monkeypatch.setattr(simulator, 'datetime', clock)
-        sim = loaded(**parameters)
-        times = []
-        for _ in wall_times:
-            del nows[0]
-            times.append(simulation.read(sim, '1')[0])
-        return times
-
-    return read_at
-
-
-@pytest.mark.parametrize('speedup', [1, 7.5, 3600])
-def test_a_wall_second_is_speedup_seconds_of_the_live_clock(sim_times, speedup):
-    first, second, later = sim_times('00:00:01', '00:00:02', '00:00:12', speedup_factor=speedup)
-    assert (first, second - first, later - second) == (speedup, speedup, 10 * speedup)
-
-
-def test_the_live_clock_takes_the_speedup_of_the_config_from_midnight_and_stays_within_a_day(sim_times):
-    times = sim_times('00:00:00', '00:00:01', '00:00:47', '00:00:48', '10:11:13', '11:59:59', '23:59:59')
-    assert times[:5] == [0.0, TICK_SECONDS, 86400 - TICK_SECONDS, 0.0, TICK_SECONDS]
-    assert all(0.0 <= each < 86400.0 for each in times)
-
-
-@pytest.mark.parametrize(('hours', 'seconds'), [(0, 0), (0.0, 0), (7.25, 26100), (23.999, 86396.4), (24, 0)])
-def test_a_frozen_clock_stays_frozen_and_both_ends_of_the_day_are_midnight(sim_times, hours, seconds):
-    times = sim_times('01:00:00', '13:30:59', '23:59:59', debug_time_of_day=hours)
-    assert times == pytest.approx([seconds] * 3)
+@pytest.mark.parametrize(
+    ('parameters', 'wall_times', 'expected'),
+    [
+        ({'speedup_factor': 7.5}, ('00:00:01', '00:00:02', '00:00:12'), [7.5, 15.0, 90.0]),
+        ({}, ('00:00:00', '00:00:01', '00:00:47', '00:00:48'), [0.0, 1800.0, 84600.0, 0.0]),  # of the config
+        *(
+            ({'debug_time_of_day': hours}, ('01:00:00', '13:30:59', '23:59:59'), [seconds] * 3)
+            for hours, seconds in ((0, 0), (7.25, 26100), (23.999, 86396.4), (24, 0))
+        ),
+    ],
+)
+def test_the_clock_counts_from_the_start_at_its_speed_or_is_frozen(
+    monkeypatch, parameters, wall_times, expected
+):
+    """A start is at midnight, and the clock of the shipped config wraps after 48 s."""
+    nows = [datetime.datetime.strptime(each, '%H:%M:%S') for each in ('00:00:00', *wall_times)]
+    clock = SimpleNamespace(now=lambda: nows[0])  # in place of `datetime` in the simulator
+    monkeypatch.setattr(simulator, 'datetime', clock)
+    sim, times = loaded(**parameters), []
+    for _ in wall_times:
+        del nows[0]
+        times.append(simulation.read(sim, '1')[0])
+    assert times == pytest.approx(expected)
 
 
 def test_seeded_noise_is_the_simulators_own_from_the_first_request_on(start_bridge):
-    """The reads at start-up do not count."""
     bridge = start_bridge(debug_seed=7, debug_time_of_day=12.0)
     served = [bridge.values(tag_id) for tag_id in NOISY_TAGS]
     sim = simulator.GreenhouseSimulator()

@@ -3,9 +3,7 @@
 
 import json
 import math
-import re
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,7 +38,6 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-SHOW_READINGS = [executable('lupin_greenhouse_bridge', 'show_readings')]
 SHARE = get_package_share_path('lupin_greenhouse_bridge')
 TOPIC = '/tested/readings'
 LATCHED, VOLATILE = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
@@ -95,31 +92,23 @@ def test_a_cell_at_a_tag_has_its_value_one_far_away_has_none_and_no_step_is_wher
     assert np.nanmax(np.abs(np.diff(values))) < 3.0
 
 
-@given(
-    st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-1e6, 1e6)), max_size=5),
-    st.floats(0.05, 1.0),
-    st.floats(0.01, 10.0),
-)
-def test_every_cell_lies_between_the_readings_or_has_no_value(samples, resolution_m, radius_m):
+@given(st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3), st.floats(-1e6, 1e6)), max_size=5))
+def test_every_cell_lies_between_the_readings_or_has_no_value(samples):
     layout = Layout({str(n): Tag(x, y, ['co2']) for n, (x, y, _) in enumerate(samples)}, {})
-    grid = grid_over(layout, Walls(0.0, 0.0, 1.0, 1.0), resolution_m)
-    values = interpolate(grid, samples, radius_m)
+    grid = grid_over(layout, Walls(0.0, 0.0, 1.0, 1.0), 0.2)
+    values = interpolate(grid, samples, 0.5)
     assert values.shape == (grid.rows, grid.columns)
-    known = values[~np.isnan(values)]
-    heard = [value for *_, value in samples]
+    known, heard = values[~np.isnan(values)], [value for *_, value in samples]
     assert known.size == 0 or min(heard) - 1e-3 <= known.min() <= known.max() <= max(heard) + 1e-3
     for x, y, _ in samples:
-        assert 0 <= (x - grid.x) / resolution_m <= grid.columns
-        assert 0 <= (y - grid.y) / resolution_m <= grid.rows
+        assert 0 <= (x - grid.x) / 0.2 <= grid.columns
+        assert 0 <= (y - grid.y) / 0.2 <= grid.rows
 
 
 # The markers
 
 
-@pytest.mark.parametrize(
-    ('age_seconds', 'text'),
-    [(0, '0 s ago'), (59, '59 s ago'), (61, '1 min ago'), (7300, '2 h ago')],
-)
+@pytest.mark.parametrize(('age_seconds', 'text'), [(59, '59 s ago'), (61, '1 min ago'), (7300, '2 h ago')])
 def test_a_label_has_the_values_with_their_units_in_ascii_and_the_age(age_seconds, text):
     values = {'größe': 1.0, 'light': 899.0, 'co2': 612.345, 'soil_moisture': 0.25, 'temperature': 21.5}
     (label,) = texts(markers_of(reading_of('8', **values), at_seconds=100 + age_seconds))
@@ -194,10 +183,10 @@ def test_no_label_covers_another_one(shipped_tags):
 
 
 class Publisher:
-    """A publisher that keeps publishing its `readings`."""
+    """A publisher that keeps publishing its readings."""
 
-    def __init__(self, node, durability=LATCHED, topic=TOPIC):
-        self.readings = []
+    def __init__(self, node, *readings, durability=LATCHED, topic=TOPIC):
+        self.readings = readings
         publisher = node.create_publisher(TagReading, topic, QoSProfile(depth=50, durability=durability))
         node.create_timer(0.02, lambda: [publisher.publish(each) for each in self.readings])
 
@@ -227,6 +216,11 @@ def room():
 
 
 @pytest.fixture
+def viewer(room):
+    return Viewer(room)
+
+
+@pytest.fixture
 def start_here(monkeypatch, run_nodes):
     def start(publish_every_seconds=0.1, **parameters):
         monkeypatch.setattr(show_readings, 'PUBLISH_EVERY_SECONDS', publish_every_seconds)
@@ -241,8 +235,8 @@ def test_a_published_reading_appears_among_the_markers_and_in_the_field(
 ):
     """A web client has no QoS, so it is volatile."""
     start_here(radius_m=0.5)
-    publisher, viewer = Publisher(room, durability), Viewer(room, durability)
-    publisher.readings = [reading_of(warm_tag_id, temperature=7.5)]
+    publisher = Publisher(room, reading_of(warm_tag_id, temperature=7.5), durability=durability)
+    viewer = Viewer(room, durability)
     viewer.wait_for('temperature 7.5 deg C')
     tag = shipped_tags[warm_tag_id]
     wait_until(lambda: cell(viewer.fields[-1], tag['x'], tag['y']) == 25)  # of 0 to 30 degrees
@@ -263,26 +257,23 @@ def test_a_published_reading_appears_among_the_markers_and_in_the_field(
         assert caption.startswith('temperature (deg C): colours from 6 to 24\n')
 
 
-def test_a_late_viewer_sees_the_latched_messages(start_here, room, shipped_tags):
+def test_a_late_viewer_sees_the_latched_messages(start_here, viewer, shipped_tags):
     start_here(publish_every_seconds=3600.0)
-    viewer = Viewer(room)
     wait_until(lambda: viewer.markers and viewer.fields)
     assert len(of_namespace(viewer.markers[-1], 'ids')) == len(shipped_tags)
     assert set(viewer.fields[-1].data) == {-1}
 
 
-def test_the_newest_reading_of_a_tag_counts_or_after_a_clock_jumped_back_the_last(start_here, room, capfd):
+def test_the_newest_reading_of_a_tag_counts_or_after_a_clock_jumped_back_the_last(
+    start_here, room, viewer, capfd
+):
     start_here(readings_topics=f'{TOPIC} /tested/other')
-    publisher, viewer = Publisher(room), Viewer(room)
     now = int(time.time())
-    publisher.readings = [
-        reading_of('1', now, co2=600.0),
-        reading_of('1', now - 30, co2=500.0),
-        reading_of('2', now, temperature=20.0),
-    ]
+    readings = [reading_of('1', now + after, co2=value) for after, value in ((0, 600.0), (-30, 500.0))]
+    publisher = Publisher(room, *readings, reading_of('2', now, temperature=20.0))
     viewer.wait_for('co2 600 ppm', 'temperature 20.0 deg C')
-    other = Publisher(room, topic='/tested/other')
-    other.readings = [reading_of('1', now - 300, co2=400.0), reading_of('2', now + 1, temperature=21.0)]
+    readings = reading_of('1', now - 300, co2=400.0), reading_of('2', now + 1, temperature=21.0)
+    other = Publisher(room, *readings, topic='/tested/other')
     viewer.wait_for('co2 600 ppm', 'temperature 21.0 deg C')
     for later, value in ((2, 700), (3600, 701), (0, 702), (-600, 703), (-599, 704)):
         publisher.readings, other.readings = [reading_of('1', now + later, co2=float(value))], []
@@ -290,10 +281,9 @@ def test_the_newest_reading_of_a_tag_counts_or_after_a_clock_jumped_back_the_las
     assert capfd.readouterr().err.count('the reading that arrived last is shown') == 1
 
 
-def test_an_age_is_by_the_clock_of_the_stamp(start_here, room):
+def test_an_age_is_by_the_clock_of_the_stamp(start_here, room, viewer):
     """With the simulator's clock, which jumps back; the stamp of one tag is of the system's clock."""
     start_here(use_sim_time=True)
-    publisher, viewer = Publisher(room), Viewer(room)
     simulator = room.create_publisher(ClockMessage, '/clock', 1)
 
     def wait_for_labels(sim_seconds, *wanted):
@@ -306,11 +296,12 @@ def test_an_age_is_by_the_clock_of_the_stamp(start_here, room):
         wait_until(has_come)
 
     wait_for_labels(1000)
-    publisher.readings = [
+    publisher = Publisher(
+        room,
         reading_of('1', 1000, co2=500.0),
         reading_of('2', int(time.time()) - 7200, temperature=20.0),
         reading_of('3', 5000, co2=600.0),  # latched by a publisher of an earlier simulation
-    ]
+    )
     warm = 'temperature 20.0 deg C\n2 h ago'
     wait_for_labels(1000, 'co2 500 ppm\n0 s ago', warm, 'co2 600 ppm\n0 s ago')
     wait_for_labels(1300, 'co2 500 ppm\n5 min ago', warm, 'co2 600 ppm\n5 min ago')
@@ -320,16 +311,14 @@ def test_an_age_is_by_the_clock_of_the_stamp(start_here, room):
     wait_for_labels(65, 'co2 501 ppm\n1 min ago', warm)
 
 
-def test_an_unknown_tag_and_an_infinite_value_leave_the_rest_as_it_is(start_here, room, shipped_tags, capfd):
+def test_an_unknown_tag_and_an_infinite_value_leave_the_rest_as_it_is(
+    start_here, room, viewer, shipped_tags, capfd
+):
     start_here(radius_m=0.01)
-    viewer = Viewer(room)
     first, second = [tag_id for tag_id, tag in shipped_tags.items() if 'temperature' in tag['sensors']][:2]
-    Publisher(room).readings = [
-        reading_of('x\n1', 100, co2=500.0),
-        reading_of('x\n1', 200, co2=501.0),
-        reading_of(first, temperature=math.inf),
-        reading_of(second, temperature=7.5),
-    ]
+    unknown = [reading_of('x\n1', seconds, co2=500.0) for seconds in (100, 200)]
+    values = {first: math.inf, second: 7.5}
+    Publisher(room, *unknown, *(reading_of(tag_id, temperature=each) for tag_id, each in values.items()))
     viewer.wait_for('temperature inf deg C', 'temperature 7.5 deg C')
     wait_until(lambda: set(viewer.fields[-1].data) == {-1, 25})
     assert len(viewer.texts) == 2
@@ -338,12 +327,11 @@ def test_an_unknown_tag_and_an_infinite_value_leave_the_rest_as_it_is(start_here
 
 
 def test_a_custom_layout_and_config_are_shown_where_the_layout_lies_in_the_map(
-    start_here, room, write_layout, tmp_path
+    start_here, room, viewer, write_layout, tmp_path
 ):
-    ranges = {'ozone': {'min': 0, 'max': 10}}
-    section = {'greenhouse_width_m': 2, 'greenhouse_height_m': 3, 'colorbar_ranges': ranges}
-    config = {'time': {'debug_mode': False}, 'sensors': {'co2': [{}]}, 'visualization': section}
-    (tmp_path / 'greenhouse.yaml').write_text(yaml.safe_dump(config))
+    config = 'time: {debug_mode: false}\nsensors: {co2: [{}]}\n'
+    config += 'visualization: {colorbar_ranges: {ozone: {min: 0, max: 10}}}'
+    (tmp_path / 'greenhouse.yaml').write_text(config)
     transform = Transform(10.0, -5.0, 2.0)
     write_transform(tmp_path / 'layout_in_map.yaml', transform, 'site')
     start_here(
@@ -354,8 +342,7 @@ def test_a_custom_layout_and_config_are_shown_where_the_layout_lies_in_the_map(
         layout_in_map=tmp_path / 'layout_in_map.yaml',
         radius_m=0.5,
     )
-    viewer = Viewer(room)
-    Publisher(room).readings = [reading_of('A7', ozone=3.0)]
+    Publisher(room, reading_of('A7', ozone=3.0))
     viewer.wait_for('ozone 3.00')  # a sensor that is not the simulator's has no unit
     wait_until(lambda: cell(viewer.fields[-1], *transform.point(1.0, 2.0)) == 30)
     assert cell(viewer.fields[-1], *transform.point(1.0, 2.7)) == -1
@@ -370,7 +357,7 @@ FOXGLOVE = json.loads((SHARE / 'foxglove/greenhouse.json').read_text(encoding='u
 PANEL = FOXGLOVE['configById'][FOXGLOVE['layout']]
 
 
-def test_the_displays_of_rviz_and_foxglove_are_of_topics_that_are_published(start_here, room):
+def test_the_displays_of_rviz_and_foxglove_are_of_topics_that_are_published(start_here, viewer):
     types = {'Map': OccupancyGrid, 'MarkerArray': MarkerArray, 'PoseArray': PoseArray}
     displays, frame = {}, RVIZ['Global Options']['Fixed Frame']
     for each in RVIZ['Displays']:
@@ -379,7 +366,6 @@ def test_the_displays_of_rviz_and_foxglove_are_of_topics_that_are_published(star
             assert topic['Durability Policy'] == 'Transient Local'
             displays[topic['Value']] = types[each['Class'].removeprefix('rviz_default_plugins/')]
     node = start_here()
-    viewer = Viewer(room)
     wait_until(lambda: viewer.markers)
     assert viewer.markers[-1].markers[0].header.frame_id == frame
     published = dict(node.get_publisher_names_and_types_by_node('show_readings', '/'))
@@ -392,19 +378,8 @@ def test_the_displays_of_rviz_and_foxglove_are_of_topics_that_are_published(star
     assert shown == {'/show_readings/markers', '/approach_poses/poses'}
 
 
-def test_rviz_and_foxglove_have_the_dark_colours_of_the_page():
-    page = Path(show_readings.__file__).with_name('readings_page.html').read_text(encoding='utf-8')
-    dark = dict(re.findall(r'--(\w+): (#\w+)', page.partition('prefers-color-scheme: dark')[2]))
-    (poses,) = (each for each in RVIZ['Displays'] if 'PoseArray' in each['Class'])
-    in_rviz = RVIZ['Global Options']['Background Color'], poses['Color']
-    gradient = PANEL['topics']['/approach_poses/poses']['gradient']
-    assert (PANEL['scene']['backgroundColor'], *gradient) == (dark['page'], *[f'{dark["route"]}ff'] * 2)
-    for shown, colour in zip(in_rviz, (dark['page'], dark['route']), strict=True):
-        assert shown == '; '.join(str(int(colour[at : at + 2], 16)) for at in (1, 3, 5))
-
-
 def test_the_process_ends_with_exit_code_0(start_node):
-    process = start_node(SHOW_READINGS)
+    process = start_node([executable('lupin_greenhouse_bridge', 'show_readings')])
     process.wait_for_log('field of temperature, readings from /read_on_sight/readings and /mission/readings')
     assert process.stop() == 0
 
@@ -412,8 +387,11 @@ def test_the_process_ends_with_exit_code_0(start_node):
 @pytest.mark.parametrize(
     ('name', 'value', 'fragment'),
     [
-        ('sensor', 'ozone', "parameter sensor is 'ozone': the greenhouse config has no"),
-        ('sensor', 'ozone', 'it has temperature, humidity, co2, light, soil_moisture'),
+        (
+            'sensor',
+            'ozone',
+            "parameter sensor is 'ozone': the greenhouse config has no",
+        ),
         ('map_frame', "' '", "parameter map_frame is ' ': must be the name of a frame, such as map"),
         ('readings_topics', "''", "parameter readings_topics is '': must be the name of a topic"),
         ('readings_topics', 'no-name', 'no-name'),

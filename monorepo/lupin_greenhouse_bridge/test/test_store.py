@@ -96,6 +96,7 @@ def test_a_database_that_another_program_locks_is_written_after_it(database, mon
         with pytest.raises(StoreError, match='database is locked'):
             store.keep([row()])
     assert store.keep([row()]) == 1
+    assert list(database.parent.iterdir()) == [database]  # not set aside as damaged
 
 
 def change_database(path, *statements):
