@@ -5,7 +5,6 @@ import re
 import sys
 import time
 from types import SimpleNamespace
-from typing import NamedTuple
 
 import pytest
 import rclpy
@@ -29,14 +28,12 @@ from lupin_greenhouse_bridge.testing._helpers import (
 from rclpy.qos import qos_profile_sensor_data
 
 needs_detections = pytest.mark.skipif(not importlib.util.find_spec('apriltag_msgs'), reason=NO_DETECTIONS)
-READ_ON_SIGHT = [executable('lupin_greenhouse_bridge', 'read_on_sight')]
 TOPIC, READINGS = '/tested/detections', '/read_on_sight/readings'
-SETTINGS = Settings(cooldown_seconds=10.0, request_timeout_seconds=2.0, max_attempts=3)
 
 
 @pytest.fixture
 def sightings():
-    return Sightings(SETTINGS)
+    return Sightings(Settings(cooldown_seconds=10.0, request_timeout_seconds=2.0, max_attempts=3))
 
 
 def asked(sightings, now, *seen) -> list[str]:
@@ -48,15 +45,6 @@ def asked(sightings, now, *seen) -> list[str]:
         sightings.asked(tag_id, now)
         tag_ids.append(tag_id)
     return tag_ids
-
-
-def test_a_tag_is_asked_for_once_per_cooldown(sightings):
-    assert asked(sightings, 0.0, '7', '7') == ['7']
-    assert asked(sightings, 0.2, '7') == []
-    sightings.answered('7', 1.0)
-    sightings.forget(10.9)
-    assert asked(sightings, 10.9, '7') == []
-    assert asked(sightings, 11.0, '7') == ['7']
 
 
 def test_few_requests_are_under_way_at_a_time_and_every_tag_has_its_turn(sightings):
@@ -143,30 +131,13 @@ def detector():
         yield node
 
 
-class Reader(NamedTuple):
-    """The node in the test's process, with a camera, and with what it has published."""
-
-    node: ReadOnSightNode
-    clock: ManualClock
-    seen: list  # the tag ids, as the node sees them
-    looks: list  # grows when the node begins to look at its pending requests
-    camera: Camera
-    readings: list
-
-    @property
-    def tag_ids(self) -> list[str]:
-        return [each.tag_id for each in self.readings]
-
-    def look(self, seconds=0.0) -> None:
-        """Let this time pass, and wait until the node has looked at its pending requests."""
-        self.clock.pass_seconds(seconds)
-        wanted = len(self.looks) + 2
-        wait_until(lambda: len(self.looks) >= wanted)
-
-
 @pytest.fixture
 def start_reader(monkeypatch, run_nodes, detector):
-    """Return a function that starts the node, and waits for its service; its clock stands still."""
+    """
+    Return a function that starts the node with a camera, and waits for its service.
+
+    It returns the node, what it has published, and the tags as it sees them. Its clock stands still.
+    """
 
     def start(*, is_served=True, has_real_clock=False, **parameters):
         clock, seen, looks = ManualClock(), [], []
@@ -177,13 +148,28 @@ def start_reader(monkeypatch, run_nodes, detector):
         monkeypatch.setattr(Sightings, 'forget', lambda *each: looks.append(each[1]) or forget(*each))
         parameters = {'detections_topic': TOPIC, 'bridge_service_name': HeldService.name, **parameters}
         node, _ = run_nodes(ReadOnSightNode, **parameters)
+        (client,) = node.clients
         if is_served:
-            (client,) = node.clients
             assert client.wait_for_service(PATIENCE_SECONDS)
             greet(client, GetTagReading.Request())
-        return Reader(node, clock, seen, looks, Camera(detector), listen(detector, READINGS))
+
+        def look(seconds=0.0):
+            """Let this time pass, and wait until the node has looked at its pending requests."""
+            clock.pass_seconds(seconds)
+            wanted = len(looks) + 2
+            wait_until(lambda: len(looks) >= wanted)
+
+        camera, readings = Camera(detector), listen(detector, READINGS)
+        pass_seconds = clock.pass_seconds
+        return SimpleNamespace(
+            node=node, seen=seen, camera=camera, readings=readings, look=look, pass_seconds=pass_seconds
+        )
 
     return start
+
+
+def tag_ids_of(readings) -> list[str]:
+    return [each.tag_id for each in readings]
 
 
 @pytest.fixture
@@ -205,12 +191,9 @@ def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(
     first = start_bridge()
     first.wait_for_log('ready:')
     service = first.service_name
+    parameters = {'detections_topic': TOPIC, 'bridge_service_name': service, 'request_timeout_seconds': 0.3}
     reader = start_node(
-        READ_ON_SIGHT,
-        detections_topic=TOPIC,
-        bridge_service_name=service,
-        cooldown_seconds=3600.0,
-        request_timeout_seconds=0.3,
+        [executable('lupin_greenhouse_bridge', 'read_on_sight')], cooldown_seconds=3600.0, **parameters
     )
     reader.wait_for_log(f'ready: detections from {TOPIC}, readings from {service}')
     camera, readings = Camera(detector), listen(detector, f'{reader.namespace}{READINGS}')
@@ -237,8 +220,8 @@ def test_a_tag_in_view_is_published_again_after_its_cooldown_and_to_late_subscri
     for count in (1, 2, 3):
         wait_until(lambda: len(reader.readings) >= count)  # noqa: B023 (called at once)
         reader.look(9.75)
-        assert reader.tag_ids == ['1'] * count
-        reader.clock.pass_seconds(0.25)
+        assert tag_ids_of(reader.readings) == ['1'] * count
+        reader.pass_seconds(0.25)
     late = listen(detector, READINGS)
     wait_until(lambda: len(late) >= 3)
     assert late[:3] == reader.readings[:3]
@@ -259,30 +242,19 @@ def test_other_families_are_ignored_the_format_makes_the_id_and_an_unknown_one_i
     assert reader.readings == []
 
 
-BURNS = {'status': GetTagReading.Response.STATUS_SIMULATOR_ERROR, 'error_message': 'it burns'}
-OF_ANOTHER = {'fields': {'tag_id': '8'}}  # the tests of read_tag have the other faults
-
-
-@pytest.mark.parametrize(
-    ('answer', 'said'),
-    [
-        (BURNS, 'SIMULATOR_ERROR: it burns'),
-        (OF_ANOTHER, "BAD_READING: the reading of tag '7': it is of tag '8'"),
-    ],
-)
 def test_what_is_no_reading_of_this_tag_is_said_and_not_published(
-    held_service, start_reader, log, monkeypatch, answer, said
+    held_service, start_reader, log, monkeypatch
 ):
+    """The tests of read_tag have the other faults."""
     held_service.reply(1000)
     reader = start_reader()
     with monkeypatch.context() as patch:
-        for name, value in answer.items():
-            patch.setattr(held_service, name, value)
+        patch.setattr(held_service, 'fields', {'tag_id': '8'})
         reader.camera.look_at(7)
-        wait_until(lambda: f"tag '7': {said}" in log())
+        wait_until(lambda: "tag '7': BAD_READING: the reading of tag '7': it is of tag '8'" in log())
     reader.camera.look_at(9)
     wait_until(lambda: reader.readings)
-    assert reader.tag_ids == ['9']
+    assert tag_ids_of(reader.readings) == ['9']
 
 
 def test_two_servers_of_the_service_are_named_once_also_by_a_relative_or_remapped_name(
@@ -315,7 +287,7 @@ def test_a_late_reply_is_dropped_the_next_one_is_published_and_a_tag_without_any
     held_service.reply()
     wait_until(lambda: len(reader.readings) >= 2)
     assert held_service.requests == ['7', '7', '8']
-    assert reader.tag_ids == ['7', '8']
+    assert tag_ids_of(reader.readings) == ['7', '8']
     assert [each.sim_time_of_day_seconds for each in reader.readings] == [2.0, 3.0]
     reader.camera.look_at(9)
     wait_until(lambda: '9' in held_service.requests)
@@ -323,7 +295,7 @@ def test_a_late_reply_is_dropped_the_next_one_is_published_and_a_tag_without_any
     assert 'no reply' not in log()
     wait_until(lambda: reader.node._futures)
     (last,) = reader.node._futures.values()
-    reader.clock.pass_seconds(2.0)
+    reader.pass_seconds(2.0)
     wait_until(lambda: f"tag '9': no reply from {held_service.name}" in log())
     assert last not in pending_requests(reader.node._client)  # rclpy would keep it for ever
 
@@ -336,10 +308,10 @@ def test_a_reply_that_arrives_while_its_request_is_given_up_is_ignored(
     reader = start_reader(max_attempts=1)
     reader.camera.look_at(7)
     wait_until(lambda: held_service.requests == ['7'])
-    reader.clock.pass_seconds(2.0)
+    reader.pass_seconds(2.0)
     wait_until(lambda: "tag '7': no reply" in log())
     held_service.reply()
-    reader.clock.pass_seconds(2.0)
+    reader.pass_seconds(2.0)
     wait_until(lambda: held_service.requests == ['7', '7'])
     held_service.reply()
     wait_until(lambda: reader.readings)
@@ -379,7 +351,7 @@ def test_without_a_bridge_it_says_so_after_some_seconds_and_reads_what_is_in_vie
     reader.camera.look_at(3)
     with running_held_service() as service:
         service.reply(1000)
-        wait_until(lambda: reader.clock.pass_seconds(0.01) or '3' in service.requests)
+        wait_until(lambda: reader.pass_seconds(0.01) or '3' in service.requests)
         wait_until(lambda: f'{HeldService.name} is available now' in log())
     assert '1' not in service.requests
     assert log().count('no service') == 1
