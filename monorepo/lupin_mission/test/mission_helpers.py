@@ -13,6 +13,7 @@ import time
 import uuid
 from collections import defaultdict
 from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 
 import lupin_msgs.msg
@@ -139,13 +140,10 @@ class HeldService:
 
     def answer(self, **fields) -> None:
         """Reply to the first request without a reply, which has arrived or will arrive."""
-        response = self._type.Response()
-        for name, value in fields.items():
-            setattr(response, name, value)
         with self._lock:
             reply = self._replies[self._replied]
             self._replied += 1
-        reply.set_result(response)
+        reply.set_result(self._type.Response(**fields))
 
     def answer_ok(self, *tag_ids: str, **values: float) -> None:
         """Reply like the bridge for each of these tags, with 1 ppm of CO2 unless other values are given."""
@@ -165,9 +163,9 @@ class HeldService:
         """Reply to every request that still waits."""
         with self._lock:
             self._is_closed = True
-            waiting = [reply for reply in self._replies.values() if not reply.done()]
-        for reply in waiting:
-            reply.set_result(self._type.Response())
+            for reply in self._replies.values():
+                if not reply.done():
+                    reply.set_result(self._type.Response())
 
 
 @pytest.fixture
@@ -221,12 +219,9 @@ class HeldNavigator:
         self._arrived.put(request.pose)
         reply = self._goal_replies.get()
         for each in ('send_goal', 'cancel_goal', 'get_result'):
-            service = f'{self._name}/_action/{each}'
-            wait_until(lambda service=service: self._has_client(service))
+            find = partial(has_found_a_client, self._node, f'{self._name}/_action/{each}')
+            wait_until(lambda find=find: self._is_closed.is_set() or find())
         return reply
-
-    def _has_client(self, service: str) -> bool:
-        return self._is_closed.is_set() or has_found_a_client(self._node, service)
 
     def _on_cancel(self, goal):
         if self._is_closed.is_set():

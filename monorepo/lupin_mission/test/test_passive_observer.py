@@ -1,6 +1,5 @@
 """Readings become observations, with the place of the tag or of the robot, but not while a mission runs."""
 
-import json
 import math
 import threading
 
@@ -22,10 +21,9 @@ class Stack:
     """What is around the observer: read_on_sight, the mission, perception, AMCL and the twin."""
 
     def __init__(self, node, namespace='', amcl_qos=LATCHED, topic='floranova/observations'):
-        self.node, self._namespace = node, namespace
-        self._topic = f'{namespace}/{topic}'
+        self.node, self._namespace, self._topic = node, namespace, f'{namespace}/{topic}'
         self._readings = self._publisher(TagReading, 'read_on_sight/readings', LATCHED)
-        self._states = self._publisher(MissionState, 'mission/state', LATCHED)
+        self.states = self._publisher(MissionState, 'mission/state', LATCHED)
         self._tags = self._publisher(DiscoveredTags, 'perception/discovered_tags', LATCHED)
         self._poses = self._publisher(PoseWithCovarianceStamped, 'amcl_pose', amcl_qos)
         self.observations = self.subscribe()
@@ -70,11 +68,7 @@ class Stack:
         return (pose.position.x, pose.position.y) if pose.orientation.w else None
 
     def mission(self, lifecycle_state: str) -> None:
-        self._send(self._states, MissionState(lifecycle_state=lifecycle_state))
-
-    def end_mission(self) -> None:
-        self.node.destroy_publisher(self._states)
-        wait_until(lambda: self.node.count_publishers(f'{self._namespace}/mission/state') == 0)
+        self._send(self.states, MissionState(lifecycle_state=lifecycle_state))
 
     def discover(self, tag_id: str, x: float, y: float, w: float = 1.0, frame: str = 'map') -> None:
         self._send(self._tags, discovered((tag_id, x, y, w), frame_id=frame))
@@ -121,27 +115,20 @@ def test_the_place_is_the_tags_or_else_the_robots(stack):
     assert stack.place_of('8') == (5.0, 6.0)
 
 
-def test_the_place_in_a_registered_layout_comes_after_that_of_perception(run_nodes, tmp_path, shipped_tags):
-    transform = Transform(10.0, 20.0, math.pi / 2)
-    write_transform(tmp_path / 'layout.yaml', transform)
-    *_, node = run_nodes(PassiveObserver, layout_in_map=tmp_path / 'layout.yaml')
+def test_the_place_in_a_registered_layout_comes_after_that_of_perception(run_nodes, tmp_path):
+    """The layout is that of the tag file."""
+    (tmp_path / 'tags.json').write_text('{"7": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}', encoding='utf-8')
+    write_transform(tmp_path / 'layout.yaml', Transform(10.0, 20.0, math.pi / 2))
+    files = {'layout_in_map': tmp_path / 'layout.yaml', 'tag_file': tmp_path / 'tags.json'}
+    *_, node = run_nodes(PassiveObserver, **files)
     stack = Stack(node)
     stack.stand(5.0, 6.0)
-    tag = shipped_tags['7']
-    assert stack.place_of('7') == pytest.approx((10.0 - tag['y'], 20.0 + tag['x']))
+    assert stack.place_of('7') == pytest.approx((8.0, 21.0))
     stack.discover('7', 3.0, 4.0)
     assert stack.place_of('7') == (3.0, 4.0)
     stack.discover('999', 3.0, 4.0)
     assert stack.place_of('999') == (3.0, 4.0)
     assert stack.place_of('888') == (5.0, 6.0)
-
-
-def test_the_layout_is_that_of_the_tag_file(tmp_path):
-    tag_file = tmp_path / 'tags.json'
-    tag_file.write_text(json.dumps({'7': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}}), encoding='utf-8')
-    write_transform(tmp_path / 'layout.yaml', Transform(x=10.0))
-    settings = Settings(layout_in_map=str(tmp_path / 'layout.yaml'), tag_file=str(tag_file))
-    assert settings.positions_in_layout() == {'7': (11.0, 2.0)}
 
 
 def test_a_layout_that_cannot_be_used_is_refused(tmp_path):
@@ -185,27 +172,28 @@ def test_it_is_silent_while_a_mission_runs(stack):
         stack.observe('8')
     assert len(stack.observations) == 4
     stack.mission('INSPECTING')
-    stack.end_mission()  # it has crashed
+    stack.node.destroy_publisher(stack.states)  # it has crashed
+    wait_until(lambda: stack.node.count_publishers('/mission/state') == 0)
     stack.observe('8')
 
 
-def test_all_its_names_move_with_the_namespace(run_nodes):
-    """The localiser does not latch its pose here."""
-    *_, node = run_nodes(PassiveObserver, arguments=['-r', '__ns:=/robot1'])
-    stack = Stack(node, '/robot1', amcl_qos=QoSProfile(depth=50))
-    stack.discover('7', 3.0, 4.0)
-    stack.stand(1.0, 2.0)
-    assert [stack.place_of(tag_id) for tag_id in '78'] == [(3.0, 4.0), (1.0, 2.0)]
+def test_its_names_move_with_the_namespace_and_its_topic_and_frame_are_those_of_the_teams_launch_file(
+    run_nodes, capfd
+):
+    """
+    The localiser does not latch its pose here.
 
-
-def test_it_takes_the_topic_and_the_frame_of_the_teams_launch_file(run_nodes, capfd):
-    """It names the arguments of their observer that have no effect, and warns of none."""
-    theirs = {'observations_topic': '/seen', 'map_frame': 'world', 'refresh_period_s': 2.0}
-    *_, node = run_nodes(PassiveObserver, **theirs)
-    stack = Stack(node, topic='seen')
-    stack.stand(1.0, 2.0)
-    assert stack.observe('7').header.frame_id == 'world'
-    assert stack.place_of('8') is None
+    It names the arguments of their observer that have no effect, and warns of none.
+    """
+    theirs = {'observations_topic': 'seen', 'map_frame': 'world', 'refresh_period_s': 2.0}
+    *_, node = run_nodes(PassiveObserver, arguments=['-r', '__ns:=/robot1'], **theirs)
     log = capfd.readouterr().err
     assert 'without effect in this node: refresh_period_s' in log
     assert '[WARN]' not in log
+    stack = Stack(node, '/robot1', amcl_qos=QoSProfile(depth=50), topic='seen')
+    stack.stand(1.0, 2.0)
+    stack.discover('7', 3.0, 4.0, frame='world')
+    assert [stack.place_of(tag_id) for tag_id in '78'] == [(3.0, 4.0), None]
+    stack.stand(1.0, 2.0, 'world')
+    assert stack.place_of('8') == (1.0, 2.0)
+    assert {each.header.frame_id for each in stack.observations} == {'world'}

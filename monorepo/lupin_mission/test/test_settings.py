@@ -8,6 +8,7 @@ import pytest
 import yaml
 from ament_index_python.packages import get_package_share_path
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.testing._helpers import check_settings
 from lupin_mission import passive_observer, settings
 from lupin_mission.settings import Settings
@@ -24,7 +25,7 @@ def test_a_reply_of_the_camera_may_take_3_seconds_more_than_its_look():
 @pytest.mark.parametrize(
     ('tag_sequence', 'ids'),
     [
-        ('', []),
+        (' ', []),
         (' 6,21  29, ', ['6', '21', '29']),
         ([], []),
         (None, []),  # of rclpy, for an empty array
@@ -94,6 +95,22 @@ def test_what_cannot_be_is_refused(parameters, reason):
         Settings(**parameters)
 
 
+def test_the_limits_of_the_approach_poses_are_those_of_the_parameters():
+    """A preferred standoff beyond the usual ones is allowed too."""
+    limits = {
+        'robot_radius_m': 0.3,
+        'clearance_m': 0.01,
+        'arrival_tolerance_m': 0.02,
+        'arrival_tolerance_rad': 0.03,
+        'camera_offset_m': 0.04,
+    }
+    parameters = {('approach_' if name == 'clearance_m' else '') + name: limits[name] for name in limits}
+    for standoff_m, extreme in ((0.28, 'smallest'), (1.3, 'largest')):
+        limits |= {'preferred_standoff_m': standoff_m}
+        expected = ViewingLimits(**limits, **{f'{extreme}_standoff_m': standoff_m})
+        assert Settings(approach_standoff_m=standoff_m, **parameters).viewing_limits == expected
+
+
 def test_the_parameter_file_has_every_parameter_and_its_default():
     share = get_package_share_path('lupin_mission')
     nodes = yaml.safe_load((share / 'config/mission_orchestrator.yaml').read_text(encoding='utf-8'))
@@ -105,10 +122,6 @@ def test_the_parameter_file_has_every_parameter_and_its_default():
     [
         (Settings.dock_pose, [0.0, 0.0, 0.0]),
         ('', []),
-        (' ', []),
-        ([], []),
-        (None, []),
-        ('1.0, 0.5, 3.14', [1.0, 0.5, 3.14]),
         ('[1.0, 0.5, 3.14]', [1.0, 0.5, 3.14]),
         ([0.0, 0, 0], [0.0, 0.0, 0.0]),
     ],

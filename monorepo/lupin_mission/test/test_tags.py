@@ -82,47 +82,33 @@ def layout_file(tmp_path):
     return str(tmp_path / 'layout.yaml')
 
 
-@pytest.fixture
-def poses(start_waiting_mission, reader, confirmer, twin, node):
-    """
-    Return a function that runs a mission to the tags 1, 2, 777 and 888, and returns x, y and w of each pose.
-
-    The layout has tags 1 and 2. Perception has discovered 1 and 777. The robot stands at x = 5.
-    """
-
-    def run(frame_id='map', **parameters):
-        subscriber, tag_ids = twin(), ('1', '2', '777', '888')
-        parameters = {**CAMERA, **parameters, 'frame_id': frame_id, 'tag_sequence': ' '.join(tag_ids)}
-        mission, operator = start_waiting_mission(**parameters)
-        tags = discovered(('1', 7.0, 0.0, 1.0), ('777', 7.0, 0.0, 1.0), frame_id=frame_id)
-        for name, message in (
-            ('amcl_pose', localized(5.0, 0.0, frame_id)),
-            ('perception/discovered_tags', tags),
-        ):
-            publish(node.create_publisher(type(message), f'{mission.namespace}/{name}', TWIN_QOS), message)
-        operator.start()
-        for tag_id in tag_ids:
-            confirmer.answer(detected=True)
-            reader.answer_ok(tag_id)
-        wait_until(lambda: len(subscriber.received) == 4)
-        assert mission.stop() == 0
-        found = [each.tag_pose_in_map for each in subscriber.received]
-        return [(pose.position.x, pose.position.y, pose.orientation.w) for pose in found]
-
-    return run
-
-
-def test_perception_comes_first_then_the_registered_layout_then_the_robot(poses, tmp_path, shipped_tags):
-    write_transform(tmp_path / 'layout.yaml', TRANSFORM, 'robot1/map')
-    place = TRANSFORM.point(shipped_tags['2']['x'], shipped_tags['2']['y'])
-    found = poses(layout_in_map=tmp_path / 'layout.yaml', frame_id='robot1/map')
-    assert found.pop(1) == pytest.approx((*place, 1.0))
-    assert found == [(7.0, 0.0, 1.0), (7.0, 0.0, 1.0), (5.0, 0.0, 1.0)]
-
-
-def test_without_a_layout_in_the_map_the_robot_follows_perception(poses, layout_file):
-    found = poses(layout_in_map=layout_file, tag_poses_in_map=False)
-    assert found == [(7.0, 0.0, 1.0), (5.0, 0.0, 1.0), (7.0, 0.0, 1.0), (5.0, 0.0, 1.0)]
+@pytest.mark.parametrize('has_poses', [True, False])
+def test_perception_comes_first_then_the_registered_layout_if_it_lies_in_the_map_then_the_robot(
+    start_waiting_mission, reader, confirmer, twin, node, tmp_path, shipped_tags, has_poses
+):
+    """The layout has tags 1 and 2; perception has discovered 1 and 777. The robot stands at x = 5."""
+    frame_id, tag_ids, subscriber = 'robot1/map', ('1', '2', '777', '888'), twin()
+    write_transform(tmp_path / 'layout.yaml', TRANSFORM, frame_id)
+    parameters = {'layout_in_map': tmp_path / 'layout.yaml', 'frame_id': frame_id}
+    if not has_poses:
+        parameters['tag_poses_in_map'] = False
+    mission, operator = start_waiting_mission(**CAMERA, **parameters, tag_sequence=' '.join(tag_ids))
+    tags = discovered(('1', 7.0, 0.0, 1.0), ('777', 7.0, 0.0, 1.0), frame_id=frame_id)
+    robot = localized(5.0, 0.0, frame_id)
+    for name, message in (('amcl_pose', robot), ('perception/discovered_tags', tags)):
+        publish(node.create_publisher(type(message), f'{mission.namespace}/{name}', TWIN_QOS), message)
+    operator.start()
+    for tag_id in tag_ids:
+        confirmer.answer(detected=True)
+        reader.answer_ok(tag_id)
+    wait_until(lambda: len(subscriber.received) == 4)
+    assert mission.stop() == 0
+    places = [
+        (each.tag_pose_in_map.position.x, each.tag_pose_in_map.position.y) for each in subscriber.received
+    ]
+    second = TRANSFORM.point(shipped_tags['2']['x'], shipped_tags['2']['y']) if has_poses else (5.0, 0.0)
+    assert places == [(7.0, 0.0), pytest.approx(second), (7.0, 0.0), (5.0, 0.0)]
+    assert {each.tag_pose_in_map.orientation.w for each in subscriber.received} == {1.0}
 
 
 @pytest.mark.parametrize(
