@@ -11,7 +11,8 @@ Every link and anchor must exist. A block of bash or console is preceded by one 
 
 A table with a column `default` is preceded by the class with these parameters:
 
-    <!-- parameters of MODULE.CLASS -->      the table has exactly its parameters, with their defaults
+    <!-- parameters of MODULE.CLASS -->      the table has exactly its parameters, with their defaults; tables
+                                             of the same class share them
 
 Every node of the packages needs a table of its parameters. The commands list their options with --help.
 
@@ -173,11 +174,14 @@ def wrong_rows(name: str, written: list[str], right: list[str]) -> Iterator[str]
 
 def wrong_parameters(document: Document) -> Iterator[str]:
     """Yield a finding for each parameter that a table lacks, invents, or gives another default."""
+    rows_of: dict[str, list[str]] = {}
     for mark, rows in document.tables(PARAMETERS):
         kind, _, settings = mark.rpartition(' ')
-        if kind != 'parameters of':
+        if kind == 'parameters of':
+            rows_of.setdefault(settings, []).extend(rows)
+        else:
             yield f'mark this table with `parameters of`: {rows[0][:60]}'
-            continue
+    for settings, rows in rows_of.items():
         module, _, name = settings.rpartition('.')
         parameters = dataclasses.fields(getattr(importlib.import_module(module), name))
         right = [f'| {each.name} | {default_text(each) or "empty"} |' for each in parameters]

@@ -109,6 +109,10 @@ Shown by `test_it.py`, `test_it.py::test_this` and `test_this`.
 | `tag_file` | `''` | a file |
 | `sim_config_file` | empty | a file |
 | `debug_time_of_day` | `-1.0` | hours |
+
+<!-- parameters of lupin_greenhouse_bridge.settings.Settings -->
+| name | default | effect |
+|---|---|---|
 | `speedup_factor` | `0.0` | simulated seconds per second |
 | `debug_seed` | `-1` | a seed |
 
