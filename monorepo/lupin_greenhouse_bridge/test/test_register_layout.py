@@ -2,7 +2,6 @@
 """register_layout: what it fits, leaves out and refuses, what it writes and prints, and the clicks."""
 
 import contextlib
-import itertools
 import json
 import math
 import random
@@ -35,6 +34,9 @@ from rclpy.qos import QoSProfile
 
 SHIPPED_M = {tag_id: tag[:2] for tag_id, tag in find_layout('').tags.items()}
 SQUARE_M = {'a': (0.0, 0.0), 'b': (4.0, 0.0), 'c': (4.0, 3.0), 'd': (0.0, 3.0)}
+SQUARE_CM, SQUARE_MM = (
+    {tag_id: (factor * x, factor * y) for tag_id, (x, y) in SQUARE_M.items()} for factor in (100, 1000)
+)
 METRES, YAWS = st.floats(-1000.0, 1000.0), st.floats(-math.pi, math.pi)
 TRANSFORMS = st.builds(Transform, METRES, METRES, YAWS)
 
@@ -49,22 +51,9 @@ def shifted(places_m: dict, tag_id: str, metres: float, direction: float = 0.0) 
     return {**places_m, tag_id: (x + metres * math.cos(direction), y + metres * math.sin(direction))}
 
 
-def distance_m(one: Transform, other: Transform, layout_m: dict) -> float:
-    """Return how far two transforms take a tag apart, at most."""
-    return max(math.dist(one.point(*place), other.point(*place)) for place in layout_m.values())
-
-
 def noisy(places_m: dict, noise: random.Random, sigma_m: float) -> dict:
     """Return the places with an error of this standard deviation along each axis."""
-    return {
-        each: (x + noise.gauss(0.0, sigma_m), y + noise.gauss(0.0, sigma_m))
-        for each, (x, y) in places_m.items()
-    }
-
-
-def scaled(places_m: dict, factor: int) -> dict:
-    """Return the places in another unit than metres."""
-    return {tag_id: (factor * x, factor * y) for tag_id, (x, y) in places_m.items()}
+    return {each: tuple(noise.gauss(value, sigma_m) for value in place) for each, place in places_m.items()}
 
 
 def part(places_m: dict, tag_ids) -> dict:
@@ -84,10 +73,10 @@ def test_any_transform_is_found_again_and_outliers_are_left_out_while_they_are_a
     except CannotFit:
         assert len(tag_ids) > 7  # never with a quarter of the tags
         return
-    assert distance_m(fitted.transform, transform, SHIPPED_M) < 1e-9
     assert abs(math.remainder(fitted.transform.yaw - transform.yaw, math.tau)) < 1e-9
     assert set(fitted.left_out) == tag_ids or (len(tag_ids) > 1 and set(fitted.left_out) > tag_ids)
     for tag_id, place in moved(SHIPPED_M, transform).items():
+        assert fitted.transform.point(*SHIPPED_M[tag_id]) == pytest.approx(place, abs=1e-9)
         assert fitted.residuals_m[tag_id] == pytest.approx(math.dist(place, places_m[tag_id]), abs=1e-8)
 
 
@@ -98,7 +87,8 @@ def test_a_noise_of_3_cm_stays_in_the_residuals_of_tags_that_are_good_to_click(c
         fitted = fit(SHIPPED_M, noisy(layout_m, noise, 0.03), tolerance_m=0.2)
         assert (fitted.left_out, fitted.hides_mirror) == ([], False)
         assert 0.001 < max(fitted.residuals_m.values()) < 0.2
-        assert distance_m(fitted.transform, Transform(), SHIPPED_M) < 0.15
+        for place in SHIPPED_M.values():
+            assert math.dist(fitted.transform.point(*place), place) < 0.15
 
 
 def test_the_tag_is_left_out_without_which_the_others_fit_best():
@@ -146,8 +136,8 @@ SPOTS_M = [{'a': (1.0, 1.0), 'b': (1.0 + width, 1.0), 'c': (1.0, 1.0 + width)} f
         (SQUARE_M, {'a': (1.0, 2.0)}, 'position in the map: 1: at least 2 are needed'),
         *((spot_m, spot_m, 'the 3 tags that fit lie in one spot of the layout') for spot_m in SPOTS_M),
         (SQUARE_M, dict.fromkeys(SQUARE_M, (1.0, 2.0)), 'the largest residual is'),
-        (SQUARE_M, scaled(SQUARE_M, 100), 'the positions in the map seem to be in centimetres: write metres'),
-        (scaled(SQUARE_M, 1000), SQUARE_M, 'the positions in the layout seem to be in millimetres: write'),
+        (SQUARE_M, SQUARE_CM, 'the positions in the map seem to be in centimetres: write metres'),
+        (SQUARE_MM, SQUARE_M, 'the positions in the layout seem to be in millimetres: write'),
     ],
 )
 def test_positions_that_give_no_rotation_are_refused(layout_m, places_m, fault):
@@ -169,24 +159,11 @@ def test_the_expected_error_is_that_of_many_fits_at_the_farthest_tag(tag_ids):
 
 
 def test_residuals_above_the_click_error_raise_the_expected_error():
-    layout_m = part(SQUARE_M, 'abcd')
     noise = random.Random(2)
-    errors_m = [
-        fit(layout_m, noisy(layout_m, noise, 0.04), click_error_m=0.001, tolerance_m=0.5).expected_error_m
-        for _ in range(200)
-    ]
+    fits = [fit(SQUARE_M, noisy(SQUARE_M, noise, 0.04), 0.5, click_error_m=0.001) for _ in range(200)]
     # sqrt(2 / 4 + 1 / 4) of the noise: every corner is as far from the middle
-    assert sum(errors_m) / len(errors_m) == pytest.approx(0.04 * math.sqrt(0.75), rel=0.1)
-
-
-def test_an_expected_error_above_the_tolerance_is_refused_with_its_tag():
-    layout_m = {'a': (0.0, 0.0), 'b': (0.22, 0.0), 'far': (0.11, 6.0)}
-    places_m = part(layout_m, 'ab')
-    # 0.03 m * sqrt(2 / 2 + 6.0**2 / (2 * 0.11**2)) = 1.157 m
-    with pytest.raises(CannotFit, match=r"is 1\.16 m at tag 'far', which is 6\.0 m from the 2 tags that fit"):
-        fit(layout_m, places_m)
-    fitted = fit(layout_m, places_m, click_error_m=0.002)
-    assert (fitted.farthest, fitted.expected_error_m) == ('far', pytest.approx(0.0772, abs=1e-4))
+    mean_m = sum(each.expected_error_m for each in fits) / len(fits)
+    assert mean_m == pytest.approx(0.04 * math.sqrt(0.75), rel=0.1)
 
 
 @pytest.mark.parametrize('tag_ids', [best_to_click(SHIPPED_M, 4), best_to_click(SHIPPED_M, 3), SHIPPED_M])
@@ -240,14 +217,10 @@ GOOD = 'frame_id: map\nx: 1.5\ny: 2\nyaw: 0.3\n'
     [
         (GOOD.replace('x: 1.5', 'x: one'), "x is 'one': must be a number from .* (metres)"),
         (GOOD.replace('x: 1.5\n', ''), 'x is missing: must be a number'),
-        (GOOD.replace('yaw: 0.3', 'yaw: .nan'), 'yaw is nan: must be a number from .* (radians)'),
         (GOOD.replace('yaw: 0.3', 'yaw: 90'), 'yaw is 90: must be a number from -10 to 10 (radians)'),
-        (GOOD.replace('y: 2', 'y: true'), 'y is True: must be a number'),
         (GOOD.replace('map', ''), 'frame_id is missing or no text'),
         (GOOD + 'z: 0.1', "unknown key 'z': use frame_id, x, y, yaw, as in {frame_id: map"),
-        (GOOD + 'x: 0.1', "'x' appears twice in the mapping of line 1"),
         ('[1, 2]', 'holds a list at its top level, not a mapping, such as'),
-        ('{', 'is not YAML'),
         ('', 'frame_id is missing'),
         (GOOD, "frame_id is 'map', but the map's frame is 'robot1/map'"),
     ],
@@ -265,20 +238,12 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path):
         write_transform(tmp_path / 'none' / 'a.yaml', Transform())
 
 
-@pytest.mark.parametrize('text', ['{"7": [1.5, 2], "8": [0, -1e3]}', '"7": [1.5, 2]\n"8": [0, -1000]'])
-def test_positions_are_read_from_json_and_yaml(tmp_path, text):
-    path = tmp_path / ('pairs.json' if text.startswith('{') else 'pairs.yaml')
-    path.write_text(text, encoding='utf-8')
-    assert read_places(path) == {'7': (1.5, 2.0), '8': (0.0, -1000.0)}
-
-
 @pytest.mark.parametrize(
     ('text', 'fault'),
     [
         ('7: [1.5, 2]', "tag '7' is not text: put quotes around the id"),
         ('"7": [1.5]', "tag '7': must be a list of x and y"),
         ('"7": [1.5, .inf]', "tag '7': y is inf: must be a number"),
-        ('"7": [1, 2]\n"7": [1, 2]', "'7' appears twice"),
         ('[1, 2]', 'holds a list at its top level, not positions in the map by tag id'),
     ],
 )
@@ -361,7 +326,7 @@ def test_no_input_is_overwritten(register, places, tmp_path, name):
 
 
 def test_a_stranger_a_layout_that_does_not_fit_and_an_error_above_the_tolerance_are_refused(
-    register, places, tmp_path
+    register, places, write_layout, tmp_path
 ):
     ended = register({**places, '99': [0.0, 0.0]})
     assert ended.code == 2
@@ -370,15 +335,16 @@ def test_a_stranger_a_layout_that_does_not_fit_and_an_error_above_the_tolerance_
     assert (ended.code, ended.out) == (1, '')
     assert 'the layout does not fit the map' in refusal(ended)
     assert 'the tolerance is 0.2 m' in refusal(ended)
-    pairs = (part(places, pair) for pair in itertools.combinations(places, 2))
-    near = min(pairs, key=lambda pair: math.dist(*pair.values()))
-    ended = register(near)
+    tag_file = write_layout({'a': (0.0, 0.0), 'b': (0.22, 0.0), 'far': (0.11, 6.0)})
+    ended = register({'a': [0.0, 0.0], 'b': [0.22, 0.0]}, '--tag-file', tag_file)
+    # 0.03 m * sqrt(2 / 2 + 6.0**2 / (2 * 0.11**2)) = 1.157 m
+    fault = "the expected error is 1.16 m at tag 'far', which is 6.0 m from the 2 tags that fit, and the"
     assert (ended.code, ended.out) == (1, '')
-    assert refusal(ended).startswith('the expected error is ')
+    assert refusal(ended).startswith(fault)
     assert not (tmp_path / 'layout.yaml').exists()
-    ended = register(near, '--click-error', '0.001')
+    ended = register({'a': [0.0, 0.0], 'b': [0.22, 0.0]}, '--tag-file', tag_file, '--click-error', '0.002')
     assert ended.code == 0
-    assert 'The expected error is 0.0' in ended.out
+    assert 'The expected error is 0.077 m at the farthest tag, far.' in ended.out
 
 
 def test_the_tags_that_are_best_to_click_are_printed_with_their_command(run_here):
@@ -390,10 +356,6 @@ def test_the_tags_that_are_best_to_click_are_printed_with_their_command(run_here
     shown = [[tag_id, f'{x:.2f}', f'{y:.2f}'] for tag_id, (x, y) in at.items()]
     assert [line.split() for line in rows[1:]] == shown
     assert len(at) == 4
-    for axis in (0, 1):  # two tags towards each wall
-        values = sorted(place[axis] for place in at.values())
-        everywhere = [place[axis] for place in SHIPPED_M.values()]
-        assert values[2] - values[1] > 0.5 * (max(everywhere) - min(everywhere))
 
 
 @pytest.mark.parametrize(
@@ -403,16 +365,13 @@ def test_the_tags_that_are_best_to_click_are_printed_with_their_command(run_here
         (['--pairs', 'none.json'], "pairs 'none.json': cannot be read"),
         (['--pairs', 'none.json', '-o', 'none/a.yaml'], "there is no folder 'none'"),
         (['--pairs', 'none.json', '--click-error', '0'], "--click-error: '0': must be above 0 and below 1 m"),
-        (['--pairs', 'none.json', '--tolerance', '10'], "--tolerance: '10': must be above 0 and below 1 m"),
-        (['--pairs', 'none.json', '--tolerance', 'nan'], "'nan': must be above 0 and below 1 m, such as 0.1"),
-        (['--click', '1,2', '3'], "tag '1,2' is not one of the"),
+        (['--pairs', 'none.json', '--tolerance', '1'], "--tolerance: '1': must be above 0 and below 1 m"),
         (['--click', '1,2', '3'], 'correct its id (ids have spaces between them)'),
         (['--suggest', '1'], '--suggest is 1: must be from 2 to'),
         (['--suggest', '999'], '--suggest is 999: must be from 2 to'),
         (['--click', '1', '2', '-o', '/'], "--output '/' is a folder: name a file in it"),
         (['--click', '1', '2', '-o', 'a' * 300], 'File name too long: name another file'),
         (['--click', '1', '1', '-o', 'a.yaml'], '--click needs at least 2 tags'),
-        (['--click', '1', '99', '-o', 'a.yaml'], "tag '99' is not one of the"),
     ],
 )
 def test_wrong_usage_is_refused_in_one_line(run_here, tmp_path, monkeypatch, arguments, fault):

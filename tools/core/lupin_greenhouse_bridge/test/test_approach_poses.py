@@ -94,6 +94,8 @@ def test_tags_and_tables_outside_the_walls_are_warned_of(poses_of):
     outside = 'outside the walls (x 1.1 to 4 m, y 0 to 4 m): tag 21, table bench'
     remedy = 'set --walls or --sim-config-file, all in metres'
     assert err.splitlines()[0] == f'approach_poses: {outside}: {remedy}'
+    reason = 'outside the walls (x 1.1 to 4 m, y 0 to 4 m): set walls, or sim_config_file'
+    assert f"approach_poses: tag '21': {reason}\n" in err
     _, _, err = poses_of('--walls', '0', '0', '400', '400', '--angle', '0.7')
     assert 'approach_poses: --angle is below 2 degrees: it is no number of radians\n' in err
     larger = 'the walls (x 0 to 400 m, y 0 to 400 m) are far larger than the layout'
@@ -105,17 +107,6 @@ def test_a_narrow_passage_is_warned_of_with_what_to_do(poses_of, write_layout):
     _, _, err = poses_of('--walls', '0', '0', '4', '4')
     (line,) = [each for each in err.splitlines() if 'a passage is narrower than 0.52 m' in each]
     assert line.endswith('m: give it finer cells; without Nav2, nothing needs to be done')
-
-
-def test_a_transform_moves_the_poses_into_the_map(poses_of, tmp_path):
-    path = tmp_path / 'transform.yaml'
-    write_transform(path, Transform(10.0, 20.0, math.pi / 2))
-    data = json.loads(poses_of('--format', 'json', '--layout-in-map', str(path))[1])
-    for each in data['poses']:
-        x, y, yaw = POSES[each['tag_id']]
-        moved = (10.0 - y, 20.0 + x, math.remainder(yaw + math.pi / 2, math.tau))
-        assert (each['x'], each['y']) == pytest.approx(moved[:2], abs=1e-6)
-        assert math.remainder(each['yaw'] - moved[2], math.tau) == pytest.approx(0.0, abs=1e-5)
 
 
 def test_an_id_that_no_terminal_can_show_is_escaped(poses_of, write_layout):
@@ -146,8 +137,7 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
         (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
         (['--overrides', '/missing.yaml'], "approach overrides '/missing.yaml': cannot be read"),
         (['--layout-in-map', '/missing.yaml'], "'/missing.yaml': cannot be read"),
-        ([*WALLS, '--radius', '3'], '3 m and clearance 0.01 m does not fit between the walls, which are 4 m'),
-        ([*WALLS, '--radius', '1.99'], 'a robot of radius 1.99 m and clearance 0.01 m does not fit between'),
+        ([*WALLS, '--radius', '1.99'], 'clearance 0.01 m does not fit between the walls, which are 4 m'),
         (['--walls', '0', '0', '0', '8'], 'walls is [0.0, 0.0, 0.0, 8.0]: must be x0 y0 x1 y1'),
         (['--sim-config-file', '/missing.yaml'], "sim_config_file '/missing.yaml': cannot be read"),
         (['--smallest-standoff', '0.6'], 'the standoffs are 0.6, 0.5 and 1 m'),
@@ -166,8 +156,6 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
         (['--start', '150', '400'], 'radius 0.2 m: choose another within x 0'),
         (['--end', '0', '0'], 'the end at (0.00, 0.00) is not free: choose another'),
         (['--picture', '/missing/a.png'], "--picture '/missing/a.png': there is no folder '/missing': name"),
-        (['--picture', '/'], "--picture '/' is a folder: name a file in it"),
-        (['--picture', 'route.mp3'], "--picture 'route.mp3': the ending must be one of "),
         (['--picture', 'route', '--start', '2', '1.2'], "--picture 'route': the ending must be one of "),
     ],
 )
@@ -212,8 +200,8 @@ def test_the_poses_are_computed_without_ros(tag_file):
     assert subprocess.run(command, capture_output=True, check=False).returncode == 0
 
 
-def test_publish_keeps_the_poses_on_a_latched_topic_until_a_signal(run_here, tag_file, tmp_path):
-    write_transform(tmp_path / 'layout.yaml', Transform(), 'site')
+def test_publish_keeps_the_poses_in_the_map_on_a_latched_topic_until_a_signal(run_here, tag_file, tmp_path):
+    write_transform(tmp_path / 'layout.yaml', Transform(10.0, 20.0, math.pi / 2), 'site')
     heard = []
 
     def listen():
@@ -232,26 +220,25 @@ def test_publish_keeps_the_poses_on_a_latched_topic_until_a_signal(run_here, tag
     listener.join()
     assert ended.code == 0, ended
     assert heard[0].header.frame_id == 'site'
-    assert [pose_in_plane(each) for each in heard[0].poses] == [
-        pytest.approx(each, abs=1e-5) for each in POSES.values()
-    ]
+    for pose, (x, y, yaw) in zip(heard[0].poses, POSES.values(), strict=True):
+        *place, turned = pose_in_plane(pose)
+        assert place == pytest.approx([10.0 - y, 20.0 + x], abs=1e-5)
+        assert math.remainder(turned - yaw - math.pi / 2, math.tau) == pytest.approx(0.0, abs=1e-5)
 
 
 @pytest.mark.parametrize(
-    ('text', 'overrides', 'warnings'),
+    ('text', 'overrides'),
     [
-        ('', {}, 0),
-        ('overrides:\n', {}, 0),
-        ('overrides: {"7": {yaw: 1, goal_x: 2.5}}', {'7': Override(yaw=1.0, goal_x=2.5)}, 0),
-        ('overrides:\n  21:\n', {'21': Override()}, 0),
-        ('overrides: {"99": {standoff: 0.4}}', {}, 1),
+        ('', {}),
+        ('overrides:\n', {}),
+        ('overrides: {"7": {yaw: 1, goal_x: 2.5}}', {'7': Override(yaw=1.0, goal_x=2.5)}),
+        ('overrides:\n  21:\n', {'21': Override()}),
     ],
 )
-def test_the_overrides_are_read_by_tag(tmp_path, text, overrides, warnings):
+def test_the_overrides_are_read_by_tag(tmp_path, text, overrides):
     path = tmp_path / 'approach_overrides.yaml'
     path.write_text(text, encoding='utf-8')
-    found, said = read_overrides(path, {'7', '21'})
-    assert (found, len(said)) == (overrides, warnings)
+    assert read_overrides(path, {'7', '21'}) == (overrides, [])
 
 
 @pytest.mark.parametrize(
@@ -261,12 +248,10 @@ def test_the_overrides_are_read_by_tag(tmp_path, text, overrides, warnings):
         ('overrides: {"7": {yaw: 1}, tilt: {yaw: 1}, "21": {tilt: 2}}', "tag '21': unknown key"),
         ('"7": {yaw: 1}\n', "unknown key '7': use overrides, as in {overrides: {"),
         ('overrides: {"7": {standoff: 2.0}}', "tag '7': standoff is 2.0: must be a number from 0.2 to 1.5"),
-        ('overrides: {"7": {goal_x: .nan}}', "tag '7': goal_x is nan: must be a number"),
         ('overrides: {"7": {yaw: "north"}}', "tag '7': yaw is 'north': must be a number"),
         ('overrides: [7]', 'overrides is a list: must be a mapping, such as {overrides:'),
         ('[7]', 'holds a list at its top level, not a mapping, such as {overrides:'),
         ('overrides: {"7": 1.5}', '7 is 1.5: must be a mapping, such as {overrides:'),
-        ('overrides: {', 'is not YAML'),
         ('{"overrides": {\n\t"7": {"Yaw": 1}}}', "tag '7': unknown key 'Yaw': use yaw"),
     ],
 )

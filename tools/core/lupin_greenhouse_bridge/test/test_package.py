@@ -2,7 +2,6 @@
 
 import ast
 import re
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -25,13 +24,7 @@ ROWS = (
 )
 # A command that can draw its result imports the room of pictures for that option alone.
 DRAWS = {('planning',): {'approach_poses.py': {'display'}}}
-KEYS = {
-    name: f'python3-{name}'
-    for name in ('argcomplete', 'hypothesis', 'matplotlib', 'numpy', 'packaging', 'pytest', 'scipy', 'yaml')
-} | {'PIL': 'python3-pil'}  # of rosdep, for each module with another name
-NOT_IN_ROSDEP = {'greenhouse_sim'}
 SETUP = (PACKAGE / 'setup.py').read_text(encoding='utf-8')
-OPTIONAL = {'argcomplete'}  # of the shell; the fixtures of testing/ need what their users name
 
 
 def package_xml():
@@ -86,20 +79,3 @@ def test_one_module_imports_what_rclpy_keeps_for_itself():
     private = re.compile(r'rclpy\.(impl|event_handler|qos_event)\b|rclpy\.(\w+\.)*_')
     files = [file.name for file in MODULES.glob('**/*.py') if any(map(private.match, imports(file)))]
     assert files == ['rclpy_internals.py']
-
-
-@pytest.mark.parametrize(
-    ('folders', 'kinds', 'besides'),
-    [
-        (('lupin*/**', 'launch'), ('depend', 'exec_depend'), OPTIONAL),
-        (('test',), ('depend', 'exec_depend', 'test_depend'), set()),
-    ],
-    ids=['package', 'test'],
-)
-def test_every_import_is_a_dependency(folders, kinds, besides):
-    declared = {depend.text for kind in kinds for depend in package_xml().iter(kind)}
-    files = [file for folder in folders for file in PACKAGE.glob(f'{folder}/*.py')]
-    products = [file for file in files if file.parent.name != 'testing']
-    imported = {name.partition('.')[0] for file in products for name in imports(file)}
-    own = {PACKAGE.name, *(file.stem for file in files)} | sys.stdlib_module_names
-    assert {KEYS.get(name, name) for name in imported - own - besides - NOT_IN_ROSDEP} <= declared
