@@ -1,4 +1,4 @@
-"""The code that the measurements share: options, domains, server processes, turns, promises, tables."""
+"""The code that the measurements share: options, domains, server processes, turns, promises."""
 
 import argparse
 import atexit
@@ -8,7 +8,7 @@ import shlex
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -49,9 +49,14 @@ class Server(NodeProcess):
         """Return a number of the process, such as VmRSS (kB) or Threads."""
         return int(status_of(self.process.pid, key))
 
-    def open_files(self) -> int:
-        """Return the number of open file descriptors."""
-        return len(list(Path(f'/proc/{self.process.pid}/fd').iterdir()))
+    def resources(self) -> dict[str, int]:
+        """Return what may grow."""
+        open_files = len(list(Path(f'/proc/{self.process.pid}/fd').iterdir()))
+        return {
+            'RSS in kB': self.status('VmRSS'),
+            'open files': open_files,
+            'threads': self.status('Threads'),
+        }
 
 
 def status_of(pid: int, key: str) -> str:
@@ -68,9 +73,9 @@ def in_turns(measures: Sequence[Callable[[], T]], rounds: int) -> list[tuple[T, 
     """
     results = []
     for number in range(rounds):
-        first = number % len(measures)
-        measured = [measure() for measure in [*measures[first:], *measures[:first]]]
-        results.append(tuple(measured[len(measures) - first :] + measured[: len(measures) - first]))
+        turns = [(number + turn) % len(measures) for turn in range(len(measures))]
+        measured = {turn: measures[turn]() for turn in turns}
+        results.append(tuple(measured[turn] for turn in sorted(turns)))
     return results
 
 
@@ -79,17 +84,16 @@ def percentile(ordered: list[float], share: float) -> float:
     return ordered[min(int(share * len(ordered)), len(ordered) - 1)]
 
 
-def check_promises(scenarios: Sequence[Callable[[T], Promises]], load: T) -> int:
-    """Run scenarios and print a line per promise; return how many are broken. A hang breaks one."""
+def check_promises(scenarios: Iterable[Callable[[T], Promises]], load: T) -> int:
+    """Run scenarios and print a line per promise; return the exit code. A process that hangs breaks one."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends all that was started
     broken = 0
     for scenario in scenarios:
-        name = getattr(scenario, '__name__', '')
         for text, is_kept in and_a_hang(scenario(load)):
             broken += not is_kept
-            print(f'{"kept  " if is_kept else "BROKEN"}  {name}: {text}', flush=True)
+            print(f'{"kept  " if is_kept else "BROKEN"}  {scenario.__name__}: {text}', flush=True)
     print(f'{pluralized(broken, "promise")} broken')
-    return broken
+    return int(broken > 0)
 
 
 def and_a_hang(promises: Promises) -> Promises:
@@ -98,14 +102,3 @@ def and_a_hang(promises: Promises) -> Promises:
         yield from promises
     except subprocess.TimeoutExpired as error:
         yield f'hung for {error.timeout:g} s: {shlex.join(error.cmd[1:])}', False
-
-
-def print_row(*cells: str) -> None:
-    """Print a row of a table."""
-    print('|', ' | '.join(cells), '|', flush=True)
-
-
-def print_head(*cells: str) -> None:
-    """Print the head of a table."""
-    print_row(*cells)
-    print('|' + '---|' * len(cells))

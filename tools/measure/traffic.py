@@ -47,8 +47,9 @@ class Counts:
 class Bridge(Server):
     """A bridge process that counts its requests, and prints the count when it ends cleanly."""
 
-    def __init__(self, *prefix: str, **parameters: Any):
-        super().__init__(*prefix, sys.executable, str(HERE / 'counting_bridge.py'), **parameters)
+    def __init__(self, *prefix: str, debug_time_of_day: float = 12.0):
+        command = (*prefix, sys.executable, str(HERE / 'counting_bridge.py'))
+        super().__init__(*command, debug_time_of_day=debug_time_of_day)
 
     def has_handled(self, clients: Sequence[Counts]) -> tuple[str, bool]:
         """End it; return as a promise that it handled each call of its clients once."""
