@@ -17,8 +17,8 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 BRIDGE = 'lupin_greenhouse_bridge'
 MSGS = {'monorepo': 'lupin_msgs', 'mirror': 'lupin_greenhouse_msgs'}
@@ -58,12 +58,7 @@ If `make generate-check` finds nothing, the trees differ because of tools/twins.
 of the message package, it may replace only the one allowed line."""
 
 
-class CannotCompareError(Exception):
-    """There is nothing to compare, or it cannot be read."""
-
-
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """One way in which the trees drifted apart."""
 
     heading: str
@@ -77,12 +72,12 @@ class Tree:
     """The compared files of one tree, by their name in the monorepo."""
 
     def __init__(self, name: str, root: Path):
-        """List the files; raises CannotCompareError."""
+        """List the files; raises OSError."""
         self.name = name
         self.root = root
         for needed in (MSGS[name], NODE_FILE):
             if not (root / needed).exists():
-                raise CannotCompareError(f'{root}: has no {needed}: is it the {name}?')
+                raise FileNotFoundError(f'{root}: has no {needed}: is it the {name}?')
         tracked = tracked_files(root)
         self.files: dict[str, Path] = {}
         for path in sorted(root.rglob('*')):  # which follows no symlinks
@@ -131,23 +126,22 @@ def compare(monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
         path = mirror.root / name.replace(MSGS['monorepo'], MSGS['mirror'])
         yield Finding('missing', path, 'is missing; the mirror keeps it by hand: put it back')
     for tree, other in ((monorepo, mirror), (mirror, monorepo)):
-        yield from _left_over_names(tree, MSGS[other.name])
-        for name in sorted(tree.files.keys() - other.files.keys() - MIRROR_ALONE):
-            message = f'only the {tree.name} has this file, and it is not on the list of own files'
-            yield Finding('only one side', tree.files[name], message)
+        for name, path in tree.files.items():
+            yield from _left_over_names(tree, name, MSGS[other.name])
+            if name not in other.files.keys() | MIRROR_ALONE:
+                message = f'only the {tree.name} has this file, and it is not on the list of own files'
+                yield Finding('only one side', path, message)
     for name in sorted(monorepo.files.keys() & mirror.files.keys()):
         yield from _difference(name, monorepo, mirror)
 
 
-def _left_over_names(tree: Tree, foreign: str) -> Iterator[Finding]:
-    """Find the other tree's package name; the mirror's own contains no copy of the monorepo's."""
-    pattern = re.compile(foreign.replace('_', '[_-]'), re.IGNORECASE)
-    message = f'names {foreign}; in the {tree.name} that package is {MSGS[tree.name]}'
-    for name, path in tree.files.items():
-        lines = [str(path.relative_to(tree.root)), *tree.text(name).splitlines()]
-        for number, line in enumerate(lines):
-            if pattern.search(line):
-                yield Finding('left-over name', path, message, max(number, 1))
+def _left_over_names(tree: Tree, name: str, foreign: str) -> Iterator[Finding]:
+    """Find the other tree's package name in a file; the mirror's own contains no copy of the monorepo's."""
+    lines = [tree.files[name].relative_to(tree.root).as_posix(), *tree.text(name).splitlines()]
+    for number, line in enumerate(lines):
+        if re.search(foreign.replace('_', '[_-]'), line, re.IGNORECASE):
+            message = f'names {foreign}; in the {tree.name} that package is {MSGS[tree.name]}'
+            yield Finding('left-over name', tree.files[name], message, max(number, 1))
 
 
 def _difference(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
@@ -164,20 +158,19 @@ def _difference(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
             if UNDONE not in text or text.count(f'def {DIVERGENT_FUNCTION}(') > 1:
                 told = f'must have {DIVERGENT_FUNCTION} once: return {DIVERGENT_VALUE[tree.name]}'
                 yield Finding('allowed divergence', tree.files[name], told)
-    if texts[0] == texts[1]:
-        return
     # ascii() shows what a person cannot see: trailing spaces, line endings, look-alike letters.
     ours, theirs = ([ascii(line) for line in text.splitlines(keepends=True)] for text in texts)
-    same = [our == their for our, their in zip(ours, theirs, strict=False)]
-    first = [*same, False].index(False) + 1
-    diff = difflib.unified_diff(ours, theirs, str(monorepo.files[name]), str(path), lineterm='')
-    yield Finding(heading, path, 'differs beyond the rename', first, ''.join(f'{line}\n' for line in diff))
+    if ours != theirs:
+        same = [our == their for our, their in zip(ours, theirs, strict=False)]
+        diff = difflib.unified_diff(ours, theirs, str(monorepo.files[name]), str(path), lineterm='')
+        text = ''.join(f'{line}\n' for line in diff)
+        yield Finding(heading, path, 'differs beyond the rename', [*same, False].index(False) + 1, text)
 
 
 def report(findings: list[Finding], compared: int, form: str) -> str:
     """Return the findings as text for people, annotations for GitHub, or JSON for tools."""
     if form == 'json':
-        counts = {'files_compared': compared, 'findings': [asdict(finding) for finding in findings]}
+        counts = {'files_compared': compared, 'findings': [found._asdict() for found in findings]}
         return json.dumps(counts, indent=2, default=str)
     if form == 'github':
         return '\n'.join(map(_annotation, findings))
@@ -216,7 +209,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         monorepo, mirror = Tree('monorepo', options.monorepo), Tree('mirror', options.mirror)
         findings = list(compare(monorepo, mirror))
-    except (CannotCompareError, OSError) as error:
+    except OSError as error:
         print(f'check_drift: cannot compare: {error}', file=sys.stderr)
         return 2
     print(report(findings, len(monorepo.files.keys() & mirror.files.keys()), options.format))

@@ -18,6 +18,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -80,12 +81,16 @@ def read(path: Path) -> File | None:
     return path.read_bytes(), 0o755 if os.access(path, os.X_OK) else 0o644
 
 
-def render(root: Path, table: Table) -> Files:
+def render(root: Path) -> Files:
     """Return every generated file of both trees; raises RefusedError if table and core do not match."""
-    core = _read_core(root)
+    table, core = load_table(root), _read_core(root)
     rendered = {}
     for name, tree in table['trees'].items():
-        for core_path, (content, mode) in (core | _divergent_file(core, tree)).items():
+        files = core.copy()
+        if divergence := tree.get('divergence'):
+            content, mode = core.get(divergence['file'], (b'', 0))
+            files[divergence['file']] = exchange(content, divergence, 'core', 'tree'), mode
+        for core_path, (content, mode) in files.items():
             path = tree_path(tree, core_path)
             text = with_header(path, content.replace(MESSAGES.encode(), tree['messages'].encode()))
             for word in tree['forbidden']:
@@ -106,15 +111,6 @@ def _read_core(root: Path) -> Files:
     if not files:
         raise RefusedError(f'{root / CORE}: holds no files')
     return files
-
-
-def _divergent_file(core: Files, tree: Table) -> Files:
-    """Return the one file in which a tree differs from the core beyond the rename, if the tree has one."""
-    if 'divergence' not in tree:
-        return {}
-    path = tree['divergence']['file']
-    content, mode = core.get(path, (b'', 0))
-    return {path: (exchange(content, tree['divergence'], 'core', 'tree'), mode)}
 
 
 def exchange(content: bytes, divergence: Table, old: str, new: str) -> bytes:
@@ -161,21 +157,22 @@ def _listed(root: Path, *folders: str) -> list[str]:
     return sorted({path for path in git(root, *arguments).split('\0')[:-1] if os.path.lexists(root / path)})
 
 
-def compare(root: Path) -> tuple[Files, list[str], list[str]]:
+def compare(root: Path) -> tuple[Files, dict[str, str]]:
     """
-    Return what is rendered, the paths whose file is another one, and the files that are not from the core.
+    Return what is rendered, and what is wrong in the trees, by path. Raises RefusedError.
 
-    The last are in a package that the core owns, and git does not ignore them. Raises RefusedError.
+    Wrong is a file that is not as rendered, and one of a package that the core owns that is not rendered and
+    that git does not ignore.
     """
-    table = load_table(root)
-    rendered = render(root, table)
+    rendered, table = render(root), load_table(root)
     stale = [path for path, file in rendered.items() if read(root / path) != file]
+    findings = {path: _difference(root, path, rendered[path]) for path in stale}
     packages = [f'{tree["root"]}/{name}' for tree in table['trees'].values() for name in table['owned']]
-    return rendered, stale, [path for path in _listed(root, *packages) if path not in rendered]
+    unknown = [path for path in _listed(root, *packages) if path not in rendered]
+    return rendered, findings | {path: f'{path}: is not from the core' for path in unknown}
 
 
-def difference(root: Path, path: str, rendered: File) -> str:
-    """Return how a file of a tree differs from what is rendered."""
+def _difference(root: Path, path: str, rendered: File) -> str:
     file = read(root / path)
     if not file:
         return f'{path}: missing, or not a plain file'
@@ -189,51 +186,46 @@ def difference(root: Path, path: str, rendered: File) -> str:
     return '\n'.join([f'{path}: differs from what the core generates', *diff])
 
 
-def check(root: Path) -> int:
-    """Compare both trees with what the core renders; return the exit code. Raises RefusedError."""
-    rendered, stale, unknown = compare(root)
-    findings = [difference(root, path, rendered[path]) for path in stale]
-    findings += [f'{path}: not generated from the core' for path in unknown]
-    end = f'{len(rendered)} generated files are what the core generates'
-    if findings:
-        counted = pluralized(len(findings), 'finding')
-        end = f'{counted}. Edit tools/core, never a generated file; then: make generate'
-    print(*findings, end, sep='\n')
-    return int(bool(findings))
-
-
-def generate(root: Path, *, is_prune: bool, is_force: bool) -> list[str]:
-    """Write both trees; return a line for each file that changed, and a count. Raises RefusedError."""
-    rendered, stale, unknown = compare(root)
-    if unknown and not is_prune:
+def refuse_to_lose(
+    root: Path, rendered: Files, findings: dict[str, str], options: argparse.Namespace
+) -> None:
+    """Raise RefusedError if write() would remove or overwrite somebody's work, and no option allows it."""
+    unknown = [text for path, text in findings.items() if path not in rendered]
+    if unknown and not options.prune:
         raise RefusedError(
             'nothing was written. Move a file of your own into tools/core, or out of the package;'
-            ' remove what a rename left behind with: make generate ARGS=--prune\n'
-            + '\n'.join(f'{path}: is not from the core' for path in unknown)
+            ' remove what a rename left behind with: make generate ARGS=--prune\n' + '\n'.join(unknown)
         )
     # Git's names of the contents that were committed, or written last: any other one is an edit.
-    last_written = root / git(root, 'rev-parse', '--git-path', 'generated_from_core').strip()
+    last_written = _last_written(root)
     known = git(root, 'ls-tree', '-r', 'HEAD') + (last_written.read_text() if last_written.exists() else '')
-    existing = [] if is_force else [path for path in stale if (root / path).is_file()]
+    existing = [path for path in findings if path in rendered and (root / path).is_file()]
     edited = [path for path in existing if _blob((root / path).read_bytes()) not in known]
-    if edited:
+    if edited and not options.force:
         raise RefusedError(
             'nothing was written. Somebody has edited what is generated. Make this edit in tools/core (of the'
             ' address, in tools/twins.toml); to drop it: make generate ARGS=--force\n'
-            + '\n'.join(difference(root, path, rendered[path]) for path in edited)
+            + '\n'.join(findings[path] for path in edited)
         )
-    for path in stale:
-        write_file(root / path, rendered[path])
-    for path in unknown:
-        (root / path).unlink()
-    last_written.write_text('\n'.join(_blob(content) for content, _ in rendered.values()))
-    removed = [f'{path} (removed)' for path in unknown]
-    return [*stale, *removed, f'{pluralized(len(rendered), "file")} generated, {len(stale)} changed']
+
+
+def _last_written(root: Path) -> Path:
+    return root / git(root, 'rev-parse', '--git-path', 'generated_from_core').strip()
 
 
 def _blob(content: bytes) -> str:
     """Return the name that git gives to a content."""
     return hashlib.sha1(b'blob %d\0' % len(content) + content, usedforsecurity=False).hexdigest()
+
+
+def write(root: Path, rendered: Files, findings: Iterable[str]) -> None:
+    """Write what is rendered to the paths that compare() has found, and remove the others of these."""
+    for path in findings:
+        if path in rendered:
+            write_file(root / path, rendered[path])
+        else:
+            (root / path).unlink()
+    _last_written(root).write_text('\n'.join(_blob(content) for content, _ in rendered.values()))
 
 
 def write_file(path: Path, file: File) -> None:
@@ -254,14 +246,24 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument('--root', type=Path, default=ROOT, help='the checkout; default: this one')
     options = parser.parse_args(arguments)
     try:
-        if options.check:
-            return check(options.root)
-        lines = generate(options.root, is_prune=options.prune, is_force=options.force)
+        rendered, findings = compare(options.root)
+        if not options.check:
+            refuse_to_lose(options.root, rendered, findings, options)
+            write(options.root, rendered, findings)
     except (RefusedError, OSError, KeyError) as error:
         told = f'tools/twins.toml: {error} is missing' if isinstance(error, KeyError) else error
         print(f'generate: {told}', file=sys.stderr)
         return 2
-    print(*lines, sep='\n')
+    if options.check:
+        end = f'{len(rendered)} generated files are what the core generates'
+        if findings:
+            counted = pluralized(len(findings), 'finding')
+            end = f'{counted}. Edit tools/core, never a generated file; then: make generate'
+        print(*findings.values(), end, sep='\n')
+        return int(bool(findings))
+    changed = [path if path in rendered else f'{path} (removed)' for path in findings]
+    counted = f'{len(findings.keys() & rendered.keys())} changed'
+    print(*changed, f'{pluralized(len(rendered), "file")} generated, {counted}', sep='\n')
     return 0
 
 

@@ -58,8 +58,9 @@ def take_over(checkout: Path, table: Table) -> None:
             content = core_content(core_path, file[0], table['trees']['mirror'])
             generate.write_file(checkout / CORE / core_path, (content, file[1]))
             git(checkout, 'add', '--force', '--', f'{CORE}/{core_path}')  # git may ignore it
-    generate.generate(checkout, is_prune=True, is_force=True)
-    git(checkout, 'add', '--force', '--', *generate.render(checkout, table))
+    rendered, findings = generate.compare(checkout)
+    generate.write(checkout, rendered, findings)
+    git(checkout, 'add', '--force', '--', *rendered)
     git(checkout, 'add', '--all')
     trees = (check_drift.Tree(name, checkout / tree['root']) for name, tree in table['trees'].items())
     for found in check_drift.compare(*trees):
@@ -150,7 +151,7 @@ def main() -> int:
             return 2
         with tempfile.TemporaryDirectory(prefix='mirror-import-') as folder:
             import_series(series, Path(folder))
-    except (RefusedError, check_drift.CannotCompareError, OSError) as error:
+    except (RefusedError, OSError) as error:
         print(f'mirror-import: nothing was changed: {error}', file=sys.stderr)
         return 1
     except KeyboardInterrupt:

@@ -115,15 +115,8 @@ def publish(here: Path, remote: str, release: str, *, is_dry_run: bool) -> list[
         if not before:
             git(here, 'push', '--quiet', remote, pushed[0])
         git(here, 'push', '--quiet', '--atomic', remote, *pushed)
-    return [f'{name} {before.get(name, "new")[:10]} -> {new[:10]}' for name, new in moved.items()]
-
-
-def url_of(here: Path, remote: str) -> str:
-    """Return the URL of a remote, which may be its name in this clone, or a folder."""
-    if not remote:
-        raise RefusedError('no remote: make mirror-publish REMOTE=URL')
-    url = git(here, 'ls-remote', '--get-url', remote).strip()
-    return str(Path(url).resolve()) if Path(url).is_dir() else url
+    word = 'would push' if is_dry_run else 'pushed'
+    return [f'{word} {name} {before.get(name, "new")[:10]} -> {new[:10]}' for name, new in moved.items()]
 
 
 def address_advice(here: Path, remote: str) -> str:
@@ -157,13 +150,15 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     here, is_dry_run = options.root, options.dry_run
     try:
-        remote = url_of(here, options.remote)
+        if not options.remote:
+            raise RefusedError('no remote: make mirror-publish REMOTE=URL')
+        url = git(here, 'ls-remote', '--get-url', options.remote).strip()
+        remote = str(Path(url).resolve()) if Path(url).is_dir() else url
         advice = address_advice(here, remote)
         if advice and not is_dry_run:
             raise RefusedError(advice)
         lines = publish(here, remote, options.release, is_dry_run=is_dry_run)
-        word = 'would push' if is_dry_run else 'pushed'
-        print(*(f'{word} {line}' for line in lines) if lines else ['nothing to publish'], sep='\n')
+        print(*lines or ['nothing to publish'], sep='\n')
         if not is_dry_run:
             advice = default_branch_advice(here, remote)
         if advice:

@@ -21,9 +21,8 @@ import generate
 from generate import ROOT, RefusedError, git
 from mirror_publish import READY, publish
 
-BRIDGE = 'lupin_greenhouse_bridge'
 BLOCK = re.compile(r'<!-- followed by make mirror-publish-check -->\n```bash\n(.*?)```', re.DOTALL)
-PAGES = {'README.md': 1, f'{BRIDGE}/doc/install.md': 2}  # with the number of these blocks
+PAGES, BLOCKS = ('README.md', 'lupin_greenhouse_bridge/doc/install.md'), 3
 TIMEOUT_SECONDS = 900
 UBUNTU = """
 set -eo pipefail
@@ -50,21 +49,14 @@ ros2() {
 STOP_THE_BRIDGE = "kill -INT -- -$!; wait $! || { echo 'the bridge ended with an error' >&2; exit 1; }"
 
 
-class CheckFailedError(Exception):
-    """A failure that another team would see."""
-
-
 def scripts(pages: list[str]) -> dict[str, str]:
-    """Return the script of each workspace, from the texts of PAGES; raises CheckFailedError."""
-    blocks = []
-    for (name, count), page in zip(PAGES.items(), pages, strict=True):
-        found = BLOCK.findall(page)
-        if len(found) != count:
-            raise CheckFailedError(
-                f'{name}: {len(found)} bash blocks are marked with: followed by make mirror-publish-check,'
-                f' and not {count}'
-            )
-        blocks += found
+    """Return the script of each workspace, from the texts of PAGES; raises RefusedError."""
+    blocks = [block for page in pages for block in BLOCK.findall(page)]
+    if len(blocks) != BLOCKS:
+        raise RefusedError(
+            f'{" and ".join(PAGES)}: {len(blocks)} bash blocks are marked with: followed by make'
+            f' mirror-publish-check, and not {BLOCKS}'
+        )
     first, install, test = blocks
     entry = pages[0].partition('```yaml\n')[2].partition('```')[0]
     importing = f"mkdir -p workspace/src && cd workspace\nvcs import src <<'END'\n{entry}END\n"
@@ -75,7 +67,7 @@ def scripts(pages: list[str]) -> dict[str, str]:
 
 
 def run(script: str, home: Path, environment: dict[str, str]) -> str:
-    """Run a script as on Ubuntu in a home folder; return its output. Raises CheckFailedError."""
+    """Run a script as on Ubuntu in a home folder; return its output. Raises RefusedError."""
     log = home / 'printed.log'
     with log.open('w') as output:
         result = subprocess.run(
@@ -85,12 +77,12 @@ def run(script: str, home: Path, environment: dict[str, str]) -> str:
         )  # fmt: skip
     printed = log.read_text(errors='replace')
     if result.returncode:
-        raise CheckFailedError(f'{printed[-6000:]}\nexit code {result.returncode} of:\n{script}')
+        raise RefusedError(f'{printed[-6000:]}\nexit code {result.returncode} of:\n{script}')
     return printed
 
 
 def follow(script: str, home: Path, environment: dict[str, str]) -> str:
-    """Run a script of a workspace; return how much it built and tested. Raises CheckFailedError."""
+    """Run a script of a workspace; return how much it built and tested. Raises RefusedError."""
     # This environment replaces Ubuntu's Python.
     subprocess.run([sys.executable, '-m', 'venv', home / 'usr'], check=True)
     kept = {key: value for key, value in os.environ.items() if key.startswith(('PIP_', 'LANG', 'LC_'))}
@@ -109,12 +101,12 @@ def follow(script: str, home: Path, environment: dict[str, str]) -> str:
     built = re.search(r'^Summary: 2 packages finished', printed, re.MULTILINE)
     tested = re.search(r'^Summary: [1-9]\d* tests, 0 errors, 0 failures.*', printed, re.MULTILINE)
     if not built or not tested:
-        raise CheckFailedError(f'the workspace was not built or not tested:\n{printed[-3000:]}')
+        raise RefusedError(f'the workspace was not built or not tested:\n{printed[-3000:]}')
     return tested[0]
 
 
 def check(folder: Path) -> None:
-    """Publish, clone, build and test in a folder; raises CheckFailedError and RefusedError."""
+    """Publish, clone, build and test in a folder; raises RefusedError."""
     repository = folder / 'published.git'
     # A host makes the first branch that it gets the default branch.
     git(ROOT, 'init', '--quiet', '--bare', f'--initial-branch={Path(READY).name}', str(repository))
@@ -137,7 +129,7 @@ def main() -> int:
     try:
         with tempfile.TemporaryDirectory(prefix='publish-check-') as folder:
             check(Path(folder))
-    except (CheckFailedError, RefusedError) as error:
+    except RefusedError as error:
         print(f'publish check failed: {error}', file=sys.stderr)
         return 1
     return 0

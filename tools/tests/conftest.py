@@ -1,4 +1,4 @@
-"""Copies of this repository and of the mirror, changes in them like another team's, and a score."""
+"""Copies of this repository and of the mirror, and changes in them like another team's."""
 
 import os
 import shutil
@@ -34,18 +34,6 @@ def edit(path, old, new):
 def commit(folder, message='Change it'):
     git(folder, 'add', '--all')
     git(folder, 'commit', '--quiet', '--message', message)
-
-
-def pytest_terminal_summary(terminalreporter):
-    """Print the score of the drift checker's mutants."""
-    results = {outcome: terminalreporter.stats.get(outcome, []) for outcome in ('passed', 'failed')}
-    for test, text in (
-        ('test_mutant', 'mutants of the trees reported'),
-        ('test_harmless', 'harmless changes let pass'),
-    ):
-        good, bad = (sum(f'::{test}[' in report.nodeid for report in results[outcome]) for outcome in results)
-        if good + bad:
-            terminalreporter.write_line(f'check_drift: {good} of {good + bad} {text}')
 
 
 @pytest.fixture(scope='session')

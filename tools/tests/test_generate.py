@@ -52,8 +52,8 @@ def put_a_symlink(path):
     [
         (f'{OURS}/{PACKAGE}/settings.py', lambda path: edit(path, '', 'x = 1\n'), '\n+x = 1\n'),
         (f'{OURS}/{PACKAGE}/units.py', lambda path: path.write_bytes(b''), 'units.py: differs'),
-        (f'{THEIRS}/{PACKAGE}/orphan.py', lambda path: path.touch(), 'orphan.py: not generated'),
-        (f'{OURS}/docs/orphan.md', lambda path: edit(path, '', 'x'), 'orphan.md: not generated'),
+        (f'{THEIRS}/{PACKAGE}/orphan.py', lambda path: path.touch(), 'orphan.py: is not from the core'),
+        (f'{OURS}/docs/orphan.md', lambda path: edit(path, '', 'x'), 'orphan.md: is not from the core'),
         (f'{OURS}/setup.cfg', lambda path: path.unlink(), 'setup.cfg: missing'),
         (f'{OURS}/{PACKAGE}/bridge_node.py', lambda path: path.chmod(0o755), 'bridge_node.py: has mode 755'),
         (f'{THEIRS}/setup.py', put_a_symlink, 'setup.py: missing, or not a plain file'),
@@ -203,7 +203,7 @@ def test_the_header_comes_after_what_must_stay_first(name, first):
 
 def test_every_generated_file_and_no_other_is_marked_as_generated():
     """By its header; and by its attributes, so that a merge request shows an edit once."""
-    rendered = generate.render(generate.ROOT, generate.load_table(generate.ROOT))
+    rendered = generate.render(generate.ROOT)
     del rendered[README]
     starts = {path: b'\n'.join(content.split(b'\n')[:3]) for path, (content, _) in rendered.items()}
     silent = {path for path, start in starts.items() if generate.HEADER.encode() not in start}

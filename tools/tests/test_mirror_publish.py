@@ -255,15 +255,15 @@ def test_the_marked_blocks_of_the_pages_are_followed_word_for_word():
     assert '    version: ready\n' in by_vcs
     assert 'source /opt/ros/jazzy/setup.bash' in by_vcs
     assert all('-m colcon test ' in script for script in (by_clone, by_vcs))
-    for number, name in enumerate(mirror_publish_check.PAGES):
-        pages = [text.replace('followed by', 'x') if text is PAGES[number] else text for text in PAGES]
-        with pytest.raises(mirror_publish_check.CheckFailedError, match=f'{name}: 0 bash blocks are marked'):
+    for page in PAGES:
+        pages = [text.replace('followed by', 'x') if text is page else text for text in PAGES]
+        with pytest.raises(generate.RefusedError, match=r'[12] bash blocks are marked'):
             mirror_publish_check.scripts(pages)
 
 
 def test_a_command_that_fails_ends_the_bridge_and_is_shown_with_its_output(tmp_path):
     script = 'set -m\nsleep 600 & echo child $!\nexit 3'
-    with pytest.raises(mirror_publish_check.CheckFailedError) as failure:
+    with pytest.raises(generate.RefusedError) as failure:
         mirror_publish_check.run(script, tmp_path, {'PATH': '/usr/bin:/bin'})
     (child,) = re.findall(r'^child (\d+)$', str(failure.value), re.MULTILINE)
     assert f'\nexit code 3 of:\n{script}' in str(failure.value)
