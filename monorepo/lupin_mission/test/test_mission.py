@@ -33,15 +33,13 @@ class Robot(SimulatedDrive):
     """
     A drive that records what it is told: 'a' for the first pose of tag a, 'a2' for its second, and so on.
 
-    `failures` has the reasons by these names, and `obstacle` the reason for all others. The first drives end
-    with `arrivals`, one after the other.
+    The first drives end with `arrivals`, one after the other; the others fail if there is an `obstacle`.
     """
 
-    def __init__(self, drive_seconds=0.0, arrivals=(), failures=None, poses=1):
+    def __init__(self, drive_seconds=0.0, arrivals=(), poses=1):
         super().__init__(drive_seconds)
         self.told, self.arrivals = [], list(arrivals)
         self.obstacle, self.is_moving = '', False
-        self._failures = failures or {}
         self.count_poses = lambda _tag_id: poses
 
     def start(self, tag_id, now_seconds, pose=1):
@@ -54,8 +52,7 @@ class Robot(SimulatedDrive):
         super().start_return(now_seconds)
         self.told.append(goal)
         self.is_moving = True
-        failure = self._failures.get(goal, self.obstacle)
-        self._arrival = self.arrivals.pop(0) if self.arrivals else Arrival(failure)
+        self._arrival = self.arrivals.pop(0) if self.arrivals else Arrival(self.obstacle)
 
     def arrival(self, now_seconds):
         is_there = super().arrival(now_seconds)
@@ -74,7 +71,7 @@ class Robot(SimulatedDrive):
         self.is_moving = False
 
 
-OF_ROBOT = {'drive_seconds', 'arrivals', 'failures', 'poses'}
+OF_ROBOT = {'drive_seconds', 'arrivals', 'poses'}
 
 
 class World:
@@ -208,7 +205,7 @@ SCENARIOS = {
         ' => a read read read read read => inspecting a SCANNING',
     ),
     'a dock that is not reached is tried again, and the mission ends': (
-        {'tag_ids': '', 'drive_seconds': 1.0, 'failures': {'dock': 'the door is shut'}, **DOCK},
+        {'tag_ids': '', 'drive_seconds': 1.0, 'arrivals': [Arrival('the door is shut')] * 2, **DOCK},
         'no-dock ~1 0.5 ~1 => dock dock => done',
     ),
     'nothing is asked in a pause, a reply still counts, and the tag is not scanned again': (
@@ -322,7 +319,7 @@ OBSERVATIONS = {
         ],
     ),
     'a tag that is not in view, and then is not reached': (
-        {'tag_ids': 'a', 'failures': {'a2': 'blocked', 'a3': 'blocked'}, **LOOKS},
+        {'tag_ids': 'a', 'arrivals': [Arrival(), *[Arrival('blocked')] * 2], **LOOKS},
         '1 unseen unseen 1 1',
         [('a=NOT_CONFIRMED', 'pose 1: not in view; pose 2: blocked; pose 3: blocked', 2, False, 3)],
     ),
@@ -336,7 +333,12 @@ OBSERVATIONS = {
         ],
     ),
     'the requests before a return to the dock, and the pose': (
-        {'arrivals': [Arrival(), MISSED], 'failures': {'b': 'no', 'b2': 'no'}, 'poses': 2, **CAMERA, **DOCK},
+        {
+            'arrivals': [Arrival(), MISSED, *[Arrival()] * 2, *[Arrival('no')] * 4],
+            'poses': 2,
+            **CAMERA,
+            **DOCK,
+        },
         'unseen 0.5 unseen 1 unseen unseen dock 0 resume 0 seen answer 1 0.5 0.5',
         [('a=OK', '', 6, True, 2), ('b=UNREACHABLE', 'pose 1: no; pose 2: no', 0, None, 2)],
     ),

@@ -77,11 +77,3 @@ def test_a_count_that_no_layout_can_fit_is_refused(register, count):
     code, _, err = register('--tags', count)
     assert code == 2
     assert f'--tags is {count}: must be from 2 to ' in err
-
-
-def test_ctrl_c_writes_nothing_and_says_so(register, tmp_path, monkeypatch):
-    monkeypatch.setattr(process, 'is_asked_to_end', lambda: True)
-    code, _, err = register()
-    assert code == 130
-    assert 'register_discovered_tags: interrupted: nothing is kept, and nothing is written' in err
-    assert not (tmp_path / 'layout.yaml').exists()
