@@ -4,7 +4,6 @@
 import importlib.util
 import itertools
 import json
-import os
 import sys
 from xml.etree import ElementTree
 
@@ -85,10 +84,9 @@ def test_the_picture_names_sensors_units_tags_values_and_failures(report, drawn,
     assert counts in '\n'.join(texts)
 
 
-@pytest.mark.parametrize('name', ['day.sqlite', 'day.csv'])
-def test_a_recording_is_drawn_like_a_report(report, tmp_path, drawn, name):
-    open_store(str(tmp_path / name)).keep(read_file(report).rows)
-    assert {'temperature (°C)', '1: 22.6', '5: 615'} <= set(texts_in(drawn(file=tmp_path / name)))
+def test_a_recording_is_drawn_like_a_report(report, tmp_path, drawn):
+    open_store(str(tmp_path / 'day.csv')).keep(read_file(report).rows)
+    assert {'temperature (°C)', '1: 22.6', '5: 615'} <= set(texts_in(drawn(file=tmp_path / 'day.csv')))
 
 
 def test_what_is_the_same_is_told_once(drawn):
@@ -101,9 +99,8 @@ def test_what_is_the_same_is_told_once(drawn):
     assert not any(each.get_markersize() == 13 for each in figure.axes[0].lines)
 
 
-def test_the_tags_without_a_value_are_drawn_in_the_order_of_the_layout(report, figures, shipped_tags):
-    assert main([str(report)]) == 0
-    ways, temperature, _ = (axes for axes in figures[0].axes if axes.lines)
+def test_the_tags_without_a_value_are_drawn_in_the_order_of_the_layout(report, drawn, shipped_tags):
+    ways, temperature, _ = (axes for axes in drawn(file=report).axes if axes.lines)
     for axes, others in ((ways, {'1', '5', '7'}), (temperature, {'1', '5'})):
         (dots,) = (line for line in axes.lines if line.get_color() == '0.75')
         left = [(tag['x'], tag['y']) for tag_id, tag in shipped_tags.items() if tag_id not in others]
@@ -287,15 +284,13 @@ def test_the_colours_of_a_sensor_are_those_of_the_config(tmp_path, section, expe
         (['REPORT', '--output', 'picture.docx'], "'picture.docx': the ending must be one of "),
         (['REPORT', '--route', '/missing.csv'], "--route '/missing.csv': cannot be read (No such"),
         (['REPORT', '--route', 'TAGS'], 'is not a CSV file of x,y in metres: name another'),
-        (['REPORT', '--sim-config-file', 'FIFO'], 'is not a regular file'),
         (['/'], "'/': not a regular file"),
     ],
 )
 def test_what_cannot_be_drawn_is_said_in_one_line(report, tmp_path, capsys, arguments, fragment):
     tags = tmp_path / 'tags.json'
     tags.write_text('{"x": {"x": 1.0, "y": 2.0, "sensors": ["co2"]}}', encoding='utf-8')
-    os.mkfifo(tmp_path / 'fifo')
-    known = {'REPORT': report, 'TAGS': tags, 'FIFO': tmp_path / 'fifo'}
+    known = {'REPORT': report, 'TAGS': tags}
     assert main([str(known.get(each, each)) for each in arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith('plot_report: ')

@@ -122,9 +122,8 @@ def test_json_is_one_object_per_line_and_keeps_characters_as_they_are(read, noon
     good, bad = map(json.loads, ended.out.splitlines())
     assert ended.code == SOME_FAILED
     assert '番茄' in ended.out
-    readings, stamp = good.pop('readings'), good.pop('stamp')
-    assert readings['temperature'] == noon_bridge.values(warm_tag_id)['temperature']
-    assert readings.keys() == noon_bridge.values(warm_tag_id).keys()
+    readings, stamp, values = good.pop('readings'), good.pop('stamp'), noon_bridge.values(warm_tag_id)
+    assert (readings['temperature'], readings.keys()) == (values['temperature'], values.keys())
     assert stamp['sec'] > 10**9 > stamp['nanosec']
     ok = {'tag_id': warm_tag_id, 'status': 'OK', 'error_message': '', 'sim_time_of_day_seconds': 43200.0}
     assert good == ok
@@ -134,7 +133,7 @@ def test_json_is_one_object_per_line_and_keeps_characters_as_they_are(read, noon
 
 
 def test_csv_has_the_columns_of_the_recorder_and_one_header_also_in_a_file_to_which_it_is_added(
-    read, noon_bridge, shipped_tags, tmp_path, monkeypatch
+    read, shipped_tags, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(process, 'sleep', lambda _seconds: None)
     file = tmp_path / 'day.csv'
@@ -147,9 +146,8 @@ def test_csv_has_the_columns_of_the_recorder_and_one_header_also_in_a_file_to_wh
     assert text.startswith(f'{HEADER}\n')
     assert text.count(HEADER) == 1
     rows = parse_csv(text.encode())
-    values = {(tag_id, name) for tag_id in shipped_tags for name in noon_bridge.values(tag_id)}
-    assert {(row.tag_id, row.sensor) for row in rows} == values
-    assert len(rows) == 4 * len(values)
+    values = [(tag_id, name) for tag_id, tag in shipped_tags.items() for name in tag['sensors']]
+    assert [(row.tag_id, row.sensor) for row in rows] == 4 * values
     for row in rows:
         assert (row.x_m, row.y_m) == (shipped_tags[row.tag_id]['x'], shipped_tags[row.tag_id]['y'])
         assert (row.sim_time_of_day_seconds, row.source) == (43200.0, 'read_tag')
@@ -258,26 +256,22 @@ def test_a_client_that_ros_refuses_is_exit_code_2_and_names_the_security(read, m
     assert read('1').said == 'read_tag: security is enabled: error creating client'
 
 
-def test_all_of_a_bridge_with_another_tag_file_is_its_own(read_tag_here, start_bridge, altered, write_layout):
+def test_all_are_the_tags_that_the_bridge_names_in_natural_order(run_here, read_tag_here, times_out_when):
     """Even if this machine has another release of the simulator than the bridge."""
-    tag_file = write_layout(dict.fromkeys(('10', '9'), (1.0, 1.0)))
-    bridge = start_bridge(altered('path_arguments'), tag_file=tag_file)
-    bridge.connect()
-    os.remove(tag_file)
-    ended = read_tag_here('--all', '--json', '--service', bridge.service_name)
-    assert ended.code == ALL_READ
-    assert [json.loads(line)['tag_id'] for line in ended.out.splitlines()] == ['9', '10']
-
-
-def test_all_needs_a_bridge_that_names_its_tags(run_here, read_tag_here, times_out_when):
     with spinning_node('stranger') as node:
         node.create_service(GetTagReading, '~/get_tag_reading', reply)
-        ended = read_tag_here('--all', '--service', '/stranger/get_tag_reading')
-    assert (ended.code, ended.said) == (
-        USAGE,
-        'read_tag: the node of /stranger/get_tag_reading has no parameter loaded_tag_ids,'
-        ' so it is a bridge older than 1.1: name the tag ids instead of --all',
-    )
+        arguments = '--all', '--json', '--service', '/stranger/get_tag_reading'
+        ended = read_tag_here(*arguments)
+        assert (ended.code, ended.said) == (
+            USAGE,
+            'read_tag: the node of /stranger/get_tag_reading has no parameter loaded_tag_ids,'
+            ' so it is a bridge older than 1.1: name the tag ids instead of --all',
+        )
+        node.declare_parameter('loaded_tag_ids', ['10', '9'])
+        node.declare_parameter('tag_file', '')
+        ended = read_tag_here(*arguments)
+    assert ended.code == ALL_READ
+    assert [json.loads(line)['tag_id'] for line in ended.out.splitlines()] == ['9', '10']
     times_out_when(lambda node: len(list(node.clients)) == 2)  # the second is that of the parameters
     with empty_domain(), spinning_node('climate') as node:
         node.create_service(GetTagReading, '/elsewhere/readings', reply)
@@ -334,24 +328,21 @@ def test_the_hint_names_a_service_of_another_name_or_type(hint, noon_bridge):
     name, its_type = '/stranger/get_tag_reading', 'rcl_interfaces/srv/GetParameters'
     with empty_domain(), spinning_node('stranger') as stranger:
         stranger.create_service(GetParameters, name, lambda _request, response: response)
-        is_found = (name, [its_type]).__eq__
-        text = hint(lambda node: any(map(is_found, node.get_service_names_and_types())), service=name)
+        text = hint(
+            lambda node: its_type in dict(node.get_service_names_and_types()).get(name, []), service=name
+        )
     wanted = f'{GetTagReading.__module__.split(".")[0]}/srv/GetTagReading'
     assert text.startswith(f'{name} has the type {its_type}, but this client calls {wanted}')
 
 
-@pytest.mark.parametrize('is_terminal', [True, False])
-def test_waiting_for_the_service_is_said_and_on_a_terminal_wiped_out(
-    run_here, times_out_when, monkeypatch, is_terminal
-):
+def test_waiting_for_the_service_is_said_and_on_a_terminal_wiped_out(run_here, times_out_when, monkeypatch):
     monkeypatch.setattr(read_tag, 'SILENT_SECONDS', 0.0)
     ends = iter([False, False, True])
     times_out_when(lambda _node: next(ends))
-    with Terminal(columns=80) as shown, redirect_stderr(shown.stream if is_terminal else sys.stderr):
-        ended = run_here(read_tag.main, '1', '--service', '/nobody/get_tag_reading', '--timeout', '7')
+    with Terminal(columns=80) as shown, redirect_stderr(shown.stream):
+        run_here(read_tag.main, '1', '--service', '/nobody/get_tag_reading', '--timeout', '7')
     waiting = 'read_tag: waiting for /nobody/get_tag_reading, 7 s more'
-    first = f'\r\x1b[K{waiting}\r\r\x1b[K\r' if is_terminal else f'{waiting}\n'
-    assert (shown.text if is_terminal else ended.err).startswith(f'{first}read_tag: no service ')
+    assert shown.text.startswith(f'\r\x1b[K{waiting}\r\r\x1b[K\rread_tag: no service ')
 
 
 def test_watch_reads_from_start_to_start_until_a_signal(read, shipped_tags, monkeypatch):
@@ -366,11 +357,9 @@ def test_watch_reads_from_start_to_start_until_a_signal(read, shipped_tags, monk
     monkeypatch.setattr(process, 'sleep', sleep)
     monkeypatch.setattr(read_tag, 'time', SimpleNamespace(monotonic=lambda: next(ticks)))
     ended = read('6', '99', '--watch', '100')
-    assert slept == [70.0] * 3
-    assert ended.code == SOME_FAILED
-    header, *rows = ended.out.splitlines()
-    assert header.startswith('tag')
-    assert [row.split()[0] for row in rows] == ['6'] * len(shipped_tags['6']['sensors']) * 3
+    assert (ended.code, slept) == (SOME_FAILED, [70.0] * 3)
+    tag_ids = [row.split()[0] for row in ended.out.splitlines()]
+    assert tag_ids == ['tag', *['6'] * len(shipped_tags['6']['sensors']) * 3]
     assert ended.said.count('UNKNOWN_TAG') == 3
 
 
@@ -489,12 +478,9 @@ def test_on_a_terminal_a_table_replaces_the_last_one_and_is_cut_to_the_window():
     assert shown(0, failures=[failure('x' * 60)]) == f'\x1b[J{line:.59}\n'
 
 
-def test_the_size_is_that_of_the_window_or_the_usual_one(tmp_path, capsys):
-    for window, size in (((24, 60), (60, 24)), ((0, 0), (80, 24))):
-        with Terminal(*window) as terminal:
-            assert terminal_size(terminal.stream) == size
-    with (tmp_path / 'closed').open('w') as closed:
-        assert terminal_size(closed) == (80, 24)
-    assert terminal_size(closed) == terminal_size(sys.stdout) == (80, 24)
-    Csv({}).show([answer('7', co2=1.0)])  # into an output that is no file
+def test_an_output_without_a_size_has_the_usual_one(capsys):
+    with Terminal(0, 0) as terminal:
+        assert terminal_size(terminal.stream) == (80, 24)
+    assert terminal_size(terminal.stream) == terminal_size(sys.stdout) == (80, 24)  # closed, and no file
+    Csv({}).show([answer('7', co2=1.0)])
     assert capsys.readouterr().out.startswith(f'{HEADER}\n')
