@@ -4,7 +4,6 @@
 import copy
 import datetime
 import fractions
-import importlib.metadata
 import itertools
 import math
 import random
@@ -18,8 +17,6 @@ import yaml
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
-
-TAGS_SHIPPED = {'1.0.7': 22, '1.0.8': 29}
 
 
 def closed_form(components, x, y, hour):
@@ -45,13 +42,6 @@ def closed_form(components, x, y, hour):
 def loaded(config_file=None, **parameters):
     """Return the simulator that a bridge with these parameters serves."""
     return simulation.load(Settings(**parameters), None, config_file).sim
-
-
-def test_every_tag_gives_exactly_its_own_sensors_in_its_order(noon_bridge, shipped_tags):
-    version = importlib.metadata.version('mdp-greenhouse')
-    assert len(shipped_tags) == TAGS_SHIPPED.get(version, len(shipped_tags))
-    served = {tag_id: list(noon_bridge.values(tag_id)) for tag_id in shipped_tags}
-    assert served == {tag_id: tag['sensors'] for tag_id, tag in shipped_tags.items()}
 
 
 @pytest.mark.parametrize('hour', [0.0, 6.0, 12.0, 18.0])

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import yaml
 from ament_index_python.packages import get_package_share_path
-from geometry_msgs.msg import PoseArray
 from hypothesis import given
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge.display import show_readings
@@ -359,24 +358,21 @@ PANEL = FOXGLOVE['configById'][FOXGLOVE['layout']]
 
 
 def test_the_displays_of_rviz_and_foxglove_are_of_topics_that_are_published(start_here, viewer):
-    types = {'Map': OccupancyGrid, 'MarkerArray': MarkerArray, 'PoseArray': PoseArray}
-    displays, frame = {}, RVIZ['Global Options']['Fixed Frame']
-    for each in RVIZ['Displays']:
-        if topic := each.get('Topic'):
-            assert each['Enabled'] == (topic['Value'] != '/show_readings/field')
-            assert topic['Durability Policy'] == 'Transient Local'
-            displays[topic['Value']] = types[each['Class'].removeprefix('rviz_default_plugins/')]
-    node = start_here()
+    node, frame = start_here(), RVIZ['Global Options']['Fixed Frame']
     wait_until(lambda: viewer.markers)
-    assert viewer.markers[-1].markers[0].header.frame_id == frame
+    assert viewer.markers[-1].markers[0].header.frame_id == PANEL['followTf'] == frame
+    displays = {each['Topic']['Value']: each for each in RVIZ['Displays'] if 'Topic' in each}
     published = dict(node.get_publisher_names_and_types_by_node('show_readings', '/'))
-    for topic in ('/show_readings/markers', '/show_readings/field'):
-        kind = displays.pop(topic)
-        assert published[topic] == [f'{kind.__module__.partition(".")[0]}/msg/{kind.__name__}']
-    assert displays == {'/approach_poses/poses': PoseArray}
-    assert PANEL['followTf'] == frame
-    shown = {topic for topic, settings in PANEL['topics'].items() if settings['visible']}
-    assert shown == {'/show_readings/markers', '/approach_poses/poses'}
+    published['/approach_poses/poses'] = ['geometry_msgs/msg/PoseArray']
+    shown = {'/show_readings/markers': 'MarkerArray', '/approach_poses/poses': 'PoseArray'}
+    assert displays.keys() == {*shown, '/show_readings/field'}
+    for topic, display in displays.items():
+        kind = shown.get(topic, 'Map')
+        assert display['Class'] == f'rviz_default_plugins/{kind}'
+        assert published[topic][0].endswith(kind.replace('Map', 'nav_msgs/msg/OccupancyGrid'))
+        assert display['Enabled'] == (topic in shown)
+        assert display['Topic']['Durability Policy'] == 'Transient Local'
+    assert {topic for topic, settings in PANEL['topics'].items() if settings['visible']} == shown.keys()
 
 
 def test_the_process_ends_with_exit_code_0(start_node):

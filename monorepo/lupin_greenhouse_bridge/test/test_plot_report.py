@@ -257,14 +257,10 @@ def test_the_pictures_of_several_files_have_the_same_colours(tmp_path, figures, 
     assert f"'{pictures[0]}' is the picture of 2 FILEs: draw them one by one" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ('section', 'expected'),
-    [('{colorbar_ranges: {co2: {min: 1, max: 2}}}', {'co2': (1.0, 2.0)}), ('{}', {})],
-)
-def test_the_colours_of_a_sensor_are_those_of_the_config(tmp_path, section, expected):
+def test_a_config_without_colour_ranges_has_none(tmp_path):
     config = tmp_path / 'config.yaml'
-    config.write_text(f'time: {{debug_mode: false}}\nsensors: {{co2: [{{}}]}}\nvisualization: {section}')
-    assert read_colour_ranges(str(config)) == expected
+    config.write_text('time: {debug_mode: false}\nsensors: {co2: [{}]}\nvisualization: {}')
+    assert read_colour_ranges(str(config)) == {}
 
 
 @pytest.mark.parametrize(
