@@ -16,7 +16,6 @@ UNITS = f'{CORE_BRIDGE}/units.py'
 SETTINGS = f'{CORE_BRIDGE}/settings.py'
 TABLE = 'tools/twins.toml'
 README = 'lupin_greenhouse_ros/README.md'  # kept by hand, but for the address of the mirror
-ADDRESS = generate.load_table(generate.ROOT)['trees']['mirror']['address']
 DIVERGENT = '    return Path(value) if value else None\n'
 
 
@@ -139,17 +138,6 @@ def test_files_that_git_ignores_and_other_interfaces_of_the_team_are_left_alone(
     git(repository, 'add', '--force', f'{CORE_BRIDGE}/more.py')  # git does not ignore what it tracks
     assert run(repository) == 0
     assert (repository / 'monorepo' / BRIDGE / 'more.py').exists()
-
-
-def test_the_address_of_the_table_is_written_into_the_readme_and_its_repos_example(repository, capsys):
-    edit(repository / TABLE, ADDRESS, 'git@example.org:other.git')
-    edit(repository / README, '## What else there is', '## What else is here')
-    edited = (repository / README).read_text()
-    assert run(repository, '--check') == 1
-    assert '-    url: git@example.org:other.git' in capsys.readouterr().out
-    commit(repository)
-    assert run(repository) == 0
-    assert (repository / README).read_text() == edited.replace(ADDRESS, 'git@example.org:other.git')
 
 
 @pytest.mark.parametrize(

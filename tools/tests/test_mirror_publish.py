@@ -9,7 +9,7 @@ import mirror_publish
 import mirror_publish_check
 import pytest
 from conftest import commit, edit, git
-from test_mirror_import import BRIDGE, LOG_MORE, NEW_TITLE, commit_in, import_patch
+from test_mirror_import import BRIDGE
 
 MIRROR = mirror_publish.ROOT / mirror_publish.MIRROR
 README = 'lupin_greenhouse_ros/README.md'
@@ -149,7 +149,6 @@ def test_another_default_branch_is_told_with_what_to_set(remote, publish, branch
         ('git@gitlab.com:group/sub/name.git', 'https://gitlab.com/group/sub/name.git'),
         ('ssh://git@github.com/owner/name.git', 'https://github.com/owner/name.git'),
         ('ssh://git@github.com:22/owner/name.git', 'https://github.com/owner/name.git'),
-        ('git@git.example.org:owner/name.git', 'https://git.example.org/owner/name.git'),
         ('https://me:secret@gitlab.com/owner/name', 'https://gitlab.com/owner/name'),
         ('/srv/mirror.git', '/srv/mirror.git'),
     ],
@@ -225,26 +224,6 @@ def test_a_wrong_remote_and_a_shallow_clone_are_refused_in_one_line(repository, 
     git(remote.parent, 'clone', '--quiet', '--depth=1', f'file://{repository}', 'shallow')
     assert mirror_publish.main([str(remote), '--root', str(remote.parent / 'shallow')]) == 1
     assert 'git fetch --unshallow' in capsys.readouterr().err
-
-
-def test_an_imported_series_is_published_unchanged(repository, remote, publish):
-    """From a clone of the published mirror into the core by patches, and back."""
-    publish()
-    contributor = remote.parent / 'contributor'
-    git(remote.parent, 'clone', '--quiet', str(remote), str(contributor))
-    base = git(contributor, 'rev-parse', 'HEAD').strip()
-    commit_in(contributor, LOG_MORE)
-    commit_in(contributor, ('lupin_greenhouse_msgs/msg/SensorReading.msg', 'One simulated', 'A simulated'))
-    commit_in(contributor, NEW_TITLE)
-    series = git(contributor, 'format-patch', '--stdout', base)
-    result = import_patch(repository, series)
-    assert result.returncode == 0, result.stderr
-    assert publish()[0] == 0
-    assert tree(remote, 'ready') == tree(contributor, 'HEAD')
-    told = '--format=%an <%ae> %ad %s'
-    assert git(remote, 'log', '--no-merges', told, f'{base}..ready') == git(
-        contributor, 'log', told, f'{base}..HEAD'
-    )
 
 
 def test_the_marked_blocks_of_the_pages_are_followed_word_for_word():
