@@ -3,7 +3,6 @@
 import importlib.util
 import re
 import sys
-import time
 from types import SimpleNamespace
 
 import pytest
@@ -139,11 +138,10 @@ def start_reader(monkeypatch, run_nodes, detector):
     It returns the node, what it has published, and the tags as it sees them. Its clock stands still.
     """
 
-    def start(*, is_served=True, has_real_clock=False, **parameters):
+    def start(*, is_served=True, **parameters):
         clock, seen, looks = ManualClock(), [], []
         see, forget = Sightings.see, Sightings.forget
-        now = time.monotonic if has_real_clock else clock
-        monkeypatch.setattr(read_on_sight, 'time', SimpleNamespace(monotonic=now))
+        monkeypatch.setattr(read_on_sight, 'time', SimpleNamespace(monotonic=clock))
         monkeypatch.setattr(Sightings, 'see', lambda *each: seen.append(each[1]) or see(*each))
         monkeypatch.setattr(Sightings, 'forget', lambda *each: looks.append(each[1]) or forget(*each))
         parameters = {'detections_topic': TOPIC, 'bridge_service_name': HeldService.name, **parameters}
@@ -232,9 +230,9 @@ def test_other_families_are_ignored_the_format_makes_the_id_and_an_unknown_one_i
 ):
     held_service.status, held_service.error_message = GetTagReading.Response.STATUS_UNKNOWN_TAG, 'Unknown x6.'
     held_service.reply(1000)
-    reader = start_reader(has_real_clock=True, tag_id_format='x{id}', cooldown_seconds=0.01)
+    reader = start_reader(tag_id_format='x{id}', cooldown_seconds=0.01)
     reader.camera.in_view = [('tag25h9', 5), ('tf36h11', 6)]
-    wait_until(lambda: len(held_service.requests) >= 4)
+    wait_until(lambda: reader.pass_seconds(0.01) or len(held_service.requests) >= 4)
     assert set(held_service.requests) == {'x6'}
     shown = log()
     assert shown.count('Unknown x6.') == 1
