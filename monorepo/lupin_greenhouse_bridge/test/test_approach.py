@@ -21,6 +21,7 @@ from lupin_greenhouse_bridge.planning.tag_poses import (
     PLATE_WIDTH_M,
     SOUTH,
     WEST,
+    distances_m,
     find_tag_poses,
     tables_of,
 )
@@ -58,17 +59,11 @@ def plates_of(layout: Layout, walls: Walls) -> dict[str, np.ndarray]:
     return plates
 
 
-def to_table_m(table, points) -> np.ndarray:
-    """Return the distance of each point to a table; 0 in it."""
-    low, high = np.reshape(table, (2, 2))
-    return np.hypot(*np.maximum(low - points, points - high).clip(0.0).T)
-
-
 def gaps_m(layout: Layout, points, walls: Walls | None = None) -> np.ndarray:
     """Return the distance of each point to the nearest table, plate or wall; below 0 outside the walls."""
     walls, points = walls or walls_around(layout), np.reshape(points, (-1, 2))
     gaps = [*(points - walls[:2]).T, *(walls[2:] - points).T]
-    gaps += [to_table_m(each, points) for each in tables_of(layout)]
+    gaps += distances_m(np.reshape(tables_of(layout), (-1, 4)), points[:, None]).T.tolist()
     for start, end in plates_of(layout, walls).values():
         shares = ((points - start) @ (end - start) / PLATE_WIDTH_M**2).clip(0.0, 1.0)
         gaps.append(np.linalg.norm(points - start - shares[:, None] * (end - start), axis=1))
@@ -95,10 +90,11 @@ def crosses_table(line, table) -> bool:
 
 def is_hidden(layout: Layout, tag_id: str, pose: ApproachPose, camera_offset_m: float = 0.0) -> bool:
     """Return whether a table but its own, or another plate, is before the centre or an end of a tag."""
-    plates = plates_of(layout, walls_around(layout))
+    plates, tables = plates_of(layout, walls_around(layout)), tables_of(layout)
     plate = plates.pop(tag_id)
     middle = plate.mean(axis=0)
-    _, *tables = sorted(tables_of(layout), key=lambda each: to_table_m(each, middle)) or [None]
+    if tables:
+        del tables[int(distances_m(np.array(tables), middle).argmin())]
     eye = pose[:2] + camera_offset_m * np.array([math.cos(pose.yaw), math.sin(pose.yaw)])
     return any(
         any(crosses_table((eye, target), each) for each in tables)
@@ -183,21 +179,6 @@ def test_a_tag_without_a_pose_has_the_reason_and_the_others_have_poses(layout, l
     found = approaches_of(layout, limits, **options)
     assert found.unreachable == unreachable
     assert set(found.poses) == set(layout.tags) - set(unreachable)
-
-
-def test_room_for_an_arrival_counts_to_obstacles_that_are_far_from_the_tag():
-    """0.24 m ahead of the head-on pose is a post: its room would be 0.06 m, less than 0.02 m and 0.06 m."""
-    layout = layout_of((2.0, 1.0), **BENCH, post=(1.95, 0.0, 2.05, 0.24))
-    pose = approaches_of(layout).poses['0']
-    to_post_m = math.hypot(max(pose.x - 2.05, 0.0), pose.y - 0.24)
-    assert to_post_m - 0.2 >= 0.08 - 1e-9
-
-
-def test_the_preferred_standoff_comes_before_the_smallest_angle():
-    layout = layout_of((2.0, 1.0), **BENCH, ahead=(1.95, 0.2, 2.05, 0.5))
-    pose = approaches_of(layout, ViewingLimits(0.1)).poses['0']
-    assert pose.distance_m == pytest.approx(0.5)
-    assert 0.1 < pose.angle_rad < math.pi / 4
 
 
 def test_tags_side_by_side_hide_nothing_of_each_other():
@@ -592,6 +573,12 @@ BELOW, FAR_ABOVE, ABOVE = (1.0, 1.0, 3.0, 1.9), (1.0, 2.5, 3.0, 3.0), (1.0, 2.1,
 def test_a_tag_faces_away_from_its_table_towards_the_free_side(x, y, expected, tables, walls):
     layout = layout_of((x, y), **{str(number): each for number, each in enumerate(tables)})
     assert find_tag_poses(layout, walls)['0'].facing == expected
+
+
+def test_the_distance_of_a_table_is_that_of_its_nearest_point():
+    points = np.array([(2.0, 1.2), (0.4, 1.2), (2.0, 1.9), (0.7, 0.6), (3.3, 1.9)])
+    found_m = distances_m(np.array([LONG]), points[:, None])[:, 0]
+    assert found_m.tolist() == pytest.approx([0.0, 0.6, 0.4, 0.5, 0.5])
 
 
 def test_without_tables_tags_face_the_middle():

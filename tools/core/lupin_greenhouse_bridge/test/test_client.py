@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 import rclpy
 from conftest import HeldService
-from lupin_greenhouse_bridge.contract import has_tag_file, parameter_service_of, tag_ids_of
+from lupin_greenhouse_bridge.contract import has_tag_file
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading import client
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
@@ -118,12 +118,8 @@ def test_a_request_whose_reply_is_lost_is_sent_again(held_service, caller, monke
     assert len(asked) > 1  # a slow reply may cost one more
 
 
-def test_the_parameters_of_a_bridge_are_asked_of_its_own_node():
-    assert parameter_service_of('/a/bridge/get_tag_reading') == '/a/bridge/get_parameters'
-    ids, none = ParameterValue(string_array_value=['7', '8']), ParameterValue()
-    custom = ParameterValue(string_value='tags.json')
-    response = GetParameters.Response
-    assert tag_ids_of(response(values=[ids, none])) == ['7', '8']
-    assert tag_ids_of(response()) == []
-    assert has_tag_file(response(values=[ids, custom]))
-    assert not has_tag_file(response(values=[ids, none]))
+def test_a_bridge_tells_whether_its_tag_file_is_the_shipped_one():
+    ids = ParameterValue(string_array_value=['7'])
+    for name in ('', 'tags.json'):
+        response = GetParameters.Response(values=[ids, ParameterValue(string_value=name)])
+        assert has_tag_file(response) == bool(name)
