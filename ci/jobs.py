@@ -31,7 +31,7 @@ def locked(path: str | Path, name: str) -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            print(f'{name}: waiting for another make, which does the same', file=sys.stderr, flush=True)
+            print(f'{name}: waiting for another make, which is at work here', file=sys.stderr, flush=True)
             fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 

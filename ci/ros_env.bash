@@ -1,6 +1,7 @@
 # Source this file to enter the project's ROS 2 environment and the packages of TREE, if they are built.
 # VENV is the environment (default: .venv), TREE the tree (default: monorepo). The argument `without-overlay`
 # leaves the packages out, to build them.
+[ -n "${BASH_VERSION:-}" ] || { echo 'ci/ros_env.bash is for bash: run bash first' >&2; return 1; }
 [[ "${BASH_SOURCE[0]}" != "$0" ]] || { echo "it must be sourced: write source $0" >&2; exit 1; }
 _root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 export VIRTUAL_ENV="${VENV:-$_root/.venv}"
@@ -30,5 +31,7 @@ done
 unset _name
 if [ "${1:-}" != without-overlay ] && [ -e "$LUPIN_WORKSPACE/install/local_setup.bash" ]; then
     source "$LUPIN_WORKSPACE/install/local_setup.bash"
+elif [ -z "${1:-}${MAKELEVEL:-}" ]; then  # make itself builds what it needs
+    echo "no package is built in $VIRTUAL_ENV: run make build, and source this file again" >&2
 fi
 unset _root

@@ -133,6 +133,6 @@ def test_who_waits_for_a_lock_says_so_and_goes_on(tmp_path, capsys):
         waiting.start()
         while not (text := capsys.readouterr().err):
             assert waiting.is_alive()
-    assert text == 'build: waiting for another make, which does the same\n'
+    assert text == 'build: waiting for another make, which is at work here\n'
     waiting.join()
     assert entered.is_set()

@@ -12,10 +12,11 @@ import rclpy
 from conftest import SPINS, Terminal
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized, source_of_messages
+from lupin_greenhouse_bridge.planning import register_layout
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
 from lupin_greenhouse_bridge.runtime.output import Progress, ProgressLine
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, ManualClock, spinning_node
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, ManualClock, executable, spinning_node
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from rclpy.executors import SingleThreadedExecutor
 
@@ -93,6 +94,24 @@ def test_the_process_of_read_tag_ends_as_documented():
 def test_read_tag_that_waits_for_a_service_ends_as_documented(run_here, moment, arguments):
     ended = run_here(read_tag.main, *arguments, *NOBODY, signals_at={moment: BOTH})
     assert ended == (INTERRUPTED, f'signalled in {moment}\n', '')
+
+
+def test_register_layout_that_computes_ends_as_documented(run_here):
+    moment = 'lupin_greenhouse_bridge/planning/registration.py:best_to_click'
+    ended = run_here(register_layout.main, '--suggest', '3', signals_at={moment: BOTH})
+    assert ended[:2] == (INTERRUPTED, f'signalled in {moment}\n')
+
+
+@pytest.mark.parametrize(('name', 'code'), [('bridge_node', 1), ('read_tag', 2)])
+def test_an_rmw_that_is_not_installed_is_named_in_one_line(monkeypatch, name, code):
+    """Without this, rclpy ends the process with a line of rcl and exit code 102."""
+    monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_none')
+    ended, _, err = ended_process([executable(PACKAGE, name), *(['1'] if name == 'read_tag' else [])])
+    (line,) = err.splitlines()
+    assert (ended, "RMW_IMPLEMENTATION is 'rmw_none', which is not installed: unset it, or set" in line) == (
+        code,
+        True,
+    )
 
 
 @pytest.mark.parametrize('moment', ENDS)

@@ -259,9 +259,11 @@ def test_positions_of_another_greenhouse_are_refused(tmp_path, recording, capsys
     path = recording('readings.sqlite', [7.0])
     assert readings_page.main([str(path), '--tag-file', str(tag_file)]) == 2
     assert capsys.readouterr().err == (
-        f"readings_page: tag 'a1' is at (1, 2) in the file, and at (1, 2.5) in {tag_file}: name the tag_file"
-        ' of its bridge with --tag-file\n'
+        f"readings_page: '{path}': tag 'a1' is at (1, 2) in it, and at (1, 2.5) in {tag_file}: name the"
+        ' tag_file of its bridge with --tag-file, and compare only files of one greenhouse\n'
     )
+    assert readings_page.main([str(path), str(path)]) == 2
+    assert capsys.readouterr().err == f"readings_page: '{path}' is named twice: name each file once\n"
     tag_file.write_text(json.dumps(tags).replace('2.5', '2.001'), encoding='utf-8')
     assert readings_page.main([str(path), '--tag-file', str(tag_file)]) == 0
 

@@ -132,6 +132,7 @@ def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
         ('-p -p -p debug_seed:=1', "'-p' sets no parameter: write NAME:=VALUE in its place"),
         ('-p x:=[1, 2]', '-p "x:=\'[1,\'"; a list has no spaces'),
         ('-p', '-p has no value: write one after it, like -p name:=value'),
+        ('-r __ns:=team7', "namespace 'team7' must begin with /: write -r __ns:=/team7"),
         ('-r a b', "ROS cannot rename by 'a': write FROM:=TO, like -r __ns:=/robot1"),
         ('--seed 42', "'--seed' is no ROS argument: write it before --ros-args, or a parameter as -p"),
         ('-p tag_file:={id:03d}', 'such as -p "tag_file:=\'{id:03d}\'"'),
@@ -258,8 +259,8 @@ def test_an_unknown_parameter_is_named_and_changes_nothing(bridge_here):
     assert ended.code == 0
     assert '; clock frozen at 6 h; ' in ended.err
     assert [line.partition(': ')[2][:60] for line in ended.err.splitlines() if '[WARN]' in line] == [
-        'parameter seed is unknown and ignored: see --help',
-        'parameter debug_sed is unknown and ignored: see --help',
+        'parameter seed is unknown and ignored: its parameters are de',
+        'parameter debug_sed is unknown and ignored: its parameters a',
         'speedup_factor has no effect: debug mode freezes the simulat',
     ]
     # It resembles one that is not set.

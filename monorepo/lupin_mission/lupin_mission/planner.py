@@ -6,7 +6,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 from lupin_greenhouse_bridge.contract import latched
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap
 from lupin_greenhouse_bridge.runtime.poses import pose_in_plane
 from nav_msgs.msg import OccupancyGrid
@@ -129,6 +129,7 @@ class Planner:
     def _mission(self, tag_ids: list[str], robot_m: Place | None) -> Drives:
         """Return the drives in the order of the settings."""
         message, warnings = self._usable_map()
+        self._node.get_logger().info(f'planning the drives to {pluralized(len(tag_ids), "tag")}')
         drives = self._drives(tag_ids, message, robot_m)
         drives.warnings.extend(warnings)
         if self._settings.order != 'shortest':

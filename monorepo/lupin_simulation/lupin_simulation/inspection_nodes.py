@@ -31,6 +31,7 @@ SETTINGS = {
     'confirm_tag': confirm_tag_settings.Settings,
     'fake_navigator': navigator_settings.Settings,
 }
+OPTIONS = ('camera', 'drive', 'record', 'world')  # of make too, which writes them in capitals
 LAYOUT = {each.name for each in fields(LayoutSettings)}
 
 
@@ -72,13 +73,15 @@ def arguments_by_node(options: argparse.Namespace) -> dict[str, list[str]]:
     names['mission_orchestrator'] |= set(mission_settings.WITHOUT_EFFECT)
     names |= {'record_readings': {'tag_file'}, 'fake_camera': LAYOUT, 'world_camera': set()}
     for each in options.arguments:
-        name, _, value = each.partition(':=')
-        if not value and (re.search('[:=]', each) or name in settable):
-            raise StartUpError(fault_of_rule(each, options.arguments))
+        name = re.split('[:=]', each)[0]
+        if name.lower() in OPTIONS:
+            raise StartUpError(f"'{escaped(each, 64)}' sets no parameter: write the option --{name.lower()}")
         if name not in settable | set(mission_settings.WITHOUT_EFFECT):
             refuse_typo(name, settable, 'parameter')
             error = f"'{escaped(each, 64)}' sets no parameter of this run: write name:=value, with one of"
             raise UnknownArgument('\n  '.join([error, *textwrap.wrap(', '.join(sorted(settable)), 98)]))
+        if not each.partition(':=')[2]:
+            raise StartUpError(fault_of_rule(each, options.arguments))
     return {
         node: [each for each in options.arguments if each.partition(':=')[0] in own]
         for node, own in names.items()

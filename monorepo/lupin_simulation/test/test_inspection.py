@@ -173,6 +173,7 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path, tol
         ),
         (['debug_sed:=3'], 'parameter debug_sed is unknown: did you mean debug_seed?'),
         (['debug_seed:=', '3'], "'debug_seed:=' sets no parameter: write debug_seed:=3, without spaces"),
+        (['CAMERA=1'], "'CAMERA=1' sets no parameter: write the option --camera"),
         (['debug_seed=3'], "'debug_seed=3' sets no parameter: write debug_seed:=3, without spaces"),
     ],
 )

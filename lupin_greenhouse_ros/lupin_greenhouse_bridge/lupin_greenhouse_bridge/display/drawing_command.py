@@ -135,6 +135,9 @@ def draw_files(
             check_output_file(options.output, '--output', inputs)
         if options.route and len(options.files) > 1:
             raise StartUpError(f"--route '{options.route}' is for one FILE: name one FILE only")
+        for each in options.files:
+            if sum(other.resolve() == each.resolve() for other in options.files) > 1:
+                raise UsageError(f"'{each}' is named twice: name each file once")
         named = zip(options.files, _names_of(options.files), strict=True)
         recordings = [_read_recording(path, name, options) for path, name in named]
         for output, drawing in draw(options, recordings, _limits_of(recordings, options.sensor)):
@@ -233,13 +236,13 @@ def _layout_of(path: Path, file: ReadingFile, tag_file: str) -> Layout:
             f" not in it, such as '{escaped(min(strangers, key=natural_order), 64)}':"
             ' name the tag_file of its bridge'
         )
-    for tag_id in layout.tags.keys() & placed.keys():
+    for tag_id in sorted(layout.tags.keys() & placed.keys(), key=natural_order):
         here, there = placed[tag_id][:2], layout.tags[tag_id][:2]
         if math.dist(here, there) > MOST_ROUNDING_M:
             raise StartUpError(
-                f"tag '{escaped(tag_id, 64)}' is at ({here[0]:g}, {here[1]:g}) in the file, and at"
+                f"'{path}': tag '{escaped(tag_id, 64)}' is at ({here[0]:g}, {here[1]:g}) in it, and at"
                 f' ({there[0]:g}, {there[1]:g}) in {tag_file or "the shipped tag file"}: name the tag_file'
-                ' of its bridge with --tag-file'
+                ' of its bridge with --tag-file, and compare only files of one greenhouse'
             )
     new = {tag_id: tag for tag_id, tag in placed.items() if tag_id not in layout.tags}
     return layout._replace(tags=layout.tags | new)

@@ -139,9 +139,9 @@ def _warning_of_narrow(narrow: list[Passage], needed_m: float) -> str:
     named = [f'{escaped(each.tag_id, 40)} ({each.width_m:.2f} m)' for each in narrow[:MOST_NAMED]]
     more = f' and {len(narrow) - MOST_NAMED} more' if len(narrow) > MOST_NAMED else ''
     return (
-        f'for a robot with Nav2: on the way to {", ".join(named)}{more}, a passage is narrower than'
-        f' {needed_m:.2f} m, which a local costmap needs that has obstacles in cells of {NAV2_CELL_M} m:'
-        ' give it finer cells; without Nav2, nothing needs to be done'
+        f'on the way to {", ".join(named)}{more}, a passage is narrow: without Nav2, nothing needs to be'
+        ' done;'
+        f' a local costmap of Nav2 with cells of {NAV2_CELL_M} m needs {needed_m:.2f} m: give it finer cells'
     )
 
 

@@ -88,10 +88,11 @@ def parse_walls(value: object) -> Walls | None:
     if value is None or (isinstance(value, str) and not value.strip()):
         return None
     walls = parse_numbers(value)
+    example = '"0 0 4 8"' if isinstance(value, str) else '0 0 4 8'
     if len(walls) != 4 or not (walls[0] < walls[2] and walls[1] < walls[3]):
         raise StartUpError(
             f'walls is {escaped(repr(value), 100)}: must be x0 y0 x1 y1 in metres, with x0 < x1 and y0 < y1,'
-            ' such as "0 0 4 8"'
+            f' such as {example}'
         )
     return Walls(*walls)
 

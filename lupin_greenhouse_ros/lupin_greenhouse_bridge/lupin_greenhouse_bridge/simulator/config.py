@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.errors import StartUpError, escaped, meant_name
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator.json_yaml import (
     kind_of,
@@ -116,9 +116,11 @@ def check_sensors(layout: Layout, config: Config) -> None:
     sensors = config.data['sensors']
     for tag_id, tag in layout.tags.items():
         if unknown := [name for name in tag.sensors if name not in sensors]:
+            meant = meant_name(unknown[0], sensors)
+            advice = f'did you mean {meant}?' if meant else f'use one of {", ".join(sensors)}, or add it'
             raise StartUpError(
                 f"tag_file '{layout.path}': tag '{escaped(tag_id, 64)}' has the sensor {unknown[0]!r}, which"
-                f' {config.where} does not have: add it there, or use one of {", ".join(sensors)}'
+                f' {config.where} does not have: {advice}'
             )
 
 

@@ -105,6 +105,7 @@ def register(layout: Layout, places: Mapping[str, Point], frame_id: str, options
     """
     _check_known(layout, places)
     fitted = fit(_places_m(layout), places, options.tolerance, options.click_error)
+    _raise_if_asked_to_end()
     frame = escaped(frame_id, 40)
     rows = [('tag', f'x in {frame} (m)', f'y in {frame} (m)', 'residual (m)', '')]
     for tag_id, (x, y) in places.items():
@@ -138,12 +139,18 @@ def register(layout: Layout, places: Mapping[str, Point], frame_id: str, options
     )
 
 
+def _raise_if_asked_to_end() -> None:
+    if process.is_asked_to_end():
+        raise Interrupted
+
+
 def _suggest(layout: Layout, count: int) -> None:
     """Print the tags that are best to click, and the command for them."""
     if not 2 <= count <= len(layout.tags):
         raise UsageError(f'--suggest is {count}: must be from 2 to {len(layout.tags)}, the number of tags')
     places_m = _places_m(layout)
     tag_ids = best_to_click(places_m, count)
+    _raise_if_asked_to_end()
     rows = [(escaped(tag_id, 40), *(f'{each:.2f}' for each in places_m[tag_id])) for tag_id in tag_ids]
     print_line('\n'.join(aligned_table([('tag', 'x in layout (m)', 'y in layout (m)'), *rows], [1, 2])))
     print_line(f'To click them: ros2 run lupin_greenhouse_bridge {NAME} --click {shlex.join(tag_ids)}')
@@ -206,8 +213,7 @@ def _take_clicks(executor: Executor, layout: Layout, tag_ids: list[str]) -> tupl
 def spin_until(executor: Executor, is_done: Callable[[], bool]) -> None:
     """Spin until is_done() is true; raises Interrupted after Ctrl-C or SIGTERM."""
     while not is_done():
-        if process.is_asked_to_end():
-            raise Interrupted
+        _raise_if_asked_to_end()
         executor.spin_once(timeout_sec=process.LONGEST_WAIT_SECONDS)
 
 

@@ -24,6 +24,7 @@ NO_OUTPUT = 4  # exit code of every command whose standard output cannot be writ
 _is_asked_to_end = False
 _has_lost_output = False
 _is_started = False  # by start(): this process ends after its main()
+_rmw_problem = ''
 
 
 def install_signal_handlers() -> None:
@@ -72,6 +73,8 @@ def start(module: str, *, has_node: bool = True) -> NoReturn:
             stream.reconfigure(encoding=None if stream.isatty() else 'utf-8', errors='replace')
     if has_node:
         install_signal_handlers()
+        if os.environ.get('RMW_IMPLEMENTATION'):
+            hide_wrong_rmw()
     else:
         for number in SIGNALS:
             signal.signal(number, signal.SIG_DFL)
@@ -118,6 +121,27 @@ def lose_output(error: OSError) -> None:
 def has_lost_output() -> bool:
     """Return True once standard output could not be written."""
     return _has_lost_output
+
+
+def hide_wrong_rmw() -> None:
+    """
+    Take an RMW that is not installed out of the environment, and note it for rmw_problem().
+
+    rclpy would end the process while it is imported.
+    """
+    global _rmw_problem  # noqa: PLW0603 - it belongs to the process
+    from ament_index_python.resources import get_resources  # only here, because it takes a moment
+
+    installed = get_resources('rmw_typesupport').keys() - {'rmw_implementation'}
+    if (name := os.environ['RMW_IMPLEMENTATION']) not in installed:
+        del os.environ['RMW_IMPLEMENTATION']
+        others = ' or '.join(sorted(installed))
+        _rmw_problem = f"RMW_IMPLEMENTATION is '{name}', which is not installed: unset it, or set {others}"
+
+
+def rmw_problem() -> str:
+    """Return what hide_wrong_rmw() has noted; '' if nothing."""
+    return _rmw_problem
 
 
 def security_problem() -> str:

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 SettingsT = TypeVar('SettingsT')
+MOST_NAMED = 8  # parameters in a warning
+OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')
 WANTED: dict[Any, str] = {
     str: 'text (put quotes around a number)',
     bool: 'true or false',
@@ -110,13 +112,15 @@ def check_names(node: 'Node', without_effect: Collection[str] = ()) -> None:
 
     given = parameter_overrides(node)
     unknown = [name for name in given if not node.has_parameter(name)]
-    missing = node.get_parameters_by_prefix('').keys() - given
+    own = sorted(node.get_parameters_by_prefix('').keys() - set(OF_EVERY_NODE))
+    missing = set(own) - set(given)
     if unused := [name for name in without_effect if name in unknown]:
         node.get_logger().info(f'without effect in this node: {", ".join(unused)}')
     for name in unknown:
         if name not in without_effect:
             meant = meant_name(name, missing)
-            advice = f'did you mean {meant}?' if meant else 'see --help'
+            known = f'its parameters are {", ".join(own)}' if len(own) <= MOST_NAMED else 'see --help'
+            advice = f'did you mean {meant}?' if meant else known
             node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored: {advice}')
 
 

@@ -39,6 +39,7 @@ START_FAULTS = {
     r"params file: '--params-file (.*?)'\. Error: (.*?), at ": (
         "parameter file '{}' cannot be read ({}): name a YAML file with ros__parameters"
     ),
+    r"remap rule: '-\S+ __ns:=([^/']+)'\. Error": "namespace '{0}' must begin with /: write -r __ns:=/{0}",
     r"remap rule: '-\S+ (.*?)'\. Error": "ROS cannot rename by '{}': write FROM:=TO, like -r __ns:=/robot1",
     r'trailing (\S+) flag': '{} has no value: write one after it, like -p name:=value or -r __ns:=/robot1',
     r"\['([\w.]+:=.*?)'": "'{0}' lacks its -p: write -p {0}",
@@ -109,6 +110,8 @@ def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
     Raises StartUpError, which says what to change, if ROS cannot start.
     """
     process.install_signal_handlers()
+    if problem := process.rmw_problem():
+        raise StartUpError(problem)
     domain_id = os.environ.get('ROS_DOMAIN_ID') or '0'
     if not domain_id.strip().isdecimal() or int(domain_id) > LARGEST_DOMAIN_ID:
         raise StartUpError(

@@ -149,6 +149,8 @@ def read_text(path: str | Path, where: str, largest_bytes: int) -> str:
         raise StartUpError(f'{where}: cannot be read ({reason_of(error)}): {hint}') from error
     if len(content) > largest_bytes:
         raise StartUpError(f'{where}: is larger than {largest_bytes // 2**20} MiB: use a smaller file')
+    if content.startswith(b'SQLite format 3\0'):
+        raise StartUpError(f'{where}: is an SQLite file, not a text file: name another')
     try:
         return content.decode()
     except UnicodeDecodeError as error:
