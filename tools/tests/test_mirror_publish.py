@@ -80,9 +80,15 @@ def test_main_is_the_mirror_and_ready_is_main_without_colcon_ignore(repository, 
     assert re.sub('[0-9a-f]{10}', 'COMMIT', printed) == ''.join(
         f'would push {ref} new -> COMMIT\n' for ref in REFS[::-1]
     )
+    hook = remote / 'hooks/post-receive'
+    hook.write_text('#!/bin/sh\ncat >> pushed; echo end of push >> pushed\n')
+    hook.chmod(0o755)
     code, printed = publish('--release', VERSION)
     assert code == 0, printed
     assert list(refs(remote)) == [*REFS, f'refs/tags/{VERSION}']
+    # GitHub and GitLab make the first branch that they get the default branch.
+    pushed = re.findall('refs/.*|end of push', (remote / 'pushed').read_text())
+    assert pushed == [REFS[1], 'end of push', REFS[0], f'refs/tags/{VERSION}', 'end of push']
     assert tree(remote, 'main') == git(repository, 'rev-parse', 'HEAD:lupin_greenhouse_ros')
     files = {
         name: git(remote, 'ls-tree', '-r', '--name-only', name).splitlines() for name in ('main', 'ready')
@@ -120,16 +126,6 @@ def test_another_remote_than_that_of_the_address_is_refused_with_what_to_set(rep
     text = git(moved, 'show', 'ready:README.md')
     assert f'git clone --branch ready {moved} src/lupin_greenhouse_ros' in text
     assert f'    url: {moved}\n' in text
-
-
-def test_ready_is_pushed_first_to_an_empty_remote(remote, publish):
-    """GitHub and GitLab make the first branch that they get the default branch."""
-    hook = remote / 'hooks/post-receive'
-    hook.write_text('#!/bin/sh\ncat >> pushed; echo end of push >> pushed\n')
-    hook.chmod(0o755)
-    assert publish()[0] == 0
-    pushed = re.findall('refs/.*|end of push', (remote / 'pushed').read_text())
-    assert pushed == ['refs/heads/ready', 'end of push', 'refs/heads/main', 'end of push']
 
 
 @pytest.mark.parametrize('branch', ['main', 'gone'])
