@@ -71,7 +71,7 @@ class Client:
             name: node.create_client(service_type, f'/navigator/{name}')
             for name, service_type in (('change_state', ChangeState), ('set_wedged', SetBool))
         }
-        self._client = ActionClient(node, action_type, 'navigate_to_pose')
+        self.server = ActionClient(node, action_type, 'navigate_to_pose')
         self.odometry, self.estimates, self.feedback = [], [], []
         node.create_subscription(Odometry, '/odom', self.odometry.append, 10)
         node.create_subscription(PoseWithCovarianceStamped, '/amcl_pose', self.estimates.append, latched())
@@ -82,13 +82,10 @@ class Client:
 
         DDS drops its replies until it has discovered the client. A goal without a frame is rejected.
         """
-        assert self._client.wait_for_server(timeout_sec=PATIENCE_SECONDS)
+        assert self.server.wait_for_server(timeout_sec=PATIENCE_SECONDS)
         goal = self._type.Goal()
         repeat_until_answered(lambda: self._node.executor.create_task(self._reply_to, goal), 'the action')
         return self
-
-    def has_server(self) -> bool:
-        return self._client.server_is_ready()
 
     def call(self, name: str, request) -> None:
         assert self._services[name].wait_for_service(timeout_sec=PATIENCE_SECONDS)
@@ -106,7 +103,7 @@ class Client:
         return result_of(self._node.executor.create_task(self._reply_to, goal))
 
     async def _reply_to(self, goal):
-        return await self._client.send_goal_async(goal, feedback_callback=self.feedback.append)
+        return await self.server.send_goal_async(goal, feedback_callback=self.feedback.append)
 
     def status_of(self, goal) -> int:
         return result_of(goal.get_result_async()).status
@@ -229,18 +226,15 @@ def test_a_goal_that_is_cancelled_or_replaced_ends_and_one_that_is_no_pose_in_th
 
 
 @pytest.mark.parametrize(
-    ('parameters', 'problem'),
+    ('name', 'value', 'problem'),
     [
-        (
-            {'route_file': '/none/route.csv'},
-            "'/none/route.csv': No such file or directory: name another file",
-        ),
-        ({'nav_action_name': 'a b'}, 'parameter nav_action_name: Invalid topic name'),
+        ('route_file', '/none/route.csv', 'No such file or directory: name another file'),
+        ('nav_action_name', 'a b', 'parameter nav_action_name: Invalid topic name'),
     ],
 )
-def test_a_route_that_cannot_be_written_and_a_wrong_action_name_are_refused(start, parameters, problem):
+def test_a_route_that_cannot_be_written_and_a_wrong_action_name_are_refused(start, name, value, problem):
     with pytest.raises(StartUpError, match=problem):
-        start(**parameters)
+        start(**{name: value})
 
 
 def test_the_life_cycle_decides_whether_there_is_an_action_and_whether_it_accepts_goals(start, clock):
@@ -255,10 +249,10 @@ def test_the_life_cycle_decides_whether_there_is_an_action_and_whether_it_accept
     client.change_state(Transition.TRANSITION_DEACTIVATE)
     client.stays_at(here, clock)
     assert client.is_aborted(goal, error_msg='the navigator was deactivated')
-    assert client.has_server()
+    assert client.server.server_is_ready()
     assert not client.send(NEAR).accepted
     client.change_state(Transition.TRANSITION_CLEANUP)
-    wait_until(lambda: not client.has_server())
+    wait_until(lambda: not client.server.server_is_ready())
     client.change_state(Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE)
     client.wait_for_server()
     assert result_of(goal.cancel_goal_async()).return_code == CancelGoal.Response.ERROR_UNKNOWN_GOAL_ID

@@ -80,30 +80,19 @@ def stand_in(tmp_path, monkeypatch):
     return write
 
 
-def test_the_mission_reads_every_tag_and_leaves_a_report_and_a_picture(tmp_path, monkeypatch):
-    monkeypatch.setenv('ROS_DISCOVERY_SERVER', '127.0.0.1:11811')  # of a robot that is off
-    result = run_inspection(tmp_path)
-    assert result.returncode == 0, result.stdout + result.stderr
-    report, lines = report_in(tmp_path)
-    assert re.fullmatch(r'\d{4}-\d\d-\d\d-\d{6}-simulation.jsonl', report.name)
-    assert {line['outcome'] for line in lines} == {'OK'}
-    assert {line['tag_id'] for line in lines} == find_layout('').tags.keys()
-    assert f'{len(lines)}/{len(lines)} tags read' in result.stdout
-    assert report.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
-    assert report.with_suffix('.html').exists()
-    assert 'Traceback' not in result.stderr
-
-
 def test_your_own_greenhouse_is_served_visited_with_a_camera_recorded_and_drawn(tmp_path, monkeypatch):
     tags = {tag_id: {'x': x, 'y': 1.0, 'sensors': ['co2']} for tag_id, x in (('7', 1.0), ('586', 2.0))}
     content = json.dumps({'tags': tags, 'tables': {}})
     (tmp_path / 'my tags.json').write_text(content, encoding='utf-8')
     monkeypatch.chdir(tmp_path)  # paths are relative to the folder of the command
+    monkeypatch.setenv('ROS_DISCOVERY_SERVER', '127.0.0.1:11811')  # of a robot that is off
     own = ['tag_file:=my tags.json', 'debug_time_of_day:=12', 'tag_sequence:="586 7"']
     result = run_inspection(tmp_path / 'out', '--camera', 'image', '--record', 'kept.csv', *own)
     assert result.returncode == 0, result.stdout + result.stderr
     report, lines = report_in(tmp_path / 'out')
-    assert report.name.endswith('-camera.jsonl')
+    assert re.fullmatch(r'\d{4}-\d\d-\d\d-\d{6}-camera.jsonl', report.name)
+    assert '2/2 tags read' in result.stdout
+    assert 'Traceback' not in result.stderr
     assert [(line['tag_id'], line['outcome']) for line in lines] == [('586', 'OK'), ('7', 'OK')]
     assert {line['sim_time_of_day_seconds'] for line in lines} == {43200.0}
     assert result.stdout.splitlines()[-1] == '2 rows kept in kept.csv'
@@ -111,6 +100,7 @@ def test_your_own_greenhouse_is_served_visited_with_a_camera_recorded_and_drawn(
     values = {line['tag_id']: line['readings']['co2'] for line in lines}
     assert rows == {('7', 1.0, values['7']), ('586', 2.0, values['586'])}
     assert report.with_name(f'{report.stem}-tag_locations.json').read_text() == content
+    assert report.with_suffix('.png').read_bytes().startswith(b'\x89PNG')
     assert '"586"' in report.with_suffix('.html').read_text(encoding='utf-8')
 
 
@@ -128,6 +118,7 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path, tol
     result = run_inspection(tmp_path, '--drive', *arguments)
     assert result.returncode == 1, result.stdout + result.stderr
     report, lines = report_in(tmp_path)
+    assert report.name.endswith('-simulation.jsonl')
     found = {each['tag_id']: (each['outcome'], each['detail']) for each in lines}
     assert found['1'] == ('OK', '')
     assert found['13'] == ('UNREACHABLE', 'cut off from the rest of the free space')

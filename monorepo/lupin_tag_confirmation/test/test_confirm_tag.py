@@ -184,12 +184,11 @@ def test_a_caller_who_waits_keeps_nobody_else_waiting_and_a_signal_ends_it_all_t
     ('moment', 'signals'),
     [
         ('rclpy/__init__.py:<module>', 'Ctrl-C'),
-        ('rclpy/executors.py:spin_once', 'SIGTERM'),
         ('rclpy/node.py:destroy_node', 'SIGTERM and Ctrl-C'),
     ],
 )
 def test_signals_end_it_with_exit_code_0(start_node, moment, signals):
-    """While it imports, serves and ends; a second pair of signals always follows the first."""
+    """While it imports and ends; a second pair of signals always follows the first."""
     process = start_node(command(*EXECUTABLE, moment, SIGNALS[signals]))
     is_ending = moment.endswith('destroy_node')
     process.wait_for_log('ready:' if is_ending else 'signalled in')
