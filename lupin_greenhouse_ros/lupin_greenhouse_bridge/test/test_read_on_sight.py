@@ -291,7 +291,6 @@ def test_a_late_reply_is_dropped_the_next_one_is_published_and_a_tag_without_any
     reader.camera.look_at(9)
     wait_until(lambda: '9' in held_service.requests)
     reader.look(2.0)
-    assert 'no reply' not in log()
     wait_until(lambda: reader.node._futures)
     (last,) = reader.node._futures.values()
     reader.pass_seconds(2.0)

@@ -293,21 +293,18 @@ def test_what_cannot_be_drawn_is_said_in_one_line(report, tmp_path, capsys, argu
     assert fragment in line
 
 
-@pytest.mark.parametrize(
-    ('visits', 'reason'),
-    [
-        ([visit('1', 'TIMEOUT')], 'no tag was read'),
-        ([visit('1', co2=1.0), visit('1', 'TIMEOUT')], 'the last visit of every tag failed'),
-        ([], 'holds no readings'),
-    ],
-)
-def test_without_a_last_reading_there_is_no_picture(tmp_path, capsys, visits, reason):
-    path = tmp_path / 'day.sqlite'
-    open_store(str(path))
-    if visits:
-        path = write_report(tmp_path / 'report.jsonl', *visits)
-    assert main([str(path)]) == 1
-    assert capsys.readouterr().err == f"plot_report: '{path}': {reason}: there is no picture\n"
+def test_without_a_last_reading_there_is_no_picture(tmp_path, capsys):
+    open_store(str(tmp_path / 'day.csv'))
+    files = {
+        tmp_path / 'day.csv': 'holds no readings',
+        write_report(tmp_path / 'a.jsonl', visit('1', 'TIMEOUT')): 'no tag was read',
+        write_report(tmp_path / 'b.jsonl', visit('1', co2=1.0), visit('1', 'TIMEOUT')): (
+            'the last visit of every tag failed'
+        ),
+    }
+    for path, reason in files.items():
+        assert main([str(path)]) == 1
+        assert capsys.readouterr().err == f"plot_report: '{path}': {reason}: there is no picture\n"
     assert not [*tmp_path.glob('*.png')]
 
 
