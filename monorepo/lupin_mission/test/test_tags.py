@@ -75,13 +75,6 @@ def test_a_world_without_clear_tags_is_refused(tmp_path, text, fragment):
         read_world(str(path))
 
 
-@pytest.fixture
-def layout_file(tmp_path):
-    """Return the path of a registration in the frame map."""
-    write_transform(tmp_path / 'layout.yaml', TRANSFORM)
-    return str(tmp_path / 'layout.yaml')
-
-
 @pytest.mark.parametrize('has_poses', [True, False])
 def test_perception_comes_first_then_the_registered_layout_if_it_lies_in_the_map_then_the_robot(
     start_waiting_mission, reader, confirmer, twin, node, tmp_path, shipped_tags, has_poses
@@ -118,10 +111,11 @@ def test_perception_comes_first_then_the_registered_layout_if_it_lies_in_the_map
         ('tag_locations_file', json.dumps({'7': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}})),
     ],
 )
-def test_the_tags_of_a_file_are_moved_to_the_map(tmp_path, layout_file, parameter, text):
+def test_the_tags_of_a_file_are_moved_to_the_map(tmp_path, parameter, text):
     path = tmp_path / 'tags'
     path.write_text(text, encoding='utf-8')
-    files = {parameter: str(path), 'layout_in_map': layout_file}
+    write_transform(tmp_path / 'layout.yaml', TRANSFORM)
+    files = {parameter: str(path), 'layout_in_map': str(tmp_path / 'layout.yaml')}
     for has_poses, positions_m in ((True, {'7': pytest.approx((8.0, 21.0))}), (False, {})):
         tags = tags_of(**files, tag_poses_in_map=has_poses)
         assert (tags.ids, tags.positions_m) == (['7'], positions_m)
