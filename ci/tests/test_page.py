@@ -68,8 +68,9 @@ CUT_PIECES = """
 # Elements that reach over the edge of the window, or of the box that would cut them.
 CUT = """
 [...document.querySelectorAll('th, td, h1, button, figure text')].filter(each => {
-    const box = each.getBoundingClientRect(), frame = each.closest('.scroll')?.getBoundingClientRect();
-    return box.left < -1 || box.right > (frame?.right ?? innerWidth) + 1
+    const box = each.getBoundingClientRect(), frame = each.closest('.scroll');
+    const right = frame ? frame.getBoundingClientRect().left + frame.scrollWidth : innerWidth;
+    return box.left < -1 || box.right > right + 1
         || (frame && each.scrollWidth > each.clientWidth + 1);
 }).map(each => each.textContent)
 """
@@ -314,7 +315,7 @@ def test_the_page_fits_a_window_and_follows_its_colour_scheme(report, open_page,
 
 
 @pytest.mark.parametrize(
-    ('walls', 'height', 'wanted'), [((4, 8), 720, 280), ((4, 8), 1080, 420), ((20, 8), 720, 1150)]
+    ('walls', 'height', 'wanted'), [((4, 8), 720, 336), ((4, 8), 1080, 420), ((20, 8), 720, 1150)]
 )
 def test_a_wider_window_never_makes_the_map_smaller(report, open_page, walls, height, wanted):
     """Of a mission with a route and attempts. Each tag has a label, and none touches another tag."""
@@ -337,7 +338,7 @@ def test_a_wider_window_never_makes_the_map_smaller(report, open_page, walls, he
     if walls == (4, 8):
         assert boxes[1280]['#table']['top'] == boxes[1280]['.maps']['top']
         assert boxes[1280]['.scroll']['height'] >= boxes[1280]['table']['height']  # which is seen as a whole
-        assert 0 < boxes[1280]['#bar']['top'] < boxes[1280]['#map .wall']['bottom'] < height
+        assert 0 < boxes[1280]['#bar']['bottom'] < height / 2
         assert boxes[2560]['#charts']['top'] == boxes[2560]['.maps']['top']
         assert boxes[2560]['#charts']['right'] > 2500
     assert page.evaluate('parseFloat(getComputedStyle(document.body).fontSize)') > 18
@@ -445,6 +446,47 @@ def test_two_sheets_of_paper_hold_the_page(report, open_page):
     assert texts[0].count('lowest') == 6  # above the large map, and below each small one
     assert 'Over time' in texts[1]
     assert all(tag_id in texts[1].split() for tag_id in find_layout('').tags)
+
+
+@pytest.mark.parametrize('width', [360, 1280])
+def test_the_header_of_the_table_stays_while_the_page_scrolls(report, open_page, width):
+    page = open_page(report, width=width, height=500)
+    assert page.evaluate("document.querySelector('.scroll').scrollWidth > innerWidth") == (width == 360)
+    page.evaluate("document.querySelector('tbody tr:last-child').scrollIntoView({ block: 'center' })")
+    page.wait_for("Math.abs(document.querySelector('thead').getBoundingClientRect().top) < 1")
+    vertical = (
+        "[...document.querySelectorAll('.scroll')].filter(each => each.scrollHeight > each.clientHeight)"
+    )
+    assert page.evaluate(f'{vertical}.length') == 0
+    assert page.evaluate(
+        "[...document.querySelectorAll('thead *')].map(each => getComputedStyle(each).writingMode)"
+        ".every(each => each === 'horizontal-tb')"
+    )
+
+
+def test_the_lines_of_the_lowest_and_the_highest_value_stand_out_and_the_axis_follows_the_values(
+    tmp_path, open_page
+):
+    path, tags = tmp_path / 'hour.sqlite', find_layout('').tags
+    moments = [(START_S + 60 * n) * 10**9 for n in range(60)]
+    open_store(str(path)).keep(
+        [
+            Row(ns, utc_of(ns), tag_id, 'co2', 500 + 2 * n, '', None, None, 43200.0 + at, 'test')
+            for at, ns in enumerate(moments)
+            for n, tag_id in enumerate(('1', '5', '9'))
+        ]
+    )
+    page = open_page(path)
+    marked = "[...document.querySelectorAll('.series.marked')].map(each => each.dataset.tag)"
+    assert sorted(page.evaluate(marked)) == ['1', '9']
+    heights = [float(each) for each in page.evaluate(SCALE) if each not in tags or each == '500']
+    assert min(heights) >= 499
+    assert max(heights) <= 505
+    assert page.evaluate(CELLS) == ['1', '5', '9']
+    unread = page.evaluate("document.getElementById('unread').innerText")
+    assert unread.startswith('Tags ')
+    assert unread.endswith(' not in the file')
+    assert page.complaints == []
 
 
 def test_what_a_file_holds_is_shown_as_text_and_never_run(tmp_path, open_page):

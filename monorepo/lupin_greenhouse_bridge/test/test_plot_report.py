@@ -13,8 +13,8 @@ from conftest import visit, write_report
 from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_ranges
 from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.display.placing import Box, place_labels
-from lupin_greenhouse_bridge.display.plot_report import SEVERAL_TIMES, main
-from lupin_greenhouse_bridge.display.summary import greenhouse_times, speed_text
+from lupin_greenhouse_bridge.display.plot_report import main
+from lupin_greenhouse_bridge.display.summary import SEVERAL_TIMES, greenhouse_times, speed_text
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.recording.store import open_store
 from lupin_greenhouse_bridge.units import UNITS

@@ -30,6 +30,7 @@ from lupin_greenhouse_bridge.simulator.layout import natural_order
 from lupin_greenhouse_bridge.units import clock_time, decimals_of, label_of, name_of, unit_of, value_text
 
 MOST_TAGS, MOST_NAMED = 1000, 50  # in the table, and in a line of failures
+UNREAD = 'not visited', 'not in the file'  # of tags without a row in the table
 WALL_BINS, DAY_BINS = 150, 48  # of a line: one for two pixels of a chart, and the half hours of a day
 MOST_BINS = 60_000  # in all lines of one clock, so that the page stays below 5 MB
 DAY_SECONDS = 86_400
@@ -72,6 +73,7 @@ def fill(recordings: list[Recording], limits: Limits) -> str:
     return Template(TEMPLATE.read_text(encoding='utf-8')).substitute(
         hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         title=html.escape(', '.join(each.name for each in recordings)),
+        several_times=summary.SEVERAL_TIMES,
         data=text.replace('<', '\\u003c'),
         script=script,
     )
@@ -157,6 +159,7 @@ def data_of(recording: Recording, limits: Limits) -> dict[str, Any]:
         'tags': [tag | {'values': list(tag['values'].values())} for tag in tags.values()],
         'counts': _counts_of(all_tags, failures),
         'failures': [_failure_data(each, tags) for each in failures],
+        'unread': [_failure_data(each, tags) for each in _unread_of(all_tags)],
         'span_ms': [row.stamp_ns // NS_PER_MS for row in (*rows[:1], *rows[-1:])],
         'duration': summary.duration_text(rows[0].stamp_ns, rows[-1].stamp_ns) if rows else '',
         'greenhouse_times': summary.greenhouse_times(rows) if rows else '',
@@ -206,6 +209,15 @@ def _counts_of(tags: dict[str, dict[str, Any]], failures: list[summary.Failures]
     ]
 
 
+def _unread_of(tags: dict[str, dict[str, Any]]) -> list[summary.Failures]:
+    """Return the tags that nobody tried to read, by why there is nothing of them."""
+    return [
+        summary.Failures(word, '', [tag_id for tag_id, tag in tags.items() if tag['outcome'] == word])
+        for word in UNREAD
+        if any(tag['outcome'] == word for tag in tags.values())
+    ]
+
+
 def _failure_data(failure: summary.Failures, tags: dict[str, dict[str, Any]]) -> dict[str, Any]:
     shown = [tags[tag_id]['id'] for tag_id in failure.tag_ids if tag_id in tags][:MOST_NAMED]
     more = len(failure.tag_ids) - len(shown)
@@ -241,7 +253,7 @@ def tags_of(file: Recording, sensors: list[str]) -> dict[str, dict[str, Any]]:
         if visit or row:
             outcome = summary.outcome_text(visit.outcome if visit else 'OK')
         else:
-            outcome = 'not visited' if file.visits else 'not in the file'
+            outcome = UNREAD[0] if file.visits else UNREAD[1]
         shown = {} if has_failed else reading  # which is of an earlier visit
         tags[tag_id] = {
             'id': escaped(tag_id, LONGEST_NAME),

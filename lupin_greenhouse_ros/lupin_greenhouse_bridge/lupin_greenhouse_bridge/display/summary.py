@@ -17,6 +17,7 @@ from lupin_greenhouse_bridge.units import clock_time, unit_of, value_text
 LONGEST_REASON = 300  # characters
 MOST_EXTREME = 4  # tags that a text about the lowest or the highest value names
 LONGEST_GAP_SECONDS = 5  # between two readings that tell the speed of the clock
+SEVERAL_TIMES = 'Tags were read at different times, so values differ by place and by time of day.'
 
 
 class Failures(NamedTuple):

@@ -25,7 +25,6 @@ MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.1, 0.62  # a panel in inches
 DOT_M, GAP_M, LABELS = 0.25, 0.105, LabelSize(0.106, 0.106, 0.212)  # scaled by scale_of()
 READ, UNKNOWN = point_style('o', '0.35', 5), point_style('o', '0.75', 4)
 RINGS = 'lowest or highest value'
-SEVERAL_TIMES = 'Tags were read at different times, so values differ by place and by time of day.'
 EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
 MOST_NAMED, LONGEST_LINE = 30, 110  # tags in a line of failures, and its characters
 
@@ -258,7 +257,7 @@ def _write_head(
     origin = [escaped(name, 64), _time_text('%d %b %Y, times in %Z', last), summary.speed_text(rows)]
     lines.append((' · '.join(filter(None, origin)), 10, '0.35'))
     if len({clock_time(row.sim_time_of_day_seconds) for row in drawn}) > 1:
-        lines.append((SEVERAL_TIMES, 10, '0.35'))
+        lines.append((summary.SEVERAL_TIMES, 10, '0.35'))
     points = 12.0  # above the panels
     for text, size, colour in reversed(lines):
         style = {'fontsize': size, 'color': colour, 'ha': 'center', 'va': 'bottom'}

@@ -81,10 +81,12 @@ const clock = ms => new Date(ms).toTimeString().slice(0, 8);
 const date = ms => new Date(ms).toLocaleDateString('en-GB', { day: 'numeric', month: 'short', year: 'numeric' });
 const day_time = seconds => `${pad(Math.floor(seconds / 3600))}:${pad(Math.floor(seconds / 60) % 60)}`;
 const with_unit = (sensor, value) => `${value.toFixed(sensor.decimals)} ${sensor.unit}`.trim();
+const is_extreme = (sensor, tag) => sensor?.extremes.some(([, ids]) => ids.includes(tag.id));
 const address = id => `#tag=${encodeURIComponent(id)}`;
 const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
 const is_one_day = new Set(data.span_ms.map(date)).size <= 1;
 const dates_in_table = [...new Set(data.tags.filter(tag => tag.stamp_ms !== null).map(tag => date(tag.stamp_ms)))];
+const tags_in_table = data.tags.filter(tag => tag.has_failed || tag.outcome === 'read');
 // If all failures have the same word, it stands in the key and not beside each tag.
 const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(tag => tag.outcome))];
 
@@ -100,17 +102,20 @@ function write_head() {
   write_pieces(document.querySelector('h1'), parts, number => data.counts[number]?.[1]);
   const day = is_one_day && data.span_ms.length ? date(data.span_ms[0]) : '';
   write_pieces(element('file'), [data.title, day, `times in ${zone}`, data.speed].filter(Boolean));
-  for (const { word, reason, tags, more } of data.failures) {
-    const line = mark(element('failures'), 'li', {}, tags.length + Boolean(more) > 1 ? 'Tags ' : 'Tag ');
-    tags.forEach((id, number) => {
-      if (number) line.append(number + 1 < tags.length || more ? ', ' : ' and ');
-      mark(line, 'a', { href: address(id) }, id);
-    });
-    line.append(more, ' ');
-    mark(line, 'span', { class: 'bad' }, word);
-    if (reason) line.append(`: ${reason}`);
-  }
+  data.failures.forEach(each => write_tags(mark(element('failures'), 'li'), each, 'bad'));
   data.notes.forEach(note => mark(element('notes'), 'p', {}, note));
+}
+
+// Writes which tags were not read, and why.
+function write_tags(line, { word, reason, tags, more }, name) {
+  line.append(tags.length + Boolean(more) > 1 ? 'Tags ' : 'Tag ');
+  tags.forEach((id, number) => {
+    if (number) line.append(number + 1 < tags.length || more ? ', ' : ' and ');
+    mark(line, 'a', { href: address(id) }, id);
+  });
+  line.append(more, ' ');
+  mark(line, 'span', { class: name }, word);
+  if (reason) line.append(`: ${reason}`);
 }
 
 // Writes the table of several files, and links to the page of each.
@@ -239,8 +244,7 @@ function draw_map() {
   const largest = clamp(data.closest_m * frame.scale / 2 - 1, 2.5, 9);  // the closest dots do not touch
   const dots = placed_tags.map(tag => {
     const value = tag.values[number] ?? null, is_large = tag.has_failed || value !== null;
-    const is_extreme = sensor?.extremes.some(([, ids]) => ids.includes(tag.id));
-    const radius = is_large ? largest : Math.min(largest, 4.5), outer = radius + (is_extreme ? 3 : 0);
+    const radius = is_large ? largest : Math.min(largest, 4.5), outer = radius + (is_extreme(sensor, tag) ? 3 : 0);
     return { tag, value, x: frame.x(tag.x), y: frame.y(tag.y), radius, outer, urgency: is_large + tag.has_failed };
   });
   const boxes = {
@@ -369,11 +373,12 @@ function write_table() {
     if (column.unit) mark(cell, 'small', {}, column.unit);
   });
   const body = mark(table, 'tbody');
-  data.tags.forEach(tag => write_row(body, tag));
+  tags_in_table.forEach(tag => write_row(body, tag));
+  data.unread.forEach(each => write_tags(mark(element('unread'), 'p'), each, ''));
   const search = document.querySelector('input[type=search]');
-  search.hidden = data.tags.length <= 50;
+  search.hidden = tags_in_table.length <= 50;
   search.addEventListener('input', () => {
-    for (const tag of data.tags) tag.row.hidden = !tag.id.toLowerCase().includes(search.value.toLowerCase());
+    for (const tag of tags_in_table) tag.row.hidden = !tag.id.toLowerCase().includes(search.value.toLowerCase());
   });
 }
 
@@ -399,7 +404,7 @@ function sort_table() {
     if (a === b || a === null || b === null) return (a === null) - (b === null);
     return a < b ? -sign : sign;
   };
-  document.querySelector('tbody').append(...[...data.tags].sort(compare).map(tag => tag.row));
+  document.querySelector('tbody').append(...[...tags_in_table].sort(compare).map(tag => tag.row));
 }
 
 // The charts
@@ -433,8 +438,8 @@ function day_axis(width) {
 function value_axis(sensor, height) {
   const [least, greatest] = sensor.extent;
   const least_step = Math.max((greatest - least) / (height / 40), Math.abs(greatest) * 1e-6, 10 ** -sensor.decimals);
-  const step = nice_step(least_step), spare = least === greatest ? 1 : 0;
-  const bottom = (Math.floor(least / step) - spare) * step, top = (Math.ceil(greatest / step) + spare) * step;
+  const step = nice_step(least_step), spare = least === greatest ? step : (greatest - least) / 20;
+  const bottom = least - spare, top = greatest + spare;
   const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   return { bottom, top, ticks: ticks_of(bottom, top, step), text: value => value.toFixed(decimals) };
 }
@@ -452,7 +457,7 @@ function draw_charts() {
   const hint = unlabelled ? `; ${unlabelled} ${NO_ROOM}` : '';
   const axis = state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : '';
   const line = is_line ? 'line is a tag with its number' : 'point is one tag';
-  element('series').textContent = `Each ${line}${hint}${axis}.`;
+  element('series').textContent = `Each ${line}; dark: the lowest and the highest last value${hint}${axis}.`;
   show_chosen();
 }
 
@@ -479,7 +484,7 @@ function draw_chart(sensor, place, readout) {
       const at = times.start + offset;
       return { tag, at, value, low, high, x: x(at), y: y(value), y_low: y(low), y_high: y(high) };
     });
-    return { points, group: draw_line(svg, tag, points) };
+    return { points, group: draw_line(svg, tag, points, is_extreme(sensor, tag)) };
   });
   label_lines(lines, [left, 0, width, y(values.bottom) + 8], labels);
   const points = lines.flatMap(line => line.points), point_at = event => nearest(points, svg, event, 40);
@@ -488,8 +493,8 @@ function draw_chart(sensor, place, readout) {
   place.addEventListener('click', event => choose(point_at(event)?.tag));
 }
 
-function draw_line(svg, tag, points) {
-  const group = mark(svg, 'g', { class: 'series', 'data-tag': tag.id });
+function draw_line(svg, tag, points, is_marked) {
+  const group = mark(svg, 'g', { class: is_marked ? 'series marked' : 'series', 'data-tag': tag.id });
   const runs = runs_of(points).filter(run => run.length > 1);
   for (const run of runs.filter(each => each.some(p => p.low < p.high))) {
     const band = [...run.map(p => [p.x, p.y_high]), ...run.map(p => [p.x, p.y_low]).reverse()];
@@ -650,5 +655,12 @@ addEventListener('resize', () => {
   drawn_widths = widths();
   draw_all();
 });
+// The headers of the tables stay while the page scrolls.
+addEventListener('scroll', () => {
+  for (const head of document.querySelectorAll('thead')) {
+    const { top, height } = head.parentNode.getBoundingClientRect();
+    head.style.transform = `translateY(${clamp(-top, 0, Math.max(height - 2 * head.offsetHeight, 0))}px)`;
+  }
+}, { passive: true });
 addEventListener('beforeprint', () => draw_all(true));
 addEventListener('afterprint', () => draw_all());
