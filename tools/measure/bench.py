@@ -105,11 +105,13 @@ def asking(*servers: NamedServer) -> Iterator[Callable[[int], list[list[float]]]
     def durations(calls: int) -> list[list[float]]:
         return [sorted(of_server) for of_server in zip(*in_turns(measures, calls), strict=True)]
 
-    durations(200)  # the first calls are slower
-    yield durations
-    executor.shutdown()
-    node.destroy_node()
-    context.try_shutdown()
+    try:
+        durations(200)  # the first calls are slower
+        yield durations
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        context.try_shutdown()
 
 
 def latency(setup: Setup) -> Iterator[Figure]:
