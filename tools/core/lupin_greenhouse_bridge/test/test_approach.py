@@ -180,6 +180,13 @@ def test_a_tag_without_a_pose_has_the_reason_and_the_others_have_poses(layout, l
     assert set(found.poses) == set(layout.tags) - set(unreachable)
 
 
+def test_room_for_an_arrival_counts_to_obstacles_that_are_far_from_the_tag():
+    """0.24 m ahead of the head-on pose is a post: its room would be 0.06 m, less than 0.02 m and 0.06 m."""
+    pose = approaches_of(layout_of((2.0, 1.0), **BENCH, post=(1.95, 0.0, 2.05, 0.24))).poses['0']
+    to_post_m = math.hypot(max(pose.x - 2.05, 0.0), pose.y - 0.24)
+    assert to_post_m - 0.2 >= 0.08 - 1e-9
+
+
 def test_tags_side_by_side_hide_nothing_of_each_other():
     layout = layout_of(*((1.5 + PLATE_WIDTH_M * n, 1.0) for n in range(4)), **BENCH)
     angles = [pose.angle_rad for pose in approaches_of(layout).poses.values()]

@@ -2,7 +2,6 @@
 
 import copy
 import dataclasses
-import json
 import shlex
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
@@ -42,23 +41,17 @@ def test_each_argument_alone_changes_only_what_it_should(argument, is_debugged):
     assert (greenhouse.sim.sim_config, greenhouse.warnings) == (expected, [])
 
 
-@pytest.fixture
-def custom_tag_file(tmp_path):
-    path = tmp_path / 'my tags.json'
-    path.write_text(json.dumps({'tags': {'A7': {'x': 1.0, 'y': 2.0, 'sensors': ['light', 'temperature']}}}))
-    return path
-
-
-def test_a_custom_tag_file_is_served_here_or_refused_there(start_bridge, custom_tag_file):
+def test_a_custom_tag_file_is_served_here_or_refused_there(start_bridge, write_layout):
     """The one divergence of the two trees, as a user sees it."""
-    bridge = start_bridge(tag_file=custom_tag_file)
+    tag_file = write_layout({'A7': (1.0, 2.0)})
+    bridge = start_bridge(tag_file=tag_file)
     if not TAKES_TAG_FILES:
         fatal = bridge.refusal()
-        assert f"tag_file '{custom_tag_file}'" in fatal
+        assert f"tag_file '{tag_file}'" in fatal
         assert "'str' object has no attribute 'exists'" in fatal
         assert 'leave tag_file empty' in fatal
     else:
-        assert list(bridge.values('A7')) == ['light', 'temperature']
+        assert list(bridge.values('A7')) == ['co2']
         assert bridge.call('1').error_message == "Tag '1' is not in the loaded greenhouse (1 tag known)."
 
 
@@ -69,13 +62,13 @@ def test_a_custom_tag_file_is_served_here_or_refused_there(start_bridge, custom_
         (Path, r'cannot load .*: AttributeError: something else'),
     ],
 )
-def test_the_path_is_blamed_only_where_it_is_a_string(custom_tag_file, monkeypatch, path_type, message):
+def test_the_path_is_blamed_only_where_it_is_a_string(write_layout, monkeypatch, path_type, message):
     def fail(*_arguments):
         raise AttributeError('something else')
 
     monkeypatch.setattr(GreenhouseSimulator, '__init__', fail)
     with pytest.raises(StartUpError, match=message):
-        simulation.load(Settings(), path_type(custom_tag_file), None)
+        simulation.load(Settings(), path_type(write_layout({'7': (1.0, 2.0)})), None)
 
 
 @pytest.mark.parametrize(
