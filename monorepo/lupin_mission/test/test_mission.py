@@ -242,9 +242,9 @@ SCENARIOS = {
         ' => a pause resume read pause resume read a=OK pause resume b stop b=SKIPPED dock pause resume'
         ' => done',
     ),
-    'the delay stops in a pause, and the timeout does not': (
+    'the delay stops in a pause, the timeout does not, and a late reply is not taken for the next': (
         {},
-        'pause 2 100 resume 0.25 pause 1 resume 0.25'
+        'pause 2 100 resume 0.25 pause 1 resume 0.25 late'
         ' => a read pause give-up resume pause resume read => inspecting a SCANNING',
     ),
     'an abort while the camera is awaited closes every tag left': (
