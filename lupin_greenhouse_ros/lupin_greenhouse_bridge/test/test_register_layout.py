@@ -205,6 +205,7 @@ GOOD = 'frame_id: map\nx: 1.5\ny: 2\nyaw: 0.3\n'
         (GOOD.replace('x: 1.5', 'x: one'), "x is 'one': must be a number from .* (metres)"),
         (GOOD.replace('x: 1.5\n', ''), 'x is missing: must be a number'),
         (GOOD.replace('yaw: 0.3', 'yaw: 90'), 'yaw is 90: must be a number from -10 to 10 (radians)'),
+        (GOOD.replace('y: 2', 'y: true'), 'y is True: must be a number'),
         (GOOD.replace('map', ''), 'frame_id is missing or no text'),
         (GOOD + 'z: 0.1', "unknown key 'z': use frame_id, x, y, yaw, as in {frame_id: map"),
         ('[1, 2]', 'holds a list at its top level, not a mapping, such as'),

@@ -13,8 +13,12 @@ import pytest
 import yaml
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.planning import approach_poses
+from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
 from lupin_greenhouse_bridge.planning.registration import Transform, write_transform
+from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
+from lupin_greenhouse_bridge.planning.walls import find_walls
+from lupin_greenhouse_bridge.simulator.layout import find_layout
 from PIL import Image
 
 BENCH = (1.0, 1.0, 3.0, 1.5)
@@ -142,6 +146,30 @@ def test_the_gap_is_the_distance_to_the_nearest_cell(yaw, unknown_is_free):
 def test_fields_that_do_not_fit_are_refused(fields, fault):
     with pytest.raises(StartUpError, match=fault):
         OccupancyMap(*fields)
+
+
+def test_every_pose_has_its_room_in_the_map():
+    """In a map of the shipped tables and of boxes on the floor, some of them in the best poses."""
+    layout, limits = find_layout(''), ViewingLimits(clearance_m=0.03)
+    walls = find_walls(layout)
+    before = find_approaches(layout, walls, limits).poses
+    chance, blocked = random.Random(1), ('2', '7', '12')
+    boxes_m = np.array([before[tag_id][:2] for tag_id in blocked])
+    boxes_m = np.concatenate([boxes_m, [(chance.uniform(0, 4), chance.uniform(0, 8)) for _ in range(10)]])
+    columns, rows = np.floor(boxes_m / 0.05).astype(int).T
+    width, height = 20 * round(walls.x1), 20 * round(walls.y1)
+    cells = np.zeros((height, width), dtype=int)
+    cells[rows, columns] = 100
+    occupancy = OccupancyMap(width, height, 0.05, ORIGIN, cells.ravel())
+    after = find_approaches(layout, walls, limits, occupancy=occupancy, most_per_tag=3)
+    moved = {tag_id for tag_id in after.poses if after.poses[tag_id] != before[tag_id]}
+    assert {each for each in blocked if each in after.poses} <= moved
+    assert 15 < len(after.poses) > len(moved) > 0
+    middles = 0.05 * (np.column_stack([columns, rows]) + 0.5)
+    for tag_id, pose in after.poses.items():
+        for x, y, *_ in (pose, *after.alternatives[tag_id]):
+            beside = np.maximum(np.abs(middles - (x, y)) - 0.025, 0.0)
+            assert np.hypot(*beside.T).min() >= 0.23 - 1e-9, tag_id
 
 
 @pytest.mark.parametrize(('grey', 'kind'), [(0, 'has an obstacle'), (205, 'is unknown')])
