@@ -458,7 +458,8 @@ function draw_charts() {
   const hint = unlabelled ? `; ${unlabelled} ${NO_ROOM}` : '';
   const axis = state.is_printed ? `; time in ${state.clock === 'wall' ? zone : 'the greenhouse'}` : '';
   const line = is_line ? 'line is a tag with its number' : 'point is one tag';
-  element('series').textContent = `Each ${line}; dark: the lowest and the highest last value${hint}${axis}.`;
+  const bold = document.querySelector('.marked') ? '; bold: the lowest and the highest last value' : '';
+  element('series').textContent = `Each ${line}${bold}${hint}${axis}.`;
   show_chosen();
 }
 
@@ -485,7 +486,7 @@ function draw_chart(sensor, place, readout) {
       const at = times.start + offset;
       return { tag, at, value, low, high, x: x(at), y: y(value), y_low: y(low), y_high: y(high) };
     });
-    return { points, group: draw_line(svg, tag, points, is_extreme(sensor, tag)) };
+    return { points, group: draw_line(svg, tag, points, sensor.extremes.length > 1 && is_extreme(sensor, tag)) };
   });
   label_lines(lines, [left, 0, width, y(values.bottom) + 8], labels);
   const points = lines.flatMap(line => line.points), point_at = event => nearest(points, svg, event, 40);

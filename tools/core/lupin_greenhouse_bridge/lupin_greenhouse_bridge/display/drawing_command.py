@@ -15,7 +15,7 @@ from lupin_greenhouse_bridge.display.report_line import Observation, has_report,
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, UsageError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, read_rows, with_places
-from lupin_greenhouse_bridge.recording.rows import Row, key_of
+from lupin_greenhouse_bridge.recording.rows import Row, key_of, last_reading_of_each_tag
 from lupin_greenhouse_bridge.runtime.output import check_output_file, print_line
 from lupin_greenhouse_bridge.simulator.json_yaml import read_text
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order, require_layout
@@ -190,11 +190,14 @@ def _limits_of(recordings: list[Recording], wanted: list[str]) -> Limits:
 
     Raises StartUpError for a sensor that no file has, and for more than a person can look at.
     """
-    values, colour_ranges = defaultdict(list), Limits()
+    values, last_values, colour_ranges = defaultdict(list), defaultdict(list), Limits()
     for each in recordings:
         colour_ranges |= each.colour_ranges
         for row in each.rows:
             values[row.sensor].append(row.value)
+        for reading in last_reading_of_each_tag(each.rows).values():
+            for row in reading.values():
+                last_values[row.sensor].append(row.value)
     found = sorted(values, key=sensor_order)
     named = ', '.join(escaped(each, LONGEST_NAME) for each in found[:MOST_SENSORS])
     if unknown := [each for each in wanted if each not in found]:
@@ -206,7 +209,10 @@ def _limits_of(recordings: list[Recording], wanted: list[str]) -> Limits:
             f'{len(sensors)} sensors are too many to look at: choose up to {MOST_SENSORS} with --sensor, from'
             f' {named} and others'
         )
-    return {each: colour_limits(values[each], colour_ranges.get(each)) for each in sensors}
+    # Only the last values have a colour: those of a whole day would leave them alike.
+    return {
+        each: colour_limits(last_values[each] or values[each], colour_ranges.get(each)) for each in sensors
+    }
 
 
 def _layout_of(path: Path, file: ReadingFile, tag_file: str) -> Layout:
