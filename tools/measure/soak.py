@@ -128,6 +128,21 @@ def many_calls(load: Namespace) -> Promises:
     yield bridge.ends_cleanly()
 
 
+def terminated_during_calls(load: Namespace) -> Promises:
+    """Send SIGTERM during calls, at any moment; the bridge exits with 0 and each call ends."""
+    exit_codes = []
+    clients: list[ClientProcess] = []
+    for _ in range(3 * load.scale):
+        bridge = Bridge()
+        clients += start_clients(1, '--seconds', 2, '--timeout', 0.5)
+        time.sleep(seconds_up_to(0.1))
+        exit_codes.append(bridge.stop())
+        clients[-1].process.wait(PATIENCE_SECONDS)
+    found = total_of([client.counts() for client in clients])
+    calls = f'{found.answered} calls answered, {found.timed_out} timed out after 0.5 s'
+    yield f'{3 * load.scale} times, {calls}, exit codes {set(exit_codes)}', set(exit_codes) == {0}
+
+
 def two_bridges(load: Namespace) -> Promises:
     """Run two bridges with one name: each call gets one reply, from either."""
     bridges = [Bridge(debug_time_of_day=hour) for hour in (6.0, 18.0)]
@@ -318,6 +333,7 @@ SCENARIOS = (
     bridge_killed_and_restarted,
     sixteen_clients,
     many_calls,
+    terminated_during_calls,
     two_bridges,
     recorder_killed,
     recorder_locked,
