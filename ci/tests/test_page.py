@@ -510,6 +510,8 @@ def test_of_many_tags_one_is_found_by_its_name_and_the_missing_numbers_are_count
     tag_file.write_text(json.dumps(tags), encoding='utf-8')
     path.write_text('\n'.join(visit(0, tag_id, ['co2']) for tag_id in tags), encoding='utf-8')
     page = open_page(path, '--tag-file', str(tag_file))
+    second = pypdfium2.PdfDocument(page.paper())[2].get_textpage().get_text_range()
+    assert 'greenhouse' in ''.join(second.split())  # the header of the table, again
     page.evaluate("document.querySelector('input[type=search]').value = 'FAR 99'")
     page.evaluate("document.querySelector('input[type=search]').dispatchEvent(new Event('input'))")
     shown = "[...document.querySelectorAll('tbody tr')].filter(each => each.offsetHeight).length"
