@@ -140,8 +140,8 @@ def _warning_of_narrow(narrow: list[Passage], needed_m: float) -> str:
     more = f' and {len(narrow) - MOST_NAMED} more' if len(narrow) > MOST_NAMED else ''
     return (
         f'on the way to {", ".join(named)}{more}, a passage is narrow: without Nav2, nothing needs to be'
-        ' done;'
-        f' a local costmap of Nav2 with cells of {NAV2_CELL_M} m needs {needed_m:.2f} m: give it finer cells'
+        f' done; a local costmap of Nav2 with cells of {NAV2_CELL_M} m needs {needed_m:.2f} m: give it finer'
+        ' cells'
     )
 
 

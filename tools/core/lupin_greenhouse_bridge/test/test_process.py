@@ -1,6 +1,7 @@
 """Signals and exit codes: the bridge and read_tag end as documented at any moment."""
 
 import io
+import os
 import signal
 import subprocess
 import sys
@@ -107,10 +108,16 @@ def test_an_rmw_that_is_not_installed_is_named_in_one_line(monkeypatch, name, co
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_none')
     ended, _, err = ended_process([executable(PACKAGE, name), *(['1'] if name == 'read_tag' else [])])
     (line,) = err.splitlines()
-    assert (ended, "RMW_IMPLEMENTATION is 'rmw_none', which is not installed: unset it, or set" in line) == (
-        code,
-        True,
-    )
+    assert ended == code
+    assert "RMW_IMPLEMENTATION is 'rmw_none', which is not installed: unset it, or set" in line
+
+
+def test_where_nothing_tells_which_rmw_is_installed_none_is_refused(monkeypatch):
+    monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_other')
+    monkeypatch.delenv('AMENT_PREFIX_PATH')
+    process.hide_wrong_rmw()
+    assert process.rmw_problem() == ''
+    assert os.environ['RMW_IMPLEMENTATION'] == 'rmw_other'
 
 
 @pytest.mark.parametrize('moment', ENDS)

@@ -131,8 +131,10 @@ def hide_wrong_rmw() -> None:
     global _rmw_problem  # noqa: PLW0603 - it belongs to the process
     from ament_index_python.resources import get_resources  # only here, because it takes a moment
 
-    installed = get_resources('rmw_typesupport').keys() - {'rmw_implementation'}
-    if (name := os.environ['RMW_IMPLEMENTATION']) not in installed:
+    installed: set[str] = set()
+    with contextlib.suppress(OSError):  # no AMENT_PREFIX_PATH: nothing is known of what is installed
+        installed = get_resources('rmw_typesupport').keys() - {'rmw_implementation'}
+    if installed and (name := os.environ['RMW_IMPLEMENTATION']) not in installed:
         del os.environ['RMW_IMPLEMENTATION']
         others = ' or '.join(sorted(installed))
         _rmw_problem = f"RMW_IMPLEMENTATION is '{name}', which is not installed: unset it, or set {others}"
