@@ -148,8 +148,9 @@ const common = (a, b) => Math.max(Math.min(a[2], b[2]) - Math.max(a[0], b[0]), 0
   * Math.max(Math.min(a[3], b[3]) - Math.max(a[1], b[1]), 0);
 
 // Returns the box around a dot in which a label and the line to it cover least, how much they cover there,
-// this line, and in which ring of places the box is. A label may cross the `route`, if it must.
-function place_label(x, y, radius, width, { taken, room, route = [] }) {
+// this line, and in which ring of places the box is. If it must, a label may cross the `route`, and may be nearer
+// to another of the `dots`.
+function place_label(x, y, radius, width, { taken, room, route = [], dots = [] }) {
   const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1, area = width * TEXT_HEIGHT;
   const mirrored = (dx, dy) => [[dx, dy], [-dx, dy], [dx, -dy], [-dx, -dy]];
   const ring = (dx, dy) => [[dx, 0], [-dx, 0], [0, -dy], [0, dy], ...mirrored(dx / 2, -dy), ...mirrored(dx, 0.75 * dy)];
@@ -157,13 +158,18 @@ function place_label(x, y, radius, width, { taken, room, route = [] }) {
   const [boxes, steps] = [taken, route].map(each => each.filter(box => common(reach, box) > 0));
   const shared_with = (box, others) => others.reduce((sum, other) => sum + common(box, other), 0);
   const rings = boxes.length > CROWD ? 1 : FARTHEST;
+  const near = dots.filter(dot => common(reach, around(dot.x, dot.y, 1, 1)));
+  const gap = ([left, top, right, bottom], dot) =>
+    Math.hypot(clamp(dot.x, left, right) - dot.x, clamp(dot.y, top, bottom) - dot.y);
   let best = { cost: Infinity };
   for (let far = 0; far < rings && best.cost > 0.2 * far * area; far++) {
     ring(aside + 12 * far, above + 11 * far).forEach(([dx, dy], number) => {
       const box = around(x + dx, y + dy, width, TEXT_HEIGHT), outside = area - common(box, room);
       const leader = far ? leader_to(x, y, radius + SPACE, box) : [];
       const covered = [box, ...leader].reduce((sum, each) => sum + shared_with(each, boxes), outside);
-      const cost = 99 * covered + 5 * shared_with(box, steps) + (0.2 * far + 0.01 * number) * area;
+      const is_misread = near.some(dot => gap(box, dot) < gap(box, { x, y }));
+      const cost = 99 * covered + 5 * shared_with(box, steps)
+        + (0.2 * far + 0.15 * is_misread + 0.01 * number) * area;
       if (cost < best.cost) best = { cost, box, covered, leader, far };
     });
   }
@@ -250,7 +256,7 @@ function draw_map() {
   });
   const boxes = {
     taken: dots.map(({ x, y, outer }) => around(x, y, 2 * outer + SPACE, 2 * outer)), room: frame.room,
-    route: [...data.route_steps, ...stops].map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)),
+    route: [...data.route_steps, ...stops].map(([x, y]) => around(frame.x(x), frame.y(y), 4, 4)), dots,
   };
   for (const [word, [x, y]] of Object.entries(data.route_ends)) {
     const { box } = place_label(frame.x(x), frame.y(y), 5, width_of(word) + 16, boxes);
