@@ -8,7 +8,7 @@ from conftest import commit, edit, git
 
 PACKAGE = 'lupin_greenhouse_bridge'
 BRIDGE = f'{PACKAGE}/{PACKAGE}'
-NEW_TITLE = ('README.md', '## What else there is', '## What else is here')
+NEW_TITLE = ('README.md', '## All pages', '## Every page')
 LOG_MORE = (f'{BRIDGE}/bridge_node.py', 'LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 2.0')
 
 
