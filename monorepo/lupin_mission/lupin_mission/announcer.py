@@ -86,8 +86,8 @@ class Announcer:
             shown = ', '.join(f'{each} {value_text(each, values[each])}' for each in sensors)
             pose = f' (pose {observation.pose})' if observation.pose > 1 else ''
             self._inform(f'{tag}{pose}: {shown}')
-        elif observation.outcome is Outcome.SKIPPED:
-            self._inform(f'{tag}: {observation.outcome.value}: {observation.detail}')
+        elif observation.outcome is Outcome.SKIPPED:  # the table has a line for each of them
+            self.note(f'{tag}: {observation.outcome.value}: {observation.detail}', Severity.INFO)
         else:
             reason = f'{observation.outcome.value}: {escaped(observation.detail, 500)}'
             is_scanned = observation.outcome is not Outcome.UNREACHABLE

@@ -111,8 +111,9 @@ class Planner:
             plan = self._new_plan(message, robot_m)
         warnings: list[str] = []
         if plan is not self._plan:
-            of_rooms = plan.room_warnings
-            warnings = [*plan.warnings, *(of_rooms[each] for each in tag_ids if each in of_rooms)]
+            warnings = plan.warnings
+            for each in plan.room_warnings.keys() & set(tag_ids):
+                self._node.get_logger().info(plan.room_warnings[each])
         self._plan, self._planned_map = plan, message
         return Drives(plan, tag_ids, warnings)
 

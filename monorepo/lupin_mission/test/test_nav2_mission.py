@@ -17,7 +17,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, source_of_messages
 from lupin_greenhouse_bridge.planning.registration import Transform
 from lupin_greenhouse_bridge.simulator.layout import read_layout, shipped_file
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, wait_until
-from lupin_mission import nav2_drive, planner
+from lupin_mission import nav2_drive, planner, tags
 from lupin_mission.announcer import Announcer
 from lupin_mission.plan import Plan
 from lupin_mission.settings import Settings
@@ -37,8 +37,9 @@ WITH_MAP = {**NAV2, 'map_topic': '/held/map'}
 
 @pytest.fixture
 def navigator(held_navigator, monkeypatch):
-    """Return the navigator of the mission, of which it warns only after an hour."""
+    """Return the navigator of the mission, which warns of it and of the bridge only after an hour."""
     monkeypatch.setattr(nav2_drive, 'DISCOVERY_SECONDS', HOUR)
+    monkeypatch.setattr(tags, 'LONGEST_WITHOUT_PARAMETERS_SECONDS', HOUR)
     return held_navigator(NAME)
 
 
@@ -173,10 +174,11 @@ def test_without_a_map_the_log_says_around_what_the_poses_are_planned(
     if has_publisher:
         node.create_publisher(OccupancyGrid, '/held/map', latched())
         said = 'planned around the tables of the layout alone: /held/map sent no map within 1 s'
-    mission = start_mission(**WITH_MAP, tag_sequence='1')
+    mission = start_mission(**WITH_MAP, tag_sequence='1', approach_clearance_m=1.0)
     end_on_the_way(mission, navigator, navigator.accept())
     (line,) = mission.lines_with(said)
     assert mission.warnings() == ([line] if has_publisher else [])
+    assert len(mission.lines_with("tag '1': its pose has ")) == 1  # nothing needs to be done
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from builtin_interfaces.msg import Time
 from lupin_greenhouse_bridge.display.drawing_command import read_file
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.testing._helpers import executable, wait_until
-from lupin_mission import transport
+from lupin_mission import tags, transport
 from lupin_mission.mission_orchestrator import MissionNode
 from lupin_msgs.msg import MissionState, Observation, TagReading
 from mission_helpers import CAMERA, HOUR, READER, REAL, TWIN_QOS, WEB_QOS, Operator, Subscriber, publish
@@ -293,6 +293,7 @@ def test_the_robot_docks_and_goes_on(start_waiting_mission, clock, reader):
 
 def test_two_servers_of_a_service_are_named_once(start_mission, reader, monkeypatch):
     """The tests of the bridge's package hold how they are found."""
+    monkeypatch.setattr(tags, 'LONGEST_WITHOUT_PARAMETERS_SECONDS', HOUR)
     monkeypatch.setattr(transport, 'duplicate_server_warning', lambda _node, name: f'{name} has two servers')
     mission = start_mission(**READER, tag_sequence='1 2')
     reader.answer_ok('1', '2')
