@@ -11,10 +11,10 @@ Every link and anchor must exist. A block of bash or console is preceded by one 
 
 A table with a column `default` is preceded by the class with these parameters:
 
-    <!-- parameters of MODULE.CLASS -->      the table has exactly its parameters, with their defaults; tables
-                                             of the same class share them
+    <!-- parameters of MODULE.CLASS -->      the table has only its parameters, with their defaults;
+                                             the tables of a class together have all of them
 
-Every node of the packages needs a table of its parameters. The commands list their options with --help.
+Every node of the packages has such a class. The commands list their options with --help.
 
 A table of `sensor` and `lowest` has the ranges of the installed mdp-greenhouse, of the version that it names:
 
@@ -31,7 +31,6 @@ Exit code: 0 no findings, 1 findings, one line each.
 """
 
 import dataclasses
-import functools
 import importlib
 import importlib.metadata
 import os
@@ -40,7 +39,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 from urllib.parse import unquote
 
 import rclpy
@@ -53,14 +52,19 @@ from lupin_greenhouse_bridge.units import unit_of
 from rclpy.action import graph as actions
 from rclpy.node import Node
 
+Facts: TypeAlias = dict[str, set[str]]  # the rows of each table by its mark, and the ends of the graphs
 ROOT = Path(__file__).resolve().parent.parent
 FENCED = re.compile(r'(?:^<!-- ([^\n]+?) -->\n)?^```(\S*)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
-TABLE = re.compile(r'(?:^<!-- (.+?) -->\n)?^(\|.*)\n^\|[-|]+\n((?:^\|.*\n)+)', re.MULTILINE)
-LINK = re.compile(r'\[[^\[\]]*\]\(([^)\s]+)\)')
-SOURCE = re.compile(r'\bsrc(?:set)?="([^"]+)"')  # of a <picture>
+TABLE = re.compile(
+    r'(?:^<!-- (.+?) -->\n)?^\| (?:\w+ \| (default)|sensor \| lowest) \|.*\n^\|[-|]+\n((?:^\|.*\n)+)',
+    re.MULTILINE,
+)
+LINK = re.compile(r'\[[^\[\]]*\]\(([^)\s]+)\)|\bsrc(?:set)?="([^"]+)"')  # the latter of a <picture>
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
 NAMED_TEST = re.compile(r'`(test_\w+\.py)?(?:::)?(test_\w+)?`')
 GRAPH_LINE = re.compile(r'    (\w+).* (-->|-\.->|==>) \w+\["(\S+)<br>(\w+)"\] \2 (\w+.*)')
+RANGES = f'ranges of mdp-greenhouse {importlib.metadata.version("mdp-greenhouse")}'
+GRAPHS = 'ROS graphs'
 NODES = {
     'greenhouse_bridge': 'lupin_greenhouse_bridge.bridge_node.GreenhouseBridgeNode',
     'read_on_sight': 'lupin_greenhouse_bridge.reading.read_on_sight.ReadOnSightNode',
@@ -70,7 +74,6 @@ NODES = {
     'mission_orchestrator': 'lupin_mission.mission_orchestrator.MissionNode',
 }
 OF_EVERY_NODE = ('rcl_interfaces', 'type_description_interfaces')
-PARAMETERS, RANGES = r'\| \w+ \| default \|', r'\| sensor \| lowest \|'
 
 
 class Block(NamedTuple):
@@ -81,20 +84,6 @@ class Block(NamedTuple):
     text: str
 
 
-class End(NamedTuple):
-    """What a node has of a topic, a service or an action; as text, the line of a graph."""
-
-    node: str
-    is_target: bool  # it subscribes or serves
-    arrow: str
-    name: str
-    message: str
-
-    def __str__(self) -> str:
-        source, target = ('other', self.node) if self.is_target else (self.node, 'other')
-        return f'{source} {self.arrow} id["{self.name}<br>{self.message}"] {self.arrow} {target}'
-
-
 class Document:
     """A Markdown file; `path` is relative to `root`, the folder of the repository."""
 
@@ -102,22 +91,26 @@ class Document:
         self.root, self.path = root, path
         self.text = (root / path).read_text(encoding='utf-8')
         self.unfenced = FENCED.sub('', self.text)
+        self.blocks = [Block(*found) for found in FENCED.findall(self.text)]
 
     def shell_blocks(self) -> list[Block]:
         """Return each block of commands."""
-        blocks = [Block(*found) for found in FENCED.findall(self.text)]
-        return [block for block in blocks if block.language in ('bash', 'console', 'sh')]
+        return [block for block in self.blocks if block.language in ('bash', 'console', 'sh')]
 
-    def graph_lines(self) -> Iterator[str]:
-        """Yield the lines of the ROS graphs, which are flowcharts."""
-        for _, _, text in FENCED.findall(self.text):
-            _, _, lines = text.partition('flowchart ')
-            yield from lines.splitlines()[1:]
+    def graph_lines(self) -> list[str]:
+        """Return the lines of the ROS graphs, which are flowcharts."""
+        texts = [block.text.partition('flowchart ')[2] for block in self.blocks]
+        return [line for text in texts for line in text.splitlines()[1:]]
 
-    def tables(self, head: str) -> list[tuple[str, list[str]]]:
-        """Return each table whose first line matches a pattern: its mark, as of a block, and its rows."""
-        found = TABLE.findall(self.text)
-        return [(mark, rows.splitlines()) for mark, first, rows in found if re.match(head, first)]
+    def facts(self) -> Facts:
+        """Return what the document says of parameters, ranges and graphs."""
+        said: Facts = {GRAPHS: {each for line in self.graph_lines() for each in ends_in(line)}}
+        for mark, is_of_parameters, rows in TABLE.findall(self.text):
+            for row in rows.splitlines():
+                name, default, *_ = (cell.strip(' `') for cell in row.strip('|').split('|'))
+                parameter = f'| {name} | {default} |'.replace("''", 'empty')
+                said.setdefault(mark, set()).add(parameter if is_of_parameters else row)
+        return said
 
     def anchors(self) -> set[str]:
         """Return the anchors that GitHub gives to the headings."""
@@ -125,26 +118,20 @@ class Document:
         return {re.sub(r'[^\w\- ]', '', heading.lower()).replace(' ', '-') for heading in headings}
 
 
-def cells_of(row: str) -> list[str]:
-    """Return the cells of a row, without the code marks around them."""
-    return [cell.strip(' `') for cell in row.strip('|').split('|')]
-
-
 def files_in_git(root: Path, pattern: str) -> list[Path]:
     """Return the files in git whose paths match a pattern, relative to the root."""
-    listed = subprocess.run(
-        ['git', 'ls-files', pattern], cwd=root, capture_output=True, text=True, check=True
-    )
+    command = ['git', 'ls-files', pattern]
+    listed = subprocess.run(command, cwd=root, capture_output=True, text=True, check=True)
     return [Path(line) for line in listed.stdout.splitlines()]
 
 
 def broken_links(document: Document) -> Iterator[str]:
     """Yield a finding for each link to a missing file or anchor."""
-    for link in LINK.findall(document.unfenced) + SOURCE.findall(document.unfenced):
-        if re.match(r'[a-z]+:', link):
-            continue
+    for link in map(''.join, LINK.findall(document.unfenced)):
         name, _, anchor = unquote(link).partition('#')
         target = document.path.parent / name if name else document.path
+        if re.match(r'[a-z]+:', link):
+            continue
         if not (document.root / target).exists():
             yield f'the link {link} leads nowhere'
         elif anchor and anchor not in Document(document.root, target).anchors():
@@ -166,32 +153,53 @@ def unproved_blocks(document: Document) -> Iterator[str]:
             yield f'mark this block with tested by, needs or followed by: {shown}'
 
 
-def wrong_rows(name: str, written: list[str], right: list[str]) -> Iterator[str]:
-    """Yield a finding for each row that the table of this name lacks, or should not have."""
-    yield from (f'the table of {name} lacks the row {row}' for row in right if row not in written)
-    yield from (f'the table of {name} has a wrong row {row}' for row in written if row not in right)
+def missing_tests(document: Document) -> Iterator[str]:
+    """Yield a finding for each test that the document names and that does not exist."""
+    tests = [document.root / path for path in files_in_git(document.root, '*test_*')]
+    for file, function in NAMED_TEST.findall(document.text):
+        of_file = [test for test in tests if file in ('', test.name)]
+        is_defined = any(f'def {function}(' in test.read_text(encoding='utf-8') for test in of_file)
+        is_script = not file and function in {test.name for test in tests}
+        if not (is_defined if function else of_file) and not is_script:
+            yield f'there is no test {"::".join(filter(None, (file, function)))}'
 
 
-def wrong_parameters(document: Document) -> Iterator[str]:
-    """Yield a finding for each parameter that a table lacks, invents, or gives another default."""
-    rows_of: dict[str, list[str]] = {}
-    for mark, rows in document.tables(PARAMETERS):
-        kind, _, settings = mark.rpartition(' ')
-        if kind == 'parameters of':
-            rows_of.setdefault(settings, []).extend(rows)
-        else:
-            yield f'mark this table with `parameters of`: {rows[0][:60]}'
-    for settings, rows in rows_of.items():
-        module, _, name = settings.rpartition('.')
-        parameters = dataclasses.fields(getattr(importlib.import_module(module), name))
-        right = [f'| {each.name} | {default_text(each) or "empty"} |' for each in parameters]
-        written = ['| {} | {} |'.format(*cells_of(row)).replace("''", 'empty') for row in rows]
-        yield from wrong_rows(settings, written, right)
+def ends_in(line: str) -> Iterator[str]:
+    """Yield what our nodes have, as a line of a graph says; nothing for a line of another form."""
+    if written := GRAPH_LINE.fullmatch(line):
+        source, arrow, names, message, targets = written.groups()
+        for name in names.replace('/<br>', '/').split('<br>'):
+            if source in NODES:
+                yield f'{source} {arrow} {name} {message}'
+            for target in NODES.keys() & re.findall(r'(?:^|& )(\w+)', targets):
+                yield f'{name} {message} {arrow} {target}'
 
 
-@functools.cache
-def sensor_ranges() -> list[str]:
-    """Return a row for each sensor: the range at all tags and half hours without noise, unit and noise."""
+def ends_in_ros(name: str) -> Iterator[str]:
+    """Create one of our nodes; yield what it has in ROS, without what every node has."""
+    module, _, class_name = NODES[name].rpartition('.')
+    with tempfile.TemporaryDirectory() as folder:
+        parameters = f'-p file:={folder}/readings.sqlite -p require_visual_confirmation:=true'
+        rclpy.init(args=['--ros-args', '--log-level', 'error', *parameters.split()])
+        node = getattr(importlib.import_module(module), class_name)()
+        for form, entries_of in (
+            ('{node} --> {entry}', Node.get_publisher_names_and_types_by_node),
+            ('{entry} --> {node}', Node.get_subscriber_names_and_types_by_node),
+            ('{node} -.-> {entry}', Node.get_client_names_and_types_by_node),
+            ('{entry} -.-> {node}', Node.get_service_names_and_types_by_node),
+            ('{node} ==> {entry}', actions.get_action_client_names_and_types_by_node),
+            ('{entry} ==> {node}', actions.get_action_server_names_and_types_by_node),
+        ):
+            for entry, (kind, *_) in entries_of(node, name, '/'):
+                package, _, message = kind.split('/')
+                if package not in OF_EVERY_NODE and '/_action/' not in entry:
+                    yield form.format(node=name, entry=f'{entry} {message}')
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+def sensor_ranges() -> Iterator[str]:
+    """Yield a row for each sensor: the range at all tags and half hours without noise, unit and noise."""
     greenhouse = simulation.load(Settings(debug_time_of_day=0.0), tag_file=None, sim_config_file=None)
     config = greenhouse.sim.sim_config
     noises = {}
@@ -205,106 +213,55 @@ def sensor_ranges() -> list[str]:
         for tag_id in greenhouse.tag_ids:
             for name, value in simulation.read(greenhouse.sim, tag_id)[1].items():
                 values[name].append(value)
-    return [
-        f'| {name} | {min(found):.3g} | {max(found):.3g} | {unit_of(name)} | {noises[name]:g} |'
-        for name, found in values.items()
-    ]
+    for name, found in values.items():
+        yield f'| {name} | {min(found):.3g} | {max(found):.3g} | {unit_of(name)} | {noises[name]:g} |'
 
 
-def wrong_ranges(document: Document) -> Iterator[str]:
-    """Yield a finding for each row that the installed simulator does not have, and for another version."""
-    mark = f'ranges of mdp-greenhouse {importlib.metadata.version("mdp-greenhouse")}'
-    for written_mark, rows in document.tables(RANGES):
-        if written_mark != mark:
-            yield f'mark the ranges with `{mark}`, which is installed'
-        yield from wrong_rows('the ranges', rows, sensor_ranges())
-
-
-def ends_in_line(line: str) -> Iterator[End]:
-    """Yield what our nodes have, as a line of a graph says; nothing for a line of another form."""
-    if written := GRAPH_LINE.fullmatch(line):
-        source, arrow, names, message, targets = written.groups()
-        nodes = {source: False} | dict.fromkeys(re.findall(r'(?:^|& )(\w+)', targets), True)
-        for name in names.replace('/<br>', '/').split('<br>'):
-            yield from (End(node, nodes[node], arrow, name, message) for node in nodes.keys() & NODES)
-
-
-@functools.cache
-def ends_in_ros(name: str) -> set[End]:
-    """Create one of our nodes; return what it has in ROS, without what every node has."""
-    ends = set()
-    module, _, class_name = NODES[name].rpartition('.')
-    with tempfile.TemporaryDirectory() as folder:
-        parameters = f'-p file:={folder}/readings.sqlite -p require_visual_confirmation:=true'
-        rclpy.init(args=['--ros-args', '--log-level', 'error', *parameters.split()])
-        node = getattr(importlib.import_module(module), class_name)()
-        for arrow, is_target, entries_of in (
-            ('-->', False, Node.get_publisher_names_and_types_by_node),
-            ('-->', True, Node.get_subscriber_names_and_types_by_node),
-            ('-.->', False, Node.get_client_names_and_types_by_node),
-            ('-.->', True, Node.get_service_names_and_types_by_node),
-            ('==>', False, actions.get_action_client_names_and_types_by_node),
-            ('==>', True, actions.get_action_server_names_and_types_by_node),
-        ):
-            for entry, (kind, *_) in entries_of(node, name, '/'):
-                package, _, message = kind.split('/')
-                if package not in OF_EVERY_NODE and '/_action/' not in entry:
-                    ends.add(End(name, is_target, arrow, entry, message))
-        node.destroy_node()
-        rclpy.shutdown()
-    return ends
-
-
-def wrong_graphs(document: Document) -> Iterator[str]:
-    """Yield a finding for each line of a graph that has another form, or that is not in ROS."""
-    for line in document.graph_lines():
-        if not GRAPH_LINE.fullmatch(line):
-            yield f'write this line of a graph as `source --> id["/name<br>Type"] --> target`: {line.strip()}'
-        for node in [each.node for each in ends_in_line(line) if each not in ends_in_ros(each.node)]:
-            yield f'{node} does not have this in ROS: {line.strip()}'
-
-
-def undrawn_ends(documents: list[Document]) -> Iterator[str]:
-    """Yield a finding for each topic, service and action of our nodes that is in no graph."""
-    drawn = {each for document in documents for line in document.graph_lines() for each in ends_in_line(line)}
-    for name in NODES:
-        yield from (f'no graph has the line: {each}' for each in sorted(ends_in_ros(name) - drawn))
-
-
-def missing_tests(document: Document) -> Iterator[str]:
-    """Yield a finding for each test that the document names and that does not exist."""
-    tests = [document.root / path for path in files_in_git(document.root, '*test_*')]
-    for file, function in NAMED_TEST.findall(document.text):
-        of_file = [test for test in tests if file in ('', test.name)]
-        is_defined = any(f'def {function}(' in test.read_text(encoding='utf-8') for test in of_file)
-        is_script = not file and function in {test.name for test in tests}
-        if not (is_defined if function else of_file) and not is_script:
-            yield f'there is no test {"::".join(filter(None, (file, function)))}'
-
-
-def undocumented_nodes(documents: list[Document]) -> Iterator[str]:
-    """Yield a finding for each node of the packages without a table of its parameters."""
-    marks = {mark for document in documents for mark, _ in document.tables(PARAMETERS)}
+def facts_in_code() -> Facts:
+    """Return what the documents must say, and nothing else: of all nodes, and of the simulator."""
+    facts = {RANGES: set(sensor_ranges()), GRAPHS: {each for name in NODES for each in ends_in_ros(name)}}
     for command in importlib.metadata.entry_points(group='console_scripts'):
         if command.module.startswith('lupin_'):
             module = importlib.import_module(command.load().args[0])
-            settings = getattr(module, 'Settings', None)
-            if settings and f'parameters of {settings.__module__}.{settings.__name__}' not in marks:
-                yield f'no document has a table of the parameters of {command.name}'
+            if settings := getattr(module, 'Settings', None):
+                rows = {
+                    f'| {each.name} | {default_text(each) or "empty"} |'
+                    for each in dataclasses.fields(settings)
+                }
+                facts[f'parameters of {settings.__module__}.{settings.__name__}'] = rows
+    return facts
 
 
-def findings_of(document: Document) -> list[str]:
-    """Return what is wrong in one document, a line each."""
-    checks = (broken_links, unproved_blocks, wrong_parameters, wrong_ranges, wrong_graphs, missing_tests)
-    return [f'{document.path}: {finding}' for check in checks for finding in check(document)]
+def wrong_facts(document: Document, right: Facts) -> Iterator[str]:
+    """Yield a finding for each row and each line of a graph that is not right."""
+    for line in document.graph_lines():
+        if not GRAPH_LINE.fullmatch(line):
+            yield f'write this line of a graph as `source --> id["/name<br>Type"] --> target`: {line.strip()}'
+    for mark, rows in document.facts().items():
+        if mark in right:
+            yield from (f'wrong in the {mark}: {row}' for row in sorted(rows - right[mark]))
+        else:
+            yield f'mark this table with `parameters of MODULE.CLASS`, or with `{RANGES}`: {min(rows)}'
+
+
+def findings_of(documents: list[Document], right: Facts) -> Iterator[str]:
+    """Yield what is wrong in the documents, a line each, and what is in none of them."""
+    missing = {mark: rows.copy() for mark, rows in right.items()}
+    for document in documents:
+        checks = (broken_links, unproved_blocks, missing_tests)
+        found = [finding for check in checks for finding in check(document)]
+        yield from (f'{document.path}: {each}' for each in [*found, *wrong_facts(document, right)])
+        for mark, rows in document.facts().items():
+            missing.get(mark, set()).difference_update(rows)
+    for mark, rows in missing.items():
+        yield from (f'no document has this in the {mark}: {row}' for row in sorted(rows))
 
 
 def main(root: Path = ROOT) -> int:
     """Check every document; return the exit code."""
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'OFF'  # no other node of the same name
     documents = [Document(root, path) for path in files_in_git(root, '*.md')]
-    findings = [finding for document in documents for finding in findings_of(document)]
-    findings += [*undocumented_nodes(documents), *undrawn_ends(documents)]
+    findings = list(findings_of(documents, facts_in_code()))
     for finding in findings:
         print(f'docs: {finding}')
     blocks = sum(len(document.shell_blocks()) for document in documents)

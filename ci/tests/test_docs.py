@@ -72,20 +72,31 @@ def alone_in_ros(monkeypatch):
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')
 
 
+@pytest.fixture(scope='module')
+def facts():
+    """Return what documents must say of the bridge and of the simulator."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(docs_check, 'NODES', {'greenhouse_bridge': docs_check.NODES['greenhouse_bridge']})
+        found = docs_check.facts_in_code()
+    assert OF_BRIDGE.replace('.settings.', '.reading.read_on_sight.') in found
+    return {mark: found[mark] for mark in (OF_BRIDGE, docs_check.RANGES, docs_check.GRAPHS)}
+
+
 @pytest.fixture
-def documents(tmp_path):
+def findings(tmp_path, facts):
     """Return a function that makes a repository of one document, and returns the findings."""
     succeed('git', 'init', '--quiet', tmp_path)
 
-    def findings(text: str) -> str:
+    def findings_in(text: str) -> str:
         (tmp_path / 'README.md').write_text(text, encoding='utf-8')
         (tmp_path / 'test_it.py').write_text('def test_this():\n    pass\n', encoding='utf-8')
         succeed('git', 'add', '.', cwd=tmp_path)
-        return '\n'.join(docs_check.findings_of(docs_check.Document(tmp_path, Path('README.md'))))
+        return '\n'.join(docs_check.findings_of([docs_check.Document(tmp_path, Path('README.md'))], facts))
 
-    return findings
+    return findings_in
 
 
+OF_BRIDGE = 'parameters of lupin_greenhouse_bridge.settings.Settings'
 GOOD = """# A title: with `code`
 
 [here](#a-title-with-code) [there](test_it.py) [away](https://example.org)
@@ -133,8 +144,8 @@ flowchart LR
 """
 
 
-def test_a_good_document_has_no_findings(documents):
-    assert documents(GOOD) == ''
+def test_a_good_document_has_no_findings(findings):
+    assert findings(GOOD) == ''
 
 
 @pytest.mark.parametrize(
@@ -148,34 +159,23 @@ def test_a_good_document_has_no_findings(documents):
         ('`test_it.py::test_this`', '`test_it.py::test_that`', 'there is no test test_it.py::test_that'),
         ('and `test_this`', 'and `test_that`', 'there is no test test_that'),
         ('<!-- needs a robot -->\n', '', 'mark this block with tested by, needs or followed by: drive'),
-        ('`0.0`', '`1.0`', 'Settings lacks the row | speedup_factor | 0.0 |'),
-        ('`0.0`', '`1.0`', 'Settings has a wrong row | speedup_factor | 1.0 |'),
-        ('| `debug_seed` | `-1` | a seed |\n', '', 'settings.Settings lacks the row | debug_seed | -1 |'),
-        ('debug_seed', 'debug_sed', 'Settings has a wrong row | debug_sed | -1 |'),
-        ('<!-- parameters of ', '<!-- of ', 'mark this table with `parameters of`'),
-        ('0.737', '0.6', 'table of the ranges lacks the row | soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |'),
-        ('0.737', '73.7', 'the table of the ranges has a wrong row | soil_moisture | 0.3 | 73.7 |'),
-        ('<!-- ranges of mdp-greenhouse 1.0.8 -->\n', '', 'mark the ranges with `ranges of mdp-greenhouse'),
-        ('<br>GetTagReading', '<br>GetReading', 'greenhouse_bridge does not have this in ROS: node'),
-        ('-.-> greenhouse', '--> greenhouse', 'write this line of a graph as `source --> id["/name<br>'),
+        ('`0.0`', '`1.0`', f'no document has this in the {OF_BRIDGE}: | speedup_factor | 0.0 |'),
+        ('`0.0`', '`1.0`', f'wrong in the {OF_BRIDGE}: | speedup_factor | 1.0 |'),
+        ('| `debug_seed` | `-1` | a seed |\n', '', f'has this in the {OF_BRIDGE}: | debug_seed | -1 |'),
+        ('debug_seed', 'debug_sed', f'wrong in the {OF_BRIDGE}: | debug_sed | -1 |'),
+        ('<!-- parameters of ', '<!-- of ', 'mark this table with `parameters of'),
+        ('0.737', '0.6', '1.0.8: | soil_moisture | 0.3 | 0.737 | m³/m³ | 0.05 |'),
+        ('0.737', '73.7', 'wrong in the ranges of mdp-greenhouse 1.0.8: | soil_moisture | 0.3 | 73.7 |'),
+        ('greenhouse 1.0.8', 'greenhouse 1.0.7', 'or with `ranges of mdp-greenhouse 1.0.8`: | co2 | 400 |'),
+        (
+            '<br>GetTagReading',
+            '<br>GetReading',
+            'graphs: /greenhouse_bridge/get_tag_reading GetReading -.-> gr',
+        ),
+        ('node([your', '    node([your', 'write this line of a graph as `source --> id["/name<br>'),
+        ('-.-> greenhouse', '--> greenhouse', 'this in the ROS graphs: /greenhouse_bridge/get_tag_reading'),
         ('[here]', '    make run\n\n[here]', 'fence this block and set its language: make run'),
     ],
 )
-def test_each_fault_of_a_document_is_found(documents, old, new, finding):
-    assert finding in documents(GOOD.replace(old, new))
-
-
-def test_a_node_without_a_table_is_found_and_a_missing_row_is_no_missing_table(tmp_path):
-    text = GOOD.replace('| `debug_seed` | `-1` | a seed |\n', '')
-    (tmp_path / 'page.md').write_text(text, encoding='utf-8')
-    found = list(docs_check.undocumented_nodes([docs_check.Document(tmp_path, Path('page.md'))]))
-    assert 'no document has a table of the parameters of read_on_sight' in found
-    assert not any('bridge_node' in each or 'read_tag' in each for each in found)
-
-
-def test_a_service_of_a_node_that_is_in_no_graph_is_found(tmp_path, monkeypatch):
-    monkeypatch.setattr(docs_check, 'NODES', {'greenhouse_bridge': docs_check.NODES['greenhouse_bridge']})
-    (tmp_path / 'page.md').write_text(GOOD, encoding='utf-8')
-    assert list(docs_check.undrawn_ends([docs_check.Document(tmp_path, Path('page.md'))])) == []
-    line = 'other -.-> id["/greenhouse_bridge/get_tag_reading<br>GetTagReading"] -.-> greenhouse_bridge'
-    assert list(docs_check.undrawn_ends([])) == [f'no graph has the line: {line}']
+def test_each_fault_of_a_document_is_found(findings, old, new, finding):
+    assert finding in findings(GOOD.replace(old, new))
