@@ -350,11 +350,13 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
     stamp=st.tuples(st.integers(0, 2**31 - 1), st.integers(0, 10**9 - 1)),
     time_of_day=NUMBERS,
     values=st.dictionaries(st.text(), NUMBERS, min_size=1),
+    seen=st.sampled_from([None, True, False]),
+    pose=st.integers(1, 9),
     drive=st.sampled_from(['', 'simulated']),
 )
-def test_an_observation_comes_back_as_it_was(tag_id, stamp, time_of_day, values, drive):
+def test_an_observation_comes_back_as_it_was(tag_id, stamp, time_of_day, values, seen, pose, drive):
     reading = Reading(tag_id, stamp, time_of_day, values)
-    observation = Observation(tag_id, Outcome.OK, '', 1, reading, drive=drive)
+    observation = Observation(tag_id, Outcome.OK, '', 1, reading, seen, pose, drive)
     line = observation.to_line()
     assert '\n' not in line
     assert ('"drive": "simulated"}' in line[-22:]) == bool(drive)  # older reports have none
@@ -440,6 +442,7 @@ VISIT = REPORT.partition('\n')[0]
         ('{"tag_id": "7"}\n', "line 1 is not an observation (KeyError: 'outcome')"),
         ('{"tag_id": 7, ' + '[' * 100_000 + '\n', 'line 1 is not an observation'),
         (REPORT.replace('"attempts": 2', '"attempts": 1e999'), 'observation (OverflowError'),
+        (REPORT.replace('"att', '"seen": "yes", "att'), "seen is 'yes': must be true, false or null"),
         (REPORT.replace('{"co2": 468.63, "radon": 2}', '{}'), 'line 1 is not an observation (ValueE'),
         *(
             (REPORT + VISIT.replace(right, wrong) + end, f'line 3 has a wrong value: {fault}')

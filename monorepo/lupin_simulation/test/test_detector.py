@@ -1,10 +1,8 @@
-"""The detector on rendered pictures: it finds the tag, and never one that is not there."""
+"""The detector on rendered pictures: it finds the tag."""
 
-import cv2
 import numpy as np
 import pytest
 from lupin_simulation.pinhole_camera import PinholeCamera
-from lupin_tag_confirmation.confirmation import Confirmer, Frame, Moment, Sight
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.images import SMALLEST_SIDE_PIXELS
 from lupin_tag_confirmation.settings import Settings
@@ -46,31 +44,3 @@ def test_no_picture_of_an_allowed_size_crashes_the_library(height, width):
     random = np.random.default_rng(0)
     TagDetector().detect(random.integers(0, 256, (height, width), dtype=np.uint8))
     TagDetector().detect(np.zeros((height, width), np.uint8))
-
-
-def picture_without_tag_7(number: int, random: np.random.Generator) -> np.ndarray:
-    """Return a picture of another tag if `number` is even, else one of black and white squares."""
-    if number % 2 == 0:
-        other = random.choice(np.delete(np.arange(587), 7))
-        return CAMERA.expose(CAMERA.scene_of_tag(int(other), random, random.uniform(0.1, 0.6)), random)
-    cells = int(random.integers(20, 120))
-    squares = random.integers(0, 2, (cells, cells), dtype=np.uint8) * 255
-    return cv2.resize(squares, (320, 240), interpolation=cv2.INTER_NEAREST)
-
-
-def test_no_tag_is_confirmed_in_100_images_without_it():
-    """With the most lenient criteria; doc/confirm_tag.md of lupin_tag_confirmation has 20,000 images."""
-    detector = TagDetector(max_hamming=2)
-    lenient = Settings(min_frames=1, min_decision_margin=0.0, max_hamming=2)
-    random = np.random.default_rng(0)
-    others_read = 0
-    for number in range(100):
-        picture = picture_without_tag_7(number, random)
-        confirmer = Confirmer(lenient)
-        confirmer.add(Frame(lambda picture=picture: Sight(detector.detect(picture)), 0.0, 0.0))
-        now = Moment(0.0, 0.0)
-        assert confirmer.choose(now, now)
-        confidence, message, _ = confirmer.judge(7, now, now)
-        assert confidence == 0.0, f'image {number}'
-        others_read += 'other tag ids' in message
-    assert others_read >= 50 - 2  # the detector has read the other tags

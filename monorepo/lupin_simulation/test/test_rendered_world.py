@@ -2,8 +2,7 @@
 
 import contextlib
 import math
-import os
-import subprocess
+import sys
 from functools import partial
 from types import SimpleNamespace
 
@@ -12,7 +11,7 @@ import pytest
 import rclpy
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.runtime.poses import pose_message
-from lupin_greenhouse_bridge.testing._helpers import executable, running, wait_until
+from lupin_greenhouse_bridge.testing._helpers import running, wait_until
 from lupin_simulation import check_world, world_camera
 from lupin_simulation.pinhole_camera import PinholeCamera
 from lupin_simulation.rendered_world import TagModel, View, viewpoint
@@ -123,32 +122,15 @@ def test_a_tag_is_read_in_all_views_of_a_group_and_the_tags_are_counted(monkeypa
     assert tags_read([views]) == set()
 
 
-@pytest.fixture
-def without_drake(tmp_path, monkeypatch):
-    """Hide Drake from the processes of a test."""
-    hidden = tmp_path / 'hidden/pydrake'
-    hidden.mkdir(parents=True)
-    (hidden / '__init__.py').write_text("raise ImportError('No Drake in this test')\n", encoding='utf-8')
-    monkeypatch.setenv('PYTHONPATH', f'{hidden.parent}:{os.environ.get("PYTHONPATH", "")}')
-
-
-@pytest.mark.usefixtures('without_drake')
 @pytest.mark.parametrize(
     ('arguments', 'error'),
     [
-        ([], 'Drake is missing (No Drake in this test): pip install drake'),
+        ([], 'Drake is missing (import of pydrake halted; None in sys.modules): pip install drake'),
         (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
     ],
 )
-def test_a_check_that_cannot_be_made_is_refused_in_one_line(arguments, error):
-    command = [executable('lupin_simulation', 'check_world'), *arguments]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (result.returncode, result.stdout) == (2, ''), result.stderr
-    (line,) = result.stderr.splitlines()
+def test_a_check_that_cannot_be_made_is_refused_in_one_line(monkeypatch, capsys, arguments, error):
+    monkeypatch.setitem(sys.modules, 'pydrake', None)
+    assert check_world.main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f'check_world: {error}')
-
-
-@pytest.mark.usefixtures('without_drake')
-def test_a_missing_drake_is_one_fatal_line_that_names_the_command(start_node):
-    camera = start_node([executable('lupin_simulation', 'world_camera')], world_file='greenhouse.sdf')
-    assert camera.refusal().endswith('Drake is missing (No Drake in this test): pip install drake')

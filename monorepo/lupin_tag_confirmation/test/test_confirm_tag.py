@@ -1,17 +1,13 @@
 """The real node, with images and requests over ROS."""
 
-import os
 import threading
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import rclpy
-from ament_index_python.packages import get_package_share_directory
 from builtin_interfaces.msg import Time
 from conftest import PATIENCE_SECONDS, Perception, compressed, detections, image_of, picture_of_tag
-from lupin_greenhouse_bridge.errors import source_of_messages
 from lupin_greenhouse_bridge.runtime.rclpy_internals import rclpy_implementation
 from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node, wait_until
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
@@ -144,27 +140,6 @@ def test_what_was_judged_can_be_seen_and_a_picture_that_cannot_be_drawn_costs_on
     assert f'cannot draw {topic}: ZeroDivisionError: division by zero' in capfd.readouterr().err
 
 
-@pytest.mark.parametrize('arguments', [[], ['-r', '__ns:=/robot1']], ids=['', '/robot1'])
-def test_the_parameter_file_holds_in_each_namespace(run_nodes, tmp_path, arguments):
-    """The test of the security policy in lupin_mission holds the names, which move with the namespace."""
-    share = get_package_share_directory('lupin_tag_confirmation')
-    text = Path(share, 'config/confirm_tag.yaml').read_text(encoding='utf-8')
-    file = tmp_path / 'confirm_tag.yaml'
-    file.write_text(text.replace('min_frames: 2', 'min_frames: 5'), encoding='utf-8')
-    confirming, _ = run_nodes(confirm_tag.ConfirmTagNode, arguments=['--params-file', str(file), *arguments])
-    assert confirming.get_parameter('min_frames').value == 5
-
-
-def test_without_apriltag_msgs_the_executable_refuses_detections(start_node, tmp_path, monkeypatch):
-    hidden = tmp_path / 'apriltag_msgs'
-    hidden.mkdir()
-    (hidden / '__init__.py').write_text("raise ImportError('hidden')")
-    monkeypatch.setenv('PYTHONPATH', f'{tmp_path}:{os.environ["PYTHONPATH"]}')
-    refusal = start_node([executable(*EXECUTABLE)], source='detections').refusal()
-    assert 'package apriltag_msgs' in refusal
-    assert source_of_messages('apriltag_msgs') in refusal
-
-
 def test_a_caller_who_waits_keeps_nobody_else_waiting_and_a_signal_ends_it_all_the_same(start_node, tag_7):
     patient = {'timeout_seconds': 60.0, 'max_image_age_seconds': 3600.0}
     process = start_node([executable(*EXECUTABLE)], **patient)
@@ -180,18 +155,9 @@ def test_a_caller_who_waits_keeps_nobody_else_waiting_and_a_signal_ends_it_all_t
         assert not any(future.done() for future in waiting)
 
 
-@pytest.mark.parametrize(
-    ('moment', 'signals'),
-    [
-        ('rclpy/__init__.py:<module>', 'Ctrl-C'),
-        ('rclpy/node.py:destroy_node', 'SIGTERM and Ctrl-C'),
-    ],
-)
-def test_signals_end_it_with_exit_code_0(start_node, moment, signals):
-    """While it imports and ends; a second pair of signals always follows the first."""
-    process = start_node(command(*EXECUTABLE, moment, SIGNALS[signals]))
-    is_ending = moment.endswith('destroy_node')
-    process.wait_for_log('ready:' if is_ending else 'signalled in')
-    process.send(*SIGNALS['SIGTERM and Ctrl-C'])
+def test_a_signal_while_it_imports_ends_it_with_exit_code_0(start_node):
+    """The tests of the bridge have the other moments."""
+    moment = 'rclpy/__init__.py:<module>'
+    process = start_node(command(*EXECUTABLE, moment, SIGNALS['Ctrl-C']))
     assert process.end() == 0
     assert any(f'signalled in {moment}' in line for line in process.log)

@@ -1,20 +1,22 @@
 """Parameters, and messages of cameras and detectors that become detections. Nothing is sent over ROS."""
 
 import dataclasses
+import re
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from ament_index_python.packages import get_package_share_path
 from conftest import compressed, detections, image_of, marker
-from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.errors import StartUpError, source_of_messages
 from lupin_greenhouse_bridge.testing._helpers import check_settings
 from lupin_tag_confirmation.confirmation import Confirmer, Frame, Moment
 from lupin_tag_confirmation.settings import Settings
 from lupin_tag_confirmation.sources import open_source
 
-PACKAGE = Path(__file__).resolve().parents[1]
+SHARE = get_package_share_path('lupin_tag_confirmation')
+APRILTAG_MSGS = source_of_messages('apriltag_msgs')
 
 
 def judge(source: str, message, **parameters) -> str:
@@ -53,15 +55,22 @@ def test_detections_of_another_node_are_judged(message, reason):
     assert judge('detections', message) == (f'tag 7: {reason}' if reason else '')
 
 
-@pytest.mark.parametrize('source', ['image', 'compressed'])
-def test_a_missing_apriltag_library_is_refused_with_its_package_where_it_is_needed(source, monkeypatch):
+@pytest.mark.parametrize(
+    ('source', 'module', 'problem'),
+    [
+        ('image', 'apriltag', 'AprilTag library is missing .*: sudo apt install python3-apriltag$'),
+        ('compressed', 'apriltag', 'AprilTag library is missing'),
+        ('detections', 'apriltag_msgs.msg', f'package apriltag_msgs.*{re.escape(APRILTAG_MSGS)}'),
+    ],
+)
+def test_what_a_source_needs_is_refused_with_its_package_where_it_is_missing(
+    source, module, problem, monkeypatch
+):
     monkeypatch.delitem(sys.modules, 'lupin_tag_confirmation.detector', raising=False)
-    monkeypatch.setitem(sys.modules, 'apriltag', None)  # as if it was not installed
-    with pytest.raises(
-        StartUpError, match=r'AprilTag library is missing .*: sudo apt install python3-apriltag$'
-    ):
+    monkeypatch.setitem(sys.modules, module, None)  # as if it was not installed
+    with pytest.raises(StartUpError, match=problem):
         open_source(Settings(source=source))
-    open_source(Settings(source='detections'))
+    open_source(Settings(source='image' if source == 'detections' else 'detections'))
 
 
 def test_each_parameter_has_its_type_its_limits_and_its_default_in_the_parameter_file():
@@ -71,7 +80,7 @@ def test_each_parameter_has_its_type_its_limits_and_its_default_in_the_parameter
             Settings(source=source)
         accepted = 'image, compressed or detections'
         assert str(refusal.value) == f'parameter source is {source!r}: must be {accepted}'
-    (nodes,) = yaml.safe_load_all((PACKAGE / 'config/confirm_tag.yaml').read_text(encoding='utf-8'))
+    (nodes,) = yaml.safe_load_all((SHARE / 'config/confirm_tag.yaml').read_text(encoding='utf-8'))
     parameters = nodes['/**/confirm_tag']['ros__parameters']
     assert {name: (value, type(value)) for name, value in parameters.items()} == {
         each.name: (each.default, type(each.default)) for each in dataclasses.fields(Settings)

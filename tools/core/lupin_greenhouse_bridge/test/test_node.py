@@ -1,16 +1,11 @@
 """The node: one service that survives any request, in the ROS graph that its SROS2 policy allows."""
 
-import contextlib
 import dataclasses
-import itertools
 import signal
-import threading
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-import rclpy
-from greenhouse_sim import simulator
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from lupin_greenhouse_bridge import bridge_node
@@ -19,11 +14,11 @@ from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.settings import Settings
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, greet, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, greet, wait_until
 from lupin_greenhouse_bridge.testing._signals import SIGNALS
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
-from rclpy.executors import MultiThreadedExecutor
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.utilities import get_rmw_implementation_identifier
 
 OK = GetTagReading.Response.STATUS_OK
@@ -80,56 +75,13 @@ def test_the_ready_line_names_tags_sensors_clock_and_rmw(bridge_here, shipped_ta
     assert frozen.startswith(f'{tags}clock frozen at 6.5 h')
 
 
-class HeldSimulator(simulator.GreenhouseSimulator):
-    """A simulator that reads only when the test lets it; `most` is how many handlers were in it at once."""
-
-    inside = most = 0
-    let_go = threading.Event()
-
-    def get_sensor_data(self, tag_id):
-        cls = type(self)
-        cls.inside += 1
-        cls.most = max(cls.most, cls.inside)
-        assert cls.let_go.wait(PATIENCE_SECONDS)
-        cls.inside -= 1
-        return super().get_sensor_data(tag_id)
-
-
-def test_at_most_one_handler_is_in_the_simulator_whatever_the_executor(monkeypatch, shipped_tags):
-    """More requests wait than ROS's default depth keeps, while 8 threads run other callbacks."""
-    HeldSimulator.let_go.set()  # start-up also reads tags
-    name = '/overlap/greenhouse_bridge'
-    with contextlib.ExitStack() as stack:
-        with monkeypatch.context() as patch:
-            patch.setattr(simulator, 'GreenhouseSimulator', HeldSimulator)
-            rclpy.init(args=['--ros-args', '-p', 'debug_time_of_day:=12.0', '-r', '__ns:=/overlap'])
-            stack.callback(rclpy.shutdown)
-            node = bridge_node.GreenhouseBridgeNode()
-            stack.callback(node.destroy_node)
-        executor = MultiThreadedExecutor(num_threads=8)
-        executor.add_node(node)
-        spinner = threading.Thread(target=executor.spin, daemon=True)
-        spinner.start()
-        stack.callback(spinner.join, PATIENCE_SECONDS)
-        stack.callback(executor.shutdown)
-        stack.callback(HeldSimulator.let_go.set)
-        client_node = stack.enter_context(spinning_node('client'))
-        client = client_node.create_client(GetTagReading, f'{name}/get_tag_reading', qos_profile=SERVICE_QOS)
-        other = client_node.create_client(GetParameters, f'{name}/get_parameters')
-        for each, request in ((client, GetTagReading.Request(tag_id='1')), (other, tag_ids_request())):
-            assert each.wait_for_service(timeout_sec=PATIENCE_SECONDS)
-            greet(each, request)
-        HeldSimulator.let_go.clear()
-        HeldSimulator.most, replies = 0, {}
-        for tag_id in itertools.islice(shipped_tags, 20):
-            replies[tag_id] = client.call_async(GetTagReading.Request(tag_id=tag_id))
-            wait_until(lambda: HeldSimulator.inside)
-            assert tag_ids_of(call(other, tag_ids_request()))
-        HeldSimulator.let_go.set()
-        wait_until(lambda: all(each.done() for each in replies.values()))
-        answers = [(each.result().status, each.result().reading.tag_id) for each in replies.values()]
-        assert answers == [(OK, tag_id) for tag_id in replies]
-        assert HeldSimulator.most == 1
+def test_one_handler_runs_at_a_time_in_any_executor_and_many_requests_can_wait(run_nodes):
+    """The simulator is not thread-safe. Other callbacks need not wait for it."""
+    bridge, _ = run_nodes(bridge_node.GreenhouseBridgeNode)
+    (service,) = [each for each in bridge.services if each.srv_type is GetTagReading]
+    assert service.qos_profile == SERVICE_QOS
+    assert isinstance(service.callback_group, MutuallyExclusiveCallbackGroup)
+    assert service.callback_group is not bridge.default_callback_group
 
 
 @settings(max_examples=300, suppress_health_check=HealthCheck)  # one bridge answers every example
