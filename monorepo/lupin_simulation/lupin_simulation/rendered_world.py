@@ -12,7 +12,7 @@ from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_simulation.sdf import TAG_HEIGHT_M
 
 # Drake ignores the lights of the SDF.
-LIGHT_DIRECTIONS = ((1, 0, -0.15), (-1, 0, -0.15), (0, 1, -0.15), (0, -1, -0.15))
+LIGHT_DIRECTIONS = ((1, 0, -0.3), (-1, 0, -0.3), (0, 1, -0.3), (0, -1, -0.3))
 NEAREST_M, FARTHEST_M = 0.01, 50.0
 SUPERSAMPLING = 2  # a camera's pixel averages the light of its area
 
@@ -43,6 +43,14 @@ def view_ahead(x: float, y: float, yaw: float) -> View:
     """Return the view of the camera of a robot with this pose. The camera is as high as the tags."""
     eye = np.array([x, y, TAG_HEIGHT_M])
     return View(eye, eye + np.array([math.cos(yaw), math.sin(yaw), 0.0]))
+
+
+def camera_axes(eye: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Return what is right, down and ahead in a picture from one point towards another, as columns."""
+    ahead = (at - eye) / np.linalg.norm(at - eye)
+    right = np.cross(ahead, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    return np.column_stack([right, np.cross(ahead, right), ahead])
 
 
 class RenderedWorld:
@@ -116,9 +124,6 @@ class RenderedWorld:
         """Return the picture from one point towards another, RGB, uint8 of the shape (height, width, 3)."""
         from pydrake.math import RigidTransform, RotationMatrix
 
-        ahead = (at - eye) / np.linalg.norm(at - eye)
-        right = np.cross(ahead, (0.0, 0.0, 1.0))
-        right /= np.linalg.norm(right)
-        pose = RigidTransform(RotationMatrix(np.column_stack([right, np.cross(ahead, right), ahead])), eye)
+        pose = RigidTransform(RotationMatrix(camera_axes(eye, at)), eye)
         picture: np.ndarray = self._query.RenderColorImage(self._camera, self._frame, pose).data
         return cv2.resize(picture[..., :3], self._size, interpolation=cv2.INTER_AREA)

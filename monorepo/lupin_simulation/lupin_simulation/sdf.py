@@ -22,9 +22,10 @@ TABLE_HEIGHT_M = 0.20
 WALL_HEIGHT_M = 0.20
 THICKNESS_M = 0.1  # of the floor and the walls
 PLATE_THICKNESS_M = 0.004
+POST_M = 0.01  # the sides of the post below each plate
 GAP_M = 0.0005  # between the plate and the tag on it
 TEXTURE_MODULE_PIXELS = 16  # sharp at 0.2 m, and coarse enough for renderers without mipmaps
-WHITE, GREY, BROWN, GREEN = '0.9 0.9 0.9', '0.65 0.65 0.65', '0.7 0.55 0.38', '0.5 0.62 0.48'
+SLATE, GREY, BROWN, GREEN = '0.35 0.4 0.45', '0.65 0.65 0.65', '0.7 0.55 0.38', '0.5 0.62 0.48'
 # From above and from each side, so that no tag is dark.
 LIGHT_DIRECTIONS = ('0 0 -1', '0 1 -0.5', '0 -1 -0.5', '1 0 -0.5', '-1 0 -0.5')
 
@@ -46,13 +47,14 @@ LIGHT = """
 </light>"""
 MODEL = """
 <model name="{name}"><static>true</static><pose>{pose}</pose><link name="link">
-  {in_front}
-  <visual name="{part}">
-    {box}<material><ambient>{colour} 1</ambient><diffuse>{colour} 1</diffuse></material>
-  </visual>
+  {visuals}
   <collision name="{part}">{box}</collision>
 </link></model>"""
-BOX = '<pose>0 0 {z} 0 0 0</pose><geometry><box><size>{size}</size></box></geometry>'
+VISUAL = """
+<visual name="{part}">
+  {box}<material><ambient>{colour} 1</ambient><diffuse>{colour} 1</diffuse></material>
+</visual>"""
+BOX = '<pose>0 {y} {z} 0 0 0</pose><geometry><box><size>{size}</size></box></geometry>'
 TAG_VISUAL = '<visual name="tag"><geometry><mesh><uri>{mesh}</uri></mesh></geometry></visual>'
 
 MESH = """mtllib tag_{number}.mtl
@@ -129,14 +131,24 @@ def _box(name: str, footprint: Rectangle, bottom_m: float, top_m: float, colour:
     """Return the model of a box."""
     x0, y0, x1, y1 = footprint
     pose = f'{(x0 + x1) / 2} {(y0 + y1) / 2} {(bottom_m + top_m) / 2} 0 0 0'
-    box = BOX.format(z=0, size=f'{x1 - x0} {y1 - y0} {top_m - bottom_m}')
-    return MODEL.format(name=name, pose=pose, in_front='', part='body', box=box, colour=colour)
+    box = BOX.format(y=0, z=0, size=f'{x1 - x0} {y1 - y0} {top_m - bottom_m}')
+    visual = VISUAL.format(part='body', box=box, colour=colour)
+    return MODEL.format(name=name, pose=pose, visuals=visual, part='body', box=box)
 
 
 def _tag(number: int, tag_pose: TagPose, paper_m: float) -> str:
-    """Return the model of a tag on its plate. In its frame, z is out of the face, x to the viewer's right."""
+    """
+    Return the model of a tag on its plate, which a post carries.
+
+    In its frame, z is out of the face, x to the viewer's right.
+    """
     x, y, facing = tag_pose
     pose = f'{x} {y} {TAG_HEIGHT_M} {math.pi / 2} 0.0 {facing + math.pi / 2}'
     tag = TAG_VISUAL.format(mesh=f'models/tag_{number}/tag_{number}.obj')
-    plate = BOX.format(z=-GAP_M - PLATE_THICKNESS_M / 2, size=f'{paper_m} {paper_m} {PLATE_THICKNESS_M}')
-    return MODEL.format(name=f'tag_{number}', pose=pose, in_front=tag, part='plate', box=plate, colour=WHITE)
+    plate = BOX.format(y=0, z=-GAP_M - PLATE_THICKNESS_M / 2, size=f'{paper_m} {paper_m} {PLATE_THICKNESS_M}')
+    post_z = -GAP_M - PLATE_THICKNESS_M - POST_M / 2
+    post = BOX.format(y=-TAG_HEIGHT_M / 2, z=post_z, size=f'{POST_M} {TAG_HEIGHT_M} {POST_M}')
+    boxes = {'plate': plate, 'post': post}
+    visuals = [VISUAL.format(part=part, box=box, colour=SLATE) for part, box in boxes.items()]
+    name = f'tag_{number}'
+    return MODEL.format(name=name, pose=pose, visuals=tag + ''.join(visuals), part='plate', box=plate)

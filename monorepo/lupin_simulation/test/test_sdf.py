@@ -75,6 +75,21 @@ def test_the_plate_is_as_wide_as_the_paper_and_behind_the_tag(world, part):
     assert 0.002 <= thickness <= 0.01
 
 
+def test_the_post_stands_on_the_floor_behind_the_plate_and_is_no_obstacle(world):
+    link = world.find("model[@name='tag_7']/link")
+    assert [each.get('name') for each in link.findall('collision')] == ['plate']
+    edges = {}
+    for part in ('plate', 'post'):
+        solid = link.find(f"visual[@name='{part}']")
+        middle, half = numbers(solid.findtext('pose'))[:3], numbers(solid.findtext('geometry/box/size')) / 2
+        edges[part] = middle - half, middle + half
+    lowest, highest = edges['post']
+    assert lowest[1] == pytest.approx(-0.3)  # the floor, as the tag is 0.3 m above it
+    assert highest[1] > edges['plate'][0][1]
+    assert highest[2] == pytest.approx(edges['plate'][0][2])
+    assert (highest - lowest)[0] < 0.02
+
+
 def test_the_mesh_shows_the_texture_upright_and_to_the_front(files):
     lines = [line.split() for line in files['models/tag_7/tag_7.obj'].decode().splitlines()]
     points, places, (out,) = (
