@@ -40,15 +40,15 @@ SAMPLES = 300  # of the noise, at each time of the day
 Picture: TypeAlias = tuple[str, Callable[[], Any]]  # fingerprint of its data; what draws a Figure or an Image
 
 
-def draw_or_check(name: str, pictures: dict[Path, Picture], *, is_check: bool) -> int:
-    """Write pictures with their fingerprints, or compare these with the files'; return the exit code."""
+def draw_or_check(command: str, pictures: dict[Path, Picture], *, is_check: bool) -> int:
+    """Write pictures with their fingerprints, or say what draws the stale ones; return the exit code."""
     stale = 0
     for path, (fingerprint, draw) in pictures.items():
         if not is_check:
             save(draw(), path, fingerprint)
             print(path)
         elif fingerprint_of(path) != fingerprint:
-            print(f'{name}: {path} is not up to date: make figure')
+            print(f'{path} is not up to date: {command}')
             stale = 1
     return stale
 
@@ -178,7 +178,7 @@ def main(arguments: list[str] | None = None) -> int:
     }
     fingerprint = fingerprint_of_data(greenhouse, options)
     pictures = {options.output / f'{name}.png': (fingerprint, draw) for name, draw in draws.items()}
-    return draw_or_check('figure', pictures, is_check=options.check)
+    return draw_or_check('make figure', pictures, is_check=options.check)
 
 
 if __name__ == '__main__':

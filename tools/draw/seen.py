@@ -40,7 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
     is_check = parser_of('seen', __doc__).parse_args(arguments).check
     code = (__file__, drawing.__file__, pinhole_camera.__file__)
     fingerprint = hash_of(*(Path(file).read_bytes() for file in code))
-    return draw_or_check('seen', {COMMITTED: (fingerprint, draw)}, is_check=is_check)
+    return draw_or_check('make figure', {COMMITTED: (fingerprint, draw)}, is_check=is_check)
 
 
 if __name__ == '__main__':
