@@ -13,7 +13,6 @@ release of matplotlib.
 import argparse
 import hashlib
 import io
-import random
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -28,7 +27,7 @@ from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.display import colours, drawings, placing
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 from lupin_greenhouse_bridge.runtime.arguments import number_type
-from lupin_greenhouse_bridge.units import clock_time, label_of
+from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 from matplotlib import pyplot
 from matplotlib.figure import Figure
 from PIL import Image, PngImagePlugin
@@ -36,7 +35,6 @@ from simulated import Greenhouse
 
 COMMITTED = Path(__file__).resolve().parents[1] / 'core/lupin_greenhouse_bridge/doc'
 BAND_COLOUR = '#c9d8ea'
-SAMPLES = 300  # of the noise, at each time of the day
 Picture: TypeAlias = tuple[str, Callable[[], Any]]  # fingerprint of its data; what draws a Figure or an Image
 
 
@@ -97,38 +95,36 @@ def fingerprint_of_data(greenhouse: Greenhouse, options: argparse.Namespace) -> 
 def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
     """Return the figure of a day at one tag: the median and the band of 90 % of each sensor's readings."""
     tag = greenhouse.layout.tags[tag_id]
-    hours = [n / 4 for n in range(97)]
+    hours = np.linspace(0.0, 24.0, 97)
     rows = len(tag.sensors)
-    figure = pyplot.figure(figsize=(6.4, 1.2 + 1.7 * rows), layout='constrained')
+    pyplot.rcParams['font.size'] = pyplot.rcParams['figure.titlesize'] = subsets.PART_POINTS
+    figure = pyplot.figure(figsize=(6.4, 1.8 + 2.1 * rows), layout='constrained')
     all_axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    random.seed(0)
     for axes, name in zip(all_axes, tag.sensors, strict=True):
-        samples = [
-            sorted(greenhouse.value(name, (tag.x, tag.y), hour, is_noisy=True) for _ in range(SAMPLES))
-            for hour in hours
-        ]
-        low, middle, high = ([each[int(share * SAMPLES)] for each in samples] for share in (0.05, 0.5, 0.95))
+        shares = 0.05, 0.5, 0.95
+        quantiles = [greenhouse.quantiles(name, (tag.x, tag.y), hour, shares) for hour in hours]
+        low, middle, high = np.transpose(quantiles)
         band = axes.fill_between(
-            hours, low, high, color=BAND_COLOUR, linewidth=0, label='90 % of these readings'
+            hours, low, high, color=BAND_COLOUR, linewidth=0, label='90 % of the readings'
         )
-        text = f'median of {SAMPLES:,} readings at each time'
-        (line,) = axes.plot(hours, middle, color=colours.ROUTE, linewidth=1.6, label=text)
-        curve = [greenhouse.value(name, (tag.x, tag.y), hour) for hour in hours]
-        noise = ', without noise' if low == high else ''
-        axes.set_title(f'{label_of(name)}, {extremes_of(curve, hours)}{noise}', loc='left', fontsize=9)
+        (line,) = axes.plot(hours, middle, color=colours.ROUTE, linewidth=2, label='median')
+        noise = ', without noise' if (low == high).all() else ''
+        axes.set_title(f'{label_of(name)}{noise}', loc='left', fontsize=subsets.PART_POINTS)
+        extremes = {middle.argmin(): (low, -4, 'top'), middle.argmax(): (high, 4, 'bottom')}
+        for at, (edge, aside, side) in extremes.items():
+            when = clock_time(3600 * hours[at]) if len(extremes) > 1 else 'any time'
+            text = f'{value_text(name, middle[at])} at {when}'
+            place = {'ha': 'center' if at else 'left', 'va': side, 'textcoords': 'offset points'}
+            axes.annotate(text, (hours[at], edge[at]), (0 if at else 5, aside), **place)
+            axes.plot(hours[at], middle[at], 'o', color=colours.ROUTE, clip_on=False)
+        axes.margins(y=0.4)
+        axes.locator_params(axis='y', nbins=4)
         axes.grid(alpha=0.3)
-    all_axes[-1].set(xlabel='greenhouse time of day (h)', xlim=(0, 24), xticks=range(0, 25, 3))
-    figure.suptitle(f'A day at tag {tag_id} in the simulator\nnot measured: made by a formula', fontsize=11)
-    figure.legend(handles=[line, band], loc='outside lower center', ncols=2, frameon=False, fontsize=9)
+    ticks = range(0, 25, 6)
+    all_axes[-1].set(xlim=(0, 24), xticks=ticks, xticklabels=[f'{hour:02}:00' for hour in ticks])
+    figure.suptitle(f'A day at tag {tag_id} in the simulator,\nmade by a formula, not measured')
+    figure.legend(handles=[line, band], loc='outside lower center', ncols=2, frameon=False)
     return figure
-
-
-def extremes_of(values: list[float], hours: list[float]) -> str:
-    """Return when a curve is highest and lowest, in words."""
-    if min(values) == max(values):
-        return 'always the same'
-    highest, lowest = (clock_time(hours[int(find(values))] * 3600) for find in (np.argmax, np.argmin))
-    return f'highest at {highest}, lowest at {lowest}'
 
 
 def check_options(options: argparse.Namespace, greenhouse: Greenhouse) -> None:
@@ -171,7 +167,7 @@ def main(arguments: list[str] | None = None) -> int:
             for name, draw in (('greenhouse', subsets.draw_layout), ('greenhouse_part', subsets.draw_part))
             for scheme in subsets.SCHEMES
         },
-        'day': lambda: draw_day(greenhouse, options.tag),
+        'day': partial(subsets.in_scheme, 'light', draw_day, greenhouse, options.tag),
         'route': lambda: drawings.draw_route(
             greenhouse.layout, greenhouse.walls, greenhouse.approaches, greenhouse.route
         ),

@@ -2,9 +2,12 @@
 
 import itertools
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
+import scipy.special
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_greenhouse_bridge.display.placing import Point
 from lupin_greenhouse_bridge.planning.approach import find_approaches
@@ -16,6 +19,7 @@ from lupin_greenhouse_bridge.simulator.layout import require_layout, shipped_fil
 from lupin_greenhouse_bridge.simulator.simulation import load
 from lupin_greenhouse_bridge.units import sensor_order
 
+TINY = 1e-9
 Subset: TypeAlias = tuple[str, ...]  # the letters of some sensors
 
 
@@ -48,6 +52,23 @@ class Greenhouse:
         """Return the value of a sensor at a position, in its unit."""
         simulator = self._noisy if is_noisy else self._silent
         return float(simulator.sensor_registry.get_sensor(sensor).retrieve_data(position_m, hour * 3600.0))
+
+    def quantiles(self, sensor: str, position_m: Point, hour: float, shares: Sequence[float]) -> np.ndarray:
+        """
+        Return the values below which these shares of a sensor's readings lie, in its unit.
+
+        A reading is the largest of normal variables, one of each component.
+        """
+        silent, noisy = (
+            getattr(sensors := each.sensor_registry.get_sensor(sensor), 'sensors', [sensors])
+            for each in (self._silent, self._noisy)
+        )
+        means = np.array([each.retrieve_data(position_m, hour * 3600.0) for each in silent])
+        sigmas = np.array([each.params.get('noise_sigma', 0.0) for each in noisy])
+        values = means.max() + 5 * sigmas.max() * np.linspace(-1, 1, 2001)
+        below = scipy.special.ndtr((values[:, None] - means) / np.maximum(sigmas, TINY)).prod(axis=1)
+        found: np.ndarray = np.interp(shares, below, values)
+        return found
 
 
 def letters_of(sensors: list[str]) -> dict[str, str]:

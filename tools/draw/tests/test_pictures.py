@@ -3,6 +3,7 @@
 import itertools
 import json
 import math
+import random
 import re
 import subprocess
 import sys
@@ -91,17 +92,30 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path):
 def test_the_day_says_when_each_sensor_is_highest_and_lowest(tmp_path):
     """Whatever the config says; temperature has no noise in the shipped one."""
     config = shipped('greenhouse_config.yaml')
-    for component in config['sensors']['co2']:
-        component |= {'value_at_midnight': 900, 'value_at_noon': 400}
+    config['sensors']['co2'] = [{'value_at_midnight': 900, 'value_at_noon': 400, 'noise_sigma': 30}]
     for component in config['sensors']['soil_moisture']:
         component |= {'value_at_midnight': 0.4, 'value_at_noon': 0.4}
     (tmp_path / 'config.json').write_text(json.dumps(config), encoding='utf-8')
-    texts = texts_of(
-        figures_of(tmp_path, '--sim-config-file', str(tmp_path / 'config.json'), '--tag', '5')['day']
-    )
-    assert 'temperature (°C), highest at 12:00, lowest at 00:00, without noise' in texts
-    assert 'CO₂ (ppm), highest at 00:00, lowest at 12:00' in texts
-    assert 'soil moisture (m³/m³), always the same' in texts
+    drawing = figures_of(tmp_path, '--sim-config-file', str(tmp_path / 'config.json'), '--tag', '5')['day']
+    assert [axes.get_title(loc='left') for axes in drawing.axes] == [
+        'temperature (°C), without noise',
+        'CO₂ (ppm)',
+        'soil moisture (m³/m³)',
+    ]
+    values = [[text.get_text() for text in axes.texts] for axes in drawing.axes]
+    assert [text.split(' ', 1)[1] for text in values[0]] == ['at 00:00', 'at 12:00']
+    assert values[1:] == [['400 at 12:00', '900 at 00:00'], ['0.400 at any time']]
+
+
+def test_the_band_of_the_day_has_the_shares_of_the_readings_that_it_claims():
+    """The largest of two noisy components is neither normal nor centred on the curve without noise."""
+    greenhouse, place, shares = simulated.Greenhouse('', ''), (2.6, 2.0), np.array([0.05, 0.5, 0.95])
+    random.seed(0)
+    readings = [greenhouse.value('co2', place, 12.0, is_noisy=True) for _ in range(4000)]
+    limits = greenhouse.quantiles('co2', place, 12.0, shares)
+    assert [np.mean(readings < limit) for limit in limits] == pytest.approx(shares, abs=0.02)
+    without_noise = greenhouse.quantiles('temperature', place, 12.0, shares)
+    assert set(without_noise) == {greenhouse.value('temperature', place, 12.0)}
 
 
 @pytest.mark.parametrize('name', ['greenhouse_light', 'greenhouse_part_dark'])
