@@ -18,6 +18,7 @@ import shlex
 import statistics
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import closing
 from functools import partial
@@ -31,7 +32,7 @@ from lupin_greenhouse_bridge.reading.client import Client
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from shared import PATIENCE_SECONDS, Server, in_turns, own_domain, parser_of, percentile
-from traffic import ClientProcess, Counts, start_clients, total_of
+from traffic import ClientProcess, Counts, start_clients
 
 HERE = Path(__file__).resolve().parent
 BRIDGE = f'{os.environ["LUPIN_EXECUTABLES"]}/bridge_node'
@@ -188,7 +189,7 @@ class Bench:
             def counts(service: str, clients: Sequence[ClientProcess] = clients) -> Counts:
                 for client in clients:
                     client.go(service)
-                return total_of([client.counts_of_turn() for client in clients])
+                return sum((client.counts_of_turn() for client in clients), Counter())
 
             counts(self.services[0])  # the first calls are slower
             sides = [partial(counts, service) for service in self.services]
@@ -196,9 +197,9 @@ class Bench:
             for client in clients:
                 client.process.communicate()
             name = pluralized(count, 'client')
-            rates = [(ours.answered / seconds, theirs.answered / seconds) for ours, theirs in results]
+            rates = [tuple(side['answered'] / seconds for side in sides) for sides in results]
             self.ratio(f'throughput, {name}', 'calls/s', rates)
-            lost = [sum(each.timed_out for each in side) for side in zip(*results, strict=True)]
+            lost = [sum(each['timed out'] for each in side) for side in zip(*results, strict=True)]
             figure = f'{name}: no reply within {LOST_AFTER_SECONDS:g} s'
             self.rows.append({'figure': figure, 'subject': lost[0], 'baseline': lost[1]})
             print_row(figure, str(lost[0]), str(lost[1]), '', '')

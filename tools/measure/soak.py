@@ -40,7 +40,7 @@ from lupin_greenhouse_bridge.testing._helpers import executable, spinning_node
 from rclpy.duration import Duration
 from rclpy.node import Node
 from shared import PATIENCE_SECONDS, Promises, Server, check_promises, own_domain, parser_of, status_of
-from traffic import Bridge, ClientProcess, start_clients, total_of
+from traffic import Bridge, ClientProcess, start_clients
 
 GROWTH = {'RSS in kB': 4096, 'open files': 2, 'threads': 0}  # the largest during many calls
 BRIDGE_NODE, READ_TAG, READ_ON_SIGHT, RECORD_READINGS = (
@@ -57,7 +57,7 @@ def seconds_up_to(longest: float) -> float:
 
 def answered_by(text: str, calls: int) -> tuple[str, bool]:
     """Return as a promise that a new client gets an answer to each of its calls."""
-    answered = ClientProcess('--calls', calls).counts().answered
+    answered = ClientProcess('--calls', calls).counts()['answered']
     return f'{text} {answered}/{calls}', answered == calls
 
 
@@ -84,11 +84,14 @@ def bridge_killed_and_restarted(load: Namespace) -> Promises:
         bridge.close()
         bridge = Bridge()  # returns when it is ready, despite what the killed one left
         time.sleep(2.0)
-    found = total_of([client.counts() for client in clients])
+    counts = [client.counts() for client in clients]
+    found, slowest = sum(counts, Counter()), max(each['slowest'] for each in counts)
     # After a kill, sending itself may take a second: Fast DDS then checks the queues in shared memory.
-    timeouts = f'{found.timed_out} timed out after 2 s (slowest {found.slowest_seconds} s)'
-    text = f'{2 * load.scale} kills, {found.answered} calls answered, {found.swapped} swapped, {timeouts}'
-    yield text, found.swapped == 0
+    timeouts = f'{found["timed out"]} timed out after 2 s (slowest {slowest / 1000} s)'
+    text = (
+        f'{2 * load.scale} kills, {found["answered"]} calls answered, {found["swapped"]} swapped, {timeouts}'
+    )
+    yield text, found['swapped'] == 0
     yield answered_by('after the last restart, answered', 50)
     yield bridge.ends_cleanly()
 
@@ -104,9 +107,8 @@ def sixteen_clients(load: Namespace) -> Promises:
     for client in clients:
         client.go()
     counts, calls = [client.counts() for client in clients], 1600 * load.scale
-    found = total_of(counts)
-    lost = calls - found.answered
-    yield f'{calls} calls, {lost} lost, {found.swapped} swapped', (lost, found.swapped) == (0, 0)
+    lost, swapped = calls - sum(each['answered'] for each in counts), sum(each['swapped'] for each in counts)
+    yield f'{calls} calls, {lost} lost, {swapped} swapped', (lost, swapped) == (0, 0)
     yield bridge.has_handled(counts)
 
 
@@ -119,9 +121,8 @@ def many_calls(load: Namespace) -> Promises:
     started = time.monotonic()
     found = ClientProcess('--calls', calls, '--seconds', 3000).counts()
     rate = calls / (time.monotonic() - started)
-    lost = calls - found.answered
-    text = f'{calls} calls, {lost} lost, {found.swapped} swapped, {rate:.0f} calls/s'
-    yield text, (lost, found.swapped) == (0, 0)
+    lost, swapped = calls - found['answered'], found['swapped']
+    yield f'{calls} calls, {lost} lost, {swapped} swapped, {rate:.0f} calls/s', (lost, swapped) == (0, 0)
     after = bridge.resources()
     for name, growth in GROWTH.items():
         yield f'{name} {before[name]} -> {after[name]}', after[name] <= before[name] + growth
@@ -138,18 +139,19 @@ def terminated_during_calls(load: Namespace) -> Promises:
         time.sleep(seconds_up_to(0.1))
         exit_codes.append(bridge.stop())
         clients[-1].process.wait(PATIENCE_SECONDS)
-    found = total_of([client.counts() for client in clients])
-    calls = f'{found.answered} calls answered, {found.timed_out} timed out after 0.5 s'
+    found = sum((client.counts() for client in clients), Counter())
+    calls = f'{found["answered"]} calls answered, {found["timed out"]} timed out after 0.5 s'
     yield f'{3 * load.scale} times, {calls}, exit codes {set(exit_codes)}', set(exit_codes) == {0}
 
 
 def two_bridges(load: Namespace) -> Promises:
     """Run two bridges with one name: each call gets one reply, from either."""
-    bridges = [Bridge(debug_time_of_day=hour) for hour in (6.0, 18.0)]
+    hours = (6.0, 18.0)
+    bridges = [Bridge(debug_time_of_day=hour) for hour in hours]
     calls = 200 * load.scale
     found = ClientProcess('--calls', calls).counts()
-    shares = ', '.join(f'{n} at {float(second) / 3600:g} h' for second, n in found.sim_times.items())
-    yield f'{calls} calls, {found.answered} answered ({shares})', found.answered == calls
+    shares = ', '.join(f'{found[f"{hour:g} h"]} at {hour:g} h' for hour in hours)
+    yield f'{calls} calls, {found["answered"]} answered ({shares})', found['answered'] == calls
     codes = [bridge.stop() for bridge in bridges]
     yield f'exit codes {codes}', codes == [0, 0]
 
@@ -186,15 +188,13 @@ def recorder_locked(load: Namespace) -> Promises:
         text = f'{load.scale} recorders {ending}: ' + ', '.join(
             f'{total[what]} rows {what}' for what in ('published', 'in file', 'kept', 'lost')
         )
-        yield (
-            text,
-            all(
-                each['kept'] <= each['in file'] <= each['published']
-                if is_killed
-                else each['published'] == each['in file'] + each['lost']
-                for each in runs
-            ),
-        )
+        are_kept = [
+            each['kept'] <= each['in file'] <= each['published']
+            if is_killed
+            else each['published'] == each['in file'] + each['lost']
+            for each in runs
+        ]
+        yield text, all(are_kept)
 
 
 @contextlib.contextmanager

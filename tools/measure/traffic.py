@@ -13,11 +13,11 @@ import re
 import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import rclpy
 from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE
@@ -28,20 +28,10 @@ from lupin_greenhouse_bridge.runtime.run import ros
 from shared import PATIENCE_SECONDS, Server
 
 HERE = Path(__file__).resolve().parent
+# What a client has counted: its greetings, calls, answered and timed out; its swapped ones, which are replies
+# for another tag; its slowest in milliseconds; and the replies at each time of day, such as 12 h.
+Counts: TypeAlias = 'Counter[str]'
 TAG_IDS = [str(number) for number in range(1, 31) if number != 8]
-
-
-@dataclass
-class Counts:
-    """What a client has counted."""
-
-    greetings: int = 0
-    calls: int = 0
-    answered: int = 0
-    timed_out: int = 0
-    swapped: int = 0  # replies for another tag
-    slowest_seconds: float = 0.0
-    sim_times: dict[str, int] = field(default_factory=dict)  # replies for each time of day in seconds
 
 
 class Bridge(Server):
@@ -53,11 +43,11 @@ class Bridge(Server):
 
     def has_handled(self, clients: Sequence[Counts]) -> tuple[str, bool]:
         """End it; return as a promise that it handled each call of its clients once."""
-        exit_code, found = self.stop(), total_of(clients)
+        exit_code, found = self.stop(), sum(clients, Counter())
         (handled,) = re.findall(r'^requests handled: (\d+)$', '\n'.join(self.log), re.MULTILINE)
-        text = f'{handled} requests handled of {found.greetings} greetings and {found.calls} calls'
+        text = f'{handled} requests handled of {found["greetings"]} greetings and {found["calls"]} calls'
         # Of the greetings of a client, at least the one with the answer arrives.
-        are_once = found.calls + len(clients) <= int(handled) <= found.calls + found.greetings
+        are_once = len(clients) <= int(handled) - found['calls'] <= found['greetings']
         return f'{text}, exit code {exit_code}', exit_code == 0 and are_once
 
     def ends_cleanly(self) -> tuple[str, bool]:
@@ -84,12 +74,12 @@ class ClientProcess:
 
     def counts_of_turn(self) -> Counts:
         """Return the counts of what go() began; the client waits for the next one."""
-        return Counts(**json.loads(next(iter(self.process.stdout or ()))))
+        return Counter(json.loads(next(iter(self.process.stdout or ()))))
 
     def counts(self) -> Counts:
         """Return the counts that the client prints when it ends; raise TimeoutExpired if it does not end."""
         output, _ = self.process.communicate(timeout=10 * PATIENCE_SECONDS)
-        return Counts(**json.loads(output.splitlines()[-1]))
+        return Counter(json.loads(output.splitlines()[-1]))
 
 
 def start_clients(count: int, *options: object) -> list[ClientProcess]:
@@ -100,30 +90,22 @@ def start_clients(count: int, *options: object) -> list[ClientProcess]:
     return clients
 
 
-def total_of(found: Sequence[Counts]) -> Counts:
-    """Return the sum of what clients have counted, and their slowest call."""
-    names = ('greetings', 'calls', 'answered', 'timed_out', 'swapped')
-    sums = {name: sum(getattr(each, name) for each in found) for name in names}
-    return Counts(**sums, slowest_seconds=max(each.slowest_seconds for each in found))
-
-
 def call_repeatedly(options: argparse.Namespace, ask: Callable[[str, float], Any]) -> Counts:
     """Call as often and as long as the options say; return the counts."""
-    counts = Counts()
+    counts: Counts = Counter()
     end = time.monotonic() + options.seconds
-    while counts.calls < options.calls and time.monotonic() < end:
-        tag_id = TAG_IDS[(options.first + counts.calls) % len(TAG_IDS)]
-        counts.calls += 1
+    while counts['calls'] < options.calls and time.monotonic() < end:
+        tag_id = TAG_IDS[(options.first + counts['calls']) % len(TAG_IDS)]
+        counts['calls'] += 1
         started = time.monotonic()
         reading = ask(tag_id, options.timeout)
-        counts.slowest_seconds = max(counts.slowest_seconds, round(time.monotonic() - started, 3))
+        counts['slowest'] = max(counts['slowest'], round(1000 * (time.monotonic() - started)))
         if reading is None:
-            counts.timed_out += 1
+            counts['timed out'] += 1
             continue
-        counts.answered += 1
-        counts.swapped += reading.tag_id != tag_id
-        sim_time = str(reading.sim_time_of_day_seconds)
-        counts.sim_times[sim_time] = counts.sim_times.get(sim_time, 0) + 1
+        counts['answered'] += 1
+        counts['swapped'] += reading.tag_id != tag_id
+        counts[f'{reading.sim_time_of_day_seconds / 3600:g} h'] += 1
         if options.pause:
             time.sleep(options.pause)
     return counts
@@ -165,8 +147,7 @@ def main() -> None:
         print('first answer', flush=True)
         for service in map(str.strip, sys.stdin) if options.wait else clients:
             counts = call_repeatedly(options, partial(ask, service))
-            counts.greetings = greetings
-            print(json.dumps(asdict(counts)), flush=True)
+            print(json.dumps(counts | {'greetings': greetings}), flush=True)
 
 
 if __name__ == '__main__':
