@@ -69,11 +69,8 @@ def make_package(folder: Path) -> None:
     (folder / name).mkdir(parents=True)
     (folder / name / 'module.py').write_text('')
     (folder / 'setup.py').write_text(
-        f"from setuptools import setup\nsetup(name='{name}', version='1.0.0', packages=['{name}'],"
-        " data_files=[('share/ament_index/resource_index/packages', ['marker']),"
-        f" ('share/{name}', ['package.xml'])])\n"
+        f"from setuptools import setup\nsetup(name='{name}', version='1.0.0', packages=['{name}'])\n"
     )
-    (folder / 'marker').write_text('')
     (folder / 'package.xml').write_text(
         f'<package format="3"><name>{name}</name><version>1.0.0</version><description>d</description>'
         '<maintainer email="a@example.org">a</maintainer><license>Apache-2.0</license>'

@@ -40,10 +40,6 @@ def hide_uv(monkeypatch):
     monkeypatch.setattr(shutil, 'which', lambda name: None if name == 'uv' else find(name))
 
 
-def steps(commands):
-    return [Path(command[-1]).name for command in commands]
-
-
 def make_it(tmp_path, distro='kilted'):
     return environment.main(tmp_path / 'venv', distro)
 
@@ -51,7 +47,7 @@ def make_it(tmp_path, distro='kilted'):
 def test_a_complete_environment_is_left_alone_and_another_distro_makes_it_again(commands, tmp_path):
     for distro in ('kilted', 'jazzy'):
         assert make_it(tmp_path, distro) == 0
-        assert steps(commands) == ['venv', 'uv', f'{distro}.txt']
+        assert [Path(command[-1]).name for command in commands] == ['venv', 'uv', f'{distro}.txt']
         assert f'ROS_DISTRO={distro}' in (tmp_path / 'venv/local_setup.bash').read_text()
         commands.clear()
         assert make_it(tmp_path, distro) == 0

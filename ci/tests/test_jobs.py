@@ -86,38 +86,34 @@ def test_a_wait_of_three_seconds_shows_that_it_lives(monkeypatch, stream, after)
     assert ('\n' in stream.getvalue()) != stream.isatty()
 
 
-def make_job(name, script, folder: Path) -> jobs.Job:
-    return jobs.Job(name, [sys.executable, '-c', script], folder / f'{name}.log')
+def make_job(name, script, folder: Path, kind=jobs.Job) -> jobs.Job:
+    return kind(name, [sys.executable, '-c', script], folder / f'{name}.log')
 
 
 def test_jobs_end_in_failure_if_one_fails_and_all_run(tmp_path, capsys):
+    summary = '===== 3 passed in 0.10s ====='
     each = [
+        make_job('three', f'print("{summary}")', tmp_path, jobs.Tests),
         make_job('bad', 'print("from bad"); exit(3)', tmp_path),
         make_job('good', 'print("yes")', tmp_path),
         make_job('nested', 'print("failed: one: test_a\\nfailed: two"); exit(1)', tmp_path),
     ]
-    assert not jobs.run(each)
-    assert [job.exit_code for job in each] == [3, 0, 1]
+    assert not jobs.run(each, at_once=2)
+    assert [job.exit_code for job in each] == [0, 3, 0, 1]
     printed = capsys.readouterr().out
     assert 'bad: from bad\n' in printed
     assert 'good: yes\n' in printed
-    assert printed.endswith('failed: bad\nfailed: nested: one: test_a\nfailed: nested: two\n')
-
-
-def test_the_summary_of_pytest_closes_the_output(tmp_path, capsys):
-    summary = '===== 3 passed in 0.10s ====='
-    job = jobs.Tests('three', [sys.executable, '-c', f'print("{summary}")'], tmp_path / 'log')
-    assert jobs.run([make_job('other', 'print("yes")', tmp_path), job], at_once=2)
-    assert capsys.readouterr().out.splitlines()[-1] == summary
+    failures = 'failed: bad\nfailed: nested: one: test_a\nfailed: nested: two\n'
+    assert printed.endswith(f'{failures}== three\n{summary}\n')
+    assert jobs.run([make_job('good', 'print("yes")', tmp_path)])
 
 
 def test_jobs_without_a_failed_test_or_a_log_fail_with_their_reason(tmp_path, capsys):
-    none = jobs.Tests('none', [sys.executable, '-c', 'exit("cannot import rclpy")'], tmp_path / 'log')
+    none = make_job('none', 'exit("cannot import rclpy")', tmp_path, jobs.Tests)
     full = jobs.Job('full', [sys.executable, '-c', 'print("more")'], Path('/dev/full'))
-    assert not jobs.run([none, full, make_job('good', 'print("yes")', tmp_path)])
+    assert not jobs.run([none, full])
     printed = capsys.readouterr().out
     assert 'cannot import rclpy' in printed
-    assert 'good: yes\n' in printed
     assert printed.endswith('failed: full: /dev/full: No space left on device\n')
 
 

@@ -62,26 +62,19 @@ def test_the_schemas_are_schemas_and_take_the_shipped_files():
     CONFIG.validate(SHIPPED_CONFIG)
 
 
-@pytest.mark.parametrize('row', sayable(FILES.BAD_TAGS))
-def test_a_bad_tag_file_is_refused(row):
-    assert not TAG_FILE.is_valid(FILES.changed(FILES.TAGS, row))
+CASES = [
+    *((TAG_FILE, FILES.TAGS, row, False) for row in sayable(FILES.BAD_TAGS)),
+    *((TAG_FILE, FILES.TAGS, row, True) for row, _ids in FILES.GOOD_TAGS),
+    *((CONFIG, SHIPPED_CONFIG, row, False) for row in sayable(FILES.BAD_CONFIGS)),
+    *((CONFIG, SHIPPED_CONFIG, row, True) for row in FILES.GOOD_CONFIGS),
+]
 
 
-@pytest.mark.parametrize(('row', '_ids'), FILES.GOOD_TAGS)
-def test_a_good_tag_file_is_accepted(row, _ids):
-    document = FILES.changed(FILES.TAGS, row)
-    assert TAG_FILE.is_valid(json.loads(document) if isinstance(document, bytes) else document)
-
-
-@pytest.mark.parametrize('row', sayable(FILES.BAD_CONFIGS))
-def test_a_bad_config_is_refused(row):
-    assert not CONFIG.is_valid(FILES.changed(SHIPPED_CONFIG, row))
-
-
-@pytest.mark.parametrize('row', FILES.GOOD_CONFIGS)
-def test_a_good_config_is_accepted(row):
-    document = FILES.changed(SHIPPED_CONFIG, row)
-    assert CONFIG.is_valid(yaml.safe_load(document) if isinstance(document, bytes) else document)
+@pytest.mark.parametrize(('schema', 'document', 'row', 'is_good'), CASES)
+def test_a_schema_accepts_the_good_files_and_refuses_the_bad_ones(schema, document, row, is_good):
+    changed = FILES.changed(document, row)
+    parse = json.loads if schema is TAG_FILE else yaml.safe_load
+    assert schema.is_valid(parse(changed) if isinstance(changed, bytes) else changed) == is_good
 
 
 WHOLE = {
