@@ -14,11 +14,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy
-import rclpy.service
 from greenhouse_sim import simulator
 from lupin_greenhouse_bridge import bridge_node
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.rclpy_internals import RCLError
 from lupin_greenhouse_bridge.simulator import simulation
 
 
@@ -32,19 +30,6 @@ def ticking_clock():
 def path_arguments():
     """Serve a custom tag file in both trees."""
     bridge_node._config_path = lambda value: Path(value) if value else None
-
-
-def unsendable_reply():
-    """Make the first reading fail like a reply to a vanished client in Humble's rclpy."""
-    send_response = rclpy.service.Service.send_response
-    replies = itertools.count()
-
-    def fail_once(service, response, header):
-        if getattr(response, 'reading', None) and response.reading.readings and next(replies) == 0:
-            raise RCLError('failed to send response: client will not receive response')
-        return send_response(service, response, header)
-
-    rclpy.service.Service.send_response = fail_once
 
 
 def faulty_simulator():

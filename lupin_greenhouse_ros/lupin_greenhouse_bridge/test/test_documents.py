@@ -167,6 +167,7 @@ def test_every_topic_has_this_qos(run_nodes, tmp_path):
         for topic in re.findall(r'[/\w]+', topics)
     ]
     assert sorted(described) == sorted(own)
+    assert f'service of the bridge has a depth of {SERVICE_QOS.depth}.' in SECTIONS['QoS of the topics']
 
 
 SERVICE = '/greenhouse_bridge/get_tag_reading'

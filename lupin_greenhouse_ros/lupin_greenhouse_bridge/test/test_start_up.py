@@ -164,14 +164,6 @@ def test_a_parameter_without_ros_args_is_shown_with_them(run_here):
     assert "unknown argument 'debug_seed:=42': set parameters with --ros-args -p debug_seed:=42, or" in fatal
 
 
-@pytest.mark.parametrize('namespace', ['/', '/robot1/left'])
-def test_a_parameter_file_sets_the_parameters(bridge_here, tmp_path, namespace):
-    changed, hours = tmp_path / 'parameters.yaml', 'debug_time_of_day: '
-    changed.write_text(PARAMETER_FILE.read_text().replace(f'{hours}-1.0', f'{hours}6.0'))
-    ended = bridge_here('--params-file', str(changed), '-r', f'__ns:={namespace}')
-    assert 'clock frozen at 6.0 h' in ended.err
-
-
 @pytest.fixture
 def description(launch):
     return launch.launch_description_sources.PythonLaunchDescriptionSource(str(LAUNCH_FILE))

@@ -440,7 +440,7 @@ VISIT = REPORT.partition('\n')[0]
         (in_columns(Row._fields).encode('latin-1'), rf"is '\udcfcnits': {NO_UTF_8}"),
         (REPORT.replace('"OK"', '"OK'), 'line 1 is not an observation'),
         ('{"tag_id": "7"}\n', "line 1 is not an observation (KeyError: 'outcome')"),
-        ('{"tag_id": 7, ' + '[' * 100_000 + '\n', 'line 1 is not an observation'),
+        ('{"tag_id": ' + '[' * 100_000 + '\n', 'line 1 is not an observation'),
         (REPORT.replace('"attempts": 2', '"attempts": 1e999'), 'observation (OverflowError'),
         (REPORT.replace('"att', '"seen": "yes", "att'), "seen is 'yes': must be true, false or null"),
         (REPORT.replace('{"co2": 468.63, "radon": 2}', '{}'), 'line 1 is not an observation (ValueE'),

