@@ -307,6 +307,7 @@ def test_the_hint_names_what_can_keep_a_client_from_its_bridge(hint, monkeypatch
         # Without enforcement, a node without keys starts but finds no other node.
         monkeypatch.setenv('ROS_SECURITY_ENABLE', 'true')
         monkeypatch.setenv('ROS_SECURITY_STRATEGY', 'Permissive')
+        monkeypatch.setenv('ROS_SECURITY_KEYSTORE', str(tmp_path))
         assert 'the bridge needs the same keystore, and keys for this domain' in hint()
         # The variable comes after the node, which would keep it for the whole process.
         text = hint(lambda _node: monkeypatch.setenv('ROS_DISCOVERY_SERVER', '127.0.0.1:11811') or True)

@@ -142,6 +142,11 @@ def test_what_ros_cannot_parse_is_told_apart(bridge_here, arguments, fault):
     [
         ('ROS_DOMAIN_ID', 'abc', "ROS_DOMAIN_ID is 'abc': must be a whole number from 0 to 232"),
         ('ROS_DOMAIN_ID', '233', "ROS_DOMAIN_ID is '233': must be a whole number from 0 to 232"),
+        ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'subnet', "'subnet': must be one of SUBNET, LOCALHOST, OFF"),
+        ('ROS_LOCALHOST_ONLY', 'yes', "ROS_LOCALHOST_ONLY is 'yes': must be one of 0, 1"),
+        ('ROS_SECURITY_ENABLE', 'True', "ROS_SECURITY_ENABLE is 'True': must be one of true, false"),
+        ('ROS_SECURITY_ENABLE', 'true', 'security is enabled, but ROS_SECURITY_KEYSTORE is not set: set it'),
+        ('ROS_SECURITY_STRATEGY', 'enforce', "'enforce': must be one of Enforce, Permissive"),
         ('ROS_LOG_DIR', '/dev/null/log', 'a folder for its logs: set ROS_LOG_DIR to a folder that'),
     ],
 )

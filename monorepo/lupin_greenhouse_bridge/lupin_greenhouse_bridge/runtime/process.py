@@ -19,6 +19,14 @@ from typing import NoReturn
 LONGEST_WAIT_SECONDS = 0.5  # rclpy waits in C, and Python handles a signal only after the wait
 LONGEST_END_SECONDS = 30.0  # for DDS to destroy the nodes of a process that ends
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+LARGEST_DOMAIN_ID = 232  # for a larger one, Fast DDS ends the process
+# ROS takes any other value for one of these, and logs nothing, or only a warning of rcl.
+VALUES_OF_VARIABLES = {
+    'ROS_AUTOMATIC_DISCOVERY_RANGE': ('SUBNET', 'LOCALHOST', 'OFF', 'SYSTEM_DEFAULT'),
+    'ROS_LOCALHOST_ONLY': ('0', '1'),
+    'ROS_SECURITY_ENABLE': ('true', 'false'),
+    'ROS_SECURITY_STRATEGY': ('Enforce', 'Permissive'),
+}
 NO_OUTPUT = 4  # exit code of every command whose standard output cannot be written
 
 _is_asked_to_end = False
@@ -125,7 +133,7 @@ def has_lost_output() -> bool:
 
 def hide_wrong_rmw() -> None:
     """
-    Take an RMW that is not installed out of the environment, and note it for rmw_problem().
+    Take an RMW that is not installed out of the environment, and note it for environment_problem().
 
     rclpy would end the process while it is imported.
     """
@@ -141,17 +149,28 @@ def hide_wrong_rmw() -> None:
         _rmw_problem = f"RMW_IMPLEMENTATION is '{name}', which is not installed: unset it, or set {others}"
 
 
-def rmw_problem() -> str:
-    """Return what hide_wrong_rmw() has noted; '' if nothing."""
+def environment_problem() -> str:
+    """Return which variable of ROS has a value that ROS cannot use, and what to set; '' if none has."""
+    domain_id = os.environ.get('ROS_DOMAIN_ID') or '0'
+    if not domain_id.strip().isdecimal() or int(domain_id) > LARGEST_DOMAIN_ID:
+        return f'ROS_DOMAIN_ID is {domain_id!r}: must be a whole number from 0 to {LARGEST_DOMAIN_ID}'
+    for name, accepted in VALUES_OF_VARIABLES.items():
+        if (value := os.environ.get(name)) and value not in accepted:
+            return f'{name} is {value!r}: must be one of {", ".join(accepted)}'
+    if _is_secure() and not os.path.isdir(keystore := os.environ.get('ROS_SECURITY_KEYSTORE', '')):
+        shown = f'is no folder: {keystore!r}' if keystore else 'is not set'
+        return f'security is enabled, but ROS_SECURITY_KEYSTORE {shown}: set it to the path of the keystore'
     return _rmw_problem
+
+
+def _is_secure() -> bool:
+    return os.environ.get('ROS_SECURITY_ENABLE') == 'true'
 
 
 def security_problem() -> str:
     """Return what may be wrong with the security settings; '' if SROS2 is not enabled."""
-    if os.environ.get('ROS_SECURITY_ENABLE') != 'true':
+    if not _is_secure():
         return ''
-    if not os.environ.get('ROS_SECURITY_KEYSTORE'):
-        return 'security is enabled, but ROS_SECURITY_KEYSTORE is not set: set it to the path of the keystore'
     return (
         'security is enabled (ROS_SECURITY_ENABLE): check the enclave (--enclave or'
         ' ROS_SECURITY_ENCLAVE_OVERRIDE) in the keystore, and that the RMW was built with security'

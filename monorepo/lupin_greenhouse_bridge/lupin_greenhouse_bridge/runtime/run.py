@@ -34,7 +34,6 @@ from lupin_greenhouse_bridge.runtime.process import security_problem
 from lupin_greenhouse_bridge.runtime.rclpy_internals import LoggingSeverity, RCLError
 
 LOOK_EVERY_SECONDS = 5.0  # for another node of the same name
-LARGEST_DOMAIN_ID = 232  # for a larger one, Fast DDS ends the process
 # Errors of rclpy.init, which have these words from Humble to Lyrical, and what to change.
 START_FAULTS = {
     r"params file: '--params-file (.*?)'\. Error: (.*?), at ": (
@@ -111,13 +110,8 @@ def ros(args: list[str] | None = None) -> Iterator[SingleThreadedExecutor]:
     Raises StartUpError, which says what to change, if ROS cannot start.
     """
     process.install_signal_handlers()
-    if problem := process.rmw_problem():
+    if problem := process.environment_problem():
         raise StartUpError(problem)
-    domain_id = os.environ.get('ROS_DOMAIN_ID') or '0'
-    if not domain_id.strip().isdecimal() or int(domain_id) > LARGEST_DOMAIN_ID:
-        raise StartUpError(
-            f'ROS_DOMAIN_ID is {domain_id!r}: must be a whole number from 0 to {LARGEST_DOMAIN_ID}'
-        )
     try:
         with _without_log_of_rcl():
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)

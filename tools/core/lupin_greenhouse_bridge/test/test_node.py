@@ -231,7 +231,7 @@ ENCLAVE += ('governance.p7s', 'permissions.p7s')
     ('keystore', 'fragment'),
     [
         ('', 'security is enabled, but ROS_SECURITY_KEYSTORE is not set: set it to the path of the keystore'),
-        ('nowhere', 'security is enabled (ROS_SECURITY_ENABLE): check the enclave'),
+        ('nowhere', 'security is enabled, but ROS_SECURITY_KEYSTORE is no folder: '),
         # The Fast DDS of the wheels has no security; elsewhere these keys are invalid.
         ('keys', 'security is enabled (ROS_SECURITY_ENABLE): check the enclave'),
     ],

@@ -116,7 +116,7 @@ def test_where_nothing_tells_which_rmw_is_installed_none_is_refused(monkeypatch)
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_other')
     monkeypatch.delenv('AMENT_PREFIX_PATH')
     process.hide_wrong_rmw()
-    assert process.rmw_problem() == ''
+    assert process.environment_problem() == ''
     assert os.environ['RMW_IMPLEMENTATION'] == 'rmw_other'
 
 
