@@ -10,17 +10,7 @@ from conftest import ENVIRONMENTS, NEED_LAUNCH, ROOT, run, succeed
 
 ENTRIES = {'Makefile', 'README.md', 'ci', 'lupin_greenhouse_ros', 'monorepo', 'tools'}
 PACKAGES = [(tree, path.parent.name) for tree in ENVIRONMENTS for path in sorted(Path(tree).glob('*/test'))]
-HIDE = """
-import sys
-class Without:
-    def __init__(self, finder):
-        self.finder = finder
-    def find_spec(self, name, *arguments):
-        return None if name.split('.')[0] in {modules!r} else self.finder.find_spec(name, *arguments)
-    def __getattr__(self, name):
-        return getattr(self.finder, name)
-sys.meta_path[:] = map(Without, sys.meta_path)
-"""
+HIDE = 'import sys\nsys.modules |= dict.fromkeys({modules!r})\n'  # None: it is not there
 
 
 def test_no_other_visible_entry_is_committed():
@@ -49,8 +39,7 @@ def test_every_test_module_is_collected_without_optional_modules(tmp_path, packa
     (tmp_path / 'sitecustomize.py').write_text(HIDE.format(modules=modules), encoding='utf-8')
     path = {'PYTHONPATH': os.pathsep.join([str(tmp_path), os.environ.get('PYTHONPATH', '')])}
     for module in modules:
-        hidden = run(sys.executable, '-c', f'import {module}', env=os.environ | path)
-        assert f"No module named '{module}'" in hidden.stderr
+        assert run(sys.executable, '-c', f'import {module}', env=os.environ | path).returncode == 1
     collect = (sys.executable, '-m', 'pytest', '--collect-only', '-q', '-p', 'no:cacheprovider', 'test')
     folder = ROOT / 'monorepo' / package
     listed = succeed(*collect, cwd=folder, env=os.environ | path)
