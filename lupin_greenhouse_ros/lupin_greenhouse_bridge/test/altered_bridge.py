@@ -10,7 +10,6 @@ An alteration is a function of this module.
 import datetime
 import itertools
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy
@@ -25,11 +24,6 @@ def ticking_clock():
     start = datetime.datetime(2026, 1, 1, 6, 0, 0)
     ticks = (start + datetime.timedelta(seconds=tick) for tick in itertools.count())
     simulator.datetime = SimpleNamespace(now=lambda: next(ticks))
-
-
-def path_arguments():
-    """Serve a custom tag file in both trees."""
-    bridge_node._config_path = lambda value: Path(value) if value else None
 
 
 def faulty_simulator():

@@ -7,14 +7,12 @@ from types import SimpleNamespace
 import pytest
 import rclpy
 from conftest import HeldService
-from lupin_greenhouse_bridge.contract import SERVICE_QOS, has_tag_file
+from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading import client
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.runtime.rclpy_internals import pending_requests
 from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, greet
-from rcl_interfaces.msg import ParameterValue
-from rcl_interfaces.srv import GetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 
@@ -94,10 +92,3 @@ def test_a_request_whose_reply_is_lost_is_sent_again(held_service, caller, monke
     assert response.reading.tag_id == 'mine'
     assert held_service.requests.count('mine') > 1
     assert len(asked) > 1  # a slow reply may cost one more
-
-
-def test_a_bridge_tells_whether_its_tag_file_is_the_shipped_one():
-    ids = ParameterValue(string_array_value=['7'])
-    for name in ('', 'tags.json'):
-        response = GetParameters.Response(values=[ids, ParameterValue(string_value=name)])
-        assert has_tag_file(response) == bool(name)

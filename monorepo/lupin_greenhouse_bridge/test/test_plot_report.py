@@ -7,7 +7,6 @@ import json
 import sys
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 from conftest import visit, write_report
 from lupin_greenhouse_bridge.display.colours import colour_limits, read_colour_ranges
@@ -312,15 +311,6 @@ def test_without_matplotlib_the_package_to_install_is_named(report, monkeypatch,
     monkeypatch.setitem(sys.modules, 'matplotlib', None)
     assert main([str(report)]) == 2
     assert capsys.readouterr().err.endswith(': sudo apt install python3-matplotlib\n')
-
-
-def test_a_thousand_labels_cover_no_dot_and_no_other_label():
-    dots = [Box(float(x), float(y), 0.2, 0.2) for x in range(40) for y in range(25)]
-    places = place_labels(dots, [(dot, 1.2, 0.3) for dot in dots])
-    boxes = np.array([*dots, *((*place, 1.2, 0.3) for place in places)])
-    middles, sizes = boxes[:, :2], boxes[:, 2:]
-    apart_m = abs(middles[:, None] - middles) - (sizes[:, None] + sizes) / 2
-    assert (apart_m < -1e-9).all(axis=2).sum() == len(boxes)  # each covers itself
 
 
 def test_a_label_stays_within_the_walls_and_takes_the_nearest_place_that_is_free():

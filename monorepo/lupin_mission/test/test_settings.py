@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import pytest
 import yaml
@@ -13,8 +12,6 @@ from lupin_greenhouse_bridge.testing._helpers import check_settings
 from lupin_mission import passive_observer, settings
 from lupin_mission.settings import Settings
 from lupin_mission.visit import Service
-
-DOCUMENTS = Path(__file__).resolve().parent.parent / 'doc'
 
 
 def test_a_reply_of_the_camera_may_take_3_seconds_more_than_its_look():

@@ -366,7 +366,6 @@ def test_without_apriltag_msgs_it_is_refused_in_one_line(run_here, monkeypatch):
     ('name', 'value', 'fragment'),
     [
         ('bridge_service_name', 'no name', 'parameter bridge_service_name is not a service name'),
-        ('tag_id_format', 'tag', "parameter tag_id_format is 'tag': must be a text with {id} once"),
         pytest.param('detections_topic', 'no name', 'no name', marks=needs_detections),
     ],
 )

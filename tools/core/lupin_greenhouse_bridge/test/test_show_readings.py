@@ -383,11 +383,7 @@ def test_the_process_ends_with_exit_code_0(start_node):
 @pytest.mark.parametrize(
     ('name', 'value', 'fragment'),
     [
-        (
-            'sensor',
-            'ozone',
-            "parameter sensor is 'ozone': the greenhouse config has no",
-        ),
+        ('sensor', 'ozone', "parameter sensor is 'ozone': the greenhouse config has no"),
         ('map_frame', "' '", "parameter map_frame is ' ': must be the name of a frame, such as map"),
         ('readings_topics', "''", "parameter readings_topics is '': must be the name of a topic"),
         ('layout_in_map', '/nowhere.yaml', "'/nowhere.yaml'"),
