@@ -48,11 +48,7 @@ BRIDGE_NODE, READ_TAG, READ_ON_SIGHT, RECORD_READINGS = (
     for name in ('bridge_node', 'read_tag', 'read_on_sight', 'record_readings')
 )
 START_NS = 1_795_189_976_000_000_000
-
-
-def seconds_up_to(longest: float) -> float:
-    """Return a random number of seconds."""
-    return random.uniform(0.0, longest)  # noqa: S311 - no secret
+CHANCE = random.SystemRandom()
 
 
 def answered_by(text: str, calls: int) -> tuple[str, bool]:
@@ -136,7 +132,7 @@ def terminated_during_calls(load: Namespace) -> Promises:
     for _ in range(3 * load.scale):
         bridge = Bridge()
         clients += start_clients(1, '--seconds', 2, '--timeout', 0.5)
-        time.sleep(seconds_up_to(0.1))
+        time.sleep(CHANCE.uniform(0.0, 0.1))
         exit_codes.append(bridge.stop())
         clients[-1].process.wait(PATIENCE_SECONDS)
     found = sum((client.counts() for client in clients), Counter())
@@ -162,7 +158,7 @@ def recorder_killed(load: Namespace) -> Promises:
     with workshop() as (folder, node, pool):
         in_file = {Path(folder, f'readings.{suffix}'): 0 for suffix in ('sqlite', 'csv')}
         for _ in range(10 * load.scale):
-            seconds = [1.0 + seconds_up_to(1.0) for _ in in_file]
+            seconds = [1.0 + CHANCE.uniform(0.0, 1.0) for _ in in_file]
             runs = pool.map(partial(record, node, is_killed=True), in_file, seconds)
             for file, run in zip(list(in_file), runs, strict=True):
                 acknowledged += run['kept']
@@ -180,8 +176,8 @@ def recorder_locked(load: Namespace) -> Promises:
     for is_killed, ending in ((False, 'ended'), (True, 'killed')):
         with workshop(load.scale) as (folder, node, pool):
             files = [Path(folder, f'recorder_{number}.sqlite') for number in range(load.scale)]
-            seconds = [1.0 + seconds_up_to(longest_seconds + 1.0) for _ in files]
-            locked_seconds = [seconds_up_to(longest_seconds) for _ in files]
+            seconds = [1.0 + CHANCE.uniform(0.0, longest_seconds + 1.0) for _ in files]
+            locked_seconds = [CHANCE.uniform(0.0, longest_seconds) for _ in files]
             ends = partial(record, node, is_killed=is_killed)
             runs = list(pool.map(ends, files, seconds, locked_seconds))
         total = sum(runs, Counter())
@@ -290,8 +286,8 @@ def send_signals(process: 'subprocess.Popen[str]') -> None:
     while not handled >> (signal.SIGTERM - 1) & 1 and process.poll() is None:
         time.sleep(0.001)
         handled = int(status_of(process.pid, 'SigCgt'), 16)
-    for number in random.choices([signal.SIGINT, signal.SIGINT, signal.SIGTERM], k=random.randint(1, 3)):  # noqa: S311
-        time.sleep(random.choice([0.0, seconds_up_to(1.0)]))  # noqa: S311
+    for number in CHANCE.choices([signal.SIGINT, signal.SIGINT, signal.SIGTERM], k=CHANCE.randint(1, 3)):
+        time.sleep(CHANCE.choice([0.0, CHANCE.uniform(0.0, 1.0)]))
         process.send_signal(number)
 
 
