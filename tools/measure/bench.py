@@ -197,7 +197,8 @@ class Bench:
             for client in clients:
                 client.process.communicate()
             name = pluralized(count, 'client')
-            rates = [tuple(side['answered'] / seconds for side in sides) for sides in results]
+            # On an overloaded machine, a turn may end before the first answer.
+            rates = [tuple(max(side['answered'], 1) / seconds for side in sides) for sides in results]
             self.ratio(f'throughput, {name}', 'calls/s', rates)
             lost = [sum(each['timed out'] for each in side) for side in zip(*results, strict=True)]
             figure = f'{name}: no reply within {LOST_AFTER_SECONDS:g} s'
