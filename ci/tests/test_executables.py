@@ -1,8 +1,8 @@
 """Every executable of every package answers --help, and starts nothing."""
 
-import contextlib
 import json
 import os
+import pty
 import subprocess
 import sys
 from pathlib import Path
@@ -98,19 +98,17 @@ def test_an_output_that_takes_nothing_is_one_line_with_an_exit_code_of_its_own(
 
 
 @pytest.mark.parametrize('encoding', ['ascii', 'latin-1', 'utf-8'])
-def test_an_output_is_utf_8_but_a_terminal_keeps_its_encoding(encoding):
+def test_an_output_is_utf_8_but_a_terminal_keeps_its_encoding(monkeypatch, encoding):
+    monkeypatch.setenv('PYTHONIOENCODING', encoding)
+    monkeypatch.setenv('PYTHONUTF8', '0')
     (path,) = (each for each in EXECUTABLES if each.name == 'approach_poses')
-    environment = os.environ | {'PYTHONIOENCODING': encoding, 'PYTHONUTF8': '0'}
-    ended = subprocess.run([path], capture_output=True, env=environment, check=True)
+    ended = subprocess.run([path], capture_output=True, check=True)
     assert 'yaw (°)'.encode() in ended.stdout
-    main, terminal = os.openpty()
-    with open(main, 'rb', buffering=0) as shown, subprocess.Popen(
-        [path], stdout=terminal, stderr=terminal, env=environment
-    ) as process:  # fmt: skip
-        os.close(terminal)
-        printed = b''
-        with contextlib.suppress(OSError):  # at the end of the terminal
-            while more := shown.read(65536):
-                printed += more
-    assert process.returncode == 0
-    assert 'yaw (°)'.encode(encoding, 'replace') in printed
+    printed = []
+
+    def read(terminal):
+        printed.append(os.read(terminal, 65536))
+        return printed[-1]
+
+    assert pty.spawn([str(path)], read) == 0
+    assert 'yaw (°)'.encode(encoding, 'replace') in b''.join(printed)

@@ -21,19 +21,13 @@ def test_each(number):
 """
 
 
-def read_tests(tmp_path, *options) -> tuple[jobs.Tests, list[tuple[str, str | None, str]]]:
-    """Run five tests with options of pytest; return the job, and what it makes of each line."""
+@pytest.mark.parametrize('options', [['--instafail'], ['--instafail', '-n', '2'], []])
+def test_the_tests_are_counted_as_they_end_and_a_failure_is_shown(tmp_path, options):
     (tmp_path / 'test_five.py').write_text(TESTS, encoding='utf-8')
     command = [sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', '--verbose', '-rs', *options]
     result = run_command(*command, '-c', '/dev/null', '--rootdir', tmp_path, tmp_path)
     job = jobs.Tests('five', [], tmp_path / 'log')
-    return job, [(line, job.read(line), job.state()) for line in result.stdout.splitlines()]
-
-
-@pytest.mark.parametrize('options', [(), ('-n', '2')], ids=['one process', 'xdist'])
-def test_the_tests_are_counted_as_they_end(tmp_path, options):
-    job, read = read_tests(tmp_path, '--instafail', *options)
-    assert (job.total, job.done) == (5, 5)
+    read = [(line, job.read(line) or '', job.state()) for line in result.stdout.splitlines()]
     (failure,) = job.failures
     assert failure.endswith(f'test_five.py::test_each[1{90 * "a"}]')
     states = list(dict.fromkeys(state for _, _, state in read))
@@ -42,16 +36,14 @@ def test_the_tests_are_counted_as_they_end(tmp_path, options):
     assert states[-1] == 'five 5 of 5, 1 failed'
     assert '1 failed, 3 passed, 1 skipped' in job.summary
 
-
-def test_a_report_is_shown_as_soon_as_it_is_there_and_what_passed_is_not(tmp_path):
-    _, read = read_tests(tmp_path, '--instafail')
-    shown = [each or '' for _, each, _ in read]
-    reported = next(number for number, each in enumerate(shown) if 'one is wrong' in each)
-    assert reported < next(number for number, (line, *_) in enumerate(read) if 'test_each[2a' in line)
+    lines, shown = [line for line, *_ in read], [each for _, each, _ in read]
+    (reported,) = (
+        number for number, each in enumerate(shown) if each.startswith('E ') and 'one is wrong' in each
+    )
+    later = next(number for number, line in enumerate(lines) if 'test_each[2a' in line)
+    assert options != ['--instafail'] or reported < later
     assert 'SKIPPED [1]' in '\n'.join(shown)
     assert not any('PASSED' in each or 'test_each[0a' in each for each in shown)
-    _, read = read_tests(tmp_path)
-    assert any('one is wrong' in (each or '') for _, each, _ in read)  # at the end, without instafail
 
 
 def test_a_build_names_the_package_and_the_share_of_it_that_is_built(tmp_path):
