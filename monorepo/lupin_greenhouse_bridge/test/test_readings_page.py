@@ -336,10 +336,7 @@ def test_a_number_that_is_too_large_to_draw_is_refused_with_its_row(recording, c
         (['FILE', 'FILE', '--route', 'ROUTE'], "--route 'ROUTE' is for one FILE: name one FILE only"),
         (['FILE', '-o', '.'], "--output '.' is a folder: name a file in it"),
         (['FILE', '-o', 'page.png'], "--output 'page.png' is a page: its name must end in .html"),
-        (
-            ['FILE', 'tag_file:=my.json'],
-            "'tag_file:=my.json' is no file of readings: write options such as --tag-file",
-        ),
+        (['FILE', 'tag_file:=my.json'], "'tag_file:=my.json' is no file of readings: write options such as"),
         (['FILE', '-o', 'FILE'], "--output 'FILE' is the file of FILE itself: name another file"),
     ],
 )

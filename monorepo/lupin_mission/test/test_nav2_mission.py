@@ -412,19 +412,13 @@ def test_the_end_of_the_node_cancels_the_goal_awaits_its_end_for_2_s_and_sends_n
     assert len(navigator.goals) == 1
 
 
-@pytest.fixture
-def without_garbage_collection():
-    """Keep what nothing refers to but itself."""
-    gc.disable()
-    yield
-    gc.enable()
-
-
-@pytest.mark.usefixtures('clock', 'without_garbage_collection')  # the clock stands still
+@pytest.mark.usefixtures('clock')  # which stands still
 def test_a_goal_that_is_pending_at_the_end_is_cancelled_when_it_is_accepted(
-    start_mission, navigator, states_of, node
+    start_mission, navigator, states_of, node, request
 ):
-    """The mission would wait for ever; then it is off the graph."""
+    """The mission would wait for ever; then it is off the graph, also what nothing refers to but itself."""
+    request.addfinalizer(gc.enable)
+    gc.disable()
     mission = start_mission(**NAV2, tag_sequence='1')
     navigator.wait_for_goal()
     states_of(mission).wait_for_steps()  # no callback waits for the server

@@ -112,8 +112,6 @@ def test_jpeg_and_png_give_the_brightness(content):
         (encoded('PNG')[:50] + bytes(50) + encoded('PNG')[100:], 'the image cannot be decoded'),
         (png_header(40, 30), 'the image cannot be decoded'),
         (png_header(100_000, 100_000), f'claims too many pixels: at most {MOST_PIXELS} are allowed'),
-        (png_header(17_000, 16), 'each side must have 16 to 16384'),
-        (png_header(8_000, 8_000), f'at most {MOST_PIXELS} are allowed'),
         (png_header(2, 200), '2 x 200 pixels: each side must have 16'),
         (png_header(0, 0), 'not a JPEG or PNG image'),
         (encoded('PNG', 'I;16'), 'must have 8 bits per colour'),
