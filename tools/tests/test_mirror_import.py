@@ -2,6 +2,7 @@
 
 import subprocess
 
+import check_drift
 import generate
 import pytest
 from conftest import commit, edit, git
@@ -57,9 +58,8 @@ def state(monorepo):
 
 
 def checks_pass(monorepo):
-    generation = generate.main(['--check', '--root', str(monorepo)])
-    command = ['python', 'tools/check_drift.py', '--monorepo', 'monorepo', '--mirror', 'lupin_greenhouse_ros']
-    return generation == 0 and subprocess.run(command, cwd=monorepo, check=False).returncode == 0
+    trees = ['--monorepo', str(monorepo / 'monorepo'), '--mirror', str(monorepo / 'lupin_greenhouse_ros')]
+    return generate.main(['--check', '--root', str(monorepo)]) == check_drift.main(trees) == 0
 
 
 def test_every_change_of_the_mirror_arrives_in_the_core_and_both_trees(repositories):
@@ -124,18 +124,15 @@ ON_PURPOSE = (
         (NODE, LINE, '', ON_PURPOSE),
         (f'{BRIDGE}/units.py', '', '# lupin_msgs', RENAMED),
         ('LICENSE', None, None, 'is missing; the mirror keeps it by hand: put it back'),
-        ('COLCON_IGNORE', None, None, 'is missing; the mirror keeps it by hand: put it back'),
     ],
-)  # fmt: skip
+)
 def test_what_the_mirror_must_keep_cannot_be_changed(repositories, path, old, new, reason):
     monorepo, mirror = repositories
     if new is None:
         (mirror / path).unlink()
     result = import_patch(monorepo, commit_in(mirror, *([] if new is None else [(path, old, new)])))
-    assert refused(result) in (
-        f"'Mend it': {path}: {reason}",
-        f"'Mend it': lupin_greenhouse_ros/{path}: {reason}",
-    )
+    assert refused(result).startswith("'Mend it': ")
+    assert refused(result).endswith(f'{path}: {reason}')
 
 
 def mail(diff):

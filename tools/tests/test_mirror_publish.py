@@ -55,13 +55,12 @@ def change(folder, path=README, text='\nMore.\n'):
     commit(folder)
 
 
-def finish_release(folder):
-    """Give the entries since the last release, if there are any, this version."""
-    heading = f'{VERSION} (2026-01-01)'
+def begin_changelogs_with(folder, heading):
+    """Give the newest section of each changelog this heading, and commit."""
     for path in git(folder, 'ls-files', '*CHANGELOG.rst').splitlines():
-        text = (folder / path).read_text()
-        (folder / path).write_text(text.replace('Forthcoming\n---', f'{heading}\n{"-" * len(heading)}'))
-    git(folder, 'commit', '--quiet', '--all', '--allow-empty', '--message', 'Finish')
+        text, section = (folder / path).read_text(), f'{heading}\n{"-" * len(heading)}'
+        (folder / path).write_text(mirror_publish.CHANGELOG_SECTION.sub(section, text, count=1))
+    git(folder, 'commit', '--quiet', '--all', '--allow-empty', '--message', 'Change the heading')
 
 
 def refs(remote) -> dict[str, str]:
@@ -69,12 +68,8 @@ def refs(remote) -> dict[str, str]:
     return dict(line.split() for line in lines)
 
 
-def tree(folder, commit) -> str:
-    return git(folder, 'rev-parse', f'{commit}^{{tree}}')
-
-
 def test_main_is_the_mirror_and_ready_is_main_without_colcon_ignore(repository, remote, publish):
-    finish_release(repository)
+    begin_changelogs_with(repository, f'{VERSION} (2026-01-01)')
     code, printed = publish('--dry-run')
     assert (code, refs(remote)) == (0, {})
     assert re.sub('[0-9a-f]{10}', 'COMMIT', printed) == ''.join(
@@ -89,7 +84,9 @@ def test_main_is_the_mirror_and_ready_is_main_without_colcon_ignore(repository, 
     # GitHub and GitLab make the first branch that they get the default branch.
     pushed = re.findall('refs/.*|end of push', (remote / 'pushed').read_text())
     assert pushed == [REFS[1], 'end of push', REFS[0], f'refs/tags/{VERSION}', 'end of push']
-    assert tree(remote, 'main') == git(repository, 'rev-parse', 'HEAD:lupin_greenhouse_ros')
+    assert git(remote, 'rev-parse', 'main^{tree}') == git(
+        repository, 'rev-parse', 'HEAD:lupin_greenhouse_ros'
+    )
     files = {
         name: git(remote, 'ls-tree', '-r', '--name-only', name).splitlines() for name in ('main', 'ready')
     }
@@ -189,18 +186,14 @@ def test_commits_of_others_are_not_overwritten(repository, remote, publish, bran
     assert refs(remote) == before
 
 
-def begin_next_release(folder):
-    finish_release(folder)
-    path = folder / 'lupin_greenhouse_ros/lupin_greenhouse_msgs/CHANGELOG.rst'
-    section = f'\n{VERSION} ('
-    edit(path, section, f'\nForthcoming\n-----------\n* More.\n{section}')
-    commit(folder)
-
-
 @pytest.mark.parametrize(
     ('spoil', 'release', 'reason'),
     [
-        (begin_next_release, VERSION, 'begins with Forthcoming: give this section'),
+        (
+            lambda folder: begin_changelogs_with(folder, 'Forthcoming'),
+            VERSION,
+            'begins with Forthcoming: give this section',
+        ),
         (lambda folder: change(folder, NODE), '', 'the trees are not what tools/core generates'),
         (lambda folder: edit(folder / README, '', 'x'), '', 'uncommitted changes: commit or stash them'),
         (lambda _: None, '9.9.9', 'lupin_greenhouse_msgs/package.xml has another version'),
