@@ -50,15 +50,14 @@ def descendants() -> list[int]:
 def end_descendants() -> None:
     """End every descendant: SIGTERM first, then SIGKILL."""
     deadline = time.monotonic() + SECONDS_TO_END
-    signalled: dict[int, signal.Signals] = {}
+    asked: set[int] = set()
     # Twice: what loses its parent while /proc is read is in no tree at that moment.
     while pids := descendants() or descendants():
-        number = signal.SIGTERM if time.monotonic() < deadline else signal.SIGKILL
-        for pid in pids:
-            if signalled.get(pid) != number:
-                signalled[pid] = number
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(pid, number)
+        is_late = time.monotonic() >= deadline
+        for pid in pids if is_late else set(pids) - asked:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL if is_late else signal.SIGTERM)
+        asked.update(pids)
         time.sleep(0.02)
 
 

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from build import ROOT, Workspace, build, here
 from jobs import Job, Tests, run
-from within import within
+from within import pip, within
 
 TREES = ('monorepo', 'lupin_greenhouse_ros')
 WORKERS = os.environ.get('WORKERS', '2')
@@ -41,14 +41,6 @@ NOT_IN_22_04 = (
 REQUIREMENTS = ROOT / 'ci/requirements'
 OLDEST_SIMULATOR = '1.0.7'
 AXE = 'axe-core@4.14.1'
-
-
-def pip(venv: Path, *arguments: str) -> None:
-    """Run the pip of an environment; end with its output if it fails."""
-    command = [str(venv / 'bin/python'), '-m', 'pip', '--disable-pip-version-check', *arguments]
-    result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
-    if result.returncode:
-        sys.exit(result.stdout)
 
 
 def has_module(python: str, module: str) -> bool:
@@ -77,7 +69,7 @@ def use_simulator(venv: Path, version: str) -> None:
     """Install a release of the simulator, if the environment has another one."""
     (packages,) = venv.glob('lib/python3*/site-packages')
     if not list(packages.glob(f'mdp_greenhouse-{version}.dist-info')):
-        pip(venv, 'install', '--quiet', '--no-deps', f'mdp-greenhouse=={version}')
+        pip(venv, 'install', '--no-deps', f'mdp-greenhouse=={version}')
 
 
 def mirror_environment(venv: Path) -> Path:
@@ -185,7 +177,7 @@ def test_apriltag() -> bool:
     if not (venv / 'bin/pytest').exists():
         shutil.rmtree(venv, ignore_errors=True)
         subprocess.run([python, '-m', 'venv', '--system-site-packages', venv], check=True)
-        pip(venv, 'install', '--quiet', '--requirement', str(REQUIREMENTS / 'apriltag.txt'))
+        pip(venv, 'install', '--requirement', REQUIREMENTS / 'apriltag.txt')
     imported = ('lupin_greenhouse_bridge', 'lupin_tag_confirmation', 'lupin_simulation')
     os.environ['PYTHONPATH'] = os.pathsep.join(str(ROOT / 'monorepo' / each) for each in imported)  # no ROS
     python_here = str(venv / 'bin/python')
@@ -204,8 +196,8 @@ def make_22_04(python: str, trees: Sequence[Workspace]) -> None:
     within(trees[0], 'true', has_stand_ins=True)
     for tree in trees:  # first, because messages do not build with the NumPy of 22.04
         build(tree, tree.packages())
-    pip(venv, 'uninstall', '--quiet', '--yes', *NOT_IN_22_04)
-    pip(venv, 'install', '--quiet', '--requirement', str(versions))
+    pip(venv, 'uninstall', '--yes', *NOT_IN_22_04)
+    pip(venv, 'install', '--requirement', versions)
     shutil.copy(versions, mark)
 
 

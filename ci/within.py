@@ -28,6 +28,14 @@ DRAKE = 'drake==1.51.1'  # installed without its dependencies
 NO_DRAKE = 3
 
 
+def pip(venv: Path, *arguments: Word) -> None:
+    """Run the pip of an environment; end the process with its output if it fails."""
+    command = (venv / 'bin/python', '-m', 'pip', '--disable-pip-version-check', '--quiet', *arguments)
+    result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
+    if result.returncode:
+        sys.exit(result.stdout)
+
+
 @functools.cache
 def stand_ins(workspace: Workspace) -> tuple[Workspace, ...]:
     """Build the stand-ins that this environment needs; return their workspace, or none."""
@@ -49,16 +57,14 @@ def drake(workspace: Workspace) -> Path:
         return packages
     print(f'world: installing Drake into {packages} (about 420 MB, once)', file=sys.stderr)
     shutil.rmtree(packages, ignore_errors=True)
-    python = str(workspace.venv / 'bin/python')
-    pip = [python, '-m', 'pip', '--disable-pip-version-check', 'install', '--quiet']
-    pip += ['--no-deps', '--target', str(packages), DRAKE]
-    result = subprocess.run(pip, capture_output=True, text=True, check=False)
-    if 'No matching distribution' in result.stderr:
+    try:
+        pip(workspace.venv, 'install', '--no-deps', '--target', packages, DRAKE)
+    except SystemExit as error:
+        if 'No matching distribution' not in str(error):
+            raise
         machine = f'Python {platform.python_version()} on {platform.machine()}'
         print(f'world: Drake has no wheel for {machine}: the world cannot be rendered here', file=sys.stderr)
         sys.exit(NO_DRAKE)
-    if result.returncode:
-        sys.exit(result.stderr)
     installed.write_text(DRAKE, encoding='utf-8')
     return packages
 
