@@ -1,15 +1,12 @@
 """The README's first commands print what it shows, and the check of the documents can fail."""
 
 import ast
-import os
 import re
-import sys
 from pathlib import Path
 
 import docs_check
-import domain_coordinator
 import pytest
-from conftest import ROOT, make, of_a_user, run, start, succeed
+from conftest import ROOT, make, succeed
 
 
 def without_numbers(text: str) -> list[str]:
@@ -17,37 +14,30 @@ def without_numbers(text: str) -> list[str]:
     return [re.sub(r'\s+', ' ', re.sub(r'\d+(\.\d+)*', 'N', line)) for line in text.splitlines()]
 
 
-def test_the_two_commands_of_the_readme():
+def test_the_two_commands_of_the_readme(open_shell):
     """Each `$ command` of its console block prints what is shown below it, and its client reads tag 1."""
-    document = docs_check.Document(ROOT, Path('README.md'))
-    blocks = document.shell_blocks()
-    (client,) = re.findall(r'^```python\n(.*?)^```$', document.text, re.MULTILINE | re.DOTALL)
+    blocks = docs_check.Document(ROOT, Path('README.md')).blocks
+    (client,) = [block.text for block in blocks if block.language == 'python']
     shown = next(block.text for block in blocks if block.language == 'console')
     serving, *asking = [each.partition('\n') for each in shown.removeprefix('$ ').split('\n$ ')]
     assert [each[0] for each in asking] == ['make read TAG=1', 'make read TAG=99']
-    with domain_coordinator.domain_id() as domain_id:
-        alone = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-        environment = of_a_user(**alone)
-        server = start('bash', '-c', f'exec {serving[0]}', **alone)
-        try:
-            ready = next(line for line in server.stdout if 'ready:' in line)
-            assert without_numbers(ready) == without_numbers(serving[2].strip())
-            for command, _, printed in asking:
-                result = run('bash', '-c', f'{command} 2>&1', env=environment)
-                said = re.sub(r'read_tag: waiting for .*\n', '', result.stdout)  # on a slow machine
-                assert without_numbers(said) == without_numbers(printed.strip())
-            values = ast.literal_eval(succeed(sys.executable, '-c', client, env=os.environ | alone))
-            assert values['temperature'] == pytest.approx(22.7, abs=0.05)
-            assert values.keys() == {'temperature', 'co2'}
-            unknown = client.replace("tag_id='1'", "tag_id='99'")
-            assert "Tag '99' is not in" in succeed(sys.executable, '-c', unknown, env=os.environ | alone)
-        finally:
-            os.killpg(server.pid, 15)
-            server.wait()
-        without = client.replace('timeout_sec=5.0', 'timeout_sec=0.1')
-        ended = run(sys.executable, '-c', without, env=os.environ | alone)
-        assert (ended.returncode, ended.stdout) == (1, '')
-        assert ended.stderr == 'no bridge is found: start it (make run), with the same ROS_DOMAIN_ID\n'
+    server, shell = open_shell(), open_shell()
+    server.paste(serving[0])
+    assert without_numbers(server.read_until('ready:'))[-1:] == without_numbers(serving[2].strip())
+    for command, _, printed in asking:
+        said = re.sub(r'read_tag: waiting for .*\n', '', shell.run(f'{command} || true'))  # on a slow machine
+        assert without_numbers(said) == without_numbers(printed.strip())
+
+    def run_client(old, new):
+        return shell.run(f"python - <<'END' || echo exit code $?\n{client.replace(old, new)}\nEND")
+
+    values = ast.literal_eval(run_client('', ''))
+    assert values['temperature'] == pytest.approx(22.7, abs=0.05)
+    assert values.keys() == {'temperature', 'co2'}
+    assert "Tag '99' is not in" in run_client("tag_id='1'", "tag_id='99'")
+    server.close()
+    told = 'no bridge is found: start it (make run), with the same ROS_DOMAIN_ID\nexit code 1\n'
+    assert run_client('timeout_sec=5.0', 'timeout_sec=0.1') == told
 
 
 def test_the_mirror_shows_the_table_of_the_readme():

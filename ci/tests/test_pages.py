@@ -1,70 +1,17 @@
 """The pages that a reader pastes from first to last block: the README, the tutorial, the course."""
 
-import contextlib
 import json
-import os
 import re
 from pathlib import Path
 
 import docs_check
-import domain_coordinator
 import pytest
-from conftest import ROOT, of_a_user, start, succeed
+from conftest import ROOT, Shell, of_a_user, succeed
 from lupin_greenhouse_bridge.display.drawing_command import read_file
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS
 from lupin_greenhouse_bridge.units import name_of
 
 PAGES = Path('tools/core/lupin_greenhouse_bridge/doc')
-PASTED = '[pasted]'
 THREAD = 'make mission DRIVE=1 CAMERA=1 RECORD=readings.sqlite'
-
-
-class Shell:
-    """A shell that a reader pastes commands into."""
-
-    def __init__(self, folder: Path):
-        """Open it in a folder."""
-        self._bash = start('bash', '-e', cwd=folder, ROS_AUTOMATIC_DISCOVERY_RANGE='LOCALHOST')
-        # On a busy machine the bridge may be found late.
-        self.paste(f'read_tag() {{ command read_tag --timeout {PATIENCE_SECONDS} "$@"; }}')
-
-    def paste(self, commands: str) -> None:
-        """Send commands, which the shell starts."""
-        print(commands, file=self._bash.stdin, flush=True)
-
-    def read_until(self, fragment: str) -> str:
-        """Return what is printed up to a line with this fragment; fail if the shell ends before it."""
-        printed = []
-        for line in self._bash.stdout:
-            printed.append(line)
-            if fragment in line:
-                return ''.join(printed)
-        raise AssertionError(f'no {fragment!r} in: {"".join(printed)}')
-
-    def run(self, commands: str) -> str:
-        """Return what commands print; fail if one of them fails."""
-        self.paste(f'{commands.strip()}\necho {PASTED!r}')
-        return self.read_until(PASTED)
-
-    def close(self) -> None:
-        """End the shell and what it has started."""
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self._bash.pid, 15)
-        self._bash.communicate()
-
-
-@pytest.fixture
-def open_shell(copy, monkeypatch):
-    """Return a function that opens a shell in a copy of the checkout, on a domain of the test."""
-    with domain_coordinator.domain_id() as domain_id, contextlib.ExitStack() as stack:
-        monkeypatch.setenv('ROS_DOMAIN_ID', str(domain_id))
-
-        def opened() -> Shell:
-            shell = Shell(copy)
-            stack.callback(shell.close)
-            return shell
-
-        yield opened
 
 
 def without_noise(text: str) -> str:
