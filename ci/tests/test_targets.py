@@ -3,10 +3,7 @@
 import json
 import os
 import re
-import signal
-import subprocess
 
-import domain_coordinator
 import pytest
 from conftest import ROOT, make, needs_drake, of_a_user, run
 
@@ -192,19 +189,10 @@ def test_a_program_gets_the_words_that_a_person_wrote_and_nothing_in_them_is_run
     assert not (tmp_path / 'x').exists()
 
 
-def test_a_bridge_in_a_namespace_is_read_there():
-    with domain_coordinator.domain_id() as domain_id:
-        alone = {'ROS_DOMAIN_ID': str(domain_id), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
-        bridge = subprocess.Popen(
-            ['ci/serve', 'namespace:=team7/', 'debug_time_of_day:=12'], cwd=ROOT, env=os.environ | alone
-        )
-        try:
-            result = make('read', 'TAG=1', 'NAMESPACE=/team7', 'ARGS=--json --timeout 60', **alone)
-        finally:
-            bridge.send_signal(signal.SIGINT)
-            bridge.wait()
-    assert result.returncode == 0, result.stderr
-    assert json.loads(result.stdout)['sim_time_of_day_seconds'] == 43200.0
+def test_a_bridge_in_a_namespace_is_read_there(open_shell):
+    open_shell().paste('ci/serve namespace:=team7/ debug_time_of_day:=12')
+    read = 'make read TAG=1 NAMESPACE=/team7 ARGS="--json --timeout 60" 2>/dev/null'
+    assert json.loads(open_shell().run(read))['sim_time_of_day_seconds'] == 43200.0
 
 
 @pytest.mark.heavy

@@ -192,12 +192,10 @@ HARMLESS = [
     *((name, 'mirror', name, added('lupin_msgs')) for name in LEFT_BY_TOOLS),
     *((f'{name} in a package', 'monorepo', f'{BRIDGE}/{name}', added('x')) for name in LEFT_BY_TOOLS),
     ('another interface of the team', 'monorepo', 'MSGS/msg/Extra.msg', added('bool extra\n')),
-    ('a file kept by hand', 'monorepo', 'MSGS/package.xml', replaced('<version>', '<!-- x --><version>')),
+    ('a file kept by hand', 'both', 'MSGS/package.xml', added('<!-- x -->')),
     ('another package of the monorepo', 'monorepo', 'lupin_mission/package.xml', added('x')),
     ('the same edit in both', 'both', NODE, replaced('LOG_EVERY_SECONDS = 5.0', 'LOG_EVERY_SECONDS = 9.0')),
-    ('the same field in both', 'both', SENSOR, replaced('float64 value', 'float32 value')),
     ('the same new file in both', 'both', f'{BRIDGE}/test/test_new.py', added('import lupin\n')),
-    ('an edited README of the mirror', 'mirror', 'README.md', added('x')),
     ('the mode of a folder', 'mirror', f'{BRIDGE}/test', lambda path: path.chmod(0o700)),
 ]
 
