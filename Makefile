@@ -29,21 +29,32 @@ TAKES_test-network := SHORT ARGS
 TAKES_matrix := PYTHONS DISTROS SIMULATORS WORKERS
 TAKES_mirror-publish := REMOTE RELEASE ARGS
 TAKES_mirror-import := PATCH
+# The variable of a value that a person writes as a target.
+VALUE_read := TAG
+VALUE_mission := RECORD
+VALUE_page := FILE
+VALUE_tags := SIDE
+VALUE_mirror-import := PATCH
 SWITCHES := CAMERA DRIVE PAGE SHORT WORLD
 ON := 1 yes Yes YES on On ON true True TRUE
 OFF := 0 no No NO off Off OFF false False FALSE
 CAMERAS := image compressed detections
 COMMA := ,
+# What a person writes reaches a shell in quotes, and make expands no $ in it.
+QUOTED = '$(subst ','\'',$(1))'
 
 # A typing mistake costs one line before anything is built.
 GOALS := $(or $(MAKECMDGOALS),help)
 WRONG := $(filter-out $(TARGETS),$(GOALS))
 ifneq ($(WRONG),)
+NEAREST := import difflib, sys; print(*difflib.get_close_matches(sys.argv[1], sys.argv[2:], 1, 0.7))
+NEAREST := $(shell python3 -ESc '$(NEAREST)' $(call QUOTED,$(firstword $(WRONG))) $(TARGETS))
+MEANT := $(firstword $(foreach goal,$(GOALS),$(VALUE_$(goal))))
 HINT := $(or \
     $(if $(filter $(SWITCHES),$(WRONG)),write $(WRONG)=1),\
-    $(if $(filter read,$(GOALS)),write TAG="$(strip $(TAG) $(WRONG))"),\
-    $(if $(filter page,$(GOALS)),write FILE="$(strip $(FILE) $(WRONG))"),\
-    $(if $(filter 0 1,$(WRONG)),write a value without a space$(COMMA) such as DRIVE=1),\
+    $(if $(NEAREST),did you mean $(NEAREST)?),\
+    $(if $(filter-out TAG SIDE,$(or $(MEANT),none)),$(if $(filter 0 1,$(WRONG)),write a value without a space$(COMMA) such as DRIVE=1)),\
+    $(if $(MEANT),write $(MEANT)="$(strip $($(MEANT)) $(WRONG))"),\
     the targets are $(TARGETS))
 $(error there is no target $(WRONG): $(HINT))
 endif
@@ -58,8 +69,6 @@ HINT := $(or \
     $(if $(filter run mission,$(GOALS)),; set a parameter with ARGS="name:=value"))
 $(error make $(GOALS) takes no $(REFUSED): it takes $(strip $(TAKEN) $(COMMON))$(HINT))
 endif
-# What a person writes reaches a shell in quotes, and make expands no $ in it.
-QUOTED = '$(subst ','\'',$(1))'
 $(foreach name,$(TAKEN) TREE DISTRO PYTHON VENV,$(if $(value $(name)),$(eval override $(name) := $$(value $(name)))$(eval export $(name))))
 ifneq ($(words $(TREE))$(filter-out $(TREES),$(TREE)),1)
 $(error TREE=$(TREE) is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros)
@@ -77,7 +86,7 @@ TAG ?= 1
 # TAG=1,5 and TAG=all are what a person may write, too.
 override TAG := $(foreach tag,$(patsubst all,--all,$(subst $(COMMA), ,$(TAG))),$(call QUOTED,$(tag)))
 # The root has no name: team7/ is /team7, and / is empty.
-override NAMESPACE := $(addprefix /,$(patsubst /%,%,$(patsubst %/,%,$(NAMESPACE))))
+override NAMESPACE := $(if $(word 2,$(NAMESPACE)),$(NAMESPACE),$(addprefix /,$(patsubst /%,%,$(patsubst %/,%,$(NAMESPACE)))))
 SIDE := $(or $(SIDE),40)
 SHELL := bash
 .SHELLFLAGS := -eo pipefail -c
@@ -104,7 +113,7 @@ WITHIN := "$$VENV/bin/python" -ES ci/within.py
 # Their programs use packages that only the monorepo has, whatever TREE says.
 bench docs-check figure soak tags test-network world world-check: override TREE := monorepo
 
-.PHONY: $(TARGETS) page-check mission-check namespace-check run-check soak-check tags-check
+.PHONY: $(TARGETS) figure-check page-check mission-check namespace-check run-check soak-check tags-check
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -212,11 +221,15 @@ lint: env  ## check the code with ruff and mypy, the spelling, and the workflows
 docs-check: build  ## check links, shell blocks, parameters, ROS graphs and names of tests in the documents
 	@$(IN_ENV) $(WITHIN) --stand-ins python ci/docs_check.py
 
-figure: build  ## draw the greenhouse for the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
+figure: figure-check build  ## draw the greenhouse for the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
+	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
 	@$(if $(ARGS),,$(IN_ENV) python tools/draw/seen.py)
 	@$(if $(WORLD),$(WITHIN) --drake python tools/draw/world.py)
-	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
+
+figure-check:
+	@[[ ! "$(PAGE)$(WORLD)" || ! "$$ARGS" ]] \
+	    || { echo 'figure: PAGE=1 and WORLD=1 draw the committed pictures and take no ARGS: leave one of them out' >&2; exit 2; }
 
 clean:  ## remove what was built (not the environment .venv, and not .mission, .tags and .world)
 	rm -rf "$$VENV"*/workspace .mypy_cache .pytest_cache .ruff_cache .hypothesis .bench

@@ -3,9 +3,24 @@
 # leaves the packages out, to build them.
 [ -n "${BASH_VERSION:-}" ] || { echo 'ci/ros_env.bash is for bash: run bash first' >&2; return 1; }
 [[ "${BASH_SOURCE[0]}" != "$0" ]] || { echo "it must be sourced: write source $0" >&2; exit 1; }
+case "${TREE:-monorepo}" in
+    monorepo|lupin_greenhouse_ros) ;;
+    *)  [ "${1:-}" = without-overlay ] || {
+            echo "TREE=$TREE is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros" >&2; return 1; } ;;
+esac
 _root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 export VIRTUAL_ENV="${VENV:-$_root/.venv}"
 export PATH="$VIRTUAL_ENV/bin:$PATH"
+# The packages of a tree that this shell has entered before leave the paths.
+for _name in PATH PYTHONPATH LD_LIBRARY_PATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH; do
+    _paths=":${!_name:-}:"
+    while [[ "$_paths" == *":${LUPIN_WORKSPACE:-none}/"* ]]; do
+        _rest=${_paths#*":$LUPIN_WORKSPACE/"}
+        _paths="${_paths%%":$LUPIN_WORKSPACE/"*}:${_rest#*:}"
+    done
+    [ "$_paths" = ":${!_name:-}:" ] || { _paths=${_paths#:}; export "$_name=${_paths%:}"; }
+done
+unset _paths _rest
 unset PYTHONDONTWRITEBYTECODE  # every process would compile every module again
 if [ -e "$VIRTUAL_ENV/local_setup.bash" ]; then  # ROS is in the environment itself, and in no other place
     unset PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH
@@ -31,7 +46,7 @@ done
 unset _name
 if [ "${1:-}" != without-overlay ] && [ -e "$LUPIN_WORKSPACE/install/local_setup.bash" ]; then
     source "$LUPIN_WORKSPACE/install/local_setup.bash"
-elif [ -z "${1:-}${MAKELEVEL:-}" ]; then  # make itself builds what it needs
-    echo "no package is built in $VIRTUAL_ENV: run make build, and source this file again" >&2
+elif [[ "${1:-}" != without-overlay && -z "${MAKELEVEL:-}" ]]; then  # make itself builds what it needs
+    echo "TREE=${TREE:-monorepo} is not built: make build TREE=${TREE:-monorepo}" >&2
 fi
 unset _root

@@ -14,6 +14,7 @@ VENV is the environment, WORKERS how many tests of a package run at once. Exit c
 
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from build import ROOT, Workspace, build, here
+from environment import DISTROS
 from jobs import Job, Tests, run
 from within import pip, within
 
@@ -40,6 +42,7 @@ NOT_IN_22_04 = (
 )  # fmt: skip
 REQUIREMENTS = ROOT / 'ci/requirements'
 OLDEST_SIMULATOR = '1.0.7'
+SIMULATORS = f'{OLDEST_SIMULATOR} 1.0.8'
 AXE = 'axe-core@4.14.1'
 
 
@@ -220,18 +223,32 @@ def test_ubuntu_22_04() -> bool:
     return run(jobs, at_once=2)
 
 
+def chosen(name: str, default: str, accepted: str, told: str) -> list[str]:
+    """Return the words of a variable; end if one of them does not match what is accepted."""
+    words = os.environ.get(name, '').split() or default.split()
+    for word in words:
+        if not re.fullmatch(accepted, word):
+            sys.exit(f'matrix: {name}={word}: write {told}')
+    return words
+
+
 def test_matrix() -> bool:
     """Build both trees and test the bridge on each combination; print a row for each."""
+    versions = chosen('PYTHONS', '3.10 3.11 3.12 3.13', r'3\.[1-9]\d', 'versions such as 3.12, 3.10 or newer')
+    distros = chosen('DISTROS', ' '.join(DISTROS), '|'.join(DISTROS), ' or '.join(DISTROS))
+    simulators = chosen(
+        'SIMULATORS', SIMULATORS, SIMULATORS.replace(' ', '|'), SIMULATORS.replace(' ', ' or ')
+    )
+    pythons = {version: python for version in versions if (python := python_of(version))}
+    if missing := [version for version in versions if version not in pythons]:
+        print(f'matrix: no Python {" or ".join(missing)} here', file=sys.stderr)
     print('| Python | ROS 2 | mdp-greenhouse | monorepo | lupin_greenhouse_ros |\n|---|---|---|---|---|')
-    are_good = True
-    for version in os.environ.get('PYTHONS', '3.10 3.11 3.12 3.13').split():
-        if not (python := python_of(version)):
-            print(f'matrix: no Python {version} here', file=sys.stderr)
-            continue
-        for distro in os.environ.get('DISTROS', 'kilted jazzy').split():
+    are_good = bool(pythons)
+    for version, python in pythons.items():
+        for distro in distros:
             venv = ROOT / f'.venv-matrix/{distro}-{version}'
             make_environment(python, venv, distro)
-            for simulator in os.environ.get('SIMULATORS', '1.0.7 1.0.8').split():
+            for simulator in simulators:
                 use_simulator(venv, simulator)
                 workspaces = [Workspace(venv, tree) for tree in TREES]
                 jobs = [job for each in workspaces for job in tests_of_tree(each, bridge_of(each))]

@@ -26,6 +26,12 @@ from jobs import Word, end
 MESSAGES = ('apriltag_msgs', 'nav2_msgs')
 DRAKE = 'drake==1.51.1'  # installed without its dependencies
 NO_DRAKE = 3
+# Before a command: ros_env.bash has said so of a tree that is not built.
+IS_THERE = """
+type -P "$0" >/dev/null || {
+    [ ! -e "$LUPIN_WORKSPACE/install/local_setup.bash" ] || echo "there is no command '$0'" >&2; exit 127; }
+exec "$0" "$@"
+"""
 
 
 def pip(venv: Path, *arguments: Word) -> None:
@@ -87,7 +93,8 @@ def main() -> NoReturn:
     options = parser.parse_args()
     if not options.command:
         parser.error('name the COMMAND to run, such as bash')
-    command = within(here(), *options.command, has_stand_ins=options.stand_ins, has_drake=options.drake)
+    asked = ('bash', '-c', IS_THERE, *options.command)
+    command = within(here(), *asked, has_stand_ins=options.stand_ins, has_drake=options.drake)
     os.execvp(command[0], command)  # noqa: S606 - no shell is wanted
 
 

@@ -143,7 +143,8 @@ def main() -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     series = Path(*sys.argv[1:2])
     if not series.is_file():
-        print(f"mirror-import: no file '{series}': make mirror-import PATCH=N.patch", file=sys.stderr)
+        what = 'a folder' if sys.argv[1:] != [''] and series.is_dir() else 'no file'
+        print(f'mirror-import: PATCH={sys.argv[-1]} is {what}: write PATCH=N.patch', file=sys.stderr)
         return 2
     try:
         if git(ROOT, 'status', '--porcelain'):

@@ -43,13 +43,13 @@ def check_this_checkout(here: Path) -> None:
         raise RefusedError('the trees have drifted apart')
 
 
-def check_release(here: Path, main: str, release: str) -> None:
+def check_release(here: Path, release: str) -> None:
     """Raise RefusedError if a package has another version, or entries of a later one."""
     for package in PACKAGES:
-        manifest = git(here, 'show', f'{main}:{package}/package.xml')
-        if f'<version>{release}</version>' not in manifest:
-            raise RefusedError(f'release {release}: {package}/package.xml has another version')
-        newest = CHANGELOG_SECTION.findall(git(here, 'show', f'{main}:{package}/CHANGELOG.rst'))[0]
+        manifest = git(here, 'show', f'HEAD:{MIRROR}/{package}/package.xml')
+        if (version := manifest.partition('<version>')[2].partition('<')[0]) != release:
+            raise RefusedError(f'release {release}: {package}/package.xml has version {version}')
+        newest = CHANGELOG_SECTION.findall(git(here, 'show', f'HEAD:{MIRROR}/{package}/CHANGELOG.rst'))[0]
         if not newest.startswith(f'{release} ('):
             raise RefusedError(
                 f'release {release}: {package}/CHANGELOG.rst begins with {newest}: give this section'
@@ -84,13 +84,19 @@ def next_ready(here: Path, ready: str, main: str, committer: list[str]) -> str:
 
 def publish(here: Path, remote: str, release: str, *, is_dry_run: bool) -> list[str]:
     """Publish the last commit; return what was pushed. Raises RefusedError."""
+    if release:
+        check_release(here, release)
+    try:
+        before = dict(line.split('\t')[::-1] for line in git(here, 'ls-remote', remote).splitlines())
+    except RefusedError as error:
+        told = str(error).splitlines()[0]
+        raise RefusedError(f'REMOTE={remote} cannot be read: {told}') from error
     check_this_checkout(here)
     print(f'mirror-publish: taking the history of {MIRROR} (about 20 s)', file=sys.stderr, flush=True)
     main = git(here, 'subtree', '-q', 'split', f'--prefix={MIRROR}').strip()
     # A build machine may have no git identity.
     name, email = git(here, 'show', '-s', '--format=%cn%n%ce').splitlines()
     committer = ['-c', f'user.name={name}', '-c', f'user.email={email}']
-    before = dict(line.split('\t')[::-1] for line in git(here, 'ls-remote', remote).splitlines())
     branches = [name for name in (MAIN, READY) if name in before]
     if branches:
         git(here, 'fetch', '--quiet', '--no-tags', '--no-write-fetch-head', remote, *branches)
@@ -101,7 +107,6 @@ def publish(here: Path, remote: str, release: str, *, is_dry_run: bool) -> list[
         )
     after = {READY: next_ready(here, before.get(READY, ''), main, committer), MAIN: main}
     if release:
-        check_release(here, main, release)
         tag = f'refs/tags/{release}'
         tagged = before.get(f'{tag}^{{}}', before.get(tag, ''))
         if tagged not in ('', main):
@@ -152,6 +157,8 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if not options.remote:
             raise RefusedError('no remote: make mirror-publish REMOTE=URL')
+        if 'OWNER' in options.remote:
+            raise RefusedError(f'OWNER in REMOTE={options.remote} is a placeholder: write who owns it')
         url = git(here, 'ls-remote', '--get-url', options.remote).strip()
         remote = str(Path(url).resolve()) if Path(url).is_dir() else url
         advice = address_advice(here, remote)

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import sys
 
 import pytest
 from conftest import ROOT, make, needs_drake, of_a_user, run
@@ -73,7 +74,13 @@ MISTAKES = [
     (['soak', 'SIGNALS=many'], "soak: 'many' is no whole number: write one, such as SIGNALS=500"),
     (['mission', 'CAMERA=maybe'], 'CAMERA=maybe: write CAMERA=1 or CAMERA=0, CAMERA=comp'),
     (['mission', 'DRIVE=image'], 'DRIVE=image: write DRIVE=1 or DRIVE=0'),
-    (['red', 'tag=7'], 'there is no target red: the targets are help run smoke read '),
+    (['red', 'tag=7'], 'there is no target red: did you mean read?'),
+    (['smokes', 'read'], 'there is no target smokes: did you mean smoke?'),
+    (['x\'$(HOME)"'], """there is no target x'$(HOME)": the targets are help run smoke read """),
+    (['mirror-import', 'N.patch'], 'there is no target N.patch: write PATCH="N.patch"'),
+    (['tags', '40'], 'there is no target 40: write SIDE="40"'),
+    (['mission', 'a.sqlite'], 'there is no target a.sqlite: write RECORD="a.sqlite"'),
+    (['figure', 'PAGE=1', 'ARGS=--output x'], 'figure: PAGE=1 and WORLD=1 draw the committed pictures and '),
     (['read', '7'], 'there is no target 7: write TAG="7"'),
     (['mission', 'DRIVE=', '1'], 'there is no target 1: write a value without a space, such as DRIVE=1'),
     (['read', 'TAG=1', '5'], 'there is no target 5: write TAG="1 5"'),
@@ -87,7 +94,7 @@ MISTAKES = [
     (['run', 'seed:=3'], '; set a parameter with ARGS="name:=value".'),
     (['TAG=7'], 'make help takes no TAG: '),
     (['read', 'ROS_DOMAIN_ID=5'], '; write ROS_DOMAIN_ID=... before make.'),
-    (['run', 'NAMESPACE=a b'], "NAMESPACE='/a /b' is none: write letters, digits and _, such as "),
+    (['run', 'NAMESPACE=a b'], "NAMESPACE='a b' is none: write letters, digits and _, such as "),
     (['read', 'NAMESPACE=1team'], "NAMESPACE='/1team' is none: write letters, digits and _, such as "),
     (['mission', 'TREE=lupin_greenhouse_ros'], 'it is in the monorepo only: make mission TREE=monorepo'),
     (['env', 'VENV=Makefile'], '/Makefile was not made by this project and is left alone: move it away'),
@@ -108,6 +115,56 @@ def test_a_mistake_is_named_in_one_line_before_anything_is_built(words, said):
     assert result.returncode == 2
     assert said in first
     assert all(line.startswith('make: *** ') for line in rest)
+
+
+UNBUILT = 'TREE=lupin_greenhouse_ros is not built: make build TREE=lupin_greenhouse_ros\n'
+
+
+def test_a_shell_that_enters_another_tree_leaves_the_first_and_is_told_how_to_build_it(tmp_path):
+    enter = 'source ci/ros_env.bash; echo "$PATH:$PYTHONPATH:$LD_LIBRARY_PATH:$AMENT_PREFIX_PATH"'
+    script = f'{enter}; export VENV={tmp_path} TREE=lupin_greenhouse_ros; {enter}'
+    ended = run('bash', '-c', script, env=of_a_user())
+    assert ended.stderr == UNBUILT
+    first, second = ended.stdout.splitlines()
+    assert 'workspace/monorepo/' in first
+    assert 'workspace/monorepo/' not in second
+
+
+IN_ENVIRONMENT = [
+    ({}, 'read_tags', 127, "there is no command 'read_tags'\n"),
+    (
+        {'TREE': 'mono'},
+        'true',
+        1,
+        'TREE=mono is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros\n',
+    ),
+    ({'TREE': 'lupin_greenhouse_ros', 'VENV': ''}, 'read_tag', 127, UNBUILT),
+]
+
+
+@pytest.mark.parametrize(('variables', 'command', 'exit_code', 'said'), IN_ENVIRONMENT)
+def test_a_command_in_the_environment_that_cannot_run_is_one_line(
+    tmp_path, variables, command, exit_code, said
+):
+    (tmp_path / '.lupin-environment').touch()
+    environment = of_a_user(**{name: value or str(tmp_path) for name, value in variables.items()})
+    ended = run(sys.executable, 'ci/within.py', command, env=environment)
+    assert (ended.returncode, ended.stderr) == (exit_code, said)
+
+
+MATRIX = [
+    ({'PYTHONS': '3.9'}, 'matrix: PYTHONS=3.9: write versions such as 3.12, 3.10 or newer\n'),
+    ({'PYTHONS': '3.12x'}, 'matrix: PYTHONS=3.12x: write versions such as 3.12, 3.10 or newer\n'),
+    ({'PYTHONS': '3.99'}, 'matrix: no Python 3.99 here\n'),
+    ({'DISTROS': 'humble'}, 'matrix: DISTROS=humble: write kilted or jazzy\n'),
+    ({'SIMULATORS': '2.0'}, 'matrix: SIMULATORS=2.0: write 1.0.7 or 1.0.8\n'),
+]
+
+
+@pytest.mark.parametrize(('variables', 'said'), MATRIX)
+def test_the_matrix_refuses_what_it_cannot_run(variables, said):
+    ended = run(sys.executable, 'ci/run_tests.py', 'matrix', env=of_a_user(**variables))
+    assert (ended.returncode, ended.stderr) == (1, said)
 
 
 def test_a_page_is_made_of_one_file_whose_name_may_have_a_space_or_of_several(reports):

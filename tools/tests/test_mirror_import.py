@@ -262,7 +262,8 @@ def test_a_missing_file_one_without_a_patch_and_uncommitted_changes_are_refused(
     result = import_patch(monorepo, commit_in(mirror, NEW_TITLE))
     assert result.returncode == 2
     assert result.stderr == 'mirror-import: commit or stash your own changes first\n'
-    command = ['python', '-B', 'tools/mirror_import.py', 'missing.patch']
-    missing = subprocess.run(command, cwd=monorepo, capture_output=True, check=False)
-    assert missing.returncode == 2
-    assert missing.stderr == b"mirror-import: no file 'missing.patch': make mirror-import PATCH=N.patch\n"
+    for name, what in (('missing.patch', 'no file'), ('', 'no file'), ('tools', 'a folder')):
+        command = ['python', '-B', 'tools/mirror_import.py', name]
+        missing = subprocess.run(command, cwd=monorepo, capture_output=True, text=True, check=False)
+        assert missing.returncode == 2
+        assert missing.stderr == f'mirror-import: PATCH={name} is {what}: write PATCH=N.patch\n'

@@ -196,7 +196,7 @@ def test_commits_of_others_are_not_overwritten(repository, remote, publish, bran
         ),
         (lambda folder: change(folder, NODE), '', 'the trees are not what tools/core generates'),
         (lambda folder: edit(folder / README, '', 'x'), '', 'uncommitted changes: commit or stash them'),
-        (lambda _: None, '9.9.9', 'lupin_greenhouse_msgs/package.xml has another version'),
+        (lambda _: None, '9.9.9', f'lupin_greenhouse_msgs/package.xml has version {VERSION}\n'),
     ],
 )
 def test_a_spoiled_checkout_is_not_published(repository, remote, publish, spoil, release, reason):
@@ -206,10 +206,20 @@ def test_a_spoiled_checkout_is_not_published(repository, remote, publish, spoil,
     assert refs(remote) == {}
 
 
+WRONG_REMOTES = [
+    ('', 'no remote: make'),
+    ('https://host/OWNER/r.git', 'OWNER in REMOTE=https://host/OWNER/r.git is a placeholder: write who owns'),
+    (
+        '/nowhere/at/all',
+        "REMOTE=/nowhere/at/all cannot be read: git ls-remote: fatal: '/nowhere/at/all' does",
+    ),
+]
+
+
 def test_a_wrong_remote_and_a_shallow_clone_are_refused_in_one_line(repository, remote, publish, capsys):
-    for name, reason in (('', 'no remote: make'), ('nobody', ''), ('/nowhere/at/all', '')):
-        code, printed = publish(to=name)
-        assert (code, printed.splitlines()[-1].startswith(f'mirror-publish: {reason}')) == (1, True)
+    for name, reason in WRONG_REMOTES:
+        code, printed = publish('--dry-run', to=name)
+        assert (code, printed.count('\n'), printed.startswith(f'mirror-publish: {reason}')) == (1, 1, True)
     git(remote.parent, 'clone', '--quiet', '--depth=1', f'file://{repository}', 'shallow')
     assert mirror_publish.main([str(remote), '--root', str(remote.parent / 'shallow')]) == 1
     assert 'git fetch --unshallow' in capsys.readouterr().err
