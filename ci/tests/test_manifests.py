@@ -60,23 +60,16 @@ def test_rosdep_has_each_dependency_on_each_distro():
 
 
 @pytest.mark.parametrize('manifest', PACKAGE_XMLS, ids=lambda path: path.parent.name)
-def test_each_manifest_is_valid(manifest):
-    warnings = []
+def test_each_manifest_is_valid_and_each_import_is_a_dependency(manifest):
+    package, keys, missing, warnings = manifest.parent, dependencies(manifest), [], []
     parse_package(manifest, warnings=warnings)
-    assert warnings == []
-
-
-@pytest.mark.parametrize('manifest', PACKAGE_XMLS, ids=lambda path: path.parent.name)
-def test_each_import_is_a_dependency(manifest):
-    package, missing = manifest.parent, []
     for folder in ('test', package.name, 'launch'):
         for module, path in imported_by(package / folder).items():
-            keys = dependencies(manifest)
             kinds = keys.get(KEYS.get(module, module)) or keys.get(f'python3-{module}', set())
             of_users = folder != 'test' and 'testing' not in path.parts and module not in OPTIONAL
             if not (kinds & {'depend', 'exec_depend'} if of_users else kinds):
                 missing.append(f'{path} imports {module}')
-    assert missing == []
+    assert (missing, warnings) == ([], [])
 
 
 def test_the_manifest_follows_the_schema_of_pixi():

@@ -17,29 +17,29 @@ CANNED = f'{sys.executable} {ROOT / "tools/measure/canned_replies.py"}'
 SCENARIOS = {'soak.py': soak.SCENARIOS, 'network.py': network.SCENARIOS}
 
 
-def figures(output: Path, part: str, *arguments: str) -> dict[str, dict]:
-    script = 'source ci/ros_env.bash && exec "$0" tools/measure/bench.py "$@"'
-    options = ['--short', '--only', part, '--output', str(output), *arguments]
-    result = subprocess.run(
-        ['bash', '-c', script, sys.executable, *options],
-        cwd=ROOT,
-        env={**os.environ, 'TREE': 'monorepo'},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert result.returncode == 0, result.stdout + result.stderr
-    rows = json.loads((output / 'bench.json').read_text())['figures']
+def start(name: str, *options: str) -> subprocess.Popen:
+    """Start the short form of a measurement."""
+    command = [sys.executable, 'ci/within.py', '--stand-ins', 'python', f'tools/measure/{name}', '--short']
+    environment = {**os.environ, 'TREE': 'monorepo'}
+    output = {'stdout': subprocess.PIPE, 'stderr': subprocess.STDOUT, 'text': True}
+    return subprocess.Popen([*command, *options], cwd=ROOT, env=environment, **output)
+
+
+def figures(folder: Path, *options: str) -> dict[str, dict]:
+    process = start('bench.py', '--only', 'latency', '--output', str(folder), *options)
+    printed, _ = process.communicate()
+    assert process.returncode == 0, printed
+    rows = json.loads((folder / 'bench.json').read_text())['figures']
     missed = [row['figure'] for row in rows if row.get('verdict') == 'MISSED']
-    assert (f'missed: {", ".join(missed)}\n' in result.stdout) == bool(missed)
+    assert (f'missed: {", ".join(missed)}\n' in printed) == bool(missed)
     return {row['figure']: row for row in rows}
 
 
 def test_swapping_the_sides_inverts_the_ratios(tmp_path):
     """One side sleeps 2 ms in each call; how much that is beside a reply depends on the machine's load."""
     slow = f'{CANNED} 0.002'
-    as_subject = figures(tmp_path, 'latency', '--subject', slow, '--baseline', CANNED)
-    as_baseline = figures(tmp_path, 'latency', '--subject', CANNED, '--baseline', slow)
+    as_subject = figures(tmp_path, '--subject', slow, '--baseline', CANNED)
+    as_baseline = figures(tmp_path, '--subject', CANNED, '--baseline', slow)
     assert as_subject['round trip p50']['ratio'] > 1.0
     assert as_baseline['round trip p50']['ratio'] < 1.0
 
@@ -54,18 +54,7 @@ def test_a_target_is_missed_only_if_the_middle_half_lies_beyond_it(side, sign):
 @pytest.fixture(scope='module')
 def runs():
     """Yield both runs by the name of the script. They run in parallel, because they mostly wait."""
-    environment = {**os.environ, 'TREE': 'monorepo'}
-    processes = {
-        name: subprocess.Popen(
-            [sys.executable, 'ci/within.py', '--stand-ins', 'python', f'tools/measure/{name}', '--short'],
-            cwd=ROOT,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        for name in SCENARIOS
-    }
+    processes = {name: start(name) for name in SCENARIOS}
     yield processes
     for process in processes.values():
         process.terminate()
