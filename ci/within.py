@@ -86,7 +86,7 @@ def within(
 
 def main() -> NoReturn:
     """Replace this process by the command."""
-    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__.strip().splitlines()[0])
     parser.add_argument('--stand-ins', action='store_true', help='with apriltag_msgs and nav2_msgs')
     parser.add_argument('--drake', action='store_true', help='with Drake, which renders the world')
     parser.add_argument('command', nargs=argparse.REMAINDER, help='what to run')

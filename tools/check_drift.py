@@ -201,7 +201,7 @@ def pluralized(count: int, thing: str) -> str:
 def main(arguments: list[str] | None = None) -> int:
     """Compare the two trees of the command line; return the exit code."""
     summary, *_, exit_codes = __doc__.strip().splitlines()
-    parser = argparse.ArgumentParser(description=summary, epilog=exit_codes)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=summary, epilog=exit_codes)
     for name, package in MSGS.items():
         parser.add_argument(f'--{name}', type=Path, required=True, metavar='DIR', help=f'holds {package}')
     parser.add_argument('--format', choices=('text', 'github', 'json'), default='text', help='default: text')

@@ -238,7 +238,7 @@ def write_file(path: Path, file: File) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Generate, or with --check compare; return the exit code."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__.splitlines()[1])
     what = parser.add_mutually_exclusive_group()
     what.add_argument('--check', action='store_true', help='compare only; write nothing')
     what.add_argument('--prune', action='store_true', help='remove files that the core does not render')

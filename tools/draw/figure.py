@@ -26,7 +26,7 @@ import subsets
 from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.display import colours, drawings, placing
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.runtime.arguments import number_type
+from lupin_greenhouse_bridge.runtime.arguments import Parser, number_type
 from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 from matplotlib import pyplot
 from matplotlib.figure import Figure
@@ -78,7 +78,7 @@ def hash_of(*contents: bytes) -> str:
 
 def parser_of(name: str, document: str | None) -> argparse.ArgumentParser:
     """Return a parser with the first line of a module's docstring, and the option --check."""
-    parser = argparse.ArgumentParser(prog=name, description=(document or '').strip().splitlines()[0])
+    parser = Parser(prog=name, description=(document or '').strip().splitlines()[0])
     parser.add_argument('--check', action='store_true', help='compare the committed pictures; draw nothing')
     return parser
 

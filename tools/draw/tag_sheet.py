@@ -8,7 +8,6 @@ SIDE is the length of the black square in millimetres. Print at 100 % ("actual s
 the page. Cut along the dashed lines: the white border is part of the tag.
 """
 
-import argparse
 import sys
 from pathlib import Path
 
@@ -16,7 +15,7 @@ import matplotlib
 import numpy as np
 import numpy.typing as npt
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized
-from lupin_greenhouse_bridge.runtime.arguments import number_type
+from lupin_greenhouse_bridge.runtime.arguments import Parser, number_type
 from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_simulation.tag36h11 import printed_marker
 from matplotlib import pyplot
@@ -91,7 +90,7 @@ def write(path: Path, tag_numbers: list[int], side_mm: float) -> int:
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the PDF; exit code 2 if it cannot be written."""
-    parser = argparse.ArgumentParser(prog='tags', description=(__doc__ or '').strip().splitlines()[0])
+    parser = Parser(prog='tags', description=(__doc__ or '').strip().splitlines()[0])
     side = number_type('a number in millimetres, such as 40', float)
     parser.add_argument('--side', type=side, default=100.0, metavar='MM', help='default: %(default)g')
     parser.add_argument('--tag-file', default='', metavar='FILE', help="default: the simulator's own")

@@ -23,7 +23,7 @@ PATIENCE_SECONDS = 60.0
 
 def parser_of(document: str | None, short: str) -> argparse.ArgumentParser:
     """Return a parser with the first line of a module's docstring, and the option --short."""
-    parser = argparse.ArgumentParser(description=(document or '').strip().splitlines()[0])
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=(document or '').strip().splitlines()[0])
     parser.add_argument('--short', action='store_true', help=short)
     return parser
 

@@ -113,7 +113,7 @@ def call_repeatedly(options: argparse.Namespace, ask: Callable[[str, float], Any
 
 def main() -> None:
     """Call, count, print."""
-    parser = argparse.ArgumentParser(description=(__doc__ or '').strip().splitlines()[0])
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=(__doc__ or '').strip().splitlines()[0])
     parser.add_argument('services', nargs='*', default=[DEFAULT_SERVICE])
     parser.add_argument('--calls', type=int, default=10**9, help='how many at the most')
     parser.add_argument('--seconds', type=float, default=600.0, help='how long at the most')

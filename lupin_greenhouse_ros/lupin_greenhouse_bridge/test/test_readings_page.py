@@ -328,6 +328,7 @@ def test_a_number_that_is_too_large_to_draw_is_refused_with_its_row(recording, c
         (['FILE', '-o', '.'], "--output '.' is a folder: name a file in it"),
         (['FILE', '-o', 'page.png'], "--output 'page.png' is a page: its name must end in .html"),
         (['FILE', 'tag_file:=my.json'], "'tag_file:=my.json' is no file of readings: write options such as"),
+        (['FILE', '-o', 'other.html'], "'other.html' exists and is not from this program: name another"),
         (['FILE', '-o', 'FILE'], "--output 'FILE' is the file of FILE itself: name another file"),
     ],
 )
@@ -336,6 +337,7 @@ def test_other_wrong_options_are_refused_by_their_name(
 ):
     monkeypatch.chdir(tmp_path)
     recording('day.csv', [7.0]).rename('FILE')
+    (tmp_path / 'other.html').write_text('<!doctype html>', encoding='utf-8')
     (tmp_path / 'ROUTE').write_text('x,y\n0,1\n1e300,-1e300\n', encoding='utf-8')
     assert readings_page.main(options) == 2
     assert fault in capsys.readouterr().err

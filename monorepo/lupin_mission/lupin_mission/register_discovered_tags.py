@@ -13,7 +13,7 @@ from lupin_greenhouse_bridge.planning.register_layout import (
     run_registration,
     spin_until,
 )
-from lupin_greenhouse_bridge.runtime.arguments import number_type
+from lupin_greenhouse_bridge.runtime.arguments import Parser, number_type
 from lupin_msgs.msg import DiscoveredTags
 from rclpy.executors import Executor
 
@@ -25,7 +25,7 @@ FEWEST_TAGS = 4  # With fewer, no outlier can be left out.
 
 def main(args: list[str] | None = None) -> int:
     """Wait for the tags, fit and write; return the exit code of register_layout."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=NAME,
         description='Find where the layout lies in the map, from the tags that perception discovered.',
         epilog=EPILOG,

@@ -4,7 +4,6 @@
 Exit code: 0 the world is right, 1 it is wrong, 2 it cannot be checked.
 """
 
-import argparse
 import itertools
 import math
 import sys
@@ -21,6 +20,7 @@ from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls
+from lupin_greenhouse_bridge.runtime.arguments import Parser
 from lupin_greenhouse_bridge.runtime.output import Progress, print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout
 from lupin_tag_confirmation.detector import TagDetector
@@ -120,7 +120,7 @@ def check(layout: Layout, walls: Walls, side_m: float, folder: Path) -> bool:
 
 def main(arguments: list[str] | None = None) -> int:
     """Check the world with both sizes of tags."""
-    parser = argparse.ArgumentParser(prog='check_world', description='Check the SDF world with Drake.')
+    parser = Parser(prog='check_world', description='Check the SDF world with Drake.')
     add_layout_options(parser)
     options = parser.parse_args(arguments)
     try:

@@ -20,6 +20,7 @@ from typing import Any, TypeAlias
 from geometry_msgs.msg import PoseStamped, PoseWithCovariance, PoseWithCovarianceStamped
 from lupin_greenhouse_bridge.contract import latched
 from lupin_greenhouse_bridge.errors import StartUpError
+from lupin_greenhouse_bridge.runtime.output import check_output_file
 from lupin_greenhouse_bridge.runtime.parameters import declare_parameters
 from lupin_greenhouse_bridge.runtime.poses import PoseInPlane, pose_in_plane, pose_message
 from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
@@ -42,6 +43,7 @@ GoalHandle: TypeAlias = 'ServerGoalHandle[Any, Any, Any]'
 NODE_NAME = 'navigator'
 MAP_FRAME, ODOMETRY_FRAME, ROBOT_FRAME = 'map', 'odom', 'base_link'
 STEP_SECONDS = 0.05
+ROUTE_HEADER = 'x,y'
 PROGRESS_SECONDS = 10.0  # without a move, as movement_time_allowance of Nav2's progress checker
 # The error codes of Nav2's controller and planner.
 FAILED_TO_MAKE_PROGRESS, START_OCCUPIED, NO_VALID_PATH = 105, 205, 208
@@ -55,6 +57,8 @@ class FakeNavigator(LifecycleNode):
         self._server: ActionServer[Any, Any, Any] | None = None  # from on_configure() to on_cleanup()
         super().__init__(NODE_NAME)
         self._settings = settings = declare_parameters(self, Settings)
+        if settings.route_file:
+            check_output_file(Path(settings.route_file), 'route_file', mark=ROUTE_HEADER.encode())
         self._planner_space = settings.free_space(settings.padding_m)
         self._robot_space = settings.free_space()
         self._chance = random.Random(settings.arrival_seed)  # noqa: S311 - not for cryptography
@@ -212,7 +216,7 @@ class FakeNavigator(LifecycleNode):
 
     def _write_route(self) -> None:
         if path := self._settings.route_file:
-            lines = ['x,y', *(f'{x:.3f},{y:.3f}' for x, y in self._robot.route), '']
+            lines = [ROUTE_HEADER, *(f'{x:.3f},{y:.3f}' for x, y in self._robot.route), '']
             try:
                 Path(path).write_text('\n'.join(lines), encoding='utf-8')
             except OSError as error:

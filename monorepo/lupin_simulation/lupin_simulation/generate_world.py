@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
-from lupin_greenhouse_bridge.runtime.arguments import METRES
+from lupin_greenhouse_bridge.runtime.arguments import METRES, Parser
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
@@ -18,7 +18,7 @@ SMALLEST_SIDE_M, LARGEST_SIDE_M = 0.01, 0.15  # a larger tag would reach below t
 
 def main(arguments: list[str] | None = None) -> int:
     """Write the world; return the exit code."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog='generate_world', description='Make an SDF world of the greenhouse, with its AprilTags.'
     )
     add_layout_options(parser)

@@ -26,6 +26,7 @@ from lupin_greenhouse_bridge.planning.walls import Walls, parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import key_of
 from lupin_greenhouse_bridge.recording.store import open_store
+from lupin_greenhouse_bridge.runtime.arguments import Parser
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.process import install_signal_handlers, is_asked_to_end, sleep
 from lupin_greenhouse_bridge.simulator.layout import Layout
@@ -199,7 +200,7 @@ def check_record(file: str, report: Path) -> int:
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     """Return the options of the command line."""
-    parser = argparse.ArgumentParser(prog='inspection', description='Run a mission and all that it needs.')
+    parser = Parser(prog='inspection', description='Run a mission and all that it needs.')
     add = parser.add_argument
     camera = 'confirm each tag with the camera, which publishes images, compressed images or detections'
     add('--camera', choices=('image', 'compressed', 'detections'), help=camera)

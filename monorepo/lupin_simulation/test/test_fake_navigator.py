@@ -16,7 +16,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from lupin_greenhouse_bridge.contract import latched
-from lupin_greenhouse_bridge.errors import StartUpError, source_of_messages
+from lupin_greenhouse_bridge.errors import OneLineError, source_of_messages
 from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
@@ -228,12 +228,13 @@ def test_a_goal_that_is_cancelled_or_replaced_ends_and_one_that_is_no_pose_in_th
 @pytest.mark.parametrize(
     ('name', 'value', 'problem'),
     [
-        ('route_file', '/none/route.csv', 'No such file or directory: name another file'),
+        ('route_file', __file__, 'exists and is not from this program: name another file'),
+        ('route_file', '/none/route.csv', "there is no folder '/none': name a folder that exists"),
         ('nav_action_name', 'a b', 'parameter nav_action_name: Invalid topic name'),
     ],
 )
 def test_a_route_that_cannot_be_written_and_a_wrong_action_name_are_refused(start, name, value, problem):
-    with pytest.raises(StartUpError, match=problem):
+    with pytest.raises(OneLineError, match=problem):
         start(**{name: value})
 
 

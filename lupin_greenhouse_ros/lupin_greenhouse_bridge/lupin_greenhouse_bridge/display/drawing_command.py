@@ -17,6 +17,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, UsageErro
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
 from lupin_greenhouse_bridge.recording.reading_files import ReadingFileError, read_rows, with_places
 from lupin_greenhouse_bridge.recording.rows import Row, key_of, last_reading_of_each_tag
+from lupin_greenhouse_bridge.runtime.arguments import Parser
 from lupin_greenhouse_bridge.runtime.output import check_output_file, print_line
 from lupin_greenhouse_bridge.simulator.json_yaml import read_text
 from lupin_greenhouse_bridge.simulator.layout import Layout, Tag, find_layout, natural_order, require_layout
@@ -83,7 +84,7 @@ def read_file(path: Path | str, tag_file: str = '') -> ReadingFile:
 
 def parser_of(prog: str, description: str, output_help: str) -> argparse.ArgumentParser:
     """Return the parser of a command that draws files of readings."""
-    parser = argparse.ArgumentParser(prog=prog, description=description)
+    parser = Parser(prog=prog, description=description)
     parser.set_defaults(prog=prog)
     add = parser.add_argument
     add(

@@ -3,6 +3,7 @@
 
 import io
 import math
+import os
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,6 +31,7 @@ from lupin_greenhouse_bridge.planning.viewpoints import ApproachPose
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.simulator.layout import Layout
 
+os.environ['MPLBACKEND'] = 'Agg'  # only files are written, so no other backend is asked for
 # These sizes are for a view of 4.3 m x 8.3 m with up to 30 tags; scale_of() fits them to others.
 USUAL_WIDTH_M, USUAL_HEIGHT_M, USUAL_TAGS = 4.3, 8.3, 30
 LARGEST_ZOOM = 4.0
@@ -80,10 +82,10 @@ LABELS, NUMBERS = LabelSize(0.1, 0.04, 0.18), LabelSize(0.085, 0.1, 0.22)
 
 def picture_format(path: Path, option: str = '--output') -> str:
     """Return the format of the path's ending; raises StartUpError if matplotlib cannot write it."""
-    from matplotlib.backend_bases import FigureCanvasBase
+    from matplotlib import backend_bases
 
     ending = path.suffix[1:].lower()
-    if ending not in (endings := sorted(FigureCanvasBase.get_supported_filetypes())):
+    if ending not in (endings := sorted(backend_bases.FigureCanvasBase.get_supported_filetypes())):
         raise StartUpError(f"{option} '{path}': the ending must be one of {', '.join(endings)}")
     return ending
 

@@ -25,7 +25,7 @@ from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, 
 from lupin_greenhouse_bridge.planning.route import ORDERS, Passage, Passages, Route, plan_route
 from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, ApproachPose, ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
-from lupin_greenhouse_bridge.runtime.arguments import DEGREES, METRES, number_type
+from lupin_greenhouse_bridge.runtime.arguments import DEGREES, METRES, Parser, number_type
 from lupin_greenhouse_bridge.runtime.output import Progress, aligned_table, check_output_file, print_line
 from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
@@ -163,9 +163,6 @@ def _check_picture(path: Path, occupancy: OccupancyMap | None) -> None:
     files_of_map = occupancy.files if occupancy else ()
     check_output_file(path, '--picture', [('--map', each) for each in files_of_map])
     try:
-        import matplotlib  # imported late: a missing library is a one-line error
-
-        matplotlib.use('Agg')
         from lupin_greenhouse_bridge.display.drawings import picture_format
 
         picture_format(path, '--picture')
@@ -257,7 +254,7 @@ def _publish(poses: list[dict[str, Any]], frame_id: str, ros_words: list[str], e
 
 def _parser() -> argparse.ArgumentParser:
     default = ViewingLimits()
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog='approach_poses',
         description='Print the pose from which a robot sees each tag, in the order of visits.',
     )

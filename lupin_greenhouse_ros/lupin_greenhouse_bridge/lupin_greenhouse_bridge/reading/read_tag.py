@@ -31,7 +31,7 @@ from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.reading.table import Csv, Json, Table
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.arguments import SECONDS, number_type
+from lupin_greenhouse_bridge.runtime.arguments import SECONDS, Parser, number_type
 from lupin_greenhouse_bridge.runtime.graph import discovery_settings, duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.output import Progress
 from lupin_greenhouse_bridge.runtime.parameters import check_names
@@ -210,7 +210,7 @@ def _ids_to_complete(executor: Executor) -> list[str]:
 
 
 def _parser(executor: Executor) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog='read_tag',
         description='Read the climate at greenhouse tags from a running greenhouse_bridge.',
         epilog='Exit code: 0 all read, 1 a tag failed, 2 usage, 3 no service or no reply before the timeout,'

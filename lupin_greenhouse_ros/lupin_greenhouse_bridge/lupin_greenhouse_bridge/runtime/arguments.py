@@ -4,12 +4,30 @@
 import argparse
 import contextlib
 import math
+import sys
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from lupin_greenhouse_bridge.errors import escaped
 
 ValueT = TypeVar('ValueT', int, float)
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that takes options only by their full names, and no empty words."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(allow_abbrev=False, **options)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse the words; an empty one ends the program, because it stands for an unset variable."""
+        words = sys.argv[1:] if args is None else list(args)
+        for before, word in zip(['', *words], words, strict=False):
+            if word == '' or (word.startswith('--') and word.endswith('=')):
+                option = word[:-1] or before
+                what = option if option.startswith('-') else 'an argument'
+                self.error(f'{what} is empty: write a value, or leave it out')
+        return super().parse_known_args(words, namespace)
 
 
 def number_type(

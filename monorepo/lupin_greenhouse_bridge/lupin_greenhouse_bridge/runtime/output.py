@@ -12,6 +12,10 @@ from typing import TextIO
 from lupin_greenhouse_bridge.errors import UsageError
 from lupin_greenhouse_bridge.runtime.process import lose_output
 
+# What the first bytes of a page or a picture have that one of these commands has written.
+MARKS = {'.html': b'<title>Readings of', '.png': b'Matplotlib', '.svg': b'Matplotlib'}
+HEAD_BYTES = 4096
+
 
 def column_widths(rows: Sequence[Sequence[str]], at_least: Sequence[int] | None = None) -> list[int]:
     """Return the width of each column in characters, none of them narrower than `at_least`."""
@@ -42,12 +46,17 @@ def print_line(text: str, stream: TextIO | None = None, end: str = '\n') -> None
             lose_output(error)
 
 
-def check_output_file(path: Path, option: str, inputs: Iterable[tuple[str, str | Path | None]] = ()) -> None:
+def check_output_file(
+    path: Path, option: str, inputs: Iterable[tuple[str, str | Path | None]] = (), mark: bytes = b''
+) -> None:
     """
     Raise UsageError if the file of an option cannot be written, before a command works for it.
 
-    `inputs` are the files that the command reads, each after its option: the output replaces none.
+    `inputs` are the files that the command reads, each after its option: the output replaces none. It
+    replaces no file without `mark` in its head either, which the command writes into each of its own; b''
+    stands for the mark of the path's ending.
     """
+    mark = mark or MARKS.get(path.suffix.lower(), b'')
     where, parent = f"{option} '{path}'", path.parent
     try:
         if path.is_dir():
@@ -59,6 +68,11 @@ def check_output_file(path: Path, option: str, inputs: Iterable[tuple[str, str |
         for input_option, each in inputs:
             if each and path.exists() and Path(each).exists() and path.samefile(each):
                 raise UsageError(f'{where} is the file of {input_option} itself: name another file')
+        if path.is_file():
+            with path.open('rb') as file:
+                head = file.read(HEAD_BYTES)
+            if head and mark not in head:
+                raise UsageError(f'{where} exists and is not from this program: name another file')
     except OSError as error:
         raise UsageError(f'{where}: {error.strerror}: name another file') from error
 

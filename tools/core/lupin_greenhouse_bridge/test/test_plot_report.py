@@ -3,6 +3,8 @@
 import importlib.util
 import itertools
 import json
+import os
+import subprocess
 import sys
 from xml.etree import ElementTree
 
@@ -304,6 +306,19 @@ def test_without_a_last_reading_there_is_no_picture(tmp_path, capsys):
         assert main([str(path)]) == 1
         assert capsys.readouterr().err == f"plot_report: '{path}': {reason}: there is no picture\n"
     assert not [*tmp_path.glob('*.png')]
+
+
+@pytest.mark.parametrize('ending', ['png', 'svg'])
+def test_only_an_earlier_picture_is_replaced_whatever_the_backend_of_the_shell(report, tmp_path, ending):
+    photo, drawing = tmp_path / f'photo.{ending}', tmp_path / f'drawing.{ending}'
+    photo.write_bytes(b'a photo')
+    code = f'import sys; from {main.__module__} import main; sys.exit(main())'
+    backend = os.environ | {'MPLBACKEND': 'none'}
+    for output, exit_code in ((photo, 2), (drawing, 0), (drawing, 0)):
+        command = [sys.executable, '-c', code, str(report), '-o', str(output)]
+        ended = subprocess.run(command, check=False, env=backend, capture_output=True)
+        assert ended.returncode == exit_code, ended.stderr
+    assert photo.read_bytes() == b'a photo'
 
 
 def test_without_matplotlib_the_package_to_install_is_named(report, monkeypatch, capsys):

@@ -312,6 +312,19 @@ def test_no_input_is_overwritten(register, places, tmp_path, name):
     assert (tmp_path / 'tags.json').read_text(encoding='utf-8') == '{}'
 
 
+@pytest.mark.parametrize(('name', 'text'), [('map.pgm', 'P5 1 1 255 0'), ('map.yaml', 'image: map.pgm')])
+def test_only_an_earlier_registration_is_replaced(register, places, tmp_path, name, text):
+    output = tmp_path / name
+    output.write_text(text, encoding='utf-8')
+    ended = register(places, '-o', str(output))
+    expected = f"--output '{output}' exists and is not from this program: name another file"
+    assert (ended.code, refusal(ended)) == (2, expected)
+    assert output.read_text(encoding='utf-8') == text
+    write_transform(output, Transform())
+    assert register(places, '-o', str(output)).code == 0
+    assert read_transform(output) == pytest.approx(TRANSFORM)
+
+
 def test_a_stranger_a_layout_that_does_not_fit_and_an_error_above_the_tolerance_are_refused(
     register, places, write_layout, tmp_path
 ):
@@ -349,6 +362,12 @@ def test_the_tags_that_are_best_to_click_are_printed_with_their_command(run_here
     ('arguments', 'fault'),
     [
         ([], 'one of the arguments --pairs --click --suggest is required'),
+        (['--pairs', ''], '--pairs is empty: write a value, or leave it out'),
+        (['--pairs='], '--pairs is empty'),
+        (['--click', ''], '--click is empty'),
+        (['--click', '1', ''], 'an argument is empty'),
+        (['--pair', 'none.json'], 'one of the arguments --pairs --click --suggest is required'),
+        (['--click', '1', '2', '-o', 'a.json'], "--output 'a.json' is YAML: its name must end in .yaml"),
         (['--pairs', 'none.json'], "pairs 'none.json': cannot be read"),
         (['--pairs', 'none.json', '--click-error', '0'], "--click-error: '0': must be above 0 and below 1 m"),
         (['--pairs', 'none.json', '--tolerance', '1'], "--tolerance: '1': must be above 0 and below 1 m"),

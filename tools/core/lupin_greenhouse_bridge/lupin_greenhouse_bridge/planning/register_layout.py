@@ -17,6 +17,7 @@ from lupin_greenhouse_bridge.errors import Interrupted, StartUpError, UsageError
 from lupin_greenhouse_bridge.planning.registration import (
     DEFAULT_CLICK_ERROR_M,
     DEFAULT_TOLERANCE_M,
+    HEAD,
     LAYOUT_FRAME,
     MAP_FRAME,
     CannotFit,
@@ -27,7 +28,7 @@ from lupin_greenhouse_bridge.planning.registration import (
     write_transform,
 )
 from lupin_greenhouse_bridge.runtime import process
-from lupin_greenhouse_bridge.runtime.arguments import number_type
+from lupin_greenhouse_bridge.runtime.arguments import Parser, number_type
 from lupin_greenhouse_bridge.runtime.output import aligned_table, check_output_file, print_line
 from lupin_greenhouse_bridge.runtime.run import node_creation, ros
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
@@ -91,7 +92,9 @@ def _register(executor: Executor, options: argparse.Namespace) -> None:
 def layout_of(options: argparse.Namespace) -> Layout:
     """Return the layout of the options. Raises UsageError or StartUpError before anybody clicks."""
     inputs = ('--pairs', getattr(options, 'pairs', None)), ('--tag-file', options.tag_file)
-    check_output_file(Path(options.output), '--output', inputs)
+    check_output_file(Path(options.output), '--output', inputs, HEAD.encode())
+    if options.output.endswith('.json'):
+        raise UsageError(f"--output '{options.output}' is YAML: its name must end in .yaml")
     return require_layout(options.tag_file)
 
 
@@ -217,7 +220,7 @@ def spin_until(executor: Executor, is_done: Callable[[], bool]) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog=NAME,
         description="Find where the layout of the greenhouse lies in the robot's map.",
         epilog=EPILOG,

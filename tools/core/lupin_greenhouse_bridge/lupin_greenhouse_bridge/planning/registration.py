@@ -13,6 +13,7 @@ from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, escaped, 
 from lupin_greenhouse_bridge.simulator.json_yaml import number, read_yaml, refuse_unknown_keys
 
 MAP_FRAME, LAYOUT_FRAME = 'map', 'greenhouse'
+HEAD = f'# The pose of the frame {LAYOUT_FRAME} (the layout) in the map: metres and radians.\n'
 DEFAULT_TOLERANCE_M = 0.1
 DEFAULT_CLICK_ERROR_M = 0.03
 FEWEST_THAT_OVERRULE = 3  # two tags can agree by chance
@@ -244,10 +245,7 @@ def write_transform(path: str | Path, transform: Transform, frame_id: str = MAP_
 
     text = yaml.safe_dump({'frame_id': frame_id, **transform._asdict()}, sort_keys=False, allow_unicode=True)
     try:
-        Path(path).write_text(
-            f'# The pose of the frame {LAYOUT_FRAME} (the layout) in the map: metres and radians.\n{text}',
-            encoding='utf-8',
-        )
+        Path(path).write_text(HEAD + text, encoding='utf-8')
     except (OSError, ValueError) as error:
         reason = f'cannot be written ({reason_of(error)})'
         raise StartUpError(f'{_where(path)} {reason}: name another file') from error
