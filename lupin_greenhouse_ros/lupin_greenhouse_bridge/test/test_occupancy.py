@@ -271,6 +271,7 @@ def test_the_thresholds_of_a_map_have_defaults(write_map):
     ('values', 'fault'),
     [
         ({'image': 'none.pgm'}, "none.pgm' cannot be read (No such file or directory): correct image in"),
+        ({'image': '/dev/null'}, "/dev/null' cannot be read (not a regular file): correct image in"),
         ({'image': 'map.yaml'}, 'cannot be read (cannot identify image file'),
         ({'image': ''}, 'image is missing or no text'),
         ({'resolution': 0}, 'resolution is 0: must be a number from'),

@@ -427,6 +427,16 @@ def test_a_csv_file_that_another_program_has_saved_again_is_read(content):
     assert parse_csv(content) == READINGS
 
 
+def test_short_lines_are_told_of_unless_a_killed_writer_can_have_left_them(csv_path, capsys):
+    whole, torn = csv_text([row()]), csv_text([row()])[:30]
+    csv_path.write_text(f'{HEADER}\n{whole}{torn}\n{HEADER}\n{whole}{torn}', encoding='utf-8')
+    assert (len(read_rows(csv_path)), capsys.readouterr().err) == (2, '')
+    csv_path.write_text(f'{HEADER}\n{whole}{torn}\n{torn}\n{whole}{torn}', encoding='utf-8')
+    assert len(read_rows(csv_path)) == 2
+    told = 'left out 2 lines with fewer values than the 10 of the header, first line 3'
+    assert capsys.readouterr().err == f'{csv_path}: {told}\n'
+
+
 VISIT = REPORT.partition('\n')[0]
 
 

@@ -19,7 +19,7 @@ from lupin_greenhouse_bridge.planning.approach import find_approaches
 from lupin_greenhouse_bridge.planning.free_space import FreeSpace
 from lupin_greenhouse_bridge.planning.tag_poses import find_tag_poses, tables_of
 from lupin_greenhouse_bridge.planning.viewpoints import ViewingLimits
-from lupin_greenhouse_bridge.planning.walls import Walls
+from lupin_greenhouse_bridge.planning.walls import Walls, warning_of_outside
 from lupin_greenhouse_bridge.runtime.arguments import Parser
 from lupin_greenhouse_bridge.runtime.output import Progress, print_line
 from lupin_greenhouse_bridge.simulator.layout import Layout
@@ -114,7 +114,7 @@ def check(layout: Layout, walls: Walls, side_m: float, folder: Path) -> bool:
         missing = ', '.join(str(each) for each in numbers if each not in read and setting.is_legible)
         share = f'{len(read)} of {len(numbers)} read{missing and f", not {missing}"}'
         print_line(f'{setting.name}: {share}{setting.note}')
-        is_right &= read == (numbers if setting.is_legible else set())
+        is_right &= bool(numbers) and read == (numbers if setting.is_legible else set())
     return is_right
 
 
@@ -125,6 +125,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         layout, walls = read_layout(options)
+        if warning := warning_of_outside(layout, walls):
+            print(f'check_world: {warning}', file=sys.stderr)
         with tempfile.TemporaryDirectory(prefix='check_world-') as folder:
             results = [check(layout, walls, side_m, Path(folder, f'{side_m:g}')) for side_m in SIDES_M]
     except OneLineError as error:

@@ -134,3 +134,10 @@ def test_a_check_that_cannot_be_made_is_refused_in_one_line(monkeypatch, capsys,
     assert check_world.main(arguments) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f'check_world: {error}')
+
+
+def test_a_layout_outside_the_walls_is_warned_of(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, 'pydrake', None)
+    assert check_world.main(['--walls', '90', '90', '94', '98']) == 2
+    warning, _ = capsys.readouterr().err.splitlines()
+    assert warning.startswith('check_world: outside the walls (x 90 to 94 m, y 90 to 98 m): tags ')

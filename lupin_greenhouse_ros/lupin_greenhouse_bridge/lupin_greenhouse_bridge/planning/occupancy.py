@@ -216,6 +216,8 @@ def _read_image(path: Path, where: str) -> tuple[np.ndarray, np.ndarray | None]:
     except ImportError as error:
         raise StartUpError(f'{error}: sudo apt install python3-pil') from error
     try:
+        if path.exists() and not path.is_file():  # a pipe would wait for its writer
+            raise ValueError('not a regular file')
         with Image.open(path) as image:
             if image.mode.startswith('I'):  # 16 bits
                 return np.asarray(image, dtype=float) / 65535.0, None

@@ -89,6 +89,12 @@ def test_a_pose_with_less_room_than_the_clearance_is_warned_of(poses_of):
     assert '2/2 tags have an approach pose' in out
 
 
+def test_a_steepest_angle_without_effect_is_warned_of(poses_of):
+    warning = 'approach_poses: --steepest-angle is below --angle, and has no effect'
+    assert warning in poses_of('--angle', '50', '--steepest-angle', '45')[2].splitlines()
+    assert warning not in poses_of('--angle', '61')[2].splitlines()
+
+
 def test_tags_and_tables_outside_the_walls_are_warned_of(poses_of):
     _, _, err = poses_of('--walls', '1.1', '0', '4', '4')
     outside = 'outside the walls (x 1.1 to 4 m, y 0 to 4 m): tag 21, table bench'
@@ -135,6 +141,7 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
     ('words', 'problem'),
     [
         (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
+        (['--ros-args', '-p', 'radius:=0.3'], '-p radius:=0.3 sets nothing here: write --radius 0.3 before'),
         (['--overrides', '/missing.yaml'], "approach overrides '/missing.yaml': cannot be read"),
         (['--layout-in-map', '/missing.yaml'], "'/missing.yaml': cannot be read"),
         ([*WALLS, '--radius', '1.99'], 'clearance 0.01 m does not fit between the walls, which are 4 m'),
@@ -229,16 +236,21 @@ def test_publish_keeps_the_poses_in_the_map_on_a_latched_topic_until_a_signal(ru
 @pytest.mark.parametrize(
     ('text', 'overrides'),
     [
-        ('', {}),
-        ('overrides:\n', {}),
         ('overrides: {"7": {yaw: 1, goal_x: 2.5}}', {'7': Override(yaw=1.0, goal_x=2.5)}),
-        ('overrides:\n  21:\n', {'21': Override()}),
+        ('overrides: {21: , "7": {yaw: 1}}', {'21': Override(), '7': Override(yaw=1.0)}),
     ],
 )
 def test_the_overrides_are_read_by_tag(tmp_path, text, overrides):
     path = tmp_path / 'approach_overrides.yaml'
     path.write_text(text, encoding='utf-8')
     assert read_overrides(path, {'7', '21'}) == (overrides, [])
+
+
+@pytest.mark.parametrize('text', ['', 'overrides:\n', 'overrides: {"7": {}}'])
+def test_a_file_without_overrides_is_warned_of(tmp_path, text):
+    path = tmp_path / 'approach_overrides.yaml'
+    path.write_text(text, encoding='utf-8')
+    assert read_overrides(path, {'7'})[1] == [f"approach overrides '{path}': holds no overrides"]
 
 
 @pytest.mark.parametrize(

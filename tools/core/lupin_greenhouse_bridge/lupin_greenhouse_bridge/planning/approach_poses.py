@@ -7,6 +7,7 @@ Imports ROS only for --publish.
 import argparse
 import csv
 import io
+import itertools
 import json
 import math
 import sys
@@ -54,6 +55,11 @@ def main(args: list[str] | None = None) -> int:
     ros_words = words[words.index('--ros-args') :] if '--ros-args' in words else []
     options = _parser().parse_args(words[: len(words) - len(ros_words)])
     try:
+        for before, rule in itertools.pairwise(ros_words):
+            name, _, value = rule.partition(':=')
+            if before in ('-p', '--param') and name != 'use_sim_time':
+                option = f'--{name.replace("_", "-")} {value}'
+                raise UsageError(f'-p {rule} sets nothing here: write {option} before --ros-args')
         data, frame_id = _compute(options)
         print_line(FORMATS[options.format](data), end='')
         _warn(*(f"tag '{escaped(each['tag_id'], 64)}': {each['reason']}" for each in data['unreachable']))
@@ -74,6 +80,8 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
     walls = find_walls(layout, options.sim_config_file, options.walls)
     warnings += filter(None, [warning_of_outside(layout, walls)])
     limits = _limits_of(options)
+    if limits.largest_angle_rad > limits.steepest_angle_rad != ViewingLimits.steepest_angle_rad:
+        warnings.append('--steepest-angle is below --angle, and has no effect')
     if 0.0 < limits.largest_angle_rad < math.radians(2.0):
         warnings.append('--angle is below 2 degrees: it is no number of radians')
     occupancy = None

@@ -32,7 +32,8 @@ def read_overrides(path: str | Path, layout_ids: Collection[str]) -> tuple[dict[
     data = read_yaml(path, where, f'a mapping, such as {EXAMPLE}')
     refuse_unknown_keys(data, ['overrides'], where, EXAMPLE)
     overrides = mapping_of(data, 'overrides', where, EXAMPLE) if data.get('overrides') else {}
-    found, warnings = {}, []
+    found: dict[str, Override] = {}
+    warnings = [] if any(overrides.values()) else [f'{where}: holds no overrides']
     for tag_id, each in overrides.items():
         here = f"{where}: tag '{escaped(str(tag_id), 64)}'"
         values = {} if each is None else mapping_of(overrides, tag_id, where, EXAMPLE)

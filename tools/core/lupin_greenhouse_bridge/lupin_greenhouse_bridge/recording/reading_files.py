@@ -7,11 +7,12 @@ import datetime
 import io
 import re
 import sqlite3
+import sys
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from lupin_greenhouse_bridge.errors import OneLineError, reason_of
+from lupin_greenhouse_bridge.errors import OneLineError, pluralized, reason_of
 from lupin_greenhouse_bridge.recording.rows import (
     FORMULAS,
     HEADER,
@@ -23,6 +24,7 @@ from lupin_greenhouse_bridge.recording.rows import (
     fault_of,
 )
 from lupin_greenhouse_bridge.recording.store import SQLITE_HEAD
+from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.simulator.layout import find_places
 
 WANTED = "name a file of record_readings or read_tag --csv, or a mission's report"
@@ -68,7 +70,7 @@ def parse_rows(path: Path) -> list[Row]:
     with path.open('rb') as file:
         if file.read(len(SQLITE_HEAD)) == SQLITE_HEAD:
             return _rows_of_sqlite(path)
-    return parse_csv(path.read_bytes())
+    return parse_csv(path.read_bytes(), path)
 
 
 def with_places(rows: list[Row], tag_file: str = '') -> list[Row]:
@@ -100,12 +102,13 @@ def _of_type(column: str, value: Any) -> Any:
     return _parsed(column, value) if isinstance(value, str) and column not in TEXTS else value
 
 
-def parse_csv(content: bytes) -> list[Row]:
+def parse_csv(content: bytes, path: Path | str = '') -> list[Row]:
     """
     Return the rows of a CSV file.
 
     The columns can be in any order and in quotes, between commas, semicolons, tabs or bars, and beside other
-    columns. Ignores headers, and lines with fewer values than columns, which a killed writer can leave.
+    columns. Ignores headers, and lines with fewer values than columns. A killed writer can leave one of them
+    at the end, or before the header of the next writer; this tells of all others on standard error.
     Raises WrongValueError for any other line that is not a row, and ValueError for another header.
     """
     csv.field_size_limit(LONGEST_FIELD)
@@ -113,19 +116,27 @@ def parse_csv(content: bytes) -> list[Row]:
     # A torn line can end within a character: surrogates stand for its bytes.
     text = content.decode('utf-16' if is_utf_16 else 'utf-8-sig', errors='surrogateescape')
     delimiter, names = _header_of(text)
-    reader, rows, torn_lines = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter), [], 0
+    reader, rows = csv.reader(io.StringIO(text, newline=''), delimiter=delimiter), []
     indices = [names.index(column) for column in Row._fields]
+    short: list[int] = []  # numbers of lines
+    is_torn = False  # whether a writer can have left the line before this one
     try:
         for cells in reader:
             if len(cells) > len(names):
                 raise ValueError(f'{len(cells)} values in place of {len(names)}')
             if len(cells) == len(names) and cells != names:
                 rows.append(_row_of([cells[index] for index in indices], has_commas=delimiter == ';'))
-            torn_lines += 0 < len(cells) < len(names)
-        if torn_lines > 1 and not rows:
+            if is_torn and cells == names:
+                short.pop()
+            if is_torn := 0 < len(cells) < len(names):
+                short.append(reader.line_num)
+        if len(short) > 1 and not rows:
             raise ValueError(f'no line has {len(names)} values, as the header')
     except (ValueError, csv.Error) as error:
         raise WrongValueError(f'line {reader.line_num}: {error}') from error
+    if lost := short[: len(short) - is_torn]:
+        lines = f'{pluralized(len(lost), "line")} with fewer values than the {len(names)} of the header'
+        print_line(f'{path}: left out {lines}, first line {lost[0]}', sys.stderr)
     return rows
 
 
