@@ -5,7 +5,7 @@ const element = id => document.getElementById(id);
 const { files, differences } = JSON.parse(element('data').textContent);
 const file_number = Number(new URLSearchParams(location.search).get('file'));
 const data = files[file_number] ?? files[0];
-const TAB = [108, 170];
+const TAB_HEIGHT = 170;
 const LONG_LINE = 40;  // points, from which a chart is as wide as the page
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
 const NO_ROOM = 'of the numbers have no room: choose a tag to see its own';
@@ -23,6 +23,7 @@ data.tags.forEach((tag, number) => { tag.number = number; });
 const is_long = data.sensors.length === 1
   || data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > LONG_LINE));
 const PAPER = { map: [440, 740], chart: is_long ? [696, 190] : [222, 185] };  // in print
+const [view_x0, view_y0, view_x1, view_y1] = data.view, aspect = (view_x1 - view_x0) / (view_y1 - view_y0);
 const placed_tags = data.tags.filter(tag => tag.x !== null);
 // The robot stood where a point is there twice in a row.
 const stops = data.route.filter((point, n) => n && String(point) === String(data.route[n - 1]));
@@ -82,6 +83,7 @@ const clock = ms => new Date(ms).toTimeString().slice(0, 8);
 const date = ms => new Date(ms).toLocaleDateString('en-GB', { day: 'numeric', month: 'short', year: 'numeric' });
 const day_time = seconds => `${pad(Math.floor(seconds / 3600))}:${pad(Math.floor(seconds / 60) % 60)}`;
 const with_unit = (sensor, value) => `${value.toFixed(sensor.decimals)} ${sensor.unit}`.trim();
+const filled = fill => ({ fill, style: `--value: ${fill}` });
 const is_extreme = (sensor, tag) => sensor?.extremes.some(([, ids]) => ids.includes(tag.id));
 const address = id => `#tag=${encodeURIComponent(id)}`;
 const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
@@ -152,15 +154,16 @@ const common = (a, b) => Math.max(Math.min(a[2], b[2]) - Math.max(a[0], b[0]), 0
 // to another of the `dots`.
 function place_label(x, y, radius, width, { taken, room, route = [], dots = [] }) {
   const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1, area = width * TEXT_HEIGHT;
-  const mirrored = (dx, dy) => [[dx, dy], [-dx, dy], [dx, -dy], [-dx, -dy]];
-  const ring = (dx, dy) => [[dx, 0], [-dx, 0], [0, -dy], [0, dy], ...mirrored(dx / 2, -dy), ...mirrored(dx, 0.75 * dy)];
+  const mirrored = ([a, b], dx, dy) => [[a, b], [-a, b], [a, -b], [-a, -b]].map(at => [at[0] * dx, at[1] * dy]);
+  const ring = (dx, dy) =>
+    [[dx, 0], [-dx, 0], [0, -dy], [0, dy], ...[[0.5, -1], [1, 0.75], [1, 0.4]].flatMap(at => mirrored(at, dx, dy))];
   const reach = around(x, y, 2 * (aside + 12 * FARTHEST) + width, 2 * (above + 11 * FARTHEST + TEXT_HEIGHT));
   const [boxes, steps] = [taken, route].map(each => each.filter(box => common(reach, box) > 0));
   const shared_with = (box, others) => others.reduce((sum, other) => sum + common(box, other), 0);
   const rings = boxes.length > CROWD ? 1 : FARTHEST;
   const near = dots.filter(dot => common(reach, around(dot.x, dot.y, 1, 1)));
   const gap = ([left, top, right, bottom], dot) =>
-    Math.hypot(clamp(dot.x, left, right) - dot.x, clamp(dot.y, top, bottom) - dot.y);
+    Math.hypot(clamp(dot.x, left + SPACE / 2, right - SPACE / 2) - dot.x, clamp(dot.y, top, bottom) - dot.y);
   let best = { cost: Infinity };
   for (let far = 0; far < rings && best.cost > 0.2 * far * area; far++) {
     ring(aside + 12 * far, above + 11 * far).forEach(([dx, dy], number) => {
@@ -168,8 +171,8 @@ function place_label(x, y, radius, width, { taken, room, route = [], dots = [] }
       const leader = far ? leader_to(x, y, radius + SPACE, box) : [];
       const covered = [box, ...leader].reduce((sum, each) => sum + shared_with(each, boxes), outside);
       const is_misread = near.some(dot => gap(box, dot) < gap(box, { x, y }));
-      const cost = 99 * covered + 5 * shared_with(box, steps)
-        + (0.2 * far + 0.15 * is_misread + 0.01 * number) * area;
+      const cost = 99 * covered + 1 * shared_with(box, steps)
+        + (0.2 * far + 0.3 * is_misread + 0.01 * number) * area;
       if (cost < best.cost) best = { cost, box, covered, leader, far };
     });
   }
@@ -230,25 +233,26 @@ function draw_route(svg, { x, y }) {
   mark(svg, 'rect', { class: 'end', x: end[0] - 4, y: end[1] - 4, width: 8, height: 8 });
 }
 
-function draw_axes(svg, { x, y, scale, room: [left, top, right, bottom] }) {
+function draw_axes(svg, { x, y, scale, room: [left, , , bottom] }) {
   const [x0, y0, x1, y1] = data.view, step = nice_step(60 / scale);
   for (const at of ticks_of(x0, x1, step)) write(svg, x(at), bottom + 15, short(at, 6), 'middle');
   for (const at of ticks_of(y0, y1, step)) write(svg, left - 7, y(at) + 4, short(at, 6), 'end');
-  write(svg, (left + right) / 2, bottom + 30, 'x (m)', 'middle');
-  const turned = mark(svg, 'g', { transform: `translate(${left - 30} ${(top + bottom) / 2}) rotate(-90)` });
-  write(turned, 0, 0, 'y (m)', 'middle');
+  // The names stand between the last two numbers.
+  const [name_x, name_y] = [[x0, x1], [y0, y1]].map(ends => (ticks_of(...ends, step).at(-1) ?? ends[1]) - step / 2);
+  write(svg, x(name_x), bottom + 15, 'x (m)', 'middle');
+  write(mark(svg, 'g', { transform: `translate(${left - 9} ${y(name_y)}) rotate(-90)` }), 0, 0, 'y (m)', 'middle');
 }
 
 function draw_map() {
   const place = element('map'), number = state.sensor, sensor = data.sensors[number];
   const size = state.is_printed ? PAPER.map : [size_of(place)[0], Infinity];
-  const frame = frame_of(...size, { left: 40, right: 12, top: 6, bottom: 34 });
+  const frame = frame_of(...size, { left: 32, right: 12, top: 6, bottom: 20 });
   const name = 'Map of the greenhouse. The arrow keys choose the next tag.';
   const svg = start_drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': name });
   draw_axes(svg, frame);
   draw_ground(svg, frame);
   draw_route(svg, frame);
-  const largest = clamp(data.closest_m * frame.scale / 2 - 1, 2.5, 9);  // the closest dots do not touch
+  const largest = clamp(data.closest_m * frame.scale / 2 - 1, 2.5, 7);  // the closest dots do not touch
   const dots = placed_tags.map(tag => {
     const value = tag.values[number] ?? null, is_large = tag.has_failed || value !== null;
     const radius = is_large ? largest : Math.min(largest, 4.5), outer = radius + (is_extreme(sensor, tag) ? 3 : 0);
@@ -280,7 +284,7 @@ function draw_tag(svg, { tag, value, x, y, radius, outer, urgency }, boxes) {
   if (outer > radius) circle('extreme', outer);
   circle('ring', radius + 3);
   if (value === null) circle('dot empty', radius);
-  else circle('dot', radius, { fill: data.sensors[state.sensor].colours[tag.number] });
+  else circle('dot value', radius, filled(data.sensors[state.sensor].colours[tag.number]));
   if (tag.has_failed) mark(group, 'path', { class: 'cross', d: cross_at(x, y, radius / 2) });
   const text = label_of(tag, value), width = width_of(tag.id + text) + Math.min(tag.id.length, 12) + SPACE;
   const label = label_dot(group, x, y, outer, width, boxes, urgency ? 'halo' : 'muted halo');
@@ -299,9 +303,13 @@ function write_key(sensor) {
   element('bar').hidden = !sensor;
   if (!sensor) return;
   const [low, high] = sensor.limits;
-  element('low').textContent = short(low, 4);
-  element('high').textContent = `${short(high, 4)} ${sensor.unit}`;
-  document.querySelector('#bar .colours').ariaLabel = `Colours from ${low} to ${high} ${sensor.unit}`;
+  const bar = document.querySelector('#bar .colours'), share = at => (at - low) / (high - low);
+  const inner = ticks_of(low, high, nice_step((high - low) / 5)).filter(at => share(at) > 0.12 && share(at) < 0.85);
+  bar.ariaLabel = `Colours from ${low} to ${high} ${sensor.unit}`;
+  bar.replaceChildren();
+  for (const at of [low, ...inner, high]) {
+    mark(bar, 'span', { style: `left: ${100 * share(at)}%` }, short(at, 4), at === high ? ` ${sensor.unit}` : '');
+  }
   const values = data.tags.map(tag => tag.values[state.sensor]).filter(value => value !== null);
   const outside = values.filter(value => value < low || value > high).length;
   element('outside').textContent = outside ? `▲ above, ▼ below the scale: ${outside}` : '';
@@ -312,22 +320,20 @@ function draw_tab(sensor, number) {
   const tab = mark(element('tabs'), 'button', { type: 'button', role: 'tab', 'aria-controls': 'panel' });
   tab.addEventListener('click', () => pick(number));
   mark(tab, 'b', {}, sensor.name);
-  const frame = frame_of(...TAB, { left: 2, right: 2, top: 2, bottom: 2 });
+  const frame = frame_of(TAB_HEIGHT * aspect, TAB_HEIGHT, { left: 2, right: 2, top: 2, bottom: 2 });
   const svg = mark(tab, 'svg', { viewBox: `0 0 ${frame.width} ${frame.height}`, 'aria-hidden': true });
   draw_ground(svg, frame);
   const r = clamp(frame.scale * 0.22, 1.5, 6);
   for (const tag of placed_tags) {
     const [cx, cy, fill] = [frame.x(tag.x), frame.y(tag.y), sensor.colours[tag.number]];
     if (tag.has_failed) mark(svg, 'path', { class: 'cross thin', d: cross_at(cx, cy, r * 0.8) });
-    else if (fill) mark(svg, 'circle', { cx, cy, r, fill, stroke: 'currentColor', 'stroke-width': 0.7 });
+    else if (fill) mark(svg, 'circle', { class: 'value', cx, cy, r, stroke: 'currentColor', ...filled(fill) });
   }
   mark(tab, 'span', {}, sensor.value_range);
   const [low, high] = sensor.limits.map(each => short(each, 3));
-  const key = mark(tab, 'span', { class: 'key' }, `${low} `);
-  mark(key, 'i', { class: 'colours' });
-  key.append(` ${high}`);
-  const unbroken = text => text.replace(/ (?=\S+ at )/, '\u00a0');
-  for (const [text] of sensor.extremes) mark(tab, 'span', { class: 'extremes' }, unbroken(text));
+  const key = mark(tab, 'span', { class: 'key' });
+  key.append(`${low} `, mark(key, 'i', { class: 'colours' }), ` ${high}`);
+  for (const [text] of sensor.extremes) mark(tab, 'span', { class: 'extremes' }, text);
 }
 
 function pick(number) {
@@ -358,12 +364,13 @@ const columns = [
     name: sensor.name, unit: sensor.unit, key: tag => tag.values[n], text: value => value.toFixed(sensor.decimals),
   })),
   {
-    name: 'time', unit: is_one_day || is_over_days ? '' : dates_in_table.join(), key: tag => tag.stamp_ms,
+    name: 'time', is_aside: true, unit: is_one_day || is_over_days ? '' : dates_in_table.join(),
+    key: tag => tag.stamp_ms,
     text: ms => is_over_days ? `${date(ms)} ${clock(ms)}` : clock(ms),
   },
-  { name: 'greenhouse', unit: 'time of day', key: tag => tag.time_of_day, text: day_time },
+  { name: 'greenhouse', is_aside: true, unit: 'time of day', key: tag => tag.time_of_day, text: day_time },
   ...data.tags.some(tag => tag.attempts > data.fewest_attempts)
-    ? [{ name: 'attempts', key: tag => tag.attempts, text: String }] : [],
+    ? [{ name: 'attempts', is_aside: true, key: tag => tag.attempts, text: String }] : [],
 ];
 
 function write_table() {
@@ -393,12 +400,10 @@ function write_row(body, tag) {
   tag.row = mark(body, 'tr', { class: tag.has_failed ? 'failed' : '', 'data-tag': tag.id });
   mark(mark(tag.row, 'th', { scope: 'row', title: tag.id }), 'a', { href: address(tag.id) }, tag.id);
   const is_read = tag.outcome === 'read', spanned = data.sensors.length + 2;
-  if (!is_read) {
-    const cell = mark(tag.row, 'td', { class: 'reason', colspan: spanned });
-    mark(cell, 'div', {}, tag.outcome, tag.reason && `: ${tag.reason}`);
-  }
-  for (const { key, text } of columns.slice(is_read ? 1 : 1 + spanned)) {
-    mark(tag.row, 'td', { class: 'number' }, key(tag) === null ? '' : text(key(tag)));
+  if (!is_read) mark(tag.row, 'td', { colspan: spanned }, tag.outcome);
+  for (const { name, unit, key, text, is_aside } of columns.slice(is_read ? 1 : 1 + spanned)) {
+    const told = { class: is_aside ? 'number aside' : 'number', 'data-name': name, 'data-unit': is_aside ? '' : unit };
+    mark(tag.row, 'td', told, key(tag) === null ? '' : text(key(tag)));
   }
   tag.row.addEventListener('click', () => choose(tag));
 }
@@ -458,7 +463,14 @@ function draw_charts() {
     mark(caption, 'b', {}, sensor.label);
     return [sensor, mark(figure, 'div', { class: 'charting' }), mark(caption, 'span')];
   });
-  figures.forEach(each => draw_chart(...each));  // after all figures are there, which changes their widths
+  // After all figures are there, which changes their sizes. Their times are below each other.
+  const charts = figures.map(([sensor, place, readout]) => {
+    const size = state.is_printed ? PAPER.chart : size_of(place).map(each => Math.max(Math.floor(each), 120));
+    return { sensor, place, readout, size, values: value_axis(sensor, size[1]), labels: column_of(sensor, size[1]) };
+  });
+  const left = 10 + Math.max(...charts.flatMap(({ values }) => values.ticks.map(each => width_of(values.text(each)))));
+  const beside = Math.max(...charts.map(({ labels }) => labels.width));
+  for (const chart of charts) draw_chart(chart, left, chart.size[0] - beside);
   const is_line = data.sensors.some(sensor => sensor.lines.some(line => line.wall.length > 1));
   const unlabelled = document.querySelectorAll('.series .spare').length;
   const hint = unlabelled ? `; ${unlabelled} ${NO_ROOM}` : '';
@@ -469,10 +481,7 @@ function draw_charts() {
   show_chosen();
 }
 
-function draw_chart(sensor, place, readout) {
-  const [width, height] = state.is_printed ? PAPER.chart : size_of(place).map(each => Math.max(Math.floor(each), 120));
-  const values = value_axis(sensor, height), labels = column_of(sensor, height), right = width - labels.width;
-  const left = 10 + Math.max(...values.ticks.map(each => width_of(values.text(each))));
+function draw_chart({ sensor, place, readout, size: [width, height], values, labels }, left, right) {
   const times = (state.clock === 'wall' ? wall_axis : day_axis)(right - left);
   const x = at => left + (at - times.low) / (times.high - times.low) * (right - left);
   const y = value => 8 + (values.top - value) / (values.top - values.bottom) * (height - 34);
@@ -492,17 +501,22 @@ function draw_chart(sensor, place, readout) {
       const at = times.start + offset;
       return { tag, at, value, low, high, x: x(at), y: y(value), y_low: y(low), y_high: y(high) };
     });
-    return { points, group: draw_line(svg, tag, points, sensor.extremes.length > 1 && is_extreme(sensor, tag)) };
+    return { points, text: end_text(sensor, tag), group: draw_line(svg, tag, points, is_marked(sensor, tag)) };
   });
-  label_lines(lines, [left, 0, width, y(values.bottom) + 8], labels);
+  label_lines(lines, [left, 0, width, y(values.bottom) + 8], labels, right + 14);
   const points = lines.flatMap(line => line.points), point_at = event => nearest(points, svg, event, 40);
   place.addEventListener('pointermove', event => { readout.textContent = readout_of(sensor, point_at(event)); });
   place.addEventListener('pointerleave', () => { readout.textContent = ''; });
   place.addEventListener('click', event => choose(point_at(event)?.tag));
 }
 
-function draw_line(svg, tag, points, is_marked) {
-  const group = mark(svg, 'g', { class: is_marked ? 'series marked' : 'series', 'data-tag': tag.id });
+// The text at the end of a line: of the lowest and the highest value, with this value.
+const is_marked = (sensor, tag) => sensor.extremes.length > 1 && is_extreme(sensor, tag);
+const end_text = (sensor, tag) =>
+  is_marked(sensor, tag) ? `${tag.id}: ${tag.values[data.sensors.indexOf(sensor)].toFixed(sensor.decimals)}` : tag.id;
+
+function draw_line(svg, tag, points, is_bold) {
+  const group = mark(svg, 'g', { class: is_bold ? 'series marked' : 'series', 'data-tag': tag.id });
   const runs = runs_of(points).filter(run => run.length > 1);
   for (const run of runs.filter(each => each.some(p => p.low < p.high))) {
     const band = [...run.map(p => [p.x, p.y_high]), ...run.map(p => [p.x, p.y_low]).reverse()];
@@ -525,10 +539,11 @@ function runs_of(points) {
 }
 
 // Returns the room for the labels at the ends of the lines, which stand in several columns if they are many.
-function column_of({ lines }, height) {
-  const ids = lines.filter(line => line[state.clock].length > 1).map(line => data.tags[line.tag].id);
-  const count = ids.length > MOST_LABELLED ? 1 : Math.ceil(ids.length * LINE_STEP / (height - 34));
-  const widest = Math.min(Math.max(...ids.map(width_of), 14), 80) + 6;
+function column_of(sensor, height) {
+  const lines = sensor.lines.filter(line => line[state.clock].length > 1);
+  const texts = lines.map(line => end_text(sensor, data.tags[line.tag]));
+  const count = texts.length > MOST_LABELLED ? 1 : Math.ceil(texts.length * LINE_STEP / (height - 34));
+  const widest = Math.min(Math.max(...texts.map(width_of), 14), 80) + 6;
   return { count, widest, width: 14 + Math.max(count, 1) * widest, low: 8, high: height - 26 };
 }
 
@@ -549,20 +564,20 @@ function spread(places, apart, low, high) {
 }
 
 // Labels the end of each line at the right, and each point of a tag that has only one beside it.
-function label_lines(lines, room, { count, widest, low, high }) {
+function label_lines(lines, room, { count, widest, low, high }, column) {
   const taken = lines.flatMap(line => line.points.map(p => around(p.x, p.y, 5, 5)));
-  const ends = lines.filter(line => line.points.length > 1).map(({ group, points }) => ({ group, ...points.at(-1) }))
+  const ends = lines.filter(line => line.points.length > 1).map(line => ({ ...line, ...line.points.at(-1) }))
     .sort((one, other) => one.y - other.y);
   const is_spare = ends.length > MOST_LABELLED;
   spread(ends.map(end => end.y), LINE_STEP / count, low, high).forEach((y, number) => {
-    const end = ends[number], left = room[2] - (count - number % count) * widest + 3;
-    const width = width_of(end.tag.id), box = around(left + width / 2, is_spare ? end.y : y, width, TEXT_HEIGHT);
+    const end = ends[number], left = column + number % count * widest + 3;
+    const width = width_of(end.text), box = around(left + width / 2, is_spare ? end.y : y, width, TEXT_HEIGHT);
     taken.push(box);
     if (!is_spare) draw_leader(end.group, end.x + 2, end.y, left - 3, y);
-    write_in(end.group, box, is_spare ? 'halo spare' : 'halo', end.tag.id);
+    write_in(end.group, box, is_spare ? 'halo spare' : 'halo', end.text);
   });
-  for (const { group, points: [{ x, y, tag }, ...more] } of lines) {
-    if (!more.length) label_dot(group, x, y, 1, width_of(tag.id), { taken, room }, 'halo', tag.id);
+  for (const { group, text, points: [{ x, y }, ...more] } of lines) {
+    if (!more.length) label_dot(group, x, y, 1, width_of(text), { taken, room }, 'halo', text);
   }
 }
 
@@ -575,14 +590,7 @@ function readout_of(sensor, point) {
 
 // The chosen tag
 
-function chosen_tag() {
-  try {
-    const id = decodeURIComponent(location.hash.replace(/^#tag=/, ''));
-    return data.tags.find(tag => tag.id === id);
-  } catch {
-    return undefined;  // not an address of ours
-  }
-}
+const chosen_tag = () => data.tags.find(({ id }) => [address(id), `#tag=${id}`].includes(location.hash));
 
 function choose(tag) {
   if (tag) location.hash = address(tag.id);
@@ -634,9 +642,10 @@ function draw_all(is_printed = false) {
   draw_charts();
 }
 
-const [view_x0, view_y0, view_x1, view_y1] = data.view, page_style = document.documentElement.style;
+const page_style = document.documentElement.style;
 page_style.setProperty('--colours', data.colours);
-page_style.setProperty('--aspect', (view_x1 - view_x0) / (view_y1 - view_y0));
+page_style.setProperty('--file', JSON.stringify(data.title));
+page_style.setProperty('--aspect', aspect);
 document.querySelector('#failed b').textContent = failure_words.length > 1 ? 'not read' : failure_words[0];
 element('figures').classList.toggle('long', is_long);
 element('bins').hidden = !data.is_binned;
