@@ -281,7 +281,6 @@ def test_the_thresholds_of_a_map_have_defaults(write_map):
         ({'origin': [0.0, 0.0]}, 'origin is missing or not a list of three'),
         ({'mode': 'binary'}, "mode is 'binary': must be one of trinary, scale, raw"),
         ({'negate': 1.0}, "negate is '1.0': must be one of 0, 1, true, yes"),
-        ({'negate': 'maybe'}, "negate is 'maybe': must be one of 0, 1, true, yes"),
         ({'occupied_thresh': 1.5}, 'occupied_thresh is 1.5: must be a number from 0 to 1'),
         ({'free_thresh': 0.65}, 'free_thresh must be below occupied_thresh'),
     ],
