@@ -15,7 +15,7 @@ setup(
     ],
     python_requires='>=3.10',
     install_requires=['setuptools'],
-    extras_require={'test': ['hypothesis', 'pytest']},
+    extras_require={'test': ['pytest']},
     zip_safe=True,
     maintainer='Lupin team',
     maintainer_email='lupin.team@example.org',

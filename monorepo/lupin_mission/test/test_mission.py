@@ -4,22 +4,14 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import settings
-from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 from lupin_greenhouse_bridge.display.report_line import Outcome, Reading
 from lupin_mission.drive import Arrival, SimulatedDrive
 from lupin_mission.mission import Mission, State
 from lupin_mission.settings import Settings
-from lupin_mission.visit import Service
 
 WITHOUT_DOCK = Settings(dock_pose='')
 SETTINGS = replace(WITHOUT_DOCK, flower_scan_dwell_s=1.0, scan_timeout_s=2.0)
 LONGEST_MISSION_SECONDS = 100_000.0  # simulated
-REPLIES = {
-    Service.CONFIRM: [Outcome.OK, Outcome.NOT_CONFIRMED],
-    Service.READ: [Outcome.OK, Outcome.UNKNOWN_TAG, Outcome.SIMULATOR_ERROR],
-}
 STUCK = Arrival('aborted', is_stuck=True)
 MISSED = Arrival(miss='0.39 m and 32 degrees')
 NEEDS_PERSON = Arrival('Nav2 sleeps', needs_person=True)
@@ -407,96 +399,3 @@ def test_events_tell_what_happened_and_how_bad_it_is():
         'WARN aborted',
         'INFO done: 1 tags read',
     ]
-
-
-class AnyOrder(RuleBasedStateMachine):
-    """Pauses, blocked ways and all kinds of replies in any order."""
-
-    def __init__(self):
-        super().__init__()
-        self.world = World('1234', drive_seconds=0.02, poses=2, **CAMERA, **DOCK)
-        self.mission, self.robot = self.world.mission, self.world.robot
-        self.accepted = {}  # tag id -> value of the accepted reading
-
-    @property
-    def closed(self):
-        return [each.tag_id for each in self.world.recorded]
-
-    @rule(seconds=st.sampled_from([0.0, 0.02, 0.5, 1.0, 2.0, 5.0]))
-    def time_passes(self, seconds):
-        self.world.wait(seconds)
-
-    @rule(is_pause=st.booleans())
-    def pause_or_resume(self, is_pause):
-        (self.mission.pause if is_pause else self.mission.resume)()
-
-    @rule()
-    def dock(self):
-        target, closed = self.mission.target, self.closed
-        assert self.mission.dock() == bool(target)
-        assert self.closed == closed
-
-    @rule(is_blocked=st.booleans())
-    def the_way_is(self, is_blocked):
-        self.robot.obstacle = 'blocked' if is_blocked else ''
-
-    @precondition(lambda self: self.world.sent)
-    @rule(data=st.data(), value=st.floats(-1e6, 1e6), of_tag=st.sampled_from(['', 'another']))
-    def a_reply_comes(self, data, value, of_tag):
-        """In time, late, or twice."""
-        request = data.draw(st.sampled_from(self.world.sent[-3:]))
-        outcome = data.draw(st.sampled_from(REPLIES[request.service]))
-        is_reading = outcome is Outcome.OK and request.service is Service.READ
-        found = reading(of_tag or request.tag_id, value) if is_reading else None
-        was_taken = self.mission.on_reply(request, outcome, 'as it says', found)
-        assert not (was_taken and request in self.world.abandoned)
-        if was_taken and is_reading and not of_tag:
-            assert request.tag_id not in self.accepted
-            self.accepted[request.tag_id] = value
-
-    @rule()
-    def skip(self):
-        target, closed = self.mission.target, self.closed
-        assert self.mission.skip() == bool(target)
-        assert self.closed in (closed, [*closed, target])
-        if target:
-            assert target in self.closed
-
-    @rule()
-    def abort(self):
-        is_running = self.mission.state is not State.DONE
-        assert self.mission.abort() == is_running
-        assert sorted(self.closed) == sorted(self.mission.tag_ids)
-        assert not self.mission.is_paused or not is_running
-
-    @invariant()
-    def the_robot_moves_only_on_its_way(self):
-        is_on_its_way = self.mission.state in (State.DRIVING, State.DOCKING, State.RETURNING)
-        assert not self.robot.is_moving or (is_on_its_way and not self.mission.is_paused)
-
-    @invariant()
-    def a_tag_is_closed_once(self):
-        assert len(set(self.closed)) == len(self.closed)
-        assert list(self.mission.outcomes) == self.closed
-
-    @invariant()
-    def no_reading_is_lost_or_there_twice(self):
-        read = [each for each in self.world.recorded if each.outcome is Outcome.OK]
-        assert {each.tag_id: each.reading.values['temperature'] for each in read} == self.accepted
-        assert len(read) == len(self.accepted)
-
-    def teardown(self):
-        """Left alone, the mission always ends with an outcome for every tag."""
-        # The longest time at each of two poses: two drives and three attempts of each service, with their
-        # delays, and the dwell.
-        longest = 2 * (2 * 0.02 + 0.5 + 2 * (3 * 2.0 + 0.5 + 1.0) + 1.0)
-        for _ in range(int(len(self.mission.tag_ids) * longest / 0.5) + 10):
-            self.mission.resume()  # after a pause, and once more at the dock
-            self.world.wait(0.5)
-        assert self.mission.state is State.DONE
-        assert set(self.closed) == set(self.mission.tag_ids)
-        self.no_reading_is_lost_or_there_twice()
-
-
-TestAnyOrder = AnyOrder.TestCase
-TestAnyOrder.settings = settings(max_examples=200, stateful_step_count=40)
