@@ -56,6 +56,17 @@ def test_an_option_says_which_number_it_takes(command, option, accepted):
     assert ended.stderr.endswith(f"error: argument {option.split()[0]}: '{wrong}': must be {accepted}\n")
 
 
+@pytest.mark.parametrize(
+    'command', ['generate_world', 'inspection', 'tools/draw/tag_sheet.py', 'tools/draw/figure.py']
+)
+def test_a_folder_to_write_to_is_not_the_name_of_a_file(command, tmp_path):
+    paths = {path.name: [path] for path in EXECUTABLES}
+    ended = run(*paths.get(command, [sys.executable, command]), '--output', tmp_path / 'new/x.pdf')
+    assert ended.returncode == 2
+    assert ended.stderr.endswith("x.pdf' is the name of a file: name a folder\n")
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.fixture(scope='module')
 def inputs(tmp_path_factory):
     """Return a folder with what the commands read."""

@@ -26,7 +26,7 @@ import subsets
 from lupin_greenhouse_bridge import units
 from lupin_greenhouse_bridge.display import colours, drawings, placing
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError
-from lupin_greenhouse_bridge.runtime.arguments import Parser, number_type
+from lupin_greenhouse_bridge.runtime.arguments import Parser, folder_type, number_type
 from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 from matplotlib import pyplot
 from matplotlib.figure import Figure
@@ -145,7 +145,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Draw or check; exit code 0: done, 1: not up to date, 2: cannot be drawn."""
     parser = parser_of('figure', __doc__)
     parser.add_argument(
-        '--output', type=Path, default=COMMITTED, metavar='FOLDER', help='default: the documents'
+        '--output', type=folder_type, default=COMMITTED, metavar='FOLDER', help='default: the documents'
     )
     parser.add_argument('--tag-file', default='', metavar='FILE')
     parser.add_argument('--sim-config-file', default='', metavar='FILE')

@@ -4,8 +4,10 @@
 import argparse
 import contextlib
 import math
+import re
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 from lupin_greenhouse_bridge.errors import escaped
@@ -46,6 +48,14 @@ def number_type(
         raise argparse.ArgumentTypeError(f'{escaped(repr(text), 100)}: must be {accepted}')
 
     return parse
+
+
+def folder_type(text: str) -> Path:
+    """Return the path of a folder, which may be new; the type of an option, for which x.pdf is no folder."""
+    path = Path(text)
+    if re.fullmatch(r'\.[A-Za-z]+', path.suffix) and not path.is_dir():
+        raise argparse.ArgumentTypeError(f'{escaped(repr(text), 100)} is the name of a file: name a folder')
+    return path
 
 
 SECONDS = number_type('a number of seconds above 0, such as 5', float, above=0.0)
