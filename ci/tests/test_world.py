@@ -89,10 +89,9 @@ def test_a_wrong_world_is_noticed(tmp_path, change, finding):
 
 @needs_drake
 @pytest.mark.heavy
-@pytest.mark.parametrize('name', ['', 'missing.sdf', 'broken.sdf'])
-def test_the_camera_refuses_a_file_that_is_no_world_in_one_line(tmp_path, name):
-    (tmp_path / 'broken.sdf').write_text('<sdf version="1.6"><world>', encoding='utf-8')
-    world_file = name and str(tmp_path / name)
+def test_the_camera_refuses_a_file_that_is_no_world_in_one_line(tmp_path):
+    world_file = tmp_path / 'broken.sdf'
+    world_file.write_text('<sdf version="1.6"><world>', encoding='utf-8')
     camera = executable('lupin_simulation', 'world_camera')
     result = with_drake(camera, '--ros-args', '-p', f'world_file:="{world_file}"')
     assert result.returncode == 1

@@ -62,8 +62,13 @@ def names_text(thing: str, names: Sequence[str], most: int) -> str:
     return f'{thing}s {", ".join(first)} and {last}' if first else f'{thing} {last}'
 
 
+def is_environment_of_make() -> bool:
+    """Return whether this process runs in the environment that make has made."""
+    return sys.prefix != sys.base_prefix and Path(sys.prefix, 'local_setup.bash').exists()
+
+
 def source_of_messages(package: str) -> str:
     """Return how to get a ROS package of messages, of which the environment of make has a stand-in."""
-    if sys.prefix != sys.base_prefix and Path(sys.prefix, 'local_setup.bash').exists():
+    if is_environment_of_make():
         return 'write `python3 ci/within.py --stand-ins` before the command'
     return f'sudo apt install ros-$ROS_DISTRO-{package.replace("_", "-")}'

@@ -13,6 +13,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from lupin_greenhouse_bridge.errors import names_text
 from lupin_greenhouse_bridge.planning.tag_poses import TagPose, find_tag_poses
 from lupin_greenhouse_bridge.reading.detections import detection_messages
 from lupin_greenhouse_bridge.runtime.parameters import parameter
@@ -52,7 +53,13 @@ class FakeCamera(CameraNode):
         """Read the layout for a camera on the robot; raises StartUpError."""
         super().__init__(Settings)
         self._camera = PinholeCamera()
-        self._tag_poses = self._settings.tag_poses() if self._settings.from_odometry else {}
+        self._tag_poses = {}
+        if self._settings.from_odometry:
+            self._tag_poses = self._settings.tag_poses()
+            tag_ids = self._settings.read_layout()[0].tags
+            if outside := [tag_id for tag_id in tag_ids if tag_id not in TAG_NUMBERS]:
+                shown = names_text('tag', outside, 3)
+                self.get_logger().warning(f'no image shows {shown}: not in tag36h11, which has 0 to 586')
         message_type, self._message_of = message_maker(self._settings.publishes)
         self._start(message_type, TOPICS[self._settings.publishes], FRAMES_PER_SECOND)
 

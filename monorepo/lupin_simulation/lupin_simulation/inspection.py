@@ -22,14 +22,17 @@ from pathlib import Path
 import domain_coordinator
 from lupin_greenhouse_bridge.display.drawing_command import COMPANION_ENDINGS, read_file
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, pluralized, reason_of
+from lupin_greenhouse_bridge.planning.overrides import read_overrides
+from lupin_greenhouse_bridge.planning.registration import read_transform
 from lupin_greenhouse_bridge.planning.walls import Walls, parse_numbers
 from lupin_greenhouse_bridge.recording.reading_files import read_rows
 from lupin_greenhouse_bridge.recording.rows import key_of
 from lupin_greenhouse_bridge.recording.store import open_store
-from lupin_greenhouse_bridge.runtime.arguments import Parser
+from lupin_greenhouse_bridge.runtime.arguments import Parser, folder_type
 from lupin_greenhouse_bridge.runtime.output import print_line
 from lupin_greenhouse_bridge.runtime.process import install_signal_handlers, is_asked_to_end, sleep
 from lupin_greenhouse_bridge.simulator.layout import Layout
+from lupin_tag_confirmation.confirmation import tag_number
 
 from lupin_simulation.generate_world import make_world
 from lupin_simulation.inspection_nodes import (
@@ -41,7 +44,7 @@ from lupin_simulation.inspection_nodes import (
     executable,
     value_of,
 )
-from lupin_simulation.settings import LayoutSettings
+from lupin_simulation.settings import SOURCE_OF_DRAKE, LayoutSettings
 
 USAGE, INTERRUPTED = 2, 130
 LOOK_EVERY_SECONDS = 0.2
@@ -69,11 +72,21 @@ def check(options: argparse.Namespace, commands: list[list[str]]) -> tuple[Layou
     """
     Return the greenhouse of a run, after its arguments and the recorder's file have been checked.
 
-    Raises OneLineError, also for a greenhouse that the bridge refuses.
+    Raises OneLineError, also for a greenhouse that the bridge refuses, and tags that no camera can see.
     """
-    check_values(commands)
+    settings = check_values(commands)
     given = LayoutSettings(**{name: value_of(options.arguments, name) for name in LAYOUT})
     layout, walls = given.read_layout()
+    mission = settings['mission_orchestrator']
+    if options.camera:
+        for tag_id in mission.chosen_tag_ids or layout.tags:
+            tag_number(tag_id)  # raises UnknownTagId
+    if options.drive:
+        settings['fake_navigator'].free_space()
+        if mission.layout_in_map:
+            read_transform(mission.layout_in_map, mission.frame_id)
+        if mission.approach_overrides_file:
+            read_overrides(mission.approach_overrides_file, layout.tags)
     if options.record:
         open_store(options.record)
     return layout, walls
@@ -90,7 +103,7 @@ def prepare(options: argparse.Namespace, report: Path, layout: Layout, walls: Wa
         raise StartUpError(f"--output '{options.output}': {reason_of(error)}: name a folder") from error
     if options.world:
         if not importlib.util.find_spec('pydrake'):
-            raise StartUpError('Drake is missing, which renders the world: pip install drake')
+            raise StartUpError(f'Drake is missing, which renders the world: {SOURCE_OF_DRAKE}')
         sdf_file = make_world(options.output / 'world', layout, walls, WORLD_SIDE_M)
         print_line(f'{sdf_file}: {len(layout.tags)} tags, {len(layout.tables)} tables')
 
@@ -211,7 +224,7 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     record = 'add the readings to this .sqlite, .db or .csv file, which need not exist'
     add('--record', metavar='FILE', help=record)
     output = 'folder for the report, its picture and its page; default: %(default)s'
-    add('--output', type=Path, default=Path('.mission'), metavar='FOLDER', help=output)
+    add('--output', type=folder_type, default=Path('.mission'), metavar='FOLDER', help=output)
     add('--check', action='store_true', help='check the arguments and the file to record to, and end')
     add('arguments', nargs='*', metavar='name:=value', help='parameters of the nodes')
     options = parser.parse_args(arguments)

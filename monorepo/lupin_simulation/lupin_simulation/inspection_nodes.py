@@ -65,18 +65,23 @@ def arguments_by_node(options: argparse.Namespace) -> dict[str, list[str]]:
     Raises StartUpError for a typing mistake, and UnknownArgument for a parameter that no node has.
     """
     names = {node: {each.name for each in fields(kind)} for node, kind in SETTINGS.items()}
-    if not options.camera:
-        del names['confirm_tag']
-    if not options.drive:
-        del names['fake_navigator']
+    needed: dict[str, str] = {}  # by the name of a parameter: the option for its node, which is left out
+    for option, node in (('camera', 'confirm_tag'), ('drive', 'fake_navigator')):
+        if not getattr(options, option):
+            needed |= dict.fromkeys(names.pop(node) - SET_HERE, option)
     settable = set().union(*names.values()) - SET_HERE
     names['mission_orchestrator'] |= set(mission_settings.WITHOUT_EFFECT)
     names |= {'record_readings': {'tag_file'}, 'fake_camera': LAYOUT, 'world_camera': set()}
     for each in options.arguments:
         name = re.split('[:=]', each)[0]
         if name.lower() in OPTIONS:
-            raise StartUpError(f"'{escaped(each, 64)}' sets no parameter: write the option --{name.lower()}")
+            value = each[len(name) :].lstrip(':=') if name.lower() in ('camera', 'record') else '1'
+            told = f'{name.upper()}={escaped(value, 64)} (without make: --{name.lower()})'
+            raise StartUpError(f"'{escaped(each, 64)}' sets no parameter: write {told}")
         if name not in settable | set(mission_settings.WITHOUT_EFFECT):
+            if option := needed.get(name, ''):
+                told = f'{option.upper()}=1 (without make: --{option})'
+                raise StartUpError(f"'{escaped(each, 64)}' sets a parameter of a run with {told}: add it")
             refuse_typo(name, settable, 'parameter')
             error = f"'{escaped(each, 64)}' sets no parameter of this run: write name:=value, with one of"
             raise UnknownArgument('\n  '.join([error, *textwrap.wrap(', '.join(sorted(settable)), 98)]))
@@ -127,12 +132,15 @@ def commands_of(options: argparse.Namespace, report: Path) -> list[list[str]]:
     return [*nodes, node('lupin_mission', 'mission_orchestrator', **mission)]
 
 
-def check_values(commands: list[list[str]]) -> None:
-    """Raise StartUpError for a value that a node will refuse."""
+def check_values(commands: list[list[str]]) -> dict[str, Any]:
+    """Return the settings by the name of their node; raises StartUpError for a value that it will refuse."""
+    settings = {}
     for path, *words in commands:
         if kind := SETTINGS.get(Path(path).name):
             given = dict(each.split(':=', 1) for each in words if ':=' in each)
-            kind(**{each.name: parsed(given[each.name]) for each in fields(kind) if each.name in given})
+            values = {each.name: parsed(given[each.name]) for each in fields(kind) if each.name in given}
+            settings[Path(path).name] = kind(**values)
+    return settings
 
 
 def parsed(text: str) -> Any:

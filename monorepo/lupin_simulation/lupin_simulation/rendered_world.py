@@ -10,6 +10,7 @@ import numpy as np
 from lupin_greenhouse_bridge.errors import StartUpError
 
 from lupin_simulation.sdf import TAG_HEIGHT_M
+from lupin_simulation.settings import SOURCE_OF_DRAKE
 
 # Drake ignores the lights of the SDF.
 LIGHT_DIRECTIONS = ((1, 0, -0.3), (-1, 0, -0.3), (0, 1, -0.3), (0, -1, -0.3))
@@ -69,6 +70,8 @@ class RenderedWorld:
 
         For pictures from far away, set a large `nearest_m`: otherwise the plate of a tag can hide the tag.
         """
+        if not Path(sdf_file).is_file():
+            raise StartUpError(f"there is no file '{sdf_file}': name a world made by generate_world")
         try:
             from pydrake import geometry
             from pydrake.math import RigidTransform
@@ -77,7 +80,7 @@ class RenderedWorld:
             from pydrake.systems.framework import DiagramBuilder
             from pydrake.systems.sensors import CameraInfo
         except ImportError as error:
-            raise StartUpError(f'Drake is missing ({error}): pip install drake') from error
+            raise StartUpError(f'Drake is missing ({error}): {SOURCE_OF_DRAKE}') from error
 
         logging.getLogger('drake').setLevel(logging.ERROR)  # it warns of the lights
         builder = DiagramBuilder()

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -86,12 +87,14 @@ def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(run_camera,
             wait_until(lambda: 'no tag in view in 4 images' in reason('7'))
 
 
-def test_an_id_outside_the_family_has_no_place_in_the_picture(tmp_path):
+def test_an_id_outside_the_family_has_no_place_in_the_picture_and_is_named(tmp_path, run_nodes, capfd):
     tag_file = tmp_path / 'tags.json'
     tag = {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}
     tags = {'7': tag, '587': tag, 'seven': tag, '-1': tag}
     tag_file.write_text(json.dumps({'tags': tags, 'tables': {}}), encoding='utf-8')
     assert set(Settings(tag_file=str(tag_file)).tag_poses()) == {7}
+    run_nodes(FakeCamera, from_odometry=True, tag_file=str(tag_file))
+    assert re.search('no image shows tags .*seven.*: not in tag36h11, which has 0', capfd.readouterr().err)
 
 
 def test_a_camera_on_the_robot_sees_its_tag_only_from_where_the_robot_really_stands(run_camera):

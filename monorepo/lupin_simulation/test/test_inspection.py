@@ -25,6 +25,7 @@ from lupin_greenhouse_bridge.simulator.layout import find_layout
 from lupin_greenhouse_bridge.testing._helpers import executable
 from lupin_mission.settings import Settings as MissionSettings
 from lupin_simulation import inspection, inspection_nodes
+from lupin_simulation.settings import SOURCE_OF_DRAKE
 from lupin_tag_confirmation.settings import Settings as CameraSettings
 
 
@@ -145,7 +146,7 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path, tol
     ('arguments', 'error'),
     [
         (['--camera', 'detections', '--world'], '--world publishes images only: leave --camera out, or name'),
-        (['--world'], 'Drake is missing, which renders the world: pip install drake'),
+        (['--world'], f'Drake is missing, which renders the world: {SOURCE_OF_DRAKE}'),
         (['--output', '{folder}/file'], "--output '{folder}/file': File exists: name a folder"),
         (['max_attempts:=few'], "parameter max_attempts is 'few': must be a whole number from 1 to "),
         (['--drive', 'tolerance:=far'], "parameter tolerance is 'far': must be a number from 0 to "),
@@ -164,7 +165,15 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path, tol
         ),
         (['debug_sed:=3'], 'parameter debug_sed is unknown: did you mean debug_seed?'),
         (['debug_seed:=', '3'], "'debug_seed:=' sets no parameter: write debug_seed:=3, without spaces"),
-        (['CAMERA=1'], "'CAMERA=1' sets no parameter: write the option --camera"),
+        (['CAMERA=1'], "'CAMERA=1' sets no parameter: write CAMERA=1 (without make: --camera)"),
+        (['record:=a.csv'], "'record:=a.csv' sets no parameter: write RECORD=a.csv (without make: --record)"),
+        (['drive:=nav2'], "'drive:=nav2' sets no parameter: write DRIVE=1 (without make: --drive)"),
+        (['padding_m:=0.01'], "'padding_m:=0.01' sets a parameter of a run with DRIVE=1 (without make: --dr"),
+        (['min_frames:=1'], "'min_frames:=1' sets a parameter of a run with CAMERA=1 (without make: --cam"),
+        (['--drive', 'layout_in_map:=/none.yaml'], "registration '/none.yaml': cannot be read"),
+        (['--drive', 'approach_overrides_file:=/none.yaml'], "approach overrides '/none.yaml': cannot be"),
+        (['--drive', 'robot_radius_m:=0.6'], 'parameter start_pose is 0.5 0.5 0.0: a robot of radius 0.6 m'),
+        (['--camera', 'image', 'tag_file:={folder}/tags.json'], "tag 'seven' is not an id of tag36h11: must"),
         (['debug_seed=3'], "'debug_seed=3' sets no parameter: write debug_seed:=3, without spaces"),
     ],
 )
@@ -173,6 +182,8 @@ def test_what_cannot_run_is_refused_in_one_line_before_a_node_starts(
 ):
     stand_in('bridge_node', script=f'touch {tmp_path}/started')
     (tmp_path / 'file').touch()
+    tags = {'tags': {'seven': {'x': 1.0, 'y': 2.0, 'sensors': ['co2']}}, 'tables': {}}
+    (tmp_path / 'tags.json').write_text(json.dumps(tags), encoding='utf-8')
     (tmp_path / 'file.db').write_text('tag_id,value', encoding='utf-8')
     find = importlib.util.find_spec
     without_drake = lambda name: None if name == 'pydrake' else find(name)  # noqa: E731
@@ -199,8 +210,6 @@ def test_a_check_of_good_arguments_starts_and_makes_nothing(tmp_path, stand_in, 
 @pytest.mark.parametrize(
     ('argument', 'options'),
     [
-        ('blocked:=0 0 1 1', []),
-        ('min_frames:=1', ['--drive']),
         ('seed:=3', ['--drive']),
         ('report_file:=x.jsonl', ['--drive']),
         ('fast', ['--drive']),

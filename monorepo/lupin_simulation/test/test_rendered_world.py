@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 import rclpy
 from lupin_greenhouse_bridge.contract import latched
+from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.poses import pose_message
 from lupin_greenhouse_bridge.testing._helpers import running, wait_until
 from lupin_simulation import check_world, world_camera
 from lupin_simulation.pinhole_camera import PinholeCamera
-from lupin_simulation.rendered_world import TagModel, View, viewpoint
+from lupin_simulation.rendered_world import RenderedWorld, TagModel, View, viewpoint
+from lupin_simulation.settings import SOURCE_OF_DRAKE
 from lupin_simulation.world_camera import WorldCamera, view_of
 from nav_msgs.msg import Odometry
 from rclpy.qos import qos_profile_sensor_data
@@ -122,10 +124,17 @@ def test_a_tag_is_read_in_all_views_of_a_group_and_the_tags_are_counted(monkeypa
     assert tags_read([views]) == set()
 
 
+@pytest.mark.parametrize('name', ['', 'missing.sdf'])
+def test_a_world_file_that_is_missing_is_named_before_drake_is_asked_for(monkeypatch, name):
+    monkeypatch.setitem(sys.modules, 'pydrake', None)
+    with pytest.raises(StartUpError, match=f"^there is no file '{name}': name a world made by generate_"):
+        RenderedWorld(name)
+
+
 @pytest.mark.parametrize(
     ('arguments', 'error'),
     [
-        ([], 'Drake is missing (import of pydrake halted; None in sys.modules): pip install drake'),
+        ([], f'Drake is missing (import of pydrake halted; None in sys.modules): {SOURCE_OF_DRAKE}'),
         (['--tag-file', '/missing.json'], "tag_file '/missing.json': cannot be read"),
     ],
 )
