@@ -30,13 +30,15 @@ SUBSET_COLOURS = (
 )
 # By the number of sensors.
 SHAPES = {'one sensor': 'o', 'two sensors': 's', 'three sensors': '^', 'more sensors': 'D'}
-OTHER, FIELD_END = '0.5', '0.6'
-TABLE = '#b5936b'  # no shade of the field, in either scheme
+OTHER = '0.5'
 INKED = ('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color', 'patch.edgecolor')
 SCHEMES: dict[str, dict[Any, Any]] = {
     name: dict.fromkeys(INKED, ink) | {'figure.facecolor': paper, 'axes.facecolor': paper}
     for name, ink, paper in (('light', '#1f2328', 'white'), ('dark', '#e6edf3', '#0d1117'))
 }
+# By the paper: the other end of the field's shades, and the tables, which have no such shade.
+FIELD_END = {'white': '0.6', '#0d1117': '0.4'}
+TABLE = {'white': '#b5936b', '#0d1117': '#70502c'}
 FIELD_STEPS = 200  # along the longer side
 README_SEED = 42  # whose values the README shows
 PART_M, PART_POINTS = 4.0, 16.0  # its size, and that of its texts: 11 px on a phone 328 px wide
@@ -76,13 +78,14 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     layout, walls = greenhouse.layout, greenhouse.walls
     width_m, height_m, scale = drawings.scale_of(layout, walls)
     width, height = (size_m * drawings.INCHES_PER_M / scale for size_m in (width_m, height_m))
-    figure = pyplot.figure(figsize=(width + 3.0, max(height, 5.0) + 1.8), layout='constrained')
+    figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 3.7), layout='constrained')
     axes = figure.add_subplot()
     lines = draw_field(axes, greenhouse, options, walls)
-    axes.set_ylabel('y (m)')
+    axes.set(xlabel='x (m)', ylabel='y (m)')
     size = drawings.LABELS.times(scale)
-    numbers = write_values(axes, lines, walls.x1 - 2 * size.width_m('00'), size)
-    draw_tags(axes, greenhouse, list(layout.tags), size, 8, numbers)
+    dots = [placing.Box(*tag[:2], size.height_m, size.height_m) for tag in layout.tags.values()]
+    numbers = write_values(axes, lines, walls, units.unit_of(options.sensor), size, dots)
+    draw_tags(axes, greenhouse, list(layout.tags), size, drawings.POINTS, numbers)
     write_key(figure, greenhouse)
     axes.set_title(f'The {pluralized(len(layout.tags), "tag")} and their sensors', fontsize=11)
     return figure
@@ -97,13 +100,15 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     x, y = (min(max(at - side_m / 2, low), high - side_m) for at, low, high in ends)
     part = Walls(x, y, x + side_m, y + side_m)
     pyplot.rcParams['font.size'] = pyplot.rcParams['figure.titlesize'] = PART_POINTS  # until the scheme ends
-    figure = pyplot.figure(figsize=(6.4, 8.2), layout='constrained')
+    figure = pyplot.figure(figsize=(6.4, 8.6), layout='constrained')
     axes = figure.add_subplot()
-    draw_field(axes, greenhouse, options, part)
+    lines = draw_field(axes, greenhouse, options, part)
     axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
-    size = drawings.LABELS.times(2 * drawings.INCHES_PER_M * side_m / 6.0)
+    size = drawings.LABELS.times(PART_POINTS / drawings.POINTS * drawings.INCHES_PER_M * side_m / 6.0)
     seen = [tag_id for tag_id, tag in tags.items() if part.has_inside(*tag[:2])]
     taken = draw_reading(axes, greenhouse, read_id, options.hour, size)
+    taken += [placing.Box(*tags[tag_id][:2], size.height_m, size.height_m) for tag_id in seen]
+    taken = write_values(axes, lines, part, units.unit_of(options.sensor), size, taken)
     draw_tags(axes, greenhouse, seen, size, PART_POINTS, taken)
     letters = textwrap.fill(', '.join(names_of_letters(greenhouse)), 34)
     figure.supxlabel(letters, fontsize=PART_POINTS)
@@ -155,31 +160,36 @@ def plate_of(axes: Any) -> drawings.Style:
 
 def draw_field(axes: Any, greenhouse: Greenhouse, options: argparse.Namespace, part: Walls) -> ContourSet:
     """Draw the tables, the walls, and the values of a sensor in greys; return its lines of equal values."""
-    paper, ink = axes.get_facecolor(), pyplot.rcParams['text.color']
+    paper, ink = pyplot.rcParams['axes.facecolor'], pyplot.rcParams['text.color']
     xs, ys, field = field_of(greenhouse, options.sensor, options.hour, part)
-    shades = LinearSegmentedColormap.from_list('shades', [paper, FIELD_END])
+    shades = LinearSegmentedColormap.from_list('shades', [paper, FIELD_END[paper]])
     extent = (*part[::2], *part[1::2])
     image = axes.imshow(field, shades, extent=extent, origin='lower', interpolation='bilinear')
     lines: ContourSet = axes.contour(xs, ys, field, 5, colors=ink, linewidths=0.6, alpha=0.6, zorder=0.5)
-    table = {'facecolor': TABLE, 'edgecolor': ink, 'linewidth': 0.6}
+    table = {'facecolor': TABLE[paper], 'edgecolor': ink, 'linewidth': 0.6}
     drawings.draw_greenhouse(axes, greenhouse.layout, greenhouse.walls, table)
     label = f'{label_of(options.sensor)} at {clock_time(options.hour * 3600)}'
-    place = {'location': 'bottom', 'shrink': 0.9, 'pad': 0.02}
-    axes.figure.colorbar(image, ax=axes, label=label, ticks=lines.levels, **place).add_lines(lines)
+    drawings.draw_colour_bar(axes, image, part, label=label, ticks=lines.levels).add_lines(lines)
     return lines
 
 
-def write_values(axes: Any, lines: ContourSet, x: float, size: drawings.LabelSize) -> list[placing.Box]:
-    """Write the value of each line of equal values where it crosses this x; return what is covered."""
-    numbers: list[placing.Box] = []
+def write_values(
+    axes: Any, lines: ContourSet, part: Walls, unit: str, size: drawings.LabelSize, taken: list[placing.Box]
+) -> list[placing.Box]:
+    """Write its value on each line of equal values, far right where nothing is; return what is covered."""
+    covered = list(taken)
     for level, paths in zip(lines.levels, lines.allsegs, strict=True):
-        for (x0, y0), (x1, y1) in (pair for path in paths for pair in itertools.pairwise(path)):
-            y = y0 + (x - x0) / (x1 - x0 or 1.0) * (y1 - y0)
-            box = placing.Box(x, y, size.width_m(f'{level:g}'), size.height_m)
-            if min(x0, x1) <= x < max(x0, x1) and all(abs(y - each.y) > size.height_m for each in numbers):
-                axes.text(x, y, f'{level:g}', fontsize=7, zorder=4, bbox=plate_of(axes), **drawings.CENTRED)
-                numbers.append(box)
-    return numbers
+        text = f'{level:g} {unit}'
+        half = np.array(label := size.box(text)) / 2
+        for path in (each for each in paths if placing.length_m(each.tolist()) > label[0]):
+            places = np.clip(path, part[:2] + half, part[2:] - half)
+            boxes = np.column_stack([places, np.tile(label, (len(places), 1))])
+            costs = placing.overlaps(boxes, np.array(covered)).sum(axis=1)
+            moved_m = np.abs(places - path).sum(axis=1)
+            best = placing.Box(*boxes[np.lexsort((-places[:, 0], moved_m.round(2), costs.round(4)))[0]])
+            axes.text(*best[:2], text, zorder=4, bbox=plate_of(axes), **drawings.CENTRED)
+            covered.append(best)
+    return covered
 
 
 @cache
@@ -203,7 +213,7 @@ def draw_tags(
 ) -> None:
     """Draw each tag in the colour of its subset, with its id and its letters beside it."""
     ink = pyplot.rcParams['text.color']
-    styles, labels = styles_of(greenhouse, 1.3 * points), []
+    styles, labels = styles_of(greenhouse, 1.4 * points), []
     for tag_id in tag_ids:
         x, y, _ = greenhouse.layout.tags[tag_id]
         subset = greenhouse.subset_of[tag_id]
@@ -226,21 +236,24 @@ def names_of_letters(greenhouse: Greenhouse) -> list[str]:
 
 
 def write_key(figure: Figure, greenhouse: Greenhouse) -> None:
-    """Write at the right the name of each letter, and the mark and the number of tags of each subset."""
-    counts, styles = Counter(greenhouse.subset_of.values()), styles_of(greenhouse, 10)
+    """Write below the name of each letter, and the mark and the number of tags of each subset."""
+    counts, styles = Counter(greenhouse.subset_of.values()), styles_of(greenhouse, 11)
     names: dict[Subset, str] = {(text.split()[0],): text for text in names_of_letters(greenhouse)}
     rest = [each for each, style in styles.items() if style['color'] == OTHER and each not in names]
-    shown = dict.fromkeys(names, mark('', OTHER, 10)) | styles
-    nothing: drawings.Style = {'linestyle': ''}
-    marks: list[tuple[str, drawings.Style]] = []
+    shown = dict.fromkeys(names, mark('', OTHER, 11)) | styles
+    nothing: tuple[str, drawings.Style] = ('', {'linestyle': ''})
+    columns: list[list[tuple[str, drawings.Style]]] = []
     for word, subsets in itertools.groupby(shown, lambda each: word_of(len(each))):
         entries = [
             (f'{names.get(each, "".join(each))} ({counts[each]})', shown[each])
             for each in subsets
             if each not in rest
         ]
-        marks += [(f'{word}:', nothing), *entries] if entries else []
-    marks += [(f'other ({sum(counts[each] for each in rest)})', mark('o', OTHER, 10))] if rest else []
-    marks += [('', nothing), ('table', mark('s', TABLE, 10))]
-    place = {'loc': 'outside right upper', 'bbox_to_anchor': None, 'handletextpad': 0.2}
-    drawings.write_key(figure, marks, 1, title='sensors (number of tags)', alignment='left', **place)
+        columns += [[(f'{word}:', nothing[1]), *entries]] if entries else []
+    others = [(f'other ({sum(counts[each] for each in rest)})', mark('o', OTHER, 11))] if rest else []
+    columns[-1] += [*others, nothing, ('table', mark('s', TABLE[pyplot.rcParams['axes.facecolor']], 11))]
+    rows = itertools.zip_longest(*columns, fillvalue=nothing)
+    marks = itertools.chain.from_iterable(zip(*rows, strict=True))
+    place = {'loc': 'outside lower center', 'bbox_to_anchor': None, 'handletextpad': 0.2}
+    title = 'sensors (number of tags)'
+    drawings.write_key(figure, list(marks), len(columns), title=title, columnspacing=0.8, **place)

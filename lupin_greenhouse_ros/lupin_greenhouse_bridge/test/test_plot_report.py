@@ -18,7 +18,7 @@ from lupin_greenhouse_bridge.display.plot_report import main
 from lupin_greenhouse_bridge.display.summary import SEVERAL_TIMES, greenhouse_times, speed_text
 from lupin_greenhouse_bridge.recording.rows import Row
 from lupin_greenhouse_bridge.recording.store import open_store
-from lupin_greenhouse_bridge.units import UNITS
+from lupin_greenhouse_bridge.units import UNITS, label_of
 
 # Not importorskip, which ends the import of the module: launch_testing imports every test module.
 HAS_MATPLOTLIB = importlib.util.find_spec('matplotlib') is not None
@@ -137,6 +137,22 @@ def test_titles_keys_and_colour_bars_of_all_sensors_have_room_and_round_ticks(sh
         step = ticks[1] - ticks[0]
         assert f'{step:.0e}'[0] in '125'
         assert [each / step for each in ticks] == pytest.approx([round(each / step) for each in ticks])
+
+
+def test_only_the_panels_of_its_sensors_have_the_cross_of_a_tag_that_was_not_read(shipped_tags, drawn):
+    last = next(tag_id for tag_id, tag in shipped_tags.items() if len(tag['sensors']) == 1)
+    (sensor,) = shipped_tags[last]['sensors']
+    others = [tag_id for tag_id in shipped_tags if tag_id != last]
+    visits = [visit(each, **dict.fromkeys(shipped_tags[each]['sensors'], 20.0)) for each in others]
+    figure = drawn(*visits, visit(last, 'TIMEOUT', 'no reply'))
+    place = [[shipped_tags[last]['x'], shipped_tags[last]['y']]]
+    crossed = {
+        axes.get_title()
+        for axes in figure.axes
+        for points in axes.collections
+        if points.get_offsets().tolist() == place
+    }
+    assert crossed == {'tags read or not', label_of(sensor)}
 
 
 def test_that_values_differ_by_time_of_day_is_said(drawn):

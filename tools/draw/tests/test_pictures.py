@@ -21,7 +21,9 @@ import yaml
 from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_tag_confirmation.detector import TagDetector
 from matplotlib.colors import to_rgb
+from matplotlib.contour import ContourSet
 from matplotlib.patches import Circle, Rectangle, Wedge
+from matplotlib.path import Path as Line
 from matplotlib.text import Text
 from PIL import Image
 
@@ -77,15 +79,8 @@ def test_the_figure_names_every_tag_and_the_unit_of_the_field(tmp_path):
     assert {'a1 CL', 'b2 C', 'temperature (°C) at 06:00'} <= set(texts)
     (key,) = figures['greenhouse_light'].legends
     names = ['T temperature (0)', 'H humidity (0)', 'C CO₂ (1)', 'L light (0)', 'S soil moisture (0)']
-    assert texts_of(key) == [
-        'sensors (number of tags)',
-        'one sensor:',
-        *names,
-        'two sensors:',
-        'CL (1)',
-        '',
-        'table',
-    ]
+    columns = ['one sensor:', *names], ['two sensors:', 'CL (1)', '', 'table', '', '']
+    assert texts_of(key) == ['sensors (number of tags)', *itertools.chain(*columns)]
     assert any('A day at tag a1' in text for text in texts_of(figures['day']))
 
 
@@ -212,9 +207,35 @@ def test_the_field_has_no_bands_and_its_lines_are_the_ticks_of_its_scale(drawn):
     with Image.open(figure.COMMITTED / 'greenhouse_light.png') as image:
         pixels = np.asarray(image.convert('RGB')).reshape(-1, 3)
     greys = {grey for grey, *others in map(tuple, pixels.tolist()) if {grey} == set(others)}
-    assert greys >= set(range(round(255 * float(subsets.FIELD_END)) + 1, 255))
+    assert greys >= set(range(round(255 * float(subsets.FIELD_END['white'])) + 1, 255))
     axes, bar = drawn['greenhouse_light'].axes
-    assert list(bar.get_xticks()) == list(axes.collections[0].levels)
+    assert list(bar.get_xticks()) == list(lines_of(axes).levels)
+
+
+def lines_of(axes) -> ContourSet:
+    """Return the lines of equal values of a field."""
+    (lines,) = (each for each in axes.get_children() if isinstance(each, ContourSet))
+    return lines
+
+
+@pytest.mark.parametrize('name', ['greenhouse_light', 'greenhouse_part_dark'])
+def test_each_line_of_equal_values_has_its_number_and_the_scale_is_as_wide_as_the_walls(name, drawn):
+    axes, bar = drawn[name].axes
+    lines = lines_of(axes)
+    for level, paths in zip(lines.levels, lines.allsegs, strict=True):
+        numbers = [each for each in axes.texts if each.get_text() == f'{level:g} °C']
+        boxes = [each.get_window_extent() for each in numbers]
+        ways = [axes.transData.transform(each) for each in paths if len(each) > 10]  # not in a corner
+        assert len(boxes) == len(ways)
+        for way in map(Line, ways):
+            assert any(way.intersects_bbox(box, filled=False) for box in boxes)
+    (x0, _), (x1, _) = axes.transData.transform([walls_of(axes).get_xy(), walls_of(axes).get_corners()[2]])
+    ends = max(x0, axes.bbox.x0), min(x1, axes.bbox.x1)
+    assert (bar.get_window_extent().x0, bar.get_window_extent().x1) == pytest.approx(ends, abs=1)
+
+
+def walls_of(axes) -> Rectangle:
+    return next(each for each in axes.patches if isinstance(each, Rectangle) and not each.get_fill())
 
 
 def test_the_letters_of_sensors_are_the_start_of_their_names():
@@ -229,11 +250,9 @@ def test_the_route_has_arrows_numbered_stops_and_a_line_from_each_pose_to_its_ta
     stops = [text for text in written if text.get_color() == 'white']
     assert {text.get_text() for text in ids} == set(tags)
     assert len(written) == len(ids) + len(stops) + 2
-    numbers = []
-    for stop in stops:
-        first, last = re.fullmatch(r'(\d+)(?:[-, ]+(\d+))?', stop.get_text().strip()).groups()
-        numbers += range(int(first), int(last or first) + 1)
-    assert numbers == list(range(1, len(tags) + 1))
+    told = [line.split(' → ') for stop in stops for line in stop.get_text().split('\n')]
+    assert sorted(int(number) for number, _ in told) == list(range(1, len(tags) + 1))
+    assert {tag_id for _, tag_id in told} == set(tags)
     assert sum(getattr(text, 'arrow_patch', None) is not None for text in axes.texts) > 10
     lines = [line for line in axes.lines if len(line.get_xydata()) > 1]
     ends_of_sights = {tuple(line.get_xydata()[-1]) for line in lines if line.get_linestyle() == '--'}

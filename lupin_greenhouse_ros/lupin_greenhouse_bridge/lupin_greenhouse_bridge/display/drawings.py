@@ -4,7 +4,7 @@
 import io
 import math
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -35,13 +35,13 @@ os.environ['MPLBACKEND'] = 'Agg'  # only files are written, so no other backend 
 # These sizes are for a view of 4.3 m x 8.3 m with up to 30 tags; scale_of() fits them to others.
 USUAL_WIDTH_M, USUAL_HEIGHT_M, USUAL_TAGS = 4.3, 8.3, 30
 LARGEST_ZOOM = 4.0
-JOINED_M = 0.25  # stops that are closer share a number
+JOINED_M = 0.25  # stops that are closer share a label
 TAG_M, UNREACHABLE_M = 0.14, 0.24
 VIEW_MARGIN_M = 0.15
-INCHES_PER_M = 0.87
+INCHES_PER_M, POINTS = 1.0, 10  # of the labels
 FRONT_DEGREES = 50.0  # of the robot's disc, around its heading
 MOST_ARROWS = 200  # along a path
-LEADER_POINTS = 1.1  # the width of the line from a stop to its number
+LEADER_POINTS = 1.1  # the width of the line from a stop to its label
 Style = dict[str, Any]  # of what matplotlib draws
 CENTRED: Style = {'ha': 'center', 'va': 'center'}
 DASHED = (0, (4, 2))
@@ -57,12 +57,12 @@ TAG, UNREACHABLE = point_style('s', 'black', 5), point_style('X', colours.FAILED
 STOP = point_style('o', colours.ROUTE, 5, markeredgecolor='white')
 # In the key, as the next two.
 ROBOT = point_style('o', colours.ROUTE, 10, markerfacecoloralt=colours.ROBOT, fillstyle='right')
-STOP_NUMBER = point_style('$❷$', colours.ROUTE, 12, markeredgewidth=0)
+STOP_NUMBER = point_style(r'$\bf{2\rightarrow17}$', colours.ROUTE, 26, markeredgewidth=0)
 TAG_AND_ID = point_style(r'$■\,\bf{7}$', 'black', 14, markeredgewidth=0)
 
 
 class LabelSize(NamedTuple):
-    """The size of labels in a picture, in metres."""
+    """The size of labels of one line in a picture, in metres."""
 
     character_m: float
     margin_m: float
@@ -70,14 +70,19 @@ class LabelSize(NamedTuple):
 
     def width_m(self, text: str) -> float:
         """Return the width of a label with this text."""
-        return self.character_m * len(text) + self.margin_m
+        return self.character_m * max(map(len, text.split('\n'))) + self.margin_m
+
+    def box(self, text: str) -> tuple[float, float]:
+        """Return the width and the height of a label with this text of one or more lines."""
+        return self.width_m(text), self.height_m * (1 + LINE_SHARE * text.count('\n'))
 
     def times(self, scale: float) -> 'LabelSize':
         """Return the size of labels where a metre takes less room by this factor."""
         return LabelSize(*(scale * each for each in self))
 
 
-LABELS, NUMBERS = LabelSize(0.1, 0.04, 0.18), LabelSize(0.085, 0.1, 0.22)
+LINE_SHARE = 0.85  # of a label's height, that a further line takes
+LABELS, NUMBERS = LabelSize(0.108, 0.045, 0.195), LabelSize(0.092, 0.1, 0.24)
 
 
 def picture_format(path: Path, option: str = '--output') -> str:
@@ -120,7 +125,7 @@ def draw_greenhouse(axes: Any, layout: Layout, walls: Walls, table: Style = TABL
     from matplotlib.patches import Rectangle
     from matplotlib.ticker import MaxNLocator
 
-    axes.add_patch(Rectangle(walls[:2], walls.x1 - walls.x0, walls.y1 - walls.y0, fill=False, linewidth=1.5))
+    axes.add_patch(Rectangle(walls[:2], walls.x1 - walls.x0, walls.y1 - walls.y0, fill=False, linewidth=0.9))
     for x0, y0, x1, y1 in layout.tables.values():
         axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, **table))
     axes.set_aspect('equal')
@@ -153,10 +158,10 @@ def write_labels(
     **style: Any,
 ) -> list[Box]:
     """Write texts, each given with its dot and its colour, beside their dots and where no box is taken."""
-    sized = [(dot, size.width_m(text), size.height_m) for text, dot, _ in labels]
+    sized = [(dot, *size.box(text)) for text, dot, _ in labels]
     places = place_labels(taken, sized, bounds)
     for place, (text, _, colour) in zip(places, labels, strict=True):
-        axes.text(*place, text, color=colour, **{'fontsize': 8, **CENTRED, **style})
+        axes.text(*place, text, color=colour, **{'fontsize': POINTS, **CENTRED, **style})
     return [Box(*place, *each[1:]) for place, each in zip(places, sized, strict=True)]
 
 
@@ -167,6 +172,22 @@ def write_key(owner: Any, marks: Sequence[tuple[str, Style]], columns: int, **st
     handles = [Line2D([], [], **{**mark, 'label': label}) for label, mark in marks]
     place = {'loc': 'upper center', 'bbox_to_anchor': (0.5, 0.0), 'frameon': False}
     owner.legend(handles=handles, ncol=columns, **{**place, **style})
+
+
+def draw_colour_bar(axes: Any, values: Any, walls: Walls, **style: Any) -> Any:
+    """Draw the scale of coloured values below the axes and as wide as the walls; return it."""
+    from matplotlib.colorbar import make_axes
+    from matplotlib.transforms import Bbox
+
+    place, more = make_axes(axes, location='bottom', pad=0.02)
+
+    def below(place: Any, _renderer: Any) -> Bbox:
+        box, to_figure = place.get_position(original=True), axes.transData - axes.figure.transFigure
+        (x0, _), (x1, _) = to_figure.transform([walls[:2], walls[2:]])
+        return Bbox([[x0, box.y0], [x1, box.y1]])
+
+    place.set_axes_locator(below)
+    return axes.figure.colorbar(values, cax=place, **more, **style)
 
 
 def draw_path(axes: Any, points: Sequence[Point], taken: Collection[Box] = ()) -> None:
@@ -207,15 +228,15 @@ def draw_route(
 
     poses, robot_radius_m = approaches.poses, approaches.free_space.robot_radius_m
     width_m, height_m, scale = scale_of(layout, walls)
-    width, height = (max(6.2, size_m / scale * INCHES_PER_M + 1.6) for size_m in (width_m, height_m))
-    figure = Figure(figsize=(width, height), layout='constrained')
+    width, height = (size_m / scale * INCHES_PER_M for size_m in (width_m, height_m))
+    figure = Figure(figsize=(max(5.2, width + 0.8), height + 2.6), layout='constrained')
     axes = figure.add_subplot()
     if occupancy is not None:
         _draw_map(axes, occupancy)
     draw_greenhouse(axes, layout, walls)
     axes.set_ylabel('y (m)')
     counts = f'{len(poses)} of {len(layout.tags)} tags have a pose; the route is {route.length_m:.1f} m long'
-    axes.set_title(f'Where a robot stands to read each tag\n{counts}', fontsize=11)
+    axes.set_title(f'Where a robot stands to read each tag\n{counts}', fontsize=POINTS)
     sights = [((pose.x, pose.y), layout.tags[tag_id][:2]) for tag_id, pose in poses.items()]
     sight: Style = {'color': colours.SIGHT, 'linestyle': DASHED}
     for line in sights:
@@ -235,11 +256,10 @@ def draw_route(
     taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, fontweight='bold', zorder=6)
     stops = [poses[tag_id][:2] for tag_id in route.tag_ids]
     axes.plot(*np.reshape(stops, (-1, 2)).T, **STOP, zorder=2.4)
-    groups = join_stops(stops, scale * JOINED_M)
+    groups = join_stops(dict(zip(route.tag_ids, stops, strict=True)), scale * JOINED_M)
     middles = (np.mean(group, axis=0).tolist() for group in groups.values())
     numbers = [
-        (text.center(2), Box(x, y, robot_m, robot_m), 'white')
-        for text, (x, y) in zip(groups, middles, strict=True)
+        (text, Box(x, y, robot_m, robot_m), 'white') for text, (x, y) in zip(groups, middles, strict=True)
     ]
     frame: Style = {'boxstyle': 'round,pad=0.25,rounding_size=0.7', 'color': colours.ROUTE}
     boxes = write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
@@ -251,7 +271,7 @@ def draw_route(
     marks: dict[str, Style] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         f'robot (radius {robot_radius_m:g} m) at a stop; dark: its front': ROBOT,
-        'number of the stop; close ones share a mark': STOP_NUMBER,
+        'number of a stop → tag that it reads': STOP_NUMBER,
         'from a stop to its tag': sight,
         'tag and its id': TAG_AND_ID,
     }
@@ -259,24 +279,19 @@ def draw_route(
     marks |= {'tag without a pose': UNREACHABLE} if approaches.unreachable else {}
     marks |= {'obstacle in the map': point_style('s', colours.OBSTACLE, 8)} if occupancy is not None else {}
     shown = [(label, {'linewidth': 0.9, **mark}) for label, mark in marks.items()]
-    write_key(axes, shown, columns=2, fontsize=9, borderaxespad=3.6)  # below the label of the x axis
+    write_key(axes, shown, columns=1, borderaxespad=3.6)  # below the label of the x axis
     return figure
 
 
-def join_stops(stops: list[Point], joined_m: float) -> dict[str, Sequence[Point]]:
-    """Return the places of stops by their numbers; close stops share a text, such as `4, 5` or `19-21`."""
-    groups: list[list[tuple[int, Point]]] = []
-    for number, stop in enumerate(stops, start=1):
-        group = next((each for each in groups if math.dist(each[0][1], stop) < joined_m), [])
-        groups += [] if group else [group]
-        group.append((number, stop))
-    joined: dict[str, Sequence[Point]] = {}
-    for group in groups:
-        numbers, places = zip(*group, strict=True)
-        is_run = len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1
-        text = f'{numbers[0]}-{numbers[-1]}' if is_run else ', '.join(map(str, numbers))
-        joined[text] = places
-    return joined
+def join_stops(stops: Mapping[str, Point], joined_m: float) -> dict[str, list[Point]]:
+    """Return the places of stops by their texts, such as `4 → 20`; close stops share one, in lines."""
+    groups: list[tuple[list[str], list[Point]]] = []
+    for number, (tag_id, stop) in enumerate(stops.items(), start=1):
+        group = next((each for each in groups if math.dist(each[1][0], stop) < joined_m), ([], []))
+        groups += [] if group[0] else [group]
+        group[0].append(f'{number} → {tag_id}')
+        group[1].append(stop)
+    return {'\n'.join(lines): places for lines, places in groups}
 
 
 def _draw_map(axes: Any, occupancy: OccupancyMap) -> None:

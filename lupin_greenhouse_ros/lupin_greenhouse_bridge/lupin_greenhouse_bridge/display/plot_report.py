@@ -22,7 +22,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 
 MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.1, 0.62  # a panel in inches
-DOT_M, GAP_M, LABELS = 0.25, 0.105, LabelSize(0.106, 0.106, 0.212)  # scaled by scale_of()
+DOT_M, GAP_M, LABELS = 0.25, 0.105, LabelSize(0.119, 0.106, 0.23)  # scaled by scale_of()
 READ, UNKNOWN = point_style('o', '0.35', 5), point_style('o', '0.75', 4)
 RINGS = 'lowest or highest value'
 EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
@@ -109,7 +109,7 @@ def _panels_of(figure: Any, count: int, shown: Greenhouse) -> tuple[list[Any], A
     width_m, height_m, scale = drawings.scale_of(shown.layout, shown.walls)
     width, height = (size_m / scale * INCHES_PER_M for size_m in (width_m, height_m))
     figure.set_size_inches(max(SMALLEST_PANEL, width + 0.5) * columns, rows * (height + 1.6))
-    gap = {'hspace': 0.07}  # between a colour bar and the title below it
+    gap = {'hspace': 0.07}  # between a scale of colours and the title below it
     grid = figure.subplots(rows, columns, sharey=True, squeeze=False, gridspec_kw=gap)
     for axes in grid.flat[:count]:
         drawings.draw_greenhouse(axes, shown.layout, shown.walls)
@@ -145,7 +145,7 @@ def _draw_ways(axes: Any, shown: Greenhouse) -> None:
     way = [Box(x, y, gap_m, gap_m) for x, y, _ in steps_of(route, gap_m)]
     tables = [box_of(Walls(*each)) for each in shown.layout.tables.values()]
     _write_labels(axes, labels, [*dots.values(), *way, *tables], shown)
-    _draw_crosses(axes, shown, 60)
+    _draw_crosses(axes, shown, [tag_id for tag_id in failed if tag_id in tags], 60)
 
 
 def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[float, float]) -> None:
@@ -153,6 +153,7 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     from matplotlib.ticker import MaxNLocator
 
     tags, (low, high) = shown.layout.tags, limits
+    failed = [tag_id for tag_id in shown.failed if tag_id in tags and sensor in tags[tag_id].sensors]
     values = {tag_id: each[sensor].value for tag_id, each in shown.readings.items() if sensor in each}
     extremes = summary.extremes_of(sensor, values)
     ringed = [tag_id for _, tag_ids in extremes for tag_id in tag_ids] if len(extremes) > 1 else []
@@ -170,16 +171,15 @@ def _draw_readings(axes: Any, sensor: str, shown: Greenhouse, limits: tuple[floa
     ]
     _write_labels(axes, labels, list(dots.values()), shown)
     is_within = low <= min(values.values()) and max(values.values()) <= high
-    bar = {'location': 'bottom', 'shrink': 0.9, 'pad': 0.02, 'extend': 'neither' if is_within else 'both'}
-    ticks = MaxNLocator(6, steps=[1, 2, 5, 10])
-    axes.figure.colorbar(points, ax=axes, ticks=ticks, **bar).ax.tick_params(labelsize=9)
-    _draw_crosses(axes, shown, 30)
+    ticks, extend = MaxNLocator(6, steps=[1, 2, 5, 10]), 'neither' if is_within else 'both'
+    drawings.draw_colour_bar(axes, points, shown.walls, ticks=ticks, extend=extend)
+    _draw_crosses(axes, shown, failed, 30)
 
 
 def _write_title(axes: Any, title: str, more: str) -> None:
     """Write a title, and below it up to two small lines, which must not move the colour bar."""
     axes.set_title(title, fontsize=12, pad=32)
-    style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'fontsize': 8.5}
+    style = {'xycoords': 'axes fraction', 'textcoords': 'offset points', 'fontsize': 9}
     axes.annotate(more, (0.5, 1), (0, 25), ha='center', va='top', **style).set_in_layout(False)
 
 
@@ -189,7 +189,8 @@ def _write_labels(axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box
 
     size, bounds = LABELS.times(shown.scale), box_of(shown.walls)
     outline = [withStroke(linewidth=2, foreground='white')]
-    drawings.write_labels(axes, labels, size, taken, bounds, path_effects=outline, zorder=4)
+    style: Style = {'fontsize': 9, 'path_effects': outline, 'zorder': 4}
+    drawings.write_labels(axes, labels, size, taken, bounds, **style)
 
 
 def _draw_dots(axes: Any, tag_ids: list[str], shown: Greenhouse, style: Style) -> None:
@@ -197,16 +198,16 @@ def _draw_dots(axes: Any, tag_ids: list[str], shown: Greenhouse, style: Style) -
     axes.plot([x for x, _ in places], [y for _, y in places], **style, zorder=2)
 
 
-def _draw_crosses(axes: Any, shown: Greenhouse, size: float) -> None:
-    tags = [shown.layout.tags[tag_id] for tag_id in shown.failed if tag_id in shown.layout.tags]
+def _draw_crosses(axes: Any, shown: Greenhouse, tag_ids: list[str], size: float) -> None:
+    places = [shown.layout.tags[tag_id][:2] for tag_id in tag_ids]
     style = {'marker': 'x', 's': size, 'color': colours.FAILED, 'zorder': 5}
-    axes.scatter([tag.x for tag in tags], [tag.y for tag in tags], **style)
+    axes.scatter([x for x, _ in places], [y for _, y in places], **style)
 
 
 def _write_key(figure: Any, empty_cell: Any, shown: Greenhouse, has_rings: bool) -> None:
     """Write what each mark means into an empty cell, or else below the panels."""
     marks: list[tuple[str, Style]] = [
-        ('wall', {'color': 'black', 'linewidth': 1.5}),
+        ('wall', {'color': 'black', 'linewidth': 0.9}),
         *([('table', point_style('s', colours.TABLE, 11))] if shown.layout.tables else []),
         ('tag: value', point_style('o', colours.STOPS[5], 9, markeredgecolor='black')),
         *([(RINGS, EXTREME)] if has_rings else []),

@@ -32,7 +32,7 @@ def box_of(walls: Walls) -> Box:
     return Box((x0 + x1) / 2, (y0 + y1) / 2, x1 - x0, y1 - y0)
 
 
-def _overlaps(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
+def overlaps(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Return the common area of each box with each other one, from arrays (boxes, 4)."""
     middles, sizes = boxes[:, None, :2], boxes[:, None, 2:]
     lows = np.maximum(middles - sizes / 2, others[:, :2] - others[:, 2:] / 2)
@@ -63,17 +63,17 @@ def place_labels(
         tries = [(0, 0)] * (dot.width == 0) + tries
         boxes = np.array([Box(dot.x + dx, dot.y + dy, width, height) for dx, dy in tries])
         around = np.array([Box(dot.x, dot.y, 4 * aside + width, 4 * above + height)])
-        near = taken[:count][_overlaps(around, taken[:count])[0] > 0.0]
-        costs = _overlaps(boxes, near).sum(axis=1)
+        near = taken[:count][overlaps(around, taken[:count])[0] > 0.0]
+        costs = overlaps(boxes, near).sum(axis=1)
         if dot.width:
-            others = labelled[_overlaps(around, labelled)[0] > 0.0]
+            others = labelled[overlaps(around, labelled)[0] > 0.0]
             distances_m, to_dot_m = (
                 np.hypot(*(boxes[:, None] - each)[..., :2].T) for each in (others, np.array([dot]))
             )
             costs[(distances_m < to_dot_m - 1e-9).any(axis=0)] += NEARER_COST * width * height
             costs[len(tries) // 2 :] += FAR_COST * width * height
         if bounds:
-            costs += width * height - _overlaps(boxes, np.array([bounds]))[:, 0]
+            costs += width * height - overlaps(boxes, np.array([bounds]))[:, 0]
         best = boxes[np.argmin(costs.round(4))]  # the nearest of equals
         taken[count] = best
         places.append((float(best[0]), float(best[1])))
