@@ -101,7 +101,7 @@ def test_tags_and_tables_outside_the_walls_are_warned_of(poses_of):
     outside = 'outside the walls (x 1.1 to 4 m, y 0 to 4 m): tag 21, table bench'
     remedy = 'set --walls or --sim-config-file, all in metres'
     assert err.splitlines()[0] == f'approach_poses: {outside}: {remedy}'
-    reason = 'outside the walls (x 1.1 to 4 m, y 0 to 4 m): set walls, or sim_config_file'
+    reason = 'outside the walls (x 1.1 to 4 m, y 0 to 4 m): correct them, or the config of the greenhouse'
     assert f"approach_poses: tag '21': {reason}\n" in err
     _, _, err = poses_of('--walls', '0', '0', '400', '400', '--angle', '0.7')
     assert 'approach_poses: --angle is below 2 degrees: it is no number of radians\n' in err

@@ -218,7 +218,8 @@ def test_a_pose_that_the_map_walls_off_is_cut_off(
     assert {each['tag_id'] for each in data['poses']} == seen
     origin = 'the start at ({:g}, {:g})'.format(*start) if start else 'the rest of the free space'
     reasons = [each['reason'] for each in data['unreachable']]
-    assert reasons == [f'cut off from {origin} in the map'] * exit_code
+    robot = 'no passage between is wide enough for a robot of radius 0.2 m'
+    assert reasons == [f'cut off from {origin} in the map: {robot}'] * exit_code
     assert exit_code == 2 - len(seen)
 
 

@@ -42,9 +42,10 @@ class Planner:
         if self._topic:
             node.create_subscription(OccupancyGrid, self._topic, self._on_map, latched())
         self._thread = ThreadPoolExecutor(1)
-        # Only the thread uses these two.
+        # Only the thread uses these three.
         self._plan: Plan | None = None
         self._planned_map: OccupancyGrid | None = None
+        self._told_plan: Plan | None = None
 
     def plan(self, tag_ids: list[str]) -> 'Future[Drives]':
         """Plan the drives anew, and without a map."""
@@ -112,8 +113,6 @@ class Planner:
         warnings: list[str] = []
         if plan is not self._plan:
             warnings = plan.warnings
-            for each in plan.room_warnings.keys() & set(tag_ids):
-                self._node.get_logger().info(plan.room_warnings[each])
         self._plan, self._planned_map = plan, message
         return Drives(plan, tag_ids, warnings)
 
@@ -133,6 +132,10 @@ class Planner:
         self._node.get_logger().info(f'planning the drives to {pluralized(len(tag_ids), "tag")}')
         drives = self._drives(tag_ids, message, robot_m)
         drives.warnings.extend(warnings)
+        if drives.plan is not self._told_plan:  # not of a plan before the robot's place was known
+            self._told_plan = drives.plan
+            for each in drives.plan.room_warnings.keys() & set(tag_ids):
+                self._node.get_logger().info(drives.plan.room_warnings[each])
         if self._settings.order != 'shortest':
             return drives
         dock = self._settings.dock

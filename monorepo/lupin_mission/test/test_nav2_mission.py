@@ -196,8 +196,8 @@ def yard(tmp_path):
 def test_the_robot_visits_the_tags_of_the_room_that_it_stands_in(
     start_waiting_mission, reader, navigator, node, yard
 ):
-    """Most tags are outside the yard."""
-    mission, operator = start_waiting_mission(**yard, nav_max_attempts=1)
+    """Most tags are outside the yard. A tag without a pose has no line about the room of its pose."""
+    mission, operator = start_waiting_mission(**yard, nav_max_attempts=1, approach_clearance_m=1.0)
     poses = node.create_publisher(PoseWithCovarianceStamped, f'{mission.namespace}/amcl_pose', latched())
     for place, reached in (((1.5, 1.75), '3'), ((-0.8, -0.8), '12')):
         publish(poses, localized(*place))
@@ -209,6 +209,8 @@ def test_the_robot_visits_the_tags_of_the_room_that_it_stands_in(
         cut_off = 'cut off from the start at ({:g}, {:g})'.format(*place)
         for each in mission.observations(started):
             assert (each.outcome is Outcome.OK) == (each.tag_id in reached) == (cut_off not in each.detail)
+    wait_until(lambda: len(mission.lines_with('its pose has ')) == 3)
+    assert "tag '3'" in mission.lines_with('its pose has ')[0]
 
 
 def test_tags_that_are_cut_off_from_the_dock_keep_their_order_with_a_warning(

@@ -122,7 +122,8 @@ def test_a_drive_goes_on_past_the_tags_that_its_robot_cannot_reach(tmp_path, tol
     assert report.name.endswith('-simulation.jsonl')
     found = {each['tag_id']: (each['outcome'], each['detail']) for each in lines}
     assert found['1'] == ('OK', '')
-    assert found['13'] == ('UNREACHABLE', 'cut off from the rest of the free space')
+    robot = 'no passage between is wide enough for a robot of radius 0.3 m'
+    assert found['13'] == ('UNREACHABLE', f'cut off from the rest of the free space: {robot}')
     outcome, detail = found['6']
     if tolerance:
         missed = r'the robot stands 0\.\d\d m and \d+ degrees from its pose'

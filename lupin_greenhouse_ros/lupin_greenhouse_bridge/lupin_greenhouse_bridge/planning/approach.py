@@ -96,7 +96,10 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     for tag_id, view in views.items():
         if view.pose and view.region != region:
             in_map = ' in the map' if search.are_apart_in_map(view.region, region) else ''
-            reason = f'cut off from {_named(start_m)}{in_map}'
+            reason = (
+                f'cut off from {_named(start_m)}{in_map}: no passage between is wide enough for a robot of'
+                f' radius {limits.robot_radius_m:g} m'
+            )
             view = search.best(tag_id, region)._replace(reason=reason)  # noqa: PLW2901
         if view.pose is None:
             found.unreachable[tag_id] = view.reason
@@ -192,7 +195,7 @@ class _Search:
     def best(self, tag_id: str, region: int | None = None) -> _View:
         """Return the best pose of a tag in a region, or anywhere."""
         if not self._walls.has_inside(*self._free_space.tag_poses[tag_id][:2]):
-            return _View(f'outside the walls ({self._walls}): set walls, or sim_config_file')
+            return _View(f'outside the walls ({self._walls}): correct them, or the config of the greenhouse')
         # Most tags need no more than the preferred standoff.
         nearby = self._candidates(tag_id, at_preferred_standoff=True)
         view = self._best_of(tag_id, nearby, region, worst_rank=0)
@@ -231,8 +234,8 @@ class _Search:
         order = best_first(poses, rooms_m, limits, worst_rank)
         if not len(order):
             where = f'within {limits.largest_standoff_m:g} m and {math.degrees(limits.steepest_rad):g}°'
-            if self._overrides[tag_id] != Override():
-                where = 'where the overrides set the pose'
+            if keys := [key for key, value in self._overrides[tag_id]._asdict().items() if value is not None]:
+                where = f'where the overrides set the pose: correct {", ".join(keys)}'
             return _View(f'no place for a robot of radius {limits.robot_radius_m:g} m {where}')
         return self._first_valid(around, poses[order], rooms_m[order])
 

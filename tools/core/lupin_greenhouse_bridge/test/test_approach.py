@@ -147,26 +147,30 @@ def test_without_a_start_the_poses_are_in_the_part_that_reaches_most_tags():
     places = [(1.3 + 0.6 * number, y) for y in (2.0, 5.6) for number in range(10)]
     layout = layout_of(*places, (1.0, 8.8), **tables, **crates)
     found = find_approaches(layout, Walls(0.0, 0.0, 8.0, 12.0), USUAL)
-    assert (len(found.poses), found.unreachable) == (20, {'20': 'cut off from the rest of the free space'})
+    reason = 'cut off from the rest of the free space: no passage between is wide enough for a robot of'
+    assert (len(found.poses), found.unreachable) == (20, {'20': f'{reason} radius 0.2 m'})
     with pytest.raises(StartUpError, match='tables and tags leave no free space'):
         find_approaches(layout, Walls(1.0, 2.0, 7.0, 2.6), USUAL)
 
 
+CUT_OFF = (
+    'cut off from the start at ({:g}, {:g}): no passage between is wide enough for a robot of radius 0.3 m'
+)
 TOO_NARROW = 'no place for a robot of radius 0.3 m within 0.5 m and 0°'
 BENCH = {'bench': (1.0, 1.0, 3.0, 1.5)}
 ALONE, SINGLE = layout_of((2.0, 1.0)), layout_of((2.0, 1.0), **BENCH)
 TWICE = layout_of((2.0, 1.0), (2.0, 1.0), (2.5, 1.0), **BENCH)
 COVERED = layout_of((2.0, 1.0), **BENCH, before=(1.0, 0.9, 3.0, 1.0))
 HIDDEN = 'tables or other tags hide it wherever the robot has a place'
-THERE = {'0': 'no place for a robot of radius 0 m where the overrides set the pose'}
+THERE = {'0': 'no place for a robot of radius 0 m where the overrides set the pose: correct goal_x, goal_y'}
 
 
 @pytest.mark.parametrize(
     ('layout', 'limits', 'options', 'unreachable'),
     [
         (YARD, ViewingLimits(0.2), {'start_m': OUTSIDE_M}, {}),
-        (YARD, ViewingLimits(0.3), {'start_m': OUTSIDE_M}, {'0': 'cut off from the start at (-0.8, -0.8)'}),
-        (YARD, ViewingLimits(0.3), {'start_m': INSIDE_M}, {'1': 'cut off from the start at (1.5, 1.75)'}),
+        (YARD, ViewingLimits(0.3), {'start_m': OUTSIDE_M}, {'0': CUT_OFF.format(*OUTSIDE_M)}),
+        (YARD, ViewingLimits(0.3), {'start_m': INSIDE_M}, {'1': CUT_OFF.format(*INSIDE_M)}),
         (CROWDED, ViewingLimits(0.3, **HEAD_ON), {}, {'1': TOO_NARROW}),
         (TWICE, USUAL, {}, {'0': HIDDEN, '1': HIDDEN}),
         (COVERED, USUAL, {}, {'0': HIDDEN}),
