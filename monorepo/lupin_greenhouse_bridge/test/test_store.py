@@ -448,12 +448,18 @@ VISIT = REPORT.partition('\n')[0]
         ('dear diary\n', 'not a file of readings'),
         (f'{HEADER}\n{HEADER},more\n', 'line 2: 11 values in place of 10'),
         (in_columns(Row._fields).encode('latin-1'), rf"is '\udcfcnits': {NO_UTF_8}"),
-        (REPORT.replace('"OK"', '"OK'), 'line 1 is not an observation'),
-        ('{"tag_id": "7"}\n', "line 1 is not an observation (KeyError: 'outcome')"),
+        (REPORT.replace('"OK"', '"OK'), 'line 1 is not an observation (it is not JSON)'),
+        ('{"tag_id": "7"}\n', "line 1 is not an observation ('outcome' is missing)"),
         ('{"tag_id": ' + '[' * 100_000 + '\n', 'line 1 is not an observation'),
-        (REPORT.replace('"attempts": 2', '"attempts": 1e999'), 'observation (OverflowError'),
+        (
+            REPORT.replace('"attempts": 2', '"attempts": 1e999'),
+            'observation (cannot convert float inf',
+        ),
         (REPORT.replace('"att', '"seen": "yes", "att'), "seen is 'yes': must be true, false or null"),
-        (REPORT.replace('{"co2": 468.63, "radon": 2}', '{}'), 'line 1 is not an observation (ValueE'),
+        (
+            REPORT.replace('{"co2": 468.63, "radon": 2}', '{}'),
+            'not an observation (it has no value)',
+        ),
         *(
             (REPORT + VISIT.replace(right, wrong) + end, f'line 3 has a wrong value: {fault}')
             for right, wrong, end, fault in (

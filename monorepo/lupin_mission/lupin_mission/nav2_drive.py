@@ -30,14 +30,15 @@ LOCALIZATION_NOISE_M, LOCALIZATION_NOISE_RAD = 0.05, 0.1
 MOVING = (GoalStatus.STATUS_ACCEPTED, GoalStatus.STATUS_EXECUTING)
 
 
-def navigate_to_pose() -> Any:
+def navigate_to_pose(
+    who: str = 'drive:=nav2', otherwise: str = ', or set drive:=simulated on a machine without a robot'
+) -> Any:
     """Return the action NavigateToPose; raises StartUpError if the package nav2_msgs is missing."""
     try:
         return importlib.import_module('nav2_msgs.action').NavigateToPose
     except ImportError as error:
         raise StartUpError(
-            f'drive:=nav2 needs the package nav2_msgs ({error}): {source_of_messages("nav2_msgs")},'
-            ' or set drive:=simulated on a machine without a robot'
+            f'{who} needs the package nav2_msgs ({error}): {source_of_messages("nav2_msgs")}{otherwise}'
         ) from error
 
 

@@ -5,10 +5,8 @@ from typing import Any
 
 from lupin_greenhouse_bridge.contract import SERVICE_QOS
 from lupin_greenhouse_bridge.display.report_line import Outcome
-from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.runtime.graph import discovery_settings, duplicate_server_warning
 from lupin_msgs.srv import ConfirmTag, GetTagReading
-from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 
 from lupin_mission.settings import Settings
@@ -16,18 +14,15 @@ from lupin_mission.visit import Request, Service
 
 
 def create_client(node: Node, service_type: Any, name: str) -> Any:
-    """Return a client for a service with many callers; raises StartUpError for an invalid name."""
-    try:
-        return node.create_client(service_type, name, qos_profile=SERVICE_QOS)
-    except InvalidServiceNameException as error:
-        raise StartUpError(f'{name!r} is not a service name: {error}') from error
+    """Return a client for a service with many callers."""
+    return node.create_client(service_type, name, qos_profile=SERVICE_QOS)
 
 
 class Transport:
     """Sends one request at a time."""
 
     def __init__(self, node: Node, settings: Settings):
-        """Create the clients; raises StartUpError for an invalid name."""
+        """Create the clients."""
         self._node = node
         self._logged_warnings: set[str] = set()
         self._clients = {

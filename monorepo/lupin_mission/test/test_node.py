@@ -339,8 +339,10 @@ def test_a_signal_before_the_tags_are_known_ends_the_mission_with_a_table(start_
     ('name', 'value', 'fragment'),
     [
         ('max_attempts', 0, 'must be a whole number from 1 to 1000'),
-        ('bridge_service_name', 'no such name', 'is not a service name'),
-        ('visual_confirmation_service', 'no such name', 'is not a service name'),
+        ('bridge_service_name', 'no such name', 'must be words of letters, digits and _'),
+        ('visual_confirmation_service', 'no such name', 'must be words of letters, digits and _'),
+        ('map_topic', '/my map', "parameter map_topic is '/my map': must be words of letters"),
+        ('observations_topic', 'a-b', "parameter observations_topic is 'a-b': must be words"),
         ('tag_locations_file', '/missing/tags.json', '/missing/tags.json'),
         ('report_file', '/missing/report.jsonl', "make the folder '/missing'"),
         ('report_file', '/usr', 'Is a directory: name a file that can be written'),

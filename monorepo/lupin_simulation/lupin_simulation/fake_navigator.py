@@ -28,10 +28,8 @@ from lupin_greenhouse_bridge.runtime.run import run
 from lupin_mission.nav2_drive import navigate_to_pose
 from nav_msgs.msg import Odometry
 from rclpy.action.server import ActionServer, CancelResponse, GoalResponse, ServerGoalHandle
-from rclpy.exceptions import InvalidTopicNameException
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
-from rclpy.validate_topic_name import validate_topic_name
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
@@ -62,11 +60,7 @@ class FakeNavigator(LifecycleNode):
         self._planner_space = settings.free_space(settings.padding_m)
         self._robot_space = settings.free_space()
         self._chance = random.Random(settings.arrival_seed)  # noqa: S311 - not for cryptography
-        self._action = navigate_to_pose()
-        try:
-            validate_topic_name(settings.nav_action_name)
-        except InvalidTopicNameException as error:
-            raise StartUpError(f'parameter nav_action_name: {error}') from error
+        self._action = navigate_to_pose('fake_navigator', '')
         self._robot = DiscRobot(settings.start, settings.speed_m_per_s)
         self._goal: GoalHandle | None = None  # of the drive that the robot is on
         self._results_due = self._goals_reached = 0

@@ -14,15 +14,15 @@ from functools import partial
 from typing import Any
 
 from rclpy.client import Client
-from rclpy.exceptions import InvalidServiceNameException
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.task import Future
 
 from lupin_greenhouse_bridge.contract import DEFAULT_SERVICE, SERVICE_QOS, answer_of, latched
-from lupin_greenhouse_bridge.errors import StartUpError, escaped
+from lupin_greenhouse_bridge.errors import escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading, TagReading
 from lupin_greenhouse_bridge.reading.detections import FAMILIES, Sightings, detection_messages
+from lupin_greenhouse_bridge.recording.subscription import watch_publishers
 from lupin_greenhouse_bridge.runtime.graph import discovery_settings, duplicate_server_warning
 from lupin_greenhouse_bridge.runtime.parameters import (
     check_parameters,
@@ -86,13 +86,9 @@ class ReadOnSightNode(Node):
         self._has_warned_of_no_service = False
         self._next_look_for_servers = 0.0  # when to look for a second server of the service
         self._readings = self.create_publisher(TagReading, '~/readings', latched(50))
-        try:
-            self._client: Client[Any, Any] = self.create_client(
-                GetTagReading, settings.bridge_service_name, qos_profile=SERVICE_QOS
-            )
-        except InvalidServiceNameException as error:
-            reason = escaped(str(error), 300)
-            raise StartUpError(f'parameter bridge_service_name is not a service name: {reason}') from error
+        self._client: Client[Any, Any] = self.create_client(
+            GetTagReading, settings.bridge_service_name, qos_profile=SERVICE_QOS
+        )
         self.create_subscription(
             detection_messages().AprilTagDetectionArray,
             settings.detections_topic,
@@ -101,6 +97,7 @@ class ReadOnSightNode(Node):
         )
         steady_timer(self, LOOK_EVERY_SECONDS, self._look)
         topic = self.resolve_topic_name(settings.detections_topic)
+        watch_publishers(self, [topic], 'a detector that starts, set detections_topic')
         self.get_logger().info(f'ready: detections from {topic}, readings from {self._client.srv_name}')
 
     def _on_detections(self, message: Any) -> None:

@@ -40,7 +40,7 @@ from lupin_greenhouse_bridge.simulator.layout import find_places, natural_order
 
 SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
-NO_ID = re.compile(r'[,;=]|^all$|^\d+-\d+$')  # what people write who want several tags
+NO_ID = re.compile(r'[,;=\s]|^all$|^\d+-\d+$')  # what people write who want several tags
 COMPLETION_TIMEOUT_SECONDS = 0.3
 SILENT_SECONDS = 1.0  # while it waits for the service; a bridge that runs is discovered sooner
 

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from rclpy.node import Node
 
 SettingsT = TypeVar('SettingsT')
+OF_ROS_NAMES = '_topic', '_service', '_service_name', '_action_name'  # endings of such parameters
+ROS_NAME = re.compile(r'~|(~?/)?[A-Z_]\w*(/[A-Z_]\w*)*', re.ASCII | re.IGNORECASE)
 MOST_NAMED = 8  # parameters in a warning
 OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')
 WANTED: dict[Any, str] = {
@@ -56,6 +58,9 @@ def check_parameters(settings: Any) -> None:
             raise invalid(each.name, value, f'{wanted}, {accepted}' if accepted else wanted)
         if smallest is not None and not smallest <= value <= largest:  # also refuses NaN
             raise invalid(each.name, value, accepted or wanted)
+        is_left_out = value == '' and each.name.endswith('_topic')
+        if each.name.endswith(OF_ROS_NAMES) and not (is_left_out or ROS_NAME.fullmatch(value)):
+            raise invalid(each.name, value, 'words of letters, digits and _, such as /front/image')
 
 
 def invalid(name: str, value: object, accepted: str) -> StartUpError:
@@ -120,7 +125,8 @@ def check_names(node: 'Node', without_effect: Collection[str] = ()) -> None:
     for name in unknown:
         if name not in without_effect:
             meant = meant_name(name, missing)
-            known = f'its parameters are {", ".join(own)}' if len(own) <= MOST_NAMED else 'see --help'
+            names = ', '.join(own) or 'none'
+            known = f'its parameters are {names}' if len(own) <= MOST_NAMED else 'see --help'
             advice = f'did you mean {meant}?' if meant else known
             node.get_logger().warning(f'parameter {escaped(name, 64)} is unknown and ignored: {advice}')
 
@@ -128,8 +134,9 @@ def check_names(node: 'Node', without_effect: Collection[str] = ()) -> None:
 def fault_of_rule(rule: str, words: Sequence[str]) -> str:
     """Return what is wrong with a parameter among the words of the command line, and what to write."""
     if rule.startswith('-'):
-        name = rule.lstrip('-').replace('-', '_') if rule.startswith('--') else 'NAME'
-        return f"'{rule}' sets no parameter: write {name}:=VALUE in its place"
+        name, value = [*re.split('[:=]+', rule.lstrip('-'), maxsplit=1), ''][:2]
+        name = name.replace('-', '_') if rule.startswith('--') else 'NAME'
+        return f"'{rule}' sets no parameter: write {name}:={value or 'VALUE'} in its place"
     before = words[words.index(rule) - 2] if rule in words[2:] else ''
     if ':=' in before and not re.search('[:=]', rule):  # ci/serve puts -p before each word
         name = before.partition(':=')[0]

@@ -39,6 +39,9 @@ START_FAULTS = {
     r"params file: '--params-file (.*?)'\. Error: (.*?), at ": (
         "parameter file '{}' cannot be read ({}): name a YAML file with ros__parameters"
     ),
+    r"remap rule: '-\S+ (\S+:=\S*?(?:[^\w/~{}:\s']|(?<=[/=])\d)\S*)'\. Error": (
+        "ROS cannot rename by '{}': a name has letters, digits and _ only, and begins with no digit"
+    ),
     r"remap rule: '-\S+ __ns:=([^/']+)'\. Error": "namespace '{0}' must begin with /: write -r __ns:=/{0}",
     r"remap rule: '-\S+ (.*?)'\. Error": "ROS cannot rename by '{}': write FROM:=TO, like -r __ns:=/robot1",
     r'trailing (\S+) flag': '{} has no value: write one after it, like -p name:=value or -r __ns:=/robot1',

@@ -12,6 +12,12 @@ SOURCE = 'mission report'
 _START = b'{"tag_id": '  # of each line
 # int() raises OverflowError for 1e999.
 _NO_OBSERVATION = (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError)
+_FAULTS: dict[type[Exception], str] = {  # of those whose own words only Python's users know
+    json.JSONDecodeError: 'it is not JSON',
+    KeyError: '{} is missing',
+    TypeError: 'a value has the wrong type',
+    AttributeError: 'a value has the wrong type',
+}
 
 
 class Outcome(str, Enum):
@@ -101,7 +107,8 @@ class Observation:
                 raise ValueError(f'seen is {seen!r}: must be true, false or null')
             detail, attempts = str(data['detail']), int(data['attempts'])
         except _NO_OBSERVATION as error:
-            raise ValueError(f'is not an observation ({type(error).__name__}: {error})') from error
+            reason = next((text for kind, text in _FAULTS.items() if isinstance(error, kind)), '{}')
+            raise ValueError(f'is not an observation ({reason.format(error)})') from error
         if reading and reading.fault:
             raise WrongValueError(f'has a wrong value: {reading.fault}')
         return cls(tag_id, outcome, detail, attempts, reading, seen, pose, drive)

@@ -23,6 +23,7 @@ from lupin_greenhouse_bridge.runtime.rclpy_internals import (
 
 NO_PUBLISHER_SECONDS, LOOK_EVERY_SECONDS = 5.0, 1.0
 DEPTH = 2000  # readings that wait while a file is written: two seconds of a thousand each
+OF_A_MISSION = ' (make mission has a domain of its own: record it with RECORD=FILE)'
 VOLATILE, LATCHED = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
 
 
@@ -83,12 +84,12 @@ def subscribe_to_readings(
                 )
         except InvalidTopicNameException as error:
             raise StartUpError(f'parameter readings_topics: {error}') from error
-    _watch_publishers(node, names)
+    watch_publishers(node, names, 'a mission or read_on_sight that starts', OF_A_MISSION)
     return names
 
 
-def _watch_publishers(node: Node, topics: list[str]) -> None:
-    """Log that there is no publisher for a while, and when the first one comes after it."""
+def watch_publishers(node: Node, topics: list[str], awaited: str, remark: str = '') -> None:
+    """Log that there is no publisher for a while, and what to wait for; and when the first one comes."""
     has_said, deadline = False, time.monotonic() + NO_PUBLISHER_SECONDS
 
     def look() -> None:
@@ -100,9 +101,8 @@ def _watch_publishers(node: Node, topics: list[str]) -> None:
         elif not has_said and time.monotonic() >= deadline:
             has_said = True
             node.get_logger().info(
-                f'no publisher of {" or ".join(topics)} is found yet with {discovery_settings()}: wait for a'
-                ' mission or read_on_sight that starts, or set these variables as for it (make mission has a'
-                ' domain of its own: record it with RECORD=FILE)'
+                f'no publisher of {" or ".join(topics)} is found yet with {discovery_settings()}: wait for'
+                f' {awaited}, or set these variables as for it{remark}'
             )
 
     timer = steady_timer(node, LOOK_EVERY_SECONDS, look)

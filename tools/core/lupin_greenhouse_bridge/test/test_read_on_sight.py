@@ -354,6 +354,13 @@ def test_without_a_bridge_it_says_so_after_some_seconds_and_reads_what_is_in_vie
     assert log().count('no service') == 1
 
 
+@needs_detections
+def test_a_detections_topic_without_a_publisher_is_named(start_node):
+    reader = start_node([executable('lupin_greenhouse_bridge', 'read_on_sight')], detections_topic=TOPIC)
+    line = reader.wait_for_log(f'no publisher of {TOPIC} is found yet with ROS_DOMAIN_ID=')
+    assert 'wait for a detector that starts, set detections_topic, or set these variables as for it' in line
+
+
 def test_without_apriltag_msgs_it_is_refused_in_one_line(run_here, monkeypatch):
     for name in ('apriltag_msgs', 'apriltag_msgs.msg'):
         monkeypatch.setitem(sys.modules, name, None)
@@ -365,7 +372,11 @@ def test_without_apriltag_msgs_it_is_refused_in_one_line(run_here, monkeypatch):
 @pytest.mark.parametrize(
     ('name', 'value', 'fragment'),
     [
-        ('bridge_service_name', 'no name', 'parameter bridge_service_name is not a service name'),
+        (
+            'bridge_service_name',
+            'no name',
+            "bridge_service_name is 'no name': must be words of letters",
+        ),
         pytest.param('detections_topic', 'no name', 'no name', marks=needs_detections),
     ],
 )

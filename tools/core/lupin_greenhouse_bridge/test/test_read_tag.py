@@ -107,12 +107,12 @@ def test_readings_are_a_table_with_the_number_of_tags_and_each_failure_is_a_line
     assert last == [f'{len(shipped_tags)}/{len(shipped_tags)}', 'tags', 'read']
     ended = read('6', '99', '--ros-args', '-p', 'time_out:=3', '--')
     assert ended.code == SOME_FAILED
-    assert 'parameter time_out is unknown and ignored' in ended.err
+    assert 'parameter time_out is unknown and ignored: its parameters are none' in ended.err
     assert ended.out.splitlines()[-1] == '1/2 tags read'
     assert ended.said == (
         f"read_tag: UNKNOWN_TAG: Tag '99' is not in the loaded greenhouse ({len(shipped_tags)} tags known)."
     )
-    for tag_id in ('1,6', '1;6', '1-6', 'all', 'tag_id:=1'):
+    for tag_id in ('1,6', '1 6', '1;6', '1-6', 'all', 'tag_id:=1'):
         assert read(tag_id).said.endswith(': write tag ids with spaces between them, such as 1 2, or --all')
 
 
