@@ -171,7 +171,7 @@ function place_label(x, y, radius, width, { taken, room, route = [], dots = [] }
       const leader = far ? leader_to(x, y, radius + SPACE, box) : [];
       const covered = [box, ...leader].reduce((sum, each) => sum + shared_with(each, boxes), outside);
       const is_misread = near.some(dot => gap(box, dot) < gap(box, { x, y }));
-      const cost = 99 * covered + 1 * shared_with(box, steps)
+      const cost = 99 * covered + shared_with(box, steps)
         + (0.2 * far + 0.3 * is_misread + 0.01 * number) * area;
       if (cost < best.cost) best = { cost, box, covered, leader, far };
     });
