@@ -82,7 +82,8 @@ $(foreach name,$(filter $(SWITCHES),$(TAKEN)),$(if $(word 2,$($(name)))$(filter-
 $(foreach name,$(SWITCHES),$(eval override $(name) := $(if $(filter $(ON),$($(name))),1,$(filter-out $(OFF),$($(name))))))
 override VENV := $(if $(filter /%,$(VENV)),$(VENV),$(CURDIR)/$(VENV))
 export TREE VENV SIDE
-export MPLBACKEND := Agg  # pictures are written to files
+# Pictures are written to files. A comment on the same line would put spaces into the value.
+export MPLBACKEND := Agg
 TAG ?= 1
 # TAG=1,5 and TAG=all are what a person may write, too.
 override TAG := $(foreach tag,$(patsubst all,--all,$(subst $(COMMA), ,$(TAG))),$(call QUOTED,$(tag)))
