@@ -173,8 +173,10 @@ page-check:
 world: build  ## make an SDF world of the greenhouse in .world: ARGS="--tag-file F --side 0.05 --output DIR"
 	@$(IN_ENV) $(call EXECUTABLE,lupin_simulation,generate_world) $(ARGS)
 
+world-check: CHECK_WORLD = $(call EXECUTABLE,lupin_simulation,check_world) $(ARGS)
 world-check: build  ## check with Drake that the camera can detect each tag of that world
-	@$(IN_ENV) $(WITHIN) --drake $(call EXECUTABLE,lupin_simulation,check_world) $(ARGS)
+	@$(IN_ENV) $(CHECK_WORLD) --check
+	@$(IN_ENV) $(WITHIN) --drake $(CHECK_WORLD)
 
 tags: tags-check build  ## make a PDF of the tags to print, SIDE millimetres each: make tags SIDE=40
 	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(call QUOTED,$(SIDE)) $(ARGS)
@@ -246,8 +248,11 @@ lock:  ## pin every wheel of ci/requirements/*.in, direct and transitive, for Py
 bench: bridge  ## compare the bridge with a plain wrapper of the simulator (SHORT=1: one minute)
 	@$(IN_ENV) python tools/measure/bench.py $(if $(SHORT),--short) $(ARGS)
 
+soak: SOAK = python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(call QUOTED,$(REFUSALS))) \
+    $(if $(SIGNALS),--signals $(call QUOTED,$(SIGNALS))) $(ARGS)
 soak: soak-check build  ## check the promises under faults and load (SHORT=1, REFUSALS=12000, SIGNALS=500)
-	@$(IN_ENV) $(KILL_TREE) python ci/within.py --stand-ins python tools/measure/soak.py $(if $(SHORT),--short) $(if $(REFUSALS),--refusals $(call QUOTED,$(REFUSALS))) $(if $(SIGNALS),--signals $(call QUOTED,$(SIGNALS))) $(ARGS)
+	@$(IN_ENV) $(SOAK) --check
+	@$(IN_ENV) $(KILL_TREE) python ci/within.py --stand-ins $(SOAK)
 
 soak-check:
 	@for number in "$$REFUSALS" "$$SIGNALS"; do [[ "$$number" =~ ^[0-9]*$$ ]] \

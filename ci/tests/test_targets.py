@@ -188,7 +188,12 @@ def test_a_switch_is_off_with_0_and_on_with_1(off, on):
     assert not re.search('--(drive|camera|world|drake)', shown)
     shown = make('mission', '--dry-run', *(f'{each}={on}' for each in switches)).stdout
     assert '--camera image --world --drive' in shown
-    assert shown.index('--check') < shown.index('ci/within.py')  # before it makes what it needs
+
+
+@pytest.mark.parametrize('target', ['mission', 'world-check', 'soak'])
+def test_the_arguments_are_checked_before_what_the_target_needs_is_made(target):
+    shown = make(target, '--dry-run', *(['DRIVE=1'] if target == 'mission' else [])).stdout
+    assert shown.index('--check') < shown.index('ci/within.py')
 
 
 def test_smoke_does_not_wait_for_the_discovery_server_of_a_robot_that_is_off():

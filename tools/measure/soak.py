@@ -347,7 +347,10 @@ def main() -> int:
     count = number_type('a whole number above 0, such as 20', int, above=0)
     parser.add_argument('--refusals', type=count, help='default: 200, or 20')
     parser.add_argument('--signals', type=count, help='at each executable; default: 100, or 10')
+    parser.add_argument('--check', action='store_true', help='check the arguments, and end')
     load = parser.parse_args()
+    if load.check:
+        return 0
     load.scale = 1 if load.short else 10
     load.refusals = load.refusals or 20 * load.scale
     load.signals = load.signals or 10 * load.scale

@@ -122,9 +122,12 @@ def main(arguments: list[str] | None = None) -> int:
     """Check the world with both sizes of tags."""
     parser = Parser(prog='check_world', description='Check the SDF world with Drake.')
     add_layout_options(parser)
+    parser.add_argument('--check', action='store_true', help='check the arguments, without Drake, and end')
     options = parser.parse_args(arguments)
     try:
         layout, walls = read_layout(options)
+        if options.check:
+            return 0
         if warning := warning_of_outside(layout, walls):
             print(f'check_world: {warning}', file=sys.stderr)
         with tempfile.TemporaryDirectory(prefix='check_world-') as folder:

@@ -124,6 +124,11 @@ def test_a_tag_is_read_in_all_views_of_a_group_and_the_tags_are_counted(monkeypa
     assert tags_read([views]) == set()
 
 
+def test_a_check_of_the_arguments_alone_needs_no_drake(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'pydrake', None)
+    assert check_world.main(['--check']) == 0
+
+
 @pytest.mark.parametrize('name', ['', 'missing.sdf'])
 def test_a_world_file_that_is_missing_is_named_before_drake_is_asked_for(monkeypatch, name):
     monkeypatch.setitem(sys.modules, 'pydrake', None)
