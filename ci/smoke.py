@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+import sys
 
 import domain_coordinator
 from jobs import end
@@ -10,6 +11,7 @@ from jobs import end
 def main() -> int:
     """Run the bridge and read_tag --all; return the first exit code that is not 0."""
     executables = os.environ['LUPIN_EXECUTABLES']
+    print('smoke: starting a bridge on a domain of its own, to read every tag', file=sys.stderr, flush=True)
     with domain_coordinator.domain_id() as domain_id:
         environment = {
             **os.environ,

@@ -200,6 +200,7 @@ def test_smoke_does_not_wait_for_the_discovery_server_of_a_robot_that_is_off():
     result = make('smoke', ROS_DISCOVERY_SERVER='127.0.0.1:11811')
     assert result.returncode == 0, result.stderr
     assert '29/29 tags read' in result.stdout
+    assert 'smoke: starting a bridge' in result.stderr
 
 
 @pytest.mark.parametrize(

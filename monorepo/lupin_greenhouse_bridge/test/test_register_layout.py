@@ -348,11 +348,14 @@ def test_a_stranger_a_layout_that_does_not_fit_and_an_error_above_the_tolerance_
     assert 'The expected error is 0.077 m at the farthest tag, far.' in ended.out
 
 
-def test_the_tags_that_are_best_to_click_are_printed_with_their_command(run_here):
+@pytest.mark.parametrize('has_ros2', [True, False])
+def test_the_tags_that_are_best_to_click_are_printed_with_their_command(run_here, monkeypatch, has_ros2):
+    monkeypatch.setattr(register_layout, 'is_environment_of_make', lambda: not has_ros2)
     ended = run_here(register_layout.main, '--suggest', '4')
     assert (ended.code, ended.err) == (0, '')
     *rows, command = ended.out.splitlines()
-    tag_ids = command.removeprefix('To click them: ros2 run lupin_greenhouse_bridge register_layout --click ')
+    ros2 = 'ros2 run lupin_greenhouse_bridge ' * has_ros2
+    tag_ids = command.removeprefix(f'To click them: {ros2}register_layout --click ')
     at = part(SHIPPED_M, tag_ids.split())
     shown = [[tag_id, f'{x:.2f}', f'{y:.2f}'] for tag_id, (x, y) in at.items()]
     assert [line.split() for line in rows[1:]] == shown

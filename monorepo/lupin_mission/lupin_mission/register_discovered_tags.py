@@ -3,7 +3,7 @@
 import argparse
 
 from lupin_greenhouse_bridge.contract import latched
-from lupin_greenhouse_bridge.errors import UsageError
+from lupin_greenhouse_bridge.errors import UsageError, escaped
 from lupin_greenhouse_bridge.planning.register_layout import (
     EPILOG,
     add_arguments,
@@ -13,6 +13,7 @@ from lupin_greenhouse_bridge.planning.register_layout import (
     run_registration,
     spin_until,
 )
+from lupin_greenhouse_bridge.recording.subscription import watch_publishers
 from lupin_greenhouse_bridge.runtime.arguments import Parser, number_type
 from lupin_msgs.msg import DiscoveredTags
 from rclpy.executors import Executor
@@ -48,13 +49,24 @@ def _register(executor: Executor, options: argparse.Namespace) -> None:
             f'--tags is {options.tags}: must be from 2 to {len(layout.tags)}, the tags of the layout'
         )
     node = node_in(executor, NAME)
-    messages = [DiscoveredTags()]
+    messages, told = [DiscoveredTags()], ['']
 
     def places() -> dict[str, tuple[float, float]]:
         positions = discovered_positions(messages[-1]).items()
         return {tag_id: (at.x, at.y) for tag_id, at in positions if tag_id in layout.tags}
 
-    tags = node.create_subscription(DiscoveredTags, 'perception/discovered_tags', messages.append, latched())
-    node.get_logger().info(f'waiting for {options.tags} tags of the layout on {tags.topic_name}')
+    def on_tags(message: DiscoveredTags) -> None:
+        messages[:] = [message]
+        frame = '' if message.header.frame_id else ' (without header.frame_id)'
+        text = f'{len(places())} of {options.tags} tags{frame}: {escaped(", ".join(places()), 200)}'
+        if text != told[-1]:
+            told[:] = [text]
+            node.get_logger().info(text)
+
+    tags = node.create_subscription(DiscoveredTags, 'perception/discovered_tags', on_tags, latched())
+    node.get_logger().info(
+        f'waiting for {options.tags} tags of the layout on {tags.topic_name} (--tags N takes fewer or more)'
+    )
+    watch_publishers(node, [tags.topic_name], 'perception')
     spin_until(executor, lambda: messages[-1].header.frame_id and len(places()) >= options.tags)
     register(layout, places(), messages[-1].header.frame_id, options)

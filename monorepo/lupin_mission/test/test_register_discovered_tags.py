@@ -8,6 +8,7 @@ import pytest
 from lupin_greenhouse_bridge.planning.registration import Transform, read_registration
 from lupin_greenhouse_bridge.runtime import process
 from lupin_greenhouse_bridge.testing import wait_until
+from lupin_greenhouse_bridge.testing._helpers import executable
 from lupin_mission import register_discovered_tags
 from lupin_msgs.msg import DiscoveredTags
 from mission_helpers import TWIN_QOS, discovered
@@ -70,6 +71,24 @@ def test_it_waits_until_enough_tags_are_discovered(node, discover, register):
     perception.join()
     assert code == 0
     assert '4 of 4 tags fit within 0.1 m.' in out
+
+
+def test_it_says_what_it_waits_for(start_node, node, shipped_tags, tmp_path):
+    command = [executable('lupin_mission', 'register_discovered_tags'), '-o', str(tmp_path / 'layout.yaml')]
+    waiting = start_node(command)
+    topic = f'{waiting.namespace}{TOPIC}'
+    waiting.wait_for_log(f'waiting for 4 tags of the layout on {topic} (--tags N takes fewer or more)')
+    waiting.wait_for_log(f'no publisher of {topic} is found yet')
+    publisher = node.create_publisher(DiscoveredTags, topic, TWIN_QOS)
+    tags = [(tag_id, tag['x'], tag['y'], 1.0) for tag_id, tag in shipped_tags.items()]
+    for frame_id, count, fault in (('', 2, ' (without header.frame_id)'), ('map', 3, '')):
+        named = ', '.join(tag_id for tag_id, *_ in tags[:count])
+        publisher.publish(discovered(*tags[:count], frame_id=frame_id))
+        waiting.wait_for_log(f'{count} of 4 tags{fault}: {named}')
+    publisher.publish(discovered(*tags[:count], frame_id='map'))
+    publisher.publish(discovered(*tags, frame_id='map'))
+    assert waiting.end() == 0
+    assert len([line for line in waiting.log if ' of 4 tags: ' in line]) == 2
 
 
 @pytest.mark.parametrize('count', ['1', '1000'])

@@ -37,15 +37,16 @@ class CameraNode(Node):
     def _picture_message(self) -> Any:
         """Return the message of what the camera sees now, without its header."""
 
-    def _start(self, message_type: type, topic: str, frames_per_second: int) -> None:
-        """Publish from now on."""
+    def _start(self, message_type: type, topic: str, frames_per_second: int) -> str:
+        """Publish from now on; return the topic that tells what to show."""
         self._publisher: Any = self.create_publisher(message_type, topic, qos_profile_sensor_data)
         if self._settings.from_odometry:
             newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)  # fits every publisher
-            self.create_subscription(Odometry, 'odom', self._on_odometry, newest)
+            source = self.create_subscription(Odometry, 'odom', self._on_odometry, newest)
         else:
-            self.create_subscription(String, 'mission/at_tag', self._on_tag, latched())
+            source = self.create_subscription(String, 'mission/at_tag', self._on_tag, latched())
         self.create_timer(1.0 / frames_per_second, self._on_timer)
+        return source.topic_name
 
     def _on_tag(self, message: String) -> None:
         self._tag_id = message.data

@@ -61,7 +61,9 @@ class FakeCamera(CameraNode):
                 shown = names_text('tag', outside, 3)
                 self.get_logger().warning(f'no image shows {shown}: not in tag36h11, which has 0 to 586')
         message_type, self._message_of = message_maker(self._settings.publishes)
-        self._start(message_type, TOPICS[self._settings.publishes], FRAMES_PER_SECOND)
+        source = self._start(message_type, TOPICS[self._settings.publishes], FRAMES_PER_SECOND)
+        seen = 'the tags ahead of the pose in' if self._settings.from_odometry else 'the tag that is named on'
+        self.get_logger().info(f'ready: {self._publisher.topic_name} shows {seen} {source}')
 
     def _picture_message(self) -> Any:
         random = self._random

@@ -14,6 +14,7 @@ from lupin_simulation.fake_camera import FakeCamera, Settings, message_maker
 from lupin_simulation.pinhole_camera import PinholeCamera
 from lupin_tag_confirmation.confirm_tag import ConfirmTagNode
 from lupin_tag_confirmation.detector import TagDetector
+from lupin_tag_confirmation.settings import TOPICS
 from lupin_tag_confirmation.settings import Settings as ConfirmTagSettings
 from lupin_tag_confirmation.sources import open_source
 from nav_msgs.msg import Odometry
@@ -76,8 +77,11 @@ def run_camera(run_nodes):
 
 
 @pytest.mark.parametrize('source', ['image', 'compressed', 'detections'])
-def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(run_camera, source):
+def test_it_shows_the_tag_of_the_mission_and_a_wall_for_any_other_id(run_camera, source, capfd):
     node, reason = run_camera(publishes=source, source=source)
+    assert (
+        f'ready: /{TOPICS[source]} shows the tag that is named on /mission/at_tag' in capfd.readouterr().err
+    )
     at_tag = node.create_publisher(String, '/mission/at_tag', latched())
     for tag_id in ('7', '587', 'seven', '586', ''):
         at_tag.publish(String(data=tag_id))

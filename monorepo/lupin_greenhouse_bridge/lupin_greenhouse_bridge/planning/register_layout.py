@@ -14,7 +14,13 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
-from lupin_greenhouse_bridge.errors import Interrupted, StartUpError, UsageError, escaped
+from lupin_greenhouse_bridge.errors import (
+    Interrupted,
+    StartUpError,
+    UsageError,
+    escaped,
+    is_environment_of_make,
+)
 from lupin_greenhouse_bridge.planning.registration import (
     DEFAULT_CLICK_ERROR_M,
     DEFAULT_TOLERANCE_M,
@@ -156,7 +162,8 @@ def _suggest(layout: Layout, count: int) -> None:
     _raise_if_asked_to_end()
     rows = [(escaped(tag_id, 40), *(f'{each:.2f}' for each in places_m[tag_id])) for tag_id in tag_ids]
     print_line('\n'.join(aligned_table([('tag', 'x in layout (m)', 'y in layout (m)'), *rows], [1, 2])))
-    print_line(f'To click them: ros2 run lupin_greenhouse_bridge {NAME} --click {shlex.join(tag_ids)}')
+    command = NAME if is_environment_of_make() else f'ros2 run lupin_greenhouse_bridge {NAME}'
+    print_line(f'To click them: {command} --click {shlex.join(tag_ids)}')
 
 
 def _places_m(layout: Layout) -> dict[str, Point]:

@@ -29,7 +29,7 @@ def namesake_warning(node: Node) -> str:
         return ''
     name, domain = node.get_fully_qualified_name(), os.environ.get('ROS_DOMAIN_ID', '0')
     return (
-        f'another node named {name} is on domain {domain}, so clients get the replies of both:'
+        f'another node named {name} is on domain {domain}, so others get the replies and messages of both:'
         ' stop one of them, or give one a namespace or a ROS_DOMAIN_ID of its own'
     )
 
