@@ -4,6 +4,7 @@ import contextlib
 import gc
 import importlib.util
 import math
+import sys
 import threading
 from functools import partial
 from types import SimpleNamespace
@@ -236,6 +237,13 @@ def test_a_goal_that_is_cancelled_or_replaced_ends_and_one_that_is_no_pose_in_th
 def test_a_route_that_cannot_be_written_and_a_wrong_action_name_are_refused(start, name, value, problem):
     with pytest.raises(OneLineError, match=problem):
         start(**{name: value})
+
+
+def test_without_nav2_msgs_it_advises_no_parameter_of_the_mission(start, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'nav2_msgs.action', None)
+    with pytest.raises(OneLineError, match=r'^fake_navigator needs the package nav2_msgs') as refusal:
+        start()
+    assert 'drive' not in str(refusal.value)
 
 
 def test_the_life_cycle_decides_whether_there_is_an_action_and_whether_it_accepts_goals(start, clock):
