@@ -147,7 +147,7 @@ def start(monkeypatch, clock):  # noqa: ARG001 - the robot has its clock from th
 
         def start_navigator(action='NavigateToPose', **parameters):
             action_type = getattr(actions, action)
-            monkeypatch.setattr(fake_navigator, 'navigate_to_pose', lambda: action_type)
+            monkeypatch.setattr(fake_navigator, 'navigate_to_pose', lambda *_: action_type)
             # One participant for both: their endpoints find each other at once.
             beside = partial(rclpy.create_node, 'navigator_test')
             _, node = stack.enter_context(running(FakeNavigator, beside, **parameters))
@@ -239,10 +239,11 @@ def test_a_route_that_cannot_be_written_and_a_wrong_action_name_are_refused(star
         start(**{name: value})
 
 
-def test_without_nav2_msgs_it_advises_no_parameter_of_the_mission(start, monkeypatch):
+def test_without_nav2_msgs_it_advises_no_parameter_of_the_mission(monkeypatch):
     monkeypatch.setitem(sys.modules, 'nav2_msgs.action', None)
-    with pytest.raises(OneLineError, match=r'^fake_navigator needs the package nav2_msgs') as refusal:
-        start()
+    refused = pytest.raises(OneLineError, match=r'^fake_navigator needs the package nav2_msgs')
+    with refused as refusal, running(FakeNavigator):
+        pass
     assert 'drive' not in str(refusal.value)
 
 
