@@ -25,6 +25,7 @@ from lupin_greenhouse_bridge.testing._helpers import (
     spinning_node,
     wait_until,
 )
+from lupin_greenhouse_bridge.units import value_text
 from rclpy.qos import qos_profile_sensor_data
 
 needs_detections = pytest.mark.skipif(not importlib.util.find_spec('apriltag_msgs'), reason=NO_DETECTIONS)
@@ -212,7 +213,7 @@ def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(
 
 
 def test_a_tag_in_view_is_published_again_after_its_cooldown_and_to_late_subscribers(
-    noon_bridge, start_reader, detector
+    noon_bridge, start_reader, detector, log
 ):
     reader = start_reader(bridge_service_name=noon_bridge.service_name)
     reader.camera.look_at(1)
@@ -224,6 +225,9 @@ def test_a_tag_in_view_is_published_again_after_its_cooldown_and_to_late_subscri
     late = listen(detector, READINGS)
     wait_until(lambda: len(late) >= 3)
     assert late[:3] == reader.readings[:3]
+    values = {each.name: each.value for each in reader.readings[0].readings}
+    shown = ', '.join(f'{name} {value_text(name, value)}' for name, value in values.items())
+    assert log().count(f"tag '1': {shown}") == log().count("tag '1': ") == 1
 
 
 def test_other_families_are_ignored_the_format_makes_the_id_and_an_unknown_one_is_said_once(

@@ -3,7 +3,9 @@
 import contextlib
 import json
 import re
+import signal
 import sqlite3
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +13,13 @@ import pytest
 import rclpy
 import yaml
 from conftest import NO_DETECTIONS
-from lupin_greenhouse_bridge.contract import SERVICE_QOS
+from lupin_greenhouse_bridge.contract import SERVICE_QOS, latched
 from lupin_greenhouse_bridge.display.colours import read_colour_ranges
 from lupin_greenhouse_bridge.display.drawing_command import read_file, read_route
 from lupin_greenhouse_bridge.display.markers import scaled
 from lupin_greenhouse_bridge.display.report_line import Outcome
 from lupin_greenhouse_bridge.display.show_readings import ShowReadingsNode
-from lupin_greenhouse_bridge.interfaces import GetTagReading
+from lupin_greenhouse_bridge.interfaces import GetTagReading, SensorReading, TagReading
 from lupin_greenhouse_bridge.planning import approach_poses
 from lupin_greenhouse_bridge.planning.registration import read_places, read_registration
 from lupin_greenhouse_bridge.reading.read_on_sight import ReadOnSightNode
@@ -28,7 +30,7 @@ from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.simulator.config import COMPONENT_DEFAULTS
 from lupin_greenhouse_bridge.simulator.layout import read_layout
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call
+from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, call, spinning_node, wait_until
 from lupin_greenhouse_bridge.units import UNITS
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.task import Future
@@ -172,12 +174,39 @@ def test_every_topic_has_this_qos(run_nodes, tmp_path):
 SERVICE = '/greenhouse_bridge/get_tag_reading'
 
 
+def blocks_of(page: str) -> list[str]:
+    """Return the Python blocks of a page."""
+    return re.findall(r'^```python\n(.*?)^```', (PAGE.parent / page).read_text(encoding='utf-8'), re.M | re.S)
+
+
 def example_of(page: str) -> dict:
     """Return the names that the Python blocks of a page define."""
-    text, names = (PAGE.parent / page).read_text(encoding='utf-8'), {}
-    blocks = re.findall(r'^```python\n(.*?)^```', text, re.M | re.S)
-    exec(compile(''.join(blocks), page, 'exec'), names)  # noqa: S102 (our own document)
+    names = {}
+    exec(compile(''.join(blocks_of(page)), page, 'exec'), names)  # noqa: S102 (our own document)
     return names
+
+
+@pytest.fixture
+def node():
+    with spinning_node('reader_of_the_page') as node:
+        yield node
+
+
+def test_the_program_that_reacts_to_readings_runs_as_pasted_until_ctrl_c(start_node, node):
+    react = start_node([sys.executable, '-c', blocks_of('readings.md')[0]])
+    readings = node.create_publisher(TagReading, '/read_on_sight/readings', latched())
+    reading = TagReading(tag_id='1', readings=[SensorReading(name='co2', value=501.0)])
+    node.create_timer(0.1, lambda: readings.publish(reading))
+    react.wait_for_log('tag 1: ventilate')
+    assert react.stop(signal.SIGINT) == 0
+
+
+def test_the_detector_of_the_readings_page_runs_as_pasted_until_ctrl_c(start_node, node):
+    messages = pytest.importorskip('apriltag_msgs.msg', reason=NO_DETECTIONS)
+    detector, seen = start_node([sys.executable, '-c', blocks_of('readings.md')[1]]), []
+    node.create_subscription(messages.AprilTagDetectionArray, '/detections', seen.append, 5)
+    wait_until(lambda: seen)
+    assert detector.stop(signal.SIGINT) == 0
 
 
 @pytest.fixture

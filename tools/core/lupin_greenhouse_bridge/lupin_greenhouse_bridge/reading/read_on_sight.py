@@ -31,13 +31,14 @@ from lupin_greenhouse_bridge.runtime.parameters import (
 )
 from lupin_greenhouse_bridge.runtime.rclpy_internals import steady_timer
 from lupin_greenhouse_bridge.runtime.run import run
+from lupin_greenhouse_bridge.units import value_text
 
 NODE_NAME = 'read_on_sight'
 LOOK_EVERY_SECONDS = 0.1
 LOOK_FOR_SERVERS_EVERY_SECONDS = 10.0
 DISCOVERY_SECONDS = 3.0
 LOG_EVERY_SECONDS = 5.0
-MOST_UNKNOWN_IDS_LOGGED = 1000  # a detector that reports random ids must not fill the memory
+MOST_IDS_LOGGED = 1000  # a detector that reports random ids must not fill the memory
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class ReadOnSightNode(Node):
         self._settings = settings = declare_parameters(self, Settings)
         self._sightings = Sightings(settings)
         self._futures: dict[str, Future[GetTagReading.Response]] = {}  # by tag id
-        self._unknown_ids: set[str] = set()
+        self._logged: set[tuple[str, str]] = set()  # tag ids with the status that was logged
         self._has_warned_of_family = False
         self._no_service_since_s: float | None = None
         self._has_warned_of_no_service = False
@@ -164,17 +165,29 @@ class ReadOnSightNode(Node):
         del self._futures[tag_id]
         self._sightings.answered(tag_id, time.monotonic())
         answer = answer_of(tag_id, future.result())
-        if answer.is_ok:
+        if answer.reading is not None:
             self._readings.publish(answer.reading)
+            if self._is_first(tag_id, answer.status):
+                values = [
+                    f'{each.name} {value_text(each.name, each.value)}' for each in answer.reading.readings
+                ]
+                shown = escaped(', '.join(values), 300)
+                self.get_logger().info(f"tag '{escaped(tag_id, 64)}': {shown}")
         elif answer.status == 'UNKNOWN_TAG':
-            if tag_id not in self._unknown_ids and len(self._unknown_ids) < MOST_UNKNOWN_IDS_LOGGED:
-                self._unknown_ids.add(tag_id)
+            if self._is_first(tag_id, answer.status):
                 self.get_logger().warning(escaped(answer.error_message, 300))
         else:
             self.get_logger().warning(
                 f"tag '{escaped(tag_id, 64)}': {answer.status}: {escaped(answer.error_message, 300)}",
                 throttle_duration_sec=LOG_EVERY_SECONDS,
             )
+
+    def _is_first(self, tag_id: str, status: str) -> bool:
+        """Return whether this status of a tag is to be logged, which it is once."""
+        is_first = (tag_id, status) not in self._logged and len(self._logged) < MOST_IDS_LOGGED
+        if is_first:
+            self._logged.add((tag_id, status))
+        return is_first
 
 
 def main(args: list[str] | None = None) -> int:
