@@ -231,6 +231,16 @@ def test_a_map_of_another_place_is_refused_with_both_extents(write_map, poses_of
     assert 'from x 7 to 10 m, y 0 to 4 m, and the greenhouse from x 0 to 4 m, y 0 to 3 m' in err
 
 
+def test_places_outside_the_map_are_warned_of_unless_the_unknown_is_free(write_map, poses_of, write_layout):
+    write_layout({'7': (1.5, 1.0), '8': (2.5, 1.0)}, bench=BENCH)
+    path = write_map(room(lambda _x, _y: False), resolution=CELL_M, origin=[-2.0, 0.0, 0.0])
+    _, _, err = poses_of('--map', path)
+    assert 'the map holds only 1 of the 2 places before the tags' in err
+    assert ': check layout_in_map, or what approach_poses finds with --unknown free' in err
+    _, _, err = poses_of('--map', path, '--unknown', 'free')
+    assert 'places before the tags' not in err
+
+
 @pytest.mark.parametrize(
     ('line', 'instead'),
     [

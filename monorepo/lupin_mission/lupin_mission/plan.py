@@ -51,7 +51,7 @@ class Plan:
         self._free_space, self._poses = found.free_space, found.poses
         self._region_of, self._region = found.region_of, found.region
         self.unreachable, self.room_warnings = found.unreachable, found.room_warnings
-        self.warnings += found.view_warnings.values()
+        self.warnings += [*found.map_warnings, *found.view_warnings.values()]
         self.goals = {
             tag_id: [
                 PoseInPlane(*layout_in_map.point(pose.x, pose.y), layout_in_map.heading(pose.yaw))

@@ -54,6 +54,7 @@ class Approaches:
     room_warnings: dict[str, str] = field(default_factory=dict)  # of poses with less room than the clearance
     view_warnings: dict[str, str] = field(default_factory=dict)  # of overrides from which no camera sees
     unreachable: dict[str, str] = field(default_factory=dict)
+    map_warnings: list[str] = field(default_factory=list)  # of places that are outside the map
 
 
 def find_approaches(  # noqa: PLR0913 - the options are passed by name
@@ -82,8 +83,9 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     Raises StartUpError for a start that is not free, if no point is free, or for a map of another place.
     """
     free_space = _free_space(layout, walls, limits, start_m)
+    map_warnings = []
     if occupancy is not None:
-        _check_place_of(occupancy, free_space.tag_poses, limits, walls)
+        map_warnings = _check_place_of(occupancy, free_space.tag_poses, limits, walls)
     override_of = {tag_id: Override() for tag_id in layout.tags} | dict(overrides or {})
     search = _Search(layout, walls, limits, override_of, free_space, occupancy)
     views = {}
@@ -92,7 +94,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
         views[tag_id] = search.best(tag_id)
     counts = Counter(view.region for view in views.values() if view.pose)
     region = search.region_of(start_m) if start_m else max(counts, key=counts.__getitem__, default=-1)
-    found = Approaches(free_space, search.region_of, region)
+    found = Approaches(free_space, search.region_of, region, map_warnings=map_warnings)
     for tag_id, view in views.items():
         if view.pose and view.region != region:
             in_map = ' in the map' if search.are_apart_in_map(view.region, region) else ''
@@ -136,20 +138,23 @@ def _named(start_m: Point | None) -> str:
 
 def _check_place_of(
     occupancy: OccupancyMap, tag_poses: Mapping[str, TagPose], limits: ViewingLimits, walls: Walls
-) -> None:
-    """Raise StartUpError if the map holds fewer than half of the places before the tags."""
+) -> list[str]:
+    """Return a warning if some places before the tags are outside; raises StartUpError if most are."""
     tags = np.array(list(tag_poses.values()))
     places = tags[:, :2] + limits.preferred_standoff_m * directions(tags[:, 2])
     count = int(occupancy.have_inside(places).sum())
+    map_extent, greenhouse = (
+        Walls(*(round(each, 2) + 0.0 for each in extent)) for extent in (occupancy.extent, walls)
+    )
+    problem = (
+        f'the map holds only {count} of the {len(places)} places before the tags: it reaches from'
+        f' {map_extent}, and the greenhouse from {greenhouse}, both in the frame of the layout'
+    )
     if 2 * count < len(places):
-        map_extent, greenhouse = (
-            Walls(*(round(each, 2) + 0.0 for each in extent)) for extent in (occupancy.extent, walls)
-        )
-        raise StartUpError(
-            f'the map holds only {count} of the {len(places)} places before the tags: it reaches from'
-            f' {map_extent}, and the greenhouse from {greenhouse}, both in the frame of the layout: find'
-            ' where the layout lies in this map with register_layout'
-        )
+        raise StartUpError(f'{problem}: find where the layout lies in this map with register_layout')
+    is_enough = count == len(places) or not occupancy.is_unknown_taken
+    remedy = 'check layout_in_map, or what approach_poses finds with --unknown free'
+    return [] if is_enough else [f'{problem}: {remedy}']
 
 
 class _View(NamedTuple):

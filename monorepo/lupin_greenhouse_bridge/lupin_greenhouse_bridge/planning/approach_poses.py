@@ -108,6 +108,7 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
             progress=progress,
         )
         progress.clear()
+        warnings += approaches.map_warnings
         _warn(*warnings, *approaches.room_warnings.values(), *approaches.view_warnings.values())
         route = plan_route(
             approaches.free_space,
