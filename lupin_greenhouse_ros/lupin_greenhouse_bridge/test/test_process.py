@@ -16,8 +16,14 @@ from lupin_greenhouse_bridge.errors import OneLineError, escaped, pluralized, so
 from lupin_greenhouse_bridge.planning import register_layout
 from lupin_greenhouse_bridge.reading import read_tag
 from lupin_greenhouse_bridge.runtime import process, run
-from lupin_greenhouse_bridge.runtime.output import Progress, ProgressLine
-from lupin_greenhouse_bridge.testing._helpers import PATIENCE_SECONDS, ManualClock, executable, spinning_node
+from lupin_greenhouse_bridge.runtime.output import Progress, ProgressLine, said_if_slow
+from lupin_greenhouse_bridge.testing._helpers import (
+    PATIENCE_SECONDS,
+    ManualClock,
+    executable,
+    spinning_node,
+    wait_until,
+)
 from lupin_greenhouse_bridge.testing._signals import SIGNALS, command
 from rclpy.executors import SingleThreadedExecutor
 
@@ -222,6 +228,16 @@ def test_a_line_tells_of_work_that_takes_more_than_3_seconds(monkeypatch, is_ter
     wiped = ''.join(f'\r\x1b[K{line}\r' for line in (*lines, ''))
     shown = (wiped, '') if is_terminal else ('', f'{lines[0]}\n{lines[2]}\n')
     assert (terminal.text, pipe.getvalue()) == shown
+
+
+def test_work_without_steps_is_told_of_only_if_it_is_slow(capsys):
+    said = []
+    with said_if_slow('plot_report', 'drawing', seconds=3600.0):
+        pass
+    assert capsys.readouterr().err == ''
+    with said_if_slow('plot_report', 'drawing', seconds=0.0):
+        wait_until(lambda: said.append(capsys.readouterr().err) or any(said))
+    assert ''.join(said).strip() == 'plot_report: drawing'
 
 
 @pytest.mark.parametrize(('namespace', 'warnings'), [('/', 1), ('/other', 0)])

@@ -18,6 +18,7 @@ from lupin_greenhouse_bridge.display.placing import Box, Point, box_of, ends_of_
 from lupin_greenhouse_bridge.errors import StartUpError, escaped, names_text
 from lupin_greenhouse_bridge.planning.walls import Walls
 from lupin_greenhouse_bridge.recording.rows import Row, last_reading_of_each_tag
+from lupin_greenhouse_bridge.runtime.output import said_if_slow
 from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 
@@ -65,7 +66,9 @@ def _pictures_of(
             )
     endings = [drawings.picture_format(output) for output in outputs]
     for each, output, ending in zip(recordings, outputs, endings, strict=True):
-        yield output, _picture_of(each, limits, ending)
+        with said_if_slow('plot_report', f'drawing {escaped(str(output), 500)}'):
+            picture = _picture_of(each, limits, ending)
+        yield output, picture
 
 
 def _picture_of(recording: Recording, limits: Limits, ending: str) -> bytes:

@@ -4,8 +4,9 @@
 import contextlib
 import os
 import sys
+import threading
 import time
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TextIO
 
@@ -135,3 +136,17 @@ class Progress(ProgressLine):
         else:
             print_line(text, sys.stderr)
         self._due = now + (self.REPLACED_SECONDS if self.is_visible else self.NEXT_SECONDS)
+
+
+@contextlib.contextmanager
+def said_if_slow(command: str, what: str, seconds: float = 3.0) -> Iterator[None]:
+    """Say on standard error what a command does in this block, if it takes longer than this time."""
+    progress = Progress(command, first_seconds=0.0)
+    timer = threading.Timer(seconds, progress.say, [what])
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()
+        progress.clear()

@@ -26,7 +26,13 @@ from lupin_greenhouse_bridge.planning.route import ORDERS, Passage, Passages, Ro
 from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, ApproachPose, ViewingLimits
 from lupin_greenhouse_bridge.planning.walls import Walls, add_wall_options, find_walls, warning_of_outside
 from lupin_greenhouse_bridge.runtime.arguments import DEGREES, METRES, Parser, number_type
-from lupin_greenhouse_bridge.runtime.output import Progress, aligned_table, check_output_file, print_line
+from lupin_greenhouse_bridge.runtime.output import (
+    Progress,
+    aligned_table,
+    check_output_file,
+    print_line,
+    said_if_slow,
+)
 from lupin_greenhouse_bridge.runtime.poses import pose_message, quaternion_of
 from lupin_greenhouse_bridge.simulator.layout import Layout, require_layout
 
@@ -123,7 +129,8 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
     if narrow := passages.narrow_on(route, approaches.poses):
         _warn(_warning_of_narrow(narrow, passages.needed_m))
     if options.picture:
-        _draw(options.picture, layout, walls, approaches, route, occupancy)
+        with said_if_slow('approach_poses', 'drawing the picture'):
+            _draw(options.picture, layout, walls, approaches, route, occupancy)
         _warn(f'picture: {escaped(str(options.picture), 500)}')
     return _data_of(approaches, route, transform), frame_id
 
