@@ -22,7 +22,7 @@ from lupin_greenhouse_bridge.simulator.layout import Layout, natural_order
 from lupin_greenhouse_bridge.units import clock_time, label_of, value_text
 
 MOST_COLUMNS, SMALLEST_PANEL, INCHES_PER_M = 3, 3.1, 0.62  # a panel in inches
-DOT_M, GAP_M, LABELS = 0.25, 0.105, LabelSize(0.119, 0.106, 0.23)  # scaled by scale_of()
+DOT_M, GAP_M, LABELS = 0.25, 0.105, LabelSize(0.106, 0.106, 0.212)  # scaled by scale_of()
 READ, UNKNOWN = point_style('o', '0.35', 5), point_style('o', '0.75', 4)
 RINGS = 'lowest or highest value'
 EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
@@ -191,7 +191,7 @@ def _write_labels(axes: Any, labels: list[tuple[str, Box, str]], taken: list[Box
 
     size, bounds = LABELS.times(shown.scale), box_of(shown.walls)
     outline = [withStroke(linewidth=2, foreground='white')]
-    style: Style = {'fontsize': 9, 'path_effects': outline, 'zorder': 4}
+    style: Style = {'fontsize': 8, 'path_effects': outline, 'zorder': 4}
     drawings.write_labels(axes, labels, size, taken, bounds, **style)
 
 
