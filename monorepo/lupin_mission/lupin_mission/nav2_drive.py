@@ -59,7 +59,7 @@ class Nav2Drive(Drive):
         localized_pose: Callable[[], PoseStamped | None],
     ):
         """
-        Create the client; raises StartUpError for an invalid name, or without nav2_msgs.
+        Create the client; raises StartUpError without nav2_msgs.
 
         `localized_pose` returns the last pose of the robot from its localisation, in the frame of the goals.
         """
@@ -69,10 +69,7 @@ class Nav2Drive(Drive):
         self._localized_pose = localized_pose
         self._action = navigate_to_pose()
         self._name = settings.nav_action_name
-        try:
-            self._client: Any = ActionClient(node, self._action, self._name)
-        except ValueError as error:
-            raise StartUpError(f'{self._name!r} is not an action name: {error}') from error
+        self._client: Any = ActionClient(node, self._action, self._name)
         self._status_by_goal_id: dict[bytes, int] = {}
         self._own_goal_ids: deque[bytes] = deque(maxlen=100)
         self._tolerated_goal_ids: set[bytes] = set()
