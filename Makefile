@@ -54,7 +54,7 @@ HINT := $(or \
     $(if $(filter $(SWITCHES),$(WRONG)),write $(WRONG)=1),\
     $(if $(NEAREST),did you mean $(NEAREST)?),\
     $(if $(filter-out TAG SIDE,$(or $(MEANT),none)),$(if $(filter 0 1,$(WRONG)),write a value without a space$(COMMA) such as DRIVE=1)),\
-    $(if $(MEANT),write $(MEANT)="$(strip $($(MEANT)) $(WRONG))"),\
+    $(if $(MEANT),write $(MEANT)="$(strip $(if $(filter TAG FILE,$(MEANT)),$($(MEANT))) $(WRONG))"),\
     the targets are $(TARGETS))
 $(error there is no target $(WRONG): $(HINT))
 endif
