@@ -1,7 +1,9 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """read_on_sight: what it requests, how often, and what it publishes."""
 
+import contextlib
 import importlib.util
+import os
 import re
 import sys
 from types import SimpleNamespace
@@ -132,8 +134,19 @@ def detector():
         yield node
 
 
+@contextlib.contextmanager
+def logged_to(path):
+    """Write standard error to a file, because capfd loses what a thread writes while it is read."""
+    before = os.dup(2)
+    with path.open('ab') as file:
+        os.dup2(file.fileno(), 2)
+    yield
+    os.dup2(before, 2)
+    os.close(before)
+
+
 @pytest.fixture
-def start_reader(monkeypatch, run_nodes, detector):
+def start_reader(monkeypatch, run_nodes, detector, tmp_path):
     """
     Return a function that starts the node with a camera, and waits for its service.
 
@@ -147,6 +160,7 @@ def start_reader(monkeypatch, run_nodes, detector):
         monkeypatch.setattr(Sightings, 'see', lambda *each: seen.append(each[1]) or see(*each))
         monkeypatch.setattr(Sightings, 'forget', lambda *each: looks.append(each[1]) or forget(*each))
         parameters = {'detections_topic': TOPIC, 'bridge_service_name': HeldService.name, **parameters}
+        stack.enter_context(logged_to(tmp_path / 'log'))
         node, _ = run_nodes(ReadOnSightNode, **parameters)
         (client,) = node.clients
         if is_served:
@@ -165,7 +179,8 @@ def start_reader(monkeypatch, run_nodes, detector):
             node=node, seen=seen, camera=camera, readings=readings, look=look, pass_seconds=pass_seconds
         )
 
-    return start
+    with contextlib.ExitStack() as stack:
+        yield start
 
 
 def tag_ids_of(readings) -> list[str]:
@@ -173,14 +188,9 @@ def tag_ids_of(readings) -> list[str]:
 
 
 @pytest.fixture
-def log(capfd):
-    parts = []
-
-    def read() -> str:
-        parts.append(capfd.readouterr().err)
-        return ''.join(parts)
-
-    return read
+def log(tmp_path):
+    """Return a function that reads what is logged since start_reader()."""
+    return lambda: (tmp_path / 'log').read_text(encoding='utf-8', errors='replace')
 
 
 def test_every_tag_in_view_is_read_though_the_bridge_is_restarted(
