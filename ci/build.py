@@ -66,7 +66,10 @@ def here() -> Workspace:
     venv = ROOT / os.environ.get('VENV', '.venv')
     if not (venv / '.lupin-environment').exists():
         sys.exit(f'there is no environment {venv}: make env')
-    return Workspace(venv, os.environ.get('TREE', 'monorepo'))
+    workspace = Workspace(venv, os.environ.get('TREE', 'monorepo'))
+    if not workspace.packages():
+        sys.exit(f'TREE={workspace.tree} is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros')
+    return workspace
 
 
 def fingerprint(package: Path, venv: Path) -> str:

@@ -110,19 +110,26 @@ def test_register_layout_that_computes_ends_as_documented(run_here):
 
 
 @pytest.mark.parametrize(('name', 'code'), [('bridge_node', 1), ('read_tag', 2)])
-def test_an_rmw_that_is_not_installed_is_named_in_one_line(monkeypatch, name, code):
-    """Without this, rclpy ends the process with a line of rcl and exit code 102."""
-    monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_none')
+@pytest.mark.parametrize(
+    ('variable', 'value', 'problem'),
+    [
+        ('RMW_IMPLEMENTATION', 'rmw_none', "'rmw_none', which is not installed: unset it, or set"),
+        ('RCUTILS_COLORIZED_OUTPUT', '2', "'2': must be 0 or 1"),
+    ],
+)
+def test_a_variable_that_ends_ros_is_named_in_one_line(monkeypatch, name, code, variable, value, problem):
+    """With such an RMW rclpy exits with code 102, with such a log rcl logs 17 lines."""
+    monkeypatch.setenv(variable, value)
     ended, _, err = ended_process([executable(PACKAGE, name), *(['1'] if name == 'read_tag' else [])])
     (line,) = err.splitlines()
     assert ended == code
-    assert "RMW_IMPLEMENTATION is 'rmw_none', which is not installed: unset it, or set" in line
+    assert f'{variable} is {problem}' in line
 
 
 def test_where_nothing_tells_which_rmw_is_installed_none_is_refused(monkeypatch):
     monkeypatch.setenv('RMW_IMPLEMENTATION', 'rmw_other')
     monkeypatch.delenv('AMENT_PREFIX_PATH')
-    process.hide_wrong_rmw()
+    process.hide_fatal_values()
     assert process.environment_problem() == ''
     assert os.environ['RMW_IMPLEMENTATION'] == 'rmw_other'
 

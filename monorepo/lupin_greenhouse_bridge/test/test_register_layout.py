@@ -280,7 +280,7 @@ def test_pairs_of_a_file_are_fitted_and_written(register, places, tmp_path):
     assert rows['1'] == [f'{places["1"][0]:.3f}', f'{places["1"][1]:.3f}', '0.000']
     assert f'{len(places) - 1} of {len(places)} tags fit within 0.1 m. The expected error is 0.0' in ended.out
     assert 'x 2.000 m, y -1.000 m, yaw 1.5708 rad in map.' in ended.out
-    command = shlex.split(ended.out.splitlines()[-1].removeprefix('To publish it: '))
+    command = shlex.split(ended.out.splitlines()[-1].removeprefix('With ROS installed, publish it: '))
     assert command[:4] == ['ros2', 'run', 'tf2_ros', 'static_transform_publisher']
     options = dict(zip(command[4::2], command[5::2], strict=True))
     found = [float(options.pop(f'--{each}')) for each in ('x', 'y', 'yaw')]

@@ -27,12 +27,16 @@ VALUES_OF_VARIABLES = {
     'ROS_SECURITY_ENABLE': ('true', 'false'),
     'ROS_SECURITY_STRATEGY': ('Enforce', 'Permissive'),
 }
+# Any value but 0 and 1 for one of these ends the logging of ROS.
+VARIABLES_OF_LOGGING = [
+    f'RCUTILS_{each}' for each in ('COLORIZED_OUTPUT', 'LOGGING_USE_STDOUT', 'LOGGING_BUFFERED_STREAM')
+]
 NO_OUTPUT = 4  # exit code of every command whose standard output cannot be written
 
 _is_asked_to_end = False
 _has_lost_output = False
 _is_started = False  # by start(): this process ends after its main()
-_rmw_problem = ''
+_hidden_problem = ''
 
 
 def install_signal_handlers() -> None:
@@ -81,8 +85,7 @@ def start(module: str, *, has_node: bool = True) -> NoReturn:
             stream.reconfigure(encoding=None if stream.isatty() else 'utf-8', errors='replace')
     if has_node:
         install_signal_handlers()
-        if os.environ.get('RMW_IMPLEMENTATION'):
-            hide_wrong_rmw()
+        hide_fatal_values()
     else:
         for number in SIGNALS:
             signal.signal(number, signal.SIG_DFL)
@@ -131,22 +134,28 @@ def has_lost_output() -> bool:
     return _has_lost_output
 
 
-def hide_wrong_rmw() -> None:
+def hide_fatal_values() -> None:
     """
-    Take an RMW that is not installed out of the environment, and note it for environment_problem().
+    Take values out of the environment that end the process or its log; environment_problem() returns one.
 
-    rclpy would end the process while it is imported.
+    These are an RMW that is not installed, with which rclpy ends the process, and those of the log.
     """
-    global _rmw_problem  # noqa: PLW0603 - it belongs to the process
+    global _hidden_problem  # noqa: PLW0603 - it belongs to the process
+    for each in VARIABLES_OF_LOGGING:
+        if (value := os.environ.get(each, '')) not in ('', '0', '1'):
+            del os.environ[each]
+            _hidden_problem = f'{each} is {value!r}: must be 0 or 1'
+    if not (name := os.environ.get('RMW_IMPLEMENTATION')):
+        return
     from ament_index_python.resources import get_resources  # only here, because it takes a moment
 
     installed: set[str] = set()
     with contextlib.suppress(OSError):  # no AMENT_PREFIX_PATH: nothing is known of what is installed
         installed = get_resources('rmw_typesupport').keys() - {'rmw_implementation'}
-    if installed and (name := os.environ['RMW_IMPLEMENTATION']) not in installed:
+    if installed and name not in installed:
         del os.environ['RMW_IMPLEMENTATION']
         others = ' or '.join(sorted(installed))
-        _rmw_problem = f"RMW_IMPLEMENTATION is '{name}', which is not installed: unset it, or set {others}"
+        _hidden_problem = f"RMW_IMPLEMENTATION is '{name}', which is not installed: unset it, or set {others}"
 
 
 def environment_problem() -> str:
@@ -160,7 +169,7 @@ def environment_problem() -> str:
     if _is_secure() and not os.path.isdir(keystore := os.environ.get('ROS_SECURITY_KEYSTORE', '')):
         shown = f'is no folder: {keystore!r}' if keystore else 'is not set'
         return f'security is enabled, but ROS_SECURITY_KEYSTORE {shown}: set it to the path of the keystore'
-    return _rmw_problem
+    return _hidden_problem
 
 
 def _is_secure() -> bool:

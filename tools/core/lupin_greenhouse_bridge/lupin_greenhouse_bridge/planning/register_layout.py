@@ -142,8 +142,8 @@ def register(layout: Layout, places: Mapping[str, Point], frame_id: str, options
         f' {fitted.expected_error_m:.3f} m at the farthest tag, {escaped(fitted.farthest, 40)}.\n'
         f'The layout lies at x {x:.3f} m, y {y:.3f} m, yaw {yaw:.4f} rad in {frame_id}.'
         f' Written to {options.output}\n'
-        f'To publish it: ros2 run tf2_ros static_transform_publisher --x {x:.6f} --y {y:.6f} --yaw {yaw:.6f}'
-        f' --frame-id {shlex.quote(frame_id)} --child-frame-id {LAYOUT_FRAME}'
+        f'With ROS installed, publish it: ros2 run tf2_ros static_transform_publisher --x {x:.6f} --y {y:.6f}'
+        f' --yaw {yaw:.6f} --frame-id {shlex.quote(frame_id)} --child-frame-id {LAYOUT_FRAME}'
     )
 
 

@@ -7,7 +7,7 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from lupin_greenhouse_bridge.errors import escaped
 
@@ -15,7 +15,7 @@ ValueT = TypeVar('ValueT', int, float)
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that takes options only by their full names, and no empty words."""
+    """A parser that takes options only by their full names, and no empty words; an error is one line."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(allow_abbrev=False, **options)
@@ -29,6 +29,12 @@ class Parser(argparse.ArgumentParser):
                 what = option if option.startswith('-') else 'an argument'
                 self.error(f'{what} is empty: write a value, or leave it out')
         return super().parse_known_args(words, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        """End the program with one line, without the list of all options that argparse prints before it."""
+        message = re.sub(r'expected \d+ arguments', r'\g<0>, without quotes around them', message)
+        advice = ': see --help' if message.startswith(('unrecognized', 'the following')) else ''
+        self.exit(2, f'{self.prog}: error: {message}{advice}\n')
 
 
 def number_type(
