@@ -27,9 +27,10 @@ import string
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Sequence
 from pathlib import Path
 
-from jobs import Job, end, follow, lack_of_space, locked
+from jobs import Job, Word, end, follow, lack_of_space, locked
 
 HERE = Path(__file__).resolve().parent
 REQUIREMENTS = HERE / 'requirements'
@@ -42,11 +43,7 @@ NEEDED_MB = 750
 MARK = '.lupin-environment'  # its text: 'incomplete', or the fingerprint of what was installed
 
 
-class Stopped(Exception):
-    """The environment cannot be made; the message says why."""
-
-
-class NoNetwork(Stopped):
+class NoNetwork(SystemExit):
     """pip reaches no index of packages."""
 
 
@@ -97,7 +94,7 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
     if venv.exists():
         shutil.rmtree(venv)
     if problem := lack_of_space(venv.parent, NEEDED_MB):
-        raise Stopped(problem)
+        sys.exit(f'environment: {problem}')
     source = f'the sourced ROS 2 {ros_distro}' if ros_distro else f'ROS 2 {distro} wheels'
     print(f'environment: making {venv} from {source} (half a minute, once)', file=sys.stderr)
     venv.mkdir(parents=True)
@@ -107,17 +104,16 @@ def make(venv: Path, ros_distro: str | None, distro: str, wanted: str) -> None:
     # In a shell that is in the old environment, `python3` has just been removed with it.
     version = f'python{sys.version_info.major}.{sys.version_info.minor}'
     python = sys.executable if Path(sys.executable).exists() else f'{sys.base_prefix}/bin/{version}'
-    run('the virtual environment', [python, '-m', 'venv', *is_shared, str(venv)], log)
+    run('the virtual environment', [python, '-m', 'venv', *is_shared, venv], log)
     # Python reads a0_* before the packages, which takes it 0.1 s, and zz_* after them.
     for name, step in (('a0', 'begin'), ('zz', 'finish')):
         (packages_of(venv) / f'{name}_ctrl_c.pth').write_text(f'import ctrl_c; ctrl_c.{step}()\n')
     shutil.copy(HERE / 'ctrl_c.py', packages_of(venv))
     if ros_distro:
-        pip = pip_install(venv)
-        run('the packages', [*pip, '--requirement', str(REQUIREMENTS / 'sourced.txt')], log)
+        run('the packages', install(venv, '--requirement', REQUIREMENTS / 'sourced.txt'), log)
         # Without its GUI's dependencies, which would shadow the NumPy that ROS was built with.
-        simulator = ['--no-deps', '--requirement', str(REQUIREMENTS / 'simulator.txt')]
-        run('the simulator', [*pip, *simulator], log)
+        simulator = install(venv, '--no-deps', '--requirement', REQUIREMENTS / 'simulator.txt')
+        run('the simulator', simulator, log)
     else:
         install_pinned(venv, REQUIREMENTS / f'{distro}.txt', log)
         repair_cmake(venv)
@@ -131,27 +127,26 @@ def packages_of(venv: Path) -> Path:
     return packages
 
 
-def pip_install(venv: Path) -> list[str]:
-    """Return the start of a command that installs with the environment's pip."""
-    python = str(venv / 'bin/python')
-    return [python, '-m', 'pip', '--disable-pip-version-check', 'install', '--quiet', '--no-compile']
+def install(venv: Path, *arguments: Word) -> list[Word]:
+    """Return a command that installs with the environment's pip."""
+    pip: list[Word] = [venv / 'bin/python', '-m', 'pip', '--disable-pip-version-check']
+    return [*pip, 'install', '--quiet', '--no-compile', *arguments]
 
 
 def install_pinned(venv: Path, pins: Path, log: Path) -> None:
     """Install a list of pinned packages with uv, or with pip if uv cannot do it here."""
-    pip, uv = pip_install(venv), shutil.which('uv')
+    uv = shutil.which('uv') or venv / 'bin/uv'
     try:
-        if not uv:
-            uv = str(venv / 'bin/uv')
-            run('uv, which installs the packages', [*pip, '--no-deps', '--constraint', str(pins), 'uv'], log)
-        python = ['--python', str(venv / 'bin/python')]
-        command = [uv, 'pip', 'install', '--quiet', '--no-deps', *python, '--requirement', str(pins)]
-        run('the packages', command, log)
+        if uv == venv / 'bin/uv':
+            only_uv = install(venv, '--no-deps', '--constraint', pins, 'uv')
+            run('uv, which installs the packages', only_uv, log)
+        command = [uv, 'pip', 'install', '--quiet', '--no-deps', '--python', venv / 'bin/python']
+        run('the packages', [*command, '--requirement', pins], log)
     except NoNetwork:
         raise
-    except (Stopped, OSError):
+    except (SystemExit, OSError):
         print('environment: uv cannot install here, so pip does (a minute longer)', file=sys.stderr)
-        run('the packages', [*pip, '--requirement', str(pins)], log)
+        run('the packages', install(venv, '--requirement', pins), log)
 
 
 class Step(Job):
@@ -161,20 +156,20 @@ class Step(Job):
         """Show nothing."""
 
 
-def run(what: str, command: list[str], log: Path) -> None:
-    """Run one step, with its output in the log; raises Stopped if it fails, after the end of its output."""
+def run(what: str, command: Sequence[Word], log: Path) -> None:
+    """Run one step, with its output in the log; end the process after the end of its output if it fails."""
     step = Step(f'environment: installing {what}', command, log)
     follow([step])
     if not step.exit_code:
         return
     if 'pip' in command and NO_CONNECTION.search(step.output()):
-        proxies = [
-            f'{name}={value}' for name, value in os.environ.items() if name.lower().endswith('s_proxy')
-        ]
+        proxies = [f'{key}={value}' for key, value in os.environ.items() if key.lower().endswith('s_proxy')]
         behind = f' ({", ".join(proxies)})' if proxies else ''
-        raise NoNetwork(f'{what} cannot be downloaded: check the network{behind}; details are in {log}')
+        told = f'{what} cannot be downloaded: check the network{behind}; details are in {log}'
+        raise NoNetwork(f'environment: {told}')
     print(*step.output().splitlines()[-15:], sep='\n', file=sys.stderr)
-    raise Stopped(*step.failures or [f'making the environment stopped at: {shlex.join(command)}'])
+    stopped = f'making the environment stopped at: {shlex.join(step.command)}'
+    sys.exit(f'environment: {(step.failures or [stopped])[0]}')
 
 
 def repair_cmake(venv: Path) -> list[Path]:
@@ -219,21 +214,21 @@ export ROS_DISTRO={distro} ROS_VERSION=2 ROS_PYTHON_VERSION=3
 
 
 def complete(venv: Path, distro: str) -> None:
-    """Make the environment in this absolute folder unless it is complete; raises Stopped or OSError."""
+    """Make the environment in this absolute folder unless it is complete; end the process if it cannot."""
     if characters := unusable_characters(venv):
-        raise Stopped(
-            f'{str(venv)!r} cannot be used, because CMake and scripts fail with {characters!r} in a path:'
-            ' move the clone to a folder whose path has letters, digits and ._+@~!^- alone'
+        sys.exit(
+            f'environment: {str(venv)!r} cannot be used, because CMake and scripts fail with {characters!r}'
+            ' in a path: move the clone to a folder whose path has letters, digits and ._+@~!^- alone'
         )
     is_empty = venv.is_dir() and not any(venv.iterdir())
     if venv.exists() and not is_empty and not (venv / MARK).exists():
-        raise Stopped(
-            f'{venv} was not made by this project and is left alone:'
-            ' move it away, or name another folder with make VENV=...'
+        sys.exit(
+            f'environment: {venv} was not made by this project and is left alone: move it away, or name'
+            ' another folder with make VENV=...'
         )
     ros_distro = sourced_ros()
     if missing := missing_prerequisites(ros_distro):
-        raise Stopped('\nenvironment: '.join(missing))
+        sys.exit('\n'.join(f'environment: {each}' for each in missing))
     names = ('sourced', 'simulator') if ros_distro else (distro,)
     wanted = fingerprint(venv, ros_distro or '', [REQUIREMENTS / f'{name}.txt' for name in names])
 
@@ -245,22 +240,10 @@ def complete(venv: Path, distro: str) -> None:
         make(venv, ros_distro, distro, wanted)
 
 
-def main(venv: Path, distro: str) -> int:
-    """Make the environment if it is not complete; return the exit code."""
-    try:
-        complete(venv, distro)
-    except Stopped as error:
-        print(f'environment: {error}', file=sys.stderr)
-        return 1
-    except OSError as error:
-        print(
-            f'environment: {venv}: {error.strerror}: name another folder with make VENV=...', file=sys.stderr
-        )
-        return 1
-    return 0
-
-
 if __name__ == '__main__':
     if len(sys.argv) != 3 or not os.path.isabs(sys.argv[1]) or sys.argv[2] not in DISTROS:
         sys.exit('usage: python ci/environment.py VENV kilted|jazzy, where VENV is an absolute path')
-    end(lambda: main(Path(sys.argv[1]), sys.argv[2]), 'environment')
+    try:
+        end(lambda: complete(Path(sys.argv[1]), sys.argv[2]), 'environment')
+    except OSError as error:
+        sys.exit(f'environment: {sys.argv[1]}: {error.strerror}: name another folder with make VENV=...')

@@ -40,23 +40,19 @@ def hide_uv(monkeypatch):
     monkeypatch.setattr(shutil, 'which', lambda name: None if name == 'uv' else find(name))
 
 
-def make_it(tmp_path, distro='kilted'):
-    return environment.main(tmp_path / 'venv', distro)
-
-
 def test_a_complete_environment_is_left_alone_and_another_distro_makes_it_again(commands, tmp_path):
     for distro in ('kilted', 'jazzy'):
-        assert make_it(tmp_path, distro) == 0
+        environment.complete(tmp_path / 'venv', distro)
         assert [Path(command[-1]).name for command in commands] == ['venv', 'uv', f'{distro}.txt']
         assert f'ROS_DISTRO={distro}' in (tmp_path / 'venv/local_setup.bash').read_text()
         commands.clear()
-        assert make_it(tmp_path, distro) == 0
+        environment.complete(tmp_path / 'venv', distro)
         assert commands == []
 
 
 def test_an_installed_uv_is_used(commands, tmp_path, monkeypatch):
     monkeypatch.setattr(shutil, 'which', lambda name: f'/tools/{name}')
-    assert make_it(tmp_path) == 0
+    environment.complete(tmp_path / 'venv', 'kilted')
     assert commands[1][:3] == ['/tools/uv', 'pip', 'install']
 
 
@@ -78,7 +74,7 @@ def test_uv_installs_the_pins_and_pip_does_where_uv_cannot(one_pin, tmp_path, mo
     if installer == 'pip':
         monkeypatch.setenv('UV_OFFLINE', '1')
         monkeypatch.setenv('UV_CACHE_DIR', str(tmp_path / 'empty'))
-    assert make_it(tmp_path) == 0
+    environment.complete(tmp_path / 'venv', 'kilted')
     assert ('uv cannot install here, so pip does' in capsys.readouterr().err) == (installer == 'pip')
     assert one_pin in succeed(tmp_path / 'venv/bin/python', '-m', 'pip', 'freeze').splitlines()
     (installed_by,) = tmp_path.glob('venv/lib/python3*/site-packages/packaging-*.dist-info/INSTALLER')
@@ -96,11 +92,11 @@ def test_an_interrupted_making_is_recognised_and_made_again(commands, tmp_path, 
     with monkeypatch.context() as patch:
         patch.setattr(environment, 'run', interrupted)
         with pytest.raises(KeyboardInterrupt):
-            make_it(tmp_path)
+            environment.complete(tmp_path / 'venv', 'kilted')
     half_made = tmp_path / 'venv/half-made'
     half_made.touch()
     commands.clear()
-    assert make_it(tmp_path) == 0
+    environment.complete(tmp_path / 'venv', 'kilted')
     assert len(commands) == 3
     assert not half_made.exists()
 
@@ -112,20 +108,20 @@ def test_a_failed_step_is_told_and_not_taken_for_done(tmp_path, monkeypatch, cap
     monkeypatch.setattr(environment, 'sourced_ros', lambda: None)
     monkeypatch.setattr(sys, 'executable', str(broken))
     for _ in range(2):
-        assert make_it(tmp_path) == 1
-        *shown, last = capsys.readouterr().err.splitlines()
-        assert 'no space left' in shown
-        assert last.startswith(f'environment: making the environment stopped at: {broken} -m venv ')
+        with pytest.raises(SystemExit, match=f'^environment: making .* stopped at: {broken} -m venv '):
+            environment.complete(tmp_path / 'venv', 'kilted')
+        assert capsys.readouterr().err.endswith('\nno space left\n')
 
 
 @pytest.fixture
-def refusal(commands, tmp_path, capsys):
+def refusal(commands, tmp_path):
     """Return a function that tries to make the environment, and returns the line that refuses it."""
 
     def refused(name='venv'):
-        assert environment.main(tmp_path / name, 'kilted') == 1
+        with pytest.raises(SystemExit) as told:
+            environment.complete(tmp_path / name, 'kilted')
         assert commands == []
-        return capsys.readouterr().err.splitlines()[-1]
+        return str(told.value).splitlines()[-1]
 
     return refused
 
