@@ -14,18 +14,17 @@ import ctrl_c  # noqa: F401
 # isort: split
 import hashlib
 import os
-import re
 import shlex
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from jobs import Build, Word, end, lack_of_space, locked, run
+from jobs import Word, end, lack_of_space, locked
 
 ROOT = Path(__file__).resolve().parents[1]
 NEEDED_MB = 100
-SHOWN = re.compile(r'^--- stderr:(?s:.*?)^---$|^.*WARNING.*$|^Summary.*$', re.MULTILINE)
 
 
 class Workspace(NamedTuple):
@@ -66,10 +65,7 @@ def here() -> Workspace:
     venv = ROOT / os.environ.get('VENV', '.venv')
     if not (venv / '.lupin-environment').exists():
         sys.exit(f'there is no environment {venv}: make env')
-    workspace = Workspace(venv, os.environ.get('TREE', 'monorepo'))
-    if not workspace.packages():
-        sys.exit(f'TREE={workspace.tree} is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros')
-    return workspace
+    return Workspace(venv, os.environ.get('TREE', 'monorepo'))
 
 
 def fingerprint(package: Path, venv: Path) -> str:
@@ -88,6 +84,8 @@ def fingerprint(package: Path, venv: Path) -> str:
 
 def build(workspace: Workspace, packages: list[Path]) -> None:
     """Build what has changed; end the process if that fails."""
+    if not packages:
+        sys.exit(f'TREE={workspace.tree} is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros')
     for package in packages:
         if not (package / 'package.xml').exists():
             sys.exit(f'build: {package} is no package: name a folder such as monorepo/lupin_mission')
@@ -110,26 +108,19 @@ def build(workspace: Workspace, packages: list[Path]) -> None:
 
 
 def run_colcon(workspace: Workspace, packages: list[Path], names: list[str]) -> None:
-    """
-    Build the packages of these names.
-
-    Shows warnings and the summary; or everything, and ends the process, if it fails.
-    """
+    """Build the packages of these names, with what colcon shows of it; end the process if that fails."""
     print(f'build: {len(names)} new or changed:', *names, file=sys.stderr)
-    folder = workspace.folder
-    if problem := lack_of_space(folder, NEEDED_MB):
+    if problem := lack_of_space(workspace.folder, NEEDED_MB):
         sys.exit(f'build: {problem}')
     command = workspace.colcon('build', 'log', '--paths', *packages, '--packages-select', *names)
     # Only Python uses what is built here, so the messages leave out C++, which takes most of the time.
     command += ['--cmake-args', f'-DPython3_EXECUTABLE={workspace.venv}/bin/python']
     command += ['-DBUILD_TESTING=OFF', '-DWITH_CPP=OFF', '--no-warn-unused-cli']
-    command += ['--event-handlers', 'console_direct+']
     # colcon's own -l would leave cores unused beside other work.
     os.environ['MAKEFLAGS'] = f'-j{os.cpu_count()}'
-    job = Build(workspace.inside(*command, is_overlaid=False), folder / 'build.log', len(names))
-    if not run([job]):
+    colcon = workspace.inside(*command, is_overlaid=False)
+    if subprocess.run(colcon, cwd=ROOT, stdout=sys.stderr, check=False).returncode:  # colcon has said why
         sys.exit(1)
-    print('\n'.join(SHOWN.findall(job.output())), file=sys.stderr)
 
 
 if __name__ == '__main__':
