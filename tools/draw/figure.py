@@ -93,7 +93,7 @@ def fingerprint_of_data(greenhouse: Greenhouse, options: argparse.Namespace) -> 
 
 
 def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
-    """Return the figure of a day at one tag: the median and the band of 90 % of each sensor's readings."""
+    """Return the figure of a day at one tag: each sensor without noise, and 90 % of its readings."""
     tag = greenhouse.layout.tags[tag_id]
     hours = np.linspace(0.0, 24.0, 97)
     rows = len(tag.sensors)
@@ -101,29 +101,28 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
     figure = pyplot.figure(figsize=(6.4, 1.8 + 2.1 * rows), layout='constrained')
     all_axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(all_axes, tag.sensors, strict=True):
-        shares = 0.05, 0.5, 0.95
-        quantiles = [greenhouse.quantiles(name, (tag.x, tag.y), hour, shares) for hour in hours]
-        low, middle, high = np.transpose(quantiles)
-        band = axes.fill_between(
-            hours, low, high, color=BAND_COLOUR, linewidth=0, label='90 % of the readings'
-        )
-        (line,) = axes.plot(hours, middle, color=colours.ROUTE, linewidth=2, label='median')
-        noise = ', without noise' if (low == high).all() else ''
+        quantiles = [greenhouse.quantiles(name, tag[:2], hour, (0.05, 0.95)) for hour in hours]
+        low, high = np.transpose(quantiles)
+        values = np.array([greenhouse.value(name, tag[:2], hour) for hour in hours])
+        band = axes.fill_between(hours, low, high, color=BAND_COLOUR, linewidth=0)
+        (line,) = axes.plot(hours, values, color=colours.ROUTE, linewidth=2)
+        noise = ' has no noise' if (low == high).all() else ''
         axes.set_title(f'{label_of(name)}{noise}', loc='left', fontsize=subsets.PART_POINTS)
-        extremes = {middle.argmin(): (low, -4, 'top'), middle.argmax(): (high, 4, 'bottom')}
+        extremes = {values.argmin(): (low, -4, 'top'), values.argmax(): (high, 4, 'bottom')}
         for at, (edge, aside, side) in extremes.items():
             when = clock_time(3600 * hours[at]) if len(extremes) > 1 else 'any time'
-            text = f'{value_text(name, middle[at])} at {when}'
+            text = f'{value_text(name, values[at])} at {when}'
             place = {'ha': 'center' if at else 'left', 'va': side, 'textcoords': 'offset points'}
             axes.annotate(text, (hours[at], edge[at]), (0 if at else 5, aside), **place)
-            axes.plot(hours[at], middle[at], 'o', color=colours.ROUTE, clip_on=False)
+            axes.plot(hours[at], values[at], 'o', color=colours.ROUTE, clip_on=False)
         axes.margins(y=0.4)
         axes.locator_params(axis='y', nbins=4)
         axes.grid(alpha=0.3)
     ticks = range(0, 25, 6)
     all_axes[-1].set(xlim=(0, 24), xticks=ticks, xticklabels=[f'{hour:02}:00' for hour in ticks])
     figure.suptitle(f'A day at tag {tag_id} in the simulator,\nmade by a formula, not measured')
-    figure.legend(handles=[line, band], loc='outside lower center', ncols=2, frameon=False)
+    names = 'without noise', '90 % of the readings'
+    figure.legend([line, band], names, loc='outside lower center', ncols=2, frameon=False)
     return figure
 
 

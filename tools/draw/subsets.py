@@ -1,7 +1,6 @@
 """Draw each tag in the colour of its subset of sensors, over one sensor's field: all, or a part."""
 
 import argparse
-import itertools
 import math
 import random
 import textwrap
@@ -23,13 +22,13 @@ from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from simulated import Greenhouse, Subset
 
-# Of subsets of sensors, in the order of the key. Protanopes and deuteranopes can tell them apart too.
+# Of subsets of sensors, in the order of the key. Protanopes and deuteranopes can tell them apart too. The
+# subsets in the part have bright ones.
 SUBSET_COLOURS = (
-    *('#d55e00', '#56b4e9', '#552489', '#f0e442', '#009e73'),
-    *('#7a1f00', '#0072a0', '#8e7cff', '#b0d7ff', '#e8a000', '#bbffc0', '#f4b1a5', '#181657'),
+    *('#d55e00', '#0072a0', '#552489', '#f0e442', '#009e73'),
+    *('#e8a000', '#b0d7ff', '#7a1f00', '#8e7cff', '#f4b1a5', '#bbffc0', '#181657', '#56b4e9'),
 )
-# By the number of sensors.
-SHAPES = {'one sensor': 'o', 'two sensors': 's', 'three sensors': '^', 'more sensors': 'D'}
+SHAPES = 'os^D'  # of one, two, three and more sensors
 OTHER = '0.5'
 INKED = ('text.color', 'axes.labelcolor', 'axes.edgecolor', 'xtick.color', 'ytick.color', 'patch.edgecolor')
 SCHEMES: dict[str, dict[Any, Any]] = {
@@ -37,11 +36,11 @@ SCHEMES: dict[str, dict[Any, Any]] = {
     for name, ink, paper in (('light', '#1f2328', 'white'), ('dark', '#e6edf3', '#0d1117'))
 }
 # By the paper: the other end of the field's shades, and the tables, which have no such shade.
-FIELD_END = {'white': '0.6', '#0d1117': '0.4'}
+FIELD_END = {'white': '0.7', '#0d1117': '0.3'}
 TABLE = {'white': '#b5936b', '#0d1117': '#70502c'}
 FIELD_STEPS = 200  # along the longer side
 README_SEED = 42  # whose values the README shows
-PART_M, PART_POINTS = 4.0, 16.0  # its size, and that of its texts: 11 px on a phone 328 px wide
+PART_M, PART_POINTS = 2.5, 16.0  # its size, and that of its texts: 11 px on a phone 328 px wide
 
 
 def styles_of(greenhouse: Greenhouse, size: float) -> dict[Subset, drawings.Style]:
@@ -50,20 +49,16 @@ def styles_of(greenhouse: Greenhouse, size: float) -> dict[Subset, drawings.Styl
     frequent = {subset for subset, _ in counts.most_common(len(SUBSET_COLOURS))}
     palette, styles = iter(SUBSET_COLOURS), {}
     for subset in sorted(counts, key=lambda each: (len(each), *map(letters.index, each))):
-        shape = SHAPES[word_of(len(subset))]
+        shape = SHAPES[min(len(subset), len(SHAPES)) - 1]
         colour = next(palette) if subset in frequent else OTHER
         styles[subset] = mark(shape, colour, size)
     return styles
 
 
-def word_of(count: int) -> str:
-    """Return a number of sensors as the key writes it."""
-    return list(SHAPES)[min(count, len(SHAPES)) - 1]
-
-
 def mark(shape: str, colour: str, size: float) -> drawings.Style:
     """Return the style of a point with an edge in the colour of the texts."""
-    return drawings.point_style(shape, colour, size, markeredgecolor=pyplot.rcParams['text.color'])
+    edge = {'markeredgecolor': pyplot.rcParams['text.color'], 'markeredgewidth': size / 10}
+    return drawings.point_style(shape, colour, size, **edge)
 
 
 def in_scheme(scheme: str, draw: Callable[..., Figure], *arguments: Any) -> Figure:
@@ -78,7 +73,7 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     layout, walls = greenhouse.layout, greenhouse.walls
     width_m, height_m, scale = drawings.scale_of(layout, walls)
     width, height = (size_m * drawings.INCHES_PER_M / scale for size_m in (width_m, height_m))
-    figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 3.7), layout='constrained')
+    figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 3.1), layout='constrained')
     axes = figure.add_subplot()
     lines = draw_field(axes, greenhouse, options, walls)
     axes.set(xlabel='x (m)', ylabel='y (m)')
@@ -86,7 +81,7 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     dots = [placing.Box(*tag[:2], size.height_m, size.height_m) for tag in layout.tags.values()]
     numbers = write_values(axes, lines, walls, units.unit_of(options.sensor), size, dots)
     draw_tags(axes, greenhouse, list(layout.tags), size, drawings.POINTS, numbers)
-    write_key(figure, greenhouse)
+    write_key(figure, greenhouse, set(greenhouse.subset_of.values()), 5, 11)
     axes.set_title(f'The {pluralized(len(layout.tags), "tag")} and their sensors', fontsize=11)
     return figure
 
@@ -100,7 +95,7 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     x, y = (min(max(at - side_m / 2, low), high - side_m) for at, low, high in ends)
     part = Walls(x, y, x + side_m, y + side_m)
     pyplot.rcParams['font.size'] = pyplot.rcParams['figure.titlesize'] = PART_POINTS  # until the scheme ends
-    figure = pyplot.figure(figsize=(6.4, 8.6), layout='constrained')
+    figure = pyplot.figure(figsize=(6.4, 8.2), layout='constrained')
     axes = figure.add_subplot()
     lines = draw_field(axes, greenhouse, options, part)
     axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
@@ -110,9 +105,9 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     taken += [placing.Box(*tags[tag_id][:2], size.height_m, size.height_m) for tag_id in seen]
     taken = write_values(axes, lines, part, units.unit_of(options.sensor), size, taken)
     draw_tags(axes, greenhouse, seen, size, PART_POINTS, taken)
-    letters = textwrap.fill(', '.join(names_of_letters(greenhouse)), 34)
-    figure.supxlabel(letters, fontsize=PART_POINTS)
-    figure.suptitle(f'A robot asks for the climate at tag {read_id}')
+    write_key(figure, greenhouse, {greenhouse.subset_of[tag_id] for tag_id in seen}, 4, PART_POINTS)
+    shades = f'{units.name_of(options.sensor)} at {clock_time(options.hour * 3600)}'
+    figure.suptitle(f'A robot reads tag {read_id}. The shades show\nthe {shades}.')
     return figure
 
 
@@ -127,7 +122,7 @@ def draw_reading(
     drawings.draw_robot(axes, pose, radius_m)
     robot = placing.Box(*pose[:2], 2 * radius_m, 2 * radius_m)
     sight = pose[:2], tag[:2]
-    ray = {'color': pyplot.rcParams['text.color'], 'linestyle': drawings.DASHED, 'zorder': 1.9}
+    ray = {'color': pyplot.rcParams['text.color'], 'linestyle': drawings.DASHED, 'zorder': 1.6}
     axes.plot(*zip(*sight, strict=True), **ray)
     random.seed(README_SEED)
     values = {name: greenhouse.value(name, tag[:2], hour, is_noisy=True) for name in tag.sensors}
@@ -168,8 +163,9 @@ def draw_field(axes: Any, greenhouse: Greenhouse, options: argparse.Namespace, p
     lines: ContourSet = axes.contour(xs, ys, field, 5, colors=ink, linewidths=0.6, alpha=0.6, zorder=0.5)
     table = {'facecolor': TABLE[paper], 'edgecolor': ink, 'linewidth': 0.6}
     drawings.draw_greenhouse(axes, greenhouse.layout, greenhouse.walls, table)
-    label = f'{label_of(options.sensor)} at {clock_time(options.hour * 3600)}'
-    drawings.draw_colour_bar(axes, image, part, label=label, ticks=lines.levels).add_lines(lines)
+    if part is greenhouse.walls:
+        label = f'{label_of(options.sensor)} at {clock_time(options.hour * 3600)}'
+        drawings.draw_colour_bar(axes, image, part, label=label, ticks=lines.levels).add_lines(lines)
     return lines
 
 
@@ -230,30 +226,15 @@ def view_of(axes: Any) -> placing.Box:
     return placing.box_of(Walls(x0, y0, x1, y1))
 
 
-def names_of_letters(greenhouse: Greenhouse) -> list[str]:
-    """Return the meaning of each letter, such as `T temperature`."""
-    return [f'{letter} {units.name_of(name)}' for name, letter in greenhouse.letters.items()]
-
-
-def write_key(figure: Figure, greenhouse: Greenhouse) -> None:
-    """Write below the name of each letter, and the mark and the number of tags of each subset."""
-    counts, styles = Counter(greenhouse.subset_of.values()), styles_of(greenhouse, 11)
-    names: dict[Subset, str] = {(text.split()[0],): text for text in names_of_letters(greenhouse)}
-    rest = [each for each, style in styles.items() if style['color'] == OTHER and each not in names]
-    shown = dict.fromkeys(names, mark('', OTHER, 11)) | styles
-    nothing: tuple[str, drawings.Style] = ('', {'linestyle': ''})
-    columns: list[list[tuple[str, drawings.Style]]] = []
-    for word, subsets in itertools.groupby(shown, lambda each: word_of(len(each))):
-        entries = [
-            (f'{names.get(each, "".join(each))} ({counts[each]})', shown[each])
-            for each in subsets
-            if each not in rest
-        ]
-        columns += [[(f'{word}:', nothing[1]), *entries]] if entries else []
-    others = [(f'other ({sum(counts[each] for each in rest)})', mark('o', OTHER, 11))] if rest else []
-    columns[-1] += [*others, nothing, ('table', mark('s', TABLE[pyplot.rcParams['axes.facecolor']], 11))]
-    rows = itertools.zip_longest(*columns, fillvalue=nothing)
-    marks = itertools.chain.from_iterable(zip(*rows, strict=True))
+def write_key(
+    figure: Figure, greenhouse: Greenhouse, subsets: set[Subset], columns: int, size: float
+) -> None:
+    """Write below the name of each letter, and the marks of these subsets with their letters."""
+    names = [
+        f'{letter}\N{NO-BREAK SPACE}{units.name_of(name)}' for name, letter in greenhouse.letters.items()
+    ]
+    marks = [(''.join(each), style) for each, style in styles_of(greenhouse, size).items() if each in subsets]
+    marks.append(('table', mark('s', TABLE[pyplot.rcParams['axes.facecolor']], size)))
     place = {'loc': 'outside lower center', 'bbox_to_anchor': None, 'handletextpad': 0.2}
-    title = 'sensors (number of tags)'
-    drawings.write_key(figure, list(marks), len(columns), title=title, columnspacing=0.8, **place)
+    title = textwrap.fill(f'sensors: {", ".join(names)}', 40)
+    drawings.write_key(figure, marks, columns, title=title, columnspacing=1.0, **place)

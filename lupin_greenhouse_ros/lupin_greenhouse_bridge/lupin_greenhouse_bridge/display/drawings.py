@@ -4,7 +4,7 @@
 import io
 import math
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,7 +39,8 @@ JOINED_M = 0.25  # stops that are closer share a label
 TAG_M, UNREACHABLE_M = 0.14, 0.24
 VIEW_MARGIN_M = 0.15
 INCHES_PER_M, POINTS = 1.0, 10  # of the labels
-FRONT_DEGREES = 50.0  # of the robot's disc, around its heading
+FRONT_DEGREES, FRONT_SHARE = 60.0, 0.35  # of the robot's rim, around its heading, and of its radius
+NUMBERED_M = 0.16  # the radius of the smallest disc that holds its number
 MOST_ARROWS = 200  # along a path
 LEADER_POINTS = 1.1  # the width of the line from a stop to its label
 Style = dict[str, Any]  # of what matplotlib draws
@@ -54,10 +55,9 @@ def point_style(marker: str, colour: str, size: float, **more: Any) -> Style:
 
 TABLE: Style = {'facecolor': colours.TABLE, 'linewidth': 0}
 TAG, UNREACHABLE = point_style('s', 'black', 5), point_style('X', colours.FAILED, 8)
-STOP = point_style('o', colours.ROUTE, 5, markeredgecolor='white')
 # In the key, as the next two.
 ROBOT = point_style('o', colours.ROUTE, 10, markerfacecoloralt=colours.ROBOT, fillstyle='right')
-STOP_NUMBER = point_style(r'$\bf{2\rightarrow17}$', colours.ROUTE, 26, markeredgewidth=0)
+STOP_NUMBER = point_style(r'$\bf{23}$', colours.ROUTE, 12, markeredgewidth=0)
 TAG_AND_ID = point_style(r'$■\,\bf{7}$', 'black', 14, markeredgewidth=0)
 
 
@@ -191,25 +191,28 @@ def draw_colour_bar(axes: Any, values: Any, walls: Walls, **style: Any) -> Any:
 
 
 def draw_path(axes: Any, points: Sequence[Point], taken: Collection[Box] = ()) -> None:
-    """Draw a thin path from a circle to a square, with arrows where none of these boxes is."""
+    """Draw a thin path from a circle to a square, with its marks and arrows where none of these boxes is."""
     axes.plot(*zip(*points, strict=True), color=colours.ROUTE, linewidth=0.9, zorder=1.5)
     style = {'arrowstyle': '-|>', 'color': colours.ROUTE, 'linewidth': 0, 'mutation_scale': 11}
     every_m = max(ARROW_EVERY_M, length_m(points) / MOST_ARROWS)
     for x, y, heading in arrows_along(points, every_m, taken):
         tip = x + 0.01 * math.cos(heading), y + 0.01 * math.sin(heading)
         axes.annotate('', tip, (x, y), arrowprops=style, zorder=1.6)
+    middles = [each[:2] for each in taken]
     for marker, place in (('o', points[0]), ('s', points[-1])):
-        axes.scatter(*place, s=28, marker=marker, color='white', edgecolor=colours.ROUTE, zorder=2.5)
+        if place not in middles:
+            axes.scatter(*place, s=28, marker=marker, color='white', edgecolor=colours.ROUTE, zorder=2.5)
 
 
 def draw_robot(axes: Any, pose: ApproachPose, radius_m: float) -> None:
-    """Draw the disc of the robot to scale, with a dark sector at its heading."""
+    """Draw the disc of the robot to scale, over its path, with a dark rim at its heading."""
     from matplotlib.patches import Circle, Wedge
 
     heading, half = math.degrees(pose.yaw), FRONT_DEGREES / 2
-    axes.add_patch(Circle(pose[:2], radius_m, facecolor=colours.ROBOT, edgecolor=colours.ROUTE, zorder=1.2))
-    front = Wedge(pose[:2], radius_m, heading - half, heading + half, color=colours.ROUTE, zorder=1.3)
-    axes.add_patch(front)
+    axes.add_patch(Circle(pose[:2], radius_m, color=colours.ROBOT, zorder=1.7))
+    axes.add_patch(Circle(pose[:2], radius_m, fill=False, edgecolor=colours.ROUTE, zorder=1.8))  # over others
+    rim: Style = {'width': FRONT_SHARE * radius_m, 'color': colours.ROUTE, 'linewidth': 0, 'zorder': 1.8}
+    axes.add_patch(Wedge(pose[:2], radius_m, heading - half, heading + half, **rim))
 
 
 def draw_route(
@@ -254,25 +257,26 @@ def draw_route(
     bounds = box_of(walls)
     labels += [(word, end, colours.ROUTE) for word, end in ends_of_path(route.points_m).items()]
     taken += write_labels(axes, labels, LABELS.times(scale), taken, bounds, fontweight='bold', zorder=6)
-    stops = [poses[tag_id][:2] for tag_id in route.tag_ids]
-    axes.plot(*np.reshape(stops, (-1, 2)).T, **STOP, zorder=2.4)
-    groups = join_stops(dict(zip(route.tag_ids, stops, strict=True)), scale * JOINED_M)
-    middles = (np.mean(group, axis=0).tolist() for group in groups.values())
-    numbers = [
-        (text, Box(x, y, robot_m, robot_m), 'white') for text, (x, y) in zip(groups, middles, strict=True)
-    ]
+    groups = join_stops([poses[tag_id][:2] for tag_id in route.tag_ids], scale * JOINED_M)
+    numbers = []
+    for text, group in groups.items():
+        if len(group) == 1 and robot_radius_m >= scale * NUMBERED_M:
+            axes.text(*group[0], text, color=colours.ROUTE, fontweight='bold', zorder=5, **CENTRED)
+        else:
+            x, y = np.mean(group, axis=0).tolist()
+            numbers.append((text, Box(x, y, robot_m, robot_m), 'white'))
     frame: Style = {'boxstyle': 'round,pad=0.25,rounding_size=0.7', 'color': colours.ROUTE}
     boxes = write_labels(axes, numbers, NUMBERS.times(scale), taken, bounds, bbox=frame, zorder=5)
-    for box, group in zip(boxes, groups.values(), strict=True):
-        for stop in group:
+    for box, (text, _, _) in zip(boxes, numbers, strict=True):
+        for stop in groups[text]:
             share = robot_radius_m / math.dist(stop, box[:2])  # so the line ends at the robot's disc
             ends = zip(box[:2], np.array(stop) + share * (np.array(box[:2]) - stop), strict=True)
             axes.plot(*ends, color=colours.ROUTE, linewidth=LEADER_POINTS, zorder=2.3)
     marks: dict[str, Style] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         f'robot (radius {robot_radius_m:g} m) at a stop; dark: its front': ROBOT,
-        'number of a stop → tag that it reads': STOP_NUMBER,
-        'from a stop to its tag': sight,
+        'number of a stop': STOP_NUMBER,
+        'from a stop to the tag that it reads': sight,
         'tag and its id': TAG_AND_ID,
     }
     marks |= {'table': point_style('s', colours.TABLE, 9)} if layout.tables else {}
@@ -283,15 +287,15 @@ def draw_route(
     return figure
 
 
-def join_stops(stops: Mapping[str, Point], joined_m: float) -> dict[str, list[Point]]:
-    """Return the places of stops by their texts, such as `4 → 20`; close stops share one, in lines."""
+def join_stops(stops: Sequence[Point], joined_m: float) -> dict[str, list[Point]]:
+    """Return the places of stops by their numbers; close stops share a text, such as `4, 5`."""
     groups: list[tuple[list[str], list[Point]]] = []
-    for number, (tag_id, stop) in enumerate(stops.items(), start=1):
+    for number, stop in enumerate(stops, start=1):
         group = next((each for each in groups if math.dist(each[1][0], stop) < joined_m), ([], []))
         groups += [] if group[0] else [group]
-        group[0].append(f'{number} → {tag_id}')
+        group[0].append(str(number))
         group[1].append(stop)
-    return {'\n'.join(lines): places for lines, places in groups}
+    return {', '.join(numbers): places for numbers, places in groups}
 
 
 def _draw_map(axes: Any, occupancy: OccupancyMap) -> None:
