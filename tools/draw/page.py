@@ -1,23 +1,28 @@
 """
-Draw the page of readings and the picture of a mission for the documents.
+Draw the page of readings and the picture of a mission, its route and one sensor, for the documents.
 
     make mission DRIVE=1 ARGS="blocked:='0.8 5.0 1.0 5.2' max_poses:=1"   # no path to tag 11
     make figure PAGE=1
 """
 
+import argparse
 import io
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from browser import CHROMIUM, NO_CHROMIUM, Page
-from lupin_greenhouse_bridge.display import plot_report, readings_page
+from lupin_greenhouse_bridge.display import drawing_command, plot_report, readings_page
+from lupin_greenhouse_bridge.display.drawing_command import Limits, Recording
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
 REPORTS = ROOT / '.mission'
 COMMITTED = ROOT / 'tools/core/lupin_greenhouse_bridge/doc/page.png'
 REPORT = ROOT / 'monorepo/lupin_mission/doc/report.png'
+TOP_OF_CHARTS = 'Math.floor(document.querySelector("#charts").getBoundingClientRect().top)'
+PAGE_PIXELS, SENSOR = 900, 'temperature'
 
 
 def main() -> int:
@@ -31,11 +36,20 @@ def main() -> int:
         path = Path(folder, 'page.html')
         if exit_code := readings_page.main([str(reports[-1]), '-o', str(path)]):
             return exit_code
-        with Page(path, width=1280, height=1080) as page:
-            picture = Image.open(io.BytesIO(page.picture())).convert('RGB')
-    picture.save(COMMITTED, optimize=True)
+        with Page(path, width=PAGE_PIXELS) as page:
+            height = page.evaluate(TOP_OF_CHARTS)
+            picture = Image.open(io.BytesIO(page.picture(is_whole=True))).convert('RGB')
+    picture.crop((0, 0, PAGE_PIXELS, height)).save(COMMITTED, optimize=True)
     print(COMMITTED)
-    return plot_report.main([str(reports[-1]), '-o', str(REPORT)])
+    parser = drawing_command.parser_of('page', '', '')
+    return drawing_command.draw_files(parser, [str(reports[-1]), '-o', str(REPORT)], pictures_of_one_sensor)
+
+
+def pictures_of_one_sensor(
+    options: argparse.Namespace, recordings: list[Recording], limits: Limits
+) -> Iterator[tuple[Path, bytes]]:
+    """Yield the picture that plot_report draws, of one sensor."""
+    return plot_report.pictures_of(options, recordings, {SENSOR: limits[SENSOR]})
 
 
 if __name__ == '__main__':

@@ -27,7 +27,8 @@ DOT_M, GAP_M, LABELS = 0.25, 0.105, LabelSize(0.106, 0.106, 0.212)  # scaled by 
 READ, UNKNOWN = point_style('o', '0.35', 5), point_style('o', '0.75', 4)
 RINGS = 'lowest or highest value'
 EXTREME = point_style('o', 'black', 13, markerfacecolor='none', markeredgewidth=1.4, label=RINGS, snap=False)
-MOST_NAMED, LONGEST_LINE = 30, 110  # tags in a line of failures, and its characters
+MOST_NAMED = 30  # tags in a line of failures
+CHARACTERS = 140.0  # in an inch, divided by the points of their font
 
 
 @dataclass(frozen=True)
@@ -50,12 +51,13 @@ def main(arguments: list[str] | None = None) -> int:
         'picture to write for one FILE, in the format of its ending, such as .svg or .pdf; default: NAME.png'
         ' beside FILE',
     )
-    return command.draw_files(parser, arguments, _pictures_of)
+    return command.draw_files(parser, arguments, pictures_of)
 
 
-def _pictures_of(
+def pictures_of(
     options: argparse.Namespace, recordings: list[Recording], limits: Limits
 ) -> Iterator[tuple[Path, bytes]]:
+    """Yield the path and the picture of each recording, with the sensors that have limits."""
     if options.output and len(recordings) > 1:
         raise StartUpError(f"--output '{options.output}' is one picture: leave it out, or name one FILE")
     outputs = [options.output or each.path.with_suffix('.png') for each in recordings]
@@ -238,8 +240,7 @@ def _write_head(
     figure: Any, name: str, rows: list[Row], failures: list[summary.Failures], shown: Greenhouse
 ) -> None:
     """Write above the panels whether it worked, what failed and why, and where the readings are from."""
-    from matplotlib.artist import Artist
-    from matplotlib.offsetbox import AnnotationBbox, HPacker, TextArea
+    from matplotlib.offsetbox import AnnotationBbox, TextArea, VPacker
 
     drawn = sorted(
         (row for each in shown.readings.values() for row in each.values()), key=lambda r: r.stamp_ns
@@ -254,22 +255,32 @@ def _write_head(
         (' to '.join(clocks) + duration, 'black'),
         (summary.greenhouse_times(between), 'black'),
     ]
-    lines = []
+    width = figure.get_figwidth() * CHARACTERS
+    lines = _lines_of(headline, width, {'fontsize': 12, 'fontweight': 'bold'})
     for word, reason, tag_ids in failures:
         text = f'T{names_text("tag", tag_ids, MOST_NAMED)[1:]} {word}{f": {reason}" if reason else ""}'
-        lines += [(part, 11, colours.FAILED) for part in textwrap.wrap(text, LONGEST_LINE)]
+        style: Style = {'fontsize': 11, 'color': colours.FAILED}
+        lines += [TextArea(part, textprops=style) for part in textwrap.wrap(text, int(width / 11))]
     origin = [escaped(name, 64), _time_text('%d %b %Y, times in %Z', last), summary.speed_text(rows)]
-    lines.append((' · '.join(filter(None, origin)), 10, '0.35'))
+    lines += _lines_of([(text, '0.35') for text in origin if text], width, {'fontsize': 10})
     if len({clock_time(row.sim_time_of_day_seconds) for row in drawn}) > 1:
-        lines.append((summary.SEVERAL_TIMES, 10, '0.35'))
-    points = 12.0  # above the panels
-    for text, size, colour in reversed(lines):
-        style = {'fontsize': size, 'color': colour, 'ha': 'center', 'va': 'bottom'}
-        figure.text(0.5, 1.0 + points / 72 / figure.get_figheight(), text, **style)
-        points += 1.5 * size
-    parts = [part for each in headline for part in (each, ('·', 'black'))][:-1]
-    bold: Style = {'fontsize': 12, 'fontweight': 'bold'}
-    texts: list[Artist] = [TextArea(text, textprops={'color': colour, **bold}) for text, colour in parts]
-    line = HPacker(children=texts, align='baseline', pad=0, sep=5)
+        lines += _lines_of([(summary.SEVERAL_TIMES, '0.35')], width, {'fontsize': 10})
     at: Style = {'xycoords': figure.transFigure, 'box_alignment': (0.5, 0), 'frameon': False, 'pad': 0}
-    figure.add_artist(AnnotationBbox(line, (0.5, 1.0 + points / 72 / figure.get_figheight()), **at))
+    head, above = VPacker(children=lines, align='center', pad=0, sep=4), 12 / 72 / figure.get_figheight()
+    figure.add_artist(AnnotationBbox(head, (0.5, 1.0 + above), **at))
+
+
+def _lines_of(parts: list[tuple[str, str]], width: float, style: Style) -> list[Any]:
+    """Return texts, each given with its colour, with dots between them in lines of this width."""
+    from matplotlib.offsetbox import HPacker, TextArea
+
+    lines = [parts[:1]]
+    for part in parts[1:]:
+        if sum(len(text) + 3 for text, _ in [*lines[-1], part]) > 0.9 * width / style['fontsize']:
+            lines.append([])
+        lines[-1] += [('·', parts[0][1])] * bool(lines[-1]) + [part]
+    packed = []
+    for line in lines:
+        texts: list[Any] = [TextArea(text, textprops={'color': colour, **style}) for text, colour in line]
+        packed.append(HPacker(children=texts, align='baseline', pad=0, sep=5))
+    return packed
