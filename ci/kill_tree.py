@@ -12,14 +12,13 @@ The exit code is that of the command, or 128 plus the number of the signal.
 
 import contextlib
 import ctypes
-import os
 import signal
 import subprocess
 import sys
-import time
-from pathlib import Path
 from types import FrameType
 from typing import NoReturn
+
+import psutil
 
 PR_SET_CHILD_SUBREAPER = 36  # linux/prctl.h
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -33,32 +32,18 @@ def interrupt(number: int, _frame: FrameType | None) -> NoReturn:
     sys.exit(128 + number)
 
 
-def descendants() -> list[int]:
-    """Return the ids of all living descendants of this process."""
-    children: dict[int, list[int]] = {}
-    for path in Path('/proc').glob('[0-9]*/stat'):
-        with contextlib.suppress(OSError):  # it has just ended
-            state, parent = path.read_text(errors='replace').rpartition(')')[2].split()[:2]
-            if state != 'Z':
-                children.setdefault(int(parent), []).append(int(path.parent.name))
-    found = [os.getpid()]
-    for pid in found:
-        found += children.get(pid, [])
-    return found[1:]
-
-
 def end_descendants() -> None:
-    """End every descendant: SIGTERM first, then SIGKILL."""
-    deadline = time.monotonic() + SECONDS_TO_END
-    asked: set[int] = set()
+    """End every descendant: SIGTERM first, then SIGKILL to those that remain."""
+    this = psutil.Process()
     # Twice: what loses its parent while /proc is read is in no tree at that moment.
-    while pids := descendants() or descendants():
-        is_late = time.monotonic() >= deadline
-        for pid in pids if is_late else set(pids) - asked:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL if is_late else signal.SIGTERM)
-        asked.update(pids)
-        time.sleep(0.02)
+    while processes := this.children(recursive=True) or this.children(recursive=True):
+        for process in processes:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.terminate()
+        _, remaining = psutil.wait_procs(processes, timeout=SECONDS_TO_END)
+        for process in remaining:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                process.kill()
 
 
 def main() -> int:
