@@ -1,7 +1,7 @@
 """
 Compare the monorepo's bridge with the open-source mirror: only one divergence is allowed.
 
-    python3 check_drift.py --monorepo DIR --mirror DIR [--format text|github|json]
+    python3 check_drift.py --monorepo DIR --mirror DIR [--format text|github]
 
 Undoes the rename of the message package, then compares every file of the bridge package and the three
 interfaces of the contract. Does not depend on how the trees were made. Needs only Python 3.10; in a clone,
@@ -11,7 +11,6 @@ Exit code: 0 only the allowed divergence, 1 drift, 2 the trees cannot be compare
 
 import argparse
 import difflib
-import json
 import os
 import re
 import subprocess
@@ -168,10 +167,7 @@ def _difference(name: str, monorepo: Tree, mirror: Tree) -> Iterator[Finding]:
 
 
 def report(findings: list[Finding], compared: int, form: str) -> str:
-    """Return the findings as text for people, annotations for GitHub, or JSON for tools."""
-    if form == 'json':
-        counts = {'files_compared': compared, 'findings': [found._asdict() for found in findings]}
-        return json.dumps(counts, indent=2, default=str)
+    """Return the findings as text for people, or as annotations for GitHub."""
     if form == 'github':
         return '\n'.join(map(_annotation, findings))
     if not findings:
@@ -204,7 +200,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(allow_abbrev=False, description=summary, epilog=exit_codes)
     for name, package in MSGS.items():
         parser.add_argument(f'--{name}', type=Path, required=True, metavar='DIR', help=f'holds {package}')
-    parser.add_argument('--format', choices=('text', 'github', 'json'), default='text', help='default: text')
+    parser.add_argument('--format', choices=('text', 'github'), default='text', help='default: text')
     options = parser.parse_args(arguments)
     try:
         monorepo, mirror = Tree('monorepo', options.monorepo), Tree('mirror', options.mirror)
