@@ -222,7 +222,7 @@ lint: env  ## check the code with ruff and mypy, the spelling, and the workflows
 	@$(IN_ENV) check-jsonschema --builtin-schema vendor.github-workflows $(wildcard .github/workflows/*.yml lupin_greenhouse_ros/.github/workflows/*.yml)
 	@$(IN_ENV) check-jsonschema --builtin-schema vendor.gitlab-ci .gitlab-ci.yml lupin_greenhouse_ros/.gitlab-ci.yml
 
-docs-check: build  ## check links, shell blocks, parameters, ROS graphs and names of tests in the documents
+docs-check: build  ## check links, shell blocks, parameters, ROS graphs and files of tests in the documents
 	@$(IN_ENV) $(WITHIN) --stand-ins python ci/docs_check.py
 
 figure: figure-check build  ## draw the greenhouse for the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"

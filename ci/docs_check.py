@@ -1,5 +1,5 @@
 """
-Check the documents: links, shell blocks, parameters, ranges of sensors, ROS graphs, names of tests.
+Check the documents: links, shell blocks, parameters, ranges of sensors, ROS graphs, files of tests.
 
     make docs-check
 
@@ -25,7 +25,7 @@ is in some graph. The arrow of a topic is `-->`, of a service `-.->`, of an acti
 
     source --> id["/name<br>Type"] --> target
 
-A test that a document names exists: `test_x.py`, `test_x.py::test_y` or `test_y`.
+A file of tests that a document names exists.
 Indented code blocks have no language, so they are refused.
 Exit code: 0 no findings, 1 findings, one line each.
 """
@@ -61,7 +61,6 @@ TABLE = re.compile(
 )
 LINK = re.compile(r'\[[^\[\]]*\]\(([^)\s]+)\)|\bsrc(?:set)?="([^"]+)"')  # the latter of a <picture>
 INDENTED = re.compile(r'(?:^|\n)\n(    \S.*)')
-NAMED_TEST = re.compile(r'`(test_\w+\.py)?(?:::)?(test_\w+)?`')
 GRAPH_LINE = re.compile(r'    (\w+).* (-->|-\.->|==>) \w+\["(\S+)<br>(\w+)"\] \2 (\w+.*)')
 RANGES = f'ranges of mdp-greenhouse {importlib.metadata.version("mdp-greenhouse")}'
 GRAPHS = 'ROS graphs'
@@ -154,14 +153,10 @@ def unproved_blocks(document: Document) -> Iterator[str]:
 
 
 def missing_tests(document: Document) -> Iterator[str]:
-    """Yield a finding for each test that the document names and that does not exist."""
-    tests = [document.root / path for path in files_in_git(document.root, '*test_*')]
-    for file, function in NAMED_TEST.findall(document.text):
-        of_file = [test for test in tests if file in ('', test.name)]
-        is_defined = any(f'def {function}(' in test.read_text(encoding='utf-8') for test in of_file)
-        is_script = not file and function in {test.name for test in tests}
-        if not (is_defined if function else of_file) and not is_script:
-            yield f'there is no test {"::".join(filter(None, (file, function)))}'
+    """Yield a finding for each file of tests that the document names and that does not exist."""
+    tests = {path.name for path in files_in_git(document.root, '*test_*.py')}
+    named = re.findall(r'`(test_\w+\.py)`', document.text)
+    yield from (f'there is no test {name}' for name in named if name not in tests)
 
 
 def ends_in(line: str) -> Iterator[str]:
