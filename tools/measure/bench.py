@@ -15,23 +15,24 @@ import json
 import os
 import platform
 import shlex
-import statistics
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
+import numpy as np
+import numpy.typing as npt
 import rclpy
 from lupin_greenhouse_bridge.errors import OneLineError, pluralized
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading.client import Client
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
-from shared import PATIENCE_SECONDS, Server, in_turns, own_domain, parser_of, percentile
+from shared import PATIENCE_SECONDS, Server, in_turns, own_domain, parser_of
 from traffic import ClientProcess, Counts, start_clients
 
 HERE = Path(__file__).resolve().parent
@@ -40,6 +41,7 @@ PLAIN_WRAPPER = f'{sys.executable} {HERE / "plain_wrapper.py"}'
 CANNED_REPLIES = f'{sys.executable} {HERE / "canned_replies.py"}'
 PARTS = ('latency', 'throughput', 'start', 'idle', 'growth')
 LOST_AFTER_SECONDS = 0.1  # short, because a client that waits longer for a lost reply makes fewer calls
+Array: TypeAlias = 'npt.NDArray[np.float64]'
 # Ratio of the subject to the baseline, and on which side of it the target lies.
 Side = Callable[[float, float], float]
 TARGETS: dict[str, tuple[float, Side]] = {
@@ -57,16 +59,11 @@ TARGETS: dict[str, tuple[float, Side]] = {
 }
 
 
-def service_of(name: str) -> str:
-    """Return the service of the server with this name."""
-    return f'/{name}/greenhouse_bridge/get_tag_reading'
-
-
 class NamedServer(Server):
     """A server in the namespace of its name."""
 
     def __init__(self, command: str, name: str, **parameters: object):
-        self.service = service_of(name)
+        self.service = f'/{name}/greenhouse_bridge/get_tag_reading'
         super().__init__(*shlex.split(command), namespace=f'/{name}', **parameters)
 
     def cpu_seconds(self) -> float:
@@ -75,41 +72,35 @@ class NamedServer(Server):
         return sum(int(task.read_text().split()[0]) for task in tasks) * 1e-9
 
 
-class Asker:
-    """A client of one participant: asks services for tag 1, one call at a time."""
+@contextlib.contextmanager
+def asking(*services: str) -> Iterator[Callable[[int], Array]]:
+    """
+    Yield a function that asks the services for tag 1, this often each, by a participant of its own.
 
-    def __init__(self, *services: str):
-        """Return when each service has replied once: discovery is complete then. Raises NoAnswer."""
-        self._context = Context()
-        rclpy.init(args=[], context=self._context)
-        self._node = rclpy.create_node(f'bench_{os.getpid()}', context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._client = Client(self._executor, self._node, PATIENCE_SECONDS)
-        self._clients = {service: self._client.connect(GetTagReading, service) for service in services}
-        for service in services:
-            self._microseconds(service)
+    It returns the microseconds of each call, a column for each service. Discovery is complete: each service
+    has replied once. Raises NoAnswer.
+    """
+    context = Context()
+    rclpy.init(args=[], context=context)
+    node = rclpy.create_node(f'bench_{os.getpid()}', context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    client = Client(executor, node, PATIENCE_SECONDS)
+    clients = [client.connect(GetTagReading, service) for service in services]
 
-    def close(self) -> None:
-        """Leave the domain."""
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
-
-    def _microseconds(self, service: str) -> float:
-        """Return how long a call takes."""
+    def microseconds(number: int) -> float:
         started = time.perf_counter_ns()
-        self._client.call(self._clients[service], GetTagReading.Request(tag_id='1'))
+        client.call(clients[number], GetTagReading.Request(tag_id='1'))
         return (time.perf_counter_ns() - started) / 1000
 
-    def latencies(self, services: Sequence[str], calls: int) -> list[list[float]]:
-        """Return the durations of this many calls to each service in microseconds, sorted."""
-        measures = [partial(self._microseconds, service) for service in services]
-        return [sorted(of_service) for of_service in zip(*in_turns(measures, calls), strict=True)]
+    def latencies(calls: int) -> Array:
+        return np.array(in_turns([partial(microseconds, number) for number in range(len(clients))], calls))
 
-    def medians(self, services: Sequence[str], calls: int) -> tuple[float, ...]:
-        """Return the median duration of a call to each service in microseconds."""
-        return tuple(percentile(each, 0.5) for each in self.latencies(services, calls))
+    latencies(1)
+    yield latencies
+    executor.shutdown()
+    node.destroy_node()
+    context.try_shutdown()
 
 
 def verdict(ratio: float, low: float, high: float, target: float, side: Side) -> str:
@@ -140,19 +131,19 @@ class Bench:
         self.commands: tuple[str, str] = (options.subject, options.baseline)
         self.rows: list[dict[str, Any]] = []
 
-    def ratio(self, figure: str, unit: str, pairs: Sequence[tuple[float, ...]], note: str = '') -> None:
-        """Keep a figure: (subject, baseline) of each round."""
-        ratios = sorted(subject / baseline for subject, baseline in pairs)
-        ratio, low, high = statistics.median(ratios), percentile(ratios, 0.25), percentile(ratios, 0.75)
-        subject, baseline = map(statistics.median, zip(*pairs, strict=True))
+    def ratio(self, figure: str, unit: str, pairs: npt.ArrayLike, note: str = '') -> None:
+        """Keep a figure: a row (subject, baseline) of each round."""
+        rounds = np.asarray(pairs)
+        low, ratio, high = np.quantile(rounds[:, 0] / rounds[:, 1], (0.25, 0.5, 0.75))
+        subject, baseline = np.median(rounds, axis=0)
         row = {'figure': figure, 'subject': subject, 'baseline': baseline, 'unit': unit, 'ratio': ratio}
-        row |= {'middle_half': [low, high], 'rounds': len(pairs), 'note': note}
+        row |= {'middle_half': [low, high], 'rounds': len(rounds), 'note': note}
         if figure in TARGETS:
             target, side = TARGETS[figure]
             row |= {'target': target, 'verdict': verdict(ratio, low, high, target, side)}
             note = f'{"<=" if side is max else ">="} {target:.2f} {row["verdict"]}'
         self.rows.append(row)
-        spread = f' [{low:.3f}, {high:.3f}]' if len(pairs) > 1 else ''
+        spread = f' [{low:.3f}, {high:.3f}]' if len(rounds) > 1 else ''
         sides = [f'{digits(value)} {unit}' for value in (subject, baseline)]
         print_row(figure, *sides, f'{ratio:.3f}{spread}', note)
 
@@ -165,19 +156,19 @@ class Bench:
         calls = 200 if self.options.short else 1000
         results = []
         for number in range(self.rounds):
-            commands = [('s0', self.commands[0]), ('s1', self.commands[1]), ('s2', CANNED_REPLIES)]
+            commands = list(enumerate([*self.commands, CANNED_REPLIES]))
             with contextlib.ExitStack() as stack:
-                for name, command in commands if number % 2 else reversed(commands):
-                    stack.enter_context(closing(NamedServer(command, name)))
-                services = [service_of(name) for name, _ in commands]
-                asker = stack.enter_context(closing(Asker(*services)))
-                asker.latencies(services, 200)  # the first calls are slower
-                results.append(asker.latencies(services, calls))
-        for name, share in (('p50', 0.5), ('p90', 0.9), ('p99', 0.99)):
-            pairs = [(percentile(ours, share), percentile(theirs, share)) for ours, theirs, _ in results]
-            self.ratio(f'round trip {name}', 'us', pairs)
-        pairs = [(percentile(ours, 0.5), percentile(floor, 0.5)) for ours, _, floor in results]
-        self.ratio('bridge to canned replies: p50', 'us', pairs, 'a server that reads no simulator')
+                services = [
+                    stack.enter_context(closing(NamedServer(command, f's{place}'))).service
+                    for place, command in (commands if number % 2 else reversed(commands))
+                ]
+                latencies = stack.enter_context(asking(*sorted(services)))
+                latencies(200)  # the first calls are slower
+                results.append(latencies(calls))
+        for percent in (50, 90, 99):
+            self.ratio(f'round trip p{percent}', 'us', np.percentile(results, percent, axis=1)[:, :2])
+        ours_and_floor = np.median(results, axis=1)[:, ::2]
+        self.ratio('bridge to canned replies: p50', 'us', ours_and_floor, 'a server that reads no simulator')
 
     def throughput(self) -> None:
         """Count the calls per second of several client processes at once."""
@@ -198,7 +189,7 @@ class Bench:
                 client.process.communicate()
             name = pluralized(count, 'client')
             # On an overloaded machine, a turn may end before the first answer.
-            rates = [tuple(max(side['answered'], 1) / seconds for side in sides) for sides in results]
+            rates = [[max(side['answered'], 1) / seconds for side in sides] for sides in results]
             self.ratio(f'throughput, {name}', 'calls/s', rates)
             lost = [sum(each['timed out'] for each in side) for side in zip(*results, strict=True)]
             figure = f'{name}: no reply within {LOST_AFTER_SECONDS:g} s'
@@ -210,7 +201,7 @@ class Bench:
 
         def milliseconds(command: str) -> float:
             started = time.perf_counter()
-            with closing(NamedServer(command, 'started')) as server, closing(Asker(server.service)):
+            with closing(NamedServer(command, 'started')) as server, asking(server.service):
                 return 1000 * (time.perf_counter() - started)
 
         sides = [partial(milliseconds, command) for command in self.commands]
@@ -218,16 +209,13 @@ class Bench:
 
     def idle(self) -> None:
         """Compare memory, and processor time while no client asks."""
-        self.ratio('resident memory', 'kB', [tuple(server.status('VmRSS') for server in self.servers)])
+        self.ratio('resident memory', 'kB', [[server.status('VmRSS') for server in self.servers]])
         seconds = 1.0 if self.options.short else 3.0
-
-        pairs = []
+        used = [[server.cpu_seconds() for server in self.servers]]
         for _ in range(2 if self.options.short else 5):
-            before = [server.cpu_seconds() for server in self.servers]
             time.sleep(seconds)
-            after = [server.cpu_seconds() for server in self.servers]
-            pairs.append(tuple(max(b - a, 1e-9) / seconds * 1e6 for a, b in zip(before, after, strict=True)))
-        self.ratio('processor at idle', 'us/s', pairs)
+            used.append([server.cpu_seconds() for server in self.servers])
+        self.ratio('processor at idle', 'us/s', np.maximum(np.diff(used, axis=0), 1e-9) / seconds * 1e6)
 
     def growth(self) -> None:
         """Compare bridges with many tags, and after many calls, with a small and a fresh one."""
@@ -240,20 +228,19 @@ class Bench:
                 tag_file.write_text(json.dumps({str(number): tag for number in range(1, count + 1)}))
                 server = NamedServer(self.options.subject, f'tags{count}', tag_file=f'"{tag_file}"')
                 services.append(stack.enter_context(closing(server)).service)
-            small, large, huge = services
-            asker = stack.enter_context(closing(Asker(*services)))
-            for figure, service in (('1,000 tags to 29', large), ('100,000 tags to 29', huge)):
-                asker.latencies([service, small], 100)  # the first calls are slower
-                pairs = [asker.medians([service, small], calls) for _ in range(self.rounds)]
-                self.ratio(f'{figure}: p50', 'us', pairs)
+            small, *larger = services
+            for figure, service in zip(('1,000 tags to 29', '100,000 tags to 29'), larger, strict=True):
+                with asking(service, small) as latencies:
+                    latencies(100)  # the first calls are slower
+                    medians = [np.median(latencies(calls), axis=0) for _ in range(self.rounds)]
+                self.ratio(f'{figure}: p50', 'us', medians)
         server = NamedServer(self.options.subject, 'many')
-        with closing(server), closing(Asker(server.service)) as asker:
+        with closing(server), asking(server.service) as latencies:
             calls = 7000 if self.options.short else 200_000
-            first = [asker.medians([server.service], 500) for _ in range(6)]
-            asker.latencies([server.service], calls - 6000)
-            last = [asker.medians([server.service], 500) for _ in range(6)]
-            pairs = [(late, early) for (late,), (early,) in zip(last, first, strict=True)]
-            self.ratio(f'call {calls:,} to call 1: p50', 'us', pairs)
+            first = [np.median(latencies(500)) for _ in range(6)]
+            latencies(calls - 6000)
+            last = [np.median(latencies(500)) for _ in range(6)]
+        self.ratio(f'call {calls:,} to call 1: p50', 'us', np.transpose([last, first]))
 
 
 def main() -> int:

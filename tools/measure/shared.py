@@ -79,11 +79,6 @@ def in_turns(measures: Sequence[Callable[[], T]], rounds: int) -> list[tuple[T, 
     return results
 
 
-def percentile(ordered: list[float], share: float) -> float:
-    """Return the value that this share of an ordered list does not exceed."""
-    return ordered[min(int(share * len(ordered)), len(ordered) - 1)]
-
-
 def check_promises(scenarios: Iterable[Callable[[T], Promises]], load: T) -> int:
     """Run scenarios and print a line per promise; return the exit code. A process that hangs breaks one."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends all that was started
