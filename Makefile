@@ -228,7 +228,6 @@ docs-check: build  ## check links, shell blocks, parameters, ROS graphs and file
 figure: figure-check build  ## draw the greenhouse for the documents: ARGS="--output . --tag-file F --sensor co2 --hour 6"
 	@$(if $(PAGE),$(IN_ENV) python tools/draw/page.py)
 	@$(IN_ENV) python tools/draw/figure.py $(ARGS)
-	@$(if $(ARGS),,$(IN_ENV) python tools/draw/seen.py)
 	@$(if $(WORLD),$(WITHIN) --drake python tools/draw/world.py)
 
 figure-check:

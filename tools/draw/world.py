@@ -1,11 +1,13 @@
 """
-Draw the SDF world for the page of lupin_simulation: from above, and as a robot's camera sees a tag.
+Draw the SDF world for the documents: from above, and what a robot's camera sees at the right and a wrong tag.
 
     make figure WORLD=1
 """
 
 import sys
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +21,20 @@ from lupin_simulation import rendered_world, sdf
 from lupin_simulation.generate_world import LARGEST_SIDE_M, SIDE_M, make_world
 from lupin_simulation.rendered_world import RenderedWorld, View, camera_axes, viewpoint
 from lupin_tag_confirmation import drawing
+from lupin_tag_confirmation.confirmation import Confirmer, Frame, Moment, Sight
 from lupin_tag_confirmation.detector import TagDetector
 from lupin_tag_confirmation.settings import Settings
 from matplotlib import pyplot
 from matplotlib.figure import Figure
-from PIL import Image
+from PIL import Image, ImageOps
 
-COMMITTED = Path(__file__).resolve().parents[2] / 'monorepo/lupin_simulation/doc'
-TAG, ROBOT_M, ROBOT_DEGREES = 7, 0.4, 20.0
+MONOREPO = Path(__file__).resolve().parents[2] / 'monorepo'
 # Of the picture from above: its size and its focal length in pixels, and where the camera is.
 WIDTH, HEIGHT, FOCAL_PIXELS = 2000, 1100, 2850.0
-FROM_MIDDLE_M = (9.5, -8.5, 8.5)
-NAMES = {
-    2: ('tag 2', (90, 0)),
-    19: ('tag 19 from behind', (10, 105)),
-}  # with the offset of the text in points
-INK, POINTS = '#1f2328', 20  # 11 px on a phone 328 px wide
+FROM_MIDDLE_M, BELOW_PIXELS = (-9.5, -8.5, 8.5), 75
+# With the offset of the text in points.
+NAMES = {19: ('tag 19', (-90, 0)), 2: ('tag 2 from behind', (-18, 140))}
+INK, BORDER, POINTS = '#1f2328', '#8c959f', 20  # 11 px on a phone 328 px wide
 
 
 def world_of(side_m: float, **camera: Any) -> RenderedWorld:
@@ -45,11 +45,10 @@ def world_of(side_m: float, **camera: Any) -> RenderedWorld:
 
 
 def draw_above() -> Figure:
-    """Return the figure of the whole world with large tags, and the names of what it shows."""
+    """Return the figure of the whole world with large tags, its axes, and the names of what it shows."""
     walls = find_walls(require_layout(''))
-    world = world_of(
-        LARGEST_SIDE_M, width=WIDTH, height=HEIGHT, focal_length_pixels=FOCAL_PIXELS, nearest_m=2.0
-    )
+    camera = {'width': WIDTH, 'height': HEIGHT, 'focal_length_pixels': FOCAL_PIXELS, 'nearest_m': 2.0}
+    world = world_of(LARGEST_SIDE_M, **camera)
     middle = np.array([(walls.x0 + walls.x1) / 2, (walls.y0 + walls.y1) / 2, -1.0])
     view = View(middle + FROM_MIDDLE_M, middle)
 
@@ -57,32 +56,43 @@ def draw_above() -> Figure:
         right, down, ahead = (point - view.eye) @ camera_axes(*view)
         return np.array([right, down]) * FOCAL_PIXELS / ahead + [WIDTH / 2, HEIGHT / 2]
 
-    figure = pyplot.figure(figsize=(8.2, 8.2 * HEIGHT / WIDTH))
+    x, y = walls.x0 - 0.35, walls.y0 - 0.35
+    corners = [pixel(*at, z) for at in ((x, y), (x, walls.y1), walls[2:], (walls.x1, y)) for z in (0.0, 0.4)]
+    (left, top), (right, bottom) = np.min(corners, axis=0), np.max(corners, axis=0)
+    bottom += BELOW_PIXELS
+    figure = pyplot.figure(figsize=(8.2, 8.2 * (bottom - top) / (right - left)))
     axes: Any = figure.add_axes((0, 0, 1, 1))
     axes.imshow(world.look(*view))
+    axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.set_axis_off()
     style = {'fontsize': POINTS, 'color': INK, **drawings.CENTRED}
-    x, y = walls.x1 + 0.35, walls.y0 - 0.35
-    for text, start, end, aside in (
-        (f'x, {walls.x1 - walls.x0:g} m', (walls.x0, y, 0.0), (walls.x1, y, 0.0), -110),
-        (f'y, {walls.y1 - walls.y0:g} m', (x, walls.y0, 0.0), (x, walls.y1, 0.0), 150),
-    ):
-        arrow = {'arrowstyle': '-|>', 'color': INK, 'linewidth': 1.5, 'mutation_scale': 18}
-        axes.annotate('', pixel(*end), pixel(*start), arrowprops=arrow)
-        axes.text(*(pixel(*start) + pixel(*end)) / 2 + [aside, 60], text, **style)
+    line = {'color': INK, 'linewidth': 1.5}
+    origin, *ends = pixel(x, y, 0.0), pixel(walls.x1, y, 0.0), pixel(x, walls.y1, 0.0)
+    axes.text(origin[0] - 130, origin[1] + 35, 'origin', **style)
+    for end, name, metres, aside in zip(ends, 'xy', (walls.x1, walls.y1), (130, -130), strict=True):
+        axes.text(*(origin + end) / 2 + (aside, 50), f'{name}, {metres:g} m', **style)
+        axes.annotate('', end, origin, arrowprops={'arrowstyle': '-|>', 'mutation_scale': 18, **line})
     for number, (text, offset) in NAMES.items():
-        line = {'arrowstyle': '-', 'color': INK, 'linewidth': 1.5, 'shrinkB': 8}
         at = pixel(*world.tags[number].centre)
-        axes.annotate(text, at, offset, textcoords='offset points', arrowprops=line, **style)
+        arrow = {'arrowstyle': '-', 'shrinkB': 8, **line}
+        axes.annotate(text, at, offset, textcoords='offset points', arrowprops=arrow, **style)
     return figure
 
 
-def draw_eye() -> Image.Image:
-    """Return what the camera of a robot in front of a tag sees, with what the detector reads in it."""
-    world = world_of(SIDE_M, width=480, height=300, focal_length_pixels=450.0)
-    picture = world.look(viewpoint(world.tags[TAG], ROBOT_M, ROBOT_DEGREES), world.tags[TAG].centre)
-    found = TagDetector().detect(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY))
-    return Image.fromarray(drawing.draw(picture, found, TAG, '', Settings()))
+def draw_seen(tag: int, expected_tag: int, distance_m: float, degrees: float) -> Image.Image:
+    """Return what confirm_tag publishes about what the camera of a robot at a tag sees, with a border."""
+    world = world_of(SIDE_M, width=960, height=600, focal_length_pixels=900.0)
+    picture = world.look(viewpoint(world.tags[tag], distance_m, degrees), world.tags[tag].centre)
+    sight = Sight(TagDetector().detect(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)), picture)
+    settings, now = Settings(), Moment(0.0, 0.0)
+    confirmer = Confirmer(settings)
+    for _ in range(settings.min_frames):
+        confirmer.add(Frame(lambda: sight, *now))
+    while confirmer.choose(now, now):
+        pass
+    reason = confirmer.judge(expected_tag, now, now).reason
+    seen = drawing.draw(picture, sight.detections, expected_tag, reason, settings)
+    return ImageOps.expand(Image.fromarray(seen), 2, BORDER)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -91,8 +101,12 @@ def main(arguments: list[str] | None = None) -> int:
     code = (__file__, drawing.__file__, rendered_world.__file__, sdf.__file__)
     files = [*code, shipped_file('tag_locations.json')]
     fingerprint = hash_of(*(Path(str(file)).read_bytes() for file in files))
-    draws = {'above': draw_above, 'eye': draw_eye}
-    pictures = {COMMITTED / f'{name}.png': (fingerprint, draw) for name, draw in draws.items()}
+    draws: dict[str, Callable[[], Any]] = {
+        'lupin_simulation/doc/above': draw_above,
+        'lupin_simulation/doc/eye': partial(draw_seen, 7, 7, 0.4, 20.0),
+        'lupin_tag_confirmation/doc/seen': partial(draw_seen, 16, 5, 0.3, -25.0),
+    }
+    pictures = {MONOREPO / f'{name}.png': (fingerprint, draw) for name, draw in draws.items()}
     return draw_or_check('make figure WORLD=1', pictures, is_check=is_check)
 
 

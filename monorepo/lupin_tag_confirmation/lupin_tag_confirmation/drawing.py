@@ -10,7 +10,7 @@ from lupin_tag_confirmation.settings import Settings
 
 GOOD, FLAWED, OTHER = (60, 220, 60), (255, 150, 0), (90, 160, 255)
 ASKED, PAPER = (255, 255, 255), (0, 0, 0)
-BAR_PIXELS, FONT_PIXELS = 42, 15
+USUAL_WIDTH, BAR_PIXELS, FONT_PIXELS = 540, 42, 15  # a wider picture has larger texts
 
 
 def draw(
@@ -24,7 +24,8 @@ def draw(
     """
     image = Image.fromarray(picture).convert('RGB')
     pen = ImageDraw.Draw(image)
-    pen.font = _font()
+    scale = max(1.0, image.width / USUAL_WIDTH)
+    bar, pen.font = round(scale * BAR_PIXELS), _font(round(scale * FONT_PIXELS))
     for each in detections:
         label, colour = f'tag id {each.tag_number}', OTHER
         if each.tag_number == expected_number:
@@ -37,19 +38,19 @@ def draw(
         border = (bottom - top) / 8  # white, one of the tag's modules wide
         width, height = pen.getfont().getmask(label).size  # textbbox of Pillow 9.0 refuses its default font
         x = max(min(float(left), image.width - width - 2.0), 0.0)
-        y = min(float(bottom + border) + 6, image.height - height - 4)
+        y = min(float(bottom + border) + 6 * scale, image.height - height - 4)
         pen.rectangle((x, y, x + width + 1, y + height + 3), fill=PAPER)
         pen.text((x, y), label, fill=colour)
-    pen.rectangle((0, 0, image.width, BAR_PIXELS), fill=PAPER)
+    pen.rectangle((0, 0, image.width, bar), fill=PAPER)
     pen.text((4, 3), f'camera image: looking for tag id {expected_number}', fill=ASKED)
     why = reason.removeprefix(f'tag {expected_number}: ')
     answer, colour = (f'not confirmed; {why}', FLAWED) if why else ('confirmed', GOOD)
-    pen.text((4, 3 + BAR_PIXELS // 2), answer, fill=colour)
+    pen.text((4, 3 + bar // 2), answer, fill=colour)
     return np.asarray(image)
 
 
-def _font() -> Any:
+def _font(pixels: int) -> Any:
     try:
-        return ImageFont.load_default(FONT_PIXELS)
+        return ImageFont.load_default(pixels)
     except TypeError:  # Pillow 9.0 of Ubuntu 22.04 has one size
         return ImageFont.load_default()

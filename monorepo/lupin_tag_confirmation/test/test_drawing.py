@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from lupin_tag_confirmation.confirmation import Detection
-from lupin_tag_confirmation.drawing import BAR_PIXELS, FLAWED, GOOD, OTHER, PAPER, draw
+from lupin_tag_confirmation.drawing import BAR_PIXELS, FLAWED, GOOD, OTHER, PAPER, USUAL_WIDTH, draw
 from lupin_tag_confirmation.settings import Settings
 
 GREY = np.full((240, 320), 128, np.uint8)
@@ -45,3 +45,8 @@ def test_the_label_tells_the_id_the_margin_and_corrected_bits():
     inked = [(label != 128).any(axis=2).any(axis=0).sum() for label in labels]
     assert len({label.tobytes() for label in labels}) == 4
     assert inked[3] > inked[0] + 20  # ', hamming 1' makes it longer
+
+
+def test_a_wide_picture_has_a_higher_bar():
+    picture = draw(np.full((600, 2 * USUAL_WIDTH), 128, np.uint8), [], 7, '', Settings())
+    assert (picture[:, -1] == PAPER).all(axis=1).sum() == pytest.approx(2 * BAR_PIXELS, abs=1)
