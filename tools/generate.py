@@ -1,11 +1,6 @@
 """
 Write the monorepo's and the mirror's packages from the shared core (tools/core, tools/twins.toml).
 
-    python3 tools/generate.py            write what the core renders, and nothing else
-    python3 tools/generate.py --check    compare only; write nothing
-    python3 tools/generate.py --prune    write, and remove what the core does not render (after a rename)
-    python3 tools/generate.py --force    write, also over an edit of a generated file
-
 Exit code: 0 the trees are what the core generates, 1 (--check) they are not, 2 nothing was written: the
 table or the core is wrong, a package that the core owns holds a file that is not from the core, or somebody
 has edited a generated file.
@@ -241,7 +236,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__.splitlines()[1])
     what = parser.add_mutually_exclusive_group()
     what.add_argument('--check', action='store_true', help='compare only; write nothing')
-    what.add_argument('--prune', action='store_true', help='remove files that the core does not render')
+    what.add_argument('--prune', action='store_true', help='also remove what a rename left behind')
     parser.add_argument('--force', action='store_true', help='overwrite edits of generated files')
     parser.add_argument('--root', type=Path, default=ROOT, help='the checkout; default: this one')
     options = parser.parse_args(arguments)

@@ -124,16 +124,9 @@ def check(folder: Path) -> None:
         print(f'{way}: {follow(script, home, environment)}', flush=True)
 
 
-def main() -> int:
-    """Run the whole check; return the exit code."""
+if __name__ == '__main__':
     try:
         with tempfile.TemporaryDirectory(prefix='publish-check-') as folder:
             check(Path(folder))
     except RefusedError as error:
-        print(f'publish check failed: {error}', file=sys.stderr)
-        return 1
-    return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+        sys.exit(f'publish check failed: {error}')

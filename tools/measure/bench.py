@@ -1,8 +1,7 @@
 """
 Compare the bridge with the plain wrapper of the simulator that teams used before it.
 
-    make bench              takes five minutes; prints a table and writes bench.json into .bench/
-    make bench SHORT=1      takes a minute, for a look
+It prints a table, and writes bench.json into .bench/. SHORT=1 takes a minute, for a look.
 
 Every ratio is measured within one run, in which the servers take turns. A ratio is the median of its rounds,
 with the middle half of them in brackets. --subject and --baseline replace the commands of the bridge and of

@@ -1,9 +1,6 @@
 """
 Connect two network namespaces, as two hosts, by a cable that loses, delays or corrupts frames.
 
-    make test-network           needs root and iproute2
-    make test-network SHORT=1   takes half a minute
-
 This process is the cable: it forwards Ethernet frames between two TAP devices. (`tc netem` could do the same,
 but the kernels of many virtual machines lack it.) Each call has a timeout of two minutes. Prints one line per
 phase. The exit code is 1 if a call was lost or handled twice, and 3 if this machine cannot run it.
@@ -269,21 +266,19 @@ def main() -> int:
     if os.geteuid() != 0 or not shutil.which('ip') or not TUN.exists():
         print(f'test-network: cannot run here: it needs root, {TUN} and ip (sudo apt install iproute2)')
         return CANNOT_RUN
+    os.environ |= {
+        'ROS_DOMAIN_ID': '0',  # the namespaces are isolated from everything else
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
+        'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',  # shared memory would bypass the cable
+    }
     try:
-        with two_hosts():
-            pass
+        return check_promises(SCENARIOS, 1 if options.short else 5)
     except (PermissionError, subprocess.CalledProcessError) as error:
         reason = str(getattr(error, 'stderr', error)).strip()
         if 'not permitted' not in reason:
             raise  # a fault of this script or of the machine, not missing rights
         print(f'test-network: cannot run here: {reason}')
         return CANNOT_RUN
-    os.environ |= {
-        'ROS_DOMAIN_ID': '0',  # the namespaces are isolated from everything else
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'SUBNET',
-        'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4',  # shared memory would bypass the cable
-    }
-    return check_promises(SCENARIOS, 1 if options.short else 5)
 
 
 if __name__ == '__main__':

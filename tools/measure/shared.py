@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 import domain_coordinator
+import psutil
 from lupin_greenhouse_bridge.errors import pluralized
 from lupin_greenhouse_bridge.testing import NodeProcess
 
@@ -46,17 +47,14 @@ class Server(NodeProcess):
         self.wait_for_log('ready:')
 
     def status(self, key: str) -> int:
-        """Return a number of the process, such as VmRSS (kB) or Threads."""
+        """Return a number of the process, such as VmRSS in kB."""
         return int(status_of(self.process.pid, key))
 
     def resources(self) -> dict[str, int]:
         """Return what may grow."""
-        open_files = len(list(Path(f'/proc/{self.process.pid}/fd').iterdir()))
-        return {
-            'RSS in kB': self.status('VmRSS'),
-            'open files': open_files,
-            'threads': self.status('Threads'),
-        }
+        process = psutil.Process(self.process.pid)
+        rss_kb = process.memory_info().rss // 1024
+        return {'RSS in kB': rss_kb, 'open files': process.num_fds(), 'threads': process.num_threads()}
 
 
 def status_of(pid: int, key: str) -> str:

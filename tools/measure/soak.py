@@ -1,13 +1,8 @@
 """
 Check what the bridge promises under faults and load on one machine, and count.
 
-    make soak                    takes about a quarter of an hour
-    make soak SHORT=1            takes about two minutes
-    make soak REFUSALS=12000     this many refused starts instead of 200
-    make soak SIGNALS=500        this many signals to each executable instead of 100
-    make soak ARGS="--only NAME" one scenario
-
-Prints one line per promise. The exit code is 1 if a promise is broken.
+make soak SHORT=1 takes about two minutes, and ARGS="--only NAME" runs one scenario. Prints one line per
+promise. The exit code is 1 if a promise is broken.
 """
 
 import contextlib
