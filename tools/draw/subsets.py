@@ -22,11 +22,10 @@ from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from simulated import Greenhouse, Subset
 
-# Of subsets of sensors, in the order of the key. Protanopes and deuteranopes can tell them apart too. The
-# subsets in the part have bright ones.
+# Of subsets of sensors, in the order of the key. Protanopes and deuteranopes can tell them apart too.
 SUBSET_COLOURS = (
-    *('#d55e00', '#0072a0', '#552489', '#f0e442', '#009e73'),
-    *('#e8a000', '#b0d7ff', '#7a1f00', '#8e7cff', '#f4b1a5', '#bbffc0', '#181657', '#56b4e9'),
+    *('#d55e00', '#3c69b4', '#a52dff', '#f0e442', '#009e73'),
+    *('#e8a000', '#b0d7ff', '#d21e3c', '#8e7cff', '#f4b1a5', '#bbffc0', '#69d25a', '#56b4e9'),
 )
 SHAPES = 'os^D'  # of one, two, three and more sensors
 OTHER = '0.5'
@@ -36,7 +35,7 @@ SCHEMES: dict[str, dict[Any, Any]] = {
     for name, ink, paper in (('light', '#1f2328', 'white'), ('dark', '#e6edf3', '#0d1117'))
 }
 # By the paper: the other end of the field's shades, and the tables, which have no such shade.
-FIELD_END = {'white': '0.7', '#0d1117': '0.3'}
+FIELD_END = {'white': '0.7', '#0d1117': '0.26'}
 TABLE = {'white': '#b5936b', '#0d1117': '#70502c'}
 FIELD_STEPS = 200  # along the longer side
 README_SEED = 42  # whose values the README shows
@@ -73,7 +72,7 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     layout, walls = greenhouse.layout, greenhouse.walls
     width_m, height_m, scale = drawings.scale_of(layout, walls)
     width, height = (size_m * drawings.INCHES_PER_M / scale for size_m in (width_m, height_m))
-    figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 3.1), layout='constrained')
+    figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 3.5), layout='constrained')
     axes = figure.add_subplot()
     lines = draw_field(axes, greenhouse, options, walls)
     axes.set(xlabel='x (m)', ylabel='y (m)')
@@ -81,7 +80,7 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     dots = [placing.Box(*tag[:2], size.height_m, size.height_m) for tag in layout.tags.values()]
     numbers = write_values(axes, lines, walls, units.unit_of(options.sensor), size, dots)
     draw_tags(axes, greenhouse, list(layout.tags), size, drawings.POINTS, numbers)
-    write_key(figure, greenhouse, set(greenhouse.subset_of.values()), 5, 11)
+    write_key(figure, greenhouse, set(greenhouse.subset_of.values()), 3, 11)
     axes.set_title(f'The {pluralized(len(layout.tags), "tag")} and their sensors', fontsize=11)
     return figure
 

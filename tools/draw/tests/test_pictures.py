@@ -203,6 +203,15 @@ def test_no_shade_of_the_field_is_the_colour_of_the_tables(scheme, drawn):
     assert np.linalg.norm(shades - colour, axis=1).min() > 0.15
 
 
+def test_the_tags_and_the_robot_stand_out_from_the_dark_field(drawn):
+    """By the contrast of WCAG 2, which asks for 3 of graphics."""
+    axes = drawn['greenhouse_part_dark'].axes[0]
+    marks = [*dots_of(axes), *(disc.get_facecolor() for disc in discs_of(axes))]
+    linear = np.array([to_rgb(each) for each in (subsets.FIELD_END['#0d1117'], *marks)]) ** 2.2
+    field, *others = linear @ [0.2126, 0.7152, 0.0722] + 0.05
+    assert min(others) > 3 * field
+
+
 def test_the_field_has_no_bands_and_its_lines_are_the_ticks_of_its_scale(drawn):
     with Image.open(figure.COMMITTED / 'greenhouse_light.png') as image:
         pixels = np.asarray(image.convert('RGB')).reshape(-1, 3)
