@@ -43,10 +43,6 @@ NEEDED_MB = 750
 MARK = '.lupin-environment'  # its text: 'incomplete', or the fingerprint of what was installed
 
 
-class NoNetwork(SystemExit):
-    """pip reaches no index of packages."""
-
-
 def unusable_characters(folder: Path) -> str:
     """Return the characters in a path that CMake, Make or the first line of a script cannot have."""
     allowed = string.ascii_letters + string.digits + '/._+@~!^-'
@@ -135,16 +131,13 @@ def install(venv: Path, *arguments: Word) -> list[Word]:
 
 def install_pinned(venv: Path, pins: Path, log: Path) -> None:
     """Install a list of pinned packages with uv, or with pip if uv cannot do it here."""
-    uv = shutil.which('uv') or venv / 'bin/uv'
+    if not (uv := shutil.which('uv')):
+        uv = str(venv / 'bin/uv')
+        run('uv, which installs the packages', install(venv, '--no-deps', '--constraint', pins, 'uv'), log)
+    command = [uv, 'pip', 'install', '--quiet', '--no-deps', f'--python={venv}/bin/python']
     try:
-        if uv == venv / 'bin/uv':
-            only_uv = install(venv, '--no-deps', '--constraint', pins, 'uv')
-            run('uv, which installs the packages', only_uv, log)
-        command = [uv, 'pip', 'install', '--quiet', '--no-deps', '--python', venv / 'bin/python']
         run('the packages', [*command, '--requirement', pins], log)
-    except NoNetwork:
-        raise
-    except (SystemExit, OSError):
+    except SystemExit:
         print('environment: uv cannot install here, so pip does (a minute longer)', file=sys.stderr)
         run('the packages', install(venv, '--requirement', pins), log)
 
@@ -166,7 +159,7 @@ def run(what: str, command: Sequence[Word], log: Path) -> None:
         proxies = [f'{key}={value}' for key, value in os.environ.items() if key.lower().endswith('s_proxy')]
         behind = f' ({", ".join(proxies)})' if proxies else ''
         told = f'{what} cannot be downloaded: check the network{behind}; details are in {log}'
-        raise NoNetwork(f'environment: {told}')
+        sys.exit(f'environment: {told}')
     print(*step.output().splitlines()[-15:], sep='\n', file=sys.stderr)
     stopped = f'making the environment stopped at: {shlex.join(step.command)}'
     sys.exit(f'environment: {(step.failures or [stopped])[0]}')
