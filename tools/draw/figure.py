@@ -97,7 +97,6 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
     tag = greenhouse.layout.tags[tag_id]
     hours = np.linspace(0.0, 24.0, 97)
     rows = len(tag.sensors)
-    pyplot.rcParams['font.size'] = pyplot.rcParams['figure.titlesize'] = subsets.PART_POINTS
     figure = pyplot.figure(figsize=(6.4, 1.8 + 2.1 * rows), layout='constrained')
     all_axes = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(all_axes, tag.sensors, strict=True):
@@ -107,7 +106,7 @@ def draw_day(greenhouse: Greenhouse, tag_id: str) -> Figure:
         band = axes.fill_between(hours, low, high, color=BAND_COLOUR, linewidth=0)
         (line,) = axes.plot(hours, values, color=colours.ROUTE, linewidth=2)
         noise = ' has no noise' if (low == high).all() else ''
-        axes.set_title(f'{label_of(name)}{noise}', loc='left', fontsize=subsets.PART_POINTS)
+        axes.set_title(f'{label_of(name)}{noise}', loc='left')
         extremes = {values.argmin(): (low, -4, 'top'), values.argmax(): (high, 4, 'bottom')}
         for at, (edge, aside, side) in extremes.items():
             when = clock_time(3600 * hours[at]) if len(extremes) > 1 else 'any time'
@@ -162,11 +161,14 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     draws: dict[str, Callable[[], Figure]] = {
         **{
-            f'{name}_{scheme}': partial(subsets.in_scheme, scheme, draw, greenhouse, options)
-            for name, draw in (('greenhouse', subsets.draw_layout), ('greenhouse_part', subsets.draw_part))
+            f'{name}_{scheme}': partial(subsets.in_style, scheme, points, draw, greenhouse, options)
+            for name, points, draw in (
+                ('greenhouse', drawings.POINTS, subsets.draw_layout),
+                ('greenhouse_part', subsets.PART_POINTS, subsets.draw_part),
+            )
             for scheme in subsets.SCHEMES
         },
-        'day': partial(subsets.in_scheme, 'light', draw_day, greenhouse, options.tag),
+        'day': partial(subsets.in_style, 'light', subsets.PART_POINTS, draw_day, greenhouse, options.tag),
         'route': lambda: drawings.draw_route(
             greenhouse.layout, greenhouse.walls, greenhouse.approaches, greenhouse.route
         ),

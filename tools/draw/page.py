@@ -21,8 +21,8 @@ ROOT = Path(__file__).resolve().parents[2]
 REPORTS = ROOT / '.mission'
 COMMITTED = ROOT / 'tools/core/lupin_greenhouse_bridge/doc/page.png'
 REPORT = ROOT / 'monorepo/lupin_mission/doc/report.png'
-TOP_OF_CHARTS = 'Math.floor(document.querySelector("#charts").getBoundingClientRect().top)'
-PAGE_PIXELS, SENSOR = 900, 'temperature'
+TOP_OF_TABLE = 'Math.floor(document.querySelector("#table").getBoundingClientRect().top)'
+PAGE_PIXELS, SENSOR = 760, 'temperature'
 
 
 def main() -> int:
@@ -37,7 +37,7 @@ def main() -> int:
         if exit_code := readings_page.main([str(reports[-1]), '-o', str(path)]):
             return exit_code
         with Page(path, width=PAGE_PIXELS) as page:
-            height = page.evaluate(TOP_OF_CHARTS)
+            height = page.evaluate(TOP_OF_TABLE)
             picture = Image.open(io.BytesIO(page.picture(is_whole=True))).convert('RGB')
     picture.crop((0, 0, PAGE_PIXELS, height)).save(COMMITTED, optimize=True)
     print(COMMITTED)

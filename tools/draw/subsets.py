@@ -5,7 +5,7 @@ import math
 import random
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -40,9 +40,10 @@ TABLE = {'white': '#b5936b', '#0d1117': '#70502c'}
 FIELD_STEPS = 200  # along the longer side
 README_SEED = 42  # whose values the README shows
 PART_M, PART_POINTS = 2.5, 16.0  # its size, and that of its texts: 11 px on a phone 328 px wide
+TAG_AT = 0.35, 0.5  # the place in the part of the tag that is read, as shares of its sides
 
 
-def styles_of(greenhouse: Greenhouse, size: float) -> dict[Subset, drawings.Style]:
+def styles_of(greenhouse: Greenhouse) -> dict[Subset, drawings.Style]:
     """Return the mark of each subset, in the order of the key; the rarest beyond the palette share OTHER."""
     counts, letters = Counter(greenhouse.subset_of.values()), list(greenhouse.letters.values())
     frequent = {subset for subset, _ in counts.most_common(len(SUBSET_COLOURS))}
@@ -50,20 +51,22 @@ def styles_of(greenhouse: Greenhouse, size: float) -> dict[Subset, drawings.Styl
     for subset in sorted(counts, key=lambda each: (len(each), *map(letters.index, each))):
         shape = SHAPES[min(len(subset), len(SHAPES)) - 1]
         colour = next(palette) if subset in frequent else OTHER
-        styles[subset] = mark(shape, colour, size)
+        styles[subset] = mark(shape, colour)
     return styles
 
 
-def mark(shape: str, colour: str, size: float) -> drawings.Style:
-    """Return the style of a point with an edge in the colour of the texts."""
+def mark(shape: str, colour: str) -> drawings.Style:
+    """Return the style of a point with an edge in the colour of the texts, and a little larger than these."""
+    size = 1.4 * pyplot.rcParams['font.size']
     edge = {'markeredgecolor': pyplot.rcParams['text.color'], 'markeredgewidth': size / 10}
     return drawings.point_style(shape, colour, size, **edge)
 
 
-def in_scheme(scheme: str, draw: Callable[..., Figure], *arguments: Any) -> Figure:
-    """Return a figure in the light or the dark scheme."""
+def in_style(scheme: str, points: float, draw: Callable[..., Figure], *arguments: Any) -> Figure:
+    """Return a figure in the light or the dark scheme with texts of this size."""
     pads = dict.fromkeys(('figure.constrained_layout.w_pad', 'figure.constrained_layout.h_pad'), 0.1)
-    with pyplot.rc_context(SCHEMES[scheme] | pads):
+    sizes = dict.fromkeys(('font.size', 'axes.titlesize', 'figure.titlesize'), points)
+    with pyplot.rc_context(SCHEMES[scheme] | pads | sizes):
         return draw(*arguments)
 
 
@@ -74,14 +77,12 @@ def draw_layout(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     width, height = (size_m * drawings.INCHES_PER_M / scale for size_m in (width_m, height_m))
     figure = pyplot.figure(figsize=(max(width, 4.3) + 0.8, height + 3.5), layout='constrained')
     axes = figure.add_subplot()
-    lines = draw_field(axes, greenhouse, options, walls)
-    axes.set(xlabel='x (m)', ylabel='y (m)')
     size = drawings.LABELS.times(scale)
-    dots = [placing.Box(*tag[:2], size.height_m, size.height_m) for tag in layout.tags.values()]
-    numbers = write_values(axes, lines, walls, units.unit_of(options.sensor), size, dots)
-    draw_tags(axes, greenhouse, list(layout.tags), size, drawings.POINTS, numbers)
-    write_key(figure, greenhouse, set(greenhouse.subset_of.values()), 3, 11)
-    axes.set_title(f'The {pluralized(len(layout.tags), "tag")} and their sensors', fontsize=11)
+    taken = draw_field(axes, greenhouse, options, walls, size, [])
+    axes.set(xlabel='x (m)', ylabel='y (m)')
+    draw_tags(axes, greenhouse, list(layout.tags), size, taken)
+    write_key(figure, greenhouse, list(layout.tags), 3)
+    axes.set_title(f'The {pluralized(len(layout.tags), "tag")} and their sensors')
     return figure
 
 
@@ -90,28 +91,25 @@ def draw_part(greenhouse: Greenhouse, options: argparse.Namespace) -> Figure:
     walls, tags = greenhouse.walls, greenhouse.layout.tags
     read_id = min(greenhouse.approaches.poses or tags, key=natural_order)
     side_m = min(PART_M, walls.x1 - walls.x0, walls.y1 - walls.y0)
-    ends = zip(tags[read_id][:2], walls[:2], walls[2:], strict=True)
-    x, y = (min(max(at - side_m / 2, low), high - side_m) for at, low, high in ends)
+    ends = zip(tags[read_id][:2], TAG_AT, walls[:2], walls[2:], strict=True)
+    x, y = (min(max(at - share * side_m, low), high - side_m) for at, share, low, high in ends)
     part = Walls(x, y, x + side_m, y + side_m)
-    pyplot.rcParams['font.size'] = pyplot.rcParams['figure.titlesize'] = PART_POINTS  # until the scheme ends
     figure = pyplot.figure(figsize=(6.4, 8.2), layout='constrained')
     axes = figure.add_subplot()
-    lines = draw_field(axes, greenhouse, options, part)
-    axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
     size = drawings.LABELS.times(PART_POINTS / drawings.POINTS * drawings.INCHES_PER_M * side_m / 6.0)
     seen = [tag_id for tag_id, tag in tags.items() if part.has_inside(*tag[:2])]
-    taken = draw_reading(axes, greenhouse, read_id, options.hour, size)
-    taken += [placing.Box(*tags[tag_id][:2], size.height_m, size.height_m) for tag_id in seen]
-    taken = write_values(axes, lines, part, units.unit_of(options.sensor), size, taken)
-    draw_tags(axes, greenhouse, seen, size, PART_POINTS, taken)
-    write_key(figure, greenhouse, {greenhouse.subset_of[tag_id] for tag_id in seen}, 4, PART_POINTS)
+    taken = draw_reading(axes, greenhouse, read_id, options.hour, size, placing.box_of(part))
+    taken = draw_field(axes, greenhouse, options, part, size, taken)
+    axes.set(xlim=part[::2], ylim=part[1::2], xticks=[], yticks=[], xlabel='')
+    draw_tags(axes, greenhouse, seen, size, taken)
+    write_key(figure, greenhouse, seen, 4)
     shades = f'{units.name_of(options.sensor)} at {clock_time(options.hour * 3600)}'
     figure.suptitle(f'A robot reads tag {read_id}. The shades show\nthe {shades}.')
     return figure
 
 
 def draw_reading(
-    axes: Any, greenhouse: Greenhouse, tag_id: str, hour: float, size: drawings.LabelSize
+    axes: Any, greenhouse: Greenhouse, tag_id: str, hour: float, size: drawings.LabelSize, bounds: placing.Box
 ) -> list[placing.Box]:
     """Draw the robot at its pose with the values of the tag, if it has a pose; return what is covered."""
     tags, found = greenhouse.layout.tags, greenhouse.approaches
@@ -136,7 +134,7 @@ def draw_reading(
     drawn = [robot, *(placing.Box(x, y, step_m, step_m) for x, y, _ in placing.steps_of(sight, step_m))]
     around = placing.Box(*pose[:2], robot.width + step_m, robot.height + step_m)  # room for the tail
     labels = [(around, width_m, height_m), (robot, size.width_m('robot'), size.height_m)]
-    place, name_place = placing.place_labels([*dots, *tables, *drawn], labels, view_of(axes))
+    place, name_place = placing.place_labels([*dots, *tables, *drawn], labels, bounds)
     frame = {'boxstyle': 'round,pad=0.3', 'facecolor': colours.ROUTE, 'edgecolor': 'none'}
     style = {'color': 'white', 'weight': 'bold', 'bbox': frame, 'zorder': 6, **drawings.CENTRED}
     tail = {'arrowstyle': 'wedge,tail_width=1.2', 'color': colours.ROUTE, 'linewidth': 0, 'shrinkB': 0}
@@ -152,20 +150,28 @@ def plate_of(axes: Any) -> drawings.Style:
     return {'boxstyle': 'round,pad=0.1', 'facecolor': axes.get_facecolor(), 'edgecolor': 'none', 'alpha': 0.8}
 
 
-def draw_field(axes: Any, greenhouse: Greenhouse, options: argparse.Namespace, part: Walls) -> ContourSet:
-    """Draw the tables, the walls, and the values of a sensor in greys; return its lines of equal values."""
+def draw_field(
+    axes: Any,
+    greenhouse: Greenhouse,
+    options: argparse.Namespace,
+    part: Walls,
+    size: drawings.LabelSize,
+    taken: list[placing.Box],
+) -> list[placing.Box]:
+    """Draw the tables, the walls, and the values of a sensor in greys with lines; return what is covered."""
     paper, ink = pyplot.rcParams['axes.facecolor'], pyplot.rcParams['text.color']
     xs, ys, field = field_of(greenhouse, options.sensor, options.hour, part)
     shades = LinearSegmentedColormap.from_list('shades', [paper, FIELD_END[paper]])
     extent = (*part[::2], *part[1::2])
     image = axes.imshow(field, shades, extent=extent, origin='lower', interpolation='bilinear')
-    lines: ContourSet = axes.contour(xs, ys, field, 5, colors=ink, linewidths=0.6, alpha=0.6, zorder=0.5)
+    lines = axes.contour(xs, ys, field, 5, colors=ink, linewidths=0.6, alpha=0.6, zorder=0.5)
     table = {'facecolor': TABLE[paper], 'edgecolor': ink, 'linewidth': 0.6}
     drawings.draw_greenhouse(axes, greenhouse.layout, greenhouse.walls, table)
     if part is greenhouse.walls:
         label = f'{label_of(options.sensor)} at {clock_time(options.hour * 3600)}'
         drawings.draw_colour_bar(axes, image, part, label=label, ticks=lines.levels).add_lines(lines)
-    return lines
+    dots = [placing.Box(*tag[:2], size.height_m, size.height_m) for tag in greenhouse.layout.tags.values()]
+    return write_values(axes, lines, part, units.unit_of(options.sensor), size, [*taken, *dots])
 
 
 def write_values(
@@ -199,22 +205,15 @@ def field_of(
 
 
 def draw_tags(
-    axes: Any,
-    greenhouse: Greenhouse,
-    tag_ids: list[str],
-    size: drawings.LabelSize,
-    points: float,
-    taken: Sequence[placing.Box] = (),
+    axes: Any, greenhouse: Greenhouse, tag_ids: list[str], size: drawings.LabelSize, taken: list[placing.Box]
 ) -> None:
-    """Draw each tag in the colour of its subset, with its id and its letters beside it."""
-    ink = pyplot.rcParams['text.color']
-    styles, labels = styles_of(greenhouse, 1.4 * points), []
+    """Draw tags in the colours of their subsets, with their ids and letters beside them."""
+    ink, points = pyplot.rcParams['text.color'], pyplot.rcParams['font.size']
+    styles, labels = styles_of(greenhouse), []
     for tag_id in tag_ids:
-        x, y, _ = greenhouse.layout.tags[tag_id]
-        subset = greenhouse.subset_of[tag_id]
+        (x, y, _), subset = greenhouse.layout.tags[tag_id], greenhouse.subset_of[tag_id]
         axes.plot(x, y, **styles[subset], zorder=5)
         labels.append((f'{tag_id} {"".join(subset)}', placing.Box(x, y, size.height_m, size.height_m), ink))
-    taken = [*taken, *(dot for _, dot, _ in labels)]
     style = {'weight': 'bold', 'bbox': plate_of(axes), 'fontsize': points, 'zorder': 4}
     drawings.write_labels(axes, labels, size, taken, view_of(axes), **style)
 
@@ -225,15 +224,12 @@ def view_of(axes: Any) -> placing.Box:
     return placing.box_of(Walls(x0, y0, x1, y1))
 
 
-def write_key(
-    figure: Figure, greenhouse: Greenhouse, subsets: set[Subset], columns: int, size: float
-) -> None:
-    """Write below the name of each letter, and the marks of these subsets with their letters."""
-    names = [
-        f'{letter}\N{NO-BREAK SPACE}{units.name_of(name)}' for name, letter in greenhouse.letters.items()
-    ]
-    marks = [(''.join(each), style) for each, style in styles_of(greenhouse, size).items() if each in subsets]
-    marks.append(('table', mark('s', TABLE[pyplot.rcParams['axes.facecolor']], size)))
+def write_key(figure: Figure, greenhouse: Greenhouse, tag_ids: list[str], columns: int) -> None:
+    """Write below the name of each letter, and the marks of the subsets of these tags."""
+    names = [f'{letter}\xa0{units.name_of(name)}' for name, letter in greenhouse.letters.items()]
+    subsets = {greenhouse.subset_of[tag_id] for tag_id in tag_ids}
+    marks = [(''.join(each), style) for each, style in styles_of(greenhouse).items() if each in subsets]
+    marks.append(('table', mark('s', TABLE[pyplot.rcParams['axes.facecolor']])))
     place = {'loc': 'outside lower center', 'bbox_to_anchor': None, 'handletextpad': 0.2}
     title = textwrap.fill(f'sensors: {", ".join(names)}', 40)
-    drawings.write_key(figure, marks, columns, title=title, columnspacing=1.0, **place)
+    drawings.write_key(figure, marks, columns, title=title, columnspacing=1.0, markerscale=0.75, **place)

@@ -145,7 +145,7 @@ def test_the_rarest_of_more_subsets_than_colours_share_grey_and_have_shapes():
     letters = {name: name for name in 'abcde'}
     pairs = [pair for size in (1, 2) for pair in itertools.combinations('abcde', size)]
     subset_of = dict(enumerate([*pairs, pairs[-1]]))
-    styles = subsets.styles_of(SimpleNamespace(subset_of=subset_of, letters=letters), 10)
+    styles = subsets.styles_of(SimpleNamespace(subset_of=subset_of, letters=letters))
     assert list(styles) == pairs
     assert [each['marker'] for each in styles.values()] == 5 * ['o'] + 10 * ['s']
     drawn = [each['color'] for each in styles.values()]
