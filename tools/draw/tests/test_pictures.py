@@ -18,6 +18,7 @@ import simulated
 import subsets
 import tag_sheet
 import yaml
+from lupin_greenhouse_bridge.display import placing
 from lupin_greenhouse_bridge.simulator.layout import require_layout
 from lupin_tag_confirmation.detector import TagDetector
 from matplotlib.colors import to_rgb
@@ -234,7 +235,8 @@ def test_each_line_of_equal_values_has_its_number_and_the_scale_is_as_wide_as_th
     for level, paths in zip(lines.levels, lines.allsegs, strict=True):
         numbers = [each for each in axes.texts if each.get_text() == f'{level:g} °C']
         boxes = [each.get_window_extent() for each in numbers]
-        ways = [axes.transData.transform(each) for each in paths if len(each) > 10]  # not in a corner
+        ways = [axes.transData.transform(each) for each in paths]
+        ways = [each for each in ways if placing.length_m(each) > 1.5 * boxes[0].width]  # not in a corner
         assert len(boxes) == len(ways)
         for way in map(Line, ways):
             assert any(way.intersects_bbox(box, filled=False) for box in boxes)
