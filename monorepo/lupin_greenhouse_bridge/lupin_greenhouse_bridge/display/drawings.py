@@ -271,7 +271,7 @@ def draw_route(
         for stop in groups[text]:
             share = robot_radius_m / math.dist(stop, box[:2])  # so the line ends at the robot's disc
             ends = zip(box[:2], np.array(stop) + share * (np.array(box[:2]) - stop), strict=True)
-            axes.plot(*ends, color=colours.ROUTE, linewidth=LEADER_POINTS, zorder=2.3)
+            axes.plot(*ends, color=colours.ROUTE, linewidth=LEADER_POINTS, zorder=1.65)
     marks: dict[str, Style] = {
         'route, in the direction of its arrows': {'color': colours.ROUTE, 'marker': '>', 'markersize': 5},
         f'robot (radius {robot_radius_m:g} m) at a stop; dark: its front': ROBOT,
