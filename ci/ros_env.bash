@@ -47,6 +47,10 @@ unset _name
 if [ "${1:-}" != without-overlay ] && [ -e "$LUPIN_WORKSPACE/install/local_setup.bash" ]; then
     source "$LUPIN_WORKSPACE/install/local_setup.bash"
 elif [[ "${1:-}" != without-overlay && -z "${MAKELEVEL:-}" ]]; then  # make itself builds what it needs
-    echo "TREE=${TREE:-monorepo} is not built: make build TREE=${TREE:-monorepo}" >&2
+    _other=lupin_greenhouse_ros
+    [ "${TREE:-monorepo}" = monorepo ] || _other=monorepo
+    [ -e "$VIRTUAL_ENV/workspace/$_other/install" ] && _other=", or export TREE=$_other, which is built" || _other=
+    echo "TREE=${TREE:-monorepo} is not built: make build TREE=${TREE:-monorepo}$_other" >&2
+    unset _other
 fi
 unset _root

@@ -117,14 +117,15 @@ def test_a_mistake_is_named_in_one_line_before_anything_is_built(words, said):
     assert all(line.startswith('make: *** ') for line in rest)
 
 
-UNBUILT = 'TREE=lupin_greenhouse_ros is not built: make build TREE=lupin_greenhouse_ros\n'
+UNBUILT = 'TREE=lupin_greenhouse_ros is not built: make build TREE=lupin_greenhouse_ros'
 
 
 def test_a_shell_that_enters_another_tree_leaves_the_first_and_is_told_how_to_build_it(tmp_path):
+    (tmp_path / 'workspace/monorepo/install').mkdir(parents=True)
     enter = 'source ci/ros_env.bash; echo "$PATH:$PYTHONPATH:$LD_LIBRARY_PATH:$AMENT_PREFIX_PATH"'
     script = f'{enter}; export VENV={tmp_path} TREE=lupin_greenhouse_ros; {enter}'
     ended = run('bash', '-c', script, env=of_a_user())
-    assert ended.stderr == UNBUILT
+    assert ended.stderr == f'{UNBUILT}, or export TREE=monorepo, which is built\n'
     first, second = ended.stdout.splitlines()
     assert 'workspace/monorepo/' in first
     assert 'workspace/monorepo/' not in second
@@ -138,7 +139,7 @@ IN_ENVIRONMENT = [
         1,
         'TREE=mono is not a tree: set TREE=monorepo or TREE=lupin_greenhouse_ros\n',
     ),
-    ({'TREE': 'lupin_greenhouse_ros', 'VENV': ''}, 'read_tag', 127, UNBUILT),
+    ({'TREE': 'lupin_greenhouse_ros', 'VENV': ''}, 'read_tag', 127, f'{UNBUILT}\n'),
 ]
 
 

@@ -579,11 +579,23 @@ BELOW, FAR_ABOVE, ABOVE = (1.0, 1.0, 3.0, 1.9), (1.0, 2.5, 3.0, 3.0), (1.0, 2.1,
         (2.0, 2.0, SOUTH, [ABOVE, BELOW], FAR),
         (3.0, 1.2, EAST, [(3.0, 1.0, 1.0, 1.5)], FAR),  # the corners may be in any order
         (3.0, 1.2, EAST, [(1.0, 1.5, 3.0, 1.0)], FAR),
+        (2.0, 0.09, NORTH, [LONG], Walls(0.0, 0.0, 9.0, 9.0)),  # it hangs on the wall
+        (2.0, 0.11, SOUTH, [LONG], Walls(0.0, 0.0, 9.0, 9.0)),
+        (2.0, 0.97, SOUTH, [LONG], Walls(0.0, 0.9, 9.0, 9.0)),  # the table is nearer
+        (9.0, 5.0, WEST, [], Walls(0.0, 0.0, 9.0, 9.0)),
     ],
 )
 def test_a_tag_faces_away_from_its_table_towards_the_free_side(x, y, expected, tables, walls):
     layout = layout_of((x, y), **{str(number): each for number, each in enumerate(tables)})
     assert find_tag_poses(layout, walls)['0'].facing == expected
+
+
+@pytest.mark.parametrize(
+    ('table', 'pose'), [((1.0, 3.0, 3.0, 4.0), (2.0, 0.5)), ((1.0, 0.3, 3.0, 0.5), None)]
+)
+def test_a_tag_on_a_wall_is_seen_from_the_room_unless_a_table_hides_it(table, pose):
+    poses = find_approaches(layout_of((2.0, 0.0), t=table), Walls(0.0, 0.0, 4.0, 4.0), USUAL).poses
+    assert (poses['0'][:2] if poses else None) == pose
 
 
 def test_the_distance_of_a_table_is_that_of_its_nearest_point():

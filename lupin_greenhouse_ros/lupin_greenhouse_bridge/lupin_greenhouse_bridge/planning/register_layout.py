@@ -87,7 +87,7 @@ def run_registration(
 def _register(executor: Executor, options: argparse.Namespace) -> None:
     layout = layout_of(options)
     if options.suggest is not None:
-        _suggest(layout, options.suggest)
+        _suggest(layout, options.suggest, options.tag_file)
         return
     if options.pairs:
         places, frame_id = read_places(options.pairs), MAP_FRAME
@@ -153,7 +153,7 @@ def _raise_if_asked_to_end() -> None:
         raise Interrupted
 
 
-def _suggest(layout: Layout, count: int) -> None:
+def _suggest(layout: Layout, count: int, tag_file: str) -> None:
     """Print the tags that are best to click, and the command for them."""
     if not 2 <= count <= len(layout.tags):
         raise UsageError(f'--suggest is {count}: must be from 2 to {len(layout.tags)}, the number of tags')
@@ -163,7 +163,8 @@ def _suggest(layout: Layout, count: int) -> None:
     rows = [(escaped(tag_id, 40), *(f'{each:.2f}' for each in places_m[tag_id])) for tag_id in tag_ids]
     print_line('\n'.join(aligned_table([('tag', 'x in layout (m)', 'y in layout (m)'), *rows], [1, 2])))
     command = NAME if is_environment_of_make() else f'ros2 run lupin_greenhouse_bridge {NAME}'
-    print_line(f'To click them: {command} --click {shlex.join(tag_ids)}')
+    own_file = ['--tag-file', tag_file] if tag_file else []
+    print_line(f'To click them: {command} {shlex.join([*own_file, "--click", *tag_ids])}')
 
 
 def _places_m(layout: Layout) -> dict[str, Point]:
@@ -175,7 +176,7 @@ def _check_known(layout: Layout, tag_ids: Iterable[str]) -> None:
         if tag_id not in layout.tags:
             raise UsageError(
                 f"tag '{escaped(tag_id, 64)}' is not one of the {len(layout.tags)} tags of the layout:"
-                " correct its id (ids have spaces between them), or name the bridge's tag file"
+                " correct its id (ids have spaces between them), or set --tag-file to the bridge's"
             )
 
 

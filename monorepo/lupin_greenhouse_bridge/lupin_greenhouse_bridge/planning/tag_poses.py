@@ -15,9 +15,11 @@ from lupin_greenhouse_bridge.simulator.layout import Layout
 
 EQUAL_M = 1e-9  # distances that differ by less count as equal
 PLATE_WIDTH_M = 0.0625  # of a tag of 5 cm with its white border
+ON_WALL_M = 0.1  # a tag that is nearer to a wall, and not nearer to a table, hangs on the wall
 ASIDE_M = 0.1  # a table that is farther beside a tag is not ahead of it
 BEYOND = 1e-6  # share of a line of sight: what touches the tag from the front is before it
 SIDES_AT_ONCE = 32
+OPPOSITE = {SOUTH: NORTH, NORTH: SOUTH, WEST: EAST, EAST: WEST}
 
 
 class Table(NamedTuple):
@@ -75,17 +77,22 @@ def find_tag_poses(layout: Layout, walls: Walls) -> dict[str, TagPose]:
     """
     Return the pose of each tag by its id, in the order of the layout.
 
-    Each tag faces away from the nearest edge of its nearest table. If two tables are equally near, the first
-    in the file counts. On a corner, where two edges are equally near, the tag faces the side where the next
-    table or wall is farther away, or else the first of south, north, west and east. Without tables, the tags
-    face the middle of the layout. Raises StartUpError for a table without an area.
+    A tag that hangs on a wall faces away from it. Each other tag faces away from the nearest edge of its
+    nearest table. If two tables are equally near, the first in the file counts. On a corner, where two edges
+    are equally near, the tag faces the side where the next table or wall is farther away, or else the first
+    of south, north, west and east. Without tables, the tags face the middle of the layout. Raises
+    StartUpError for a table without an area.
     """
     tables = tables_of(layout)
     xs, ys, _ = zip(*layout.tags.values(), strict=True)
     middle = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
-    edges = np.array(tables)
+    edges = np.array(tables).reshape(-1, 4)
     tag_poses = {}
     for tag_id, (x, y, _) in layout.tags.items():
+        wall = _wall_of(x, y, walls, edges)
+        if wall is not None:
+            tag_poses[tag_id] = TagPose(x, y, OPPOSITE[wall])
+            continue
         if not tables:
             facing = math.atan2(middle[1] - y, middle[0] - x) if (x, y) != middle else SOUTH
             tag_poses[tag_id] = TagPose(x, y, facing)
@@ -103,6 +110,13 @@ def find_tag_poses(layout: Layout, walls: Walls) -> dict[str, TagPose]:
     return tag_poses
 
 
+def _wall_of(x: float, y: float, walls: Walls, tables: np.ndarray) -> float | None:
+    """Return the direction of the wall that a tag hangs on; None if it hangs on none."""
+    away_m = {angle: walls.distance_ahead_m(x, y, angle) for angle in OPPOSITE}
+    wall = min(away_m, key=away_m.__getitem__)
+    return wall if 0.0 <= away_m[wall] < distances_m(tables, (x, y)).min(initial=ON_WALL_M) else None
+
+
 def distances_m(tables: np.ndarray, points: ArrayLike) -> np.ndarray:
     """Return the distance of each table (tables, 4) to a point (2), or to each of (points, 1, 2); 0 in it."""
     beside = np.maximum(tables[:, :2] - points, points - tables[:, 2:]).clip(0.0)
@@ -118,7 +132,7 @@ class Surroundings(NamedTuple):
     """
     The tables and plates near a tag, in metres: their shapes, and the sides that can hide the tag.
 
-    A tag stands on its nearest table, which never hides it.
+    A tag stands on its nearest table, which never hides it, unless it hangs on a wall.
     """
 
     walls: Walls
@@ -198,7 +212,9 @@ class Obstacles:
         others = np.unique(self._plates[plates[plates != number]], axis=0)  # of equal ones, one
         away_m = distances_m(self._tables, tag[:2])
         tables = np.flatnonzero(away_m <= reach_m)
-        other_tables = self._tables[tables[tables != nearest_of(away_m)]] if len(tables) else self._tables[:0]
+        is_on_wall = _wall_of(*tag[:2], self._walls, self._tables) is not None
+        own = None if is_on_wall or not len(tables) else nearest_of(away_m)
+        other_tables = self._tables[tables[tables != own]]
         corners = other_tables[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
         sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2, 2)
         sides = np.concatenate([sides, others])
