@@ -7,6 +7,7 @@ const data = files[file_number] ?? files[0];
 const TAB_HEIGHT = 170;
 const LONG_LINE = 40;  // points, from which a chart is as wide as the page
 const MOST_LABELLED = 100;  // lines of a chart; of more, only the chosen one has a label
+const ONE_MOMENT_MS = 1000, ONE_TIME_MS = 60000;  // in which a chart, and the times of tags, would say nothing
 const NO_ROOM = 'of the numbers have no room: choose a tag to see its own';
 // A drawing is in units of 1/16 of the page's font size, which grows with the window.
 const TEXT_HEIGHT = 13, SPACE = 8;  // of a label, and between it and what is beside it
@@ -26,7 +27,7 @@ const [view_x0, view_y0, view_x1, view_y1] = data.view, aspect = (view_x1 - view
 const placed_tags = data.tags.filter(tag => tag.x !== null);
 // The robot stood where a point is there twice in a row.
 const stops = data.route.filter((point, n) => n && String(point) === String(data.route[n - 1]));
-const state = { sensor: 0, clock: 'wall', sort: null, is_descending: false, is_printed: false };
+const state = { sensor: 0, clock: 'wall', is_printed: false };
 const pen = document.createElement('canvas').getContext('2d');
 pen.font = '11px system-ui, sans-serif';
 
@@ -87,7 +88,8 @@ const is_extreme = (sensor, tag) => sensor?.extremes.some(([, ids]) => ids.inclu
 const address = id => `#tag=${encodeURIComponent(id)}`;
 const zone = Intl.DateTimeFormat().resolvedOptions().timeZone;
 const is_one_day = new Set(data.span_ms.map(date)).size <= 1;
-const dates_in_table = [...new Set(data.tags.filter(tag => tag.stamp_ms !== null).map(tag => date(tag.stamp_ms)))];
+const last_stamps = data.tags.map(tag => tag.stamp_ms).filter(ms => ms !== null).sort((a, b) => a - b);
+const dates_in_table = [...new Set(last_stamps.map(date))];
 const tags_in_table = data.tags.filter(tag => tag.has_failed || tag.outcome === 'read');
 // If all failures have the same word, it stands in the key and not beside each tag.
 const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(tag => tag.outcome))];
@@ -95,15 +97,14 @@ const failure_words = [...new Set(data.tags.filter(tag => tag.has_failed).map(ta
 // The head
 
 function write_head() {
-  const parts = data.counts.map(([text]) => text);
-  if (data.span_ms.length) {
-    const whole = text => text.replaceAll(' ', '\u00a0');  // does not break
-    const [from, to] = data.span_ms.map(ms => whole(`${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`));
-    parts.push(from === to ? from : `${from} to ${to} (${whole(data.duration)})`, data.greenhouse_times);
-  }
-  write_pieces(document.querySelector('h1'), parts, number => data.counts[number]?.[1]);
-  const day = is_one_day && data.span_ms.length ? date(data.span_ms[0]) : '';
-  write_pieces(element('file'), [data.title, day, `times in ${zone}`, data.speed].filter(Boolean));
+  const whole = text => text.replaceAll(' ', '\u00a0');  // does not break
+  const ends = data.span_ms.map(ms => `${is_one_day ? '' : `${date(ms)} `}${clock(ms)}`), [from, to] = ends.map(whole);
+  const span = from === to ? from : `${from} to ${to} (${whole(data.duration)})`;
+  const when = is_one_day && from ? [whole(date(data.span_ms[0])), whole(span)] : [span];
+  document.querySelector('h1').textContent = ['Greenhouse readings', ...when].filter(Boolean).join(', ');
+  const parts = [...data.counts.map(([text]) => text), data.greenhouse_times].filter(Boolean);
+  write_pieces(element('counts'), parts, number => data.counts[number]?.[1]);
+  write_pieces(element('file'), [data.title, `times in ${zone}`, data.speed].filter(Boolean));
   data.failures.forEach(each => write_tags(mark(element('failures'), 'li'), each, 'bad'));
   data.notes.forEach(note => mark(element('notes'), 'p', {}, note));
 }
@@ -151,7 +152,7 @@ const common = (a, b) => Math.max(Math.min(a[2], b[2]) - Math.max(a[0], b[0]), 0
 // Returns the box around a dot in which a label and the line to it cover least, how much they cover there,
 // this line, and in which ring of places the box is. If it must, a label may cross the `route`, and may be nearer
 // to another of the `dots`.
-function place_label(x, y, radius, width, { taken, room, route = [], dots = [] }) {
+function place_label(x, y, radius, width, { taken, room, route, dots = [] }) {
   const aside = radius + width / 2 + 4, above = radius + TEXT_HEIGHT / 2 + 1, area = width * TEXT_HEIGHT;
   const mirrored = ([a, b], dx, dy) => [[a, b], [-a, b], [a, -b], [-a, -b]].map(at => [at[0] * dx, at[1] * dy]);
   const ring = (dx, dy) =>
@@ -197,6 +198,7 @@ function label_dot(group, x, y, radius, width, boxes, name, text) {
   if (!is_spare) {
     boxes.taken.push(box, ...leader);
     const [left, top, right, bottom] = box;
+    boxes.route.push([left - SPACE, top + 4, right + SPACE, bottom - 4]);  // no other label, if it can
     if (far) draw_leader(group, x, y, clamp(x, left, right), clamp(y, top, bottom));
   }
   return write_in(group, box, is_spare ? `${name} spare` : name, text);
@@ -248,6 +250,8 @@ function draw_map() {
   const frame = frame_of(...size, { left: 32, right: 12, top: 6, bottom: 20 });
   const name = 'Map of the greenhouse. The arrow keys choose the next tag.';
   const svg = start_drawing(place, frame.width, frame.height, { role: 'group', 'aria-label': name });
+  const [left, , right] = frame.room, bar = document.querySelector('#bar .colours').style;
+  Object.assign(bar, { marginLeft: `${left / 16}rem`, width: `${(right - left) / 16}rem` });
   draw_axes(svg, frame);
   draw_ground(svg, frame);
   draw_route(svg, frame);
@@ -307,7 +311,7 @@ function write_key(sensor) {
   bar.ariaLabel = `Colours from ${low} to ${high} ${sensor.unit}`;
   bar.replaceChildren();
   for (const at of [low, ...inner, high]) {
-    mark(bar, 'span', { style: `left: ${100 * share(at)}%` }, short(at, 4), at === high ? ` ${sensor.unit}` : '');
+    mark(bar, 'span', { style: `left: ${100 * share(at)}%` }, short(at, 4));
   }
   const values = data.tags.map(tag => tag.values[state.sensor]).filter(value => value !== null);
   const outside = values.filter(value => value < low || value > high).length;
@@ -362,29 +366,33 @@ const columns = [
   ...data.sensors.map((sensor, n) => ({
     name: sensor.name, unit: sensor.unit, key: tag => tag.values[n], text: value => value.toFixed(sensor.decimals),
   })),
-  {
+  ...last_stamps.at(-1) - last_stamps[0] < ONE_TIME_MS ? [] : [{
     name: 'time', is_aside: true, unit: is_one_day || is_over_days ? '' : dates_in_table.join(),
     key: tag => tag.stamp_ms,
     text: ms => is_over_days ? `${date(ms)} ${clock(ms)}` : clock(ms),
-  },
-  { name: 'greenhouse', is_aside: true, unit: 'time of day', key: tag => tag.time_of_day, text: day_time },
+  }],
+  ...data.is_of_several_times
+    ? [{ name: 'greenhouse', is_aside: true, unit: 'time of day', key: tag => tag.time_of_day, text: day_time }] : [],
   ...data.tags.some(tag => tag.attempts > data.fewest_attempts)
     ? [{ name: 'attempts', is_aside: true, key: tag => tag.attempts, text: String }] : [],
 ];
 
 function write_table() {
   const table = document.querySelector('table'), head = mark(mark(table, 'thead'), 'tr');
-  columns.forEach((column, number) => {
+  const choice = document.querySelector('#sort select');
+  for (const column of columns) {
     const cell = mark(head, 'th', { scope: 'col', class: column.text ? 'number' : '' });
-    mark(cell, 'button', { type: 'button' }, column.name).addEventListener('click', () => {
-      state.is_descending = state.sort === number && !state.is_descending;
-      state.sort = number;
+    const sort = is_descending => {
       for (const each of head.children) each.removeAttribute('aria-sort');
-      cell.ariaSort = state.is_descending ? 'descending' : 'ascending';
-      sort_table();
-    });
+      cell.ariaSort = is_descending ? 'descending' : 'ascending';
+      sort_table(column.key, is_descending ? -1 : 1);
+    };
+    mark(cell, 'button', { type: 'button' }, column.name)
+      .addEventListener('click', () => sort(cell.ariaSort === 'ascending'));
     if (column.unit) mark(cell, 'small', {}, column.unit);
-  });
+    for (const arrow of '↑↓') mark(choice, 'option', {}, `${column.name} ${arrow}`).sort = () => sort(arrow === '↓');
+  }
+  choice.addEventListener('change', () => choice.selectedOptions[0].sort());
   const body = mark(table, 'tbody');
   tags_in_table.forEach(tag => write_row(body, tag));
   data.unread.forEach(each => write_tags(mark(element('unread'), 'p'), each, ''));
@@ -398,17 +406,16 @@ function write_table() {
 function write_row(body, tag) {
   tag.row = mark(body, 'tr', { class: tag.has_failed ? 'failed' : '', 'data-tag': tag.id });
   mark(mark(tag.row, 'th', { scope: 'row', title: tag.id }), 'a', { href: address(tag.id) }, tag.id);
-  const is_read = tag.outcome === 'read', spanned = data.sensors.length + 2;
-  if (!is_read) mark(tag.row, 'td', { colspan: spanned }, tag.outcome);
-  for (const { name, unit, key, text, is_aside } of columns.slice(is_read ? 1 : 1 + spanned)) {
+  const shown = columns.filter(({ name }, n) => n && (tag.outcome === 'read' || name === 'attempts'));
+  if (tag.outcome !== 'read') mark(tag.row, 'td', { colspan: columns.length - 1 - shown.length }, tag.outcome);
+  for (const { name, unit, key, text, is_aside } of shown) {
     const told = { class: is_aside ? 'number aside' : 'number', 'data-name': name, 'data-unit': is_aside ? '' : unit };
     mark(tag.row, 'td', told, key(tag) === null ? '' : text(key(tag)));
   }
   tag.row.addEventListener('click', () => choose(tag));
 }
 
-function sort_table() {
-  const { key } = columns[state.sort], sign = state.is_descending ? -1 : 1;
+function sort_table(key, sign) {
   const compare = (one, other) => {
     if (one.has_failed !== other.has_failed) return one.has_failed ? -1 : 1;
     const [a, b] = [one, other].map(key);
@@ -437,8 +444,7 @@ function wall_axis(width) {
   const offset = new Date(first).getTimezoneOffset() * 60000;
   const ticks = ticks_of(low - offset, high - offset, step).map(at => at + offset);
   const text = ms => step >= DAY_MS ? date(ms).slice(0, -5) : clock(ms).slice(0, step < 60000 ? 8 : 5);
-  const are_one = last - first < least || text(first) === text(last);  // nearer labels would overlap
-  return { low, high, ticks: ticks.length < 2 ? (are_one ? [first] : [first, last]) : ticks, text, start: first };
+  return { low, high, ticks: ticks.length < 2 ? [first, last] : ticks, text, start: first };
 }
 
 function day_axis(width) {
@@ -449,8 +455,9 @@ function day_axis(width) {
 function value_axis(sensor, height) {
   const [least, greatest] = sensor.extent;
   const least_step = Math.max((greatest - least) / (height / 40), Math.abs(greatest) * 1e-6, 10 ** -sensor.decimals);
-  const step = nice_step(least_step), spare = least === greatest ? step : (greatest - least) / 20;
-  const bottom = least - spare, top = greatest + spare;
+  const step = nice_step(least_step), spare = least === greatest ? step : 0;
+  const bottom = Math.floor((least - spare) / step + 1e-9) * step;
+  const top = Math.ceil((greatest + spare) / step - 1e-9) * step;
   const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   return { bottom, top, ticks: ticks_of(bottom, top, step), text: value => value.toFixed(decimals) };
 }
@@ -564,7 +571,7 @@ function spread(places, apart, low, high) {
 
 // Labels the end of each line at the right, and each point of a tag that has only one beside it.
 function label_lines(lines, room, { count, widest, low, high }, column) {
-  const taken = lines.flatMap(line => line.points.map(p => around(p.x, p.y, 5, 5)));
+  const route = [], taken = lines.flatMap(line => line.points.map(p => around(p.x, p.y, 5, 5)));
   const ends = lines.filter(line => line.points.length > 1).map(line => ({ ...line, ...line.points.at(-1) }))
     .sort((one, other) => one.y - other.y);
   const is_spare = ends.length > MOST_LABELLED;
@@ -576,7 +583,7 @@ function label_lines(lines, room, { count, widest, low, high }, column) {
     write_in(end.group, box, is_spare ? 'halo spare' : 'halo', end.text);
   });
   for (const { group, text, points: [{ x, y }, ...more] } of lines) {
-    if (!more.length) label_dot(group, x, y, 1, width_of(text), { taken, room }, 'halo', text);
+    if (!more.length) label_dot(group, x, y, 1, width_of(text), { taken, room, route }, 'halo', text);
   }
 }
 
@@ -645,6 +652,7 @@ const page_style = document.documentElement.style;
 page_style.setProperty('--colours', data.colours);
 page_style.setProperty('--file', JSON.stringify(data.title));
 page_style.setProperty('--aspect', aspect);
+document.body.classList.toggle('tall', aspect < 1);
 document.querySelector('#failed b').textContent = failure_words.length > 1 ? 'not read' : failure_words[0];
 element('figures').classList.toggle('long', is_long);
 element('bins').hidden = !data.is_binned;
@@ -654,7 +662,7 @@ element('tables').hidden = !data.tables.length;
 element('route').hidden = data.route.length < 2;
 element('stops').hidden = !stops.length;
 element('zone').textContent = `wall time (${zone})`;
-element('charts').hidden = !data.sensors.length;
+element('charts').hidden = !data.sensors.length || data.span_ms[1] - data.span_ms[0] <= ONE_MOMENT_MS;
 element('files').hidden = element('comparison').hidden = files.length < 2;
 if (files.length > 1) write_differences();
 write_head();
