@@ -91,19 +91,13 @@ class Document:
         self.text = (root / path).read_text(encoding='utf-8')
         self.unfenced = FENCED.sub('', self.text)
         self.blocks = [Block(*found) for found in FENCED.findall(self.text)]
-
-    def shell_blocks(self) -> list[Block]:
-        """Return each block of commands."""
-        return [block for block in self.blocks if block.language in ('bash', 'console', 'sh')]
-
-    def graph_lines(self) -> list[str]:
-        """Return the lines of the ROS graphs, which are flowcharts."""
-        texts = [block.text.partition('flowchart ')[2] for block in self.blocks]
-        return [line for text in texts for line in text.splitlines()[1:]]
+        self.shell_blocks = [block for block in self.blocks if block.language in ('bash', 'console', 'sh')]
+        graphs = [block.text.partition('flowchart ')[2] for block in self.blocks]
+        self.graph_lines = [line for graph in graphs for line in graph.splitlines()[1:]]
 
     def facts(self) -> Facts:
         """Return what the document says of parameters, ranges and graphs."""
-        said: Facts = {GRAPHS: {each for line in self.graph_lines() for each in ends_in(line)}}
+        said: Facts = {GRAPHS: {each for line in self.graph_lines for each in ends_in(line)}}
         for mark, is_of_parameters, rows in TABLE.findall(self.text):
             for row in rows.splitlines():
                 name, default, *_ = (cell.strip(' `') for cell in row.strip('|').split('|'))
@@ -141,7 +135,7 @@ def unproved_blocks(document: Document) -> Iterator[str]:
     """Yield a finding for each block that nothing runs and that gives no reason."""
     for indented in INDENTED.findall(document.unfenced):
         yield f'fence this block and set its language: {indented.strip()[:60]}'
-    for mark, _, commands in document.shell_blocks():
+    for mark, _, commands in document.shell_blocks:
         shown = commands.strip().splitlines()[0][:60]
         if mark.startswith('tested by '):
             file, _, name = mark.removeprefix('tested by ').partition('::')
@@ -229,7 +223,7 @@ def facts_in_code() -> Facts:
 
 def wrong_facts(document: Document, right: Facts) -> Iterator[str]:
     """Yield a finding for each row and each line of a graph that is not right."""
-    for line in document.graph_lines():
+    for line in document.graph_lines:
         if not GRAPH_LINE.fullmatch(line):
             yield f'write this line of a graph as `source --> id["/name<br>Type"] --> target`: {line.strip()}'
     for mark, rows in document.facts().items():
@@ -259,7 +253,7 @@ def main(root: Path = ROOT) -> int:
     findings = list(findings_of(documents, facts_in_code()))
     for finding in findings:
         print(f'docs: {finding}')
-    blocks = sum(len(document.shell_blocks()) for document in documents)
+    blocks = sum(len(document.shell_blocks) for document in documents)
     print(f'{len(documents)} documents, {blocks} shell blocks: {pluralized(len(findings), "finding")}')
     return int(bool(findings))
 

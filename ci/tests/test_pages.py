@@ -31,7 +31,7 @@ def run_console(shell: Shell, block: str) -> None:
 def test_the_tutorial(copy, open_shell):
     """Its `make run` goes to the first shell, in place of the last one, and all the rest to the second."""
     first, second = open_shell(), open_shell()
-    for mark, language, block in docs_check.Document(ROOT, PAGES / 'tutorial.md').shell_blocks():
+    for mark, language, block in docs_check.Document(ROOT, PAGES / 'tutorial.md').shell_blocks:
         assert mark.endswith('::test_the_tutorial')
         if block.startswith('make run'):
             first.close()
@@ -52,7 +52,7 @@ def test_the_tutorial(copy, open_shell):
 def test_the_course(open_shell):
     """Three teams and a lecturer on one machine, in one shell."""
     shell = open_shell()
-    blocks = docs_check.Document(ROOT, PAGES / 'course.md').shell_blocks()
+    blocks = docs_check.Document(ROOT, PAGES / 'course.md').shell_blocks
     assert {mark for mark, *_ in blocks} == {'tested by ci/tests/test_pages.py::test_the_course'}
     start, ask, compare, end = [block for *_, block in blocks]
     shell.run(start)
@@ -68,7 +68,7 @@ def test_the_course(open_shell):
 def test_the_thread_of_the_readme(copy):
     """A mission drives to every tag; its report, its record and its page have the same values."""
     (block,) = [
-        text for _, _, text in docs_check.Document(ROOT, Path('README.md')).shell_blocks() if THREAD in text
+        text for _, _, text in docs_check.Document(ROOT, Path('README.md')).shell_blocks if THREAD in text
     ]
     printed = succeed('bash', '-c', f'set -e\n{block}', cwd=copy, env=of_a_user())
     assert '29/29 tags read' in printed.splitlines()

@@ -11,7 +11,6 @@ import rclpy
 from greenhouse_sim.simulator import GreenhouseSimulator
 from lupin_msgs.msg import SensorReading
 from lupin_msgs.srv import GetTagReading
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
 
@@ -22,8 +21,7 @@ class PlainWrapper(Node):
         super().__init__('greenhouse_bridge')
         self._sim = GreenhouseSimulator(None, None)
         self._tag_set = set(self._sim.tags())
-        group, handle = MutuallyExclusiveCallbackGroup(), self._handle_get_tag_reading
-        self._service = self.create_service(GetTagReading, '~/get_tag_reading', handle, callback_group=group)
+        self._service = self.create_service(GetTagReading, '~/get_tag_reading', self._handle_get_tag_reading)
         self.get_logger().info(f'ready: {len(self._tag_set)} tags')
 
     def _handle_get_tag_reading(self, request: Any, response: Any) -> Any:
