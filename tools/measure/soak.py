@@ -17,7 +17,6 @@ import tempfile
 import time
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -150,11 +149,14 @@ def two_bridges(load: Namespace) -> Promises:
 def recorder_killed(load: Namespace) -> Promises:
     """Kill recorders at any moment under 300 values a second; no row that they have acknowledged is lost."""
     acknowledged = lost = 0
-    with workshop() as (folder, node, pool):
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        spinning_node('robot') as node,
+        ThreadPoolExecutor(2) as pool,
+    ):
         in_file = {Path(folder, f'readings.{suffix}'): 0 for suffix in ('sqlite', 'csv')}
         for _ in range(10 * load.scale):
-            seconds = [1.0 + CHANCE.uniform(0.0, 1.0) for _ in in_file]
-            runs = pool.map(partial(record, node, is_killed=True), in_file, seconds)
+            runs = pool.map(partial(record, node, 0.0, True), in_file)
             for file, run in zip(list(in_file), runs, strict=True):
                 acknowledged += run['kept']
                 lost += max(in_file[file] + run['kept'] - run['in file'], 0)
@@ -167,14 +169,14 @@ def recorder_killed(load: Namespace) -> Promises:
 
 def recorder_locked(load: Namespace) -> Promises:
     """Lock the databases of recorders under 300 values a second, and end them; no value is lost silently."""
-    longest_seconds = 6.0 * load.scale
     for is_killed, ending in ((False, 'ended'), (True, 'killed')):
-        with workshop(load.scale) as (folder, node, pool):
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            spinning_node('robot') as node,
+            ThreadPoolExecutor(load.scale) as pool,
+        ):
             files = [Path(folder, f'recorder_{number}.sqlite') for number in range(load.scale)]
-            seconds = [1.0 + CHANCE.uniform(0.0, longest_seconds + 1.0) for _ in files]
-            locked_seconds = [CHANCE.uniform(0.0, longest_seconds) for _ in files]
-            ends = partial(record, node, is_killed=is_killed)
-            runs = list(pool.map(ends, files, seconds, locked_seconds))
+            runs = list(pool.map(partial(record, node, 6.0 * load.scale, is_killed), files))
         total = sum(runs, Counter())
         text = f'{load.scale} recorders {ending}: ' + ', '.join(
             f'{total[what]} rows {what}' for what in ('published', 'in file', 'kept', 'lost')
@@ -188,25 +190,14 @@ def recorder_locked(load: Namespace) -> Promises:
         yield text, all(are_kept)
 
 
-@contextlib.contextmanager
-def workshop(workers: int = 2) -> Iterator[tuple[str, Node, ThreadPoolExecutor]]:
-    """Yield a temporary folder, a node that publishes, and threads that each watch a recorder."""
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        spinning_node('robot') as node,
-        ThreadPoolExecutor(workers) as pool,
-    ):
-        yield folder, node, pool
-
-
-def record(
-    node: Node, file: Path, seconds: float, locked_seconds: float = 0.0, *, is_killed: bool
-) -> 'Counter[str]':
+def record(node: Node, longest_lock_seconds: float, is_killed: bool, file: Path) -> 'Counter[str]':
     """
-    Publish to a recorder, whose file is first locked for some seconds, and end the recorder.
+    Publish to a recorder, whose file is first locked for up to this time, and end it at any moment.
 
     Returns the numbers of rows: `published`, `kept` and `lost` as the recorder says, and `in file`.
     """
+    locked_seconds = CHANCE.uniform(0.0, longest_lock_seconds)
+    seconds = 1.0 + CHANCE.uniform(0.0, longest_lock_seconds + 1.0)
     topic, published = f'/soak/{file.name.replace(".", "_")}', 0
     recorder = Server(*RECORD_READINGS, namespace=topic, readings_topics=topic, file=file)
     readings = node.create_publisher(TagReading, topic, latched(2000))
