@@ -47,11 +47,14 @@ QUOTED = '$(subst ','\'',$(1))'
 GOALS := $(or $(MAKECMDGOALS),help)
 WRONG := $(filter-out $(TARGETS),$(GOALS))
 ifneq ($(WRONG),)
-NEAREST := import difflib, sys; print(*difflib.get_close_matches(sys.argv[1], sys.argv[2:], 1, 0.7))
-NEAREST := $(shell python3 -ESc '$(NEAREST)' $(call QUOTED,$(firstword $(WRONG))) $(TARGETS))
+NAMED := $(firstword $(filter $(COMMON) $(foreach target,$(TARGETS),$(TAKES_$(target))),$(WRONG)))
+REST := $(filter-out $(NAMED),$(WRONG))
+NEAREST := import difflib, sys; print(*difflib.get_close_matches(sys.argv[1].lower(), sys.argv[2:], 1, 0.6))
+# A word with a dot is a file.
+NEAREST := $(if $(findstring .,$(WRONG)),,$(shell python3 -ESc '$(NEAREST)' $(call QUOTED,$(firstword $(WRONG))) $(TARGETS)))
 MEANT := $(firstword $(foreach goal,$(GOALS),$(VALUE_$(goal))))
 HINT := $(or \
-    $(if $(filter $(SWITCHES),$(WRONG)),write $(WRONG)=1),\
+    $(if $(NAMED),write $(NAMED)=$(or $(if $(word 2,$(REST)),"$(REST)",$(REST)),$(if $(filter $(SWITCHES),$(NAMED)),1,VALUE))),\
     $(if $(NEAREST),did you mean $(NEAREST)?),\
     $(if $(filter-out TAG SIDE,$(or $(MEANT),none)),$(if $(filter 0 1,$(WRONG)),write a value without a space$(COMMA) such as DRIVE=1)),\
     $(if $(MEANT),write $(MEANT)="$(strip $(if $(filter TAG FILE,$(MEANT)),$($(MEANT))) $(WRONG))"),\
@@ -119,7 +122,7 @@ bench docs-check figure soak tags test-network world world-check: override TREE 
 
 help:  ## list the targets
 	@sed -nE 's/^# (use|change|measure|publish)$$/\n\1:/p; s/^([a-z0-9-]+):.*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
-	@echo; echo 'TREE=monorepo|lupin_greenhouse_ros, DISTRO=kilted|jazzy (without a sourced ROS), PYTHON, VENV; $(SWITCHES): 1 is on, 0 is off'
+	@echo; echo 'TREE=monorepo|lupin_greenhouse_ros, DISTRO=kilted|jazzy (without a sourced ROS), PYTHON, VENV; $(SWITCHES): 1 or yes, 0 or no'
 
 # use
 
@@ -182,8 +185,8 @@ tags: tags-check build  ## make a PDF of the tags to print, SIDE millimetres eac
 	@$(IN_ENV) python tools/draw/tag_sheet.py --side $(call QUOTED,$(SIDE)) $(ARGS)
 
 tags-check:
-	@[[ "$$SIDE" =~ ^[0-9]+([.][0-9]*)?$$ ]] \
-	    || { echo "tags: SIDE='$$SIDE' is no number of millimetres: write SIDE=40" >&2; exit 2; }
+	@[[ "$$SIDE" =~ ^[0-9]+([.][0-9]*)?$$ ]] && awk -v side="$$SIDE" 'BEGIN { exit !(8 <= side && side <= 152) }' \
+	    || { echo "tags: SIDE='$$SIDE' is no number of millimetres between 8 and 152: write SIDE=40" >&2; exit 2; }
 
 # change
 

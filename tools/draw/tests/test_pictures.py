@@ -352,6 +352,14 @@ def test_a_wrong_argument_is_refused_in_one_line(main, arguments, fragment, caps
     assert line.startswith(fragment)
 
 
+def test_make_tags_refuses_before_it_builds_the_sides_that_the_program_refuses(capsys):
+    tag_sheet.main(['--side', '200'])
+    smallest, largest = re.findall(r'between (\d+) and (\d+) mm', capsys.readouterr().err)[0]
+    makefile = (ROOT / 'Makefile').read_text(encoding='utf-8')
+    assert f'exit !({smallest} <= side && side <= {largest})' in makefile
+    assert f'is no number of millimetres between {smallest} and {largest}:' in makefile
+
+
 THREE_TAGS = {str(number): {'x': 1.0, 'y': 1.0, 'sensors': ['co2']} for number in (10, 9, 586)}
 
 
