@@ -62,6 +62,8 @@ BAD_TAG_BYTES = [
     (b'{"7" {}}', "is not JSON: Expecting ':' delimiter (line 1, column 6)"),
     (b'\xef\xbb\xbf{"7": {"x": 1, "y": 1, "sensors": ["co2"]}}', 'starts with a UTF-8 byte order mark'),
     ('{"é": {}}'.encode('latin-1'), 'is not UTF-8 text'),
+    ('{}'.encode('utf-16'), 'is not UTF-8 text'),
+    (b'\x89PNG\r\n\x1a\n\0\0\0\rIHDR', 'is not a text file: name another'),
     (b'SQLite format 3\0\xff', 'is an SQLite file, not a text file: name another'),
     (b'{"7": {"x": ' + b'9' * 5000 + b'}}', 'is not JSON:'),
     (b'{"7": {}, "8": {}, "7": {}}', "'7' appears twice in one object: keep one of them"),

@@ -1,6 +1,7 @@
 # Generated from tools/core of the Lupin monorepo; to change it, see CONTRIBUTING.md
 """Read JSON and YAML files, and check their values. Each StartUpError names the file and the place in it."""
 
+import codecs
 import datetime
 import json
 import math
@@ -150,8 +151,9 @@ def read_text(path: str | Path, where: str, largest_bytes: int) -> str:
         raise StartUpError(f'{where}: cannot be read ({reason_of(error)}): {hint}') from error
     if len(content) > largest_bytes:
         raise StartUpError(f'{where}: is larger than {largest_bytes // 2**20} MiB: use a smaller file')
-    if content.startswith(b'SQLite format 3\0'):
-        raise StartUpError(f'{where}: is an SQLite file, not a text file: name another')
+    if b'\0' in content and not content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        kind = 'an SQLite file, not' if content.startswith(b'SQLite format 3') else 'not'
+        raise StartUpError(f'{where}: is {kind} a text file: name another')
     try:
         return content.decode()
     except UnicodeDecodeError as error:
