@@ -300,7 +300,11 @@ def test_more_sensors_than_a_person_can_look_at_are_refused_with_the_choice(repo
     assert [each['name'] for each in data['sensors']] == ['s1', 's3']
     assert data['counts'][0][0].startswith('2 of ')  # a tag without the chosen sensors was read, too
     assert readings_page.main([str(path), '--sensor', 'x']) == 2
-    assert "--sensor 'x': no FILE has it: choose from co2, s0" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "--sensor 'x': no FILE has it: choose from co2, s0" in error
+    assert 'repeat' not in error
+    assert readings_page.main([str(path), '--sensor', 'co2,s1']) == 2
+    assert capsys.readouterr().err.endswith(', and repeat --sensor for each\n')
 
 
 @pytest.mark.parametrize(

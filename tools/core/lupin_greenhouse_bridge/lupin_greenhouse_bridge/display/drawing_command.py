@@ -3,6 +3,7 @@
 import argparse
 import csv
 import math
+import re
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable
@@ -203,7 +204,8 @@ def _limits_of(recordings: list[Recording], wanted: list[str]) -> Limits:
     named = ', '.join(escaped(each, LONGEST_NAME) for each in found[:MOST_SENSORS])
     if unknown := [each for each in wanted if each not in found]:
         shown = escaped(unknown[0], LONGEST_NAME)
-        raise StartUpError(f"--sensor '{shown}': no FILE has it: choose from {named or 'none'}")
+        several = ', and repeat --sensor for each' if re.search('[,; ]', shown) else ''
+        raise StartUpError(f"--sensor '{shown}': no FILE has it: choose from {named or 'none'}{several}")
     sensors = [each for each in found if each in (wanted or found)]
     if len(sensors) > MOST_SENSORS:
         raise StartUpError(
