@@ -334,6 +334,11 @@ def test_what_cannot_be_recorded_is_refused_in_one_line(
     assert fragment in ended.refusal
 
 
+def test_a_short_parameter_with_a_wrong_letter_is_recognized(run_here):
+    ended = run_here(record_readings.main, '--ros-args', '-p', 'fike:=r.csv', '-p', 'tag_file:=/no/tags.json')
+    assert 'parameter fike is unknown and ignored: did you mean file?' in ended.err
+
+
 def test_topics_without_a_publisher_are_named_once_and_the_first_publisher_too(start_node, file):
     recorder = start_node(RECORD_READINGS, readings_topics=TOPIC, file=file)
     line = recorder.wait_for_log(f'no publisher of {TOPIC} is found yet with ROS_DOMAIN_ID=')

@@ -33,10 +33,10 @@ def refuse_typo(name: str, missing: Iterable[str], what: str) -> None:
         raise StartUpError(f'{what} {escaped(name, 60)} is unknown: did you mean {meant}?')
 
 
-def meant_name(name: str, missing: Iterable[str]) -> str:
-    """Return which of the missing names an unknown one resembles, or ''."""
+def meant_name(name: str, missing: Iterable[str], alike: float = 0.8) -> str:
+    """Return which of the missing names an unknown one resembles, by a ratio of difflib, or ''."""
     written = name.lower().replace('-', '_')
-    return next(iter(difflib.get_close_matches(written, missing, n=1, cutoff=0.8)), '')
+    return next(iter(difflib.get_close_matches(written, missing, n=1, cutoff=alike)), '')
 
 
 def escaped(text: str, longest: int) -> str:

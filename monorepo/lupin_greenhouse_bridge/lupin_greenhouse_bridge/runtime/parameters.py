@@ -124,7 +124,7 @@ def check_names(node: 'Node', without_effect: Collection[str] = ()) -> None:
         node.get_logger().info(f'without effect in this node: {", ".join(unused)}')
     for name in unknown:
         if name not in without_effect:
-            meant = meant_name(name, missing)
+            meant = meant_name(name, missing, alike=0.75)  # short names
             names = ', '.join(own) or 'none'
             known = f'its parameters are {names}' if len(own) <= MOST_NAMED else 'see --help'
             advice = f'did you mean {meant}?' if meant else known
