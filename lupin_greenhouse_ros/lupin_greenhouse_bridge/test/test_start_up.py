@@ -17,6 +17,7 @@ from lupin_greenhouse_bridge.display import show_readings
 from lupin_greenhouse_bridge.errors import StartUpError
 from lupin_greenhouse_bridge.reading import read_on_sight
 from lupin_greenhouse_bridge.recording import record_readings
+from lupin_greenhouse_bridge.runtime.parameters import default_text
 from lupin_greenhouse_bridge.settings import Settings
 from lupin_greenhouse_bridge.simulator import simulation
 from lupin_greenhouse_bridge.testing._helpers import check_settings
@@ -116,6 +117,7 @@ def test_the_shipped_parameter_file_has_every_parameter_and_its_default():
         ('--log-level loud', '--log-level loud: must be debug, info, warn, error or fatal'),
         ('-p debug_seed=42', "'debug_seed=42' sets no parameter: write debug_seed:=42"),
         ('debug_seed:=42', "'debug_seed:=42' lacks its -p: write -p debug_seed:=42"),
+        ('debug_seed=42', "'debug_seed=42' lacks its -p: write -p debug_seed:=42"),
         ('-p debug_seed:= -p 42', "'debug_seed:=' sets no parameter: write debug_seed:=42"),
         ('-p debug-seed := 42', "'debug-seed' sets no parameter: write debug_seed:=42"),
         ('-p debug_seed:42', "'debug_seed:42' sets no parameter: write debug_seed:=42, without"),
@@ -237,7 +239,7 @@ def test_the_arguments_of_launch_are_described_and_default_to_the_parameters(lau
         if isinstance(action, launch.actions.DeclareLaunchArgument)
     }
     for field in dataclasses.fields(Settings):
-        assert declared.pop(field.name) == (str(field.default), field.metadata['description'])
+        assert declared.pop(field.name) == (default_text(field), field.metadata['description'])
     assert list(declared) == ['namespace', 'log_level', 'params_file', 'respawn']
 
 

@@ -45,7 +45,7 @@ START_FAULTS = {
     r"remap rule: '-\S+ __ns:=([^/']+)'\. Error": "namespace '{0}' must begin with /: write -r __ns:=/{0}",
     r"remap rule: '-\S+ (.*?)'\. Error": "ROS cannot rename by '{}': write FROM:=TO, like -r __ns:=/robot1",
     r'trailing (\S+) flag': '{} has no value: write one after it, like -p name:=value or -r __ns:=/robot1',
-    r"\['([\w.]+:=.*?)'": "'{0}' lacks its -p: write -p {0}",
+    r"\['([\w.]+)(:?=)(.*?)'[,\]]": "'{0}{1}{2}' lacks its -p: write -p {0}:={2}",
     r"^[^']*\['(.*?)'[,\]]": (
         "'{}' is no ROS argument: write it before --ros-args, or a parameter as -p name:=value"
     ),
