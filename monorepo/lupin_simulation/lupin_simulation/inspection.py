@@ -37,7 +37,7 @@ from lupin_tag_confirmation.confirmation import tag_number
 from lupin_simulation.generate_world import make_world
 from lupin_simulation.inspection_nodes import (
     LAYOUT,
-    UnknownArgument,
+    SETTABLE,
     check_values,
     commands_of,
     companion,
@@ -213,7 +213,8 @@ def check_record(file: str, report: Path) -> int:
 
 def parse(arguments: list[str] | None) -> argparse.Namespace:
     """Return the options of the command line."""
-    parser = Parser(prog='inspection', description='Run a mission and all that it needs.')
+    names = f'The names: {", ".join(SETTABLE)}.'
+    parser = Parser(prog='inspection', description='Run a mission and all that it needs.', epilog=names)
     add = parser.add_argument
     camera = 'confirm each tag with the camera, which publishes images, compressed images or detections'
     add('--camera', choices=('image', 'compressed', 'detections'), help=camera)
@@ -241,7 +242,7 @@ def main(arguments: list[str] | None = None) -> int:
     install_signal_handlers()
     try:
         return run_mission(options)
-    except (OneLineError, UnknownArgument) as error:
+    except OneLineError as error:
         print(f'mission: {error}', file=sys.stderr)
         return 1 if isinstance(error, NodeEnded) else USAGE
     except KeyboardInterrupt:

@@ -4,7 +4,6 @@ import argparse
 import contextlib
 import json
 import re
-import textwrap
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -33,10 +32,8 @@ SETTINGS = {
 }
 OPTIONS = ('camera', 'drive', 'record', 'world')  # of make too, which writes them in capitals
 LAYOUT = {each.name for each in fields(LayoutSettings)}
-
-
-class UnknownArgument(Exception):
-    """No node of the run has such a parameter. The text lists all parameters, on more than one line."""
+NAMES = {node: {each.name for each in fields(kind)} for node, kind in SETTINGS.items()}
+SETTABLE = sorted(set().union(*NAMES.values()) - SET_HERE)  # with --camera and --drive
 
 
 def executable(package: str, name: str) -> str:
@@ -59,12 +56,8 @@ def value_of(arguments: list[str], name: str) -> str:
 
 
 def arguments_by_node(options: argparse.Namespace) -> dict[str, list[str]]:
-    """
-    Return the arguments of each node: its parameters.
-
-    Raises StartUpError for a typing mistake, and UnknownArgument for a parameter that no node has.
-    """
-    names = {node: {each.name for each in fields(kind)} for node, kind in SETTINGS.items()}
+    """Return the arguments of each node: its parameters. Raises StartUpError."""
+    names = {node: set(own) for node, own in NAMES.items()}
     needed: dict[str, str] = {}  # by the name of a parameter: the option for its node, which is left out
     for option, node in (('camera', 'confirm_tag'), ('drive', 'fake_navigator')):
         if not getattr(options, option):
@@ -83,8 +76,10 @@ def arguments_by_node(options: argparse.Namespace) -> dict[str, list[str]]:
                 told = f'{option.upper()}=1 (without make: --{option})'
                 raise StartUpError(f"'{escaped(each, 64)}' sets a parameter of a run with {told}: add it")
             refuse_typo(name, settable, 'parameter')
-            error = f"'{escaped(each, 64)}' sets no parameter of this run: write name:=value, with one of"
-            raise UnknownArgument('\n  '.join([error, *textwrap.wrap(', '.join(sorted(settable)), 98)]))
+            wrong = f'no node has a parameter {escaped(name, 64)}'
+            if ':=' not in each:
+                wrong = f"'{escaped(each, 64)}' sets no parameter: write name:=value"
+            raise StartUpError(f'{wrong}: see make mission ARGS=--help (without make: --help)')
         if not each.partition(':=')[2]:
             raise StartUpError(fault_of_rule(each, options.arguments))
     return {
