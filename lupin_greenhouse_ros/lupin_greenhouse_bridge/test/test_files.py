@@ -257,7 +257,7 @@ def test_keys_that_change_no_value_and_defaults_that_do_are_warned_of(write):
     values = 'value_at_midnight 20.0, value_at_noon 25.0, noise_sigma 0.0'
     light = f'{values}, position [0, 0], decay_distance 100.0, decay_type linear, angle 0.0'
     assert defaults == (
-        f"sim_config_file '{path}': the simulator takes defaults for missing keys:"
+        f"sim_config_file '{path}': the simulator takes defaults for missing keys, which may be fine:"
         ' co2 component 1: dynamics uniform, value_at_midnight 20.0, noise_sigma 0.0;'
         f' co2 component 2: {values}, decay_distance 100.0, decay_type linear;'
         f' light component 1: {light}; light component 2: {light}; light component 3: {light} and 2 more'

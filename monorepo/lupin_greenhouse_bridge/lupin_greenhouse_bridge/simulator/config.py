@@ -107,7 +107,8 @@ def read_config(path: str | Path, settings: Settings | None = None) -> Config:
     if ignored:
         warnings.append(f'{where}: the simulator ignores the keys {_some(dict.fromkeys(ignored), ", ")}')
     if defaults:
-        warnings.append(f'{where}: the simulator takes defaults for missing keys: {_some(defaults, "; ")}')
+        some = _some(defaults, '; ')
+        warnings.append(f'{where}: the simulator takes defaults for missing keys, which may be fine: {some}')
     return Config(data, where, [escaped(each, 1000) for each in warnings])
 
 

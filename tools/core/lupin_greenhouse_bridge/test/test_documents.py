@@ -127,8 +127,8 @@ def test_the_report_has_these_keys_and_outcomes(example):
 def test_the_route_and_the_files_of_poses_are_read(example):
     assert read_route(example('report-route.csv')) == [(0.5, 0.5), (0.9, 0.5), (1.4, 0.9)]
     frame_id, transform = read_registration(example('layout_in_map.yaml'))
-    assert (frame_id, transform) == ('map', (1.50876, 0.601769, 0.00061))
-    assert read_places(example('pairs.yaml'))['13'] == (4.02, 3.21)
+    assert (frame_id, transform) == ('map', (1.510735, 0.593302, 0.000819))
+    assert read_places(example('pairs.yaml'))['21'] == (3.11, 8.08)
 
 
 def test_the_file_of_poses_has_these_keys(example, capsys):
