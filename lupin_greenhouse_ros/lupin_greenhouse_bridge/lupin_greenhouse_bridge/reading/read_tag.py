@@ -26,7 +26,7 @@ from lupin_greenhouse_bridge.contract import (
     tag_ids_of,
     tag_ids_request,
 )
-from lupin_greenhouse_bridge.errors import Interrupted, OneLineError, StartUpError, UsageError
+from lupin_greenhouse_bridge.errors import Interrupted, OneLineError, StartUpError, UsageError, escaped
 from lupin_greenhouse_bridge.interfaces import GetTagReading
 from lupin_greenhouse_bridge.reading.client import Client, NoAnswer
 from lupin_greenhouse_bridge.reading.table import Csv, Json, Table
@@ -41,6 +41,7 @@ from lupin_greenhouse_bridge.simulator.layout import find_places, natural_order
 SECURED = 'security is enabled: the bridge needs the same keystore, and keys for this domain'
 ALL_READ, SOME_FAILED, USAGE, NO_ANSWER, INTERRUPTED = 0, 1, 2, 3, 130
 NO_ID = re.compile(r'[,;=\s]|^all$|^\d+-\d+$')  # what people write who want several tags
+AROUND_ID = re.compile(r'[\W_]*(?:tag)?[\W_]*0*(.+?)[\W_]*', re.DOTALL)
 COMPLETION_TIMEOUT_SECONDS = 0.3
 SILENT_SECONDS = 1.0  # while it waits for the service; a bridge that runs is discovered sooner
 
@@ -82,6 +83,7 @@ def _read(node: Node, client: Client, options: argparse.Namespace) -> int:
     service_name = get_tag_reading.srv_name
     tag_ids = _all_tag_ids(client, service_name) if options.all else options.tag_ids
     output = _output(client, service_name, options)
+    hints: dict[str, str] = {}
     rounds = 1 if options.watch is None else options.count
     exit_code, started, warning = INTERRUPTED, 0.0, ''
     answers: list[Answer] = []
@@ -97,13 +99,13 @@ def _read(node: Node, client: Client, options: argparse.Namespace) -> int:
                 raise problem
             if problem and exit_code != NO_ANSWER:
                 _complain(f'{problem}: still watching')
+            if not options.json:
+                answers = [_hinted(each, hints, client, service_name) for each in answers]
             if answers:
                 output.show(answers)
             is_read = all(each.is_ok for each in answers)
             exit_code = NO_ANSWER if problem else ALL_READ if is_read else SOME_FAILED
             warning = warning or _warn_of_other_servers(node, service_name)
-    if any(each.status == 'UNKNOWN_TAG' and NO_ID.search(each.tag_id) for each in answers):
-        _complain('write tag ids with spaces between them, such as 1 2, or --all')
     return exit_code
 
 
@@ -124,6 +126,33 @@ def _round(client: Client, get_tag_reading: Any, tag_ids: list[str]) -> tuple[li
     except NoAnswer as error:
         return answers, error
     return answers, None
+
+
+def _hinted(answer: Answer, hints: dict[str, str], client: Client, service_name: str) -> Answer:
+    """Return an answer whose message says what to write instead of an unknown tag, as in `hints` by id."""
+    if answer.status != 'UNKNOWN_TAG':
+        return answer
+    if answer.tag_id not in hints:
+        hints[answer.tag_id] = _hint(answer.tag_id, client, service_name)
+    return answer._replace(error_message=f'{answer.error_message.rstrip(".")}: {hints[answer.tag_id]}')
+
+
+def _hint(tag_id: str, client: Client, service_name: str) -> str:
+    """Return what to write instead of an unknown tag; asks the bridge for the ones that it has."""
+    known: list[str] = []
+    with contextlib.suppress(NoAnswer, UsageError):
+        known = _all_tag_ids(client, service_name)
+    if meant := next((each for each in known if _bare(each) == _bare(tag_id)), ''):
+        return f'did you mean {escaped(meant, 64)}?'
+    if NO_ID.search(tag_id):
+        return 'write tag ids with spaces between them, such as 1 2, or --all'
+    return 'see read_tag --all'
+
+
+def _bare(tag_id: str) -> str:
+    """Return an id without the word tag, zeros and signs around it: 1 for tag_01."""
+    found = AROUND_ID.fullmatch(tag_id.lower())
+    return found[1] if found else tag_id
 
 
 def _warn_of_other_servers(node: Node, service_name: str) -> str:

@@ -110,10 +110,15 @@ def test_readings_are_a_table_with_the_number_of_tags_and_each_failure_is_a_line
     assert 'parameter time_out is unknown and ignored: its parameters are none' in ended.err
     assert ended.out.splitlines()[-1] == '1/2 tags read'
     assert ended.said == (
-        f"read_tag: UNKNOWN_TAG: Tag '99' is not in the loaded greenhouse ({len(shipped_tags)} tags known)."
+        f"read_tag: UNKNOWN_TAG: Tag '99' is not in the loaded greenhouse ({len(shipped_tags)} tags known):"
+        ' see read_tag --all'
     )
     for tag_id in ('1,6', '1 6', '1;6', '1-6', 'all', 'tag_id:=1'):
-        assert read(tag_id).said.endswith(': write tag ids with spaces between them, such as 1 2, or --all')
+        said = read(tag_id).said
+        assert said.endswith('known): write tag ids with spaces between them, such as 1 2, or --all')
+        assert said.count('\n') == 0
+    for tag_id in ('01', 'tag1', 'Tag_01', '-1', ' 1', '#1'):
+        assert read(tag_id).said.endswith('known): did you mean 1?')
 
 
 def test_json_is_one_object_per_line_and_keeps_characters_as_they_are(read, noon_bridge, warm_tag_id):
