@@ -103,8 +103,7 @@ def test_tags_and_tables_outside_the_walls_are_warned_of(poses_of):
     assert err.splitlines()[0] == f'approach_poses: {outside}: {remedy}'
     reason = 'outside the walls (x 1.1 to 4 m, y 0 to 4 m): correct them, or the config of the greenhouse'
     assert f"approach_poses: tag '21': {reason}\n" in err
-    _, _, err = poses_of('--walls', '0', '0', '400', '400', '--angle', '0.7')
-    assert 'approach_poses: --angle is below 2 degrees: it is no number of radians\n' in err
+    _, _, err = poses_of('--walls', '0', '0', '400', '400')
     larger = 'the walls (x 0 to 400 m, y 0 to 400 m) are far larger than the layout'
     assert err.splitlines()[0] == f'approach_poses: {larger}: {remedy}'
 
@@ -127,6 +126,22 @@ def test_an_id_that_no_terminal_can_show_is_escaped(poses_of, write_layout):
 def test_a_yaw_just_below_0_is_0(poses_of, tmp_path, form):
     write_transform(tmp_path / 'layout.yaml', Transform(yaw=-1e-9))
     assert '-0' not in poses_of('--layout-in-map', str(tmp_path / 'layout.yaml'), '--format', form)[1]
+
+
+@pytest.mark.parametrize(
+    ('text', 'problem'),
+    [
+        ('', 'holds no overrides: name a tag of the layout, as in {overrides: {"'),
+        ('overrides: {"99": {yaw: 0}}', "tag '99' is not in the layout: its override has no effect: name a"),
+    ],
+)
+def test_overrides_of_no_tag_of_the_layout_are_refused(poses_of, tmp_path, text, problem):
+    path = tmp_path / 'approach_overrides.yaml'
+    path.write_text(text, encoding='utf-8')
+    exit_code, out, err = poses_of('--overrides', str(path))
+    (line,) = err.splitlines()
+    assert (exit_code, out) == (2, '')
+    assert problem in line
 
 
 def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_path):
@@ -162,7 +177,10 @@ def test_overrides_take_effect_and_an_unknown_tag_is_warned_of(poses_of, tmp_pat
         (['--camera-offset', '-0.3'], 'the camera is -0.3 m ahead'),
         (['--start', '2', '1.2'], 'the start at (2, 1.2) is not free'),
         (['--start', '150', '400'], 'radius 0.2 m: choose another within x 0'),
-        (['--end', '0', '0'], 'the end at (0.00, 0.00) is not free: choose another'),
+        (['--end', '0', '0', '--steepest-angle', '9'], 'the end at (0, 0) is not free for a robot of radius'),
+        (['--end', '1e9', '1'], 'the end at (1e+09, 1) is not free for a robot of radius 0.2 m: choose anot'),
+        (['--angle', '0.78'], '--angle is 0.78: write 45, in degrees'),
+        (['--steepest-angle', '1.05'], '--steepest-angle is 1.05: write 60, in degrees'),
         (['--picture', '/missing/a.png'], "--picture '/missing/a.png': there is no folder '/missing': name"),
         (['--picture', 'route', '--start', '2', '1.2'], "--picture 'route': the ending must be one of "),
     ],
@@ -237,7 +255,10 @@ def test_publish_keeps_the_poses_in_the_map_on_a_latched_topic_until_a_signal(ru
 @pytest.mark.parametrize(
     ('text', 'overrides'),
     [
-        ('overrides: {"7": {yaw: 1, goal_x: 2.5}}', {'7': Override(yaw=1.0, goal_x=2.5)}),
+        (
+            'overrides: {"7": {yaw: 1, goal_x: 1, goal_y: 2.5}}',
+            {'7': Override(yaw=1.0, goal_x=1.0, goal_y=2.5)},
+        ),
         ('overrides: {21: , "7": {yaw: 1}}', {'21': Override(), '7': Override(yaw=1.0)}),
     ],
 )
@@ -245,6 +266,15 @@ def test_the_overrides_are_read_by_tag(tmp_path, text, overrides):
     path = tmp_path / 'approach_overrides.yaml'
     path.write_text(text, encoding='utf-8')
     assert read_overrides(path, {'7', '21'}) == (overrides, [])
+
+
+@pytest.mark.parametrize(('given', 'missing'), [('goal_x', 'goal_y'), ('goal_y', 'goal_x')])
+def test_half_a_place_is_warned_of(tmp_path, given, missing):
+    path = tmp_path / 'approach_overrides.yaml'
+    path.write_text(f'overrides: {{"7": {{{given}: 2.5}}}}', encoding='utf-8')
+    overrides, (warning,) = read_overrides(path, {'7'})
+    assert overrides == {'7': Override(**{given: 2.5})}
+    assert warning.endswith(f"tag '7': {missing} is missing: it is computed")
 
 
 @pytest.mark.parametrize('text', ['', 'overrides:\n', 'overrides: {"7": {}}'])

@@ -62,6 +62,7 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     limits: ViewingLimits,
     *,
     start_m: Point | None = None,
+    end_m: Point | None = None,
     overrides: Mapping[str, Override] | None = None,
     most_per_tag: int = 1,
     occupancy: OccupancyMap | None = None,
@@ -79,9 +80,9 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     A map, in the frame of the layout, leaves only the poses from which it is free by the radius and the
     clearance, and which such places in the map connect. The paths do not know the map.
     `progress` is told what is done, how much of it, and of how much.
-    Raises StartUpError for a start that is not free, if no point is free, or for a map of another place.
+    Raises StartUpError for a start or end that is not free, if no point is, or for a map of another place.
     """
-    free_space = _free_space(layout, walls, limits, start_m)
+    free_space = _free_space(layout, walls, limits, start_m, end_m)
     map_warnings = []
     if occupancy is not None:
         map_warnings = _check_place_of(occupancy, free_space.tag_poses, limits, walls)
@@ -120,12 +121,16 @@ def find_approaches(  # noqa: PLR0913 - the options are passed by name
     return found
 
 
-def _free_space(layout: Layout, walls: Walls, limits: ViewingLimits, start_m: Point | None) -> FreeSpace:
-    """Return where the robot can be; raises StartUpError for a start that is not free, or without a place."""
+def _free_space(
+    layout: Layout, walls: Walls, limits: ViewingLimits, start_m: Point | None, end_m: Point | None
+) -> FreeSpace:
+    """Return where the robot can be; raises StartUpError if that is nowhere, or not at the start or end."""
     free_space = FreeSpace(layout, walls, limits.robot_radius_m, limits.smallest_room_m)
-    if start_m and not free_space.is_free(*start_m):
-        robot = f'a robot of radius {limits.robot_radius_m:g} m'
-        raise StartUpError(f'{_named(start_m)} is not free for {robot}: choose another within {walls}')
+    for what, place_m in (('start', start_m), ('end', end_m)):
+        if place_m and not free_space.is_free(*place_m):
+            robot = f'a robot of radius {limits.robot_radius_m:g} m'
+            place = f'the {what} at ({place_m[0]:g}, {place_m[1]:g})'
+            raise StartUpError(f'{place} is not free for {robot}: choose another within {walls}')
     if free_space.is_empty():
         raise StartUpError('tables and tags leave no free space for the robot: choose a smaller radius')
     return free_space

@@ -20,7 +20,7 @@ import yaml
 from lupin_greenhouse_bridge.errors import OneLineError, StartUpError, UsageError, escaped, pluralized
 from lupin_greenhouse_bridge.planning.approach import Approaches, find_approaches
 from lupin_greenhouse_bridge.planning.occupancy import OccupancyMap, read_map
-from lupin_greenhouse_bridge.planning.overrides import read_overrides
+from lupin_greenhouse_bridge.planning.overrides import EXAMPLE, read_overrides
 from lupin_greenhouse_bridge.planning.registration import MAP_FRAME, Transform, read_registration
 from lupin_greenhouse_bridge.planning.route import ORDERS, Passage, Passages, Route, plan_route
 from lupin_greenhouse_bridge.planning.viewpoints import SMALLEST_ROOM_M, ApproachPose, ViewingLimits
@@ -83,13 +83,13 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
     if options.layout_in_map:
         frame_id, transform = read_registration(options.layout_in_map)
     overrides, warnings = read_overrides(options.overrides, layout.tags) if options.overrides else ({}, [])
+    if options.overrides and not overrides:
+        raise StartUpError(f'{warnings[0]}: name a tag of the layout, as in {EXAMPLE}')
     walls = find_walls(layout, options.sim_config_file, options.walls)
     warnings += filter(None, [warning_of_outside(layout, walls)])
     limits = _limits_of(options)
     if limits.largest_angle_rad > limits.steepest_angle_rad != ViewingLimits.steepest_angle_rad:
         warnings.append('--steepest-angle is below --angle, and has no effect')
-    if 0.0 < limits.largest_angle_rad < math.radians(2.0):
-        warnings.append('--angle is below 2 degrees: it is no number of radians')
     occupancy = None
     if options.unknown and not options.map:
         raise UsageError('--unknown is about the cells of a map: name one with --map FILE')
@@ -108,6 +108,7 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
             walls,
             limits,
             start_m=start_m,
+            end_m=end_m,
             overrides=overrides,
             occupancy=occupancy,
             progress=progress,
@@ -138,6 +139,9 @@ def _compute(options: argparse.Namespace) -> tuple[Poses, str]:
 def _limits_of(options: argparse.Namespace) -> ViewingLimits:
     off_m, off_rad = options.arrival_tolerance
     values = {name: getattr(options, name) for name in LIMITS}
+    for name, value in values.items():
+        if name.endswith('_rad') and 0.0 < value < math.pi / 2:
+            raise UsageError(f'{LIMITS[name][0]} is {value:g}: write {math.degrees(value):.0f}, in degrees')
     return ViewingLimits(
         **{name: math.radians(each) if name.endswith('_rad') else each for name, each in values.items()},
         arrival_tolerance_m=off_m,

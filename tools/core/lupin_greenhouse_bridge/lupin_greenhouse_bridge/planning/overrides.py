@@ -41,6 +41,8 @@ def read_overrides(path: str | Path, layout_ids: Collection[str]) -> tuple[dict[
         override = Override(**{key: float(number(values, key, here, *_LIMITS[key])) for key in values})
         if str(tag_id) in layout_ids:
             found[str(tag_id)] = override
+            if len(missing := {'goal_x', 'goal_y'} - values.keys()) == 1:
+                warnings.append(f'{here}: {missing.pop()} is missing: it is computed')
         else:
             warnings.append(f'{here} is not in the layout: its override has no effect')
     return found, warnings
