@@ -91,8 +91,8 @@ class Planner:
             late = f'sent no map within {LONGEST_MAP_SECONDS:g} s: activate its publisher, or set map_topic'
             return None, [f'{without} {late}']
         self._node.get_logger().info(
-            f'no map is published on {self._topic}, so the approach poses are planned around the tables'
-            ' of the layout'
+            f'no map is published on {self._topic}, and none is needed: the approach poses are planned around'
+            ' the tables of the layout'
         )
         return None, []
 
